@@ -37,6 +37,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Import flight logs and other makers' files, repairs listed",
     ),
     "fit": ("fit:fit", "Fit a ground-effect model to run folders or any CSV"),
+    "plan": (
+        "plan:plan",
+        "Say what reaches a wanted uncertainty: visits, distances, better parts",
+    ),
     "explain": (
         "explain:explain",
         "Name the effect that a model lacks, and show the gap shrink",

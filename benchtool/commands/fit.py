@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from benchtool.core.own_code import CodePermit
 
 
-def _base(given: dict[str, Any]) -> FitInputs:
+def recipe_given(given: dict[str, Any], command: str) -> Recipe:
     """Return the recipe that options go over: that of a folder, or one of data and model."""
     from benchtool.fit.recipe import read_recipe
 
@@ -25,21 +25,21 @@ def _base(given: dict[str, Any]) -> FitInputs:
     if (folder := given.get("recipe")) is not None:
         if "data" in given or "model" in given:
             raise InputError("--recipe says which data and model; leave DATA and --model out")
-        return FitInputs(recipe=read_recipe(folder))
+        return read_recipe(folder)
     if "data" not in given:
         raise InputError(
-            "nothing to fit: give run folders or CSV files, for example "
-            "benchtool fit runs/NAME --model quad_body_lift"
+            f"nothing to {command}: give run folders or CSV files, for example "
+            f"benchtool {command} runs/NAME --model quad_body_lift"
         )
     if "model" not in given:
         from benchtool.physics.model_file import model_names
 
         raise InputError(f"which model? give --model with one of: {', '.join(model_names())}")
     data = tuple(given["data"])
-    return FitInputs(recipe=Recipe(name=Path(data[0]).stem, data=data, model=given["model"]))
+    return Recipe(name=Path(data[0]).stem, data=data, model=given["model"])
 
 
-@declared(FitInputs, _base)
+@declared(FitInputs, lambda given: FitInputs(recipe=recipe_given(given, "fit")))
 def fit(inputs: FitInputs) -> None:
     """Fit a ground-effect model to run folders or any CSV."""
     from benchtool.commands.terminal.messages import announce_code

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from benchtool import __version__
+from benchtool.core.error_source import ErrorSource
 from benchtool.core.fit_result import FitResult
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.fit.compare import Comparison, compare
@@ -26,7 +27,7 @@ from benchtool.fit.recipe import LAWS, Recipe
 from benchtool.fit.uncertainty.budget import Budget, BudgetMethod
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
-from benchtool.fit.uncertainty.propagation import budget_of, propagation
+from benchtool.fit.uncertainty.propagation import Propagation, budget_of, propagation
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
@@ -131,20 +132,36 @@ def run_recipe(
     return replace(output, budget=_budget(output, budget == "mc", progress))
 
 
-def _budget(output: FitOutput, checked: bool, progress: Progress) -> Budget | None:
-    """Return the budget of the first method's values, by what its model does with them."""
-    model, data, result = output.fitted, output.data, output.results[0]
-    names = [item.name for item in result.estimates]
-    way = propagation(output.problem, result, _quantities(model, names))
-    if way is None:
-        return None
+def propagated(
+    output: FitOutput, data: FitData | None = None
+) -> tuple[Propagation, tuple[ErrorSource, ...]] | None:
+    """Return how errors reach the first method's values, and those that its fit does not hold.
+
+    None where the data leave a parameter open.
+
+    Args:
+        output: of a fit.
+        data: points in place of its own, such as those of a sweep that is planned.
+    """
+    model, result, data = output.fitted, output.results[0], data or output.data
+    problem = output.problem
+    if data is not output.data:
+        problem = _problem(output.loaded.model, output.recipe, data)
+    way = propagation(problem, result, _quantities(model, [item.name for item in result.estimates]))
     reference = None if data.reference is None else data.reference.select(data.rows)
     held = held_sources(model, data.conditions.select(data.rows), reference)
-    made = budget_of(way, held)
+    return None if way is None else (way, held)
+
+
+def _budget(output: FitOutput, checked: bool, progress: Progress) -> Budget | None:
+    found = propagated(output)
+    if found is None:
+        return None
+    made = budget_of(*found)
     if not checked:
         return made
     return replace(
-        made, monte_carlo=monte_carlo(way, held, seed=output.recipe.seed, progress=progress)
+        made, monte_carlo=monte_carlo(*found, seed=output.recipe.seed, progress=progress)
     )
 
 

@@ -32,6 +32,7 @@ REFUSED: dict[str, tuple[str, str]] = {
     "recalibrate": ("nowhere", "nowhere"),
     "import": ("a.csv --near-m -1", "--near-m is -1 m, allowed is 0 to 100,000 m"),
     "fit": ("a.csv --model quad --loss hubre", "unknown --loss 'hubre'; did you mean 'huber'?"),
+    "plan": ("a.csv --model quad --for R", "--for is 'R', but a quantity and a number"),
     "explain": ("a.csv --draws 3", "--draws is 3, allowed is 20 to 100,000"),
     "report": ("a.csv --motors 0,1", "--motors names 0, allowed is 1 or more"),
     "simulate pitch": ("--seeds 0", "--seeds is 0, allowed is 1 or more"),

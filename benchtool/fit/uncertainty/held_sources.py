@@ -21,6 +21,9 @@ READING = ("sensor", "plate")
 """Subsystems that stand between a bench and its reading: their effects add to every budget, whether
 the model has them or not."""
 
+LAW = "law of "
+"""Begins the name of what an effect's own law leaves open: no better bench mends it."""
+
 
 def held_sources(
     model: Model, conditions: Conditions, reference: Conditions | None = None
@@ -68,7 +71,7 @@ def held_sources(
             column = effect.law_error * (here - predicted(neutral))[:, None]
             found.append(
                 ErrorSource(
-                    name=f"law of {effect.name}", kind="B", unit="1", sd=effect.law_error,
+                    name=f"{LAW}{effect.name}", kind="B", unit="1", sd=effect.law_error,
                     columns=column, origin="assumed by benchtool: no bench follows a law exactly",
                 )
             )  # fmt: skip

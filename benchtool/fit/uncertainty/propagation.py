@@ -34,6 +34,7 @@ class Propagation:
         derived: functions of the last of them.
         shape: (n_shape,) where it was linearised.
         sd: (n_shape,) standard deviations there.
+        slopes: (n, n_shape) change of the quantities by the shape parameters.
         gain: (n, m + q) change of the quantities by whitened rows: points, then priors.
     """
 
@@ -45,6 +46,7 @@ class Propagation:
     noise: float | None
     whitening: Whitening
     derivatives: Way
+    slopes: Array
     gain: Array
 
     @property
@@ -76,7 +78,7 @@ def propagation(
     if spread.undetermined or not np.isfinite(result.covariance).all():
         return None
     places = problem.shape_index
-    slopes = [gradient_of(one, result)[None, places] for one in derived]
+    slopes = np.stack([*np.eye(len(shape)), *(gradient_of(one, result)[places] for one in derived)])
     grown = 1.0
     if result.method == "least_squares":  # a robust loss says by how much its covariance grows
         grown = sqrt(result.covariance[places[0], places[0]] / spread.covariance[0, 0])
@@ -89,7 +91,8 @@ def propagation(
         noise=noise,
         whitening=whitening,
         derivatives=derivatives,
-        gain=grown * np.concatenate([np.eye(len(shape)), *slopes]) @ spread.covariance @ jacobian.T,
+        slopes=slopes,
+        gain=grown * slopes @ spread.covariance @ jacobian.T,
     )
 
 
