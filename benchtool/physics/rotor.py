@@ -15,7 +15,7 @@ def thrust_N(speed_rad_s: Quantity, k_N_s2: Quantity) -> Quantity:
 
 @expression
 def drag_torque_Nm(speed_rad_s: Quantity, c_Nm_s2: Quantity) -> Quantity:
-    """Return Q = c w^2 (eq. 8), near the plate too: the paper gives no factor for it. N m."""
+    """Return Q = c w^2 (eq. 8), which the paper takes near the plate too: N m."""
     return c_Nm_s2 * speed_rad_s * speed_rad_s
 
 

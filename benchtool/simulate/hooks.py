@@ -19,7 +19,7 @@ class LoopHooks(NamedTuple):
 
     Attributes:
         bare: a Flow of given heights and coverages, without images.
-        with_images, image_factors, scaled, factors, speeds: see `DiscThrust`.
+        with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
         with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
         torque, dry_friction, dry_width: f(i, flow, p), of the hinge, summed over effects.
         gyro: gyro(i, reading, flow, p) -> the gyro's reading, changed by effects.
@@ -30,6 +30,7 @@ class LoopHooks(NamedTuple):
     with_images: Any
     image_factors: Any
     scaled: Any
+    drags: Any
     factors: Any
     speeds: Any
     with_thrust: Any
@@ -83,7 +84,7 @@ def joined_hooks(
         )  # fmt: skip
 
     with_images, factors, speeds = thrust.with_images, thrust.factors, thrust.speeds
-    image_factors, scaled = thrust.image_factors, thrust.scaled
+    image_factors, scaled, drags = thrust.image_factors, thrust.scaled, thrust.drags
     torque, dry_friction, dry_width = (
         summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width")
     )
@@ -95,6 +96,7 @@ def joined_hooks(
             with_images,
             image_factors,
             scaled,
+            drags,
             factors,
             speeds,
             with_thrust,

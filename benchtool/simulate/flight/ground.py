@@ -32,8 +32,9 @@ from benchtool.simulate.hooks import LoopHooks
 
 
 class Below(NamedTuple):
-    """What is below: per disc T_IGE/T_OGE, the fraction over blocks and grid, and the height over
-    what covers most of it (m, infinite over nothing, held where the formulae end).
+    """What is below: per disc T_IGE/T_OGE, the fraction over blocks and grid, the height over what
+    covers most of it (m, infinite over nothing, held where the formulae end), and the drag torque
+    over that far from any surface.
 
     `nearest_m` is the least height of any disc over what it covers, before it is held; `touching`
     and `held` are 1 where a disc touches something and where a height was held.
@@ -42,6 +43,7 @@ class Below(NamedTuple):
     factor: Any
     coverage: Any
     height_m: Any
+    drag: Any
     nearest_m: Any = np.inf
     touching: Any = 0.0
     held: Any = 0.0
@@ -276,7 +278,7 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
             craft.effective_radius_m, discs.x_m, discs.y_m, seen, over_all, speed, time_s,
             pitch_rad, body.q_rad_s, 1.0, 0.0,
         )  # fmt: skip
-        factor = parts.scaled(factor, flow, p)
-        return Below(factor, coverage, height, nearest, touching, held), flow
+        drag, factor = parts.drags(factor, flow, p), parts.scaled(factor, flow, p)
+        return Below(factor, coverage, height, drag, nearest, touching, held), flow
 
     return look_below

@@ -168,7 +168,8 @@ def move_vehicle(
         lift += thrust
         roll += craft.y_m[i] * thrust
         pitching -= craft.x_m[i] * thrust
-        yaw -= craft.spin[i] * drag_torque_Nm(middle_rad_s[i], craft.c_Nm_s2)
+        drag = drag_torque_Nm(middle_rad_s[i], craft.c_Nm_s2)
+        yaw -= craft.spin[i] * drag * found.drag[disc_of[i]]
     pitching += body.wake_Nm
     rate, share = body.q_rad_s, dt_s / craft.inertia_kgm2[1]
     flow = hooks.bare(

@@ -187,7 +187,7 @@ def geometry_slot(n_discs: int, n_arms: int) -> Slot:
 def flight_layout(n_discs: int, n_rotors: int, n_numbers: int, law: Any, law_state: Any) -> Layout:
     """Return the layout for so many discs, rotors and effects' numbers, and for a law."""
     discs, rotors = (0.0,) * n_discs, (0.0,) * n_rotors
-    below = Below(discs, discs, discs)
+    below = Below(discs, discs, discs, discs)
     scalars = len(Craft._fields) - 8
     return Layout(
         FlightPlaces,

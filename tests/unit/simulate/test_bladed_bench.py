@@ -1,4 +1,4 @@
-"""A virtual bench whose rig states blades and motors: speed, current and torque near the plate."""
+"""Virtual benches and flights of rigs with blades and motors: speed, current, torque."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from benchtool.core.rig import Motor, Rig
+from benchtool.core.rig_file import rig_named
 from benchtool.physics.blade_element import (
     inflow_at_equal_thrust,
     inflow_response,
@@ -18,9 +19,14 @@ from benchtool.physics.blade_element import (
 )
 from benchtool.physics.images import single_rotor_factor
 from benchtool.physics.model_file import load_model
+from benchtool.simulate.flight.environment import Block, Environment
+from benchtool.simulate.flight.flight import FlightCase, Goal, fly
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
 from tests.unit.physics.blades import BLADE, MOTOR, bladed
+from tests.unit.simulate.flying import look_below
 
 FAR_M = 1.4
 
@@ -123,3 +129,22 @@ def test_eq_10_as_printed_can_be_the_truth_of_such_a_rig() -> None:
         plant.command_pwm(np.array([1600.0]))
         blocks.append(plant.advance(3000))
     np.testing.assert_array_equal(*blocks)
+
+
+@pytest.mark.parametrize("rig", [rig_named("pquad"), bladed("pquad")], ids=["printed", "blades"])
+def test_in_flight_the_torque_turns_the_vehicle_where_blades_answer(rig: Rig) -> None:
+    """Over an edge under the front rotor alone, whose reaction torque is not balanced any more."""
+    edge = Environment(blocks=(Block(x_m=(0.1, 3.0), top_m=0.0),))
+    vehicle = FlightVehicle.of_rig(rig)
+    below = look_below(vehicle, edge, (0.0, 0.0, 0.12))
+    m, share = inflow_response(BLADE), profile_share(BLADE)
+    law = look_below(FlightVehicle.of_rig(rig_named("pquad")), edge, (0.0, 0.0, 0.12)).factor
+    kappa = inflow_at_equal_thrust(np.array(law))
+    expected = torque_at_equal_speed(kappa, m, share) if rig.blade else np.ones(4)
+    np.testing.assert_allclose(below.drag, expected, rtol=1e-13)
+    case = FlightCase(
+        name="edge", vehicle=vehicle, gains=gains_named("s3"), below=edge, start_m=(0.0, 0.0, 0.12),
+        goals=(Goal(x_m=0.0, z_m=0.12),), duration_s=0.1, log_Hz=250.0,
+    )  # fmt: skip
+    turned = np.abs(fly(case)["r_rad_s"]).max()
+    assert (turned > 1e-4) == (rig.blade is not None)
