@@ -24,6 +24,7 @@ from benchtool.fit.diagnose import refusal, with_diagnosis
 from benchtool.fit.law_scores import LawComparison, LawScore, Verdict
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem
+from benchtool.physics.bases import with_blades_of_rig
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.effects.effect import Effect
@@ -236,7 +237,8 @@ def with_law(
     for other in model.effects if commanded else ():
         if other.hooks.response is not None:  # blades answer to a law at equal power
             model = model.without(other.name)
-    model = model.fixed("R_m", model.rig.propulsion.radius_m).with_law(effect).with_blades_of_rig()
+    model = model.fixed("R_m", model.rig.propulsion.radius_m).with_law(effect)
+    model = with_blades_of_rig(model)
     return model.freed(*(f"{effect.name}.{name}" for name in law.compared))
 
 

@@ -8,14 +8,15 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.data.atomic import data_hash
-from benchtool.data.run.run_rig import differences, rig_of_data
+from benchtool.data.run.run_rig import differences, rig_of_data, with_blades_of
 from benchtool.physics.model_file import model_names
 
 
 def rig_for_data(data: Sequence[str], model: str, named: str | None = None) -> Rig | None:
     """Return the rig of data: their own, else the one named; None for that of a user's model file.
 
-    A shipped model fits any rig, so the one in its file says nothing about the data.
+    A shipped model fits any rig, so the one in its file says nothing about the data. A rig that is
+    named may add blades and motors to one that does not say what they are.
 
     Args:
         data: paths.
@@ -33,7 +34,7 @@ def rig_for_data(data: Sequence[str], model: str, named: str | None = None) -> R
                 f"--rig {named} is not the rig that the data were recorded on ({different[0]}), "
                 f"and theirs is taken; leave --rig out"
             )
-        return given if own is None else own
+        return given if own is None else with_blades_of(own, given)
     if own is None and data and model in model_names():
         for path in data:
             data_hash(path)  # what is no file is reported as that

@@ -7,13 +7,17 @@ Without it they are one ratio, as the paper takes them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
+from benchtool.core.rig import Rig
 from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Flow, Quantity
 from benchtool.physics.model import Model
 from benchtool.physics.motor import (
@@ -25,6 +29,54 @@ from benchtool.physics.motor import (
 POWER_STEPS = 16
 """Steps to the speed at equal electrical power. That goes with w^2.7 to w^3.3 (shaft power with
 w^3), so that each step, by its cube root, leaves a tenth of the error."""
+
+
+BLADES_OF_RIG = "[blade] of the rig"
+"""Source of numbers that follow a rig, whichever it is."""
+
+
+def with_blades_of_rig(model: Model) -> Model:
+    """Return the model with the rig's blades, where it has none itself and the rig some.
+
+    A law that is about equal thrust commands, nearly equal speeds, is left as it stands.
+    """
+    laws = [effect.distance_law for effect in model.effects]
+    commanded = any(law and law.basis == "equal commanded thrust" for law in laws)
+    has_some = any(effect.hooks.response is not None for effect in model.effects)
+    return model if commanded or has_some or model.rig.blade is None else with_blades(model)
+
+
+def with_blades(model: Model) -> Model:
+    """Return the model with `blade_inflow`, its numbers the rig's where that states its blades."""
+    assert BLADE_INFLOW.rig_values is not None
+    model = model.with_effect(BLADE_INFLOW)
+    parameters = model.parameters
+    for key, value in BLADE_INFLOW.rig_values(model.rig).items():
+        full = f"{BLADE_INFLOW.name}.{key}"
+        stated = replace(parameters[full], value=value, source=BLADES_OF_RIG)
+        parameters = parameters.replaced(full, stated)
+    return model.at(parameters)
+
+
+def blade_tables(tables: Mapping[str, Any], rig: Rig) -> dict[str, Any]:
+    """Return a model file's tables of `blade_inflow` without numbers that follow the rig.
+
+    Raises:
+        InputError: the numbers are those of a rig's blades, and this one states none.
+    """
+    follow = [
+        key
+        for key, table in tables.items()
+        if isinstance(table, Mapping)
+        and table.get("source") == BLADES_OF_RIG
+        and not table.get("free", False)
+    ]
+    if follow and rig.blade is None:
+        raise InputError(
+            f"{BLADE_INFLOW.name}.{follow[0]} is that of another rig's blades, and rig "
+            f"{rig.name!r} states none; add its [blade], or take [effects.{BLADE_INFLOW.name}] out"
+        )
+    return {key: table for key, table in tables.items() if key not in follow}
 
 
 def require_motor(model: Model, basis: str) -> None:

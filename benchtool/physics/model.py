@@ -24,7 +24,6 @@ from benchtool.physics.catalogue import EFFECTS, effect_named
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import DiscThrust, disc_thrust, owned
 from benchtool.physics.distance_law import nearest_z_over_R
-from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chained
@@ -109,26 +108,6 @@ class Model:
         lag = next(effect for effect in EFFECTS.values() if effect.hooks.lag_s is not None)
         assert lag.rig_values is not None
         return self.with_effect(lag, **lag.rig_values(self.rig))
-
-    def with_blades_of_rig(self) -> Model:
-        """Return the model with the rig's blades, where it has none itself and the rig some.
-
-        A law that is about equal thrust commands, nearly equal speeds, is left as it stands.
-        """
-        assert BLADE_INFLOW.rig_values is not None
-        own = BLADE_INFLOW.rig_values(self.rig)
-        laws = [effect.distance_law for effect in self.effects]
-        commanded = any(law and law.basis == "equal commanded thrust" for law in laws)
-        if commanded or not own or any(each.name == BLADE_INFLOW.name for each in self.effects):
-            return self
-        stated = {f"{BLADE_INFLOW.name}.{name}" for name in own}
-        model = self.with_effect(BLADE_INFLOW, **own)
-        return model.at(
-            Parameters(
-                (name, replace(item, source="[blade] of the rig") if name in stated else item)
-                for name, item in model.parameters.items()
-            )
-        )
 
     def without(self, name: str) -> Model:
         """Return the model with one effect taken out."""

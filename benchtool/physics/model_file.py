@@ -20,8 +20,10 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.core.toml_text import FileTable, FiniteTable, build
+from benchtool.physics.bases import blade_tables, with_blades, with_blades_of_rig
 from benchtool.physics.body_lift import BodyDistance
 from benchtool.physics.catalogue import effect_named, own_effects
+from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import OWN_IMAGES, Model
 
@@ -176,10 +178,12 @@ def model_from_toml(
         for name, effect in effects.items():
             tables = read.effects[name]
             if name != OWN_IMAGES:
-                model = model.with_effect(effect)
+                model = with_blades(model) if effect is BLADE_INFLOW else model.with_effect(effect)
             given = {key: table for key, table in tables.items() if key != "settings"}
+            if effect is BLADE_INFLOW:
+                given = blade_tables(given, model.rig)
             model = _set(model, {f"{name}.{key}": table for key, table in given.items()}, where)
-        model = _set(model.with_blades_of_rig(), baseline, where)
+        model = _set(with_blades_of_rig(model), baseline, where)
     except InputError as error:
         if isinstance(error, FileFormatError):
             raise

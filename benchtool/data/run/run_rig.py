@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,18 @@ def rig_of_data(paths: Sequence[str]) -> Rig | None:
                 f"{first} and {path} are of two vehicles ({different[0]}); give one model the runs "
                 f"of one vehicle, and the others a command of their own"
             )
-    return found[first]
+    rig = found[first]
+    for other in found.values():
+        rig = with_blades_of(rig, other)
+    return rig
+
+
+def with_blades_of(rig: Rig, other: Rig) -> Rig:
+    """Return a rig with what it does not say of blades and motors as another one says it.
+
+    Runs may be older than what is known of their propellers.
+    """
+    return replace(rig, blade=rig.blade or other.blade, motor=rig.motor or other.motor)
 
 
 def differences(one: Rig, other: Rig) -> tuple[str, ...]:
@@ -83,6 +95,12 @@ def differences(one: Rig, other: Rig) -> tuple[str, ...]:
         for what, (a, b, unit) in pairs.items()
         if a != b
     ]
+    for what, one_has, other_has in (
+        ("blades", one.blade, other.blade),
+        ("motors", one.motor, other.motor),
+    ):
+        if one_has and other_has and one_has != other_has:
+            found.append(f"other {what} on {one.name!r} than on {other.name!r}")
     return tuple(found)
 
 

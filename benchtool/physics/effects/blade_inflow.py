@@ -84,6 +84,7 @@ EFFECT = Effect(
         "ring by ring makes the increment 4 % of itself smaller"
     ),
     confused_with={"ground_shape": "pulses or power beside speeds separate them"},
+    separated_by={"R_m": "ratios at equal power beside those at equal speed"},
     benches=frozenset(),
     rig_values=rig_values,
 )

@@ -12,6 +12,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, full_name
 from benchtool.core.rig import Rig
+from benchtool.physics.bases import with_blades_of_rig
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOURS
@@ -64,7 +65,7 @@ class FlightVehicle:
 
         The rig's blades are among them where it states any.
         """
-        model = Model.single(rig).with_blades_of_rig()
+        model = with_blades_of_rig(Model.single(rig))
         usual = (effect for effect in EFFECTS.values() if _acts_by_default(effect))
         for effect in usual:
             if all(effect.name != present.name for present in model.effects):

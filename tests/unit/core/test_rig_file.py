@@ -6,7 +6,9 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.packaged import read_named
-from benchtool.core.rig_file import rig_from_toml, rig_named, rig_names
+from benchtool.core.rig import Motor
+from benchtool.core.rig_file import rig_from_toml, rig_named, rig_names, rig_to_toml
+from tests.unit.physics.blades import MOTOR, bladed
 
 
 @pytest.fixture
@@ -58,6 +60,18 @@ def test_the_assumed_rotors_carry_the_vehicle_at_mid_throttle(name: str) -> None
             FileFormatError,
             "has no source",
         ),
+        (
+            "[limits]",
+            '[motor]\nsource = "sheet"\nKv_rpm_V = 900.0\n[limits]',
+            FileFormatError,
+            "Kv_rpm_V and resistance_ohm, or governed = true",
+        ),
+        (
+            "[limits]",
+            "[blade]\nsolidity = 0.1\n[limits]",
+            FileFormatError,
+            "solidity has no source",
+        ),
     ],
 )
 def test_what_is_wrong_is_said(
@@ -71,3 +85,10 @@ def test_what_is_wrong_is_said(
 def test_an_unknown_rig_lists_the_known_ones() -> None:
     with pytest.raises(UnknownChoice, match="'pqad'; did you mean 'pquad'"):
         rig_named("pqad")
+
+
+@pytest.mark.parametrize("motor", [MOTOR, Motor(governed=True), None])
+def test_blades_and_motors_are_read_back(motor: Motor | None) -> None:
+    rig = bladed("pquad", motor)
+    again = rig_from_toml(rig_to_toml(rig), "again.toml")
+    assert (again.blade, again.motor) == (rig.blade, motor)

@@ -61,9 +61,16 @@ def five_inch() -> Rig:
     )
 
 
-def swept(path: Path, rig: Rig, seed: int) -> str:
-    """Write the run of a sweep over a vehicle whose body lift is `K_B`."""
-    truth = Model.single(rig).with_effect("neighbour_images").with_effect("body_lift", K_b=K_B)
+def swept(
+    path: Path,
+    rig: Rig,
+    seed: int,
+    truth: Model | None = None,
+    flaws: Imperfections | None = None,
+) -> str:
+    """Write the run of a sweep over a vehicle, with body lift `K_B` where no truth is given."""
+    lifted = Model.single(rig).with_effect("neighbour_images").with_effect("body_lift", K_b=K_B)
+    truth = truth or lifted
     plan = Plan(
         name="own",
         repeats=2,
@@ -76,7 +83,7 @@ def swept(path: Path, rig: Rig, seed: int) -> str:
     ).resolved(rig)
     run = Run.create(path, plan_to_toml(plan), {"simulated": True, "rig": rig_to_dict(rig)})
     bench = SimulatedBench(
-        "sim:own", rig, truth, seed=seed, rate_Hz=80.0, imperfections=Imperfections()
+        "sim:own", rig, truth, seed=seed, rate_Hz=80.0, imperfections=flaws or Imperfections()
     )
     with GuardedBench(bench, rig) as guarded:
         run_sweep(guarded, OneSidedStage(DeviceStage(guarded), rig.plate), plan, rig, run)

@@ -10,13 +10,18 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from benchtool.core.errors import InputError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Motor, Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.recipe import Basis
-from benchtool.physics.bases import factor_at, thrust_per_power_N_W, thrust_ratio
+from benchtool.physics.bases import (
+    factor_at,
+    thrust_per_power_N_W,
+    thrust_ratio,
+    with_blades_of_rig,
+)
 from benchtool.physics.blade_element import (
     inflow_at_equal_thrust,
     inflow_response,
@@ -27,6 +32,7 @@ from benchtool.physics.blade_element import (
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import single_rotor_factor
 from benchtool.physics.model import Model
+from benchtool.physics.model_file import LoadedModel, model_from_toml, model_to_toml
 from tests.unit.physics.blades import BLADE, MOTOR, bladed
 
 RATIOS: tuple[Basis, ...] = ("equal_rpm2", "equal_pwm", "equal_power")
@@ -86,7 +92,7 @@ def at(rig: Rig, z_m: Any, **more: Any) -> Conditions:
 @pytest.mark.parametrize("basis", RATIOS)
 def test_a_ratio_at_any_basis_gives_the_same_radius(basis: Basis) -> None:
     rig, true_m, parked_m = bladed("pquad_single"), 0.128, 1.0
-    model = Model.single(rig).with_blades_of_rig().freed("R_m")
+    model = with_blades_of_rig(Model.single(rig)).freed("R_m")
     observed = measured(basis, true_m, parked_m, rig)
     problem = problem_from_model(
         model, at(rig, Z_M), observed, np.full(6, 1e-4), basis=basis, reference=at(rig, parked_m)
@@ -105,7 +111,7 @@ def test_alike_rotors_have_the_ratio_of_one(basis: Basis) -> None:
     single = bladed("pquad_single")
     found = []
     for rig in (single, bladed("pquad"), replace(single, rotors=single.rotors * 2)):
-        model = Model.single(rig).with_blades_of_rig()
+        model = with_blades_of_rig(Model.single(rig))
         values, near = model.parameters.values_array(), at(rig, Z_M)
         flows = model.flow(near, values), model.flow(near.out_of_ground_effect(), values)
         found.append(thrust_ratio(model, basis, *flows, values))
@@ -115,7 +121,7 @@ def test_alike_rotors_have_the_ratio_of_one(basis: Basis) -> None:
 def test_speeds_from_pulses_are_those_near_the_plate() -> None:
     """The same visits, speeds read or taken from the pulses' map: equal ratios at equal pulse."""
     rig = bladed("pquad")
-    model = Model.single(rig).with_effect("neighbour_images").with_blades_of_rig()
+    model = with_blades_of_rig(Model.single(rig).with_effect("neighbour_images"))
     values = model.parameters.values_array()
     pulses = at(rig, Z_M, speed_measured=False, plate_x_m=0.6)
     far = pulses.out_of_ground_effect()
@@ -133,7 +139,7 @@ def test_speeds_from_pulses_are_those_near_the_plate() -> None:
 
 def test_without_blades_every_basis_is_the_papers() -> None:
     rig = rig_named("pquad_single")
-    assert Model.single(rig).with_blades_of_rig().effects == Model.single(rig).effects
+    assert with_blades_of_rig(Model.single(rig)).effects == Model.single(rig).effects
     model = Model.single(bladed("pquad_single"))
     values = model.parameters.values_array()
     near, far = at(rig, Z_M), at(rig, 1e6)
@@ -145,7 +151,7 @@ def test_without_blades_every_basis_is_the_papers() -> None:
 
 def test_a_governed_motor_makes_pulse_and_speed_one_basis() -> None:
     rig = bladed("pquad_single", Motor(governed=True))
-    model = Model.single(rig).with_blades_of_rig()
+    model = with_blades_of_rig(Model.single(rig))
     values = model.parameters.values_array()
     flows = model.flow(at(rig, Z_M), values), model.flow(at(rig, 1.0), values)
     by_speed = thrust_ratio(model, "equal_rpm2", *flows, values)
@@ -158,7 +164,7 @@ def test_a_governed_motor_makes_pulse_and_speed_one_basis() -> None:
 
 def test_equal_pulse_without_a_motor_is_refused() -> None:
     rig = bladed("pquad_single", None)
-    model = Model.single(rig).with_blades_of_rig().freed("R_m")
+    model = with_blades_of_rig(Model.single(rig)).freed("R_m")
     with pytest.raises(InputError, match=r"no \[motor\] that .*governed = true"):
         problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_pwm")
     power = problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_power")
@@ -170,7 +176,7 @@ def test_thrust_per_power_follows_from_thrust_and_torque() -> None:
     for motor in (MOTOR, None):
         rig = bladed("pquad_single", motor)
         k, c = rig.propulsion.thrust_coefficient_N_s2, rig.propulsion.drag_coefficient_Nm_s2
-        model = Model.single(rig).with_blades_of_rig()
+        model = with_blades_of_rig(Model.single(rig))
         expected = []
         for z, w in zip(Z_M, SPEED_RAD_S, strict=True):
             t, q = answers(0.12, z)
@@ -183,3 +189,36 @@ def test_thrust_per_power_follows_from_thrust_and_torque() -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-12)
         far = thrust_per_power_N_W(model, at(rig, Z_M).out_of_ground_effect())
         assert np.all(found / far > factor_at(model, "equal_rpm2", at(rig, Z_M)))
+
+
+def written(model: Model) -> str:
+    return model_to_toml(LoadedModel(model=model, rig_name="mine"), "pquad_single")
+
+
+def test_numbers_of_blades_follow_the_rig_and_stated_ones_stay() -> None:
+    rig = bladed("pquad_single")
+    text = written(with_blades_of_rig(Model.single(rig)))
+    thick = replace(rig, blade=replace(BLADE, solidity=0.2))
+    for other in (rig, thick):
+        read = model_from_toml(text, "m.toml", other).model.parameters
+        assert other.blade is not None
+        assert read["blade_inflow.response"].value == inflow_response(other.blade)
+    with pytest.raises(FileFormatError, match=r"another rig's blades, and rig 'pquad_single'"):
+        model_from_toml(text, "m.toml", rig_named("pquad_single"))
+    head = '[model]\nname = "m"\nrig = "pquad_single"\n[effects.rotor_images]\n'
+    own = head + "[effects.blade_inflow]\nresponse = 1.4\n"
+    for other in (rig, rig_named("pquad_single")):
+        read = model_from_toml(own, "m.toml", other).model.parameters
+        assert read["blade_inflow.response"].value == 1.4
+        assert read["blade_inflow.share"].value == 1.0
+    shared = model_from_toml(head + "[effects.blade_inflow]\nshare = 0.5\n", "m.toml", rig).model
+    assert shared.parameters["blade_inflow.response"].value == inflow_response(BLADE)
+    assert shared.parameters["blade_inflow.share"].value == 0.5
+
+
+def test_a_law_at_equal_commands_is_left_as_it_stands() -> None:
+    head = '[model]\nname = "m"\nrig = "pquad_single"\n[effects.li]\nc = 3.4\n'
+    rig = bladed("pquad_single")
+    assert not model_from_toml(head, "m.toml", rig).model.answers_with_torque
+    named = model_from_toml(head + "[effects.blade_inflow]\n", "m.toml", rig).model
+    assert named.answers_with_torque
