@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from benchtool.acquire.air import Air
 from benchtool.acquire.plan import Plan
+from benchtool.core.air import Air
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
 

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from benchtool import __version__
-from benchtool.acquire.air import Air
 from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import Plan, plan_to_toml
 from benchtool.bench.bench import Identity
+from benchtool.core.air import Air
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_to_dict
 from benchtool.data.run.run import Run, free_run_path

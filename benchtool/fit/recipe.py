@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Len
 
+from benchtool.core.air import Air
 from benchtool.core.errors import FileFormatError
 from benchtool.core.inputs import Input, Inputs
 from benchtool.core.toml_text import FiniteTable, read_strict
@@ -36,6 +37,7 @@ class Recipe(Inputs):
             "add" fits scatter in quadrature; "auto" scales what a run measured within visits and
             takes what a table states.
         loss: "linear", or "soft_l1" and "huber" that count distant points less.
+        air: as people measured it, in place of what runs state; for k at 1.225 kg/m3.
         min_z_over_R: points nearer are left out and counted; None for where the model's law ends.
     """
 
@@ -106,6 +108,7 @@ class Recipe(Inputs):
         int, Ge(100), Input("Most emcee steps of each walker.", label="Most steps of emcee")
     ] = 20_000
     seed: Annotated[int, Ge(0), Input("Seed of everything random.", label="Seed")] = 1
+    air: Air = field(default_factory=Air)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,6 +25,7 @@ from benchtool.fit.problem import Problem
 from benchtool.fit.profile import with_profile
 from benchtool.fit.recipe import LAWS, Recipe
 from benchtool.fit.uncertainty.budget import Budget, BudgetMethod
+from benchtool.fit.uncertainty.density import STANDARD_K, Density, density_of
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from benchtool.fit.uncertainty.propagation import Propagation, budget_of, propagation
@@ -34,6 +35,9 @@ from benchtool.physics.model_file import LoadedModel, load_model
 
 Progress = Callable[[str, int, int], None]
 """progress(what is being done, steps done, steps expected)."""
+
+Propagated = tuple[Propagation, tuple[ErrorSource, ...], list[tuple[ErrorSource, str]]]
+"""How errors reach quantities, errors that the fit does not hold, and those of one quantity."""
 
 
 TARED_ZERO_N = 1e-6
@@ -47,6 +51,7 @@ class FitOutput:
     Attributes:
         comparison: of the recipe's models on held-out points, None when none were named.
         budget: of the first method's values; None where the data leave one open.
+        density: of the air, None where nobody measured it.
         laws: of thrust against distance on held-out distances, None when nobody wanted them.
     """
 
@@ -58,6 +63,7 @@ class FitOutput:
     comparison: Comparison | None = None
     budget: Budget | None = None
     laws: LawComparison | None = None
+    density: Density | None = None
 
     @property
     def simulated(self) -> bool:
@@ -105,7 +111,10 @@ def run_recipe(
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
     problem = _problem(loaded.model, recipe, data)
     estimates = (_estimate(problem, recipe, one, progress, profile) for one in recipe.methods)
-    results = tuple(_named(loaded.model, data, problem, one, loaded.notes) for one in estimates)
+    density = density_of(recipe.air, recipe.data)
+    results = tuple(
+        _named(loaded.model, data, problem, one, loaded.notes, density) for one in estimates
+    )
     comparison, laws = None, None
     named = [name for name in dict.fromkeys(recipe.compare) if name != LAWS]
     if named:
@@ -128,16 +137,16 @@ def run_recipe(
         results=results,
         comparison=comparison,
         laws=laws,
+        density=density,
     )
     return replace(output, budget=_budget(output, budget == "mc", progress))
 
 
-def propagated(
-    output: FitOutput, data: FitData | None = None
-) -> tuple[Propagation, tuple[ErrorSource, ...]] | None:
+def propagated(output: FitOutput, data: FitData | None = None) -> Propagated | None:
     """Return how errors reach the first method's values, and those that its fit does not hold.
 
-    None where the data leave a parameter open.
+    They are errors of the observations, then of one quantity alone, with its name. None where the
+    data leave a parameter open.
 
     Args:
         output: of a fit.
@@ -147,10 +156,16 @@ def propagated(
     problem = output.problem
     if data is not output.data:
         problem = _problem(output.loaded.model, output.recipe, data)
-    way = propagation(problem, result, _quantities(model, [item.name for item in result.estimates]))
+    free = [item.name for item in result.estimates]
+    way = propagation(problem, result, _quantities(model, free, output.density))
     reference = None if data.reference is None else data.reference.select(data.rows)
     held = held_sources(model, data.conditions.select(data.rows), reference)
-    return None if way is None else (way, held)
+    if way is None:
+        return None
+    beside = []
+    if output.density is not None and STANDARD_K in way.names:
+        beside.append(output.density.source(result[STANDARD_K].value))
+    return way, held, beside
 
 
 def _budget(output: FitOutput, checked: bool, progress: Progress) -> Budget | None:
@@ -251,7 +266,12 @@ def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:
 
 
 def _named(
-    model: Model, data: FitData, problem: Problem, result: FitResult, notes: tuple[str, ...]
+    model: Model,
+    data: FitData,
+    problem: Problem,
+    result: FitResult,
+    notes: tuple[str, ...],
+    density: Density | None,
 ) -> FitResult:
     """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
     free = [estimate.name for estimate in result.estimates]
@@ -263,12 +283,12 @@ def _named(
     }
     warnings = (*notes, *_far_from_rig(model, result), *data.left_out, *result.warnings)
     result = replace(result, facts=facts, warnings=warnings)
-    return with_derived(with_diagnosis(problem, result), _quantities(model, free))
+    return with_derived(with_diagnosis(problem, result), _quantities(model, free, density))
 
 
-def _quantities(model: Model, free: Sequence[str]) -> list[Derived]:
-    """Return what is computed from the free parameters."""
-    quantities: list[Derived] = []
+def _quantities(model: Model, free: Sequence[str], density: Density | None) -> list[Derived]:
+    """Return what is computed from the free parameters, and from the air."""
+    quantities = [density.standard_k] if density is not None and "k" in free else []
     if "R_m" in free:
         radius = model.rig.propulsion.radius_m
         quantities.append(Derived("R_over_rotor_radius", "1", lambda v: v["R_m"] / radius))

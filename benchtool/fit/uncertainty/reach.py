@@ -15,7 +15,7 @@ from benchtool.core.array import Array
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.errors import EstimationError, InputError, UnknownChoice
 from benchtool.fit.fit_data import FAR_Z_OVER_R
-from benchtool.fit.run_recipe import FitOutput, propagated
+from benchtool.fit.run_recipe import FitOutput, Propagated, propagated
 from benchtool.fit.solve import row_jacobian
 from benchtool.fit.uncertainty.held_sources import LAW
 from benchtool.fit.uncertainty.propagation import Propagation
@@ -81,9 +81,9 @@ class _Fit:
 
     def __init__(self, output: FitOutput, name: str) -> None:
         self.output, self.name = output, name
-        self._made: dict[tuple[float, float] | None, tuple[Propagation, Sequence[ErrorSource]]] = {}
+        self._made: dict[tuple[float, float] | None, Propagated] = {}
 
-    def made(self, moved: tuple[float, float] | None) -> tuple[Propagation, Sequence[ErrorSource]]:
+    def made(self, moved: tuple[float, float] | None) -> Propagated:
         if moved not in self._made:
             data = self.output.data
             if moved is not None:
@@ -95,16 +95,20 @@ class _Fit:
                 data = replace(data, conditions=replace(data.conditions, plate_z_m=z_m))
             found = propagated(self.output, data)
             if found is None:
-                raise EstimationError(
-                    "the data leave a parameter open, so nothing is known to plan"
-                )
+                raise EstimationError(OPEN)
             self._made[moved] = found
         return self._made[moved]
 
     def at(self, way: Way) -> Way:
         """Return the way with what it comes to."""
-        made, outside = self.made(way.moved)
-        return replace(way, sd=expected_sd(made, outside, self.name, way.visits, way.known))
+        made, outside, beside = self.made(way.moved)
+        sd = expected_sd(made, outside, self.name, way.visits, way.known)
+        own = [
+            way.known.get(one.name, 1.0) * one.columns.item()
+            for one, name in beside
+            if name == self.name
+        ]
+        return replace(way, sd=float(np.linalg.norm([sd, *own])))
 
 
 def expected_sd(

@@ -24,6 +24,7 @@ MOST_WANTED = (
     *(name for name in _HEADLINES if not name.endswith("_")),
     "R_m",
     "k",
+    "k_standard_",
     *(name for name in _HEADLINES if name.endswith("_")),
 )
 """Parameters that a reader looks for first, by the beginning of their names."""

@@ -6,11 +6,11 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from benchtool.acquire.air import Air, air_density_kg_m3
 from benchtool.acquire.calibration import (
     calibration_from,
     fit_calibration,
 )
+from benchtool.core.air import Air, air_density_kg_m3
 from benchtool.core.errors import CalibrationError, InputError, UnknownChoice
 
 MASSES = np.array([0.0, 0.2, 0.5, 1.0, 1.5, 1.0, 0.5, 0.2, 0.0])

@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchtool.core.air import Air, air_density_kg_m3
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.parameter import Prior
 from benchtool.data.atomic import json_ready
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.recipe import Recipe
+from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.budget import Budget, budget_from, effective_dof
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import drawn, monte_carlo
@@ -229,3 +233,31 @@ def test_a_ratio_knows_no_scale_and_feels_a_tare_by_what_it_divides() -> None:
     tare = sources["tare_offset.thrust_N"]
     expected = (near_N + tare.sd) / (far_N + tare.sd) - near_N / far_N
     assert tare.columns[:, 0] == pytest.approx(expected)
+
+
+def test_k_is_given_at_the_standard_density_as_well(tmp_path: Path) -> None:
+    """At the density that was stated, with what that density leaves open (CIPM-2007)."""
+    table = "rpm1,thrust_N,thrust_se_N\n4000,1.81,0.01\n5000,2.83,0.01\n6000,4.08,0.01\n"
+    (tmp_path / "far.csv").write_text(table)
+    recipe = Recipe(
+        name="far", data=(str(tmp_path / "far.csv"),), model="single", rig="pquad_single",
+        hold=("R_m",), air=Air(temperature=30.0, pressure=900.0, humidity=50.0),
+    )  # fmt: skip
+    output = run_recipe(recipe)
+    density = air_density_kg_m3(30.0, 90_000.0, 0.5)
+    k, standard = (output.results[0][name] for name in ("k", "k_standard_air"))
+    assert standard.value == pytest.approx(k.value * 1.225 / density)
+    budget = output.budget
+    assert budget is not None
+    place = budget.names.index("k_standard_air")
+    air = next(line for line in budget.lines if line.name == "air density")
+    assert air.sensitivity[place] == pytest.approx(-standard.value / density)
+    assert air.contribution[budget.names.index("k")] == 0.0
+    # 1 K of 303 with 5.7 % more vapour, 2 hPa of 900, a fifth of 42.5 hPa of vapour; uniform.
+    vapour = 0.378 * 42.47 / 900.0
+    parts = [1.0 / 303.15 + 0.5 * 0.057 * vapour, 2.0 / 900.0, 0.2 * vapour]
+    assert air.sd / density == pytest.approx(np.linalg.norm(parts) / 3.0**0.5, rel=0.02)
+    assert air.origin.startswith("stated: 30 degC, 900 hPa, 50 %")
+    bare = run_recipe(replace(recipe, air=Air()))
+    assert bare.budget is not None
+    assert "k_standard_air" not in bare.budget.names

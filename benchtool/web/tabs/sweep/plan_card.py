@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 from nicegui import events, run, ui
 
-from benchtool.acquire.air import Air
 from benchtool.acquire.arming import arming_text
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.order import expected_duration_s, minutes, settings_of, visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml
+from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import items, values_of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, sqrt
 from typing import Annotated, Any
 
 from annotated_types import Ge, Le
@@ -11,6 +11,8 @@ from annotated_types import Ge, Le
 from benchtool.core.inputs import Input, Inputs
 
 STANDARD_DEGC, STANDARD_PA = 15.0, 101_325.0
+STANDARD_DENSITY_KG_M3 = 1.225
+"""Of dry air at those (ISO 2533)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +53,21 @@ class Air(Inputs):
             "measured": self.temperature is not None and self.pressure is not None,
             "formula": "CIPM-2007",
         }
+
+
+def relative_density_sd(temperature_degC: float, pressure_Pa: float, humidity: float) -> float:
+    """Return the standard uncertainty of a density over it, by what air is usually measured with.
+
+    Uniform within a kelvin (a room thermometer in a room with a rotor), 2 hPa (a barometer or the
+    nearest weather station) and 20 % of relative humidity; guesses.
+    """
+    here = temperature_degC, pressure_Pa, humidity
+    density = air_density_kg_m3(*here)
+    off = [
+        air_density_kg_m3(*(x + by for x, by in zip(here, step, strict=True))) / density - 1.0
+        for step in ((1.0, 0.0, 0.0), (0.0, 200.0, 0.0), (0.0, 0.0, 0.2))
+    ]
+    return sqrt(sum(part**2 for part in off) / 3.0)
 
 
 def air_density_kg_m3(temperature_degC: float, pressure_Pa: float, humidity: float) -> float:
