@@ -174,7 +174,8 @@ def _check_place(setting: Setting, rig: Rig, device: Mapping[str, float]) -> Non
             f"a lateral position of {place.x_m:g} m is outside -{side_m:g} to {side_m:g} m; change "
             f"plate.lateral_m or the rig's plate.x_max_m"
         )
-    reach_m = max(abs(rotor.x_m) for rotor in rig.rotors) + rig.propulsion.radius_m
+    tips_m = max(abs(rotor.x_m) for rotor in rig.rotors) + rig.propulsion.radius_m
+    reach_m = min(abs(place.x_m) + tips_m, 0.5 * plate.size_x_m)  # from the centre, where it pivots
     nearest_m = place.z_m - reach_m * tan(abs(radians(place.tilt_deg)))
     if nearest_m < low_m:
         most = degrees(atan2(place.z_m - low_m, reach_m))

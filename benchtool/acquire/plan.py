@@ -71,7 +71,7 @@ class PlatePart(Inputs):
         tuple[Tilt, ...],
         Len(1, MOST_LISTED),
         Input(
-            "Plate inclinations; positive brings +x rotors nearer.",
+            "Plate inclinations about its centre; positive brings +x rotors nearer.",
             "deg",
             option="tilt",
             label="Tilts, deg",

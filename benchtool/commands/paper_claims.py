@@ -25,14 +25,14 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.report.flight.pitch_study import pitch_study, visit_numbers
-from benchtool.report.paper.curves import one_rotor_Nm
+from benchtool.report.paper.curves import level_moment_Nm
 from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, PLATE_S, flight_case
 from benchtool.simulate.flight.flight import Flight
 from benchtool.simulate.flight.measures import Measures
 from benchtool.simulate.flight.study import Flown, fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains, gains_named
-from benchtool.simulate.pitch.attitude import hover_authority_Nm, restoring_moment
+from benchtool.simulate.pitch.attitude import READINGS, hover_authority_Nm, restoring_moment_Nm
 from benchtool.simulate.pitch.setup import changed, pitch_setup
 
 HOLDS = "comes out"
@@ -171,7 +171,7 @@ COMES_OUT: dict[str, Callable[[Any], Any]] = {
     ),
     "stabilizing": lambda n: n.tilt.stabilizing,
     "not_considerable": lambda n: n.tilt.percent[2, 1] < 5.0 and n.tilt.percent[0, 1] > 8.0,
-    "against_partial": lambda n: n.tilt.full_mNm < n.tilt.one_mNm,
+    "against_partial": lambda n: n.tilt.images_mNm < 0.5 * n.tilt.wall_mNm,
     "bench_pid": lambda n: abs(n.bench.pid.residual_deg) > 0.5,
     "alike": lambda n: UNCLEAR,
     "bench_forward": lambda n: abs(n.bench.feedforward.peak_deg) < 0.3 * abs(n.bench.pid.peak_deg),
@@ -248,16 +248,16 @@ def first_bump_deg(flight: Flight, begin_s: float) -> float:
 
 
 def _tilt_numbers(rig: Rig) -> SimpleNamespace:
-    """Return restoring moments of a tilt over ground (section 2.4), with both readings."""
+    """Return restoring moments of a tilt over ground (section 2.4) under each reading."""
     heights, tilts = np.array([1.0, 1.5, 2.0, 3.0, 5.0]), np.radians([5.0, 10.0])
-    full = restoring_moment(rig, heights, tilts, "per_rotor").moment_Nm
-    bare = restoring_moment(rig, heights, tilts, "rotors_only").moment_Nm
+    moments = {name: restoring_moment_Nm(rig, heights, tilts, name) for name in READINGS}
     return SimpleNamespace(
-        percent=100.0 * full / hover_authority_Nm(rig),
-        stabilizing=bool(np.all(full > 0.0) and np.all(bare > 0.0)),
-        full_mNm=1e3 * full[2, 1],
-        bare_mNm=1e3 * bare[2, 1],
-        one_mNm=1e3 * one_rotor_Nm(rig),
+        percent=100.0 * moments["images"] / hover_authority_Nm(rig),
+        stabilizing=all(bool(np.all(each > 0.0)) for each in moments.values()),
+        half_mNm=1e3 * moments["images"][2, 0],
+        **{f"{name}_mNm": 1e3 * each[2, 1] for name, each in moments.items()},
+        one_mNm=1e3 * level_moment_Nm(rig, 1),
+        wall_mNm=1e3 * level_moment_Nm(rig, 3),
     )
 
 

@@ -7,11 +7,11 @@ diagonal; the paper's text calls b the diagonal. Both readings are here: half is
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from benchtool.core.array import Array
 from benchtool.core.errors import UnknownChoice
 from benchtool.physics.expression import Quantity, expression
 
@@ -21,7 +21,7 @@ BodyDistance = Literal["half_diagonal", "diagonal"]
 
 @expression
 def body_term(K_b: Quantity, weight: Quantity, radius_m: Quantity, images: Quantity) -> Quantity:
-    """Return the body's term of the denominator, K_b w R^2 sum_j z / (2 (c_j^2 + 4 z^2)^(3/2)).
+    """Return the body's term of the denominator, K_b w R^2 times `images`.
 
     Args:
         K_b: body lift coefficient (eq. 4).
@@ -58,23 +58,31 @@ def quad_body_lift_factor(
     )
 
 
-def centre_distances_m(
-    x_m: NDArray[np.float64],
-    y_m: NDArray[np.float64],
-    body_distance: BodyDistance = "half_diagonal",
-) -> NDArray[np.float64]:
-    """Return c_j (n,) for rotors at (x, y) (n,) about the body's centre: m.
+class BodyImages(NamedTuple):
+    """Hold where the sources of the body term are in the rotor plane (k,): m, from the body's
+    centre, and how far from it: m.
+    """
 
-    Works for any layout: "half_diagonal" is the distance from centre to axis, "diagonal" twice it.
+    x_m: Quantity
+    y_m: Quantity
+    arm_m: Quantity
+
+
+def body_images(
+    x_m: Array,
+    y_m: Array,
+    body_distance: BodyDistance = "half_diagonal",
+    half_diagonal_m: float | None = None,
+) -> BodyImages:
+    """Return the sources of the body term for rotors at (x, y) (n,) about the body's centre.
+
+    Works for any layout: "half_diagonal" puts them at the rotors, "diagonal" at twice their arms,
+    in the same plane. A stated half diagonal stands for the four rotors of a plus layout.
     """
     if body_distance not in get_args(BodyDistance):
         raise UnknownChoice("body distance", body_distance, get_args(BodyDistance))
-    arms: NDArray[np.float64] = np.hypot(x_m, y_m)
-    return 2.0 * arms if body_distance == "diagonal" else arms
-
-
-def equal_arms(arms_m: NDArray[np.float64]) -> tuple[int, ...]:
-    """Return of each arm (n,) how many are equal to rounding, 0 where an earlier one counts it."""
-    equal = np.isclose(arms_m[:, None], arms_m, rtol=1e-12, atol=0.0)
-    first = equal.argmax(axis=1)
-    return tuple(np.bincount(first, minlength=len(arms_m)).tolist())
+    if half_diagonal_m is not None:
+        ahead = half_diagonal_m * np.array([1.0, 0.0, -1.0, 0.0])
+        x_m, y_m = ahead, np.roll(ahead, 1)
+    factor = 2.0 if body_distance == "diagonal" else 1.0
+    return BodyImages(factor * x_m, factor * y_m, factor * np.hypot(x_m, y_m))

@@ -31,8 +31,9 @@ class Conditions:
 
     Attributes:
         speed_rad_s: (n_rotors, m) rotor speeds; 0 where a rotor is off.
-        plate_z_m: (m,) distance from rotor plane to plate along the rotor axis at the centre.
-        plate_tilt_rad: (m,) commanded tilt about the y axis; positive brings +x rotors nearer.
+        plate_z_m: (m,) distance from the rotor plane to the plate's centre, along the rotor axis.
+        plate_tilt_rad: (m,) commanded tilt about the y axis through the plate's centre; positive
+            brings +x rotors nearer.
         coverage: (n_discs, m) fraction of each disc over the plate.
         voltage_V: (m,) battery voltage.
         elapsed_s: (m,) time since the last tare.

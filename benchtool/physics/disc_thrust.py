@@ -2,8 +2,10 @@
 
 The factor of disc i is F_i = 1 / (1 - D_i), D_i the sum of all effects' terms (own image, images
 of the neighbours, body lift, ...); a disc covered in part takes 1 + a_i (F_i - 1), blades answer to
-that, and effects' factors multiply it. Every disc enters with its own height. The same functions
-serve a sweep's arrays, a pitch bench and every surface under a vehicle in flight.
+that, and effects' factors multiply it. Which heights enter the images under tilt is the tilt rule
+(`tilt_rules`): usually the image of disc j lies z_i + z_j below disc i, and the body term is one
+number, at the height of the body's centre. The same functions serve a sweep's arrays, a pitch bench
+and every surface under a vehicle in flight.
 """
 
 from __future__ import annotations
@@ -14,23 +16,37 @@ from itertools import accumulate
 from typing import Any, NamedTuple
 
 from benchtool.core.errors import InputError
+from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.distance_law import nearest_z_over_R
-from benchtool.physics.effects.effect import Effect, Flow
+from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow
 from benchtool.physics.expression import expression
 from benchtool.physics.fold import Hook, Own, added, chained, each, multiplied, selected, summed
-from benchtool.physics.images import image_velocity, partial_factor, thrust_factor
+from benchtool.physics.images import partial_factor, thrust_factor
+from benchtool.physics.plane import Plane, axis_cosine, height_over
+from benchtool.physics.tilt_rules import tilt_rule
 from benchtool.physics.validity import clamped_height
 from benchtool.physics.wake_rules import wake_rule
+
+
+class ImageRules(NamedTuple):
+    """Name how images are summed: wake rule (`wake_rules`), tilt rule (`tilt_rules`), and how many
+    sources the body term has.
+    """
+
+    wake: str
+    tilt: str
+    n_body: int
 
 
 class DiscThrust(NamedTuple):
     """Hold the joined functions; `p` is the tuple of all effects' values, in their order.
 
     Attributes:
+        tilt: tilt(p) -> lean of the plate beyond what was commanded: rad.
         speeds: speeds(flow, p) -> commanded speeds, changed by effects (n,).
-        with_images: with_images(flow, distances, arms, p) -> the flow with heights and coverages
-            changed by effects, and the images that follow: distances [n][n] between discs, arms
-            from the body's centre to the images of eq. (4): m.
+        with_images: with_images(flow, distances, body, p) -> the flow with heights and coverages
+            changed by effects, and the images that follow: distances [n][n] between discs: m, and
+            the `BodyImages` of eq. (4).
         image_factors: image_factors(flow, p) -> 1 + a (1/(1 - D) - 1) of each disc (n,).
         scaled: scaled(first, flow, p) -> what blades make of first (n,), times effects' factors.
         drags: drags(first, flow, p) -> drag torque over that far away (n,), for `first`.
@@ -38,6 +54,7 @@ class DiscThrust(NamedTuple):
         nearest_z_over_R: least distance at which the effects' law holds; clamped heights end there.
     """
 
+    tilt: Hook
     speeds: Hook
     with_images: Hook
     image_factors: Hook
@@ -62,12 +79,22 @@ def owned(effects: Iterable[Effect], hook: str) -> tuple[Own, ...]:
     )
 
 
+@expression
+def as_it_is(z_m: Any, radius_m: Any) -> Any:
+    """Return the height."""
+    return z_m
+
+
+@cache
+def _held_at(nearest_z_over_R: float) -> Hook:
+    return expression(lambda z, radius: clamped_height(z, nearest_z_over_R * radius))
+
+
 @lru_cache(maxsize=256)
 def disc_thrust(
     effects: tuple[Effect, ...],
     n_discs: int,
-    rule: str,
-    arms: tuple[int, ...],
+    rules: ImageRules,
     *,
     clamped: bool = False,
 ) -> DiscThrust:
@@ -76,9 +103,7 @@ def disc_thrust(
     Args:
         effects: that act, in the order in which they change quantities and are summed.
         n_discs: of the vehicle.
-        rule: wake rule (`wake_rules`).
-        arms: of each image of eq. (4) the number that are as far from the body's centre, 0 where
-            an earlier image counts it (`physics.body_lift.equal_arms`).
+        rules: how images are summed.
         clamped: hold heights at the least where the formulae are valid; for simulators.
     """
     n = n_discs
@@ -89,24 +114,17 @@ def disc_thrust(
     if len(torques) > 1:
         raise InputError("two effects of the model have the hook drag; leave one out")
     drag = chained(torques) if torques else UNCHANGED
-    weight = wake_rule(rule).weight
+    weight, share_of = wake_rule(rules.wake).weight, tilt_rule(rules.tilt).share
+    tilt = summed(owned(effects, "tilt"))
     nearest = nearest_z_over_R(effect.distance_law for effect in effects)
-    if clamped:
-        heights = each(
-            n,
-            expression(
-                lambda i, flow, p: clamped_height(
-                    height(i, flow.height_m[i], flow, p), nearest * flow.radius_m
-                )
-            ),
-        )
-    else:
-        heights = each(n, expression(lambda i, flow, p: height(i, flow.height_m[i], flow, p)))
+    held = _held_at(nearest) if clamped else as_it_is
+    neighbours, bodies = _neighbours(n, rules), _bodies(n, rules, held)
+    heights = each(n, expression(lambda i, flow, p: height(i, flow.height_m[i], flow, p)))
+    all_held = each(n, expression(lambda i, z, radius: held(z[i], radius)))
+    mean_change = _mean_change(n if owned(effects, "height") else 0)
     coverages = each(n, expression(lambda i, flow, p: coverage(i, flow.coverage[i], flow, p)))
     sources = each(n, expression(lambda i, area, active: area[i] * active[i]))
-    neighbours = each(n, selected(tuple(_neighbours_of(i, n) for i in range(n))))
-    body = added(tuple(_body_image(j, count) for j, count in enumerate(arms) if count))
-    bodies = each(n, expression(lambda i, z, arms: body(z[i], arms)))
+    counted = each(n, expression(lambda i, images, share: images[i] * share))
     image_factors = each(
         n,
         expression(
@@ -121,9 +139,13 @@ def disc_thrust(
     )
 
     @expression
-    def with_images(flow: Flow, distances: Any, arms: Any, p: Any) -> Flow:
-        z, area = heights(flow, p), coverages(flow, p)
-        source = sources(area, flow.active)
+    def with_images(flow: Flow, distances: Any, body_at: BodyImages, p: Any) -> Flow:
+        free, area = heights(flow, p), coverages(flow, p)
+        z, source = all_held(free, flow.radius_m), sources(area, flow.active)
+        plane = Plane(
+            flow.plane.centre_m + mean_change(free, flow), flow.plane.slope_x, flow.plane.slope_y
+        )
+        share = share_of(axis_cosine(plane))
         return Flow(
             flow.radius_m,
             flow.position_x_m,
@@ -132,8 +154,8 @@ def disc_thrust(
             area,
             flow.active,
             flow.speed_rad_s,
-            neighbours(source, z, distances),
-            bodies(z, arms),
+            counted(neighbours(source, z, distances), share),
+            counted(bodies(z, plane, body_at, flow.radius_m), share),
             weight(source),
             flow.voltage_V,
             flow.elapsed_s,
@@ -145,9 +167,12 @@ def disc_thrust(
             flow.thrust_N,
             flow.load_direction,
             flow.plate_x_m,
+            plane,
+            share,
         )
 
     return DiscThrust(
+        tilt=expression(lambda p: tilt(0, NO_FLOW, p)),
         speeds=each(n, expression(lambda i, flow, p: speed(i, flow.speed_rad_s[i], flow, p))),
         with_images=with_images,
         image_factors=image_factors,
@@ -159,21 +184,61 @@ def disc_thrust(
 
 
 @cache
-def _neighbours_of(i: int, n: int) -> Hook:
-    """Return f(source, z, distances): the images of all other discs at disc i (eq. 3), no loop.
-
-    A loop inside would keep the compiler from running several lanes at once.
-    """
-    return added(tuple(_neighbour(i, j) for j in range(n) if j != i))
+def _mean_change(n: int) -> Hook:
+    """Return f(z, flow): by how much effects change n discs' heights in the mean; 0 without any."""
+    changes, share = added(tuple(_change(i) for i in range(n))), 1.0 / max(n, 1)
+    return expression(lambda z, flow: share * changes(z, flow))
 
 
 @cache
-def _neighbour(i: int, j: int) -> Hook:
+def _change(i: int) -> Hook:
+    return expression(lambda z, flow: z[i] - flow.height_m[i])
+
+
+@cache
+def _neighbours(n: int, rules: ImageRules) -> Hook:
+    """Return f(source, z, distances): at each disc the images of all other discs (eq. 3)."""
+    image = tilt_rule(rules.tilt).image
+    return each(n, selected(tuple(_neighbours_of(i, n, image) for i in range(n))))
+
+
+@cache
+def _neighbours_of(i: int, n: int, image: Hook) -> Hook:
+    """Return the same at disc i, without a loop.
+
+    A loop inside would keep the compiler from running several lanes at once.
+    """
+    return added(tuple(_neighbour(i, j, image) for j in range(n) if j != i))
+
+
+@cache
+def _neighbour(i: int, j: int, image: Hook) -> Hook:
+    low, high = min(i, j), max(i, j)  # one place for both ways: half the roots, once compiled
     return expression(
-        lambda source, z, distances: source[j] * image_velocity(z[i], distances[i][j])
+        lambda source, z, distances: source[j] * image(z[i], z[j], distances[low][high])
     )
 
 
 @cache
-def _body_image(j: int, count: int) -> Hook:
-    return expression(lambda height_m, arms: count * image_velocity(height_m, arms[j]))
+def _bodies(n: int, rules: ImageRules, held: Hook) -> Hook:
+    """Return f(z, plane, body_at, radius): for each disc the images of all at the body (eq. 4)."""
+    rule = tilt_rule(rules.tilt)
+    body = added(tuple(_body_image(j, rule.image, held) for j in range(rules.n_body)))
+    if not rule.one_body:
+        return each(n, expression(lambda i, z, *where: body(z[i], *where)))
+    for_each = each(n, expression(lambda i, found: found))
+    return expression(
+        lambda z, plane, body_at, radius: for_each(
+            body(held(plane.centre_m, radius), plane, body_at, radius)
+        )
+    )
+
+
+@cache
+def _body_image(j: int, image: Hook, held: Hook) -> Hook:
+    """Return f(at, plane, body_at, radius): velocity at height `at` from source j of the body."""
+    return expression(
+        lambda at, plane, body_at, radius: image(
+            at, held(height_over(plane, body_at.x_m[j], body_at.y_m[j]), radius), body_at.arm_m[j]
+        )
+    )

@@ -1,14 +1,14 @@
 """Rotors and their image sources: ground effect of one rotor and of several (eq. 1 to 3).
 
 Each rotor is a source of strength R^2 v / 4 (v its induced velocity), mirrored below the plate.
-The image of a rotor at horizontal distance d blows upward at a rotor at height z with
-v (R^2/2) z / (d^2 + 4 z^2)^(3/2). At equal power, thrust times inflow is constant, so that
-T_IGE/T_OGE = 1 / (1 - D) with D the sum of all images over v. The paper states that for equal
-power and applies the same factor at equal rotor speed (eq. 10). So do we, unless the rig states its
-blades (`blade_element`).
+The image of a rotor at distance d blows upward at a rotor at the same height z with
+v (R^2/2) z / (d^2 + 4 z^2)^(3/2); for other heights see `tilt_rules`. At equal power, thrust times
+inflow is constant, so that T_IGE/T_OGE = 1 / (1 - D) with D the sum of all images over v. The paper
+states that for equal power and applies the same factor at equal rotor speed (eq. 10). So do we,
+unless the rig states its blades (`blade_element`).
 
 Source: Sanchez-Cuevas, Heredia, Ollero 2017, sections 2.1 and 2.2; the sum over any number of
-rotors, each at its own height, follows from the same derivation.
+rotors follows from the same derivation.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ from benchtool.physics.expression import Quantity, expression
 
 
 @expression
-def image_velocity(z_m: Quantity, distance_m: Quantity) -> Quantity:
-    """Return z / (2 (d^2 + 4 z^2)^(3/2)): 1/m2.
+def image_velocity(here_m: Quantity, there_m: Quantity, distance_m: Quantity) -> Quantity:
+    """Return z_j / (2 (d^2 + 4 z_i z_j)^(3/2)): 1/m2.
 
-    Times R^2 this is the upward velocity at a rotor at height z, in units of the induced velocity,
-    from the image of a rotor at horizontal distance d. At d = 0, times R^2, it is (R/4z)^2.
+    Times R^2 and the cosine of the tilt this is the velocity along the rotor axis at a place at
+    height z_i, in units of the induced velocity, from the image of a rotor at height z_j that is d
+    away in the rotor plane. Level at d = 0, times R^2, it is (R/4z)^2.
     """
-    squared = distance_m * distance_m + 4.0 * z_m * z_m
-    return 0.5 * z_m / (squared * np.sqrt(squared))
+    squared = distance_m * distance_m + 4.0 * (here_m * there_m)
+    return 0.5 * there_m / (squared * np.sqrt(squared))
 
 
 @expression

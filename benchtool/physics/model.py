@@ -19,16 +19,18 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import Parameters, full_name
 from benchtool.core.rig import Rig
 from benchtool.physics.baseline import baseline_parameters
-from benchtool.physics.body_lift import BodyDistance, centre_distances_m, equal_arms
+from benchtool.physics.body_lift import BodyDistance, BodyImages, body_images
 from benchtool.physics.catalogue import EFFECTS, effect_named
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.disc_thrust import DiscThrust, disc_thrust, owned
+from benchtool.physics.disc_thrust import DiscThrust, ImageRules, disc_thrust, owned
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chained
 from benchtool.physics.motor import speed_near_plate, torque_per_speed
-from benchtool.physics.wake_rules import WAKE_RULES
+from benchtool.physics.plane import Plane, height_over, plate_plane
+from benchtool.physics.tilt_rules import tilt_rule
+from benchtool.physics.wake_rules import wake_rule
 
 OWN_IMAGES = ROTOR_IMAGES.name
 """Eq. (2), the effect that every model starts with and every old model file means."""
@@ -43,7 +45,8 @@ class Model:
         rig: the vehicle or rotor on the bench.
         effects: in the order of the chain.
         parameters: baseline and effects, by full name ("R_m", "body_lift.K_b").
-        wake_rule: how partly covered discs share the body term (`aero.wake_rules`).
+        wake_rule: how partly covered discs share the body term (`physics.wake_rules`).
+        tilt_rule: which heights enter the images under tilt (`physics.tilt_rules`).
         body_distance: which b eq. (4) uses: half the diagonal (as derived) or all of it (printed).
         description: one or two sentences.
         provenance: where the model came from.
@@ -54,6 +57,7 @@ class Model:
     parameters: Parameters
     effects: tuple[Effect, ...] = ()
     wake_rule: str = "notes"
+    tilt_rule: str = "axis"
     body_distance: BodyDistance = "half_diagonal"
     description: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
@@ -65,8 +69,7 @@ class Model:
         return bare.with_effect(OWN_IMAGES)
 
     def __post_init__(self) -> None:
-        if self.wake_rule not in WAKE_RULES:
-            raise UnknownChoice("wake rule", self.wake_rule, WAKE_RULES)
+        wake_rule(self.wake_rule), tilt_rule(self.tilt_rule)
         laws = [effect for effect in self.effects if effect.distance_law is not None]
         if len(laws) > 1 and len(acting := [e.name for e in laws if self.is_present(e)]) > 1:
             raise InputError(
@@ -187,12 +190,13 @@ class Model:
         for rotor, disc in enumerate(rig.disc_of_rotor):
             squares[disc] += conditions.speed_rad_s[rotor] ** 2
         active = (squares > 0.0).astype(float)
-        cosine, sine = np.cos(conditions.plate_tilt_rad), np.sin(conditions.plate_tilt_rad)
+        p = self.numbers(values)
+        plane = self.plate_plane(conditions, p)
         flow = Flow(
             radius_m=values[self._index["R_m"]],
             position_x_m=x,
             position_y_m=y,
-            height_m=[conditions.plate_z_m * cosine - x[i] * sine for i in range(n)],
+            height_m=[height_over(plane, x[i], y[i]) for i in range(n)],
             coverage=list(conditions.coverage),
             active=active,
             speed_rad_s=list(np.sqrt(squares)),
@@ -204,11 +208,11 @@ class Model:
             time_s=conditions.time_s,
             load_direction=conditions.load_direction,
             plate_x_m=conditions.plate_x_m,
+            plane=plane,
         )
-        p = self.numbers(values)
         if not conditions.speed_measured:
             flow = flow._replace(speed_rad_s=self._discs.speeds(flow, p))
-        found: Flow = self._discs.with_images(flow, rig.disc_distances_m, self.body_arms_m, p)
+        found: Flow = self._discs.with_images(flow, rig.disc_distances_m, self.body_images, p)
         if conditions.speed_measured:
             return found
         return found._replace(speed_rad_s=self.speeds_near_plate(found, values))
@@ -227,6 +231,12 @@ class Model:
             np.sqrt(n) * speed_near_plate(w / np.sqrt(n), c, factor, slope)
             for w, factor, n in found
         ]
+
+    def plate_plane(self, conditions: Conditions, p: tuple[Any, ...]) -> Plane:
+        """Return where the plate lies, for the present effects' own values `p`."""
+        tilt_rad = conditions.plate_tilt_rad + self._discs.tilt(p)
+        found: Plane = plate_plane(conditions.plate_z_m, conditions.plate_x_m, tilt_rad)
+        return found
 
     @property
     def lag_s(self) -> float:
@@ -277,28 +287,27 @@ class Model:
 
     @cached_property
     def _discs(self) -> DiscThrust:
-        return disc_thrust(self.present_effects, self.rig.n_discs, self.wake_rule, self.arm_counts)
+        return disc_thrust(self.present_effects, self.rig.n_discs, self.image_rules)
 
     @cached_property
     def _thrust_reading(self) -> Hook:
         return chained(owned(self.present_effects, "thrust_reading"))
 
     @cached_property
-    def body_arms_m(self) -> Array:
-        """Return the distances from the body's centre to the images of eq. (4) (n_images,): m."""
-        b = self.rig.body.half_diagonal_m
-        places = self.rig.disc_positions_m if b is None else np.full((4, 2), b / np.sqrt(2.0))
-        return centre_distances_m(places[:, 0], places[:, 1], self.body_distance)
+    def body_images(self) -> BodyImages:
+        """The sources of the body term of eq. (4)."""
+        x_m, y_m = self.rig.disc_positions_m.T
+        return body_images(x_m, y_m, self.body_distance, self.rig.body.half_diagonal_m)
 
-    @cached_property
-    def arm_counts(self) -> tuple[int, ...]:
-        """Count equal distances of `body_arms_m`, as `disc_thrust` takes them."""
-        return equal_arms(self.body_arms_m)
+    @property
+    def image_rules(self) -> ImageRules:
+        """How images are summed."""
+        return ImageRules(self.wake_rule, self.tilt_rule, len(self.body_images.arm_m))
 
     def disc_factors(self, flow: Flow, values: Any) -> tuple[Quantity, ...]:
         """Return T_IGE/T_OGE of each disc (n_discs, ...), factors of effects included."""
         n = len(flow.height_m)  # a prepared flow has equal discs merged
-        discs = disc_thrust(self.present_effects, n, self.wake_rule, self.arm_counts)
+        discs = disc_thrust(self.present_effects, n, self.image_rules)
         factors: tuple[Quantity, ...] = discs.factors(flow, self.numbers(values))
         return factors
 
@@ -315,26 +324,8 @@ class Model:
     def drag_factors(self, flow: Flow, values: Any) -> tuple[Quantity, ...]:
         """Return the drag torque of each disc over that far from any surface, at equal speed."""
         n, p = len(flow.height_m), self.numbers(values)
-        discs = disc_thrust(self.present_effects, n, self.wake_rule, self.arm_counts)
+        discs = disc_thrust(self.present_effects, n, self.image_rules)
         return tuple(discs.drags(discs.image_factors(flow, p), flow, p))
-
-    def factors_at(self, height_m: Array) -> Array:
-        """Return T_IGE/T_OGE of each disc (n, ...) at its own height (n, ...): m, all covered."""
-        ones = np.ones_like(height_m)
-        places = self.rig.disc_positions_m
-        values = self.parameters.values_array()
-        bare = NO_FLOW._replace(
-            radius_m=values[self._index["R_m"]],
-            position_x_m=places[:, 0],
-            position_y_m=places[:, 1],
-            height_m=height_m,
-            coverage=ones,
-            active=ones,
-            speed_rad_s=ones,
-        )
-        p = self.numbers(values)
-        flow = self._discs.with_images(bare, self.rig.disc_distances_m, self.body_arms_m, p)
-        return np.array(self.disc_factors(flow, values))
 
     def thrust_N(self, conditions: Conditions, values: Any = None) -> Any:
         """Return what the load cell shows on a settled bench (..., m): N.

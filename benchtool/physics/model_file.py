@@ -39,6 +39,7 @@ class _Head(FileTable):
     rig: str
     description: str = ""
     wake_rule: str = "notes"
+    tilt_rule: str = "axis"
     body_distance: BodyDistance = "half_diagonal"
     effects_file: str = ""
     plate_slide_s: float | None = None
@@ -156,6 +157,7 @@ def model_from_toml(
         model = replace(
             Model.single(chosen, read.model.name),
             wake_rule=read.model.wake_rule,
+            tilt_rule=read.model.tilt_rule,
             body_distance=read.model.body_distance,
             description=read.model.description,
             provenance=dict(read.provenance),
@@ -259,6 +261,7 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
             "rig": rig or model.rig.name,
             "description": model.description,
             "wake_rule": model.wake_rule,
+            "tilt_rule": model.tilt_rule,
             "body_distance": model.body_distance,
         },
         "parameters": baseline,

@@ -2,13 +2,14 @@
 
 What no free parameter can change (heights, covered areas, images) is worked out once, and discs
 that are alike are merged into one, so that an evaluation costs what a hand-written formula would.
-Where only heights move (plate offset), sources and distances stay, and images at equal distance are
-summed before their formula is evaluated: a level quadrotor takes four images, not twenty-eight.
+Where only heights move (plate offset, plate tilt), sources and distances stay, and images of one
+height at equal distance are summed before their formula is evaluated: a level quadrotor takes three
+images, not sixteen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,12 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import owned
 from benchtool.physics.effects.effect import Flow, Quantity
 from benchtool.physics.fold import chained
-from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
+from benchtool.physics.plane import Plane, axis_cosine, height_over
+from benchtool.physics.tilt_rules import TiltRule, tilt_rule
 
-Images = list[tuple[float, Quantity]]
-"""(distance, summed source) of images that blow together."""
+Images = list[tuple[int, float, Quantity]]
+"""(which height, distance, summed source) of images that blow together."""
 
 PROBES = (0.0, 0.37, -0.23)
 """How far free parameters are moved, in parts of their bounds, to see which discs stay alike."""
@@ -124,23 +126,21 @@ class MovingHeights:
     """Work out the flow of a model on fixed conditions for moving heights."""
 
     def __init__(self, model: Model, conditions: Conditions) -> None:
-        self._lifting = [effect for effect in model.present_effects if effect.hooks.height]
+        tilts = any(effect.hooks.tilt is not None for effect in model.present_effects)
         self._height = chained(owned(model.present_effects, "height"))
-        self._model = model
+        self._rule = tilt_rule(model.tilt_rule)
+        self._model, self._conditions = model, conditions
         self._radius = tuple(model.parameters).index("R_m")
         probes = [model.flow(conditions, values) for values in _probed(model)]
-        still = model
-        for effect in self._lifting:
-            still = still.without(effect.name)
-        base = still.flow(conditions, still.parameters.values_array())
-        m = len(conditions)
+        base, m = probes[0], len(conditions)
+        read = model.plate_plane(conditions, model.numbers(model.parameters.values_array()))
+        self._plane = None if tilts else Plane(*(_plain(part, m) for part in read))
         groups = _alike(probes, m)
         kept = [group[0] for group in groups]
         squares = [sum(_row(base.speed_rad_s[i], m) ** 2 for i in group) for group in groups]
         self._flow = base._replace(
             position_x_m=[base.position_x_m[i] for i in kept],
             position_y_m=[base.position_y_m[i] for i in kept],
-            height_m=[base.height_m[i] for i in kept],
             coverage=[_plain(base.coverage[i], m) for i in kept],
             active=[base.active[i] for i in kept],
             speed_rad_s=[np.sqrt(square) for square in squares],
@@ -150,26 +150,45 @@ class MovingHeights:
             _row(area, m) * _row(active, m)
             for area, active in zip(base.coverage, base.active, strict=True)
         ]
+        group_of = {i: number for number, group in enumerate(groups) for i in group}
         distances = model.rig.disc_distances_m
-        arms = model.body_arms_m
         self._neighbours = [
-            _together(
-                [distances[i, j] for j in range(len(sources)) if j != i],
-                [sources[j] for j in range(len(sources)) if j != i],
-            )
+            _together((group_of[j], distances[i, j], sources[j]) for j in group_of if j != i)
             for i in kept
         ]
-        self._body = _together(list(arms), [np.ones(m)] * len(arms))
+        x_m, y_m, arm_m = model.body_images
+        apart = float(tilts or np.any(conditions.plate_tilt_rad))
+        places = [*zip(apart * x_m, apart * y_m, strict=True)]
+        self._body_places = list(dict.fromkeys(places))
+        numbers = map(self._body_places.index, places)
+        self._body = _together((at, c, np.ones(m)) for at, c in zip(numbers, arm_m, strict=True))
 
     def flow(self, values: Any) -> Flow:
         """Return the flow of the kept discs; `values` as `Model.thrust_N`."""
-        flow = self._flow._replace(radius_m=values[self._radius])
-        discs = range(len(flow.height_m))
-        p = self._model.numbers(values)
-        flow = flow._replace(height_m=[self._height(i, flow.height_m[i], flow, p) for i in discs])
+        p, rule, flow = self._model.numbers(values), self._rule, self._flow
+        plane = self._plane or self._model.plate_plane(self._conditions, p)
+        places = zip(flow.position_x_m, flow.position_y_m, strict=True)
+        free = [height_over(plane, *place) for place in places]
+        flow = flow._replace(radius_m=values[self._radius], height_m=free, plane=plane)
+        heights = [self._height(i, free[i], flow, p) for i in range(len(free))]
+        changes = [height - before for height, before in zip(heights, free, strict=True)]
+        plane = plane._replace(centre_m=plane.centre_m + sum(changes) / max(len(changes), 1))
+        share = rule.share(axis_cosine(plane))
+        under = [height_over(plane, *place) for place in self._body_places]
+
+        def body(at: Quantity) -> Quantity:
+            return share * _blown(rule, at, under, self._body)
+
+        once = body(plane.centre_m) if rule.one_body else None
         return flow._replace(
-            neighbour_images=[_blown(flow.height_m[i], self._neighbours[i]) for i in discs],
-            body_images=[_blown(flow.height_m[i], self._body) for i in discs],
+            height_m=heights,
+            neighbour_images=[
+                share * _blown(rule, at, heights, images)
+                for at, images in zip(heights, self._neighbours, strict=True)
+            ],
+            body_images=[body(at) if once is None else once for at in heights],
+            plane=plane,
+            axial_share=share,
         )
 
 
@@ -224,19 +243,28 @@ def _alike(flows: Sequence[Flow], m: int) -> list[list[int]]:
     return groups
 
 
-def _together(distances: Sequence[float], sources: Sequence[Array]) -> Images:
-    """Return images with those at equal distance summed and silent ones left out."""
-    summed: dict[float, Array] = {}
-    for distance, source in zip(distances, sources, strict=True):
-        near = next((d for d in summed if abs(d - distance) <= ALIKE * distance), float(distance))
+def _together(images: Iterable[tuple[int, float, Array]]) -> Images:
+    """Return images with those of one height at equal distance summed, silent ones left out.
+
+    Args:
+        images: which height, distance and source (m,) of each.
+    """
+    summed: dict[tuple[int, float], Array] = {}
+    for height, distance, source in images:
+        alike = (
+            key for key in summed if key[0] == height and abs(key[1] - distance) <= ALIKE * distance
+        )
+        near = next(alike, (height, float(distance)))
         summed[near] = summed.get(near, np.zeros(len(source))) + source
-    return [(d, _plain(source, len(source))) for d, source in summed.items() if source.any()]
+    return [(*near, _plain(source, len(source))) for near, source in summed.items() if source.any()]
 
 
-def _blown(height_m: Quantity, images: Images) -> Quantity:
+def _blown(
+    rule: TiltRule, at_m: Quantity, heights_m: Sequence[Quantity], images: Images
+) -> Quantity:
     total: Quantity = 0.0
-    for distance, source in images:
-        total = total + source * image_velocity(height_m, distance)
+    for height, distance, source in images:
+        total = total + source * rule.image(at_m, heights_m[height], distance)
     return total
 
 

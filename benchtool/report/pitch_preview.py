@@ -105,7 +105,7 @@ def _motion(setup: PitchSetup, run: PitchRun, shown: slice) -> DrawnMotion:
     here = Conditions.of(
         rig,
         speed_rad_s=speed_rad_s,
-        plate_z_m=run.column("plate_z_m")[shown],
+        plate_z_m=run.column("plate_z_m")[shown] / np.cos(theta_rad),  # along the rotor axis
         plate_tilt_rad=theta_rad,
         coverage=np.outer(bench.covered, share),
     )

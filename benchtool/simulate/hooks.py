@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from benchtool.core.errors import InputError
 from benchtool.physics.catalogue import EFFECTS
-from benchtool.physics.disc_thrust import disc_thrust, owned
+from benchtool.physics.disc_thrust import ImageRules, disc_thrust, owned
 from benchtool.physics.effects.effect import HOOKS, Effect, Flow
 from benchtool.physics.expression import expression, replaced
 from benchtool.physics.fold import chained, identity, summed
@@ -19,6 +19,7 @@ class LoopHooks(NamedTuple):
 
     Attributes:
         bare: a Flow of given heights and coverages, without images.
+        tilt: tilt(p) -> lean of the plate beyond what was commanded: rad.
         with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
         with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
         torque, dry_friction, dry_width: f(i, flow, p), of the hinge, summed over effects.
@@ -27,6 +28,7 @@ class LoopHooks(NamedTuple):
     """
 
     bare: Any
+    tilt: Any
     with_images: Any
     image_factors: Any
     scaled: Any
@@ -42,7 +44,7 @@ class LoopHooks(NamedTuple):
 
 
 def joined_hooks(
-    effects: tuple[Effect, ...], n_discs: int, rule: str, arms: tuple[int, ...]
+    effects: tuple[Effect, ...], n_discs: int, rules: ImageRules
 ) -> Callable[[], LoopHooks]:
     """Return a function that gives the hooks of effects, joined for so many discs.
 
@@ -50,13 +52,14 @@ def joined_hooks(
     this one.
     """
     zeros, ones = (0.0,) * n_discs, (1.0,) * n_discs
-    thrust = disc_thrust(effects, n_discs, rule, arms, clamped=True)
+    thrust = disc_thrust(effects, n_discs, rules, clamped=True)
 
     @expression
     def bare(
         radius_m: Any,
         x_m: Any,
         y_m: Any,
+        plane: Any,
         height: Any,
         coverage: Any,
         speed: Any,
@@ -68,7 +71,7 @@ def joined_hooks(
     ) -> Flow:
         return Flow(
             radius_m, x_m, y_m, height, coverage, ones, speed, zeros, zeros, 0.0, 0.0, 0.0, time_s,
-            pitch, rate, cosine, weight_N, zeros, 0.0, 0.0,
+            pitch, rate, cosine, weight_N, zeros, 0.0, 0.0, plane, 1.0,
         )  # fmt: skip
 
     @expression
@@ -80,10 +83,11 @@ def joined_hooks(
             flow.radius_m, flow.position_x_m, flow.position_y_m, flow.height_m, flow.coverage,
             flow.active, flow.speed_rad_s, flow.neighbour_images, flow.body_images,
             flow.body_weight, 0.0, 0.0, flow.time_s, flow.pitch_rad, rate, flow.cos_pitch,
-            flow.weight_N, thrusts, 0.0, 0.0,
+            flow.weight_N, thrusts, 0.0, 0.0, flow.plane, flow.axial_share,
         )  # fmt: skip
 
-    with_images, factors, speeds = thrust.with_images, thrust.factors, thrust.speeds
+    tilt, with_images = thrust.tilt, thrust.with_images
+    factors, speeds = thrust.factors, thrust.speeds
     image_factors, scaled, drags = thrust.image_factors, thrust.scaled, thrust.drags
     torque, dry_friction, dry_width = (
         summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width")
@@ -93,6 +97,7 @@ def joined_hooks(
     return expression(
         lambda: LoopHooks(
             bare,
+            tilt,
             with_images,
             image_factors,
             scaled,

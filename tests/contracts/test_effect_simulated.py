@@ -14,6 +14,7 @@ from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signa
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import OWN_IMAGES, Model
+from benchtool.physics.plane import height_over, plate_plane
 from benchtool.simulate.controllers.pitch import pitch_controller
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, Goal, fly
@@ -119,13 +120,15 @@ def test_settled_it_is_on_a_hinge_and_in_flight_what_a_sweep_shows(
     values = model.parameters.values_array()
     swept = np.ravel(model.disc_factors(model.flow(settled, values), values))
     effects = loop_effects(model)
-    hooks = joined_hooks(effects, n, model.wake_rule, model.arm_counts)()
+    hooks = joined_hooks(effects, n, model.image_rules)()
     same, places, p = (550.0,) * n, RIG.disc_positions_m, loop_numbers(model, effects)
+    plane = plate_plane(z_m, 0.0, hooks.tilt(p))
+    heights = tuple(height_over(plane, *place) for place in places)
     flow = hooks.bare(
-        model.parameters["R_m"].value, *places.T, (z_m,) * n, (1.0,) * n, same, 0.0, 0.0, 0.0,
+        model.parameters["R_m"].value, *places.T, plane, heights, (1.0,) * n, same, 0.0, 0.0, 0.0,
         1.0, 0.0,
     )  # fmt: skip
-    flow = hooks.with_images(flow, RIG.disc_distances_m, model.body_arms_m, p)
+    flow = hooks.with_images(flow, RIG.disc_distances_m, model.body_images, p)
     np.testing.assert_allclose(hooks.factors(flow, p), swept, rtol=1e-13)
     below = look_below(FlightVehicle(model=model), FLOOR, (0.0, 0.0, z_m))
     if not EFFECTS[name].acts_in_flight:

@@ -10,7 +10,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 @expression
 def denominator(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return K_b w R^2 sum_j z_i / (2 (c_j^2 + 4 z_i^2)^(3/2)) of eq. (4)."""
+    """Return K_b w R^2 times the sum of eq. (4) at the body's centre, from `disc_thrust`."""
     return body_term(p.K_b, flow.body_weight, flow.radius_m, flow.body_images[i])
 
 

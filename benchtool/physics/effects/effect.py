@@ -24,6 +24,7 @@ from benchtool.core.rig import Rig
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.expression import Quantity as Quantity
 from benchtool.physics.expression import expression as expression
+from benchtool.physics.plane import LEVEL
 
 Subsystem = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
 SUBSYSTEMS: tuple[Subsystem, ...] = ("pwm_to_rpm", "plate", "rpm_to_thrust", "hinge", "sensor")
@@ -50,9 +51,10 @@ class Flow(NamedTuple):
         coverage: fraction of each disc over the surface (n, ...).
         active: 1 where a disc's rotors turn, else 0 (n, ...).
         speed_rad_s: rotor speed (n, ...); the root of the summed squares on a coaxial disc.
-        neighbour_images: upward velocity at each disc from the neighbours' images, per R^2 and own
-            induced velocity (n, ...): 1/m2 (eq. 3).
-        body_images: the same from all images, at the body's centre (n, ...): 1/m2 (eq. 4).
+        neighbour_images: velocity against each disc's inflow from the neighbours' images, per R^2
+            and own induced velocity (n, ...): 1/m2 (eq. 3).
+        body_images: the same from all images, at the body's centre (n, ...): 1/m2 (eq. 4); one
+            number for all discs, unless the tilt rule has it at each rotor's height.
         body_weight: share of the body lift that the wake rule grants (...).
         voltage_V: battery voltage over nominal is what speed follows (...).
         elapsed_s: time since the last tare (...).
@@ -67,6 +69,9 @@ class Flow(NamedTuple):
         load_direction: +1 where the load cell's load was approached from below, -1 from above, 0
             where nobody knows (...).
         plate_x_m: lateral position of the plate's centre (...).
+        plane: the surface under the rotor plane, a `Plane` (...).
+        axial_share: what counts of the velocity from a rotor's own image (...): the cosine of the
+            angle between the rotor axis and the surface's normal, or 1 (`tilt_rules`).
     """
 
     radius_m: Quantity
@@ -89,6 +94,8 @@ class Flow(NamedTuple):
     thrust_N: Quantity = ()
     load_direction: Quantity = 0.0
     plate_x_m: Quantity = 0.0
+    plane: Quantity = LEVEL
+    axial_share: Quantity = 1.0
 
 
 NO_FLOW = Flow(*([0.0] * 13))
@@ -104,7 +111,9 @@ class Hooks:
     """Hold an effect's part of the physics.
 
     Attributes:
-        height: a disc's distance to the surface, changed: m.
+        tilt: lean of the plate about the y axis, added: rad, positive brings +x rotors nearer.
+        height: a disc's distance to the surface, changed: m; the body's centre follows by the mean
+            change of the discs.
         coverage: a disc's covered fraction, changed.
         speed: a disc's commanded rotor speed, changed: rad/s.
         denominator: term of a disc's thrust denominator, added.
@@ -128,6 +137,7 @@ class Hooks:
             effect's `thrust_reading` is then left to the simulation.
     """
 
+    tilt: Hook | None = None
     height: Hook | None = None
     coverage: Hook | None = None
     speed: Hook | None = None
@@ -269,7 +279,8 @@ class Effect:
     @property
     def changes_geometry(self) -> bool:
         """Whether heights or covered areas, and so the images, depend on its parameters."""
-        return self.hooks.height is not None or self.hooks.coverage is not None
+        hooks = self.hooks
+        return any(hook is not None for hook in (hooks.tilt, hooks.height, hooks.coverage))
 
 
 @expression

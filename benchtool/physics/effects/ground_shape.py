@@ -16,7 +16,7 @@ KNOWN = Prior(
 @expression
 def denominator(p: Any, i: int, flow: Flow) -> Quantity:
     """Return c D^2 with D the disc's own image: the term of second order in 1/z^2."""
-    own = flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
+    own = flow.axial_share * flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
     return p.curvature * own * own
 
 

@@ -9,7 +9,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 @expression
 def denominator(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return R^2 sum over j != i of z_i / (2 (d_ij^2 + 4 z_i^2)^(3/2)) of eq. (3)."""
+    """Return R^2 times the sum over j != i of eq. (3), worked out in `disc_thrust`."""
     return p.strength * flow.radius_m * flow.radius_m * flow.neighbour_images[i]
 
 

@@ -15,6 +15,7 @@ from matplotlib.patches import Rectangle
 from benchtool.core.array import Array
 from benchtool.core.rig import Rig
 from benchtool.physics.body_lift import quad_body_lift_factor
+from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import quad_factor, single_rotor_factor, three_rotor_average_factor
 from benchtool.physics.wake_picture import Hover, source_velocity, vortex_velocity
 from benchtool.report.figure import Page, figure
@@ -24,7 +25,8 @@ from benchtool.report.paper.drawings import draw_tilted
 from benchtool.report.paper.flights import Flies
 from benchtool.report.ratio import Curve, draw_ratio
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
-from benchtool.simulate.pitch.attitude import READINGS, hover_authority_Nm, restoring_moment
+from benchtool.simulate.flight.vehicle import FlightVehicle
+from benchtool.simulate.pitch.attitude import READINGS, hover_authority_Nm, restoring_moment_Nm
 
 K_B = 2.0
 """Body lift coefficient of the paper's figure 6."""
@@ -77,38 +79,35 @@ for _name, _title, _curves in (
     page="paper",
     name="fig09-attitude",
     title="{0.rig.name}: ground effect turns a tilted vehicle back (Fig. 9)",
-    caption="Restoring moment against tilt under each reading of the body term.",
+    caption=(
+        "Restoring moment about the centre against tilt, with T = m g/4 of each rotor, under each "
+        "reading of the formulae; the first is the method of images."
+    ),
     simulated=True,
-    height_in=4.3,
-    width_in=3.2 * (len(READINGS) + 1),
+    height_in=7.6,
+    width_in=3.6 * (len(READINGS) + 1) / 2,
 )
 def attitude(figure: Figure, flights: Flies) -> None:
     """Draw figure 9: a sketch, then the moment against tilt for each reading, on one scale."""
     rig, heights = flights.rig, np.array([1.0, 1.5, 2.0, 3.0, 5.0])
     tilt_deg = np.linspace(0.0, 10.0, 41)
-    labels = {
-        "per_rotor": "eq. (4) in every rotor,\n$b$ half the diagonal",
-        "per_rotor_diagonal": "eq. (4) in every rotor,\n$b$ the diagonal (printed)",
-        "rotors_only": "rotors only, eq. (3):\nbody's lift at the centre",
-    }
     moments_mNm = [
-        1e3 * restoring_moment(rig, heights, np.radians(tilt_deg), reading).moment_Nm  # type: ignore[arg-type]
-        for reading in READINGS
+        1e3 * restoring_moment_Nm(rig, heights, np.radians(tilt_deg), name) for name in READINGS
     ]
-    axes = figure.subplots(1, 1 + len(READINGS), width_ratios=[0.9] + [1.0] * len(READINGS))
+    axes = figure.subplots(2, (1 + len(READINGS)) // 2).ravel()
     draw_tilted(axes[0], rig, 0.24, np.radians(10.0))
-    for panel, reading, moments in zip(axes[1:], READINGS, moments_mNm, strict=True):
+    for panel, reading, moments in zip(axes[1:], READINGS.values(), moments_mNm, strict=True):
         for height, moment, color in zip(heights, moments, CYCLE, strict=False):
             panel.plot(tilt_deg, moment, color=color, label=f"$z/R$ = {height:g}")
         panel.axhline(
-            1e3 * one_rotor_Nm(rig), color=GREY, linestyle=DASHED, lw=1.1,
+            1e3 * level_moment_Nm(rig, 1), color=GREY, linestyle=DASHED, lw=1.1,
             label="level, one covered\nrotor at $z/R$ = 2",
         )  # fmt: skip
-        panel.set_title(labels[reading])
+        panel.set_title(reading.title)
         panel.set_xlabel("tilt [deg]")
         panel.set_ylim(0.0, 1.05 * max(float(each.max()) for each in moments_mNm))
         panel.set_xlim(0.0, float(tilt_deg[-1]))
-    axes[1].set_ylabel("restoring moment [mN m]")
+        panel.set_ylabel("restoring moment [mN m]")
     axes[1].legend(loc="upper left")
     whole_mNm = 1e3 * hover_authority_Nm(rig)
     share = axes[-1].secondary_yaxis(
@@ -117,12 +116,23 @@ def attitude(figure: Figure, flights: Flies) -> None:
     share.set_ylabel("per cent of hover authority")
 
 
-def one_rotor_Nm(rig: Rig, z_over_R: float = 2.0) -> float:
-    """Return the moment of a level vehicle with one outer disc wholly covered (section 4)."""
-    arm = float(rig.disc_positions_m[:, 0].max())
-    radius = rig.propulsion.radius_m
-    share = rig.body.mass_kg * GRAVITY_M_S2 / rig.n_discs
-    return float(arm * share * (single_rotor_factor(radius, z_over_R * radius) - 1.0))
+def level_moment_Nm(rig: Rig, covered: int, z_over_R: float = 2.0) -> float:
+    """Return the moment of a level plus quadrotor with its front discs wholly covered (section 3).
+
+    One is the front alone, three the front and both sides.
+    """
+    model = FlightVehicle.of_rig(rig).model
+    x_m = rig.disc_positions_m[:, 0]
+    front = np.argsort(-x_m, kind="stable")[:covered]
+    conditions = Conditions.of(
+        rig,
+        speed_rad_s=np.ones(rig.n_rotors),
+        plate_z_m=np.array([z_over_R * rig.propulsion.radius_m]),
+        coverage=np.isin(np.arange(rig.n_discs), front).astype(float)[:, None],
+    )
+    values = model.parameters.values_array()
+    factors = np.ravel(model.disc_factors(model.flow(conditions, values), values))
+    return float(rig.body.mass_kg * GRAVITY_M_S2 / rig.n_discs * x_m @ (factors - 1.0))
 
 
 FIELDS = {

@@ -233,9 +233,7 @@ class FlightLoop:
         self.layout = r.flight_layout(
             rig.n_discs, rig.n_rotors, n_numbers, zeroed(law_numbers), law.state
         )
-        self.loops = flight_loops(
-            effects, self.layout, disc_of, model.wake_rule, model.arm_counts, law.step
-        )
+        self.loops = flight_loops(effects, self.layout, disc_of, model.image_rules, law.step)
         helped = case.feeds_forward
         chart = r.MapUse(
             case.map_strength if helped and not external else 0.0,

@@ -1,9 +1,10 @@
 """What is below the discs of a vehicle in the air, and what it does to their thrust.
 
 For each surface apart (`environment`): the fraction of each disc over it (exact for blocks, from
-the samples of a grid) and the disc's own height over it. With these the terms of eqs. (2) to (4)
-are summed as for a sweep and a pitch bench (`physics.disc_thrust`), the images of the neighbours
-and of the body being those over the same surface. A disc's factor is 1 + the sum over surfaces of
+the samples of a grid), the disc's own height over it, and where its plane lies under the body, also
+where that reaches beyond the surface's edge. With these the terms of eqs. (2) to (4) are summed as
+for a sweep and a pitch bench (`physics.disc_thrust`), the images of the neighbours and of the body
+being those over the same surface. A disc's factor is 1 + the sum over surfaces of
 a (F - 1), times the effects' factors; those see what covers most of the disc. The floor takes what
 the other surfaces leave. Below the validity of the formulae a height is held, and that is counted.
 """
@@ -27,7 +28,9 @@ from benchtool.physics.expression import (
     write_record,
 )
 from benchtool.physics.fold import each
+from benchtool.physics.plane import LEVEL, Plane
 from benchtool.simulate.flight.environment import BLOCK, MAP
+from benchtool.simulate.flight.rigid_body import forward, leftward
 from benchtool.simulate.hooks import LoopHooks
 
 
@@ -65,6 +68,9 @@ class DiscBelow(NamedTuple):
 DISC = Slot(0, DiscBelow())
 """One column of the scratch of a look: a disc."""
 
+LEAST_SHARE = 1e-300
+"""Keeps a surface that is under no disc from dividing by nothing."""
+
 HEIGHT_OVER_NOTHING_M = 1.0
 """Stands for the height of a disc that has no share in a surface, which makes it act on nothing."""
 
@@ -72,14 +78,13 @@ HEIGHT_OVER_NOTHING_M = 1.0
 @loop_part
 def place_discs(body: Any, discs: Any, scratch: Any) -> None:
     """Write where the disc centres are in the world."""
-    w, x, y, z = body.qw, body.qx, body.qy, body.qz
-    n = len(discs.x_m)
+    ahead, aside, n = forward(body), leftward(body), len(discs.x_m)
     for i in range(n):
         a, b = discs.x_m[i], discs.y_m[i]
         placed = DiscBelow(
-            body.x_m + (1.0 - 2.0 * (y * y + z * z)) * a + 2.0 * (x * y - w * z) * b,
-            body.y_m + 2.0 * (x * y + w * z) * a + (1.0 - 2.0 * (x * x + z * z)) * b,
-            body.z_m + 2.0 * (x * z - w * y) * a + 2.0 * (y * z + w * x) * b,
+            body.x_m + ahead[0] * a + aside[0] * b,
+            body.y_m + ahead[1] * a + aside[1] * b,
+            body.z_m + ahead[2] * a + aside[2] * b,
             0.0,
             HEIGHT_OVER_NOTHING_M,
             1.0,
@@ -128,12 +133,28 @@ def away(time_s: Any, block: Any) -> Any:
     return 0.0
 
 
+@expression
+def rise(axis: Any, block: Any) -> Any:
+    """Return how much more a place rises over a block's top per metre along an axis (3,)."""
+    return axis[2] - block.slope_x * axis[0] - block.slope_y * axis[1]
+
+
+@expression
+def level_plane(body: Any, top_m: Any) -> Any:
+    """Return the plane of a level surface under the body."""
+    return Plane(body.z_m - top_m, forward(body)[2], leftward(body)[2])
+
+
 @loop_part
 def over_blocks(
-    surface: Any, time_s: Any, radius_m: Any, tables: Any, scratch: Any, n: Any, whole: Any
-) -> Any:
-    """Write share and height of every disc over one surface of blocks; return the summed share."""
+    body: Any, surface: Any, time_s: Any, radius_m: Any, tables: Any, scratch: Any, n: Any,
+    whole: Any,
+) -> Any:  # fmt: skip
+    """Write share and height of every disc over one surface of blocks; return the summed share and
+    the surface's plane.
+    """
     total, n_blocks = 0.0, tables.blocks.shape[1]
+    centre, slope_x, slope_y = 0.0, 0.0, 0.0
     for i in range(n):
         cover(scratch, i, n, 0.0, HEIGHT_OVER_NOTHING_M)
     for b in range(n_blocks):
@@ -143,6 +164,7 @@ def over_blocks(
         out = away(time_s, block)
         dx, dy = out * block.slide_x_m, out * block.slide_y_m
         x1, x2, y1, y2 = block.x1_m + dx, block.x2_m + dx, block.y1_m + dy, block.y2_m + dy
+        before = total
         for i in range(n):
             disc = read_record(scratch, DISC, i, n)
             x, y = disc.x_m, disc.y_m
@@ -163,14 +185,29 @@ def over_blocks(
             both = disc.share + share
             cover(scratch, i, n, both, (disc.share * disc.height_m + share * height) / both)
             total += share
-    return total
+        if total > before:
+            top, steep = block.top_m, 1.0
+            if block.slope_x != 0.0:
+                top += block.slope_x * (body.x_m - x1)
+                steep += block.slope_x * block.slope_x
+            if block.slope_y != 0.0:
+                top += block.slope_y * (body.y_m - y1)
+                steep += block.slope_y * block.slope_y
+            here, normal = total - before, 1.0 / np.sqrt(steep)
+            centre += here * (body.z_m - top) * normal
+            slope_x += here * rise(forward(body), block) * normal
+            slope_y += here * rise(leftward(body), block) * normal
+    per_share = 1.0 / max(total, LEAST_SHARE)
+    return total, Plane(centre * per_share, slope_x * per_share, slope_y * per_share)
 
 
 @loop_part
-def over_grid(seen: Any, map_: Any, scratch: Any, n: Any) -> Any:
-    """Write share and height of every disc over the grid's rise; return the summed share."""
+def over_grid(body: Any, seen: Any, map_: Any, scratch: Any, n: Any) -> Any:
+    """Write share and height of every disc over the grid's rise; return the summed share and the
+    plane: level, at the mean height of what is below the discs.
+    """
     nx, ny = seen.shape[1], seen.shape[2]
-    total = 0.0
+    total, tops = 0.0, 0.0
     for i in range(n):
         disc = read_record(scratch, DISC, i, n)
         u = (disc.x_m - map_.grid_x_m) / map_.step_x_m
@@ -186,12 +223,13 @@ def over_grid(seen: Any, map_: Any, scratch: Any, n: Any) -> Any:
         top += w10 * seen[1, j + 1, k] + w11 * seen[1, j + 1, k + 1]
         cover(scratch, i, n, share, disc.z_m - top)
         total += share
-    return total
+        tops += share * top
+    return total, level_plane(body, tops / max(total, LEAST_SHARE))
 
 
 @loop_part
-def over_floor(floor_m: Any, scratch: Any, n: Any) -> Any:
-    """Write share and height of every disc over the floor; return the summed share."""
+def over_floor(body: Any, floor_m: Any, scratch: Any, n: Any) -> Any:
+    """Write share and height of every disc over the floor; return summed share and plane."""
     total = 0.0
     if floor_m > -np.inf:
         for i in range(n):
@@ -199,7 +237,7 @@ def over_floor(floor_m: Any, scratch: Any, n: Any) -> Any:
             share = max(disc.rest, 0.0)
             cover(scratch, i, n, share, disc.z_m - floor_m)
             total += share
-    return total
+    return total, level_plane(body, floor_m)
 
 
 @expression
@@ -236,23 +274,25 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
         factor, coverage, height = ones, ones, nothing
         over_all, nearest, touching, held = coverage_of(ones), np.inf, 0.0, 0.0
         for surface in range(n_planes + 2):
-            total = 0.0
+            total, plane = 0.0, LEVEL
             if surface < n_planes:
-                total = over_blocks(surface, time_s, craft.radius_m, tables, scratch, n, whole)
+                total, plane = over_blocks(
+                    body, surface, time_s, craft.radius_m, tables, scratch, n, whole
+                )
             elif surface == n_planes:
                 if map_.step_x_m > 0.0:
-                    total = over_grid(tables.seen, map_, scratch, n)
+                    total, plane = over_grid(body, tables.seen, map_, scratch, n)
             else:
                 coverage = coverage_of(rests(scratch))
-                total = over_floor(map_.floor_m, scratch, n)
+                total, plane = over_floor(body, map_.floor_m, scratch, n)
             if total <= 0.0:
                 continue
             share = shares(scratch)
             flow = parts.bare(
-                craft.effective_radius_m, discs.x_m, discs.y_m, heights(scratch), share, speed,
-                time_s, pitch_rad, body.q_rad_s, 1.0, 0.0,
+                craft.effective_radius_m, discs.x_m, discs.y_m, plane, heights(scratch), share,
+                speed, time_s, pitch_rad, body.q_rad_s, 1.0, 0.0,
             )  # fmt: skip
-            flow = parts.with_images(flow, discs.distances_m, discs.arms_m, p)
+            flow = parts.with_images(flow, discs.distances_m, discs.body, p)
             given = parts.image_factors(flow, p)
             for i in range(n):
                 factor = replaced(factor, i, factor[i] + (given[i] - 1.0))
@@ -275,7 +315,7 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
         for i in range(n):
             seen = replaced(seen, i, min(height[i], FAR_AWAY_M))
         flow = parts.bare(
-            craft.effective_radius_m, discs.x_m, discs.y_m, seen, over_all, speed, time_s,
+            craft.effective_radius_m, discs.x_m, discs.y_m, LEVEL, seen, over_all, speed, time_s,
             pitch_rad, body.q_rad_s, 1.0, 0.0,
         )  # fmt: skip
         drag, factor = parts.drags(factor, flow, p), parts.scaled(factor, flow, p)

@@ -14,6 +14,7 @@ from benchtool.physics.expression import (
     replaced,
     write_record,
 )
+from benchtool.physics.plane import LEVEL
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N, speed_from_thrust
 from benchtool.simulate.controllers.controller import FlightCommand, FlightMeasurement
 from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
@@ -77,7 +78,7 @@ def mix_vehicle(
         speed = min(speed_from_thrust(wanted_N, craft.k_N_s2), craft.top_speed_rad_s)
         speeds = replaced(speeds, i, speed)
     flow = hooks.bare(
-        craft.effective_radius_m, craft.x_m, craft.y_m, speeds, speeds, speeds, now.time_s,
+        craft.effective_radius_m, craft.x_m, craft.y_m, LEVEL, speeds, speeds, speeds, now.time_s,
         0.0, 0.0, 1.0, 0.0,
     )  # fmt: skip
     given = rotor_speeds(flow, p)
@@ -173,8 +174,8 @@ def move_vehicle(
     pitching += body.wake_Nm
     rate, share = body.q_rad_s, dt_s / craft.inertia_kgm2[1]
     flow = hooks.bare(
-        craft.effective_radius_m, discs.x_m, discs.y_m, flow.height_m, flow.coverage, speed,
-        time_s, pitch, rate, 1.0, lift,
+        craft.effective_radius_m, discs.x_m, discs.y_m, flow.plane, flow.height_m, flow.coverage,
+        speed, time_s, pitch, rate, 1.0, lift,
     )  # fmt: skip
     flow = hooks.with_thrust(flow, rate, craft.k_N_s2, found.factor)
     middle = rate + 0.5 * share * (pitching + hooks.torque(0, flow, p))
@@ -232,7 +233,7 @@ def sense_vehicle(
     n_noise = a.noise.shape[1]
     noise = read_record(a.noise, NOISE, min(now.tick, n_noise - 1), n_noise)
     flow = hooks.bare(
-        0.0, discs.x_m, discs.y_m, ones, ones, ones, time_s, pitch, body.q_rad_s, 1.0, 0.0
+        0.0, discs.x_m, discs.y_m, LEVEL, ones, ones, ones, time_s, pitch, body.q_rad_s, 1.0, 0.0
     )
     measured = FlightMeasurement(
         time_s, body.x_m, body.y_m, body.z_m, body.vx_m_s, body.vy_m_s, body.vz_m_s,

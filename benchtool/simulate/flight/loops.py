@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from benchtool.physics.disc_thrust import owned
+from benchtool.physics.disc_thrust import ImageRules, owned
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
     borrowed,
@@ -43,8 +43,7 @@ def flight_loops(
     effects: tuple[Effect, ...],
     layout: Layout,
     disc_of: tuple[int, ...],
-    rule: str,
-    arms: tuple[int, ...],
+    rules: ImageRules,
     step: Any,
 ) -> FlightLoops:
     """Return the loops of these effects and this law.
@@ -53,14 +52,13 @@ def flight_loops(
         effects: whose hooks are called.
         layout: where records stand.
         disc_of: on which disc each rotor is (n_rotors,).
-        rule: wake rule.
-        arms: how many images of eq. (4) are equally far, see `disc_thrust`.
+        rules: how images are summed.
         step: of the law that controls.
     """
     n, to = max(disc_of) + 1, layout.places
     ones, n_rotors, like = (1.0,) * n, len(disc_of), FlightArrays()
-    hooks = joined_hooks(effects, n, rule, arms)
-    slot, build = geometry_slot(n, len(arms)), Build((0,), to)
+    hooks = joined_hooks(effects, n, rules)
+    slot, build = geometry_slot(n, rules.n_body), Build((0,), to)
     look = surround(n, hooks)
     speed = chained(owned(effects, "speed"))
     rotor_speeds = each(
@@ -74,7 +72,7 @@ def flight_loops(
     sense = loop_part(lambda a, now: sense_vehicle(a, now, to, hooks(), look, disc_of, ones))
     goes_on = loop_part(lambda a: still_going(a, to))
     phases: Any = expression(lambda: Phases(fixed, wanted, law, mix, move, sense, goes_on))
-    key = repr((disc_of, rule, arms, identity(step), layout.records, identities(effects)))
+    key = repr((disc_of, rules, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(borrowed(arrays, like), plan, first, last, build, phases())

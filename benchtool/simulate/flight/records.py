@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.expression import Slot
 from benchtool.simulate.controllers.controller import (
     FlightCommand,
@@ -57,15 +58,15 @@ class Craft(NamedTuple):
 
 
 class FlightGeometry(NamedTuple):
-    """Plant step: s. Places of the discs (n,), distances between their axes (n, n) and from the
-    body's centre to the images of eq. (4) (n_arms,): m.
+    """Plant step: s. Places of the discs (n,), distances between their axes (n, n): m; sources of
+    the body term (n_body,).
     """
 
     dt_s: Any
     x_m: Any
     y_m: Any
     distances_m: Any
-    arms_m: Any
+    body: BodyImages
 
 
 class MapUse(NamedTuple):
@@ -177,10 +178,13 @@ class FlightArrays(NamedTuple):
     chart: Tables = Tables()
 
 
-def geometry_slot(n_discs: int, n_arms: int) -> Slot:
+def geometry_slot(n_discs: int, n_body: int) -> Slot:
     """Return the slot of a geometry."""
     discs = (0.0,) * n_discs
-    return Slot(0, FlightGeometry(0.0, discs, discs, (discs,) * n_discs, (0.0,) * n_arms))
+    return Slot(
+        0,
+        FlightGeometry(0.0, discs, discs, (discs,) * n_discs, BodyImages(*((0.0,) * n_body,) * 3)),
+    )
 
 
 @lru_cache(maxsize=64)

@@ -108,6 +108,20 @@ def upward(body: Any) -> Any:
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
+@expression
+def forward(body: Any) -> Any:
+    """Return the body's x axis in world axes (3,)."""
+    w, x, y, z = body.qw, body.qx, body.qy, body.qz
+    return 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
+
+
+@expression
+def leftward(body: Any) -> Any:
+    """Return the body's y axis in world axes (3,)."""
+    w, x, y, z = body.qw, body.qx, body.qy, body.qz
+    return 2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)
+
+
 @loop_part
 def drift(body: Any, dt_s: Any) -> Any:
     """Return the body moved at constant velocities; exact for a constant body rate."""

@@ -25,6 +25,9 @@ from benchtool.simulate.ranges import refuse_outside
 SHORT_NAMES = {"K_b": "K_b", "neighbours": f"{NEIGHBOURS.name}.strength", "lag_s": "tau_s"}
 """What a flight calls some effects' numbers, and their own names."""
 
+RULES = ("wake_rule", "tilt_rule", "body_distance")
+"""Readings of the paper that a vehicle's model chooses by name."""
+
 RANGES = {
     "K_b": (0.0, 50.0),
     "neighbours": (0.0, 10.0),
@@ -75,7 +78,7 @@ class FlightVehicle:
     def with_numbers(self, **numbers: Any) -> FlightVehicle:
         """Return the vehicle with some numbers changed.
 
-        A name is a field of the vehicle, `wake_rule` or `body_distance` of its model, one of
+        A name is a field of the vehicle, one of `RULES` of its model, one of
         `SHORT_NAMES`, or an effect's number as in `full_name`; an effect that the model lacks is
         put in.
 
@@ -88,7 +91,7 @@ class FlightVehicle:
         for name, value in numbers.items():
             if name in own:
                 changed = replace(changed, **{name: value})
-            elif name in ("wake_rule", "body_distance"):
+            elif name in RULES:
                 changed = replace(changed, model=replace(changed.model, **{name: value}))
             else:
                 changed = replace(changed, model=_at(changed.model, name, float(value)))
@@ -114,7 +117,8 @@ class FlightVehicle:
         values = {name: item.value for name, item in self.model.parameters.items()}
         places = self.rig.disc_positions_m.tolist()
         own = [getattr(self, item.name) for item in fields(self)[1:]]
-        return (self.rig.name, places, self.model.wake_rule, self.model.body_distance, values, own)
+        rules = [getattr(self.model, name) for name in RULES]
+        return (self.rig.name, places, rules, values, own)
 
     @property
     def idle_effects(self) -> tuple[Effect, ...]:
@@ -144,7 +148,9 @@ class FlightVehicle:
         """Return plant step, places and distances as the loop takes them, see `FlightGeometry`."""
         places = self.rig.disc_positions_m
         x, y = self.turned(places[:, 0], places[:, 1])
-        parts: list[Any] = [dt_s, x, y, self.rig.disc_distances_m, self.model.body_arms_m]
+        body = self.model.body_images
+        sources = [*self.turned(body.x_m, body.y_m), body.arm_m]
+        parts: list[Any] = [dt_s, x, y, self.rig.disc_distances_m, *sources]
         return np.concatenate([np.ravel(part) for part in parts])
 
     def craft(self) -> Craft:

@@ -1,65 +1,51 @@
 """The moment that ground effect puts against a tilt of the whole vehicle (paper, section 2.4).
 
-A tilted vehicle has its rotors at different heights; the lower ones gain more. Every rotor gives an
-equal share of the thrust that keeps the height at that tilt, m g / cos(tilt), and enters the
-formulae with its own height. With the body's term inside each rotor's thrust, as eq. (10) has it,
-the moment is several times that of the images alone; a lift that acts on the body acts at the
-centre and gives none. Both readings are here.
+A tilted vehicle has its rotors at different heights; the lower ones gain more. The moment is about
+the body's centre, which stays at its height, for rotors that each give T = m g / n along their axis
+out of ground effect: n the number of rotors, no matter the tilt. Thrusts that also keep the height,
+m g / (n cos(tilt)), give a moment greater by 1/cos(tilt).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any
 
 import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
-from benchtool.physics.expression import Quantity, expression
+from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 
-BodyReading = Literal["per_rotor", "per_rotor_diagonal", "rotors_only"]
-"""Body term in every rotor's thrust (b half the diagonal, or all of it), or at the centre only."""
 
-READINGS: dict[str, str] = {
-    "per_rotor": "eq. (4) in every rotor's thrust, b half the diagonal",
-    "per_rotor_diagonal": "eq. (4) in every rotor's thrust, b the diagonal as printed",
-    "rotors_only": "rotors only, eq. (3): the body's lift acts at the centre",
-}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AttitudeMoment:
-    """Hold the restoring moment of one reading.
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Name one reading of eqs. (3) and (4) under tilt.
 
     Attributes:
-        reading: which.
-        moment_Nm: (heights, tilts), positive against the tilt.
+        title: for people, two short lines.
+        rules: what of a `Model` it sets: tilt rule, body distance.
+        body: whether the body term is in each rotor's thrust, as eq. (10) has it.
     """
 
-    reading: BodyReading
-    moment_Nm: Array
+    title: str
+    rules: dict[str, str]
+    body: bool = True
 
 
-@expression
-def tilted_vehicle_height(
-    z_m: Quantity, x_m: Quantity, y_m: Quantity, pitch_rad: Quantity, roll_rad: Quantity
-) -> Quantity:
-    """Return the height of a rotor at (x, y) of a tilted vehicle over level ground: m.
-
-    Args:
-        z_m: height of the body's centre: m.
-        x_m: rotor place, forward: m.
-        y_m: rotor place, left: m.
-        pitch_rad: pitch, positive nose down.
-        roll_rad: roll after pitch, positive left side up.
-
-    With pitch alone this is z - x sin(pitch). Source: paper, section 2.4 (each rotor's own height).
-    """
-    return z_m - x_m * np.sin(pitch_rad) + y_m * np.cos(pitch_rad) * np.sin(roll_rad)
+READINGS: dict[str, Reading] = {
+    "images": Reading("eq. (4), images at $z_i + z_j$,\n$b$ half the diagonal", {}),
+    "images_diagonal": Reading(
+        "eq. (4), images at $z_i + z_j$,\n$b$ the diagonal (printed)", {"body_distance": "diagonal"}
+    ),
+    "rotors_only": Reading("rotors only, eq. (3),\nimages at $z_i + z_j$", {}, body=False),
+    "vertical": Reading("eq. (4), inflow taken\nalong the vertical", {"tilt_rule": "vertical"}),
+    "own_height": Reading("eq. (4), each rotor's\nown height in it", {"tilt_rule": "own_height"}),
+}
+"""The first is the physics; the others are named choices."""
 
 
 def hover_authority_Nm(rig: Rig) -> float:
@@ -71,41 +57,48 @@ def hover_authority_Nm(rig: Rig) -> float:
     return float(arms.sum() * rig.body.mass_kg * GRAVITY_M_S2 / rig.n_rotors)
 
 
-def restoring_moment(
-    rig: Rig, z_over_R: Array, tilt_rad: Array, reading: BodyReading = "per_rotor", K_b: float = 2.0
-) -> AttitudeMoment:
-    """Return the moment against a tilt about the pitch axis, the whole vehicle over ground.
+def restoring_moment_Nm(
+    rig: Rig, z_over_R: Array, tilt_rad: Array, reading: str = "images", K_b: float = 2.0
+) -> Array:
+    """Return the moment against a tilt about the pitch axis, the whole vehicle over ground: N m.
+
+    Each rotor gives m g over the number of rotors; (heights, tilts), positive against the tilt.
 
     Args:
         rig: the vehicle.
         z_over_R: height of its centre in rotor radii (h,).
         tilt_rad: (t,).
-        reading: how the body's term acts.
+        reading: one of `READINGS`.
         K_b: body lift coefficient.
 
     Raises:
         InputError: a rotor would come nearer than half its radius, where the formulae end.
+        UnknownChoice: no such reading.
     """
-    if reading not in get_args(BodyReading):
-        raise UnknownChoice("reading of the body term", reading, get_args(BodyReading))
+    if reading not in READINGS:
+        raise UnknownChoice("reading of the formulae under tilt", reading, READINGS)
+    rules: dict[str, Any] = {"wake_rule": "full", **READINGS[reading].rules}
+    model = replace(Model.single(rig).with_effect("neighbour_images"), **rules)
+    if READINGS[reading].body:
+        model = model.with_effect("body_lift", K_b=K_b)
     radius = rig.propulsion.radius_m
     z, tilt = np.meshgrid(np.asarray(z_over_R, float) * radius, tilt_rad, indexing="ij")
-    places = rig.disc_positions_m
-    heights = np.array([tilted_vehicle_height(z, x, y, tilt, 0.0) for x, y in places])
-    if not np.all(heights >= 0.5 * radius):
+    conditions = Conditions.of(
+        rig,
+        speed_rad_s=np.ones(rig.n_rotors),
+        plate_z_m=np.ravel(z / np.cos(tilt)),  # along the rotor axis
+        plate_tilt_rad=np.ravel(tilt),
+        coverage=np.ones((rig.n_discs, 1)),
+    )
+    nearest = float(np.min(model.z_over_R(conditions)))
+    if not nearest >= 0.5:
         raise InputError(
-            f"a rotor comes to z/R = {np.nanmin(heights) / radius:.3g}, below 0.5 where the "
+            f"a rotor comes to z/R = {nearest:.3g}, below 0.5 where the "
             f"formulae end; give a greater height or less tilt"
         )
-    model = replace(
-        Model.single(rig).with_effect("neighbour_images"),
-        wake_rule="full",
-        body_distance="diagonal" if reading == "per_rotor_diagonal" else "half_diagonal",
-    )
-    if reading != "rotors_only":
-        model = model.with_effect("body_lift", K_b=K_b)
-    factors = model.factors_at(heights)
+    values = model.parameters.values_array()
+    factors = np.array(model.disc_factors(model.flow(conditions, values), values))
     rotors_on = np.bincount(rig.disc_of_rotor, minlength=rig.n_discs)
-    share = rotors_on * rig.body.mass_kg * GRAVITY_M_S2 / rig.n_rotors
-    moment = np.einsum("d,dht->ht", places[:, 0] * share, factors - 1.0) / np.cos(tilt)
-    return AttitudeMoment(reading=reading, moment_Nm=moment)
+    share_N = rotors_on * rig.body.mass_kg * GRAVITY_M_S2 / rig.n_rotors
+    moment: Array = (rig.disc_positions_m[:, 0] * share_N) @ (factors - 1.0)
+    return moment.reshape(z.shape)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from benchtool.physics.expression import Slot, loop_part, read_record, replaced, write_record
+from benchtool.physics.plane import LEVEL
 from benchtool.simulate.motors import Rotors
 from benchtool.simulate.pitch.records import Hinge, SensorReadings, Setpoint
 
@@ -62,7 +63,9 @@ def correct_lane(w: Any, lane: Any, at: Any, now: Any, by: Any, to: Any, hooks: 
     shown = read_record(w, to.readings, lane, at)
     p = read_record(w, to.effects, lane, at)
     roots = discs.roots
-    flow = hooks.bare(0.0, discs.x_m, discs.y_m, roots, roots, roots, 0.0, 0.0, 0.0, 1.0, 0.0)
+    flow = hooks.bare(
+        0.0, discs.x_m, discs.y_m, LEVEL, roots, roots, roots, 0.0, 0.0, 0.0, 1.0, 0.0
+    )
     gyro = hooks.gyro(0, hinge.rate_rad_s, flow, p)
     predicted = SensorReadings(hinge.theta_rad, gyro, shown.plate_z_m, rotors.speed_rad_s)
     write_record(w, to.readings, lane, at, predicted)

@@ -13,6 +13,7 @@ import numpy as np
 
 from benchtool.physics.expression import expression, loop_part, read_record, replaced, write_record
 from benchtool.physics.mixer import pitch_moment_Nm
+from benchtool.physics.plane import LEVEL, Plane, height_over
 from benchtool.simulate.controllers.limits import limited
 from benchtool.simulate.motors import Rotors, lagged
 from benchtool.simulate.noise import next_state, normal
@@ -37,11 +38,17 @@ def read(true: Any, draw: Any, sensor: Any) -> Any:
 
 
 @expression
-def heights_over(plate_z_m: Any, x_m: Any, theta_rad: Any) -> Any:
-    """Return the height of each disc over a plate that lies level: m."""
-    found, slope = x_m, sine(theta_rad)
+def plane_below(plate_z_m: Any, theta_rad: Any, lean_rad: Any) -> Any:
+    """Return where a plate lies whose centre is below the hinge and which leans by an angle."""
+    return Plane(plate_z_m * cosine(lean_rad), -sine(theta_rad + lean_rad), 0.0)
+
+
+@expression
+def heights_over(plane: Any, x_m: Any, y_m: Any) -> Any:
+    """Return the height of each disc over the plate: m."""
+    found = x_m
     for i in range(len(x_m)):
-        found = replaced(found, i, plate_z_m - x_m[i] * slope)
+        found = replaced(found, i, height_over(plane, x_m[i], y_m[i]))
     return found
 
 
@@ -70,16 +77,17 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
 
     x, dt_s, rate = discs.x_m, discs.dt_s, hinge.rate_rad_s
     theta = hinge.theta_rad + 0.5 * dt_s * rate
-    heights = heights_over(plate.plate_z_m, x, theta)
+    plane = plane_below(plate.plate_z_m, theta, hooks.tilt(p))
+    heights = heights_over(plane, x, discs.y_m)
     areas = scaled(body.covered, plate.plate_share)
     speed = middle_rad_s
     for i in range(len(x)):
         speed = replaced(speed, i, discs.roots[i] * middle_rad_s[i])
     flow = hooks.bare(
-        body.radius_m, x, discs.y_m, heights, areas, speed, time_s, theta, rate, cosine(theta),
-        body.weight_N,
+        body.radius_m, x, discs.y_m, plane, heights, areas, speed, time_s, theta, rate,
+        cosine(theta), body.weight_N,
     )  # fmt: skip
-    flow = hooks.with_images(flow, discs.distances_m, discs.arms_m, p)
+    flow = hooks.with_images(flow, discs.distances_m, discs.body, p)
     factor = hooks.factors(flow, p)
     flow = hooks.with_thrust(flow, rate, body.k, factor)
     pushed = pitch_moment_Nm(flow.thrust_N, x) + hinge.wake_Nm
@@ -116,7 +124,9 @@ def sense_lane(
     sensors, rotors = read_record(w, to.sensors, lane, at), read_record(w, to.rotors, lane, at)
     p = read_record(w, to.effects, lane, at)
     roots = discs.roots
-    flow = hooks.bare(0.0, discs.x_m, discs.y_m, roots, roots, roots, 0.0, 0.0, 0.0, 1.0, 0.0)
+    flow = hooks.bare(
+        0.0, discs.x_m, discs.y_m, LEVEL, roots, roots, roots, 0.0, 0.0, 0.0, 1.0, 0.0
+    )
     a = next_state(states[lane])
     b = next_state(a)
     theta = read(late.theta_rad, normal(a, b), sensors.theta)

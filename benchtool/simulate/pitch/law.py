@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from benchtool.physics.expression import loop_part, read_record, replaced, write_record
+from benchtool.physics.plane import LEVEL
 from benchtool.physics.rotor import pwm_from_speed, speed_from_pwm, speed_from_thrust
 from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
 from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
 from benchtool.simulate.motors import Targets
-from benchtool.simulate.pitch.lane import heights_over, rounded, scaled
+from benchtool.simulate.pitch.lane import heights_over, plane_below, rounded, scaled
 from benchtool.simulate.pitch.records import Command
 
 
@@ -57,13 +58,14 @@ def expect_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> No
     nominal, wanted, discs = read_record(w, to.nominal, lane, at), now.wanted, now.fixed
     body, seen = read_record(w, to.body, lane, at), read_record(w, to.readings, lane, at)
     p = read_record(w, to.nominal_effects, lane, at)
-    heights = heights_over(wanted.nominal_plate_z_m, discs.x_m, seen.theta_rad)
+    plane = plane_below(wanted.nominal_plate_z_m, seen.theta_rad, hooks.tilt(p))
+    heights = heights_over(plane, discs.x_m, discs.y_m)
     areas = scaled(body.covered, wanted.nominal_share)
     flow = hooks.bare(
-        nominal.radius_m, discs.x_m, discs.y_m, heights, areas, heights, now.time_s, seen.theta_rad,
-        0.0, 1.0, 0.0,
+        nominal.radius_m, discs.x_m, discs.y_m, plane, heights, areas, heights, now.time_s,
+        seen.theta_rad, 0.0, 1.0, 0.0,
     )  # fmt: skip
-    factor = hooks.factors(hooks.with_images(flow, discs.distances_m, discs.arms_m, p), p)
+    factor = hooks.factors(hooks.with_images(flow, discs.distances_m, discs.body, p), p)
     for i in range(len(factor)):
         factor = replaced(factor, i, expected_factor(factor[i], nominal.strength))
     divide_lane(w, lane, at, factor, to)
@@ -101,7 +103,8 @@ def turn_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> None
         speed = speed_from_pwm(command.pwm_us[i], slope, start, 1.0, 1.0)
         settled = replaced(settled, i, speed)
     flow = hooks.bare(
-        body.radius_m, discs.x_m, discs.y_m, settled, settled, settled, time_s, 0.0, 0.0, 1.0, 0.0
-    )
+        body.radius_m, discs.x_m, discs.y_m, LEVEL, settled, settled, settled, time_s,
+        0.0, 0.0, 1.0, 0.0,
+    )  # fmt: skip
     given = hooks.speeds(flow, read_record(w, to.effects, lane, at))
     write_record(w, to.targets, lane, at, Targets(given, given, given))

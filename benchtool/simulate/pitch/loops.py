@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
     borrowed,
@@ -58,8 +59,7 @@ def pitch_loops(
     layout: Layout,
     n_discs: int,
     lanes: int,
-    rule: str,
-    arms: tuple[int, ...],
+    rules: ImageRules,
     law: ControlLaw,
 ) -> PitchLoops:
     """Return the loops of these effects and this law.
@@ -69,14 +69,13 @@ def pitch_loops(
         layout: where records stand.
         n_discs: of the rig.
         lanes: how many benches run side by side.
-        rule: wake rule.
-        arms: how many images of eq. (4) are equally far, see `disc_thrust`.
+        rules: how images are summed.
         law: what controls.
     """
     to, ones, build = layout.places, (1.0,) * n_discs, Build(tuple(range(lanes)), layout.places)
     planned, logged = tick_slot(n_discs), logged_slot(n_discs)
-    slot, like = geometry_slot(n_discs, len(arms)), PitchArrays()
-    hooks, step = joined_hooks(effects, n_discs, rule, arms), law.step
+    slot, like = geometry_slot(n_discs, rules.n_body), PitchArrays()
+    hooks, step = joined_hooks(effects, n_discs, rules), law.step
     fixed = expression(lambda a: read_record(a.geometry, slot, 0, 1))
     wanted = loop_part(lambda a, tick: read_record(a.schedule, planned, tick, a.schedule.shape[1]))
     shown = loop_part(lambda a, tick: read_record(a.schedule, logged, tick, a.schedule.shape[1]))
@@ -146,7 +145,7 @@ def pitch_loops(
 
     closed: Any = expression(lambda: Phases(fixed, wanted, control, mix, move, sense, always))
     along: Any = expression(lambda: Phases(fixed, shown, correct, drive, move, nothing, always))
-    key = repr((n_discs, lanes, rule, arms, identity(step), layout.records, identities(effects)))
+    key = repr((n_discs, lanes, rules, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
         return run_ticks(borrowed(arrays, like), plan, first, last, build, closed())

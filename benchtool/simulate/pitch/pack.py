@@ -35,9 +35,10 @@ def geometry_of(model: Model, dt_s: float) -> Array:
         )
     roots = np.sqrt(counts)
     span_m2 = sum(root * root * x * x for root, x in zip(roots, places[:, 0], strict=True))
-    parts = r.Geometry(
-        dt_s, span_m2, places[:, 0], places[:, 1], roots, rig.disc_distances_m, model.body_arms_m
-    )
+    parts = [
+        *(dt_s, span_m2, places[:, 0], places[:, 1], roots, rig.disc_distances_m),
+        *model.body_images,
+    ]
     return np.concatenate([np.ravel(part) for part in parts])
 
 

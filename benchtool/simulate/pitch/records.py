@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.expression import Slot
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
 from benchtool.simulate.motors import Motion, Rotors, Targets
@@ -242,8 +243,8 @@ FRESH = Slot(0, Fresh())
 
 class Geometry(NamedTuple):
     """Plant step: s. Sum of the rotors' squared arms: m2. Places of the discs (n,): m; root of the
-    number of rotors on each (n,); distances between discs (n, n) and from the body's centre
-    (n_arms,): m.
+    number of rotors on each (n,); distances between discs (n, n): m; sources of the body term
+    (n_body,).
     """
 
     dt_s: Any
@@ -252,10 +253,11 @@ class Geometry(NamedTuple):
     y_m: Any
     roots: Any
     distances_m: Any
-    arms_m: Any
+    body: BodyImages
 
 
-def geometry_slot(n_discs: int, n_arms: int) -> Slot:
+def geometry_slot(n_discs: int, n_body: int) -> Slot:
     """Return the slot of a geometry."""
     discs = (0.0,) * n_discs
-    return Slot(0, Geometry(0.0, 0.0, discs, discs, discs, (discs,) * n_discs, (0.0,) * n_arms))
+    body = BodyImages(*((0.0,) * n_body,) * 3)
+    return Slot(0, Geometry(0.0, 0.0, discs, discs, discs, (discs,) * n_discs, body))

@@ -50,7 +50,7 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
     model = bench.model
     return (
         model.rig.name,
-        model.wake_rule,
+        model.image_rules,
         model.body_distance,
         bench.plant_rate_Hz,
         bench.hover_N,
@@ -107,9 +107,8 @@ class PitchLoop:
         n_numbers = sum(len(effect.parameters) for effect in effects)
         like = law.numbers(control, PitchPlant(1.0, 1.0))
         self.layout = r.layout_for(self.n_discs, n_numbers, zeroed(like), law.state)
-        arms = model.arm_counts
         self.loops = pitch_loops(
-            effects, self.layout, self.n_discs, self.lanes, model.wake_rule, arms, law
+            effects, self.layout, self.n_discs, self.lanes, model.image_rules, law
         )
         packed = {
             key: pack(job.bench, job.control, job.nominal_model, effects, self.layout)

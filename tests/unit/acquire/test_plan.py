@@ -130,6 +130,14 @@ def test_expected_thrust_is_that_of_k_and_the_pwm_map() -> None:
         ("[plate]\ndistances_m = [0.01]", r"0\.01 m .* outside 0\.05 to 1\.5 m"),
         ("[plate]\ndistances_m = [2.0]", r"outside 0\.05 to 1\.5 m"),
         ("[plate]\ndistances_m = [0.1]\ntilts_deg = [20.0]", "tilt at most 8.2 deg"),
+        (
+            "[plate]\ndistances_m = [0.1]\ntilts_deg = [6.0]\nlateral_m = [-0.2]",
+            "tilt at most 5.2 deg",
+        ),
+        (
+            "[plate]\ndistances_m = [0.1]\ntilts_deg = [6.0]\nlateral_m = [0.9]",
+            "tilt at most 4.8 deg",
+        ),
         ("[plate]\nlateral_m = [1.0]", r"1 m is outside -0\.945 to 0\.945 m"),
         ("repeats = 1000000000", r"h or more, limit 48 h; lower repeats \(1,000,000,000\)"),
         ("[throttle]\npwm_us = [1900.0]", r"limit 45 N; lower throttle\.pwm_us"),

@@ -29,11 +29,10 @@ from benchtool.physics.expression import (
     loop_part,
     recorded_expressions,
 )
-from benchtool.physics.images import partial_factor, self_image, thrust_factor
+from benchtool.physics.images import image_velocity, partial_factor, self_image, thrust_factor
 from benchtool.physics.rotor import ground_effect_thrust_N, speed_from_pwm
 from benchtool.physics.wake_rules import WAKE_RULES, notes_weight
 from benchtool.simulate.layout import lent
-from tests.unit.physics.general_sum import body_images, neighbour_images
 
 X = np.array([0.225, 0.0, -0.225, 0.0])
 Y = np.array([0.0, 0.225, 0.0, -0.225])
@@ -41,13 +40,22 @@ DISTANCES = np.hypot(X[:, None] - X, Y[:, None] - Y)
 ARMS = np.hypot(X, Y)
 
 
+@expression
+def images_at(height, sources, distances):
+    """Return what images with sources of that strength at these distances blow at a height."""
+    total = 0.0 * height
+    for j in range(len(sources)):
+        total = total + sources[j] * image_velocity(height, height, distances[j])
+    return total
+
+
 def thrusts(height, coverage, distances, arms, pwm_us, out):
     """Chain most expressions; the same source for NumPy and for the compiled loop."""
     weight = notes_weight(coverage)
     speed = speed_from_pwm(pwm_us, 1.1, 1100.0, 15.2, 14.8)
     for i in range(len(height)):
-        images = self_image(height[i]) + neighbour_images(i, height, coverage, distances)
-        body = body_term(2.0, weight, 0.12, body_images(height[i], arms))
+        images = self_image(height[i]) + images_at(height[i], coverage, distances[i])
+        body = body_term(2.0, weight, 0.12, images_at(height[i], coverage, arms))
         factor = thrust_factor(0.0144 * images + body)
         out[i] = ground_effect_thrust_N(speed, 1e-5, partial_factor(factor, coverage[i]))
 
@@ -177,9 +185,9 @@ def test_complex_steps_give_exact_derivatives(rng: np.random.Generator) -> None:
         weight = notes_weight(coverage)
         result = 0.0
         for i in range(4):
-            images = self_image(height[i]) + neighbour_images(i, height, coverage, DISTANCES)
+            images = self_image(height[i]) + images_at(height[i], coverage, DISTANCES[i])
             term = radius * radius * images
-            term = term + body_term(K_b, weight, radius, body_images(height[i], ARMS))
+            term = term + body_term(K_b, weight, radius, images_at(height[i], coverage, ARMS))
             result = result + partial_factor(thrust_factor(term), coverage[i])
         return result
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchtool.core.rig_file import rig_named
 from benchtool.physics.body_lift import quad_body_lift_factor
 from benchtool.physics.coverage import rectangle_coverage
 from benchtool.physics.images import (
@@ -17,7 +18,7 @@ from benchtool.physics.images import (
 )
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.physics.wake_rules import WAKE_RULES
-from benchtool.simulate.pitch.attitude import tilted_vehicle_height
+from benchtool.simulate.pitch.attitude import hover_authority_Nm, restoring_moment_Nm
 from tests.unit.physics import paper_tables as tables
 from tests.unit.physics.general_sum import multirotor_factors, pole_z_over_R
 from tests.unit.physics.layouts import plus_layout
@@ -68,7 +69,7 @@ def test_factors_at_other_spacings(row: list[str]) -> None:
 @pytest.mark.parametrize("row", rows(tables.THREE_ROTORS_036), ids=lambda r: r[0])
 def test_factors_of_three_rotors(row: list[str]) -> None:
     """Go by the general sum with the fourth rotor off; the closed forms are compared elsewhere."""
-    height = np.full(4, float(row[0]) * PQUAD_R)
+    height = float(row[0]) * PQUAD_R
     on = np.array([1.0, 1.0, 1.0, 0.0])
     ends_and_corner = multirotor_factors(PQUAD_R, height, on, square(0.36))
     values = [ends_and_corner[1], ends_and_corner[0], ends_and_corner[:3].mean()]
@@ -80,7 +81,7 @@ def test_factors_of_amuse(row: list[str]) -> None:
     z, d = float(row[0]) * AMUSE_R, 0.60
     angle = 0.25 * np.pi * np.arange(8)
     ring = 0.60 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    flat = multirotor_factors(AMUSE_R, np.full(8, z), np.ones(8), ring)
+    flat = multirotor_factors(AMUSE_R, z, np.ones(8), ring)
     assert np.ptp(flat) < 1e-12
     single = single_rotor_factor(AMUSE_R, z)
     three = three_rotor_average_factor(AMUSE_R, z, d)
@@ -89,7 +90,6 @@ def test_factors_of_amuse(row: list[str]) -> None:
 
 @pytest.mark.parametrize("row", rows(tables.POLES), ids=lambda r: f"d={r[1]}")
 def test_where_the_denominators_vanish(row: list[str]) -> None:
-    """Find each zero exactly; the printed ones are the near side of a scan, up to 0.00013 low."""
     radius, d = float(row[0]), float(row[1])
     poles = [
         pole_z_over_R(radius, np.zeros((1, 2))),
@@ -97,9 +97,7 @@ def test_where_the_denominators_vanish(row: list[str]) -> None:
         pole_z_over_R(radius, square(d), 2.0, "diagonal"),
         pole_z_over_R(radius, square(d), 2.0, "half_diagonal"),
     ]
-    printed = np.array([float(word) for word in row[2:]])
-    assert np.all(poles - printed > -1e-9)
-    assert np.all(poles - printed < 0.00013)
+    check_row(poles, row[2:])
     for k, pole in enumerate(poles[1:]):
         assert quads(radius, (1.0 + 1e-9) * pole * radius, d)[k] > 1e6
         assert quads(radius, (1.0 - 1e-9) * pole * radius, d)[k] < -1e6
@@ -119,7 +117,7 @@ def test_moment_at_the_edge_of_an_obstacle(row: list[str]) -> None:
             for x in layout.x_m
         ]
     )
-    height = np.full((4, centre.size), float(row[0]) * PQUAD_R)
+    height = np.full(centre.size, float(row[0]) * PQUAD_R)
     weight = WAKE_RULES["notes"].weight(coverage)
     factor = multirotor_factors(PQUAD_R, height, coverage, positions, float(row[1]), weight)
     thrust = 0.25 * 1.4 * GRAVITY * partial_factor(factor, coverage)
@@ -128,67 +126,83 @@ def test_moment_at_the_edge_of_an_obstacle(row: list[str]) -> None:
     assert np.all(backward > -1e-9)
 
 
-def restoring_mNm(
-    radius: float,
-    arm: float,
-    mass: float,
-    z_over_R: float,
-    tilt_deg: float,
-    K_b: float,
-    body_distance: str = "half_diagonal",
-) -> float:
-    """Return the moment against a nose-down tilt, four rotors that together carry the weight.
-
-    The tables hold height: thrusts of m g / (4 cos(tilt)) out of ground effect.
-    """
-    layout = plus_layout(arm)
-    tilt = np.deg2rad(tilt_deg)
-    height = tilted_vehicle_height(z_over_R * radius, layout.x_m, layout.y_m, tilt, 0.0)
-    positions = np.stack([layout.x_m, layout.y_m], axis=1)
-    factor = multirotor_factors(radius, height, np.ones(4), positions, K_b, 1.0, body_distance)
-    thrust = 0.25 * mass * GRAVITY / np.cos(tilt) * factor
-    return float(-1e3 * pitch_moment_Nm(thrust, layout.x_m))
+def restoring_mNm(rig_name: str, z_over_R: float, tilt_deg: float, reading: str) -> float:
+    """Return the moment against a nose-down tilt, for T = m g/4 of each disc."""
+    tilts = np.radians([tilt_deg])
+    found = restoring_moment_Nm(rig_named(rig_name), np.array([z_over_R]), tilts, reading)
+    return float(1e3 * found[0, 0])
 
 
 @pytest.mark.parametrize("row", rows(tables.RESTORING_PQUAD), ids=lambda r: r[0])
 def test_restoring_moment_of_pquad(row: list[str]) -> None:
     cases = [
-        (2, 2.0, "half_diagonal"), (5, 2.0, "half_diagonal"), (10, 2.0, "half_diagonal"),
-        (5, 2.0, "diagonal"), (10, 2.0, "diagonal"),
-        (5, 0.0, "half_diagonal"), (10, 0.0, "half_diagonal"),
+        (2, "images"), (5, "images"), (10, "images"), (5, "images_diagonal"),
+        (10, "images_diagonal"), (5, "rotors_only"), (10, "rotors_only"), (5, "vertical"),
+        (10, "vertical"),
     ]  # fmt: skip
-    ratio = float(row[0])
-    values = [restoring_mNm(PQUAD_R, 0.225, 1.4, ratio, *case) for case in cases]
-    printed = list(row[1:])
-    if ratio == 1.25:
-        # The one digit that differs: 176.52, which rounds to 177, is printed as 176.
-        assert f"{values[2]:.2f}" == "176.52"
-        assert printed[2] == "176"
-        printed[2] = "177"
-    check_row(values, printed)
+    check_row([restoring_mNm("pquad", float(row[0]), *case) for case in cases], row[1:])
+
+
+@pytest.mark.parametrize("row", rows(tables.RESTORING_OWN_HEIGHT), ids=lambda r: r[0])
+def test_restoring_moment_by_own_height(row: list[str]) -> None:
+    """The notes print this reading for T = m g/(4 cos(tilt))."""
+    values = [
+        restoring_mNm("pquad", float(row[0]), tilt, "own_height") / np.cos(np.radians(tilt))
+        for tilt in (2, 5, 10)
+    ]
+    check_row(values, row[1:])
+
+
+def test_moments_at_twice_the_radius_and_ten_degrees() -> None:
+    """With either thrust: m g/4 of each rotor, and m g/(4 cos(tilt))."""
+    for reading, printed in (
+        ("images", ["19.2", "19.5"]),
+        ("rotors_only", ["15.7", "16.0"]),
+        ("vertical", ["14.4", "14.7"]),
+        ("own_height", ["65.4", "66.4"]),
+    ):
+        moment = restoring_mNm("pquad", 2.0, 10.0, reading)
+        check_row([moment, moment / np.cos(np.radians(10.0))], printed)
 
 
 @pytest.mark.parametrize("row", rows(tables.RESTORING_AMUSE), ids=lambda r: r[0])
 def test_restoring_moment_of_amuse(row: list[str]) -> None:
-    values = [restoring_mNm(AMUSE_R, 0.45, 12.0, float(row[0]), tilt, 2.0) for tilt in (5, 10)]
+    values = [restoring_mNm("amuse", float(row[0]), tilt, "images") for tilt in (5, 10)]
     check_row(values, row[1:])
 
 
 def test_restoring_moment_of_amuse_by_rotors_only() -> None:
-    values = [restoring_mNm(AMUSE_R, 0.45, 12.0, 2.0, tilt, 0.0) for tilt in (5, 10)]
-    check_row(values, ["128", "267"])
-    authority = 0.5 * 0.45 * 12.0 * GRAVITY * 1e3
-    check_row([100.0 * value / authority for value in values], ["0.5", "1.0"])
+    values = [restoring_mNm("amuse", 2.0, tilt, "rotors_only") for tilt in (5, 10)]
+    check_row(values, ["139", "286"])
+    authority = 1e3 * hover_authority_Nm(rig_named("amuse"))
+    check_row([100.0 * value / authority for value in values], ["0.5", "1.1"])
 
 
 @pytest.mark.parametrize("row", rows(tables.AUTHORITY_PERCENT), ids=lambda r: r[0])
 def test_restoring_moment_against_control_authority(row: list[str]) -> None:
-    authority = 0.5 * 0.225 * 1.4 * GRAVITY * 1e3
+    authority = 1e3 * hover_authority_Nm(rig_named("pquad"))
     check_row([authority], ["1545"])
     for tilt, printed in zip((5, 10), row[1:], strict=True):
-        value = restoring_mNm(PQUAD_R, 0.225, 1.4, float(row[0]), tilt, 2.0)
         if printed != "-":
-            check_row([100.0 * value / authority], [printed])
+            share = restoring_mNm("pquad", float(row[0]), tilt, "images") / authority
+            check_row([100.0 * share], [printed])
+
+
+@pytest.mark.parametrize(
+    ("tilt_deg", "percent", "least"), [(5.0, 5.0, 1.01), (10.0, 5.0, 1.27), (10.0, 8.0, 1.12)]
+)
+def test_from_which_height_on_a_tilt_is_not_considerable(
+    tilt_deg: float, percent: float, least: float
+) -> None:
+    limit = 10.0 * percent * hover_authority_Nm(rig_named("pquad"))
+    moments = [restoring_mNm("pquad", z, tilt_deg, "images") for z in (least - 0.01, least)]
+    assert moments[0] > limit > moments[1]
+
+
+def test_stiffness_of_the_restoring_moment() -> None:
+    small = np.radians(0.01)
+    moments = [restoring_mNm("pquad", 2.0, 0.01, name) for name in ("images", "rotors_only")]
+    check_row([1e-3 * moment / small for moment in moments], ["0.108", "0.088"])
 
 
 def test_moment_of_one_fully_covered_rotor() -> None:

@@ -1,4 +1,4 @@
-"""Heights of a tilted vehicle, and where the formulae hold."""
+"""Where a plate lies under a rotor plane, and where the formulae hold."""
 
 from __future__ import annotations
 
@@ -10,33 +10,30 @@ from hypothesis import strategies as st
 from benchtool.core.rig_file import rig_named
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.model import Model
+from benchtool.physics.plane import axis_cosine, height_over, plate_plane
 from benchtool.physics.validity import clamped_height
-from benchtool.simulate.pitch.attitude import tilted_vehicle_height
 from tests.unit.physics.general_sum import pole_z_over_R
 
 angles = st.floats(-0.4, 0.4)
 places = st.floats(-0.4, 0.4)
 
 
-@given(places, places, angles, angles)
-def test_height_of_a_tilted_vehicle_is_that_of_the_rotated_place(
-    x: float, y: float, pitch: float, roll: float
+@given(places, places, places, angles)
+def test_a_plate_pivots_about_its_own_centre(
+    x: float, y: float, plate_x: float, tilt: float
 ) -> None:
-    about_y = np.array(
-        [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
-    )
-    about_x = np.array(
-        [[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]]
-    )
-    place = about_y @ about_x @ np.array([x, y, 0.0])
-    assert tilted_vehicle_height(0.4, x, y, pitch, roll) == pytest.approx(0.4 + place[2], abs=1e-14)
+    """The distance from a disc to the plane through (plate_x, 0, -z) with the tilted normal."""
+    plane = plate_plane(0.4, plate_x, tilt)
+    normal = np.array([-np.sin(tilt), 0.0, np.cos(tilt)])
+    expected = normal @ (np.array([x, y, 0.0]) - np.array([plate_x, 0.0, -0.4]))
+    assert height_over(plane, x, y) == pytest.approx(expected, abs=1e-14)
+    assert axis_cosine(plane) == pytest.approx(np.cos(tilt), rel=1e-14)
 
 
-def test_nose_down_brings_the_front_rotor_nearer() -> None:
-    assert tilted_vehicle_height(0.24, 0.225, 0.0, 0.1, 0.0) == pytest.approx(
-        0.24 - 0.225 * np.sin(0.1), rel=1e-15
+def test_a_positive_tilt_brings_the_front_nearer() -> None:
+    assert height_over(plate_plane(0.24, 0.0, 0.1), 0.225, 0.0) == pytest.approx(
+        0.24 * np.cos(0.1) - 0.225 * np.sin(0.1), rel=1e-15
     )
-    assert tilted_vehicle_height(0.24, 0.0, 0.225, 0.0, 0.1) > 0.24
 
 
 def test_heights_below_the_limit_are_clamped() -> None:

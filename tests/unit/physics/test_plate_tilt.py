@@ -1,4 +1,4 @@
-"""A leaning plate, seen by rotors away from its centre."""
+"""A leaning plate: commanded or unnoticed it pivots about its own centre."""
 
 from __future__ import annotations
 
@@ -7,35 +7,51 @@ import pytest
 
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.images import single_rotor_factor
 from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
 
 
-def factors(rig_name: str, plate_x_m: float, angle_rad: float) -> np.ndarray:
-    """Return each disc's T_IGE/T_OGE over a large plate 0.2 m away, wholly covered."""
-    rig = rig_named(rig_name)
-    model = Model.single(rig).with_effect("plate_tilt", angle_rad=angle_rad)
-    conditions = Conditions.of(
-        rig,
-        speed_rad_s=np.full(rig.n_rotors, 500.0),
+def over_a_plate(model: Model, **place: float) -> Conditions:
+    """Return all rotors turning over a large plate 0.2 m away, wholly covered."""
+    return Conditions.of(
+        model.rig,
+        speed_rad_s=np.full(model.rig.n_rotors, 500.0),
         plate_z_m=np.array([0.2]),
-        plate_x_m=plate_x_m,
-        coverage=np.ones((rig.n_discs, 1)),
+        coverage=np.ones((model.rig.n_discs, 1)),
+        **place,
     )
+
+
+def factors(model: Model, **place: float) -> np.ndarray:
+    """Return each disc's T_IGE/T_OGE there."""
     values = model.parameters.values_array()
-    return np.ravel(model.disc_factors(model.flow(conditions, values), values))
+    return np.ravel(model.disc_factors(model.flow(over_a_plate(model, **place), values), values))
 
 
 @pytest.mark.parametrize("plate_x_m", [0.0, 0.3, -0.3])
-def test_a_single_rotor_sees_tilt_only_through_the_plates_lateral_position(
+def test_a_single_rotor_sees_tilt_through_the_plates_lateral_position_and_its_cosine(
     plate_x_m: float,
 ) -> None:
     height_m = 0.2 * np.cos(0.1) + plate_x_m * np.sin(0.1)
-    expected = single_rotor_factor(0.12, height_m)
-    assert factors("pquad_single", plate_x_m, 0.1) == pytest.approx([expected])
+    expected = 1.0 / (1.0 - np.cos(0.1) * (0.12 / (4.0 * height_m)) ** 2)
+    model = Model.single(rig_named("pquad_single")).with_effect("plate_tilt", angle_rad=0.1)
+    assert factors(model, plate_x_m=plate_x_m) == pytest.approx([expected])
 
 
 def test_a_positive_tilt_brings_the_front_rotor_nearer() -> None:
-    front, left, rear, right = factors("pquad", 0.0, 0.1)
+    model = Model.single(rig_named("pquad")).with_effect("plate_tilt", angle_rad=0.1)
+    front, left, rear, right = factors(model)
     assert front > left > rear
     assert left == pytest.approx(right)
+
+
+@pytest.mark.parametrize("plate_x_m", [0.0, 0.3, -0.3])
+@pytest.mark.parametrize("commanded_rad", [0.0, 0.04])
+def test_a_commanded_tilt_and_the_effect_pivot_about_one_point(
+    plate_x_m: float, commanded_rad: float
+) -> None:
+    whole, model = np.radians(5.0), load_model("quad_body_lift").model
+    told = factors(model, plate_x_m=plate_x_m, plate_tilt_rad=whole)
+    unnoticed = model.with_effect("plate_tilt", angle_rad=whole - commanded_rad)
+    shown = factors(unnoticed, plate_x_m=plate_x_m, plate_tilt_rad=commanded_rad)
+    np.testing.assert_allclose(shown, told, rtol=1e-14)

@@ -52,8 +52,8 @@ def test_the_covered_rotor_alone_gains_thrust_and_only_while_the_plate_is_there(
     assert np.all(np.abs(motion.added[:, motion.time_s < 10.0]) < 1e-12)
     # Eq. (2) for the front rotor, whose height follows from the pitch.
     theta_rad = np.radians(motion.pitch_deg[there])
-    height_m = 0.12 * np.cos(theta_rad) - 0.225 * np.sin(theta_rad)
-    factor = 1.0 / (1.0 - (0.12 / (4.0 * height_m)) ** 2)
+    height_m = 0.12 - 0.225 * np.sin(theta_rad)
+    factor = 1.0 / (1.0 - np.cos(theta_rad) * (0.12 / (4.0 * height_m)) ** 2)
     assert motion.added[0, there] / motion.own[0, there] == pytest.approx(factor - 1.0, rel=1e-6)
     assert np.all(np.abs(motion.added[1:, there]) < 1e-12)
 

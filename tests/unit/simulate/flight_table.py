@@ -85,7 +85,7 @@ class Row:
         """Say where a flight departs from the row by more than is agreed.
 
         Rows that arrive: 10 % or the last printed digit in every number. Others: the same outcome,
-        and the swing within 25 %. Rows that are only reported: nothing.
+        and the swing within 10 %. Rows that are only reported: nothing.
         """
         if self.arrives == "reported":
             return []
@@ -95,7 +95,7 @@ class Row:
             return []
         if self.arrives == "never":
             off = abs(found.swing_m - self.swing_m)
-            if off <= 0.25 * self.swing_m:
+            if off <= 0.1 * self.swing_m:
                 return []
             return [f"swing {found.swing_m:.3f} m, expected {self.swing_m:.3f}"]
         pairs = {
@@ -116,7 +116,7 @@ class Row:
 
 
 def _over(
-    speed: float, control: str, z: float | None, at: float, x: float, backs: int,
+    speed: float, control: str, z: float | None, at: float, x: float, backs: int | None,
     pitch: float, rms: float, early: float = 0.0,
 ) -> Row:  # fmt: skip
     return Row(
@@ -139,36 +139,37 @@ def _edge(
 
 TABLE: tuple[Row, ...] = (
     _over(0.2, "pid", None, 38.1, 7.04, 0, 1.5, 0.20),
-    _over(0.2, "pid", 3.0, 38.8, 7.03, 2, 3.2, 0.46),
+    _over(0.2, "pid", 3.0, 38.6, 7.03, 2, 3.3, 0.49),
     Row(
         flight="over", speed_m_s=0.2, control="pid", z_over_R=2.0, arrives="never", arrives_s=nan,
-        max_x_m=3.14, push_backs=42, max_pitch_deg=7.7, rms_pitch_deg=4.27, range_m=(2.780, 3.136),
+        max_x_m=3.15, push_backs=41, max_pitch_deg=8.9, rms_pitch_deg=4.91, range_m=(2.731, 3.151),
     ),
     _over(0.2, "observer", 3.0, 38.1, 7.04, 0, 1.5, 0.22),
-    _over(0.2, "observer", 2.0, 38.1, 7.04, 0, 1.5, 0.25),
+    _over(0.2, "observer", 2.0, 38.1, 7.04, 0, 1.5, 0.26),
     _over(0.2, "feedforward", 3.0, 38.1, 7.04, 0, 1.5, 0.20),
     _over(0.2, "feedforward", 2.0, 38.1, 7.04, 0, 1.5, 0.20),
     _over(1.0, "pid", None, 18.8, 7.46, 0, 5.6, 1.43),
     _over(1.0, "pid", 3.0, 18.8, 7.47, 0, 5.6, 1.47),
-    _over(1.0, "pid", 2.0, 18.9, 7.50, 0, 5.7, 1.53),
+    _over(1.0, "pid", 2.0, 18.9, 7.51, 0, 5.8, 1.56),
     _over(1.0, "observer", 2.0, 18.7, 7.43, 0, 5.5, 1.42),
     _edge(0.2, "pid", None, "yes", 17.1, 2.84, 1.5, 0.23, 2.800, 2.800),
     _edge(0.2, "pid", 3.0, "yes", 23.1, 2.84, 1.7, 0.41, 2.797, 2.803),
-    _edge(0.2, "pid", 2.0, "never", nan, 3.11, 10.7, 5.41, 2.375, 3.107),
+    _edge(0.2, "pid", 2.0, "never", nan, 3.10, 11.3, 5.67, 2.324, 3.097),
     _edge(0.2, "observer", 2.0, "yes", 16.8, 2.83, 1.5, 0.22, 2.800, 2.800),
     _edge(0.2, "feedforward", 2.0, "yes", 17.1, 2.84, 1.5, 0.23, 2.800, 2.800),
     _edge(0.2, "feedforward", 2.0, "yes", 15.7, 2.87, 1.5, 0.22, 2.800, 2.800, 0.05),
-    _edge(0.2, "feedforward", 2.0, "reported", 33.3, 3.14, 13.1, 1.52, 2.799, 2.801, 0.08),
-    _edge(0.2, "feedforward", 2.0, "reported", 89.9, 3.17, 27.9, 4.78, 2.193, 3.130, 0.10),
-    _edge(0.2, "feedforward", 2.0, "struck", nan, 3.21, 35.2, nan, nan, nan, 0.15),
+    _edge(0.2, "feedforward", 2.0, "reported", 28.1, 3.13, 10.9, 1.22, 2.798, 2.802, 0.08),
+    _edge(0.2, "feedforward", 2.0, "reported", nan, 3.16, 20.9, 4.03, 2.382, 3.129, 0.10),
+    _edge(0.2, "feedforward", 2.0, "struck", nan, 3.20, 24.0, nan, nan, nan, 0.15),
     _edge(0.2, "feedforward", 2.0, "yes", 17.1, 2.83, 1.6, 0.27, 2.800, 2.800, -0.05),
-    _edge(0.2, "feedforward", 2.0, "never", nan, 3.10, 8.5, 3.11, 2.488, 3.099, -0.15),
-    _edge(1.0, "pid", 3.0, "never", nan, 3.39, 9.3, 5.83, 2.424, 3.177),
-    _edge(1.0, "pid", 2.0, "never", nan, 3.31, 12.7, 6.97, 2.322, 3.204),
-    _edge(1.0, "pid", 2.0, "never", nan, 3.32, 12.7, 6.96, 2.322, 3.193, noisy=True),
-    _edge(1.0, "observer", 2.0, "yes", 12.8, 3.47, 6.2, 1.32, 2.800, 2.800),
+    _edge(0.2, "feedforward", 2.0, "never", nan, 3.12, 9.4, 3.77, 2.455, 3.122, -0.15),
+    _edge(1.0, "pid", 3.0, "never", nan, 3.37, 9.6, 6.07, 2.403, 3.197),
+    _edge(1.0, "pid", 2.0, "never", nan, 3.30, 13.6, 7.56, 2.289, 3.204),
+    _edge(1.0, "pid", 2.0, "never", nan, 3.30, 13.6, 7.56, 2.289, 3.204, noisy=True),
+    _edge(1.0, "observer", 2.0, "yes", 11.6, 3.46, 6.2, 1.30, 2.800, 2.800),
     _edge(0.2, "observer", 2.0, "yes", 16.8, 2.83, 1.5, 0.22, 2.795, 2.805, noisy=True),
-    _over(0.2, "feedforward", 2.0, 38.1, 7.04, 1, 4.8, 0.56, 0.05),
-    _over(0.2, "feedforward", 2.0, 38.1, 7.04, 4, 17.3, 1.91, 0.15),
+    _over(0.2, "feedforward", 2.0, 38.1, 7.04, 1, 4.6, 0.56, 0.05),
+    _over(0.2, "feedforward", 2.0, 46.0, 7.04, None, 20.0, 2.23, 0.15),
 )  # fmt: skip
-"""Section 3.3 of the notes, gain set S3."""
+"""Section 3.3 of the notes (corrected), gain set S3. In the last row independent programs differ:
+it arrives in 44 to 48 s, after 6 to 8 push-backs."""

@@ -42,7 +42,7 @@ def look_below(
     body = at_rest(place)._replace(**turned)
     places, w, model = loop.layout.places, loop.arrays.w, vehicle.model
     geometry = read_record(
-        loop.arrays.geometry, geometry_slot(model.rig.n_discs, len(model.body_arms_m)), 0, 1
+        loop.arrays.geometry, geometry_slot(model.rig.n_discs, len(model.body_images.arm_m)), 0, 1
     )
     found: Below = loop.loops.look(
         time_s, attitude[1], body, read_record(w, places.craft, 0, 1), geometry,
@@ -89,22 +89,23 @@ class Slice:
         return total
 
     def factors(self, x: float, z: float, theta: float) -> list[float]:
-        places = [(self.arm, 1.0), (0.0, 0.0), (-self.arm, -1.0), (0.0, 0.0)]
-        areas = [self.area(x + a * cos(theta)) for a, _ in places]
-        heights = [z - a * sin(theta) for a, _ in places]
+        arm, least = self.arm, 0.5 * self.radius
+        places = [(arm, 0.0), (0.0, arm), (-arm, 0.0), (0.0, -arm)]
+        at = [(x + a * cos(theta), b, max(z - a * sin(theta), least)) for a, b in places]
+        areas = [self.area(place[0]) for place in at]
         weight = max(0.0, (sum(areas) - 1.0) / 3.0)
 
-        def image(depth: float, distance: float) -> float:
-            return 0.5 * self.radius**2 * depth / (distance**2 + 4.0 * depth**2) ** 1.5
+        def image(here: tuple[float, ...], there: tuple[float, ...]) -> float:
+            ahead, aside, up = here[0] - there[0], here[1] - there[1], here[2] + there[2]
+            along = ahead * sin(theta) + up * cos(theta)
+            return 0.25 * self.radius**2 * along / (ahead**2 + aside**2 + up**2) ** 1.5
 
+        centre = (x, 0.0, max(z, least))
+        body = 2.0 * weight * sum(image(centre, each) for each in at)
         out = []
         for i in range(4):
-            h = max(heights[i], 0.5 * self.radius)
-            total = (self.radius / (4.0 * h)) ** 2
-            for j in range(4):
-                apart = self.arm * (2.0 if (i - j) % 2 == 0 else sqrt(2.0))
-                total += areas[j] * image(h, apart) if j != i else 0.0
-            total += 2.0 * weight * 4.0 * image(h, self.arm)
+            shares = [1.0 if j == i else areas[j] for j in range(4)]
+            total = body + sum(a * image(at[i], p) for a, p in zip(shares, at, strict=True))
             out.append(1.0 + areas[i] * (1.0 / (1.0 - total) - 1.0))
         return out
 

@@ -44,9 +44,7 @@ def test_wall_of_the_notes() -> None:
 
 def test_level_over_everything_is_the_bench_formula() -> None:
     ground = below(OBSTACLE, 4.0)
-    expected = multirotor_factors(
-        0.12, np.full(4, 0.24), np.ones(4), PQUAD.rig.disc_positions_m, 2.0
-    )
+    expected = multirotor_factors(0.12, 0.24, np.ones(4), PQUAD.rig.disc_positions_m, 2.0)
     np.testing.assert_allclose(ground.factor, expected, rtol=1e-13)
     assert ground.coverage == (1.0,) * 4
 

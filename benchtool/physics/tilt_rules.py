@@ -1,0 +1,106 @@
+"""What an image blows at a place once rotors are at different heights: named readings of the paper.
+
+Eqs. (3) and (4) were derived for one height z, and the paper does not say which heights enter them
+under tilt. By the method of images the image of a rotor at height z_j lies z_i + z_j below a rotor
+at height z_i, at the horizontal distance of the tilted places; with d the distance of the places in
+the rotor plane, the square of the whole distance is d^2 + 4 z_i z_j. In level flight all rules are
+eqs. (3) and (4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from benchtool.core.errors import UnknownChoice
+from benchtool.physics.expression import Quantity, expression
+from benchtool.physics.images import image_velocity
+
+
+@dataclass(frozen=True, slots=True)
+class TiltRule:
+    """Name one reading.
+
+    Attributes:
+        name: as in model files.
+        image: image(here, there, distance) -> velocity at height `here` from the image of a source
+            at height `there`, per R^2 and before `share`: 1/m2, an expression.
+        share: share(cosine) -> what counts of it, also of a rotor's own image; `cosine` is that of
+            the angle between the rotor axis and the surface's normal. An expression.
+        one_body: whether the body term is one number, taken at the centre's height; else it is
+            taken at each rotor's own height.
+        assumption: what it takes for granted, one sentence.
+        source: where it comes from.
+    """
+
+    name: str
+    image: Callable[[Quantity, Quantity, Quantity], Quantity]
+    share: Callable[[Quantity], Quantity]
+    one_body: bool
+    assumption: str
+    source: str
+
+
+@expression
+def vertical_image(here_m: Quantity, there_m: Quantity, distance_m: Quantity) -> Quantity:
+    """Return the velocity at right angles to the surface: (z_i + z_j)/2 in place of z_j."""
+    along = image_velocity(here_m, there_m, distance_m)
+    return 0.5 * (along + image_velocity(there_m, here_m, distance_m))
+
+
+@expression
+def own_height_image(here_m: Quantity, there_m: Quantity, distance_m: Quantity) -> Quantity:
+    """Return the velocity from an image as deep as the place itself is high."""
+    return image_velocity(here_m, here_m, distance_m)
+
+
+@expression
+def cosine_share(cosine: Quantity) -> Quantity:
+    """Return the cosine."""
+    return cosine
+
+
+@expression
+def whole_share(cosine: Quantity) -> Quantity:
+    """Return 1."""
+    return 1.0 + 0.0 * cosine
+
+
+_RULES = (
+    TiltRule(
+        "axis",
+        image_velocity,
+        cosine_share,
+        True,
+        "the inflow that counts is along the rotor axis; the body term is one number at the centre",
+        "method of images; thrust times axial inflow is constant, and real neighbours, in the "
+        "rotor plane, give exactly nothing",
+    ),
+    TiltRule(
+        "vertical",
+        vertical_image,
+        whole_share,
+        True,
+        "the inflow that counts is at right angles to the surface; real neighbours are left out",
+        "method of images; the direction that the level derivation has",
+    ),
+    TiltRule(
+        "own_height",
+        own_height_image,
+        whole_share,
+        False,
+        "each rotor puts its own height into eqs. (3) and (4), for its neighbours' images and the "
+        "body's too",
+        "eq. (10) as printed, f_GE(z_r,i); no physics, as images and the body's centre then move "
+        "with the rotor that looks",
+    ),
+)
+
+TILT_RULES: dict[str, TiltRule] = {rule.name: rule for rule in _RULES}
+
+
+def tilt_rule(name: str) -> TiltRule:
+    """Return the rule of that name; an unknown name lists the known ones."""
+    if name not in TILT_RULES:
+        raise UnknownChoice("tilt rule", name, TILT_RULES)
+    return TILT_RULES[name]

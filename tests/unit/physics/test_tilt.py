@@ -1,0 +1,148 @@
+"""Images under tilt: the method of images with vectors, and what tilt must leave as it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.core.errors import UnknownChoice
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.body_lift import quad_body_lift_factor
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.images import partial_factor, quad_factor
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
+from benchtool.physics.prepared import Prepared
+from benchtool.physics.tilt_rules import TILT_RULES
+from tests.unit.physics.general_sum import multirotor_factors
+
+RIG = rig_named("pquad")
+PLACES, SPACING_M = RIG.disc_positions_m, float(RIG.disc_distances_m[0, 1])
+TILTED = np.radians(10.0)
+
+
+def quad(rule: str = "axis", **changes: str) -> Model:
+    """Return eq. (4) with K_b = 2 under a tilt rule."""
+    return replace(load_model("quad_body_lift").model, tilt_rule=rule, **changes)
+
+
+def over(z_m: float, tilt_rad: float, covered: tuple[float, ...] = (1.0,) * 4) -> Conditions:
+    """Return a plate whose plane is z below the body's centre, at right angles to the plane."""
+    return Conditions.of(
+        RIG,
+        speed_rad_s=np.full(4, 550.0),
+        plate_z_m=np.array([z_m / np.cos(tilt_rad)]),
+        plate_tilt_rad=tilt_rad,
+        coverage=np.array(covered)[:, None],
+    )
+
+
+def factors(model: Model, conditions: Conditions) -> np.ndarray:
+    values = model.parameters.values_array()
+    return np.ravel(model.disc_factors(model.flow(conditions, values), values))
+
+
+@pytest.mark.parametrize(
+    ("rule", "printed"),
+    [
+        ("axis", ["1.1652", "1.1501", "1.1404"]),
+        ("vertical", ["1.1655", "1.1542", "1.1468"]),
+        ("own_height", ["1.2031", "1.1528", "1.1185"]),
+    ],
+)
+def test_factors_of_the_notes_at_ten_degrees(rule: str, printed: list[str]) -> None:
+    front, left, rear, right = factors(quad(rule), over(0.24, TILTED))
+    assert [f"{value:.4f}" for value in (front, left, rear)] == printed
+    assert right == pytest.approx(left, rel=1e-15)
+
+
+@pytest.mark.parametrize("covered", [(1.0,) * 4, (1.0, 0.6, 0.1, 0.3)])
+@pytest.mark.parametrize("reading", ["half_diagonal", "diagonal"])
+@pytest.mark.parametrize("rule", ["axis", "vertical"])
+def test_it_is_the_method_of_images_with_vectors(
+    rule: str, reading: str, covered: tuple[float, ...]
+) -> None:
+    weight = max(0.0, (sum(covered) - 1.0) / 3.0)
+    for z_m, tilt_rad in ((0.12, 0.1), (0.24, -0.2), (0.5, 0.3)):
+        full = multirotor_factors(
+            0.12, z_m, np.array(covered), PLACES, 2.0, weight, reading, tilt_rad, rule == "vertical"
+        )
+        expected = partial_factor(full, np.array(covered))
+        found = factors(quad(rule, body_distance=reading), over(z_m, tilt_rad, covered))
+        np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("rule", TILT_RULES)
+def test_level_every_rule_is_equations_3_and_4(rule: str) -> None:
+    for z_m in (0.06, 0.12, 0.36):
+        level = over(z_m, 0.0)
+        expected = quad_body_lift_factor(0.12, z_m, SPACING_M, SPACING_M / np.sqrt(2.0), 2.0)
+        np.testing.assert_allclose(factors(quad(rule), level), expected, rtol=1e-12)
+        expected = quad_factor(0.12, z_m, SPACING_M)
+        found = factors(quad(rule).without("body_lift"), level)
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("rule", TILT_RULES)
+def test_a_mirrored_tilt_swaps_front_and_rear_and_turns_the_moment(rule: str) -> None:
+    front, left, rear, right = factors(quad(rule), over(0.2, 0.15))
+    mirrored = factors(quad(rule), over(0.2, -0.15))
+    np.testing.assert_allclose(mirrored, [rear, left, front, right], rtol=1e-14)
+    assert front - rear == pytest.approx(mirrored[2] - mirrored[0], rel=1e-13)
+
+
+@pytest.mark.parametrize(("rule", "share"), [("axis", np.cos(0.2)), ("vertical", 1.0)])
+def test_one_rotor_alone_keeps_its_own_image(rule: str, share: float) -> None:
+    lone = replace(Model.single(rig_named("pquad_single")), tilt_rule=rule)
+    conditions = Conditions.of(
+        lone.rig,
+        speed_rad_s=np.array([550.0]),
+        plate_z_m=np.array([0.2 / np.cos(0.2)]),
+        plate_tilt_rad=0.2,
+        coverage=np.ones((1, 1)),
+    )
+    assert 1.0 - 1.0 / factors(lone, conditions)[0] == pytest.approx(share * 0.15**2, rel=1e-12)
+
+
+def test_the_body_term_is_one_number_except_by_own_height() -> None:
+    for rule in TILT_RULES:
+        model = quad(rule)
+        flow = model.flow(over(0.24, TILTED), model.parameters.values_array())
+        different = np.ptp(np.ravel(flow.body_images)) > 1e-12
+        assert different == (rule == "own_height")
+
+
+@pytest.mark.parametrize("rule", TILT_RULES)
+@pytest.mark.parametrize("free", [("plate_offset.dz_m",), ("plate_tilt.angle_rad",)])
+def test_a_prepared_model_gives_what_the_model_gives_under_tilt(
+    rule: str, free: tuple[str, ...]
+) -> None:
+    model = quad(rule).with_effect("plate_offset", dz_m=0.004)
+    model = model.with_effect("plate_tilt", angle_rad=0.02).freed(*free)
+    m = 12
+    speeds = np.where(np.arange(m) % 3 == 0, np.array([[1.0], [1.0], [0.0], [1.0]]), 1.0) * 550.0
+    conditions = Conditions.of(
+        RIG,
+        speed_rad_s=speeds,
+        plate_z_m=np.linspace(0.15, 0.6, m),
+        plate_x_m=np.linspace(-0.3, 0.3, m),
+        plate_tilt_rad=np.linspace(-0.1, 0.1, m),
+    )
+    prepared, values = Prepared(model, conditions), model.parameters.values_array()
+    assert prepared._moving is not None
+    for step in (0.0, 0.01, -0.013):
+        values[list(model.parameters).index(free[0])] += step
+        np.testing.assert_allclose(
+            prepared.thrust_N(values), model.thrust_N(conditions, values), rtol=1e-12
+        )
+
+
+def test_a_model_file_names_the_rule() -> None:
+    loaded = load_model("quad_body_lift")
+    assert loaded.model.tilt_rule == "axis"
+    text = model_to_toml(replace(loaded, model=quad("vertical")))
+    assert model_from_toml(text, "again.toml").model.tilt_rule == "vertical"
+    with pytest.raises(UnknownChoice, match=r"unknown tilt rule 'own'.*own_height"):
+        quad("own")
