@@ -10,7 +10,7 @@ and every surface under a vehicle in flight.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache, lru_cache
 from itertools import accumulate
 from typing import Any, NamedTuple
@@ -68,14 +68,22 @@ UNCHANGED = expression(lambda i, first, flow, p: 1.0)
 """Drag torque where no effect changes it."""
 
 
-def owned(effects: Iterable[Effect], hook: str) -> tuple[Own, ...]:
-    """Return one hook of every effect that has it, with the place of the effect's numbers."""
+def owned(
+    effects: Iterable[Effect], hook: str, of: Callable[[Effect], bool] = lambda effect: True
+) -> tuple[Own, ...]:
+    """Return one hook of every effect that has it, with the place of the effect's numbers.
+
+    Args:
+        effects: all that act, in order.
+        hook: its name.
+        of: which of the effects.
+    """
     all_effects = tuple(effects)
     ends = accumulate((len(effect.parameters) for effect in all_effects), initial=0)
     return tuple(
         Own(call, effect.makes_p, start, start + len(effect.parameters))
         for effect, start in zip(all_effects, ends, strict=False)
-        if (call := getattr(effect.hooks, hook)) is not None
+        if (call := getattr(effect.hooks, hook)) is not None and of(effect)
     )
 
 
@@ -109,7 +117,8 @@ def disc_thrust(
     n = n_discs
     height, coverage = chained(owned(effects, "height")), chained(owned(effects, "coverage"))
     speed, factor = chained(owned(effects, "speed")), multiplied(owned(effects, "factor"))
-    denominator = summed(owned(effects, "denominator"))
+    law = summed(owned(effects, "denominator", lambda effect: effect.distance_law is not None))
+    others = summed(owned(effects, "denominator", lambda effect: effect.distance_law is None))
     response, torques = chained(owned(effects, "response")), owned(effects, "drag")
     if len(torques) > 1:
         raise InputError("two effects of the model have the hook drag; leave one out")
@@ -129,7 +138,8 @@ def disc_thrust(
         n,
         expression(
             lambda i, flow, p: partial_factor(
-                thrust_factor(denominator(i, flow, p)), flow.coverage[i]
+                thrust_factor(flow.axial_share * law(i, flow, p) + others(i, flow, p)),
+                flow.coverage[i],
             )
         ),
     )

@@ -15,6 +15,7 @@ from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.plane import height_over, plate_plane
+from benchtool.physics.tilt_rules import TILT_RULES
 from benchtool.simulate.controllers.pitch import pitch_controller
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, Goal, fly
@@ -22,6 +23,7 @@ from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.hooks import joined_hooks, loop_effects, loop_numbers
 from benchtool.simulate.pitch.bench import PitchBench
+from benchtool.simulate.pitch.lane import heights_over, plane_below
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 from tests.contracts.test_effect import EACH, acting, without_it
 from tests.unit.simulate.flying import look_below
@@ -135,6 +137,32 @@ def test_settled_it_is_on_a_hinge_and_in_flight_what_a_sweep_shows(
         values = without_it(RIG, name).parameters.values_array()
         bare = without_it(RIG, name)
         swept = np.ravel(bare.disc_factors(bare.flow(settled, values), values))
+    np.testing.assert_allclose(below.factor, swept, rtol=1e-13)
+
+
+@pytest.mark.parametrize("rule", TILT_RULES)
+@pytest.mark.parametrize("pitch_rad", [-0.1, 0.17])
+def test_a_tilt_is_the_same_in_a_sweep_on_a_hinge_and_in_flight(
+    rule: str, pitch_rad: float
+) -> None:
+    """A plate that leans under a level vehicle, and a vehicle that leans over a level surface."""
+    model, n, z_m = replace(FlightVehicle.of_rig(RIG).model, tilt_rule=rule), RIG.n_discs, 0.2
+    settled = Conditions.of(
+        RIG, speed_rad_s=np.full((n, 1), 550.0), plate_z_m=np.array([z_m / np.cos(pitch_rad)]),
+        plate_tilt_rad=pitch_rad, coverage=np.ones((n, 1)),
+    )  # fmt: skip
+    values = model.parameters.values_array()
+    swept = np.ravel(model.disc_factors(model.flow(settled, values), values))
+    hooks = joined_hooks(loop_effects(model), n, model.image_rules)()
+    p, x, y = loop_numbers(model, loop_effects(model)), *RIG.disc_positions_m.T
+    plane = plane_below(z_m, pitch_rad, hooks.tilt(p))
+    flow = hooks.bare(
+        RIG.propulsion.radius_m, x, y, plane, heights_over(plane, tuple(x), y), (1.0,) * n,
+        (550.0,) * n, 0.0, pitch_rad, 0.0, 1.0, 0.0,
+    )  # fmt: skip
+    flow = hooks.with_images(flow, RIG.disc_distances_m, model.body_images, p)
+    np.testing.assert_allclose(hooks.factors(flow, p), swept, rtol=1e-9)
+    below = look_below(FlightVehicle(model=model), FLOOR, (0.0, 0.0, z_m), 0.0, (0, pitch_rad, 0))
     np.testing.assert_allclose(below.factor, swept, rtol=1e-13)
 
 

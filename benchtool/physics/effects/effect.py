@@ -71,7 +71,8 @@ class Flow(NamedTuple):
         plate_x_m: lateral position of the plate's centre (...).
         plane: the surface under the rotor plane, a `Plane` (...).
         axial_share: what counts of the velocity from a rotor's own image (...): the cosine of the
-            angle between the rotor axis and the surface's normal, or 1 (`tilt_rules`).
+            angle between the rotor axis and the surface's normal, or 1 (`tilt_rules`). The term of
+            a law of thrust against distance is multiplied with it in the sum.
     """
 
     radius_m: Quantity

@@ -11,9 +11,8 @@ from benchtool.physics.images import self_image
 
 @expression
 def denominator(p: Any, i: int, flow: Flow) -> Quantity:
-    """Return (R / 4 z_i)^2 of eq. (2), times what counts of it under tilt."""
-    own = flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
-    return p.own_strength * flow.axial_share * own
+    """Return (R / 4 z_i)^2 of eq. (2)."""
+    return p.own_strength * flow.radius_m * flow.radius_m * self_image(flow.height_m[i])
 
 
 EFFECT = Effect(

@@ -10,9 +10,10 @@ import pytest
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.body_lift import quad_body_lift_factor
+from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import partial_factor, quad_factor
-from benchtool.physics.model import Model
+from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
 from benchtool.physics.prepared import Prepared
 from benchtool.physics.tilt_rules import TILT_RULES
@@ -146,3 +147,25 @@ def test_a_model_file_names_the_rule() -> None:
     assert model_from_toml(text, "again.toml").model.tilt_rule == "vertical"
     with pytest.raises(UnknownChoice, match=r"unknown tilt rule 'own'.*own_height"):
         quad("own")
+
+
+def test_every_law_of_distance_counts_along_the_rotor_axis() -> None:
+    """For one rotor the denominator's term is the law's own, times the cosine."""
+    bare = Model.single(rig_named("pquad_single")).without(OWN_IMAGES)
+    for name, effect in EFFECTS.items():
+        if effect.distance_law is None:
+            continue
+        model = bare.with_effect(effect)
+        terms = [
+            1.0 - 1.0 / model.factor(
+                Conditions.of(
+                    model.rig,
+                    speed_rad_s=np.array([550.0]),
+                    plate_z_m=np.array([0.15 / np.cos(tilt_rad)]),
+                    plate_tilt_rad=tilt_rad,
+                    coverage=np.ones((1, 1)),
+                )
+            )[0]
+            for tilt_rad in (0.0, 0.2)
+        ]  # fmt: skip
+        assert terms[1] == pytest.approx(np.cos(0.2) * terms[0], rel=1e-12, abs=1e-15), name

@@ -72,6 +72,37 @@ def test_each_rotor_has_its_own_height() -> None:
     np.testing.assert_allclose(ground.height_m, 0.24 - lower + raised, atol=1e-14)
 
 
+def test_a_ramp_under_a_vehicle_that_leans_with_it_is_level_ground() -> None:
+    """Only the tilt between rotor plane and surface counts, not that against the horizon."""
+    lean = 0.15
+    ramp = Environment(
+        blocks=(Block(x_m=(-2.0, 2.0), top_m=2.0 * np.tan(lean), slope_x=-np.tan(lean)),)
+    )
+    along = below(ramp, 0.0, z=0.24 / np.cos(lean), attitude=(0.0, lean, 0.0))
+    np.testing.assert_allclose(along.factor, below(OBSTACLE, 4.0).factor, rtol=1e-13)
+    leaning = below(ramp, 0.0, z=0.24 / np.cos(lean))
+    level = below(OBSTACLE, 4.0, attitude=(0.0, -lean, 0.0))
+    np.testing.assert_allclose(leaning.factor, level.factor, rtol=1e-13)
+
+
+def test_roll_and_pitch_are_alike() -> None:
+    pitched, rolled = (below(OBSTACLE, 4.0, attitude=at) for at in ((0, 0.1, 0), (0.1, 0, 0)))
+    front, left, rear, right = pitched.factor
+    np.testing.assert_allclose(rolled.factor, [left, rear, right, front], rtol=1e-13)
+
+
+def test_the_body_term_reaches_beyond_the_edge_of_its_surface() -> None:
+    """Three rotors over a box share its body term, taken at the centre's height over the box."""
+    tilted = below(OBSTACLE, 3.1, attitude=(0.0, 0.1, 0.0))
+    covered = np.array(tilted.coverage)
+    weight = max(0.0, (covered.sum() - 1.0) / 3.0)
+    full = multirotor_factors(
+        0.12, 0.24, covered, PQUAD.rig.disc_positions_m, 2.0, weight, pitch_rad=0.1
+    )
+    np.testing.assert_allclose(tilted.factor, 1.0 + covered * (full - 1.0), rtol=1e-13)
+    assert 0.0 == covered[2] < covered[0] == 1.0
+
+
 def test_an_undercarriage_touches_before_the_discs_do() -> None:
     assert below(OBSTACLE, 4.0, z=0.1).touching == 0.0
     legs = replace(PQUAD, undercarriage_m=0.11)

@@ -21,9 +21,9 @@ SPRING, DAMPING, COG_M, G = 0.05, 0.004, 0.0004, 9.81
 
 
 def front_factor(gap_m: float, theta: float) -> float:
-    """Eq. (2) of the front rotor alone: one covered disc has no body term."""
+    """Eq. (2) of the front rotor alone along its axis: one covered disc has no body term."""
     h = gap_m - ARM_M * np.sin(theta)
-    return 1.0 / (1.0 - (R_M / (4.0 * h)) ** 2)
+    return 1.0 / (1.0 - np.cos(theta) * (R_M / (4.0 * h)) ** 2)
 
 
 def independent(schedule: SampledSchedule) -> np.ndarray:
