@@ -3,7 +3,7 @@
 The factor of disc i is F_i = 1 / (1 - D_i), D_i the sum of all effects' terms (own image, images
 of the neighbours, body lift, ...); a disc covered in part takes 1 + a_i (F_i - 1), blades answer to
 that, and effects' factors multiply it. Which heights enter the images under tilt is the tilt rule
-(`tilt_rules`): usually the image of disc j lies z_i + z_j below disc i, and the body term is one
+(`tilt`): usually the image of disc j lies z_i + z_j below disc i, and the body term is one
 number, at the height of the body's centre. The same functions serve a sweep's arrays, a pitch bench
 and every surface under a vehicle in flight.
 """
@@ -21,15 +21,13 @@ from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow
 from benchtool.physics.expression import expression
 from benchtool.physics.fold import Hook, Own, added, chained, each, multiplied, selected, summed
-from benchtool.physics.images import partial_factor, thrust_factor
-from benchtool.physics.plane import Plane, axis_cosine, height_over
-from benchtool.physics.tilt_rules import tilt_rule
-from benchtool.physics.validity import clamped_height
+from benchtool.physics.images import clamped_height, partial_factor, thrust_factor
+from benchtool.physics.tilt import Plane, axis_cosine, height_over, tilt_rule
 from benchtool.physics.wake_rules import wake_rule
 
 
 class ImageRules(NamedTuple):
-    """Name how images are summed: wake rule (`wake_rules`), tilt rule (`tilt_rules`), and how many
+    """Name how images are summed: wake rule (`wake_rules`), tilt rule (`tilt`), and how many
     sources the body term has.
     """
 

@@ -2,7 +2,7 @@
 
 Each rotor is a source of strength R^2 v / 4 (v its induced velocity), mirrored below the plate.
 The image of a rotor at distance d blows upward at a rotor at the same height z with
-v (R^2/2) z / (d^2 + 4 z^2)^(3/2); for other heights see `tilt_rules`. At equal power, thrust times
+v (R^2/2) z / (d^2 + 4 z^2)^(3/2); for other heights see `tilt`. At equal power, thrust times
 inflow is constant, so that T_IGE/T_OGE = 1 / (1 - D) with D the sum of all images over v. The paper
 states that for equal power and applies the same factor at equal rotor speed (eq. 10). So do we,
 unless the rig states its blades (`blade_element`).
@@ -102,3 +102,13 @@ def three_rotor_average_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Qua
     corner = three_rotor_corner_factor(radius_m, z_m, spacing_m)
     end = three_rotor_end_factor(radius_m, z_m, spacing_m)
     return (corner + 2.0 * end) / 3.0
+
+
+@expression
+def clamped_height(z_m: Quantity, least_m: Quantity) -> Quantity:
+    """Return the height, or the least at which a law is trusted where it is lower: m.
+
+    For simulators only, which count where it acts. A fit never clamps: it leaves such points out
+    by default and says how many they are.
+    """
+    return np.maximum(z_m, least_m)

@@ -28,8 +28,7 @@ from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chained
 from benchtool.physics.motor import speed_near_plate, torque_per_speed
-from benchtool.physics.plane import Plane, height_over, plate_plane
-from benchtool.physics.tilt_rules import tilt_rule
+from benchtool.physics.tilt import Plane, height_over, plate_plane, tilt_rule
 from benchtool.physics.wake_rules import wake_rule
 
 OWN_IMAGES = ROTOR_IMAGES.name
@@ -46,7 +45,7 @@ class Model:
         effects: in the order of the chain.
         parameters: baseline and effects, by full name ("R_m", "body_lift.K_b").
         wake_rule: how partly covered discs share the body term (`physics.wake_rules`).
-        tilt_rule: which heights enter the images under tilt (`physics.tilt_rules`).
+        tilt_rule: which heights enter the images under tilt (`physics.tilt`).
         body_distance: which b eq. (4) uses: half the diagonal (as derived) or all of it (printed).
         description: one or two sentences.
         provenance: where the model came from.

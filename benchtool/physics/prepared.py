@@ -20,8 +20,7 @@ from benchtool.physics.disc_thrust import owned
 from benchtool.physics.effects.effect import Flow, Quantity
 from benchtool.physics.fold import chained
 from benchtool.physics.model import Model
-from benchtool.physics.plane import Plane, axis_cosine, height_over
-from benchtool.physics.tilt_rules import TiltRule, tilt_rule
+from benchtool.physics.tilt import Plane, TiltRule, axis_cosine, height_over, tilt_rule
 
 Images = list[tuple[int, float, Quantity]]
 """(which height, distance, summed source) of images that blow together."""

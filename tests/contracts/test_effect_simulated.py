@@ -14,8 +14,7 @@ from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signa
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import OWN_IMAGES, Model
-from benchtool.physics.plane import height_over, plate_plane
-from benchtool.physics.tilt_rules import TILT_RULES
+from benchtool.physics.tilt import TILT_RULES, height_over, plate_plane
 from benchtool.simulate.controllers.pitch import pitch_controller
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, Goal, fly

@@ -24,7 +24,7 @@ from benchtool.core.rig import Rig
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.expression import Quantity as Quantity
 from benchtool.physics.expression import expression as expression
-from benchtool.physics.plane import LEVEL
+from benchtool.physics.tilt import LEVEL
 
 Subsystem = Literal["pwm_to_rpm", "rpm_to_thrust", "hinge", "sensor", "plate"]
 SUBSYSTEMS: tuple[Subsystem, ...] = ("pwm_to_rpm", "plate", "rpm_to_thrust", "hinge", "sensor")
@@ -71,7 +71,7 @@ class Flow(NamedTuple):
         plate_x_m: lateral position of the plate's centre (...).
         plane: the surface under the rotor plane, a `Plane` (...).
         axial_share: what counts of the velocity from a rotor's own image (...): the cosine of the
-            angle between the rotor axis and the surface's normal, or 1 (`tilt_rules`). The term of
+            angle between the rotor axis and the surface's normal, or 1 (`tilt`). The term of
             a law of thrust against distance is multiplied with it in the sum.
     """
 

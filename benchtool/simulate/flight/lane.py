@@ -14,8 +14,8 @@ from benchtool.physics.expression import (
     replaced,
     write_record,
 )
-from benchtool.physics.plane import LEVEL
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N, speed_from_thrust
+from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.controller import FlightCommand, FlightMeasurement
 from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
 from benchtool.simulate.flight.records import (

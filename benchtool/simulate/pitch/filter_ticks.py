@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from benchtool.physics.expression import Slot, loop_part, read_record, replaced, write_record
-from benchtool.physics.plane import LEVEL
+from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.motors import Rotors
 from benchtool.simulate.pitch.records import Hinge, SensorReadings, Setpoint
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchtool.physics.expression import expression, loop_part, read_record, replaced, write_record
 from benchtool.physics.mixer import pitch_moment_Nm
-from benchtool.physics.plane import LEVEL, Plane, height_over
+from benchtool.physics.tilt import LEVEL, Plane, height_over
 from benchtool.simulate.controllers.limits import limited
 from benchtool.simulate.motors import Rotors, lagged
 from benchtool.simulate.noise import next_state, normal

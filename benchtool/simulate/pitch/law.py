@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from benchtool.physics.expression import loop_part, read_record, replaced, write_record
-from benchtool.physics.plane import LEVEL
 from benchtool.physics.rotor import pwm_from_speed, speed_from_pwm, speed_from_thrust
+from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
 from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
 from benchtool.simulate.motors import Targets

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from benchtool.core.rig_file import rig_named
 from benchtool.physics import VALIDITY_Z_OVER_R
+from benchtool.physics.images import clamped_height
 from benchtool.physics.model import Model
-from benchtool.physics.plane import axis_cosine, height_over, plate_plane
-from benchtool.physics.validity import clamped_height
+from benchtool.physics.tilt import axis_cosine, height_over, plate_plane
 from tests.unit.physics.general_sum import pole_z_over_R
 
 angles = st.floats(-0.4, 0.4)

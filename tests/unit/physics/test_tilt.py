@@ -16,7 +16,7 @@ from benchtool.physics.images import partial_factor, quad_factor
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
 from benchtool.physics.prepared import Prepared
-from benchtool.physics.tilt_rules import TILT_RULES
+from benchtool.physics.tilt import TILT_RULES
 from tests.unit.physics.general_sum import multirotor_factors
 
 RIG = rig_named("pquad")
