@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.toml_text import FiniteTable
 
+Surface = Literal["below", "above", "beside"]
+"""Where a surface lies as the rotors blow: in the wake, at the intake, or to the side."""
+
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]
 
@@ -133,9 +136,10 @@ class Sensor(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlateDrive(FiniteTable):
-    """Describe what moves the plate.
+    """Describe the plate, and what moves it.
 
     Attributes:
+        surface: where it stands: "below" the rotors, in their wake, "above" them, or "beside".
         moved_by: "device" (the bench itself), "grbl" (a G-code stage) or "hand".
         z_min_m, z_max_m: travel; the plate never comes nearer than z_min_m.
         x_max_m: lateral travel to either side; `Rig.plate_x_max_m` stands in when left out.
@@ -154,6 +158,7 @@ class PlateDrive(FiniteTable):
     size_x_m: Positive
     size_y_m: Positive
     x_max_m: NotNegative | None = None
+    surface: Surface = "below"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

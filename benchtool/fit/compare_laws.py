@@ -25,7 +25,7 @@ from benchtool.fit.law_scores import LawComparison, LawScore, Verdict
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.physics.bases import with_blades_of_rig
-from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.catalogue import laws_of
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
@@ -102,7 +102,7 @@ def contestants(model: Model) -> Iterator[tuple[Effect, tuple[str, ...]]]:
     one where there are several discs, because neighbours and body then go without a term.
     """
     own = model.law
-    laws = {name: effect for name, effect in EFFECTS.items() if effect.distance_law}
+    laws = {effect.name: effect for effect in laws_of(model.rig.plate.surface)}
     if own is not None:
         laws[own.name] = own
     kinds: dict[tuple[str, bool], list[Effect]] = {}

@@ -8,6 +8,7 @@ from pkgutil import walk_packages
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, own_module, refuse_code
+from benchtool.core.rig import Surface
 from benchtool.physics import effects
 from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect
 
@@ -38,6 +39,15 @@ def effect_named(name: str) -> Effect:
 def candidates(bench: BenchKind) -> tuple[Effect, ...]:
     """Return the effects that an explanation may name on that kind of bench, in order."""
     return tuple(effect for effect in EFFECTS.values() if bench in effect.benches)
+
+
+def laws_of(surface: Surface) -> tuple[Effect, ...]:
+    """Return the laws of thrust against the distance of a surface that lies there, in order."""
+    return tuple(
+        effect
+        for effect in EFFECTS.values()
+        if effect.distance_law is not None and effect.distance_law.surface == surface
+    )
 
 
 def own_effects(file_or_module: str, permit: CodePermit = refuse_code) -> tuple[Effect, ...]:

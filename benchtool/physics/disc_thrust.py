@@ -115,8 +115,12 @@ def disc_thrust(
     n = n_discs
     height, coverage = chained(owned(effects, "height")), chained(owned(effects, "coverage"))
     speed, factor = chained(owned(effects, "speed")), multiplied(owned(effects, "factor"))
+    elsewhere = any(law and law.surface != "below" for law in (e.distance_law for e in effects))
     law = summed(owned(effects, "denominator", lambda effect: effect.distance_law is not None))
-    others = summed(owned(effects, "denominator", lambda effect: effect.distance_law is None))
+    # A surface above or beside has no images in a surface below: its law stands alone.
+    others = summed(
+        owned(effects, "denominator", lambda e: not elsewhere and e.distance_law is None)
+    )
     response, torques = chained(owned(effects, "response")), owned(effects, "drag")
     if len(torques) > 1:
         raise InputError("two effects of the model have the hook drag; leave one out")

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from benchtool.core.rig import Surface
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.expression import Quantity, expression
 
@@ -34,6 +35,8 @@ class DistanceLaw:
             name; None where it is finite down to contact, which makes it valid there.
         compared: its own numbers that a comparison of laws frees.
         same_as: the law that it is by another parameter, for one rotor; empty for none.
+        surface: where the surface lies whose distance it is of; terms of the sum that are images
+            in a surface below do not act beside a law of another.
         whole_vehicle: whether neighbours and body are in its numbers.
     """
 
@@ -45,6 +48,7 @@ class DistanceLaw:
     compared: tuple[str, ...] = ()
     same_as: str = ""
     whole_vehicle: bool = False
+    surface: Surface = "below"
 
     @property
     def nearest_z_over_R(self) -> float:

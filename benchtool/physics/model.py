@@ -20,11 +20,13 @@ from benchtool.core.parameter import Parameters, full_name
 from benchtool.core.rig import Rig
 from benchtool.physics.baseline import baseline_parameters
 from benchtool.physics.body_lift import BodyDistance, BodyImages, body_images
-from benchtool.physics.catalogue import EFFECTS, effect_named
+from benchtool.physics.catalogue import EFFECTS, effect_named, laws_of
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import DiscThrust, ImageRules, disc_thrust, owned
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
+from benchtool.physics.effects.laws.ceiling_momentum import EFFECT as CEILING_MOMENTUM
+from benchtool.physics.effects.laws.wall import EFFECT as WALL
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chained
 from benchtool.physics.motor import speed_near_plate, torque_per_speed
@@ -33,6 +35,9 @@ from benchtool.physics.wake_rules import wake_rule
 
 OWN_IMAGES = ROTOR_IMAGES.name
 """Eq. (2), the effect that every model starts with and every old model file means."""
+
+USUAL_LAW = {"below": ROTOR_IMAGES, "above": CEILING_MOMENTUM, "beside": WALL}
+"""The law that a model starts with, by where the rig's plate is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,13 +68,22 @@ class Model:
 
     @classmethod
     def single(cls, rig: Rig, name: str = "single") -> Model:
-        """Return eq. (2) for every rotor by itself: the baseline and `rotor_images`."""
+        """Return the baseline and the usual law of the rig's surface: eq. (2) for one below."""
         bare = cls(name=name, rig=rig, parameters=baseline_parameters(rig))
-        return bare.with_effect(OWN_IMAGES)
+        return bare.with_effect(USUAL_LAW[rig.plate.surface])
 
     def __post_init__(self) -> None:
         wake_rule(self.wake_rule), tilt_rule(self.tilt_rule)
         laws = [effect for effect in self.effects if effect.distance_law is not None]
+        surface = self.rig.plate.surface
+        for law in laws:
+            if law.distance_law is not None and law.distance_law.surface != surface:
+                of_it = (one.name for one in laws_of(surface))
+                raise InputError(
+                    f"rig {self.rig.name!r} has its plate {surface} the rotors, and {law.name} is "
+                    f"a law of a surface {law.distance_law.surface}; take one of: "
+                    f"{', '.join(of_it)}"
+                )
         if len(laws) > 1 and len(acting := [e.name for e in laws if self.is_present(e)]) > 1:
             raise InputError(
                 f"model {self.name!r} has the laws of thrust against distance "

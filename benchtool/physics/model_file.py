@@ -172,15 +172,14 @@ def model_from_toml(
             for name, tables in sorted(read.effects.items(), key=lambda item: item[0] != OWN_IMAGES)
         }
         notes: tuple[str, ...] = ()
-        if OWN_IMAGES not in effects:
-            if any(effect.distance_law is not None for effect in effects.values()):
-                model = model.without(OWN_IMAGES)
-            else:
-                notes = (f"{where} {WITHOUT_OWN_IMAGES}",)
+        usual = model.effects[0]
+        if any(effect.distance_law is not None for effect in effects.values()):
+            model = model.without(usual.name)
+        elif usual.name == OWN_IMAGES:
+            notes = (f"{where} {WITHOUT_OWN_IMAGES}",)
         for name, effect in effects.items():
             tables = read.effects[name]
-            if name != OWN_IMAGES:
-                model = with_blades(model) if effect is BLADE_INFLOW else model.with_effect(effect)
+            model = with_blades(model) if effect is BLADE_INFLOW else model.with_effect(effect)
             given = {key: table for key, table in tables.items() if key != "settings"}
             if effect is BLADE_INFLOW:
                 given = blade_tables(given, model.rig)

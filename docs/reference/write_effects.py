@@ -31,7 +31,10 @@ A model has one of these effects: T_IGE/T_OGE of one rotor as a function G of z/
 of eqs. (2) to (4) as 1 - 1/G, so that the images of neighbours, body lift and partial coverage
 combine with each as they do with eq. (2). Laws that are finite at contact are valid down to it,
 the others from z/R 0.5. "Seen" is what of a source was read: a public repository, not the original,
-unless the paper is named. "One law" names the law that a row is by another parameter.
+unless the paper is named. A rig says where its surface is (`[plate] surface`): below the rotors,
+above or beside them. A model has a law of that surface; images in a surface below do not act beside
+a law of another. Numbers whose source is unverified are free until a model file holds them. "One
+law" names the law that a row is by another parameter.
 """
 
 RIGS: dict[BenchKind, str] = {"pitch": "beam", "sweep": "pquad"}
@@ -46,12 +49,13 @@ def page() -> str:
 
 def laws() -> Iterator[str]:
     """Return the lines of the table of laws."""
-    yield "| effect | T ratio | basis | infinite at z/R | far | tested | seen | one law |"
-    yield "|---|---|---|---|---|---|---|---|"
+    yield "| effect | surface | T ratio | basis | infinite at z/R | far | tested | seen | one law |"
+    yield "|---|---|---|---|---|---|---|---|---|"
     for effect in EFFECTS.values():
         if (law := effect.distance_law) is None:
             continue
-        cells = [f"`{effect.name}`", f"`{effect.law}`", law.basis, pole(effect), law.far]
+        formula = f"`{effect.law.removeprefix('T ratio of one rotor ')}`"
+        cells = [f"`{effect.name}`", law.surface, formula, law.basis, pole(effect), law.far]
         own = f"`{law.same_as}`" if law.same_as else "–"
         yield f"| {' | '.join([*cells, law.tested, law.seen, own])} |"
 

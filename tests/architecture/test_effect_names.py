@@ -18,8 +18,12 @@ CASES = (
 )
 """Cases and recipes: they are about named effects."""
 
-OTHER_THINGS = ("bench/mavlink/side_cell.py", "virtual/autopilot.py", "report/palette.py")
-"""A channel of an autopilot and roles of curves happen to have an effect's name."""
+OTHER_THINGS = (
+    *("bench/mavlink/side_cell.py", "virtual/autopilot.py", "report/palette.py"),
+    *("commands/paper_claims.py", "data/run/append.py"),
+)
+"""A channel of an autopilot, roles of curves, the moment of a wall and the clock on one happen to
+have an effect's name."""
 
 NAME = re.compile(rf"({'|'.join(EFFECTS)})(\.\w+)?")
 

@@ -48,8 +48,11 @@ def acting(rig: Rig, name: str) -> Model:
 
 def without_it(rig: Rig, name: str) -> Model:
     """Return a model without the effect: eq. (2) alone, and nothing where it is a law."""
-    bare = Model.single(rig)
-    return bare if EFFECTS[name].distance_law is None else bare.without(OWN_IMAGES)
+    law = EFFECTS[name].distance_law
+    if law is None:
+        return Model.single(rig)
+    bare = Model.single(replace(rig, plate=replace(rig.plate, surface=law.surface)))
+    return bare.without(bare.effects[0].name)
 
 
 @pytest.fixture

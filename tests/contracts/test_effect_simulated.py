@@ -198,3 +198,12 @@ def test_a_hidden_bias_and_a_delay_show_as_they_say() -> None:
     assert np.abs(biased["pitch_rad"][waiting]).max() > 3e-3
     first = [int(np.argmax(np.abs(flight["q_rad_s"]) > 1e-6)) for flight in (plain, late)]
     assert (first[1] - first[0]) / 250.0 == pytest.approx(0.0213, abs=0.004)
+
+
+def test_a_vehicle_whose_bench_has_its_plate_above_flies_over_floors() -> None:
+    above = replace(RIG, plate=replace(RIG.plate, surface="above"))
+    over = (0.0, 0.0, 0.2)
+    swept, flown_over = (FlightVehicle.of_rig(rig) for rig in (RIG, above))
+    expected = look_below(swept, FLOOR, over).factor
+    assert look_below(flown_over, FLOOR, over).factor == expected
+    assert expected[0] > 1.1

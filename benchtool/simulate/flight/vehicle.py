@@ -68,6 +68,8 @@ class FlightVehicle:
 
         The rig's blades are among them where it states any.
         """
+        if rig.plate.surface != "below":  # where its bench has a plate; a flight has floors
+            rig = replace(rig, plate=replace(rig.plate, surface="below"))
         model = with_blades_of_rig(Model.single(rig))
         usual = (effect for effect in EFFECTS.values() if _acts_by_default(effect))
         for effect in usual:

@@ -15,6 +15,7 @@ from benchtool.physics.effects.laws.law import (
     decay,
     expression,
     law_effect,
+    unverified,
     z_over_R,
 )
 
@@ -34,8 +35,8 @@ EFFECT = law_effect(
     ),
     formula="1/(1 - Ca exp(-Cb z/R)), Ca < 1",
     parameters=(
-        amplitude("Ca", 0.9, "share of the inflow lost at contact", NEAR_EQ_2, 0.999),
-        decay(2.6, NEAR_EQ_2),
+        unverified(amplitude("Ca", 0.9, "share of the inflow lost at contact", NEAR_EQ_2, 0.999)),
+        unverified(decay(2.6, NEAR_EQ_2)),
     ),
     denominator=denominator,
     source="unverified: from memory, no source seen",

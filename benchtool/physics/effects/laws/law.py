@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from benchtool.core.parameter import Parameter
@@ -74,3 +75,8 @@ def amplitude(
 def decay(value: float, source: str) -> Parameter:
     """Return how fast an exponential law falls off with z/R."""
     return number("Cb", "1", value, "decay Cb per z/R", within=(0.05, 20.0), source=source)
+
+
+def unverified(item: Parameter) -> Parameter:
+    """Return a number left free, because its source was not seen."""
+    return replace(item, free=True)

@@ -14,6 +14,7 @@ from benchtool.physics.effects.laws.law import (
     law_effect,
     number,
     term_of,
+    unverified,
     z_over_R,
 )
 
@@ -34,14 +35,16 @@ EFFECT = law_effect(
     ),
     formula="1 + g2/((z/R)^2 + g1)",
     parameters=(
-        amplitude("g2", 0.1, "strength g2, in R^2", NEAR_EQ_2),
-        number(
-            "g1",
-            "1",
-            0.05,
-            "distance g1 within which it levels off, in R^2",
-            within=(1e-3, 10.0),
-            source=NEAR_EQ_2,
+        unverified(amplitude("g2", 0.1, "strength g2, in R^2", NEAR_EQ_2)),
+        unverified(
+            number(
+                "g1",
+                "1",
+                0.05,
+                "distance g1 within which it levels off, in R^2",
+                within=(1e-3, 10.0),
+                source=NEAR_EQ_2,
+            )
         ),
     ),
     denominator=denominator,

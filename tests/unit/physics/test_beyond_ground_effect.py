@@ -1,0 +1,60 @@
+"""Effects of neighbours, rooms and Reynolds numbers against what their sources state."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
+
+
+def test_neighbours_far_from_every_surface_take_thrust_only_while_they_turn() -> None:
+    rig = rig_named("pquad")
+    model = Model.single(rig).with_effect("rotor_interaction", share=0.02, reach=0.3)
+    k = model.parameters["k"].value
+    far = {"plate_z_m": [1e6], "coverage": np.zeros((4, 1))}
+    alone = Conditions.of(rig, speed_rad_s=[500.0, 0.0, 0.0, 0.0], **far)
+    together = Conditions.of(rig, speed_rad_s=[500.0] * 4, **far)
+    assert model.thrust_N(alone)[0] == pytest.approx(k * 500.0**2, rel=1e-12)
+    distances = rig.disc_distances_m[0, 1:] / (2.0 * rig.propulsion.radius_m)
+    lost = 0.02 * np.exp(-(distances - 1.0) / 0.3).sum()
+    assert model.thrust_N(together)[0] == pytest.approx(4.0 * k * 500.0**2 * (1.0 - lost))
+
+
+def test_a_room_takes_seven_per_cent_at_two_and_a_half_radii_and_none_far_away() -> None:
+    rig = rig_named("pquad_single")
+    bare, model = Model.single(rig), Model.single(rig).with_effect("recirculation", share=0.07)
+    z_m = np.array([0.5, 1.5, 2.5, 4.0, 60.0]) * rig.propulsion.radius_m
+    at = Conditions.of(rig, speed_rad_s=[500.0], plate_z_m=z_m, coverage=np.ones((1, 5)))
+    left = model.thrust_N(at) / bare.thrust_N(at)
+    assert left[2] == pytest.approx(0.93)
+    assert np.all(left[[0, 1, 3]] > 0.93)
+    assert left[4] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "exponent", "rms"),
+    [
+        ("apcsf_10x7_static_kt0827.txt", 0.142, 0.005),
+        ("apce_16x8_static_2150od.txt", 0.119, 0.016),
+        ("apcff_4.2x4_static_0615rd.txt", 0.035, 0.013),
+    ],
+)
+def test_thrust_of_measured_propellers_follows_a_power_of_speed(
+    name: str, exponent: float, rms: float, reference_data: Path
+) -> None:
+    rpm, ct = np.loadtxt(reference_data / "uiuc" / name, skiprows=1)[:, :2].T
+    slope = np.polyfit(np.log(rpm), np.log(ct), 1)[0]
+    assert slope == pytest.approx(exponent, abs=0.02)
+    model = Model.single(rig_named("pquad_single"))
+    at = Conditions.of(
+        model.rig, speed_rad_s=rpm[None, :] * np.pi / 30.0, plate_z_m=np.full(len(rpm), 1e6)
+    )
+    with_it = model.with_effect("thrust_exponent", excess=slope)
+    ratio = with_it.thrust_N(at) / model.thrust_N(at)
+    left = np.log(ct) - np.log(ratio)
+    assert np.std(left) < rms < np.std(np.log(ct))
