@@ -230,7 +230,7 @@ def _pitch(
         own=(
             None
             if controller in PITCH_CONTROLLERS
-            else controller_class(controller, permit=announce_code)
+            else controller_class(controller, PITCH_CONTROLLERS, announce_code)
         ),
         change=lambda job: changed_job(job, inputs.settings),
         permit=announce_code,

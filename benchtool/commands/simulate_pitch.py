@@ -47,7 +47,7 @@ def pitch(inputs: PitchInputs) -> None:
     refuse_twice("--controllers", names)
     refuse_twice("--gains", study.gains)
     own = [
-        (name, controller_class(name, permit=announce_code))
+        (name, controller_class(name, PITCH_CONTROLLERS, announce_code))
         for name in names
         if name not in PITCH_CONTROLLERS
     ]

@@ -9,7 +9,6 @@ from typing import Any
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, own_module, refuse_code
-from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
 
 
 def made(controller: type[Any], name: str) -> Any:
@@ -78,7 +77,7 @@ def _code(controller: type[Any], method: str) -> Any:
 
 
 def controller_class(
-    named: str, known: Iterable[str] = PITCH_CONTROLLERS, permit: CodePermit = refuse_code
+    named: str, known: Iterable[str], permit: CodePermit = refuse_code
 ) -> type[Any]:
     """Return the class that `module:Class` names; modules are found in the present folder too.
 

@@ -18,7 +18,7 @@ from benchtool.core.schedule_file import schedule_named
 from benchtool.physics.catalogue import effect_named
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
-from benchtool.simulate.controllers.pitch import pitch_controller
+from benchtool.simulate.controllers.laws import pitch_controller
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.pitch.bench import PitchBench

@@ -29,8 +29,8 @@ from benchtool.simulate.controllers.laws import (
     LAWS,
     PITCH_CONTROLLERS,
     law_of,
+    pitch_controller,
 )
-from benchtool.simulate.controllers.pitch import pitch_controller
 from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.flight import FlightCase, Goal, fly
 from benchtool.simulate.flight.own import fly_own

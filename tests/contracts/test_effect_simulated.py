@@ -15,7 +15,7 @@ from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.tilt import TILT_RULES, height_over, plate_plane
-from benchtool.simulate.controllers.pitch import pitch_controller
+from benchtool.simulate.controllers.laws import pitch_controller
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, Goal, fly
 from benchtool.simulate.flight.vehicle import FlightVehicle

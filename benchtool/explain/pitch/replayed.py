@@ -21,7 +21,8 @@ from benchtool.explain.pitch.replay_track import PitchTrack, mismatch
 from benchtool.fit.nominal import model_file
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.controllers.pitch import PitchControl, pitch_controller
+from benchtool.simulate.controllers.laws import pitch_controller
+from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.filter_log import LoggedPitch, predict_windows

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from benchtool.core.errors import UnknownChoice
 from benchtool.simulate.controllers import flight_law, pitch_law
 from benchtool.simulate.controllers.controller import ControlLaw
+from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
+from benchtool.simulate.gain_file import Gains
 
 LAWS: tuple[ControlLaw, ...] = (pitch_law.LAW, flight_law.LAW)
 """The built-in laws; one of one's own is added here."""
@@ -37,3 +40,27 @@ def law_of(controller: str, body: str) -> ControlLaw:
     """Return the law of a built-in controller of a body; PID where the name holds no law."""
     of_body = [law for law in LAWS if law.body == body]
     return next((law for law in of_body if law.name in controller.split("+")), of_body[0])
+
+
+def pitch_controller(
+    name: str, gains: Gains, feedforward: Feedforward | None = None
+) -> PitchControl:
+    """Return a built-in controller by name.
+
+    Args:
+        name: one of `PITCH_CONTROLLERS`.
+        gains: gain set.
+        feedforward: what a feedforward knows; 90 % of the true effect when left out (assumed: a
+            model is never exact).
+    """
+    if name not in PITCH_CONTROLLERS:
+        raise UnknownChoice("controller", name, PITCH_CONTROLLERS)
+    parts = name.split("+")
+    known = feedforward if feedforward is not None else Feedforward(strength=0.9)
+    return PitchControl(
+        name=name,
+        gains=gains,
+        observer="observer" in parts,
+        feedforward=known if "feedforward" in parts else Feedforward(),
+        law=law_of(name, "hinged"),
+    )

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError
 from benchtool.simulate.controllers import pitch_law
 from benchtool.simulate.controllers.controller import ControlLaw
-from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS, law_of
 from benchtool.simulate.gain_file import Gains
 
 
@@ -71,27 +70,3 @@ class PitchControl:
         if self.gains is None:
             raise InputError(f"controller {self.name!r} has no gains and no rate; give rate_Hz")
         return self.gains.control_rate_Hz
-
-
-def pitch_controller(
-    name: str, gains: Gains, feedforward: Feedforward | None = None
-) -> PitchControl:
-    """Return a built-in controller by name.
-
-    Args:
-        name: one of `PITCH_CONTROLLERS`.
-        gains: gain set.
-        feedforward: what a feedforward knows; 90 % of the true effect when left out (assumed: a
-            model is never exact).
-    """
-    if name not in PITCH_CONTROLLERS:
-        raise UnknownChoice("controller", name, PITCH_CONTROLLERS)
-    parts = name.split("+")
-    known = feedforward if feedforward is not None else Feedforward(strength=0.9)
-    return PitchControl(
-        name=name,
-        gains=gains,
-        observer="observer" in parts,
-        feedforward=known if "feedforward" in parts else Feedforward(),
-        law=law_of(name, "hinged"),
-    )

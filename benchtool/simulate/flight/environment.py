@@ -18,6 +18,7 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
+from benchtool.core.toml_text import FileTable
 from benchtool.physics.expression import Slot
 from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
 from benchtool.simulate.layout import LINE, PLANE, SOLID
@@ -27,7 +28,7 @@ ALWAYS = (-1e9, -1e9, 1e9, 1e9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
+class Block(FileTable):
     """Describe one obstacle.
 
     Attributes:

@@ -32,23 +32,11 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.toml_text import FileTable, build
 from benchtool.core.user_file import read_text
 from benchtool.data.csv_text import read_csv_text
-from benchtool.simulate.flight.environment import ALWAYS, Block, Environment
+from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.height_grid import HeightGrid
 
 COLUMNS = ("x_m", "y_m", "height_m")
 """Columns of a height grid's file."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _BlockTable(FileTable):
-    x_m: tuple[float, float]
-    y_m: tuple[float, float] = (-inf, inf)
-    top_m: float = 0.0
-    slope_x: float = 0.0
-    slope_y: float = 0.0
-    times_s: tuple[float, float, float, float] = ALWAYS
-    slide_m: tuple[float, float] = (0.0, 0.0)
-    name: str = "box"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,22 +64,16 @@ def read_map(path: Path) -> Environment:
         return Environment(grid=read_grid(path), name=path.stem)
     where = str(path)
     read = build(_MapFile, parse_toml(read_text(path), where), where)
-    tables = [
-        build(_BlockTable, table, f"{where}: blocks[{k}]") for k, table in enumerate(read.blocks)
-    ]
-    blocks = []
-    for table in tables:
-        try:
-            blocks.append(Block(**{name: getattr(table, name) for name in table.__slots__}))
-        except InputError as error:
-            raise FileFormatError(where, str(error)) from error
+    blocks = tuple(
+        build(Block, table, f"{where}: blocks[{k}]") for k, table in enumerate(read.blocks)
+    )
     grid = None
     if read.grid:
         said = build(_GridTable, read.grid, f"{where}: grid")
         grid = read_grid(path.parent / said.file, said.base_m)
     name = read.name or path.stem
     try:
-        return Environment(blocks=tuple(blocks), grid=grid, floor_m=read.floor_m, name=name)
+        return Environment(blocks=blocks, grid=grid, floor_m=read.floor_m, name=name)
     except InputError as error:
         raise FileFormatError(where, str(error)) from error
 

@@ -15,7 +15,8 @@ from benchtool.core.schedule_file import schedule_named
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
-from benchtool.simulate.controllers.pitch import Feedforward, PitchControl, pitch_controller
+from benchtool.simulate.controllers.laws import pitch_controller
+from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
 from benchtool.simulate.pitch.run import PitchJob, substeps_of

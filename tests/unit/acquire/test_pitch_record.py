@@ -51,7 +51,7 @@ def recorded(
 
 def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path: Path) -> None:
     from benchtool.physics.model_file import load_model
-    from benchtool.simulate.controllers.pitch import pitch_controller
+    from benchtool.simulate.controllers.laws import pitch_controller
     from benchtool.simulate.gain_file import gains_named
     from benchtool.simulate.pitch.bench import PitchBench
     from benchtool.simulate.pitch.run import PitchJob

@@ -52,7 +52,7 @@ WAYS = {
     "a model": lambda: load_model("m.toml"),
     "effects": lambda: own_effects("evil.py"),
     "a module": lambda: own_effects("evil"),
-    "a controller": lambda: controller_class("evil:Law"),
+    "a controller": lambda: controller_class("evil:Law", ()),
     "an address": lambda: open_bench("sim:pquad_single?truth=m.toml"),
     "a pitch address": lambda: open_bench("sim:pquad?mode=pitch&truth=m.toml"),
     "a question": lambda: read_request(["t.csv"], [], "m.toml"),

@@ -22,7 +22,7 @@ from benchtool.explain.pitch.replayed import Beside, known_control, replayed
 from benchtool.physics.model_file import load_model
 from benchtool.report.replay.page import errors_deg
 from benchtool.report.report_file import kind_of, page_text
-from benchtool.simulate.controllers.pitch import pitch_controller
+from benchtool.simulate.controllers.laws import pitch_controller
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob

@@ -8,7 +8,8 @@ from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signal
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.controllers.pitch import Feedforward, PitchControl, pitch_controller
+from benchtool.simulate.controllers.laws import pitch_controller
+from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob

@@ -25,7 +25,7 @@ def test_a_class_beside_the_user_is_found(here: Path) -> None:
     (here / "found_law.py").write_text(
         "class Law:\n    def step(self, m, r, dt_s):\n        return 0\n"
     )
-    assert controller_class("found_law:Law", permit=allow).__name__ == "Law"
+    assert controller_class("found_law:Law", (), allow).__name__ == "Law"
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_what_cannot_be_imported_is_told_with_file_and_line(
 ) -> None:
     (here / f"{module}.py").write_text(text)
     with pytest.raises(InputError, match=says):
-        controller_class(f"{module}:Law", permit=allow)
+        controller_class(f"{module}:Law", (), allow)
 
 
 def test_a_misspelt_built_in_one_is_told_the_known_ones() -> None:
@@ -54,4 +54,4 @@ def test_a_misspelt_built_in_one_is_told_the_known_ones() -> None:
 
 def test_a_file_in_place_of_a_module_is_told() -> None:
     with pytest.raises(InputError, match=r"names a file; name the module: found_law:Law"):
-        controller_class("found_law.py:Law")
+        controller_class("found_law.py:Law", ())
