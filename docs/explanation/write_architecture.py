@@ -49,7 +49,7 @@ REGISTRIES = (
     ("an effect", "one file in `benchtool/physics/effects/`", "write-an-effect"),
     ("a driver", "`register` in `benchtool/bench/drivers.py`", "write-a-driver"),
     ("an importer", "`FORMATS` in `benchtool/data/formats/formats.py`", "write-an-importer"),
-    ("a control law", "`LAWS` in `benchtool/simulate/controllers/pitch.py`", "write-a-controller"),
+    ("a control law", "`LAWS` in `benchtool/simulate/controllers/laws.py`", "write-a-controller"),
     ("a figure", "`@figure` in `benchtool/report/`, and its page", "write-a-figure"),
     ("a command", "`COMMANDS` in `benchtool/commands/app.py`", "write-an-option"),
     ("an option", "a field of the command's inputs", "write-an-option"),
