@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import isfinite, sqrt
+from math import sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from benchtool.acquire.average import Average, average, read_span
+from benchtool.acquire.inputs import MassUncertainty
 from benchtool.bench.bench import Bench, Identity
 from benchtool.core.array import Array
 from benchtool.core.errors import CalibrationError
-from benchtool.core.toml_text import FiniteTable, build
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.data.atomic import read_json
+from benchtool.data.calibration import (
+    Calibration,
+    CalibrationComponent,
+    calibration_from,
+    read_calibration,
+)
 from benchtool.data.run.state import recall, state_file
 
 WORST_STRAIGHTNESS = 0.02
@@ -24,44 +28,14 @@ WORST_STRAIGHTNESS = 0.02
 choice: load cells are rated near 0.0005, and 0.02 is a loose screw or a wrong mass."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration(FiniteTable):
-    """Turn raw counts into newtons: N = slope (counts - zero), zero from the tare.
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """Hold the line of counts over force of one day, and what it leaves over."""
 
-    Attributes:
-        id: date and device.
-        date: when the masses hung, ISO 8601.
-        device_id: the bench it belongs to.
-        slope_N_per_count, offset_N: of N = slope counts + offset on the day.
-        covariance: of (slope, offset), 2 by 2.
-        relative_sd: standard deviation of the slope over the slope; common to every thrust.
-        straightness, hysteresis: largest residual, and largest gap between up and down, as shares
-            of full scale; hysteresis is None when the masses went one way only.
-        masses_kg, counts: what hung and what was read, in order.
-        residuals_N: what the line leaves over.
-        lever_ratio: force on the cell over force at the rotor.
-        gravity_m_s2: local acceleration of free fall.
-    """
-
-    id: str
-    date: str
-    device_id: str
-    slope_N_per_count: float
-    offset_N: float
-    covariance: tuple[tuple[float, float], tuple[float, float]]
-    relative_sd: float
-    straightness: float
-    hysteresis: float | None
-    residual_sd_N: float
-    masses_kg: tuple[float, ...]
-    counts: tuple[float, ...]
-    residuals_N: tuple[float, ...]
-    lever_ratio: float = 1.0
-    gravity_m_s2: float = STANDARD_GRAVITY_M_S2
-
-    def newtons(self, counts: Array, zero_counts: float) -> Array:
-        """Return thrust (n,): N, of raw counts (n,) against those of the unloaded cell."""
-        return self.slope_N_per_count * (counts - zero_counts)
+    gain: float  # counts per N
+    level: float  # counts
+    spread: float  # sum of the squared deviations of force, N2
+    residual_counts: Array
 
 
 def fit_calibration(
@@ -72,37 +46,52 @@ def fit_calibration(
     device_id: str,
     lever_ratio: float = 1.0,
     gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
+    days: Sequence[str] = (),
+    uncertainty: MassUncertainty | None = None,
+    calibrated_by: str = "",
+    certificate: str = "",
 ) -> Calibration:
     """Fit the line through counts (n,) of masses (n,) in the order in which they hung.
 
     Counts carry the noise, so they are regressed on force, and the line is inverted; its
-    covariance follows by the derivative.
+    covariance follows by the derivative. Each day has its own line; the slope is the mean of
+    theirs, and what they differ by beyond their own errors is a component of its own, for the day
+    of a run is another one.
 
     Args:
         masses_kg: known masses, several and more than once, up and then down.
         counts: mean raw reading of each.
-        date: ISO 8601.
+        date: of the last reading, ISO 8601.
         lever_ratio: force on the cell over force where the rotor pulls; 1 for a straight mount.
+        days: (n,) day of each reading; all of the same one when left out.
+        uncertainty: of masses, gravity and lever; taken as exact when left out.
 
     Raises:
         CalibrationError: too few masses, a reading that does not follow them, a line that bends.
     """
     force = _checked_forces(masses_kg, counts, lever_ratio, gravity_m_s2)
-    n = len(force)
-    centred = force - force.mean()
-    spread = float(centred @ centred)
-    gain = float(centred @ counts) / spread
-    level = float(counts.mean() - gain * force.mean())
-    residual_counts = counts - level - gain * force
-    sd_counts = sqrt(float(residual_counts @ residual_counts) / (n - 2))
-    gain_sd = sd_counts / sqrt(spread)
+    labels = np.array(list(days) or [date[:10]] * len(force))
+    if len(labels) != len(force):
+        raise CalibrationError(f"{len(force)} readings, but {len(labels)} days; name one for each")
+    each = {str(day): labels == day for day in dict.fromkeys(labels.tolist())}
+    for day, rows in each.items():
+        _check_masses(masses_kg[rows], f" on {day}" if len(each) > 1 else "")
+    lines = [_line(force[rows], counts[rows]) for rows in each.values()]
+    dof = len(force) - 2 * len(lines)
+    squares = sum(float(line.residual_counts @ line.residual_counts) for line in lines)
+    gains = np.array([line.gain for line in lines])
+    gain = float(gains.mean())
+    sd_counts = sqrt(squares / dof)
+    within = sd_counts**2 * float(np.mean([1.0 / line.spread for line in lines]))
+    gain_sd = sqrt(within / len(lines))
     if abs(gain) <= 5.0 * gain_sd or gain == 0.0:
         raise CalibrationError(
             f"the counts do not follow the masses ({gain:.3g} +- {gain_sd:.2g} counts per N); "
             f"check that the masses hang on the load cell and that its channel is connected"
         )
-    slope, offset = 1.0 / gain, -level / gain
-    residual_N = counts * slope + offset - force
+    residual_N = np.empty(len(force))
+    for line, rows in zip(lines, each.values(), strict=True):
+        residual_N[rows] = line.residual_counts / line.gain
     full_scale_N = float(np.ptp(force))
     straightness = float(np.abs(residual_N).max()) / full_scale_N
     worst = int(np.abs(residual_N).argmax())
@@ -112,34 +101,142 @@ def fit_calibration(
             f"{100.0 * straightness:.1f} % of full scale, limit {100.0 * WORST_STRAIGHTNESS:g} %; "
             f"check that mass and how it hangs, then calibrate again"
         )
-    by_gain = np.array([[-1.0 / gain**2, 0.0], [level / gain**2, -1.0 / gain]])
-    design = np.column_stack([force, np.ones_like(force)])
+    slope, last = 1.0 / gain, lines[-1]
+    repeat = CalibrationComponent(
+        name="repeat",
+        kind="A",
+        unit="count",
+        sd=sd_counts,
+        relative_sd=0.0 if len(lines) > 1 else gain_sd / abs(gain),
+        distribution="student_t",
+        dof=dof,
+    )
+    components = [repeat]
+    if len(lines) > 1:
+        # Scatter of the days' gains holds that of their readings already. A run is on another day.
+        scatter = float(gains.var(ddof=1))
+        between = max(0.0, scatter - within)
+        sd = sqrt(scatter * (1.0 + 1.0 / len(lines))) / abs(gain)
+        components.append(
+            CalibrationComponent(
+                name="days",
+                kind="A",
+                unit="1",
+                sd=sqrt(between) / abs(gain),
+                relative_sd=sd,
+                distribution="student_t",
+                dof=len(lines) - 1,
+            )
+        )
+    known = uncertainty or MassUncertainty()
+    per_kg = _slope_per_kg([masses_kg[rows] for rows in each.values()], dof)
+    components += _stated(known, per_kg, lever_ratio, gravity_m_s2)
+    by_gain = np.array([[-(slope**2), 0.0], [last.level * slope**2, -slope]])
+    last_force = force[list(each.values())[-1]]
+    design = np.column_stack([last_force, np.ones_like(last_force)])
     covariance = by_gain @ (sd_counts**2 * np.linalg.inv(design.T @ design)) @ by_gain.T
+    hysteresis = [_hysteresis(force[rows], residual_N[rows]) for rows in each.values()]
     return Calibration(
         id=f"{date}-{device_id}",
         date=date,
         device_id=device_id,
         slope_N_per_count=slope,
-        offset_N=offset,
+        offset_N=-last.level * slope,
         covariance=tuple(tuple(row) for row in covariance.tolist()),  # type: ignore[arg-type]
-        relative_sd=gain_sd / abs(gain),
+        relative_sd=sqrt(sum(one.relative_sd**2 for one in components)),
         straightness=straightness,
-        hysteresis=_hysteresis(force, residual_N),
+        hysteresis=max((gap for gap in hysteresis if gap is not None), default=None),
         residual_sd_N=abs(slope) * sd_counts,
         masses_kg=tuple(masses_kg.tolist()),
         counts=tuple(counts.tolist()),
         residuals_N=tuple(residual_N.tolist()),
         lever_ratio=lever_ratio,
         gravity_m_s2=gravity_m_s2,
+        days=tuple(labels.tolist()),
+        components=tuple(components),
+        calibrated_by=calibrated_by,
+        certificate=certificate,
     )
 
 
-def calibration_from(data: Mapping[str, Any], where: str) -> Calibration:
-    """Return the calibration in a JSON object, checked key by key."""
-    calibration = build(Calibration, data, where)
-    if not (isfinite(calibration.slope_N_per_count) and calibration.slope_N_per_count != 0.0):
-        raise CalibrationError(f"{where}: a slope of 0 N per count is none; calibrate again")
-    return calibration
+def _line(force: Array, counts: Array) -> _Line:
+    centred = force - force.mean()
+    spread = float(centred @ centred)
+    gain = float(centred @ counts) / spread
+    level = float(counts.mean() - gain * force.mean())
+    return _Line(gain, level, spread, counts - level - gain * force)
+
+
+def _slope_per_kg(days_kg: Sequence[Array], dof: int) -> float:
+    """Return what errors of 1 kg of every mass by itself make of the slope, over the slope: 1/kg.
+
+    A mass that hung several times had the same error each time; nothing hung at 0 kg. What such
+    errors leave over of the lines is in the scatter of the readings already, and is taken off.
+
+    Args:
+        days_kg: masses of each day.
+        dof: degrees of freedom of the scatter.
+    """
+    moved: dict[float, float] = {}
+    left, spread = 0.0, 0.0
+    for masses_kg in days_kg:
+        different = np.unique(masses_kg[masses_kg > 0.0])
+        errors = (masses_kg[:, None] == different).astype(float)
+        centred = masses_kg - masses_kg.mean()
+        squares = float(centred @ centred)
+        slopes = centred @ errors / squares
+        for mass, slope in zip(different.tolist(), slopes.tolist(), strict=True):
+            moved[mass] = moved.get(mass, 0.0) + slope / len(days_kg)
+        left += float(np.sum((errors - errors.mean(axis=0) - np.outer(centred, slopes)) ** 2))
+        spread += 1.0 / squares / len(days_kg) ** 2
+    return sqrt(max(sum(slope**2 for slope in moved.values()) - left / dof * spread, 0.0))
+
+
+def _stated(
+    known: MassUncertainty, per_kg: float, lever_ratio: float, gravity_m_s2: float
+) -> Iterator[CalibrationComponent]:
+    """Give what the stated uncertainties make of the slope.
+
+    Args:
+        per_kg: relative change of the slope by errors of 1 kg of each mass.
+    """
+    for name, unit, sd, relative_sd in (
+        ("masses", "kg", known.mass_u_kg, known.mass_u_kg * per_kg),
+        ("scale of the masses", "1", known.mass_scale_u, known.mass_scale_u),
+        ("gravity", "m/s2", known.gravity_u_m_s2, known.gravity_u_m_s2 / gravity_m_s2),
+        ("lever", "1", known.lever_u, known.lever_u / lever_ratio),
+    ):
+        if sd > 0.0:
+            yield CalibrationComponent(
+                name=name, kind="B", unit=unit, sd=sd, relative_sd=relative_sd
+            )
+
+
+def with_days_of(
+    earlier: Calibration,
+    masses_kg: Array,
+    counts: Array,
+    day: str,
+    lever_ratio: float,
+    gravity_m_s2: float,
+) -> tuple[Array, Array, list[str]]:
+    """Return masses, counts and days of an earlier calibration followed by new readings.
+
+    Raises:
+        CalibrationError: it was made with another lever or gravity.
+    """
+    theirs, own = (earlier.lever_ratio, earlier.gravity_m_s2), (lever_ratio, gravity_m_s2)
+    if theirs != own:
+        raise CalibrationError(
+            f"calibration {earlier.id} was made with lever ratio and gravity {theirs}, these "
+            f"readings with {own}; give the same ones"
+        )
+    days = list(earlier.days) or [earlier.date[:10]] * len(earlier.masses_kg)
+    return (
+        np.concatenate([earlier.masses_kg, masses_kg]),
+        np.concatenate([earlier.counts, counts]),
+        [*days, *[day] * len(masses_kg)],
+    )
 
 
 def require_device(
@@ -166,11 +263,6 @@ def _checked_forces(
         raise CalibrationError("a mass or a reading is no number; mend or leave out that line")
     if (masses_kg < 0.0).any():
         raise CalibrationError(f"a mass of {masses_kg.min():g} kg is none; give masses in kg")
-    if len(np.unique(masses_kg)) < 3:
-        raise CalibrationError(
-            f"{len(np.unique(masses_kg))} different masses cannot show whether the line is "
-            f"straight; hang at least 3, better 5, up and down"
-        )
     if not 9.76 < gravity_m_s2 < 9.84:
         raise CalibrationError(
             f"local gravity is {gravity_m_s2:g} m/s2, but on Earth's surface it lies from 9.76 to "
@@ -184,6 +276,14 @@ def _checked_forces(
     return masses_kg * gravity_m_s2 / lever_ratio
 
 
+def _check_masses(masses_kg: Array, when: str) -> None:
+    if (different := len(np.unique(masses_kg))) < 3:
+        raise CalibrationError(
+            f"{different} different masses{when} cannot show whether the line is straight; hang at "
+            f"least 3, better 5, up and down"
+        )
+
+
 def _hysteresis(force: Array, residual_N: Array) -> float | None:
     """Return the largest gap between the ways up and down at one force, over full scale."""
     top = int(force.argmax())
@@ -194,11 +294,6 @@ def _hysteresis(force: Array, residual_N: Array) -> float | None:
         if len(up) and len(down):
             gaps_N.append(abs(float(up.mean() - down.mean())))
     return max(gaps_N) / float(np.ptp(force)) if gaps_N else None
-
-
-def read_calibration(path: Path) -> Calibration:
-    """Return the calibration in a JSON file."""
-    return calibration_from(read_json(path), str(path))
 
 
 def calibration_for(option: str | None, identity: Identity) -> Calibration | None:

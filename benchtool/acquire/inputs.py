@@ -1,10 +1,12 @@
-"""What `benchtool sweep` takes besides its plan, and which rig a bench is."""
+"""What `sweep` takes besides its plan and `calibrate` of its masses, and which rig a bench is."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
+
+from annotated_types import Ge, Le
 
 from benchtool.acquire.plan import Plan
 from benchtool.core.air import Air
@@ -48,6 +50,33 @@ class SweepInputs(Inputs):
     yes: Annotated[bool, Input("No typed arming: simulated or checked today.")] = False
     dry_run: Annotated[bool, Input("Show plan and duration only.")] = False
     resume: Annotated[Path | None, Input("Go on with this run folder.")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MassUncertainty(Inputs):
+    """State how well masses, gravity and lever are known: standard uncertainties."""
+
+    mass_u_kg: Annotated[
+        float,
+        Ge(0.0),
+        Le(1.0),
+        Input("Standard uncertainty of each mass by itself.", "kg", option="mass-u"),
+    ] = 0.0
+    mass_scale_u: Annotated[
+        float,
+        Ge(0.0),
+        Le(0.1),
+        Input("Relative standard uncertainty that all masses share, as of one scale."),
+    ] = 0.0
+    gravity_u_m_s2: Annotated[
+        float,
+        Ge(0.0),
+        Le(0.1),
+        Input("Standard uncertainty of the local gravity.", "m/s2", option="gravity-u"),
+    ] = 0.0
+    lever_u: Annotated[
+        float, Ge(0.0), Le(10.0), Input("Standard uncertainty of the lever ratio.")
+    ] = 0.0
 
 
 def rig_for(address: str, named: str | None) -> Rig:

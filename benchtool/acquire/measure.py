@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from math import nan
 
 from benchtool.acquire.average import Average, average, quantum_of
-from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.order import Visit
 from benchtool.acquire.tare import Tared
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor
+from benchtool.data.calibration import Calibration
 from benchtool.data.run.points import Point, averaged_channels
 
 

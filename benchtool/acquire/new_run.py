@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from benchtool import __version__
-from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.acquire.plan import Plan, plan_to_toml
@@ -19,6 +18,7 @@ from benchtool.bench.bench import Identity
 from benchtool.core.air import Air
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_to_dict
+from benchtool.data.calibration import Calibration
 from benchtool.data.run.run import Run, free_run_path
 
 
@@ -100,7 +100,7 @@ def run_metadata(
         "state": "running",
         "simulated": identity.simulated,
         "started": (started or datetime.now().astimezone()).isoformat(timespec="seconds"),
-        "operator": operator or _user(),
+        "operator": operator or user_name(),
         "seed": plan.order.seed,
         "address": identity.address,
         "device_id": identity.device_id,
@@ -129,7 +129,8 @@ def run_metadata(
     }
 
 
-def _user() -> str:
+def user_name() -> str:
+    """Return who is logged in."""
     try:
         return getpass.getuser()
     except (OSError, KeyError, ImportError):

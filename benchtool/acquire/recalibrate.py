@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from benchtool.acquire.average import average
-from benchtool.acquire.calibration import Calibration, require_device
+from benchtool.acquire.calibration import require_device
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.errors import CalibrationError, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash
+from benchtool.data.calibration import Calibration
 from benchtool.data.columns import REJECTED, VALID_KINDS, code_of
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points, read_samples

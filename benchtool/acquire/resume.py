@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.acquire.calibration import Calibration, calibration_from
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml
 from benchtool.acquire.record import LinkQuality
@@ -17,6 +16,7 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.user_file import read_file
+from benchtool.data.calibration import Calibration, calibration_from
 from benchtool.data.columns import VALID_KINDS, code_of
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run

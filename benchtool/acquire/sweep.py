@@ -9,7 +9,6 @@ from math import nan, radians
 import numpy as np
 
 from benchtool.acquire.average import is_settled
-from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.measure import measure
 from benchtool.acquire.motors import Motors, rest_if_needed, run_to_end
 from benchtool.acquire.order import PlatePosition, Visit, expected_duration_s, visits_of
@@ -27,6 +26,7 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, RunStopped
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.data.calibration import Calibration, age_text
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 
@@ -157,6 +157,8 @@ class _Sweep:
         left_s = expected_duration_s(self.plan, self.rig, left)
         self.progress.started(len(visits), len(visits) - len(left), left_s)
         self._record_plate()
+        if old := age_text(self.run.metadata):
+            self.recorder.note("calibration_old", old)
         for index, visit in enumerate(left):
             self._wait()
             self.progress.visiting(visit)

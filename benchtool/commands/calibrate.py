@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from annotated_types import Ge, Gt, Le
 
+from benchtool.acquire.inputs import MassUncertainty
 from benchtool.commands.declared import declared
 from benchtool.core.inputs import Input, Inputs
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from benchtool.acquire.calibration import Calibration
+    from benchtool.data.calibration import Calibration
 
     Array = NDArray[np.float64]
 
@@ -38,7 +39,8 @@ class CalibrateInputs(Inputs):
         Input("Masses as they will hang, up and down: 0,0.2,0.5,0.", "kg"),
     ] = ()
     source: Annotated[
-        Path | None, Input("CSV with columns mass_kg and thrust_raw.", option="from")
+        Path | None,
+        Input("CSV with columns mass_kg, thrust_raw and, of several, day.", option="from"),
     ] = None
     device_id: Annotated[str, Input("Device of the CSV's counts.")] = ""
     rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
@@ -46,6 +48,12 @@ class CalibrateInputs(Inputs):
         float, Ge(0.01), Le(100.0), Input("Force on the cell over force at the rotor.")
     ] = 1.0
     gravity: Annotated[float, Ge(9.76), Le(9.84), Input("Local gravity.", "m/s2")] = 9.80665
+    uncertainty: MassUncertainty = field(default_factory=MassUncertainty)
+    operator: Annotated[str, Input("Who hangs the masses; the user when left out.")] = ""
+    certificate: Annotated[str, Input("What the masses are traceable to: number, who, when.")] = ""
+    add: Annotated[
+        Path | None, Input("Calibration of earlier days, whose readings count as well.")
+    ] = None
     seconds: Annotated[
         float, Gt(0.0), Le(LONGEST_S), Input("Counts are averaged for so long.", "s")
     ] = 3.0
@@ -64,9 +72,11 @@ def calibrate(inputs: CalibrateInputs) -> None:
     from dataclasses import asdict
     from datetime import datetime
 
-    from benchtool.acquire.calibration import fit_calibration
+    from benchtool.acquire.calibration import fit_calibration, require_device, with_days_of
+    from benchtool.acquire.new_run import user_name
     from benchtool.core.errors import InputError
     from benchtool.data.atomic import replace_json
+    from benchtool.data.calibration import read_calibration
     from benchtool.data.run.state import remember
     from benchtool.report.files import refuse_existing
 
@@ -75,8 +85,10 @@ def calibrate(inputs: CalibrateInputs) -> None:
         raise InputError("give either --masses, to hang them now, or --from CSV with counts")
     if out is not None:
         refuse_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
+    earlier = None if inputs.add is None else read_calibration(inputs.add)
+    date = datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S")
     if source is not None:
-        kilograms, counts = _from_csv(source)
+        kilograms, counts, days = _from_csv(source)
         if not device_id:
             raise InputError(
                 "which device gave these counts? name it with --device-id (benchtool ports shows "
@@ -86,13 +98,25 @@ def calibrate(inputs: CalibrateInputs) -> None:
         if not inputs.address:
             raise InputError("which bench? name its address before --masses")
         kilograms, counts, device_id = _from_bench(inputs)
+        days = []
+    if earlier is not None:
+        require_device(earlier, str(inputs.add), "the bench", device_id, "readings of its own")
+        if len(set(days)) > 1:
+            raise InputError("--add takes readings of one day, but --from names several")
+        kilograms, counts, days = with_days_of(
+            earlier, kilograms, counts, date[:10], inputs.lever_ratio, inputs.gravity
+        )
     calibration = fit_calibration(
         kilograms,
         counts,
-        date=datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S"),
+        date=date,
         device_id=device_id,
         lever_ratio=inputs.lever_ratio,
         gravity_m_s2=inputs.gravity,
+        days=days,
+        uncertainty=inputs.uncertainty,
+        calibrated_by=inputs.operator or user_name(),
+        certificate=inputs.certificate,
     )
     _show(calibration)
     facts = asdict(calibration)
@@ -112,11 +136,17 @@ def _draw(facts: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
         print(f"written: {path}")
 
 
-def _from_csv(source: Path) -> tuple[Array, Array]:
+def _from_csv(source: Path) -> tuple[Array, Array, list[str]]:
+    from benchtool.core.errors import MissingColumn
     from benchtool.data.table import read_table
 
-    table = read_table(source, {"mass_kg": "mass_kg", "thrust_raw": "thrust_raw"})
-    return table.column("mass_kg"), table.column("thrust_raw")
+    names = {name: name for name in ("mass_kg", "thrust_raw", "day")}
+    try:
+        table = read_table(source, names)
+    except MissingColumn:
+        table = read_table(source, {name: name for name in names if name != "day"})
+    days = [f"{day:.15g}" for day in table.column("day")] if "day" in table else []
+    return table.column("mass_kg"), table.column("thrust_raw"), days
 
 
 def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
@@ -155,7 +185,18 @@ def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
 
 def _show(calibration: Calibration) -> None:
     c = calibration
-    print(f"slope {c.slope_N_per_count:.6g} N per count, +- {100.0 * c.relative_sd:.2g} %")
+    print(
+        f"slope {c.slope_N_per_count:.6g} N per count, standard uncertainty "
+        f"{100.0 * c.relative_sd:.2g} % on {c.dof:.3g} degrees of freedom; 95 %: +- "
+        f"{100.0 * c.relative_half_width(0.95):.2g} %"
+    )
+    for part in c.components:
+        dof = "" if part.dof is None else f", {part.dof:g} degrees of freedom"
+        unit = "" if part.unit == "1" else f" {part.unit}"
+        print(
+            f"  {part.name} (type {part.kind}): {part.sd:.3g}{unit} make "
+            f"{100.0 * part.relative_sd:.2g} %{dof}"
+        )
     hysteresis = "not known, masses went one way only"
     if c.hysteresis is not None:
         hysteresis = f"{100.0 * c.hysteresis:.3f} % of full scale"

@@ -46,9 +46,9 @@ class RecalibrateInputs(Inputs):
 @declared(RecalibrateInputs)
 def recalibrate_run(inputs: RecalibrateInputs) -> None:
     """Apply a calibration to a run, its raw data untouched."""
-    from benchtool.acquire.calibration import calibration_from, read_calibration
     from benchtool.acquire.recalibrate import recalibrate
     from benchtool.core.errors import CalibrationError
+    from benchtool.data.calibration import calibration_from, read_calibration
     from benchtool.data.run.run import Run
     from benchtool.data.run.state import recall
 

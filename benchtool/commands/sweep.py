@@ -37,7 +37,6 @@ def _base(given: dict[str, Any]) -> SweepInputs:
 @declared(SweepInputs, _base)
 def sweep(inputs: SweepInputs) -> None:
     """Sweep plate distance and throttle into a run folder."""
-    from benchtool.acquire.calibration import read_calibration
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.resume import prepare, unfinished
@@ -45,6 +44,7 @@ def sweep(inputs: SweepInputs) -> None:
     from benchtool.bench.drivers import open_bench
     from benchtool.commands.terminal.messages import announce_code
     from benchtool.core.own_code import refuse_code
+    from benchtool.data.calibration import read_calibration
     from benchtool.data.run.run import Run, check_run_name, refuse_taken
 
     address = inputs.address

@@ -65,6 +65,17 @@ def joined(parts: Sequence[Sequence[ErrorSource]]) -> tuple[ErrorSource, ...]:
     )
 
 
+def effective_dof(contributions: Array, dof: Array) -> float:
+    """Return the degrees of freedom of a combined uncertainty (Welch-Satterthwaite, GUM G.2b).
+
+    Args:
+        contributions: (s,) of independent sources.
+        dof: (s,) of each; inf where its uncertainty is stated.
+    """
+    spent = float(np.sum(contributions**4 / dof))
+    return float(np.sum(contributions**2)) ** 2 / spent if spent > 0.0 else np.inf
+
+
 class Whitening:
     """Make residuals independent and of variance 1: rows (m, ...) -> V^(-1/2) rows (m, ...).
 

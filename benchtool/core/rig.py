@@ -117,11 +117,17 @@ class Body(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor(FiniteTable):
-    """Describe one sensor: white noise (sd), quantum and sample rate, in the channel's unit."""
+    """Describe one sensor: white noise (sd), quantum and sample rate, in the channel's unit.
+
+    Attributes:
+        valid_days: age from which its calibration is reported as too old. A choice: the usual
+            interval of load cells and masses.
+    """
 
     noise: NotNegative = 0.0
     quantum: NotNegative = 0.0
     rate_Hz: Positive = 80.0
+    valid_days: Positive = 365.0
 
     def mean_error(self, n: Array) -> Array:
         """Return the standard error of a mean over n readings (...,).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from benchtool.data.run.read import is_run, read_points
 from benchtool.data.table import read_table
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import Recipe
+from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import LoadedModel, load_model, read_columns
 from benchtool.physics.rotor_count import refuse_other_rotors
@@ -43,8 +44,7 @@ class FitData:
         groups: (n,) number of the setting that each point repeats; None where nobody numbered them.
         error_sources: what points share, over all n.
         reference: (n,) what each point of a ratio was divided by: the plate where it was parked.
-        calibration_sd: relative standard error of the load cell's scale, common to all points; 0
-            where no calibration was applied.
+        load_cells: calibrations that the points went through.
     """
 
     points: Recording  # all that were read (n rows)
@@ -59,7 +59,7 @@ class FitData:
     hashes: Mapping[str, str]  # SHA-256 by data path
     reference: Conditions | None = None
     error_sources: tuple[ErrorSource, ...] = ()
-    calibration_sd: float = 0.0
+    load_cells: LoadCells = field(default_factory=LoadCells)
 
     @property
     def rows(self) -> NDArray[np.intp]:
@@ -159,7 +159,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         hashes=hashes,
         reference=reference,
         error_sources=sources,
-        calibration_sd=_calibration_sd(parts, recipe.data),
+        load_cells=load_cells(recipe.data, parts, recipe.calibration),
     )
 
 
@@ -217,21 +217,6 @@ def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Ar
         return thrust, np.ones(len(points)), "none"
     error, of_samples = found
     return thrust, error, "within" if is_whole_run or of_samples else "stated"
-
-
-def _calibration_sd(parts: Sequence[Recording], paths: Sequence[str]) -> float:
-    """Return the relative error of the load cell's scale that all points share.
-
-    SignRuns through different calibrations do not share one.
-    """
-    found = [part.provenance.get("calibration", "") for part in parts]
-    for path, name in zip(paths, found, strict=True):
-        if name != found[0]:
-            raise InputError(
-                f"{paths[0]} went through calibration {found[0] or 'none'}, {path} through "
-                f"{name or 'none'}; recalibrate one of them, or fit them separately"
-            )
-    return float(parts[0].provenance.get("calibration_relative_sd") or 0.0)
 
 
 def _parked_m(part: Recording) -> Array:

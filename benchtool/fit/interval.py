@@ -20,7 +20,7 @@ PROBABILITIES = (0.6827, 0.95)
 """The 68 % interval is one standard deviation of a normal distribution."""
 
 
-def half_widths(dof: int | None) -> tuple[float, float]:
+def half_widths(dof: float | None) -> tuple[float, float]:
     """Return the two half widths in standard deviations.
 
     Args:
@@ -28,7 +28,7 @@ def half_widths(dof: int | None) -> tuple[float, float]:
             None when the errors were stated (normal).
     """
     upper = [0.5 + 0.5 * p for p in PROBABILITIES]
-    one, two = (ndtri(p) if dof is None else stdtrit(dof, p) for p in upper)
+    one, two = (ndtri(p) if dof is None or np.isinf(dof) else stdtrit(dof, p) for p in upper)
     return float(one), float(two)
 
 

@@ -14,6 +14,7 @@ from benchtool.fit.noise import fit_noise
 from benchtool.fit.problem import Problem
 from benchtool.fit.robust import LOSSES, Loss, robust_chi2, robust_inflation
 from benchtool.fit.solve import Solution, solve
+from benchtool.fit.uncertainty.parameter_dof import parameter_dof
 
 
 def fit_least_squares(
@@ -25,9 +26,10 @@ def fit_least_squares(
     """Fit a problem by least squares.
 
     Stated standard errors are taken as they are: the covariance is (J^T J)^-1 and the intervals
-    are normal. With `noise.scale` or `noise.sd` free the noise follows from chi2 and the intervals
-    are Student's t. `chi2` of the result is always at the stated errors; under a robust loss it is
-    that of `robust_chi2`, which points far out do not move.
+    are normal. With `noise.scale` or `noise.sd` free the noise follows from chi2, and then, or
+    with shared errors of few degrees of freedom, the intervals are Student's t. `chi2` of the
+    result is always at the stated errors; under a robust loss it is that of `robust_chi2`, which
+    points far out do not move.
 
     Args:
         problem: what to fit.
@@ -55,10 +57,13 @@ def fit_least_squares(
         stated=problem.noise_name is None,
     )
     sd = np.sqrt(np.diag(covariance))
-    widths = half_widths(None if noise is None else problem.dof)
+    whitening = problem.whitening(None if noise is None else noise.value)
+    dof = parameter_dof(problem, best.jacobian, spread.covariance, whitening)
     by_name = {
-        name: around(name, problem.parameters[name], value, deviation, widths)
-        for name, value, deviation in zip(problem.shape_names, best.shape, sd, strict=True)
+        name: around(name, problem.parameters[name], value, deviation, half_widths(float(own)))
+        for name, value, deviation, own in zip(
+            problem.shape_names, best.shape, sd, dof, strict=True
+        )
     }
     if noise is not None:
         by_name[noise.name] = noise

@@ -4,34 +4,51 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from benchtool.core.array import Array
+from benchtool.core.error_source import ErrorSource, effective_dof
 from benchtool.core.errors import EstimationError
 from benchtool.core.parameter import Parameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointPrior:
-    """State a normal prior on several parameters at once, with their covariance."""
+    """State a prior on several parameters at once, with their covariance.
+
+    Attributes:
+        parts: sources of the first one's standard deviation, each with its share of it as columns
+            (1, 1); by their degrees of freedom the prior is normal or Student's t.
+    """
 
     names: tuple[str, ...]  # (p,) full names
     mean: Array  # (p,) in the parameters' units
     covariance: Array  # (p, p) positive definite
     source: str = ""  # where it comes from (a calibration, by its date)
+    parts: tuple[ErrorSource, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PriorRows:
-    """Hold all normal priors as rows (q,) = matrix (q, n) @ (values - mean).
+    """Hold all priors as rows (q,) = matrix (q, n) @ (values - mean).
 
-    Each row has variance one. `log_norm` is the constant of the log density.
+    Each row has variance one, or the scale of a Student's t where its `dof` are finite.
+    `log_norm` is the constant of the log density.
     """
 
     matrix: Array
     mean: Array
     log_norm: float
+    parts: tuple[tuple[ErrorSource, ...], ...]  # (q,) sources of each row; none where it is one
+
+    @cached_property
+    def dof(self) -> Array:
+        """Degrees of freedom of each row's variance (q,)."""
+        shares = [np.array([part.columns.item() for part in row]) for row in self.parts]
+        known = [np.array([part.dof for part in row]) for row in self.parts]
+        return np.array([effective_dof(*row) for row in zip(shares, known, strict=True)])
 
     def __len__(self) -> int:
         return int(self.matrix.shape[0])
@@ -48,6 +65,7 @@ def prior_rows(
     n = len(names)
     mean = np.zeros(n)
     rows: list[Array] = []
+    parts: list[tuple[ErrorSource, ...]] = []
     log_norm = 0.0
     taken: set[str] = set()
     for prior in joint:
@@ -68,6 +86,7 @@ def prior_rows(
         block[:, columns] = np.linalg.inv(root)
         mean[columns] = block_mean
         rows.extend(block)
+        parts += [prior.parts if name == prior.names[0] else () for name in free]
         log_norm -= float(np.log(np.diag(root)).sum())
     for position, name in enumerate(names):
         single = parameters[name].prior
@@ -76,9 +95,11 @@ def prior_rows(
             row[position] = 1.0 / single.sd
             mean[position] = single.mean
             rows.append(row)
+            parts.append(())
             log_norm -= float(np.log(single.sd))
     matrix = np.array(rows) if rows else np.empty((0, n))
-    return PriorRows(matrix, mean, log_norm - 0.5 * len(rows) * float(np.log(2.0 * np.pi)))
+    log_norm -= 0.5 * len(rows) * float(np.log(2.0 * np.pi))
+    return PriorRows(matrix, mean, log_norm, tuple(parts))
 
 
 def _conditioned(

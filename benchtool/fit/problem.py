@@ -257,26 +257,41 @@ class Problem:
             covariates={name: column[rows] for name, column in self.covariates.items()},
         )
 
-    def with_calibration(self, covariance: Array, source: str = "") -> Problem:
+    def with_calibration(
+        self,
+        covariance: Array,
+        source: str = "",
+        *,
+        rows: NDArray[np.bool_] | None = None,
+        name: str = "",
+        parts: tuple[ErrorSource, ...] = (),
+    ) -> Problem:
         """Return the problem with the load cell's calibration as two nuisance parameters.
 
         What is observed is `calibration.scale` times the prediction plus `calibration.offset_N`;
-        both are free under the calibration's normal prior, about 1 and 0.
+        both are free under the calibration's prior, about 1 and 0.
 
         Args:
             covariance: (2, 2) of scale and offset: 1, N.
             source: which calibration.
+            rows: (m,) which points went through it; all when left out.
+            name: stands behind the parameters' names, where there are several calibrations.
+            parts: sources of the scale's error, as a `JointPrior` has them.
         """
+        own = 1.0 if rows is None else rows.astype(float)
+        behind = f"@{name}" if name else ""
         sd = np.sqrt(np.diag(covariance))
-        scale = Parameter("scale", "1", 1.0, 1.0, free=True, tolerance=float(sd[0]), source=source)
-        offset = Parameter(
-            "offset_N", "N", 0.0, 0.0, free=True, tolerance=float(sd[1]), source=source
+        scale = Parameter(
+            f"scale{behind}", "1", 1.0, 1.0, free=True, tolerance=float(sd[0]), source=source
         )
-        names = ("calibration.scale", "calibration.offset_N")
+        offset = Parameter(
+            f"offset_N{behind}", "N", 0.0, 0.0, free=True, tolerance=float(sd[1]), source=source
+        )
+        names = (f"calibration.scale{behind}", f"calibration.offset_N{behind}")
         inner = self.predict
 
         def predict(values: Any) -> Any:
-            return values[-2] * inner(values[:-2]) + values[-1]
+            return (1.0 + own * (values[-2] - 1.0)) * inner(values[:-2]) + own * values[-1]
 
         return replace(
             self,
@@ -286,7 +301,9 @@ class Problem:
             ),
             joint_priors=(
                 *self.joint_priors,
-                JointPrior(names, np.array([1.0, 0.0]), np.asarray(covariance, float), source),
+                JointPrior(
+                    names, np.array([1.0, 0.0]), np.asarray(covariance, float), source, parts
+                ),
             ),
         )
 

@@ -16,9 +16,10 @@ from scipy.optimize import brentq
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.interval import half_widths
-from benchtool.fit.jacobian import Way
+from benchtool.fit.jacobian import Way, spread_of
 from benchtool.fit.problem import Problem
-from benchtool.fit.solve import solve
+from benchtool.fit.solve import row_jacobian, solve
+from benchtool.fit.uncertainty.parameter_dof import parameter_dof
 
 FAR = 64.0
 """An end farther than this many standard deviations counts as not there."""
@@ -94,6 +95,8 @@ def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estima
             near, reach = far, 1.6 * reach
         return float(bound)
 
-    widths = half_widths(None if problem.noise_name is None else problem.dof)
+    jacobian = row_jacobian(problem, way)(shape, whitening)
+    dof = parameter_dof(problem, jacobian, spread_of(jacobian, way).covariance, whitening)
+    widths = half_widths(float(dof[position]))
     one, two = ((end(-1.0, width), end(1.0, width)) for width in widths)
     return replace(estimate, interval_68=one, interval_95=two)

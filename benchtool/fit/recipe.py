@@ -55,6 +55,13 @@ class Recipe(Inputs):
         str | None,
         Input("Rig of a CSV: shipped name or path; runs carry theirs.", label="Rig of a table"),
     ] = None
+    calibration: Annotated[
+        str | None,
+        Input(
+            "Calibration file of a CSV's thrust; runs carry theirs.",
+            label="Of a table: calibration",
+        ),
+    ] = None
     columns: Annotated[
         str | None, Input("Mapping file: our channel = their column, unit, sign.")
     ] = None
@@ -154,5 +161,6 @@ def read_recipe(folder: Path) -> Recipe:
         model=beside(recipe.model),
         rig=None if recipe.rig is None else beside(recipe.rig),
         columns=None if recipe.columns is None else str(folder / recipe.columns),
+        calibration=None if recipe.calibration is None else beside(recipe.calibration),
         compare=tuple(name if name == LAWS else beside(name) for name in recipe.compare),
     )

@@ -27,6 +27,7 @@ from benchtool.fit.recipe import LAWS, Recipe
 from benchtool.fit.uncertainty.budget import Budget, BudgetMethod
 from benchtool.fit.uncertainty.density import STANDARD_K, Density, density_of
 from benchtool.fit.uncertainty.held_sources import held_sources
+from benchtool.fit.uncertainty.load_cell import with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from benchtool.fit.uncertainty.propagation import Propagation, budget_of, propagation
 from benchtool.physics.effects.effect import Derived
@@ -38,10 +39,6 @@ Progress = Callable[[str, int, int], None]
 
 Propagated = tuple[Propagation, tuple[ErrorSource, ...], list[tuple[ErrorSource, str]]]
 """How errors reach quantities, errors that the fit does not hold, and those of one quantity."""
-
-
-TARED_ZERO_N = 1e-6
-"""What is left of a calibration's zero after a tare: nothing; above 0 for the prior's sake."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -172,7 +169,7 @@ def _budget(output: FitOutput, checked: bool, progress: Progress) -> Budget | No
     found = propagated(output)
     if found is None:
         return None
-    made = budget_of(*found)
+    made = budget_of(*found, traceability=output.data.load_cells.traceability)
     if not checked:
         return made
     return replace(
@@ -210,10 +207,10 @@ def _problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
         reference=None if data.reference is None else data.reference.select(rows),
         error_sources=tuple(source.of(rows) for source in data.error_sources),
     )
-    if recipe.basis != "joint" or data.calibration_sd == 0.0:
+    if recipe.basis != "joint":
         return problem  # a ratio of two thrusts does not know the calibration's scale
-    covariance = np.diag([data.calibration_sd**2, TARED_ZERO_N**2])
-    return problem.with_calibration(covariance, "the run's calibration")
+    errors = [replace(error, rows=error.rows[rows]) for error in data.load_cells.errors]
+    return with_scale_errors(problem, errors)
 
 
 def _as_compared(other: Model, model: Model, recipe: Recipe) -> Model:
@@ -281,7 +278,13 @@ def _named(
         "simulated": data.points.simulated,
         **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
     }
-    warnings = (*notes, *_far_from_rig(model, result), *data.left_out, *result.warnings)
+    warnings = (
+        *notes,
+        *_far_from_rig(model, result),
+        *data.left_out,
+        *data.load_cells.warnings,
+        *result.warnings,
+    )
     result = replace(result, facts=facts, warnings=warnings)
     return with_derived(with_diagnosis(problem, result), _quantities(model, free, density))
 

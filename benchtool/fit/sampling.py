@@ -139,7 +139,7 @@ def _variances(problem: Problem) -> Callable[[Array, Array], Array]:
 def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
     """Return the function (shape (n_shape, w), free (n_free, w)) -> log prior (w,), or None."""
     rows = problem.priors
-    matrix, mean = rows.matrix, rows.mean[:, None]
+    matrix, mean, normal_rows = rows.matrix, rows.mean[:, None], np.isinf(rows.dof)
     name = problem.noise_name
     position = -1 if name is None else problem.free_names.index(name)
     noise = None if name is None else problem.parameters[name].prior
@@ -152,7 +152,9 @@ def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
         value = np.zeros(columns.shape[1])
         if len(rows):
             whitened = matrix @ (shape - mean)
-            value -= 0.5 * np.einsum("qw,qw->w", whitened, whitened)
+            value -= 0.5 * np.einsum("qw,qw->w", whitened[normal_rows], whitened[normal_rows])
+            for z, dof in zip(whitened[~normal_rows], rows.dof[~normal_rows], strict=True):
+                value -= 0.5 * (dof + 1.0) * np.log1p(z * z / dof)
         if in_log:
             value -= np.log(columns[position])
         elif normal is not None:

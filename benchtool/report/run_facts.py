@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from benchtool.data.calibration import traceability
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run import Run
 from benchtool.report.page import Facts, Section
@@ -106,17 +107,23 @@ def calibration_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     known = metadata.get("calibration")
     if not known:
         return {"calibration": "none attached: thrust_N is what the device sends"}
-    slope_sd = known["covariance"][0][0] ** 0.5
+    slope_sd = known["relative_sd"] * abs(known["slope_N_per_count"])
     facts = {
         "calibration": f"{known['id']} of {known['date']}, device {known['device_id']}",
         "slope": f"({known['slope_N_per_count']:.6g} ± {slope_sd:.1g}) N per count",
         "relative standard error": f"{100.0 * known['relative_sd']:.3g} %, common to every thrust",
+        "traceable": traceability(known),
         "straightness": f"{100.0 * known['straightness']:.3g} % of full scale",
         "masses": f"{len(known['masses_kg'])}, up to {max(known['masses_kg']):g} kg, local gravity "
         f"{known['gravity_m_s2']:g} m/s²",
     }
     if known.get("hysteresis") is not None:
         facts["hysteresis"] = f"{100.0 * known['hysteresis']:.3g} % of full scale"
+    for part in known.get("components", ()):
+        dof = "" if part["dof"] is None else f", {part['dof']:g} degrees of freedom"
+        facts[f"part of it: {part['name']}"] = (
+            f"{100.0 * part['relative_sd']:.2g} %, type {part['kind']}{dof}"
+        )
     if metadata.get("calibration_of_other_device"):
         facts["mind"] = "it was made on another device"
     return facts

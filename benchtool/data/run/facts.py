@@ -17,6 +17,7 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.rig import Body, PlateDrive, Propulsion, RotorPlace, Sensor
 from benchtool.core.toml_text import build
 from benchtool.data.atomic import read_json
+from benchtool.data.calibration import CalibrationComponent
 from benchtool.data.repairs.imported import Count, Finding, Tally, Window
 
 Row = Annotated[tuple[float, float], Len(2)]
@@ -68,6 +69,9 @@ class _Calibration(_Facts):
     masses_kg: Annotated[tuple[float, ...], Len(1)]
     gravity_m_s2: float
     hysteresis: float | None = None
+    components: tuple[CalibrationComponent, ...] = ()
+    calibrated_by: str = ""
+    certificate: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from benchtool.core.array import Array
+from benchtool.core.error_source import effective_dof
 
 BudgetMethod = Literal["propagation", "mc"]
 
@@ -202,14 +203,3 @@ def budget_from(tables: Mapping[str, Any]) -> Budget:
         traceability=tuple(tables["traceability"]),
         monte_carlo=drawn and MonteCarlo(**drawn | {k: column(f"monte_carlo_{k}") for k in _DRAWN}),
     )
-
-
-def effective_dof(contributions: Array, dof: Array) -> float:
-    """Return the degrees of freedom of a combined uncertainty (Welch-Satterthwaite, GUM G.2b).
-
-    Args:
-        contributions: (s,) of the sources.
-        dof: (s,) of each; inf where its uncertainty is stated.
-    """
-    spent = float(np.sum(contributions**4 / dof))
-    return float(np.sum(contributions**2)) ** 2 / spent if spent > 0.0 else inf

@@ -41,7 +41,6 @@ def monte_carlo(
     """
     rng, problem = np.random.default_rng(seed), way.problem
     m, shared = len(problem), problem.shared(way.noise)
-    n_priors = len(problem.priors)
     at = np.cumsum([0, *(one.columns.shape[1] for one in problem.error_sources)])
     errors = []
     for _ in range(draws):
@@ -53,7 +52,13 @@ def monte_carlo(
             error += (factor if one.scaled else 1.0) * (shared[:, begin:end] @ drawn(one, rng))
         for one in outside:
             error += one.columns @ drawn(one, rng)
-        errors.append(np.concatenate([way.whitening(error), rng.standard_normal(n_priors)]))
+        priors = [
+            sum((one.columns @ drawn(one, rng)).item() for one in parts)
+            if parts
+            else rng.standard_normal()
+            for parts in problem.priors.parts
+        ]
+        errors.append(np.concatenate([way.whitening(error), priors]))
     shapes = np.empty((draws, len(way.shape)))
     for row, error in enumerate(errors):
         progress("Monte Carlo", row, draws)

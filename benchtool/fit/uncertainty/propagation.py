@@ -185,4 +185,7 @@ def _within(way: Propagation) -> Iterator[tuple[BudgetLine, Array]]:
             origin=sources.get(name) or item.prior.source or "prior of the model",
         )
         change = way.gain[:, m + place, None] * np.sign(row[last])
-        yield _line(prior, change, True, "all points share it")
+        for one in problem.priors.parts[place]:
+            yield _line(one, change @ one.columns, True, "all points of the calibration share it")
+        if not problem.priors.parts[place]:
+            yield _line(prior, change, True, "all points share it")

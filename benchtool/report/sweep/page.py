@@ -9,6 +9,7 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.counted import counted
+from benchtool.data.calibration import age_text
 from benchtool.data.columns import REJECTED
 from benchtool.report.figure import Page, drawn
 from benchtool.report.numbers import value_with_sd
@@ -158,6 +159,8 @@ def run_warnings(run: SweepRun) -> list[str]:
         out.append("Nobody measured the air: its density is that of the standard atmosphere.")
     if not run.metadata.get("calibration") and not run.simulated:
         out.append("No calibration is attached: thrust is what the device sends.")
+    if old := age_text(run.metadata):
+        out.append(f"{old[0].upper()}{old[1:]}.")
     lost = int((run.metadata.get("link") or {}).get("lost", 0) or 0)
     if lost:
         out.append(f"{counted(lost, 'sample')} lost on the link.")

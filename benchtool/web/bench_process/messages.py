@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from benchtool.acquire.calibration import Calibration
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.bench.bench import Identity
 from benchtool.core.rig import Rig
+from benchtool.data.calibration import Calibration
 from benchtool.data.run.append import Event
 
 # --- commands -----------------------------------------------------------------------------------

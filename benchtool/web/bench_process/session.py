@@ -11,18 +11,14 @@ from datetime import datetime
 import numpy as np
 
 from benchtool.acquire.arming import CONFIRMATION
-from benchtool.acquire.calibration import (
-    Calibration,
-    calibration_for,
-    fit_calibration,
-    mean_counts,
-)
+from benchtool.acquire.calibration import calibration_for, fit_calibration, mean_counts
 from benchtool.bench.bench import Bench, Identity
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import StopRequested
 from benchtool.core.errors import BenchError, BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.data.calibration import Calibration
 from benchtool.data.run.state import remember
 from benchtool.web.bench_process.messages import (
     ArmMotors,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.air import Air, air_density_kg_m3
-from benchtool.core.error_source import ErrorSource
+from benchtool.core.error_source import ErrorSource, effective_dof
 from benchtool.core.parameter import Prior
 from benchtool.data.atomic import json_ready
 from benchtool.fit.interval import with_derived
@@ -19,7 +19,7 @@ from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.fit.uncertainty.budget import Budget, budget_from, effective_dof
+from benchtool.fit.uncertainty.budget import Budget, budget_from
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import drawn, monte_carlo
 from benchtool.fit.uncertainty.propagation import Propagation, budget_of, propagation

@@ -132,13 +132,6 @@ def test_every_run_is_divided_by_its_own_references(tmp_path: Path) -> None:
     assert not alone.data.used[references].any()
 
 
-def test_runs_through_different_calibrations_are_not_mixed(tmp_path: Path) -> None:
-    recipe = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
-    other = copied(tmp_path / "o", 1.01, calibration={**CALIBRATION, "id": "cell-7"})
-    with pytest.raises(InputError, match=r"calibration none, .* through cell-7; recalibrate"):
-        run_recipe(replace(recipe, data=(*recipe.data, other)))
-
-
 DATASETS = Path(__file__).parents[3] / "datasets"
 
 

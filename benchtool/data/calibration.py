@@ -1,0 +1,164 @@
+"""A calibration of a load cell as its file and a run's metadata hold it, and how old it may be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from math import inf, isfinite
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from benchtool.core.array import Array
+from benchtool.core.error_source import effective_dof
+from benchtool.core.errors import CalibrationError
+from benchtool.core.rig import Sensor
+from benchtool.core.toml_text import FiniteTable, build
+from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.data.atomic import read_json
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationComponent(FiniteTable):
+    """State one source of the slope's uncertainty.
+
+    Attributes:
+        kind: how it was evaluated (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise.
+        sd: standard uncertainty of the source in `unit`.
+        relative_sd: what it makes of the slope, over the slope.
+        dof: degrees of freedom of `sd`; None where it is stated.
+    """
+
+    name: str
+    kind: Literal["A", "B"]
+    unit: str
+    sd: float
+    relative_sd: float
+    distribution: Literal["normal", "student_t"] = "normal"
+    dof: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration(FiniteTable):
+    """Turn raw counts into newtons: N = slope (counts - zero), zero from the tare.
+
+    Attributes:
+        id: date and device.
+        date: when the masses hung last, ISO 8601.
+        device_id: the bench it belongs to.
+        slope_N_per_count, offset_N: of N = slope counts + offset on the last day.
+        covariance: of (slope, offset) by the scatter about the line of that day, 2 by 2.
+        relative_sd: standard uncertainty of the slope over the slope, by all components; common to
+            every thrust.
+        straightness, hysteresis: largest residual, and largest gap between up and down, as shares
+            of full scale; hysteresis is None when the masses went one way only.
+        residual_sd_N: of the readings about the line of their day.
+        masses_kg, counts, days: what hung, what was read, on which day, in order.
+        residuals_N: what the line of the day leaves over.
+        lever_ratio: force on the cell over force at the rotor.
+        gravity_m_s2: local acceleration of free fall.
+        components: independent sources of `relative_sd`; none in files of earlier versions.
+        calibrated_by, certificate: who hung the masses, and what they are traceable to.
+    """
+
+    id: str
+    date: str
+    device_id: str
+    slope_N_per_count: float
+    offset_N: float
+    covariance: tuple[tuple[float, float], tuple[float, float]]
+    relative_sd: float
+    straightness: float
+    hysteresis: float | None
+    residual_sd_N: float
+    masses_kg: tuple[float, ...]
+    counts: tuple[float, ...]
+    residuals_N: tuple[float, ...]
+    lever_ratio: float = 1.0
+    gravity_m_s2: float = STANDARD_GRAVITY_M_S2
+    days: tuple[str, ...] = ()
+    components: tuple[CalibrationComponent, ...] = ()
+    calibrated_by: str = ""
+    certificate: str = ""
+
+    def newtons(self, counts: Array, zero_counts: float) -> Array:
+        """Return thrust (n,): N, of raw counts (n,) against those of the unloaded cell."""
+        return self.slope_N_per_count * (counts - zero_counts)
+
+    @property
+    def dof(self) -> float:
+        """Effective degrees of freedom of `relative_sd` (Welch-Satterthwaite, GUM G.2b).
+
+        Of a file without components those of its line.
+        """
+        return calibration_dof(asdict(self))
+
+    def relative_half_width(self, probability: float) -> float:
+        """Return the half width of the slope's interval of a probability, over the slope."""
+        from scipy.special import stdtrit
+
+        return float(stdtrit(self.dof, 0.5 + 0.5 * probability)) * self.relative_sd
+
+
+def calibration_dof(calibration: Mapping[str, Any]) -> float:
+    """Return the effective degrees of freedom of a calibration's `relative_sd`.
+
+    Args:
+        calibration: as its file or a run's metadata holds it.
+    """
+    parts = calibration.get("components")
+    if not parts:
+        return max(float(len(calibration["masses_kg"]) - 2), 1.0)
+    dof = [inf if one["dof"] is None else one["dof"] for one in parts]
+    return effective_dof(np.array([one["relative_sd"] for one in parts]), np.array(dof))
+
+
+def calibration_from(data: Mapping[str, Any], where: str) -> Calibration:
+    """Return the calibration in a JSON object, checked key by key."""
+    calibration = build(Calibration, data, where)
+    if not (isfinite(calibration.slope_N_per_count) and calibration.slope_N_per_count != 0.0):
+        raise CalibrationError(f"{where}: a slope of 0 N per count is none; calibrate again")
+    return calibration
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Return the calibration in a JSON file."""
+    return calibration_from(read_json(path), str(path))
+
+
+def traceability(calibration: Mapping[str, Any]) -> str:
+    """Return in a sentence who calibrated when, with which certificate.
+
+    Args:
+        calibration: as its file or a run's metadata holds it.
+    """
+    by = calibration.get("calibrated_by") or "somebody who is not named"
+    certificate = calibration.get("certificate")
+    with_ = f"certificate {certificate}" if certificate else "no certificate stated"
+    return f"calibration {calibration['id']}: by {by} on {calibration['date']}, {with_}"
+
+
+def age_text(metadata: Mapping[str, Any]) -> str:
+    """Return that the calibration of a run was too old when the run began; "" where it was not.
+
+    Args:
+        metadata: of the run; without a calibration or without readable dates nothing is said.
+    """
+    known = metadata.get("calibration") or {}
+    sensor = ((metadata.get("rig") or {}).get("sensors") or {}).get("thrust_N") or {}
+    limit_days = float(sensor.get("valid_days", Sensor().valid_days))
+    try:
+        made = datetime.fromisoformat(str(known.get("date"))).replace(tzinfo=None)
+        began = datetime.fromisoformat(str(metadata.get("started"))).replace(tzinfo=None)
+    except ValueError:
+        return ""
+    age_days = (began - made).total_seconds() / 86400.0
+    if age_days <= limit_days:
+        return ""
+    return (
+        f"calibration {known['id']} was {age_days:.0f} days old when the run began, limit "
+        f"{limit_days:g} (sensors.thrust_N.valid_days of the rig); calibrate again, then "
+        f"benchtool recalibrate"
+    )

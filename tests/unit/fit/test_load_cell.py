@@ -1,0 +1,157 @@
+"""Calibrations in a fit: each with its own scale, Student's t, and named for tables."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import binom, t
+
+from benchtool.acquire.calibration import fit_calibration
+from benchtool.acquire.inputs import MassUncertainty
+from benchtool.core.parameter import Parameter
+from benchtool.data.run.read import read_points
+from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.profile import with_profile
+from benchtool.fit.recipe import read_recipe
+from benchtool.fit.run_recipe import run_recipe
+from benchtool.fit.uncertainty.load_cell import ScaleError, load_cells, with_scale_errors
+from benchtool.fit.uncertainty.monte_carlo import monte_carlo
+from benchtool.fit.uncertainty.propagation import budget_of, propagation
+from tests.unit.fit.test_fits import CALIBRATION, DATASETS, FITS, copied
+
+QUAD = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
+STATED = [
+    {"name": "gravity", "kind": "B", "unit": "m/s2", "sd": 0.1, "relative_sd": 0.01, "dof": None}
+]
+
+
+def test_runs_of_different_calibrations_have_a_scale_each(tmp_path: Path) -> None:
+    """One cell 1 % high, one 2 % low, both known to 1 %: their own slopes take that up."""
+    known = {**CALIBRATION, "components": STATED}
+    a = copied(tmp_path / "a", 1.01, calibration={**known, "id": "cell-a"})
+    b = copied(tmp_path / "b", 0.98, calibration={**known, "id": "cell-b"})
+    alone = run_recipe(QUAD).results[0]["k"]
+    both = run_recipe(replace(QUAD, data=(a, b))).results[0]
+    scales = [both[f"calibration.scale@cell-{which}"].value for which in "ab"]
+    np.testing.assert_allclose(scales[0] / scales[1], 1.01 / 0.98, rtol=3e-3)
+    assert both["k"].value / alone.value == pytest.approx(0.995, abs=2e-3)
+    assert both["k"].sd / both["k"].value == pytest.approx(0.01 / np.sqrt(2.0), rel=0.05)
+
+
+def test_a_run_without_a_calibration_beside_one_that_has_it_is_named(tmp_path: Path) -> None:
+    other = copied(tmp_path / "o", 1.01, calibration={**CALIBRATION, "components": STATED})
+    result = run_recipe(replace(QUAD, data=(*QUAD.data, other))).results[0]
+    assert any("went through no calibration" in text for text in result.warnings)
+    assert result["calibration.scale"].value == pytest.approx(1.01, abs=2e-3)
+
+
+def test_a_calibration_that_is_too_old_is_named(tmp_path: Path) -> None:
+    old = copied(tmp_path / "o", 1.0, calibration=CALIBRATION, started="2028-02-01T10:00:00")
+    cells = load_cells([old], [read_points(old)], None)
+    assert "was 731 days old when the run began, limit 365" in cells.warnings[0]
+    assert cells.traceability == (
+        "calibration cell: by somebody who is not named on 2026-01-31, no certificate stated",
+    )
+
+
+def test_a_table_can_name_its_calibration(tmp_path: Path) -> None:
+    masses = np.array([0.0, 0.2, 0.5, 1.0, 1.5])
+    wobble = np.array([10.0, -20.0, 5.0, 15.0, -10.0])
+    made = fit_calibration(
+        masses, 8000.0 + 420.0 * 9.80665 * masses + wobble, date="2026-01-31", device_id="d"
+    )
+    file = tmp_path / "cell.json"
+    file.write_text(json.dumps(asdict(made)), "utf-8")
+    table = tmp_path / "points.csv"
+    table.write_bytes((DATASETS / "quad/run/points.csv").read_bytes())
+    recipe = replace(QUAD, data=(str(table),), rig="pquad")
+    plain = run_recipe(recipe).results[0]["k"]
+    named = run_recipe(replace(recipe, calibration=str(file))).results[0]["k"]
+    assert plain.sd < 0.1 * named.sd
+    assert named.sd / named.value == pytest.approx(made.relative_sd, rel=0.01)
+    half = 0.5 * (named.interval_95[1] - named.interval_95[0])
+    assert half / named.sd == pytest.approx(t.ppf(0.975, 3.0), rel=0.02)
+
+
+def weighed(seed: int) -> tuple[Problem, float]:
+    """Return the problem of k from 30 thrusts through a cell of five masses, and the true k."""
+    rng = np.random.default_rng([5, seed])
+    masses = np.array([0.0, 0.2, 0.5, 1.0, 1.5])
+    counts = 8000.0 + 420.0 * 9.80665 * masses + rng.normal(0.0, 5.0, 5)
+    made = fit_calibration(masses, counts, date="2026-01-31", device_id="d")
+    squares = np.linspace(1.0, 8.0, 30)
+    truth = rng.uniform(0.8, 1.2)
+    seen = 420.0 * truth * squares * (1.0 + 1e-4 * rng.normal(size=30))
+    problem = function_problem(
+        "thrust",
+        {"k": Parameter("k", "1", 1.0, free=True)},
+        lambda values: values[0] * squares,
+        made.newtons(seen, 0.0),
+        1e-4 * squares,
+    )
+    error = ScaleError(known=asdict(made), rows=np.ones(30, bool))
+    return with_scale_errors(problem, [error]), truth
+
+
+def test_intervals_of_five_masses_hold_the_thrust_coefficient() -> None:
+    """Normal intervals would hold it in 61 and 85 % (400 calibrations)."""
+    held = np.zeros(2)
+    for seed in range(400):
+        problem, truth = weighed(seed)
+        k = fit_least_squares(problem)["k"]
+        held += [low <= truth <= high for low, high in (k.interval_68, k.interval_95)]
+    for count, p in zip(held, (0.6827, 0.95), strict=True):
+        assert binom.ppf(5e-4, 400, p) <= count <= binom.ppf(1.0 - 5e-4, 400, p), (p, count)
+
+
+def test_both_estimators_and_the_profile_give_students_t() -> None:
+    problem, _ = weighed(1)
+    result = fit_least_squares(problem)
+    k = result["k"]
+    for p, (low, high) in ((0.6827, k.interval_68), (0.95, k.interval_95)):
+        assert (high - low) / (2.0 * k.sd) == pytest.approx(t.ppf(0.5 + 0.5 * p, 3.0), rel=0.01)
+    profiled = with_profile(problem, result, ["k"])["k"]
+    np.testing.assert_allclose(profiled.interval_95, k.interval_95, rtol=2e-4)
+    drawn = fit_ensemble(problem, walkers=16, max_steps=4000, seed=3)["k"]
+    half = [0.5 * (high - low) for low, high in (drawn.interval_95, k.interval_95)]
+    assert half[0] == pytest.approx(half[1], rel=0.2)
+
+
+def test_the_budget_lists_what_the_calibration_is_made_of() -> None:
+    rng = np.random.default_rng(8)
+    masses = np.tile([0.0, 0.2, 0.5, 1.0, 1.5], 2)
+    made = fit_calibration(
+        masses, 8000.0 + 420.0 * 9.80665 * masses + rng.normal(0.0, 5.0, 10), date="2026-01-31",
+        device_id="d", uncertainty=MassUncertainty(mass_scale_u=2e-3, gravity_u_m_s2=0.01),
+        calibrated_by="Ada",
+    )  # fmt: skip
+    problem = with_scale_errors(
+        function_problem(
+            "thrust",
+            {"k": Parameter("k", "1", 1.0, free=True)},
+            lambda values: values[0] * np.ones(9),
+            np.ones(9),
+            1e-4 * np.ones(9),
+        ),
+        [ScaleError(known=asdict(made), rows=np.ones(9, bool))],
+    )
+    way = propagation(problem, fit_least_squares(problem))
+    assert way is not None
+    budget = budget_of(way)
+    by_name = {line.name.rpartition(": ")[2]: line for line in budget.lines}
+    k = budget.names.index("k")
+    for part in made.components:
+        line = by_name[part.name]
+        assert line.contribution[k] == pytest.approx(part.relative_sd, rel=1e-3)
+        assert (line.kind, line.unit, line.sd) == (part.kind, part.unit, part.sd)
+        assert "by Ada on 2026-01-31" in line.origin
+    assert budget.combined[k] == pytest.approx(made.relative_sd, rel=1e-3)
+    assert budget.dof[k] == pytest.approx(made.dof, rel=0.01)
+    checked = monte_carlo(way, draws=2000, seed=2)
+    assert checked.sd[k] == pytest.approx(made.relative_sd, rel=0.15)
