@@ -106,7 +106,7 @@ def run_recipe(
     loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
-    problem = _problem(loaded.model, recipe, data)
+    problem = recipe_problem(loaded.model, recipe, data)
     estimates = (_estimate(problem, recipe, one, progress, profile) for one in recipe.methods)
     density = density_of(recipe.air, recipe.data)
     results = tuple(
@@ -119,12 +119,14 @@ def run_recipe(
         for name in named:
             if name != recipe.model:
                 other = load_model(name, model.rig, permit=permit).model
-                problems.append(_problem(_as_compared(other, model, recipe), recipe, data))
+                problems.append(recipe_problem(_as_compared(other, model, recipe), recipe, data))
         comparison = compare(problems, seed=recipe.seed)
     if LAWS in recipe.compare:
         progress("laws", 0, 1)
         laws = compare_laws(
-            loaded.model, lambda model: _problem(model, recipe, data), data.z_over_R[data.rows]
+            loaded.model,
+            lambda model: recipe_problem(model, recipe, data),
+            data.z_over_R[data.rows],
         )
     output = FitOutput(
         recipe=recipe,
@@ -152,7 +154,7 @@ def propagated(output: FitOutput, data: FitData | None = None) -> Propagated | N
     model, result, data = output.fitted, output.results[0], data or output.data
     problem = output.problem
     if data is not output.data:
-        problem = _problem(output.loaded.model, output.recipe, data)
+        problem = recipe_problem(output.loaded.model, output.recipe, data)
     free = [item.name for item in result.estimates]
     way = propagation(problem, result, _quantities(model, free, output.density))
     reference = None if data.reference is None else data.reference.select(data.rows)
@@ -194,7 +196,8 @@ def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
     return model
 
 
-def _problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
+def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
+    """Return the problem of fitting a model's free parameters to a recipe's data."""
     rows = data.rows
     problem = problem_from_model(
         model,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ from benchtool.report.figure import figure
 from benchtool.report.fit.tables import MOST_WANTED, wanted_rank
 from benchtool.report.numbers import numeral, unit_for_people
 from benchtool.report.page import Block, Paragraph, Table
-from benchtool.report.palette import BLUE, ORANGE
+from benchtool.report.palette import BLACK, BLUE, ORANGE
 
 SMALL = 0.03
 """Sources below this part of every combined uncertainty are left out on a terminal and in the
@@ -57,7 +58,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
         )
         rows.append((name, "", *_percents(of_value[places])))
 
-    total("the fit's own", budget.fit_sd)
+    total("without *", budget.fit_sd)
     total("combined", budget.combined)
     total(f"expanded, {INTERVAL}", budget.expanded)
     rows.append(("coverage factor", "", *(f"{budget.coverage_factor[p]:.2f}" for p in places)))
@@ -94,7 +95,7 @@ def _percents(numbers: object) -> list[str]:
 
 def budget_sentence(budget: Budget) -> str:
     """Say what the marks of the table mean, and whether Monte Carlo confirms it."""
-    words = "* beside the fit's own interval: held fixed by the model, or its law"
+    words = "* not in the errors that stand beside the values: held fixed by the model, or its law"
     if (drawn := budget.monte_carlo) is not None:
         places = shown_quantities(budget)
         off = [budget.names[place] for place in places if not budget.confirmed[place]]
@@ -109,7 +110,7 @@ def budget_sentence(budget: Budget) -> str:
 def budget_blocks(budget: Budget | None) -> list[Block]:
     """Return a budget for a page: contributions, sources, sensitivities, correlations."""
     if budget is None:
-        return [Paragraph("There is no budget: the data leave a parameter open.")]
+        return [Paragraph("There is no budget: the points leave a number open.")]
     places = shown_quantities(budget)
     names = [budget.names[place] for place in places]
     sources = Table(
@@ -152,30 +153,38 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
     name="budget",
     title="Uncertainty budget: {0.recipe.name}",
     caption="What each source contributes to each quantity: standard uncertainty in percent of the "
-    "value, within the fit's own interval and beside it; dashed: all together.",
+    "value, in the fit's own standard error and beside it; dashed: all together.",
     when=lambda fit: fit.budget is not None,
-    height_in=lambda fit: 1.9 + 0.26 * len(_drawn(fit)[1]),
+    height_in=lambda fit: chart_height(fit.budget),
 )
 def budget_chart(figure: Figure, fit: FitOutput) -> None:
     """Draw the contributions of the largest sources to up to four quantities as bars."""
-    budget = fit.budget
-    assert budget is not None  # `when`
-    places, lines = _drawn(fit)
+    assert fit.budget is not None  # `when`
+    draw_budget(figure, fit.budget)
+
+
+def chart_height(budget: Budget | None) -> float:
+    """Return inches for the bars of a budget."""
+    return 1.9 + (0.26 * len(_drawn(budget)[1]) if budget else 0.0)
+
+
+def draw_budget(figure: Figure, budget: Budget) -> None:
+    """Draw the contributions of the largest sources to up to four quantities as bars."""
+    places, lines = _drawn(budget)
     panels = figure.subplots(1, len(places), sharey=True, squeeze=False)[0]
     colors = [BLUE if budget.lines[row].in_fit else ORANGE for row in lines]
     for axes, place in zip(panels, places, strict=True):
         axes.barh(range(len(lines)), budget.percent[lines, place], color=colors, height=0.7)
         total = 100.0 * budget.combined[place] / abs(budget.values[place])
-        axes.axvline(total, color="black", linestyle="--", linewidth=1.0)
-        axes.set_title(budget.names[place])
+        axes.axvline(total, color=BLACK, linestyle="--", linewidth=1.0)
+        axes.set_title(fill(budget.names[place], 22))
         axes.set_xlabel("percent of value")
     panels[0].set_yticks(range(len(lines)), [budget.lines[row].name for row in lines])
     panels[0].invert_yaxis()
-    handles = [Patch(color=BLUE, label="within the fit"), Patch(color=ORANGE, label="beside it")]
+    handles = [Patch(color=BLUE, label="in the errors"), Patch(color=ORANGE, label="beside them")]
     figure.legend(handles=handles, loc="outside lower right", ncols=2)
 
 
-def _drawn(fit: FitOutput) -> tuple[list[int], list[int]]:
-    assert fit.budget is not None
-    places = [p for p in shown_quantities(fit.budget) if fit.budget.values[p] != 0.0][:4]
-    return places, shown_lines(fit.budget, places)
+def _drawn(budget: Budget) -> tuple[list[int], list[int]]:
+    places = [p for p in shown_quantities(budget) if budget.values[p] != 0.0][:4]
+    return places, shown_lines(budget, places)

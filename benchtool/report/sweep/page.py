@@ -12,6 +12,7 @@ from benchtool.core.counted import counted
 from benchtool.data.calibration import age_text
 from benchtool.data.columns import REJECTED
 from benchtool.report.figure import Page, drawn
+from benchtool.report.fit.budget import budget_blocks
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
     Block,
@@ -191,6 +192,7 @@ SWEEP = Page(
         ),
         ("Raw and averaged", ["samples", "visits", _without_samples]),
         ("Order, drift and tares", ["order", _drift]),
+        ("Uncertainty budget", [lambda run: budget_blocks(run.budget), "budget"]),
         ("Limits and events", [limits_table, events_block]),
         (
             "Rig and device",

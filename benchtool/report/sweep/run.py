@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.atomic import data_hash, file_hash
@@ -23,6 +23,8 @@ from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.settings import aggregate
 from benchtool.fit.nominal import NominalModel
+from benchtool.fit.uncertainty.budget import Budget
+from benchtool.fit.uncertainty.run_budget import run_budget
 
 FILES = (
     *("plan.toml", "metadata.json", "points.csv", "samples.csv", "samples.parquet"),
@@ -57,6 +59,7 @@ class SweepRun:
         sha256: of points and samples.
         files: SHA-256 by file name.
         model: what stands beside the run in its figures; None without.
+        budget: of its thrusts; None where its points make none.
     """
 
     path: Path
@@ -75,6 +78,7 @@ class SweepRun:
     sha256: str
     files: Mapping[str, str]
     model: NominalModel | None = None
+    budget: Budget | None = None
 
     @property
     def name(self) -> str:
@@ -132,11 +136,12 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
     points = read_points(path)
     settings = aggregate(points)
     basis, ratio, error = _ratio(points, settings)
+    rig = run_rig(path, metadata)
     return SweepRun(
         path=path,
         metadata=metadata,
         plan_text=run.plan_text,
-        rig=run_rig(path, metadata),
+        rig=rig,
         points=points,
         tares=_tares(path),
         samples=_samples(path) if (path / "samples.csv").is_file() else None,
@@ -149,7 +154,15 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
         sha256=data_hash(path),
         files={name: file_hash(path / name) for name in FILES if (path / name).is_file()},
         model=model,
+        budget=_budget(path, rig),
     )
+
+
+def _budget(path: Path, rig: Rig) -> Budget | None:
+    try:
+        return run_budget(path, rig.n_rotors)
+    except BenchtoolError:  # a run that no fit takes still has its page
+        return None
 
 
 def _samples(path: Path) -> Recording:

@@ -50,7 +50,7 @@ def page(run: Path) -> str:
 
 def test_the_page_is_self_contained_and_says_that_it_is_simulated(page: str) -> None:
     check_self_contained(page)
-    assert page.count("<svg") == 6
+    assert page.count("<svg") == 7
     assert words_of(page).startswith("Sweep: one SIMULATED")
 
 
@@ -232,3 +232,25 @@ def test_kinds_are_told_by_what_stands_there(run: Path, tmp_path: Path) -> None:
         folder.mkdir()
         (folder / name).write_text("{}")
         assert kind_of(folder) == kind
+
+
+def test_a_run_has_a_budget_of_its_thrusts(run: Path, page: str) -> None:
+    """The scatter of a mean is that of its visits, and the page shows every source."""
+    budget = read_sweep_run(run).budget
+    assert budget is not None
+    near, *_, ratio = budget.names
+    assert near.startswith("thrust z/R 0.6, ")
+    rows = dict(row[:1] + row[2:3] for row in rows_of(page, "Uncertainty budget"))
+    assert {"repeat", "tare_offset.thrust_N *", "plate_offset.dz_m *", "combined"} <= set(rows)
+    assert float(rows["combined"]) == pytest.approx(
+        100.0 * budget.combined[0] / budget.values[0], rel=0.05
+    )
+    repeat, tare = (
+        next(line for line in budget.lines if line.name == name)
+        for name in ("repeat", "tare_offset.thrust_N")
+    )
+    assert repeat.contribution[0] == pytest.approx(budget.fit_sd[0], rel=1e-6)
+    assert tare.contribution[0] == pytest.approx(tare.sd)
+    part = tare.sd / budget.values[0] - tare.sd / budget.values[2]
+    assert tare.contribution[-1] == pytest.approx(abs(part * budget.values[-1]))
+    assert ratio.startswith(f"{near} over thrust far")
