@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from math import sqrt
 from pathlib import Path
 
 import numpy as np
 
 from benchtool.acquire.average import Average, average, read_span
-from benchtool.acquire.inputs import MassUncertainty
+from benchtool.acquire.inputs import MassUncertainty, Weighing
+from benchtool.acquire.new_run import user_name
 from benchtool.bench.bench import Bench, Identity
 from benchtool.core.array import Array
 from benchtool.core.errors import CalibrationError
@@ -156,6 +158,34 @@ def fit_calibration(
         components=tuple(components),
         calibrated_by=calibrated_by,
         certificate=certificate,
+    )
+
+
+def date_now() -> str:
+    """Return date and time as a calibration holds them."""
+    return datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S")
+
+
+def calibrated(
+    masses_kg: Array,
+    counts: Array,
+    device_id: str,
+    date: str,
+    known: Weighing,
+    days: Sequence[str] = (),
+) -> Calibration:
+    """Return the calibration of masses (n,) and counts (n,) with what is known of them."""
+    return fit_calibration(
+        masses_kg,
+        counts,
+        date=date,
+        device_id=device_id,
+        lever_ratio=known.lever_ratio,
+        gravity_m_s2=known.gravity,
+        days=days,
+        uncertainty=known.uncertainty,
+        calibrated_by=known.operator or user_name(),
+        certificate=known.certificate,
     )
 
 

@@ -60,23 +60,62 @@ class MassUncertainty(Inputs):
         float,
         Ge(0.0),
         Le(1.0),
-        Input("Standard uncertainty of each mass by itself.", "kg", option="mass-u"),
+        Input(
+            "Standard uncertainty of each mass by itself.",
+            "kg",
+            option="mass-u",
+            label="Each mass +-, kg",
+        ),
     ] = 0.0
     mass_scale_u: Annotated[
         float,
         Ge(0.0),
         Le(0.1),
-        Input("Relative standard uncertainty that all masses share, as of one scale."),
+        Input(
+            "Relative standard uncertainty that all masses share, as of one scale.",
+            label="All masses +-, relative",
+        ),
     ] = 0.0
     gravity_u_m_s2: Annotated[
         float,
         Ge(0.0),
         Le(0.1),
-        Input("Standard uncertainty of the local gravity.", "m/s2", option="gravity-u"),
+        Input(
+            "Standard uncertainty of the local gravity.",
+            "m/s2",
+            option="gravity-u",
+            label="Gravity +-, m/s2",
+        ),
     ] = 0.0
     lever_u: Annotated[
-        float, Ge(0.0), Le(10.0), Input("Standard uncertainty of the lever ratio.")
+        float,
+        Ge(0.0),
+        Le(10.0),
+        Input("Standard uncertainty of the lever ratio.", label="Lever +-"),
     ] = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighing(Inputs):
+    """State what is known of masses that hang on a load cell, by command line or page."""
+
+    lever_ratio: Annotated[
+        float,
+        Ge(0.01),
+        Le(100.0),
+        Input("Force on the cell over force at the rotor.", label="Lever ratio"),
+    ] = 1.0
+    gravity: Annotated[
+        float, Ge(9.76), Le(9.84), Input("Local gravity.", "m/s2", label="Gravity, m/s2")
+    ] = 9.80665
+    uncertainty: MassUncertainty = field(default_factory=MassUncertainty)
+    operator: Annotated[
+        str, Input("Who hangs the masses; the user when left out.", label="Who calibrates")
+    ] = ""
+    certificate: Annotated[
+        str,
+        Input("What the masses are traceable to: number, who, when.", label="Certificate"),
+    ] = ""
 
 
 def rig_for(address: str, named: str | None) -> Rig:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from annotated_types import Ge, Gt, Le
 
-from benchtool.acquire.inputs import MassUncertainty
+from benchtool.acquire.inputs import Weighing
 from benchtool.commands.declared import declared
 from benchtool.core.inputs import Input, Inputs
 
@@ -44,13 +44,7 @@ class CalibrateInputs(Inputs):
     ] = None
     device_id: Annotated[str, Input("Device of the CSV's counts.")] = ""
     rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
-    lever_ratio: Annotated[
-        float, Ge(0.01), Le(100.0), Input("Force on the cell over force at the rotor.")
-    ] = 1.0
-    gravity: Annotated[float, Ge(9.76), Le(9.84), Input("Local gravity.", "m/s2")] = 9.80665
-    uncertainty: MassUncertainty = field(default_factory=MassUncertainty)
-    operator: Annotated[str, Input("Who hangs the masses; the user when left out.")] = ""
-    certificate: Annotated[str, Input("What the masses are traceable to: number, who, when.")] = ""
+    weighing: Weighing = field(default_factory=Weighing)
     add: Annotated[
         Path | None, Input("Calibration of earlier days, whose readings count as well.")
     ] = None
@@ -70,10 +64,8 @@ def calibrate(inputs: CalibrateInputs) -> None:
     The calibration is stored and used by every run that follows on that device.
     """
     from dataclasses import asdict
-    from datetime import datetime
 
-    from benchtool.acquire.calibration import fit_calibration, require_device, with_days_of
-    from benchtool.acquire.new_run import user_name
+    from benchtool.acquire.calibration import calibrated, date_now, require_device, with_days_of
     from benchtool.core.errors import InputError
     from benchtool.data.atomic import replace_json
     from benchtool.data.calibration import read_calibration
@@ -86,7 +78,7 @@ def calibrate(inputs: CalibrateInputs) -> None:
     if out is not None:
         refuse_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
     earlier = None if inputs.add is None else read_calibration(inputs.add)
-    date = datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S")
+    date, known = date_now(), inputs.weighing
     if source is not None:
         kilograms, counts, days = _from_csv(source)
         if not device_id:
@@ -104,20 +96,9 @@ def calibrate(inputs: CalibrateInputs) -> None:
         if len(set(days)) > 1:
             raise InputError("--add takes readings of one day, but --from names several")
         kilograms, counts, days = with_days_of(
-            earlier, kilograms, counts, date[:10], inputs.lever_ratio, inputs.gravity
+            earlier, kilograms, counts, date[:10], known.lever_ratio, known.gravity
         )
-    calibration = fit_calibration(
-        kilograms,
-        counts,
-        date=date,
-        device_id=device_id,
-        lever_ratio=inputs.lever_ratio,
-        gravity_m_s2=inputs.gravity,
-        days=days,
-        uncertainty=inputs.uncertainty,
-        calibrated_by=inputs.operator or user_name(),
-        certificate=inputs.certificate,
-    )
+    calibration = calibrated(kilograms, counts, device_id, date, known, days)
     _show(calibration)
     facts = asdict(calibration)
     stored = remember("calibration", device_id, facts)

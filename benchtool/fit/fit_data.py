@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -153,7 +153,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         standard_error=error,
         errors=errors,
         used=used,
-        left_out=left_out,
+        left_out=(*left_out, *_suspect(recipe.data, parts)),
         z_over_R=z_over_R,
         groups=groups,
         hashes=hashes,
@@ -161,6 +161,16 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         error_sources=sources,
         load_cells=load_cells(recipe.data, parts, recipe.calibration),
     )
+
+
+def _suspect(paths: Sequence[str], parts: Sequence[Recording]) -> Iterator[str]:
+    """Say which data hold points with too many outliers; they are fitted all the same."""
+    for path, part in zip(paths, parts, strict=True):
+        if "suspect" in part and (count := int(np.nansum(part.column("suspect")))):
+            yield (
+                f"{path}: {counted(count, 'point')} suspect: too many samples lie apart to be "
+                f"outliers, and all are in the means; see the run's events"
+            )
 
 
 def _hashes(paths: Sequence[str]) -> dict[str, str]:

@@ -49,12 +49,19 @@ def test_masses_make_a_line_that_later_runs_take(page: Page, web: Web, fast_devi
         weigh(page, fast_device, mass_kg, count)
     command = f"benchtool calibrate {fast_device.address} --masses 0,0.5,1,0.5,0"
     page.locator(".command-text", has_text=command).wait_for()
+    page.get_by_text("Who calibrates, with which masses").click()
+    page.get_by_label("Certificate", exact=True).fill("K-7")
+    page.get_by_label("Gravity +-, m/s2", exact=True).fill("0.01")
+    page.locator(".command-text", has_text="--gravity-u 0.01 --certificate K-7").wait_for()
     page.get_by_role("button", name="Store the calibration").click()
     page.get_by_text("uN per count, stored for virtual-pquad-0").wait_for()
 
     (file,) = (web.runs.parent / "state" / "calibration").iterdir()
     stored = json.loads(file.read_text("utf-8"))
     assert stored["masses_kg"] == list(MASSES_KG)
+    assert stored["certificate"] == "K-7"
+    gravity = {part["name"]: part for part in stored["components"]}["gravity"]
+    assert gravity["relative_sd"] == pytest.approx(0.01 / STANDARD_GRAVITY_M_S2)
     count_N = Imperfections().on(rig_named("pquad")).thrust_quantum_N
     assert stored["slope_N_per_count"] == pytest.approx(count_N / LIGHTER, rel=2e-3)
     hung_N = LIGHTER * STANDARD_GRAVITY_M_S2 * max(MASSES_KG)

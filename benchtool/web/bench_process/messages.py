@@ -6,11 +6,11 @@ is opened late misses nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.inputs import SweepInputs, Weighing
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.bench.bench import Identity
 from benchtool.core.rig import Rig
@@ -111,6 +111,7 @@ class Calibrate:
     """Fit and store a calibration from the weighed masses; or discard them."""
 
     store: bool = True
+    known: Weighing = field(default_factory=Weighing)
 
 
 @dataclass(frozen=True, slots=True)

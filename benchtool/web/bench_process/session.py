@@ -6,12 +6,12 @@ import queue
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
-from datetime import datetime
 
 import numpy as np
 
 from benchtool.acquire.arming import CONFIRMATION
-from benchtool.acquire.calibration import calibration_for, fit_calibration, mean_counts
+from benchtool.acquire.calibration import calibrated, calibration_for, date_now, mean_counts
+from benchtool.acquire.inputs import Weighing
 from benchtool.bench.bench import Bench, Identity
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import StopRequested
@@ -178,7 +178,7 @@ class Session:
             self._telemetry.note(busy="")
         elif command.store:
             device_id = bench.identity.device_id
-            calibration = store_calibration(self._weighed, device_id)
+            calibration = store_calibration(self._weighed, device_id, command.known)
             self._weighed.clear()
             self._publish_connection(bench.identity)
             slope_uN = 1e6 * calibration.slope_N_per_count
@@ -225,14 +225,15 @@ def weigh(bench: Bench, rig: Rig, mass_kg: float, seconds: float) -> tuple[float
     return mass_kg, mean_counts(bench, seconds).mean
 
 
-def store_calibration(weighed: Sequence[tuple[float, float]], device_id: str) -> Calibration:
+def store_calibration(
+    weighed: Sequence[tuple[float, float]], device_id: str, known: Weighing
+) -> Calibration:
     """Return the calibration from masses in kg and counts, stored for this device from now on.
 
     Raises:
         CalibrationError: too few masses, or counts that make no line.
     """
     table = np.array(weighed, float).reshape(-1, 2)
-    date = datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S")
-    calibration = fit_calibration(table[:, 0], table[:, 1], date=date, device_id=device_id)
+    calibration = calibrated(table[:, 0], table[:, 1], device_id, date_now(), known)
     remember("calibration", device_id, asdict(calibration))
     return calibration

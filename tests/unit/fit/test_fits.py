@@ -132,6 +132,17 @@ def test_every_run_is_divided_by_its_own_references(tmp_path: Path) -> None:
     assert not alone.data.used[references].any()
 
 
+def test_points_with_too_many_outliers_are_named(tmp_path: Path) -> None:
+    recipe = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
+    run = Path(copied(tmp_path / "run", 1.0))
+    header, *rows = (run / "points.csv").read_text("utf-8").splitlines()
+    marked = [f"{header},suspect", *(f"{row},{int(n < 3)}" for n, row in enumerate(rows))]
+    (run / "points.csv").write_text("\n".join(marked) + "\n", "utf-8")
+    result = run_recipe(replace(recipe, data=(str(run),))).results[0]
+    (said,) = (text for text in result.warnings if "suspect" in text)
+    assert "2 points suspect: too many samples lie apart" in said  # one of the three is a tare
+
+
 DATASETS = Path(__file__).parents[3] / "datasets"
 
 

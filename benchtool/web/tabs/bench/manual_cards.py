@@ -6,7 +6,9 @@ from nicegui import ui
 
 from benchtool.acquire.arming import CONFIRMATION
 from benchtool.acquire.bench_check import low_throttle_us
+from benchtool.acquire.inputs import Weighing
 from benchtool.core.errors import InputError
+from benchtool.core.inputs import items
 from benchtool.core.rig import Rig
 from benchtool.web.bench_process.messages import (
     ArmMotors,
@@ -18,6 +20,7 @@ from benchtool.web.bench_process.messages import (
     WeighMass,
 )
 from benchtool.web.context import PageContext
+from benchtool.web.form import InputForm
 from benchtool.web.widgets import (
     CommandRow,
     LocalSlider,
@@ -127,8 +130,15 @@ class LoadCellCard:
                     weigh = ui.button("Weigh", icon="scale")
                     weigh.on_click(lambda: send(WeighMass(float(mass_kg.value or 0.0))))
                 self._weighed = ui.label().classes("number").style("white-space: pre-line")
+                more = ui.expansion("Who calibrates, with which masses, how well they are known")
+                with more.classes("w-full").props("dense"), ui.element("div").classes("field-grid"):
+                    self._known = InputForm(Weighing, lambda: None)
+                    self._known.add(*(item.name for item in items(Weighing)))
                 with ui.row():
-                    ui.button("Store the calibration", on_click=lambda: send(Calibrate()))
+                    ui.button(
+                        "Store the calibration",
+                        on_click=lambda: send(Calibrate(known=self._known.make())),
+                    )
                     over = ui.button("Start over", on_click=lambda: send(Calibrate(store=False)))
                     over.props("outline")
                     done = ui.button("Done", on_click=lambda: self._reconnect(weighs=False))
@@ -155,7 +165,8 @@ class LoadCellCard:
             "\n".join(f"{mass:g} kg: {counts:.1f} counts" for mass, counts in live.weighed)
         )
         masses = ",".join(f"{mass:g}" for mass, _ in live.weighed) or "0,0.2,0.5,0.2,0"
-        self._command.show(["calibrate", connection.address, "--masses", masses])
+        known = self._known.words({})
+        self._command.show(["calibrate", connection.address, "--masses", masses, *known])
 
     @shows_errors
     def _move(self) -> None:
