@@ -18,6 +18,7 @@ CHANNEL_NAMES: tuple[str, ...] = (
     *("roll_rad", "yaw_rad", "roll_ref_rad", "yaw_ref_rad", "roll_rate_rad_s", "yaw_rate_rad_s"),
     *("roll_rate_ref_rad_s", "yaw_rate_ref_rad_s"),
     *("pitch_command_share", "roll_command_share", "yaw_command_share", "throttle_command_share"),
+    "airspeed_m_s",
     *("rpm#_optical", "pwm_raw", "battery_V", "power_W", "mechanical_power_W", "ct", "cp"),
     *("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2", "vibration_m_s2", "servo#_us", "motor#_share"),
 )
@@ -40,7 +41,12 @@ _SUFFIXES: dict[str, str] = {
     "Pa": "Pa",
     "raw": "count",
 }
-_LONG_SUFFIXES: dict[str, str] = {"_rad_s": "rad/s", "_m_s2": "m/s2", "_kg_m3": "kg/m3"}
+_LONG_SUFFIXES: dict[str, str] = {
+    "_rad_s": "rad/s",
+    "_m_s": "m/s",
+    "_m_s2": "m/s2",
+    "_kg_m3": "kg/m3",
+}
 _RPM = re.compile(r"rpm\d*(_sd|_se|_optical)?")
 _PWM = re.compile(r"pwm\d+_us")
 

@@ -41,6 +41,7 @@ class Conditions:
         load_direction: (m,) +1 where the load was approached from below, -1 from above, 0 where
             nobody knows.
         plate_x_m: (m,) lateral position of the plate's centre.
+        airspeed_m_s: (m,) speed of the air along the plate, as in a wind tunnel.
         speed_measured: whether the speeds were read from the rotors; else they follow from pulse
             widths, and effects between pulse and speed act on them.
     """
@@ -54,6 +55,7 @@ class Conditions:
     time_s: Array
     load_direction: Array
     plate_x_m: Array
+    airspeed_m_s: Array
     speed_measured: bool = True
 
     def __len__(self) -> int:
@@ -81,6 +83,7 @@ class Conditions:
             time_s=self.time_s[rows],
             load_direction=self.load_direction[rows],
             plate_x_m=self.plate_x_m[rows],
+            airspeed_m_s=self.airspeed_m_s[rows],
             speed_measured=self.speed_measured,
         )
 
@@ -111,6 +114,7 @@ class Conditions:
         elapsed_s: Array | float = 0.0,
         time_s: Array | float = 0.0,
         load_direction: Array | float = 0.0,
+        airspeed_m_s: Array | float = 0.0,
         speed_measured: bool = True,
     ) -> Conditions:
         """Build conditions for a rig; everything broadcasts against plate_z_m (m,).
@@ -140,6 +144,7 @@ class Conditions:
             time_s=full(time_s),
             load_direction=full(load_direction),
             plate_x_m=full(plate_x_m),
+            airspeed_m_s=full(airspeed_m_s),
             speed_measured=speed_measured,
         )
 
@@ -185,6 +190,7 @@ class Conditions:
             time_s=time,
             load_direction=direction,
             plate_x_m=plate_x,
+            airspeed_m_s=np.nan_to_num(optional("airspeed_m_s", zeros)),
             speed_measured="rpm1" in recording,
         )
 

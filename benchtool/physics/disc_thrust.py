@@ -121,6 +121,7 @@ def disc_thrust(
     others = summed(
         owned(effects, "denominator", lambda e: not elsewhere and e.distance_law is None)
     )
+    kept = multiplied(owned(effects, "image_share"))
     response, torques = chained(owned(effects, "response")), owned(effects, "drag")
     if len(torques) > 1:
         raise InputError("two effects of the model have the hook drag; leave one out")
@@ -140,7 +141,9 @@ def disc_thrust(
         n,
         expression(
             lambda i, flow, p: partial_factor(
-                thrust_factor(flow.axial_share * law(i, flow, p) + others(i, flow, p)),
+                thrust_factor(
+                    kept(i, flow.axial_share * law(i, flow, p) + others(i, flow, p), flow, p)
+                ),
                 flow.coverage[i],
             )
         ),
@@ -181,6 +184,7 @@ def disc_thrust(
             flow.plate_x_m,
             plane,
             share,
+            flow.airspeed_m_s,
         )
 
     return DiscThrust(

@@ -221,6 +221,7 @@ class Model:
             time_s=conditions.time_s,
             load_direction=conditions.load_direction,
             plate_x_m=conditions.plate_x_m,
+            airspeed_m_s=conditions.airspeed_m_s,
             plane=plane,
         )
         if not conditions.speed_measured:

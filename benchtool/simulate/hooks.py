@@ -21,6 +21,7 @@ class LoopHooks(NamedTuple):
         bare: a Flow of given heights and coverages, without images.
         tilt: tilt(p) -> lean of the plate beyond what was commanded: rad.
         with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
+        at_airspeed: at_airspeed(flow, airspeed) -> the Flow at a horizontal speed through the air.
         with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
         torque, dry_friction, dry_width: f(i, flow, p), of the hinge, summed over effects.
         gyro: gyro(i, reading, flow, p) -> the gyro's reading, changed by effects.
@@ -35,6 +36,7 @@ class LoopHooks(NamedTuple):
     drags: Any
     factors: Any
     speeds: Any
+    at_airspeed: Any
     with_thrust: Any
     torque: Any
     dry_friction: Any
@@ -71,7 +73,7 @@ def joined_hooks(
     ) -> Flow:
         return Flow(
             radius_m, x_m, y_m, height, coverage, ones, speed, zeros, zeros, 0.0, 0.0, 0.0, time_s,
-            pitch, rate, cosine, weight_N, zeros, 0.0, 0.0, plane, 1.0,
+            pitch, rate, cosine, weight_N, zeros, 0.0, 0.0, plane, 1.0, 0.0,
         )  # fmt: skip
 
     @expression
@@ -83,7 +85,17 @@ def joined_hooks(
             flow.radius_m, flow.position_x_m, flow.position_y_m, flow.height_m, flow.coverage,
             flow.active, flow.speed_rad_s, flow.neighbour_images, flow.body_images,
             flow.body_weight, 0.0, 0.0, flow.time_s, flow.pitch_rad, rate, flow.cos_pitch,
-            flow.weight_N, thrusts, 0.0, 0.0, flow.plane, flow.axial_share,
+            flow.weight_N, thrusts, 0.0, 0.0, flow.plane, flow.axial_share, flow.airspeed_m_s,
+        )  # fmt: skip
+
+    @expression
+    def at_airspeed(flow: Flow, airspeed_m_s: Any) -> Flow:
+        return Flow(
+            flow.radius_m, flow.position_x_m, flow.position_y_m, flow.height_m, flow.coverage,
+            flow.active, flow.speed_rad_s, flow.neighbour_images, flow.body_images,
+            flow.body_weight, 0.0, 0.0, flow.time_s, flow.pitch_rad, flow.rate_rad_s,
+            flow.cos_pitch, flow.weight_N, flow.thrust_N, 0.0, 0.0, flow.plane, flow.axial_share,
+            airspeed_m_s,
         )  # fmt: skip
 
     tilt, with_images = thrust.tilt, thrust.with_images
@@ -104,6 +116,7 @@ def joined_hooks(
             drags,
             factors,
             speeds,
+            at_airspeed,
             with_thrust,
             torque,
             dry_friction,

@@ -70,6 +70,7 @@ def conditions(rig: Rig) -> Conditions:
         plate_x_m=np.array([0.0, 0.0, 0.0, 0.6, 0.6, 0.0]),
         elapsed_s=60.0,
         time_s=60.0,
+        airspeed_m_s=2.0,
         speed_measured=False,
     )
 

@@ -73,6 +73,7 @@ class Flow(NamedTuple):
         axial_share: what counts of the velocity from a rotor's own image (...): the cosine of the
             angle between the rotor axis and the surface's normal, or 1 (`tilt`). The term of
             a law of thrust against distance is multiplied with it in the sum.
+        airspeed_m_s: horizontal speed of the rotors through the air (...): m/s.
     """
 
     radius_m: Quantity
@@ -97,6 +98,7 @@ class Flow(NamedTuple):
     plate_x_m: Quantity = 0.0
     plane: Quantity = LEVEL
     axial_share: Quantity = 1.0
+    airspeed_m_s: Quantity = 0.0
 
 
 NO_FLOW = Flow(*([0.0] * 13))
@@ -118,6 +120,7 @@ class Hooks:
         coverage: a disc's covered fraction, changed.
         speed: a disc's commanded rotor speed, changed: rad/s.
         denominator: term of a disc's thrust denominator, added.
+        image_share: factor of the sum of these terms.
         response: a disc's thrust ratio at its own speed for that of the sum (at equal induced
             power), changed.
         drag: a disc's drag torque over that far from any surface, at equal speed, for the sum's
@@ -143,6 +146,7 @@ class Hooks:
     coverage: Hook | None = None
     speed: Hook | None = None
     denominator: Hook | None = None
+    image_share: Hook | None = None
     response: Hook | None = None
     drag: Hook | None = None
     factor: Hook | None = None

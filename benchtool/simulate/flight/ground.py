@@ -292,6 +292,7 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
                 craft.effective_radius_m, discs.x_m, discs.y_m, plane, heights(scratch), share,
                 speed, time_s, pitch_rad, body.q_rad_s, 1.0, 0.0,
             )  # fmt: skip
+            flow = parts.at_airspeed(flow, np.hypot(body.vx_m_s, body.vy_m_s))
             flow = parts.with_images(flow, discs.distances_m, discs.body, p)
             given = parts.image_factors(flow, p)
             for i in range(n):

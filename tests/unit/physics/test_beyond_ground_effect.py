@@ -58,3 +58,18 @@ def test_thrust_of_measured_propellers_follows_a_power_of_speed(
     ratio = with_it.thrust_N(at) / model.thrust_N(at)
     left = np.log(ct) - np.log(ratio)
     assert np.std(left) < rms < np.std(np.log(ct))
+
+
+def test_forward_speed_washes_the_ground_effect_out_as_the_source_prints_it() -> None:
+    rig = rig_named("pquad_single")
+    model = Model.single(rig).with_effect("forward_speed", strength=1.0, hover_inflow_m_s=5.0)
+    speeds = np.array([0.0, 2.0, 5.0, 20.0])
+    z_m = np.full(4, rig.propulsion.radius_m)
+    moving = Conditions.of(rig, speed_rad_s=[500.0], plate_z_m=z_m, airspeed_m_s=speeds)
+    inflow = np.sqrt(
+        [next(v.real for v in np.roots([1.0, V**2, -(5.0**4)]) if v.real > 0) for V in speeds]
+    )
+    expected = 1.0 / (1.0 - (1.0 / 16.0) / (1.0 + (speeds / inflow) ** 2))
+    np.testing.assert_allclose(model.factor(moving), expected, rtol=1e-12)
+    assert expected[0] == pytest.approx(16.0 / 15.0)
+    assert expected[-1] < 1.001
