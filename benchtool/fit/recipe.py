@@ -132,7 +132,10 @@ class FitInputs(Inputs):
     ] = False
     budget: Annotated[
         Literal["propagation", "mc"],
-        Input("Uncertainty budget: by propagation, checked by Monte Carlo with mc."),
+        Input(
+            "Uncertainty budget: by propagation, checked by Monte Carlo with mc.",
+            label="Uncertainty budget",
+        ),
     ] = "propagation"
     out: Annotated[Path | None, Input("Folder for result.json, figures and report.html.")] = None
 

@@ -24,6 +24,12 @@ from benchtool.fit.solve import row_jacobian
 from benchtool.fit.uncertainty.budget import Budget, BudgetLine
 from benchtool.physics.effects.effect import Derived
 
+ORIGINS = {"A": "scatter of the data", "B": "stated by the rig"}
+"""Who states a source that does not say it itself."""
+
+SHOWS = 1e-4
+"""Part of every combined uncertainty below which a source is left out."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Propagation:
@@ -117,6 +123,7 @@ def budget_of(
         parts.append(_line(source, only @ source.columns, False))
     covariance = sum(changes @ changes.T for _, changes in parts)
     sd = np.sqrt(np.diag(covariance))
+    parts = [(line, _) for line, _ in parts if np.any(line.contribution > SHOWS * sd)]
     return Budget(
         names=way.names,
         units=tuple(item.unit for item in way.items),
@@ -141,7 +148,7 @@ def _line(
         distribution=source.distribution,
         dof=source.dof,
         correlation=correlation or ("all points share it" if draws == 1 else f"{draws} draws"),
-        origin=source.origin,
+        origin=source.origin or ORIGINS[source.kind],
         in_fit=in_fit,
         contribution=tuple(size.tolist()),
         sensitivity=tuple(((changes[:, 0] if draws == 1 else size) / source.sd).tolist()),

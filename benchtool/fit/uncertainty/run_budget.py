@@ -24,6 +24,7 @@ from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import recipe_problem
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.held_sources import LAW, held_sources
+from benchtool.fit.uncertainty.load_cell import with_scale_errors
 from benchtool.fit.uncertainty.propagation import budget_of, propagation
 from benchtool.physics.effects.effect import Derived
 
@@ -56,6 +57,9 @@ def run_budget(path: Path, n_rotors: int) -> Budget:
         "settings", parameters, means, errors.observed, errors.standard_error,
         error_sources=errors.error_sources,
     )  # fmt: skip
+    cells = data.load_cells
+    scales = [replace(one, rows=one.rows[data.rows]) for one in cells.errors]
+    problem = with_scale_errors(problem, scales)
     near, *_, far = shown = _fastest(data, visit, names)
     ratio = Derived(f"{near} over {far}", "1", lambda values: values[near] / values[far])
     result = with_derived(fit_least_squares(problem), [ratio])
@@ -69,7 +73,8 @@ def run_budget(path: Path, n_rotors: int) -> Budget:
     chosen = replace(way, items=tuple(way.items[row] for row in rows), gain=way.gain[rows])
     held = held_sources(fixed, data.conditions.select(data.rows))
     # What was read follows no law of distance.
-    return budget_of(chosen, [one for one in held if not one.name.startswith(LAW)])
+    outside = [one for one in held if not one.name.startswith(LAW)]
+    return budget_of(chosen, outside, traceability=cells.traceability)
 
 
 def _names(data: FitData, visit: NDArray[np.intp]) -> list[str]:

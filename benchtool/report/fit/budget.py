@@ -44,7 +44,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     Args:
         short: leave out what is small, as a terminal has room for.
     """
-    places = shown_quantities(budget)
+    places = shown_quantities(budget)[: 3 if short else None]
     lines = shown_lines(budget, places) if short else range(len(budget.lines))
     rows = [
         (_name(budget, row), _stated(budget, row), *_percents(budget.percent[row, places]))

@@ -23,6 +23,7 @@ from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.load_cell import ScaleError, load_cells, with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from benchtool.fit.uncertainty.propagation import budget_of, propagation
+from benchtool.fit.uncertainty.run_budget import run_budget
 from tests.unit.fit.test_fits import CALIBRATION, DATASETS, FITS, copied
 
 QUAD = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
@@ -155,3 +156,20 @@ def test_the_budget_lists_what_the_calibration_is_made_of() -> None:
     assert budget.dof[k] == pytest.approx(made.dof, rel=0.01)
     checked = monte_carlo(way, draws=2000, seed=2)
     assert checked.sd[k] == pytest.approx(made.relative_sd, rel=0.15)
+
+
+def test_a_calibration_stands_in_the_budgets_of_fit_and_run(tmp_path: Path) -> None:
+    """All of it in a thrust, nothing in a ratio, and who calibrated beside them."""
+    known = {**CALIBRATION, "components": STATED, "calibrated_by": "Ada", "certificate": "DKD 7"}
+    run = copied(tmp_path / "a", 1.0, calibration=known)
+    budget = run_budget(Path(run), 4)
+    line = next(one for one in budget.lines if one.name == "calibration cell: gravity")
+    parts = np.array(line.contribution) / np.abs(budget.values)
+    assert parts == pytest.approx([0.01, 0.01, 0.01, 0.0], abs=1e-6)
+    assert budget.traceability == ("calibration cell: by Ada on 2026-01-31, certificate DKD 7",)
+    fitted = run_recipe(replace(QUAD, data=(run,))).budget
+    assert fitted is not None
+    assert fitted.traceability == budget.traceability
+    (line,) = (one for one in fitted.lines if one.name == "calibration cell: gravity")
+    place = fitted.names.index("k")
+    assert line.contribution[place] == pytest.approx(0.01 * fitted.values[place], rel=0.01)

@@ -27,6 +27,9 @@ from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
 MODEL_FILE = "model.toml"
 
+OF_COMMAND = ("profile", "budget")
+"""Inputs of the command that stand in no recipe."""
+
 
 class ParameterChoice(NamedTuple):
     """Choose one number of a model to be free, or fixed at a value."""
@@ -182,7 +185,7 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
     )
     numbers = numbers_of(model, data_rig(request, folder))
     choices = choice_options(numbers, request.choices)
-    options = {name: each for name, each in request.options.items() if name != "profile"}
+    options = {name: each for name, each in request.options.items() if name not in OF_COMMAND}
     return make(Recipe, {**choices, **options}, source="label", base=base)
 
 
@@ -206,7 +209,8 @@ def shipped_rig(name: str | None) -> str | None:
 def words_for(recipe: Recipe, request: FitRequest, folder: RunsFolder) -> list[str]:
     """Return the words behind `benchtool` that do the same."""
     out = str(folder.root / request.name) if request.name else ""
-    given = changed(recipe) | {"profile": bool(request.options.get("profile")), "out": out}
+    of_command = {name: request.options.get(name) or None for name in OF_COMMAND}
+    given = changed(recipe) | of_command | {"out": out}
     return ["fit", *words(FitInputs, given)]
 
 

@@ -156,6 +156,7 @@ class MethodCard:
             self._form.add("compare", options=models)
             self._form.add("loss", options=LOSSES)
             self._form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
+            self._form.add("budget", "temperature", "pressure", "humidity")
 
     def options(self) -> dict[str, Any]:
         methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
@@ -243,7 +244,8 @@ class FitTab:
         words = words_for(recipe, request, self._folder)
         self._answer.clear()
         profile = bool(request.options["profile"])
-        self._progress.start(lambda: Job(out, words, fit_into, recipe, profile))
+        budget = request.options["budget"] or "propagation"
+        self._progress.start(lambda: Job(out, words, fit_into, recipe, profile, budget))
 
     @shows_errors
     async def _done(self, job: Job[str]) -> None:

@@ -14,12 +14,18 @@ from benchtool.data.atomic import replace_text
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
+from benchtool.fit.uncertainty.budget import BudgetMethod
 from benchtool.physics.model_file import columns_to_toml
 from benchtool.web.jobs import PageSection, ReportProgress, complete_folder, partial_folder
 
 
 def fit_into(
-    report: ReportProgress, out: Path, words: tuple[str, ...], recipe: Recipe, profile: bool
+    report: ReportProgress,
+    out: Path,
+    words: tuple[str, ...],
+    recipe: Recipe,
+    profile: bool = False,
+    budget: BudgetMethod = "propagation",
 ) -> str:
     """Run a recipe, write its folder in one step, and return the folder's name.
 
@@ -29,6 +35,7 @@ def fit_into(
         words: behind `benchtool`, for the report.
         recipe: what to fit.
         profile: intervals of least squares from the profile likelihood.
+        budget: "mc" checks the uncertainty budget by Monte Carlo.
 
     Raises:
         BenchtoolError: the data or the model do not allow the fit.
@@ -42,7 +49,7 @@ def fit_into(
     def progress(what: str, done: int, expected: int) -> None:
         report(what, done / max(expected, 1))
 
-    output = run_recipe(recipe, progress, profile=profile)
+    output = run_recipe(recipe, progress, profile=profile, budget=budget)
     report("drawing", 0.0)
     part = partial_folder(out)
     shutil.rmtree(part, ignore_errors=True)

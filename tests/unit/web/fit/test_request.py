@@ -50,14 +50,17 @@ def test_the_form_gives_a_recipe_and_its_words(
     folder: RunsFolder, entries: dict[str, Entry]
 ) -> None:
     fixed = {"R_m": ParameterChoice(False, 0.13)}
-    form = request(choices=fixed, options={"method": ["least_squares", "emcee"], "profile": True})
+    methods = ["least_squares", "emcee"]
+    options = {"method": methods, "profile": True, "budget": "mc", "temperature": "21"}
+    form = request(choices=fixed, options=options)
     recipe = recipe_for(form, folder, entries)
     assert recipe.data == (str(folder.root / "one"),)
     words = words_for(recipe, form, folder)
     assert words[:4] == ["fit", str(folder.root / "one"), "--model", "single_bench"]
     assert words[4:] == [
         *("--method", "least_squares", "--method", "emcee", "--fix", "R_m=0.13"),
-        *("--profile", "--out", str(folder.root / "fit-one")),
+        *("--temperature", "21", "--profile", "--budget", "mc"),
+        *("--out", str(folder.root / "fit-one")),
     ]
 
 
