@@ -74,5 +74,7 @@ def measure(
         settled=settled,
         rejected={name: own.n_rejected for name, own in found.items()},
         suspect=any(own.suspect for own in found.values()),
+        voltage_se_V=found.get("voltage_V", none).se,
+        current_se_A=found.get("current_A", none).se,
     )
     return point, found
