@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from benchtool.core.array import Array
 from benchtool.core.column_source import ColumnSource
@@ -87,7 +88,7 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
     for name in recipe.hold:
         model = model.fixed(name)
     if recipe.basis != "joint":
-        # A ratio does not know the thrust coefficient, nor what a load cell adds.
+        # A ratio does not know the thrust coefficient.
         model = model.fixed("k")
     return replace(loaded, model=model)
 
@@ -115,10 +116,11 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
     else:
         # Each run is divided by its own references.
-        found = [ratios(part, recipe.basis, model.rig.sensors) for part in parts]
+        found = [ratios(part, recipe.basis, model.rig) for part in parts]
         observed = np.concatenate([one.value for one in found])
         error = np.concatenate([one.standard_error for one in found])
         sources = joined([one.error_sources for one in found])
+        share = block_diag(*(one.share for one in found))
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
     if not np.any(conditions.speed_rad_s > 0.0):
@@ -134,13 +136,14 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     reference, groups = None, None
     if recipe.basis != "joint":
         parked_m = np.concatenate([_parked_m(part) for part in parts])
+        # A load cell drifts between a visit and its references, and reads its tare error in both.
         reference = Conditions.of(
             model.rig,
             speed_rad_s=conditions.speed_rad_s,
             plate_z_m=parked_m,
             voltage_V=conditions.voltage_V,
-            elapsed_s=conditions.elapsed_s,
-            time_s=conditions.time_s,
+            elapsed_s=share @ np.nan_to_num(conditions.elapsed_s),
+            time_s=share @ np.nan_to_num(conditions.time_s),
         )
         # A reference over itself is 1 by arithmetic and says nothing.
         used = used & (points.column("kind") != code_of("kind", "reference"))

@@ -43,8 +43,8 @@ def problem_from_model(
     """Return the problem of fitting a model's free parameters to a settled bench.
 
     Points nearer than the formulae hold for are left out, and their number is stated in the facts
-    (`left_out_near`). In a fit of ratios, free parameters that only move the reading (k, tare,
-    drift) are held at their values and named in the facts (`held`).
+    (`left_out_near`). In a fit of ratios k is held at its value, which the facts name (`held`): it
+    only says how much a tare error or a drift is of a thrust.
 
     Args:
         model: with its free parameters.
@@ -84,8 +84,8 @@ def problem_from_model(
         facts["standard_errors"] = "unknown, taken as equal"
     model = model.at(parameters)
     if basis != "joint":
-        model, held = _without_reading(model)
-        facts["held"] = ", ".join(held)
+        facts["held"] = "k" if model.parameters["k"].free else ""
+        model = model.fixed("k")
         if basis == "equal_power" and model.answers_with_torque and model.rig.motor is None:
             facts["power"] = "of the shafts: the rig describes no motor"
     speed = conditions.speed_rad_s.max(axis=0)
@@ -144,19 +144,6 @@ def _labels(conditions: Conditions, z_over_R: Array) -> tuple[str, ...]:
         f"point {i + 1} ({f'z/R {z:.3g}' if far < FAR_AWAY_M else 'no plate'}, {w:.4g} rad/s)"
         for i, (z, far, w) in enumerate(zip(z_over_R, conditions.plate_z_m, speed, strict=True))
     )
-
-
-def _without_reading(model: Model) -> tuple[Model, list[str]]:
-    """Return the model without its reading effects, k held, and the names that were free there."""
-    held = []
-    for effect in model.effects:
-        if effect.hooks.thrust_reading is not None:
-            held += [n for n in model.parameters.free_names if n.startswith(f"{effect.name}.")]
-            model = model.without(effect.name)
-    if model.parameters["k"].free:
-        held.insert(0, "k")
-        model = model.fixed("k")
-    return model, held
 
 
 def _prediction(

@@ -90,7 +90,7 @@ def require_motor(model: Model, basis: str) -> None:
 
 
 def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -> Any:
-    """Return the thrust of the whole vehicle near over far (..., m), sensors left out.
+    """Return the reading of the whole vehicle's thrust near over far (..., m).
 
     Args:
         model: whose rig describes the motors.
@@ -103,7 +103,7 @@ def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -
         drags = [model.drag_factors(flow, values) for flow in (near, far)]
         moved = _at_equal_pulse if basis == "equal_pwm" else _at_equal_power
         far = far._replace(speed_rad_s=moved(model, near, *drags))
-    return model.squared_speed(near, values) / model.squared_speed(far, values)
+    return model.reading_N(near, values) / model.reading_N(far, values)
 
 
 def factor_at(model: Model, basis: str, conditions: Conditions, values: Any = None) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from benchtool.core.array import Array
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Sensor
+from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import code_of, speed_columns
 
 RATIO_BASES: tuple[str, ...] = ("equal_rpm2", "equal_pwm", "equal_power")
@@ -26,6 +26,10 @@ EXPONENT_SD = 0.05
 """Standard error of that exponent for electrical power: efficiencies of motors and figures of merit
 that change with load make it 0.6 to 0.75 on stands; a guess."""
 
+VOLTAGE_POWER, VOLTAGE_POWER_SD = 2.0, 0.25
+"""Exponent of thrust over supply voltage at equal pulses: speed goes with the voltage, or with less
+of it where windings take a part (1.5 to 2); the standard error is a guess."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ratios:
@@ -34,6 +38,7 @@ class Ratios:
     value: Array  # (n,)
     standard_error: Array  # (n,) what a visit's own errors make; nan where none are stated
     error_sources: tuple[ErrorSource, ...]  # what visits share, their references above all
+    share: Array  # (n, n) by how much each other visit makes a visit's T_OGE: 1 over their number
 
     @property
     def total_error(self) -> Array:
@@ -43,13 +48,17 @@ class Ratios:
         return out
 
 
-def ratios(points: Recording, basis: str, sensors: Mapping[str, Sensor] | None = None) -> Ratios:
+def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
     """Return T_IGE/T_OGE of every visit, with what its errors share.
 
     A visit is compared with the references of the same pulses and the same repeat, or with the
     mean of those of the same pulses where its repeat has none. At equal pulse width thrusts are
     divided, at equal squared speed thrusts over the summed squared speeds, and at equal
     electrical power thrust over the references' thrust at that power, a power law between them.
+
+    With a rig whose controllers do not hold the speed, thrusts at equal pulse width are brought to
+    the voltage of their references where voltage is measured: a pack that empties from visit to
+    visit is no ground effect.
 
     Errors are relative and small, so that products are taken to first order (a mean of references
     known to 1 % is inverted 0.01 % too large). Every reference is one column of the source
@@ -59,7 +68,7 @@ def ratios(points: Recording, basis: str, sensors: Mapping[str, Sensor] | None =
     Args:
         points: visits with `kind`, `repeat`, pulses, speeds, thrust; voltage and current for power.
         basis: one of `RATIO_BASES`.
-        sensors: of the rig, for the errors of voltage and current where points hold none.
+        rig: of the points; its sensors say how far voltage and current are off where points do not.
     """
     if basis not in RATIO_BASES:
         raise UnknownChoice("basis", basis, RATIO_BASES)
@@ -77,13 +86,23 @@ def ratios(points: Recording, basis: str, sensors: Mapping[str, Sensor] | None =
         )
     relative, level = _relative_error(points, thrust), thrust
     law: _PowerLaw | None = None
+    sensors = {} if rig is None else rig.sensors
     if basis == "equal_rpm2":
         relative = np.hypot(relative, relative_speed_error(points))
         level = thrust / _squared_speed(points)
     elif basis == "equal_power":
         law = _power_law(points, thrust, parked)
-        relative = np.hypot(relative, law.exponent * _relative_power_error(points, sensors or {}))
-        level = thrust / np.exp(law.exponent * law.log_power)
+        electrical = _relative_error_of(points, ("voltage_V", "current_A"), sensors)
+    elif rig is not None and not (rig.motor and rig.motor.governed) and _has(points, "voltage_V"):
+        voltage = points.column("voltage_V")
+        log_voltage = np.log(np.where(voltage > 0.0, voltage, np.nan))
+        law = _PowerLaw(
+            "voltage", log_voltage, VOLTAGE_POWER, np.zeros(len(points)), VOLTAGE_POWER_SD
+        )
+        electrical = _relative_error_of(points, ("voltage_V",), sensors)
+    if law is not None:
+        relative = np.hypot(relative, law.exponent * electrical)
+        level = thrust / np.exp(law.exponent * law.log_x)
     share = _shares(points, parked, level)
     mean = np.where(share.any(axis=1), share @ np.nan_to_num(level), np.nan)
     ratio = level / mean
@@ -93,13 +112,17 @@ def ratios(points: Recording, basis: str, sensors: Mapping[str, Sensor] | None =
     scatter = np.nan_to_num(relative) if stated else np.ones(len(ratio))
     sources = []
     if law is not None:
-        lever = np.nan_to_num(law.log_power - part @ np.nan_to_num(law.log_power))
+        lever = np.nan_to_num(law.log_x - part @ np.nan_to_num(law.log_x))
         part += np.outer(lever, law.gain)
         if law.exponent_sd > 0.0:
             columns = -np.nan_to_num(ratio * lever)[:, None] * law.exponent_sd
             sources.append(
                 ErrorSource(
-                    name="exponent of power", kind="B", unit="1", sd=EXPONENT_SD, columns=columns
+                    name=f"exponent of {law.name}",
+                    kind="B",
+                    unit="1",
+                    sd=law.exponent_sd,
+                    columns=columns,
                 )
             )
     shown = np.flatnonzero(parked)
@@ -112,14 +135,11 @@ def ratios(points: Recording, basis: str, sensors: Mapping[str, Sensor] | None =
         scaled=True,
     )
     own = np.abs(ratio) * relative if stated else np.full(len(ratio), np.nan)
-    return Ratios(ratio, own, (reference, *sources))
+    return Ratios(ratio, own, (reference, *sources), share)
 
 
 def _shares(points: Recording, parked: NDArray[np.bool_], level: Array) -> Array:
-    """Return by how much each visit's references make its T_OGE (n, n): 1 over their number.
-
-    References are those of the same pulses (a device that does not echo them is nan).
-    """
+    """Return `Ratios.share`: of references of the same pulses (nan from a device without echo)."""
     pulses = _stack(points, speed_columns(points.names, "pwm")).round(3)
     repeat = points.column("repeat")
     alike = ((pulses[:, None] == pulses) | np.isnan(pulses)).all(axis=2) & parked
@@ -194,15 +214,22 @@ def _relative_error(points: Recording, thrust: Array) -> Array:
     return points.column("thrust_se_N") / np.abs(thrust)
 
 
-def _relative_power_error(points: Recording, sensors: Mapping[str, Sensor]) -> Array:
-    """Return the relative standard error of each visit's electrical power (n,).
+def _has(points: Recording, name: str) -> bool:
+    return name in points and bool(np.isfinite(points.column(name)).any())
 
-    From the standard errors of voltage and current, else from what the rig says of their sensors;
-    0 where neither is known.
+
+def _relative_error_of(
+    points: Recording, names: Sequence[str], sensors: Mapping[str, Sensor]
+) -> Array:
+    """Return the relative standard error of the product of each visit's channels (n,).
+
+    From the channels' standard errors, else from what the rig says of their sensors; 0 where
+    neither is known.
     """
     total = np.zeros(len(points))
     n = points.column("n_samples") if "n_samples" in points else np.ones(len(points))
-    for name, error_name in (("voltage_V", "voltage_se_V"), ("current_A", "current_se_A")):
+    for name in names:
+        error_name = "_se_".join(name.split("_"))
         error = np.full(len(points), np.nan)
         if error_name in points:
             error = points.column(error_name)
@@ -214,9 +241,10 @@ def _relative_power_error(points: Recording, sensors: Mapping[str, Sensor]) -> A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PowerLaw:
-    """Hold the references' power law, thrust ~ power^exponent."""
+    """Hold the references' power law, thrust ~ x^exponent."""
 
-    log_power: Array  # (n,) of every visit
+    name: str  # of x
+    log_x: Array  # (n,) of every visit
     exponent: float
     gain: Array  # (n,) change of the exponent by a visit's error in the logarithm of thrust
     exponent_sd: float  # where it was not fitted; 0 where it was
@@ -224,7 +252,7 @@ class _PowerLaw:
 
 def _power_law(points: Recording, thrust: Array, parked: NDArray[np.bool_]) -> _PowerLaw:
     for name in ("voltage_V", "current_A"):
-        if name not in points or not np.isfinite(points.column(name)).any():
+        if not _has(points, name):
             raise InputError(
                 f"equal electrical power needs voltage_V and current_A, but {name} is not there; "
                 f"choose --basis equal_pwm or equal_rpm2"
@@ -236,7 +264,7 @@ def _power_law(points: Recording, thrust: Array, parked: NDArray[np.bool_]) -> _
     log_power = np.log(np.where(power > 0.0, power, np.nan))
     from_mean = np.where(good, log_power - log_power[good].mean(), 0.0)
     if np.ptp(log_power[good]) <= 0.2:
-        return _PowerLaw(log_power, MOMENTUM_POWER, np.zeros(len(power)), EXPONENT_SD)
+        return _PowerLaw("power", log_power, MOMENTUM_POWER, np.zeros(len(power)), EXPONENT_SD)
     gain = from_mean / float(from_mean @ from_mean)
     exponent = float(gain[good] @ np.log(thrust[good]))
-    return _PowerLaw(log_power, exponent, gain, 0.0)
+    return _PowerLaw("power", log_power, exponent, gain, 0.0)

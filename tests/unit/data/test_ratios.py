@@ -10,9 +10,17 @@ import pytest
 from benchtool.core.array import Array
 from benchtool.core.error_source import joined
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Sensor
+from benchtool.core.rig import Motor, Sensor
+from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import channel_called, code_of
-from benchtool.data.run.ratios import EXPONENT_SD, MOMENTUM_POWER, RATIO_BASES, Ratios, ratios
+from benchtool.data.run.ratios import (
+    EXPONENT_SD,
+    MOMENTUM_POWER,
+    RATIO_BASES,
+    VOLTAGE_POWER_SD,
+    Ratios,
+    ratios,
+)
 
 PULSES_US = (1450.0, 1600.0)
 DISTANCES = 3
@@ -111,14 +119,36 @@ def test_sensors_of_the_rig_stand_in_for_errors_that_points_lack() -> None:
     bare = Recording.from_columns(
         [(points.channels[points.index(name)], points.column(name)) for name in names]
     )
-    sensors = {"current_A": Sensor(noise=0.05, quantum=0.01)}
-    without, having = ratios(bare, "equal_power"), ratios(bare, "equal_power", sensors)
+    rig = rig_named("pquad_single")
+    without, having = ratios(bare, "equal_power"), ratios(bare, "equal_power", rig)
     assert np.all(having.standard_error > 1.005 * without.standard_error)
     # Rounding averages out where noise carries the reading over a step, and stays where not.
     assert Sensor(noise=0.0, quantum=0.12).mean_error(np.array([100.0])) == pytest.approx(
         0.12 / 12**0.5
     )
     assert Sensor(noise=0.1, quantum=0.01).mean_error(np.array([100.0])) < 0.0101
+
+
+def test_a_pack_that_empties_is_no_ground_effect_at_equal_pulses() -> None:
+    points = visits()
+    sag = np.linspace(1.0, 0.98, len(points))
+    columns = [(points.channels[i], points.column(name)) for i, name in enumerate(points.names)]
+    changed = {"voltage_V": sag, "thrust_N": sag**2}
+    sagging = Recording.from_columns(
+        [(channel, values * changed.get(channel.name, 1.0)) for channel, values in columns]
+    )
+    rig = rig_named("pquad_single")
+    truth, found = ratios(points, "equal_pwm").value, ratios(sagging, "equal_pwm", rig)
+    np.testing.assert_allclose(found.value, truth, rtol=1e-12)
+    assert np.abs(ratios(sagging, "equal_pwm").value / truth - 1.0).max() > 0.005
+    _, exponent = found.error_sources
+    assert (exponent.name, exponent.sd) == ("exponent of voltage", VOLTAGE_POWER_SD)
+    lever = np.log(sag[1:4] / sag[0])
+    expected = -found.value[1:4] * lever * VOLTAGE_POWER_SD
+    np.testing.assert_allclose(exponent.columns[1:4, 0], expected, rtol=1e-9)
+    # A controller that holds the speed leaves the voltage nothing to change.
+    governed = replace(rig, motor=Motor(governed=True))
+    assert len(ratios(sagging, "equal_pwm", governed).error_sources) == 1
 
 
 def test_runs_laid_side_by_side_share_no_reference() -> None:

@@ -114,16 +114,33 @@ def test_a_model_predicts_what_it_predicts_by_itself(more: tuple[str, ...]) -> N
         np.testing.assert_allclose(problem.predict(many)[1], expected, rtol=1e-12)
 
 
-def test_ratios_hold_what_only_moves_the_reading() -> None:
-    model = quad_model().with_effect("tare_offset").freed("tare_offset.thrust_N")
-    conditions = quad_conditions()
-    truth = model.at(model.parameters.at(np.array([*QUAD_TRUTH.values(), 0.0]))).factor(conditions)
+def test_a_tare_error_and_a_drift_move_a_ratio_and_its_reference() -> None:
+    model = quad_model().with_effect("tare_offset").with_effect("load_cell_drift")
+    model = model.freed("tare_offset.thrust_N", "load_cell_drift.rate_N_per_s")
+    near = replace(quad_conditions(), elapsed_s=np.linspace(0.0, 300.0, 35))
+    parked = replace(near.out_of_ground_effect(), elapsed_s=near.elapsed_s + 20.0)
+    truth = {**QUAD_TRUTH, "tare_offset.thrust_N": 0.02, "load_cell_drift.rate_N_per_s": 1e-4}
+    made = model.at(model.parameters.at(np.array([*truth.values()])))
+    ratio = made.thrust_N(near) / made.thrust_N(parked)
+    assert np.ptp(ratio / made.factor(near)) > 1e-3
+    at = model.fixed("k", QUAD_TRUTH["k"])
+    problem = problem_from_model(
+        at, near, ratio, np.full(35, 0.01), basis="equal_rpm2", reference=parked
+    )
+    result = fit_least_squares(problem)
+    assert result.basis == "equal_rpm2"
+    for name in problem.free_names:
+        assert result[name].value == pytest.approx(truth[name], rel=1e-6)
+
+
+def test_ratios_hold_the_thrust_coefficient() -> None:
+    model, conditions = quad_model(), quad_conditions()
+    truth = model.at(model.parameters.at(np.array([*QUAD_TRUTH.values()]))).factor(conditions)
     problem = problem_from_model(
         model, conditions, truth, np.full(len(truth), 0.01), basis="equal_rpm2"
     )
-    assert problem.facts["held"] == "k, tare_offset.thrust_N"
+    assert problem.facts["held"] == "k"
     result = fit_least_squares(problem)
-    assert result.basis == "equal_rpm2"
     assert result["R_m"].value == pytest.approx(QUAD_TRUTH["R_m"], rel=1e-9)
     assert result["body_lift.K_b"].value == pytest.approx(QUAD_TRUTH["body_lift.K_b"], rel=1e-8)
 

@@ -44,7 +44,7 @@ def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
         points = read_points(run)
         facts = Run.open(run).metadata
         rig = run_rig(run, facts)
-        measured = ratios(points, basis, rig.sensors)
+        measured = ratios(points, basis, rig)
     except BenchtoolError as error:
         return MeasuredRatios(why=str(error))
     near = (points.column("kind") == code_of("kind", "measure")) & np.isfinite(measured.value)
