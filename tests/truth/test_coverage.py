@@ -1,63 +1,95 @@
-"""How often the intervals of k, R and K_b hold the truth, counted over simulated sweeps.
+"""How often intervals hold the truth, over simulated sweeps: a sample, and the judge of counts.
 
-`make coverage-truth` runs the whole count (400 sweeps, minutes); a sample of it runs every time.
+`make coverage-truth` runs the whole count (400 sweeps of each kind, hours).
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 from scipy.stats import binom
 
-from benchtool.fit.recipe import Method
-from tests.truth.sweep_trial import COUNTED, Trial, run_trial
+from benchtool.data.run.read import read_points
+from tests.truth.benches import drawn, visited
+from tests.truth.cells import CELLS, Sweep, quad_sweep, single_sweep, whole_quad_sweep
+from tests.truth.count import LEVELS, Held, Trial, counted, faults, run_trial, table, trials_of
 
-SCORED = range(2000, 2400)
-"""Seeds that are counted; nothing was ever chosen by looking at them."""
-
-SAMPLE = range(1000, 1008)
-BOTH: tuple[Method, ...] = ("least_squares", "emcee")
+SAMPLE = range(1000, 1006)
 
 
-def counts(trials: Sequence[Trial], method: Method) -> dict[str, tuple[int, int]]:
-    """Return how often the 68 % and the 95 % interval held the truth, by parameter."""
-    return {
-        name: (
-            sum(trial.held[method][name][0] for trial in trials),
-            sum(trial.held[method][name][1] for trial in trials),
-        )
-        for name in COUNTED
-    }
+@pytest.mark.parametrize("sweep", [quad_sweep, single_sweep])
+def test_a_sample_of_sweeps_holds_the_truth(sweep: Sweep) -> None:
+    """Counts that right intervals give with a chance above 1 in 1000, in every cell."""
+    trials = [run_trial(sweep, "least_squares", seed) for seed in SAMPLE]
+    counts = counted(trials, "least_squares")
+    assert {one.cell for one in counts} == {cell.name for cell in CELLS if cell.sweep is sweep}
+    for one in counts:
+        assert one.trials == len(SAMPLE)
+        for held, level in zip(one.held, LEVELS, strict=True):
+            assert held >= int(binom.ppf(1e-3, len(SAMPLE), level)), one
+        assert one.rms_z < 2.5
 
 
-def test_a_sample_of_sweeps_holds_the_truth() -> None:
-    """Eight sweeps: a count that a right interval gives with a chance above 1 in 1000."""
-    trials = [run_trial(seed, ("least_squares",)) for seed in SAMPLE]
-    for name, (at_68, at_95) in counts(trials, "least_squares").items():
-        least_68, least_95 = (int(binom.ppf(1e-3, len(trials), p)) for p in (0.68, 0.95))
-        assert at_68 >= least_68, (name, at_68)
-        assert at_95 >= least_95, (name, at_95)
-    far = max(abs(z) for trial in trials for z in trial.z["least_squares"].values())
-    assert far < 4.0
+def test_the_whole_tool_measures_what_the_plant_alone_does() -> None:
+    trial = run_trial(whole_quad_sweep, "least_squares", SAMPLE[0])
+    for found in trial["quad through the whole tool, joint"].values():
+        assert abs(found.value - found.truth) < 4.0 * found.sd
 
 
-@pytest.mark.soak
-def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
-    with ProcessPoolExecutor(os.cpu_count()) as pool:
-        trials = list(pool.map(partial(run_trial, methods=BOTH), SCORED, chunksize=4))
-    n = len(trials)
-    print(f"\n{n} simulated sweeps; intervals that hold the truth, of k, R and K_b")
-    print(f"{'method':<14} {'parameter':<14} {'68 %':>8} {'95 %':>8} {'rms z':>8}")
-    wrong = []
-    for method in BOTH:
-        for name, (at_68, at_95) in counts(trials, method).items():
-            rms = float(np.sqrt(np.mean([trial.z[method][name] ** 2 for trial in trials])))
-            print(f"{method:<14} {name:<14} {at_68 / n:>8.1%} {at_95 / n:>8.1%} {rms:>8.2f}")
-            if not (0.60 <= at_68 / n <= 0.76 and 0.92 <= at_95 / n <= 0.98):
-                wrong.append((method, name, at_68, at_95))
-    assert not wrong
+def test_points_hold_the_errors_of_voltage_and_current(tmp_path: Path) -> None:
+    bench = drawn(SAMPLE[0], "single_bench")
+    visited(bench, tmp_path / "run")
+    points = read_points(tmp_path / "run")
+    for name, error in (("voltage_V", "voltage_se_V"), ("current_A", "current_se_A")):
+        sensor = bench.rig.sensors[name]
+        # The mean of one second at the sensor's own rate.
+        expected = sensor.mean_error(np.array([sensor.rate_Hz]))
+        assert np.median(points.column(error)) == pytest.approx(expected, rel=0.5)
+
+
+def trials_with(spread: float, n: int = 400, seed: int = 1) -> list[Trial]:
+    """Return trials whose intervals are so many times as wide as the scatter of their values."""
+    rng = np.random.default_rng(seed)
+    wide = [float(ndtri(0.5 + 0.5 * level)) for level in LEVELS]
+    return [
+        {
+            "cell": {
+                name: Held(
+                    truth=10.0,
+                    value=value,
+                    sd=spread,
+                    interval_68=(value - wide[0] * spread, value + wide[0] * spread),
+                    interval_95=(value - wide[1] * spread, value + wide[1] * spread),
+                )
+                for name, value in zip("abcde", 10.0 + rng.standard_normal(5), strict=True)
+            }
+        }
+        for _ in range(n)
+    ]
+
+
+def test_right_intervals_pass_and_inflated_or_narrow_ones_do_not() -> None:
+    right, wide, narrow = (counted(trials_with(s), "least_squares") for s in (1.0, 1.25, 0.8))
+    assert faults(right) == []
+    assert any("intervals of 68% hold" in fault for fault in faults(wide))
+    assert any("rms z is 0.8" in fault for fault in faults(wide))
+    assert any("intervals of 95% hold" in fault for fault in faults(narrow))
+    assert right[0].width == pytest.approx(1.0, abs=0.08)
+    assert "| cell | least_squares | a | 400 |" in table(right)
+
+
+def test_one_count_in_ten_may_miss_at_95_percent() -> None:
+    off = [replace(one, held=(251, 380)) for one in counted(trials_with(1.0), "emcee")]
+    assert all(one.misses(0.999) == [] for one in off)
+    assert faults(off) == ["5 of 10 counts miss at 95 %, at most one in ten may"]
+
+
+def test_a_count_goes_on_where_it_was(tmp_path: Path) -> None:
+    first = list(trials_of(single_sweep, "least_squares", [1000], 1, tmp_path))
+    both = list(trials_of(single_sweep, "least_squares", [1000, 1001], 1, tmp_path))
+    assert both[0] == first[0]
+    assert len((tmp_path / "single_sweep-least_squares.jsonl").read_text().splitlines()) == 2

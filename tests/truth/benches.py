@@ -1,0 +1,141 @@
+"""Simulated benches with known numbers: draw one, sweep it, and return the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+from pathlib import Path
+
+import numpy as np
+
+from benchtool.acquire.average import average
+from benchtool.acquire.measure import measure
+from benchtool.acquire.order import visits_of
+from benchtool.acquire.plan import (
+    OrderPart,
+    Plan,
+    PlatePart,
+    SettlePart,
+    TarePart,
+    ThrottlePart,
+    plan_to_toml,
+)
+from benchtool.acquire.sweep import run_sweep
+from benchtool.acquire.tare import Tared, tare_point
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.stage.stage import DeviceStage, OneSidedStage
+from benchtool.core.channel import Channel
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_to_dict
+from benchtool.data.run.run import Run
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
+from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.plate_bench import PlateBench
+from benchtool.virtual.simulated import SimulatedBench
+
+RATE_HZ = 80.0
+SETTLE_S = 1.5
+"""Of a visit's motors, thirty of their time constants."""
+
+Truth = dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """Hold one bench: what it was made with, its flaws, and its plan."""
+
+    model: Model
+    truth: Truth
+    flaws: Imperfections
+    plan: Plan
+    seed: int
+
+    @property
+    def rig(self) -> Rig:
+        """The rig it stands for."""
+        return self.model.rig
+
+
+def drawn(seed: int, name: str) -> Drawn:
+    """Draw a bench of a shipped model, its numbers from wide ranges about the shipped ones.
+
+    k, R and K_b (where the model has it) are drawn evenly; the nuisances from the priors that the
+    model states for them; drift evenly about none. Noise, lag, sag, vibration, rounding and the
+    wander of the load cell's zero are the virtual bench's own.
+    """
+    rng = np.random.default_rng([20261123, seed])
+    model = load_model(name).model
+    truth = {
+        "k": model.parameters["k"].value * rng.uniform(0.9, 1.15),
+        "R_m": model.rig.propulsion.radius_m * rng.uniform(0.92, 1.12),
+        **({"body_lift.K_b": rng.uniform(1.2, 2.8)} if "body_lift.K_b" in model.parameters else {}),
+        **{
+            name: rng.normal(item.prior.mean, item.prior.sd)
+            for name, item in model.parameters.items()
+            if item.prior.kind == "normal"
+        },
+    }
+    made = model
+    for name, value in truth.items():
+        made = made.fixed(name, value)
+    plan = Plan(
+        name="trial",
+        repeats=3,
+        sample_s=1.0,
+        plate=PlatePart(distances_over_R=(0.6, 0.8, 1.0, 1.5, 2.0, 3.0)),
+        throttle=ThrottlePart(pwm_us=(1450.0, 1600.0)),
+        order=OrderPart(seed=seed, anchor_every=0),
+        settle=SettlePart(window_s=0.6),
+        tare=TarePart(every_minutes=0.0),
+    ).resolved(model.rig)
+    flaws = Imperfections(drift_N_per_s=rng.normal(0.0, 5e-5), backlash_m=0.0)
+    return Drawn(made, truth, flaws, plan, seed)
+
+
+def new_run(bench: Drawn, path: Path) -> Run:
+    """Return the bench's new, empty run."""
+    facts = {"simulated": True, "rig": rig_to_dict(bench.rig)}
+    return Run.create(path, plan_to_toml(bench.plan), facts)
+
+
+def swept(bench: Drawn, path: Path) -> None:
+    """Sweep the bench through the whole tool: device, guard, stage, settling, files."""
+    device = SimulatedBench("sim:trial", bench.rig, bench.model, bench.seed, RATE_HZ, bench.flaws)
+    with GuardedBench(device, bench.rig) as guarded:
+        stage = OneSidedStage(DeviceStage(guarded), bench.rig.plate)
+        run_sweep(guarded, stage, bench.plan, bench.rig, new_run(bench, path))
+
+
+def visited(bench: Drawn, path: Path) -> None:
+    """Sweep the same physics five times as fast: the plan's visits and points, nothing watching."""
+    rig, plan = bench.rig, bench.plan
+    plant = PlateBench(rig, bench.model, np.random.default_rng(bench.seed), bench.flaws, RATE_HZ)
+    plant.tare()
+    rest = average(samples(plant, 1.0).column("thrust_N"))
+    tared = Tared(plant.time_s - 0.5, rest, nan)
+    here_m = rig.plate.z_park_m
+    writer = new_run(bench, path).point_writer(rig.n_rotors)
+    try:
+        writer.append(tare_point(tared, rig.n_rotors))
+        for visit in visits_of(plan, rig):
+            place = visit.setting.place
+            plant.command_pwm(np.array(visit.setting.pwm_us))
+            plant.command_plate(place.z_m, place.x_m)
+            samples(plant, abs(place.z_m - here_m) / rig.plate.speed_m_s + SETTLE_S)
+            here_m = place.z_m
+            read = samples(plant, plan.sample_s)
+            point, _ = measure(read, visit, place.z_m, tared, None, rig.sensors, settled=True)
+            writer.append(point)
+    finally:
+        writer.close()
+
+
+def samples(plant: PlateBench, seconds: float) -> Recording:
+    """Return what the bench streams over the next seconds."""
+    start_s, n = plant.time_s, round(seconds * plant.rate_Hz)
+    block = plant.advance(n)
+    time_s = start_s + np.arange(1, n + 1) / plant.rate_Hz
+    columns = list(zip(plant.channels, block.T, strict=True))
+    return Recording.from_columns([(Channel("time_s", "s"), time_s), *columns])

@@ -1,0 +1,99 @@
+"""What `make coverage-truth` counts: a cell is a simulated sweep and a recipe that fits it.
+
+A new cell is one entry of `CELLS` (and, for errors of another kind, one function beside
+`quad_sweep` that makes them). Cells of one sweep share its simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from benchtool.fit.recipe import Method, Recipe
+from tests.truth.benches import Truth, drawn, swept, visited
+
+Sweep = Callable[[int, Path], Truth]
+"""sweep(seed, path) -> the truth of a bench that was drawn with the seed and swept into a run."""
+
+
+def quad_sweep(seed: int, path: Path) -> Truth:
+    """Sweep a quadrotor with body lift."""
+    bench = drawn(seed, "quad_bench")
+    visited(bench, path)
+    return bench.truth
+
+
+def single_sweep(seed: int, path: Path) -> Truth:
+    """Sweep a single rotor."""
+    bench = drawn(seed, "single_bench")
+    visited(bench, path)
+    return bench.truth
+
+
+def whole_quad_sweep(seed: int, path: Path) -> Truth:
+    """Sweep the quadrotor through the whole tool, which takes five times as long."""
+    bench = drawn(seed, "quad_bench")
+    swept(bench, path)
+    return bench.truth
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """State what is simulated, how it is fitted, and which numbers are counted."""
+
+    name: str
+    sweep: Sweep
+    model: str  # that the fit takes
+    counted: tuple[str, ...]
+    options: Mapping[str, Any] = field(default_factory=dict)  # of the recipe
+
+    def recipe(self, run: Path, methods: tuple[Method, ...], seed: int) -> Recipe:
+        """Return the fit of a run; few walkers, for the sake of time."""
+        return Recipe(
+            name=self.name,
+            data=(str(run),),
+            model=self.model,
+            methods=methods,
+            seed=seed,
+            walkers=16,
+            **self.options,
+        )
+
+
+CELLS: tuple[Cell, ...] = (
+    Cell(
+        name="quad, joint",
+        sweep=quad_sweep,
+        model="quad_bench",
+        counted=("k", "R_m", "body_lift.K_b"),
+    ),
+    *(
+        Cell(
+            name=f"quad, {basis}",
+            sweep=quad_sweep,
+            model="quad_bench",
+            counted=("R_m", "body_lift.K_b"),
+            options={"basis": basis},
+        )
+        for basis in ("equal_rpm2", "equal_pwm", "equal_power")
+    ),
+    Cell(
+        name="quad through the whole tool, joint",
+        sweep=whole_quad_sweep,
+        model="quad_bench",
+        counted=("k", "R_m", "body_lift.K_b"),
+    ),
+    Cell(name="single, joint", sweep=single_sweep, model="single_bench", counted=("k", "R_m")),
+    *(
+        Cell(
+            name=f"single, {basis}",
+            sweep=single_sweep,
+            model="single_bench",
+            counted=("R_m",),
+            options={"basis": basis},
+        )
+        for basis in ("equal_rpm2", "equal_pwm", "equal_power")
+    ),
+)

@@ -1,0 +1,240 @@
+"""Count how often the intervals of every cell hold the truth: `make coverage-truth`.
+
+Trials are stored as they are done, by the sources they were counted with: a count that was cut
+short goes on where it was, and one of other sources begins anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from scipy.stats import binomtest, chi2
+
+import benchtool
+from benchtool.fit.recipe import Method
+from benchtool.fit.run_recipe import run_recipe
+from tests.truth.cells import CELLS, Cell, Sweep
+
+LEVELS = (0.6827, 0.95)
+FIRST_SEED = 3000
+"""Seeds from here on are counted; nothing was ever chosen by looking at them."""
+
+STORE = Path("build/coverage-truth")
+METHODS: tuple[Method, ...] = ("least_squares", "emcee")
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Hold what one fit said of one number."""
+
+    truth: float
+    value: float
+    sd: float
+    interval_68: tuple[float, float]
+    interval_95: tuple[float, float]
+
+    def holds(self, level: float) -> bool:
+        """Whether the interval of that probability holds the truth."""
+        low, high = self.interval_68 if level == LEVELS[0] else self.interval_95
+        return low <= self.truth <= high
+
+
+Trial = dict[str, dict[str, Held]]
+"""What one sweep's fits said: {cell: {number: held}}; a cell without a fit is left out."""
+
+
+def run_trial(sweep: Sweep, method: Method, seed: int, cells: Sequence[Cell] = CELLS) -> Trial:
+    """Sweep one bench and fit it as every cell of that sweep says."""
+    found: Trial = {}
+    with TemporaryDirectory() as folder:
+        run = Path(folder) / "run"
+        truth = sweep(seed, run)
+        for cell in cells:
+            if cell.sweep is not sweep:
+                continue
+            (result,) = run_recipe(cell.recipe(run, (method,), seed + 1)).results
+            found[cell.name] = {
+                name: Held(
+                    truth[name],
+                    result[name].value,
+                    result[name].sd,
+                    result[name].interval_68,
+                    result[name].interval_95,
+                )
+                for name in cell.counted
+            }
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """Hold the count of one number of one cell."""
+
+    cell: str
+    method: str
+    name: str
+    trials: int
+    held: tuple[int, int]  # how many of the 68 % and of the 95 % intervals hold the truth
+    rms_z: float  # of (value - truth)/sd
+    width: float  # median half width of the 68 % intervals over the rms of value - truth
+
+    def misses(self, confidence: float) -> list[float]:
+        """Return the levels that the Wilson interval of the count does not hold."""
+        missed = []
+        for level, held in zip(LEVELS, self.held, strict=True):
+            found = binomtest(held, self.trials).proportion_ci(confidence, method="wilson")
+            if not found.low <= level <= found.high:
+                missed.append(level)
+        return missed
+
+    @property
+    def z_is_one(self) -> bool:
+        """Whether rms z is within the 99.9 % limits that so many normal draws allow."""
+        low, high = chi2.ppf([0.0005, 0.9995], self.trials) / self.trials
+        return bool(low <= self.rms_z**2 <= high)
+
+
+def counted(trials: Sequence[Trial], method: Method) -> list[Count]:
+    """Return the counts of all numbers in trials."""
+    keys = {(cell, name): None for trial in trials for cell in trial for name in trial[cell]}
+    counts = []
+    for cell, name in keys:
+        own = [trial[cell][name] for trial in trials if cell in trial]
+        left = np.array([one.value - one.truth for one in own])
+        half = [0.5 * (one.interval_68[1] - one.interval_68[0]) for one in own]
+        at_68, at_95 = (sum(one.holds(level) for one in own) for level in LEVELS)
+        counts.append(
+            Count(
+                cell=cell,
+                method=method,
+                name=name,
+                trials=len(own),
+                held=(at_68, at_95),
+                rms_z=float(np.sqrt(np.mean((left / [one.sd for one in own]) ** 2))),
+                width=float(np.median(half) / np.sqrt(np.mean(left**2))),
+            )
+        )
+    return counts
+
+
+def faults(counts: Sequence[Count]) -> list[str]:
+    """Return what is wrong with intervals, in words; nothing where they are as they should be.
+
+    Each count is held against its 99.9 % Wilson interval and the limits of rms z, and of all
+    together at most one in ten may miss at 95 %.
+    """
+    found = []
+    for count in counts:
+        where = f"{count.cell}, {count.method}, {count.name}"
+        for level in count.misses(0.999):
+            held = count.held[LEVELS.index(level)]
+            found.append(f"{where}: {held} of {count.trials} intervals of {level:.0%} hold")
+        if not count.z_is_one:
+            found.append(f"{where}: rms z is {count.rms_z:.2f} over {count.trials} trials")
+    missed, whole = sum(len(one.misses(0.95)) for one in counts), len(LEVELS) * len(counts)
+    if missed > 0.1 * whole:
+        found.append(f"{missed} of {whole} counts miss at 95 %, at most one in ten may")
+    return found
+
+
+def table(counts: Sequence[Count]) -> str:
+    """Return the counts as a table in Markdown."""
+    lines = [
+        "| bench, basis | method | number | trials | 68 % | 95 % | rms z | width |",
+        f"{'|---' * 8}|",
+    ]
+    for one in counts:
+        at_68, at_95 = (f"{held / one.trials:.1%}".replace("%", " %") for held in one.held)
+        lines.append(
+            f"| {one.cell} | {one.method} | {one.name} | {one.trials} | {at_68} | {at_95} "
+            f"| {one.rms_z:.2f} | {one.width:.2f} |"
+        )
+    return "\n".join(lines)
+
+
+def sources_hash() -> str:
+    """Return a hash of everything that a trial's numbers depend on."""
+    digest = hashlib.sha256()
+    for folder in (Path(benchtool.__file__).parent, Path(__file__).parent):
+        for path in sorted(folder.rglob("*")):
+            if path.suffix in (".py", ".toml"):
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def stored(path: Path) -> dict[int, Trial]:
+    """Return the trials of a file, by seed."""
+    if not path.is_file():
+        return {}
+    rows = (json.loads(line) for line in path.read_text().splitlines())
+    return {
+        row["seed"]: {
+            cell: {
+                name: Held(*fit[:3], tuple(fit[3]), tuple(fit[4])) for name, fit in numbers.items()
+            }
+            for cell, numbers in row["cells"].items()
+        }
+        for row in rows
+    }
+
+
+def trials_of(
+    sweep: Sweep, method: Method, seeds: Sequence[int], processes: int, store: Path
+) -> Iterator[Trial]:
+    """Give the trials of all seeds: those in store first, then the rest as they are done."""
+    path = store / f"{sweep.__name__}-{method}.jsonl"
+    done = stored(path)
+    yield from (done[seed] for seed in seeds if seed in done)
+    left = [seed for seed in seeds if seed not in done]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with ProcessPoolExecutor(processes) as pool, path.open("a") as file:
+        for start in range(0, len(left), 4 * processes):
+            batch = left[start : start + 4 * processes]
+            n = len(batch)
+            for seed, trial in zip(
+                batch, pool.map(run_trial, [sweep] * n, [method] * n, batch), strict=True
+            ):
+                cells = {
+                    cell: {
+                        name: [one.truth, one.value, one.sd, one.interval_68, one.interval_95]
+                        for name, one in numbers.items()
+                    }
+                    for cell, numbers in trial.items()
+                }
+                file.write(json.dumps({"seed": seed, "cells": cells}) + "\n")
+                file.flush()
+                yield trial
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Count, print the table and what is wrong; return 1 where something is."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=400)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--method", action="append", choices=METHODS)
+    asked = parser.parse_args(arguments)
+    seeds = range(FIRST_SEED, FIRST_SEED + asked.trials)
+    store = STORE / sources_hash()
+    counts: list[Count] = []
+    for method in asked.method or METHODS:
+        for sweep in dict.fromkeys(cell.sweep for cell in CELLS):
+            trials = list(trials_of(sweep, method, seeds, asked.processes, store))
+            counts += counted(trials, method)
+            print(f"{sweep.__name__}, {method}: {len(trials)} sweeps", file=sys.stderr, flush=True)
+    print(table(counts))
+    wrong = faults(counts)
+    print("\n".join(wrong) or "every count is within its limits")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
