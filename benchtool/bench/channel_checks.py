@@ -58,12 +58,12 @@ CHECKS: dict[str, ChannelChecks] = {
         follows=True,
     ),
     "torque_Nm": ChannelChecks(follows=True),
+    "voltage_V": ChannelChecks(lambda limits: (limits.voltage_min_V, inf), "charge the battery"),
     "current_A": ChannelChecks(
         lambda limits: (-inf, limits.current_A),
         "lower the plan's pwm or raise limits.current_A",
         follows=True,
     ),
-    "voltage_V": ChannelChecks(lambda limits: (limits.voltage_min_V, inf), "charge the battery"),
     "temperature_degC": ChannelChecks(
         lambda limits: (-inf, limits.temperature_degC),
         "let the ESC cool down or lower the plan's pwm",

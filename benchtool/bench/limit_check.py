@@ -239,8 +239,9 @@ class LimitCheck:
 def unwatched_limits(channels: Sequence[Channel], n_rotors: int) -> str:
     """Return in a sentence which limits of a rig no channel of a bench can break; else nothing."""
     names = {channel.name for channel in channels}
-    wanted = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in range(n_rotors))]
-    wanted += ["voltage_V", "current_A", "temperature_degC"]
+    watched = [kind for kind, checks in CHECKS.items() if checks.limits]
+    speeds = [f"rpm{rotor + 1}" for rotor in range(n_rotors)]
+    wanted = (name for kind in watched for name in (speeds if kind == "rpm" else [kind]))
     missing = [name for name in wanted if name not in names]
     if not missing:
         return ""

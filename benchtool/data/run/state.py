@@ -50,6 +50,11 @@ def remember(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
     return path
 
 
+def remembered(kind: str) -> dict[str, str]:
+    """Return the files of one kind of thing and their devices, as their names tell them."""
+    return {str(path): path.stem for path in sorted((state_folder() / kind).glob("*.json"))}
+
+
 def recall(kind: str, device_id: str) -> dict[str, Any] | None:
     """Return what is remembered about a device, None when nothing is."""
     path = state_file(kind, device_id)

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -307,6 +308,19 @@ def test_a_calibration_is_attached_and_raw_data_stay(tmp_path: Path) -> None:
     assert (plain.path / "samples.csv").read_bytes() == (scaled.path / "samples.csv").read_bytes()
     # The device counts 1000 per N, the calibration says 500.
     np.testing.assert_allclose(read_points(scaled.path).column("thrust_N"), 3.2, atol=4e-3)
+
+
+def test_a_calibration_that_is_too_old_is_an_event_of_the_run(tmp_path: Path) -> None:
+    resolved = PLAN.resolved(RIG)
+    for days, said in ((364, []), (400, ["was 400 days old when the run began, limit 365"])):
+        bench, path = FakeBench(), tmp_path / str(days)
+        started = datetime.fromisoformat("2026-01-31T00:00:00+00:00") + timedelta(days=days)
+        facts = run_metadata(resolved, RIG, bench.identity, calibration=COUNTS, started=started)
+        run = Run.create(path, plan_to_toml(resolved), facts)
+        with GuardedBench(bench, RIG) as guarded:
+            run_sweep(guarded, DeviceStage(guarded), resolved, RIG, run, calibration=COUNTS)
+        found = events_of(run, "calibration_old")
+        assert [text in found[0] for text in said] == [True] * len(found)
 
 
 def test_a_run_is_recalibrated_beside_its_raw_data(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.run import free_path
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
+from benchtool.data.run.state import remembered
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
@@ -186,6 +187,9 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
     numbers = numbers_of(model, data_rig(request, folder))
     choices = choice_options(numbers, request.choices)
     options = {name: each for name, each in request.options.items() if name not in OF_COMMAND}
+    stored_ones = remembered("calibration")  # the page opens no other calibration files
+    if (chosen := options.get("calibration")) is not None and chosen not in stored_ones:
+        raise UnknownChoice("calibration", str(chosen), stored_ones)
     return make(Recipe, {**choices, **options}, source="label", base=base)
 
 

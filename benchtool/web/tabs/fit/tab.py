@@ -13,6 +13,7 @@ from benchtool.core.errors import BenchtoolError
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig_file import rig_names
 from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.data.run.state import remembered
 from benchtool.fit.recipe import Basis, FitInputs, Noise, Recipe
 from benchtool.report.numbers import unit_for_people
 from benchtool.web.context import PageContext, RunsListing
@@ -151,6 +152,7 @@ class MethodCard:
             self._form.add("basis", options=BASES)
             self._form.add("noise", options=NOISES)
             self._form.add("rig", options={name: name for name in rig_names()})
+            self._form.add("calibration", options=remembered("calibration"))
         more = ui.expansion("More options").classes("w-full")
         with more, ui.element("div").classes("field-grid"):
             self._form.add("compare", options=models)

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
+from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.rig_file import rig_named
 from benchtool.data.run.entry import Entry, list_entries
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
+from benchtool.data.run.state import remember
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.report.fit.stored_fit import read_stored
@@ -151,3 +152,15 @@ def test_data_that_do_not_allow_the_fit_leave_nothing_behind(
     with pytest.raises(BenchtoolError, match="can be fitted"):
         fit_into(lambda *_: None, folder.new_path("fit-one"), (), recipe, False)
     assert sorted(item.name for item in folder.root.iterdir()) == ["lab.csv", "one"]
+
+
+def test_a_table_takes_only_calibrations_that_this_machine_stored(
+    folder: RunsFolder, entries: dict[str, Entry], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
+    stored = str(remember("calibration", "bench-01", {}))
+    table = {"data": ["one"], "options": {"calibration": stored}}
+    assert recipe_for(request(**table), folder, entries).calibration == stored
+    other = {**table, "options": {"calibration": "/etc/hostname"}}
+    with pytest.raises(UnknownChoice, match="hostname"):
+        recipe_for(request(**other), folder, entries)
