@@ -14,7 +14,7 @@ So induced torque falls towards a plate where m < 1 and rises at first where m >
 Inflow solved ring by ring makes the increment at equal speed 4 % of itself smaller for untwisted
 blades (`tests/unit/physics/test_blade_element.py`): the error of this model.
 
-Source: Leishman 2006, sections 3.2 and 3.3, for the uniform inflow of a hovering rotor.
+Source: the textbook theory of a hovering rotor (Leishman 2006, chapter 3: from memory).
 """
 
 from __future__ import annotations

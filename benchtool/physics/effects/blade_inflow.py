@@ -80,7 +80,7 @@ EFFECT = Effect(
     hooks=Hooks(response=response, drag=drag),
     shows="thrust at equal speed below, at equal power on the law; speed at a fixed pulse",
     source=(
-        "Leishman 2006, sections 3.2 and 3.3 (untwisted blades, uniform inflow); inflow solved "
+        "Leishman 2006, chapter 3 (from memory; untwisted blades, uniform inflow); inflow solved "
         "ring by ring makes the increment 4 % of itself smaller"
     ),
     confused_with={"ground_shape": "pulses or power beside speeds separate them"},
