@@ -80,7 +80,7 @@ def test_what_data_do_not_determine_is_said_with_why(tmp_path: Path) -> None:
     assert found.sd > 1.0  # metres, of a rotor of 0.12 m
     why = "not determined: its 95 % interval is all that its bounds allow, 0.012 to 0.36"
     assert f"{found.name} not determined" in stored(output).sentence
-    (shown,) = [block for block in stored(output).blocks if isinstance(block, Table)]
+    shown = next(block for block in stored(output).blocks if isinstance(block, Table))
     rows = {row[0]: row for row in shown.rows}
     assert rows["R_m"][2].startswith(why)
     assert rows["R_m"][3] == "–"
