@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import InputError
+from benchtool.core.rig_file import rig_named
 from benchtool.physics.mixer import WRENCH, mixer_matrix, pitch_moment_Nm
 from tests.unit.physics.layouts import RotorLayout, cross_layout, plus_layout
 
@@ -100,3 +101,41 @@ def test_more_thrust_in_front_is_a_backward_moment() -> None:
 def test_a_mixer_needs_every_rotor() -> None:
     with pytest.raises(InputError, match="got 2, 1 and 2 values"):
         mixer_matrix([0.1, 0.2], [0.1], [1, -1], K, C)
+
+
+@pytest.mark.parametrize(
+    ("row", "signs"),
+    [
+        ("thrust_N", {"front": 1, "left": 1, "rear": 1, "right": 1}),
+        ("roll_Nm", {"front": 0, "left": 1, "rear": 0, "right": -1}),
+        ("pitch_Nm", {"front": -1, "left": 0, "rear": 1, "right": 0}),
+        ("yaw_Nm", {"front": -1, "left": 1, "rear": -1, "right": 1}),
+    ],
+)
+@pytest.mark.parametrize(("rig_name", "ring"), [("pquad", ""), ("amuse", "_upper")])
+def test_every_row_of_the_paper_s_vehicles_is_equation_9(
+    rig_name: str, ring: str, row: str, signs: dict[str, int]
+) -> None:
+    """Axes x forward, y left, z up, rotor 1 in front; of coaxial pairs the upper rotors."""
+    rig = rig_named(rig_name)
+    rotors = [place for place in rig.rotors if place.name.endswith(ring)]
+    assert [place.name.removesuffix(ring) for place in rotors] == list(signs)
+    x, y, spin = (
+        np.array([getattr(place, key) for place in rotors], float) for key in ("x_m", "y_m", "spin")
+    )
+    propulsion = rig.propulsion
+    k, c = propulsion.thrust_coefficient_N_s2, propulsion.drag_coefficient_Nm_s2
+    scale = {"thrust_N": k, "yaw_Nm": c}.get(row, k * float(np.hypot(x, y)[0]))
+    printed = scale * np.array([*signs.values()], float)
+    np.testing.assert_allclose(mixer_matrix(x, y, spin, k, c)[ROWS[row]], printed, atol=1e-20)
+
+
+@pytest.mark.parametrize("rig_name", ["pquad", "amuse"])
+def test_a_hovering_vehicle_does_not_turn(rig_name: str) -> None:
+    rig = rig_named(rig_name)
+    assert sum(place.spin for place in rig.rotors) == 0
+    pairs = [{rotor.spin for rotor in rig.rotors if rotor.name.startswith(side)} for side in SIDES]
+    assert pairs == [{1, -1}] * 4 or rig.n_rotors == 4
+
+
+SIDES = ("front", "left", "rear", "right")
