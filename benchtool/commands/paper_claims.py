@@ -24,6 +24,7 @@ from benchtool.core.counted import counted
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
+from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.flight.pitch_study import pitch_study, visit_numbers
 from benchtool.report.paper.curves import level_moment_Nm
 from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, PLATE_S, flight_case
@@ -87,10 +88,13 @@ class Claim:
 
 @dataclass(frozen=True, slots=True)
 class Flights:
-    """Fly cases for the claims, each once: what flies, and the flights by their inputs."""
+    """Fly cases for the claims, each once: what flies, the flights by their inputs, and fits of the
+    user's own recipes, for the figures.
+    """
 
     rig: Rig = field(default_factory=lambda: rig_named("pquad"))
     flown: dict[Any, Flown] = field(default_factory=dict)
+    fits: dict[str, FitOutput] = field(default_factory=dict)
 
     def fly(
         self,

@@ -17,7 +17,7 @@ from benchtool.core.inputs import Input, Inputs, changed, values_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperLayoutInputs(Inputs):
-    """The recipe folders of `benchtool report --layout paper`."""
+    """The recipe folders whose runs are points in the paper's figures 3, 4, 6 and 8."""
 
     single: Annotated[Path | None, Input("Paper: recipe folder of one rotor.")] = None
     second: Annotated[Path | None, Input("Paper: recipe folder of one rotor of another rig.")] = (

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 from benchtool.commands.declared import declared
+from benchtool.commands.report import PaperLayoutInputs
 from benchtool.commands.simulate_options import say_if_slow
-from benchtool.core.inputs import Input, Inputs
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import Input, Inputs, changed, values_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,6 +19,7 @@ class PaperInputs(Inputs):
 
     out: Annotated[Path | None, Input("Folder for all figures and claims.csv.")] = None
     sensitivity: Annotated[bool, Input("Also change S3, one thing at a time.")] = True
+    recipes: PaperLayoutInputs = field(default_factory=PaperLayoutInputs)
 
 
 @declared(PaperInputs)
@@ -32,14 +35,17 @@ def paper(inputs: PaperInputs) -> None:
         paper_claims,
         sensitivity_claims,
     )
+    from benchtool.report.paper.layouts import fits_of
 
-    out = inputs.out
+    out, recipes = inputs.out, values_of(inputs.recipes)
+    if out is None and (named := changed(inputs.recipes)):
+        raise InputError(f"--{next(iter(named))} draws points of runs; it needs --out")
     say_if_slow("takes an hour", "a minute")
     if out is not None:
         from benchtool.report.files import refuse_existing
 
         refuse_existing([out / "claims.csv"])
-    flights = Flights()
+    flights = Flights(fits=fits_of(recipes))
     claims = paper_claims(flights)
     if inputs.sensitivity:
         claims += sensitivity_claims(flights)

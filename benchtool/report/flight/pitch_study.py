@@ -216,10 +216,10 @@ def trace_of(run: PitchRun, label: str, away: PitchRun | None = None) -> PitchTr
     )
 
 
-def draw_study(figure: Figure, study: PitchStudy) -> None:
-    """Draw the study as the paper lays out its figures 26 to 28."""
+def draw_study(figure: Figure, study: PitchStudy, note: str = "") -> None:
+    """Draw the study as the paper lays out its figures 26 to 28, with a note below."""
     pairs = zip(study.runs, study.away, strict=True)
-    draw_pitch(figure, [trace_of(run, run.controller, away) for run, away in pairs])
+    draw_pitch(figure, [trace_of(run, run.controller, away) for run, away in pairs], note)
 
 
 def pitch_height(panels: int) -> float:
@@ -227,24 +227,22 @@ def pitch_height(panels: int) -> float:
     return 1.0 + 1.55 * panels
 
 
-def draw_pitch(figure: Figure, traces: Sequence[PitchTrace]) -> None:
+def draw_pitch(figure: Figure, traces: Sequence[PitchTrace], note: str = "") -> None:
     """Draw one panel per run, all with the same axes, as in the paper's figures 26 to 28."""
     panels = rows_of(figure, [1.0] * len(traces), sharey=True)
     for axes, trace in zip(panels, traces, strict=True):
         shade(axes, spans(trace.time_s, trace.covered > 0.0), "over-plate")
         lines: list[tuple[Array | None, str, dict[str, Any]]] = [
+            (trace.reference_deg, "wanted", {"color": GREY, "lw": 1.0, "ls": "--"}),
             (trace.away_deg, "plate away (OGE)", {"color": BLUE, "lw": 0.9}),
             (trace.pitch_deg, "with the plate (IGE)", {"color": VERMILION, "lw": 1.2}),
         ]
-        if np.ptp(trace.reference_deg) > 0.0:
-            dashed = {"color": GREY, "lw": 1.0, "ls": "--"}
-            lines.insert(0, (trace.reference_deg, "wanted", dashed))
         for values, label, look in lines:
             if values is not None:
                 axes.plot(trace.time_s, values, label=label, **look)
         axes.set_title(trace.label)
         axes.set_ylabel("pitch [deg]\n(nose down +)")
-    panels[-1].set_xlabel("time [s]    (green: a rotor is over the plate)")
+    panels[-1].set_xlabel(f"time [s]    (green: a rotor is over the plate)\n{note}".rstrip())
     panels[0].set_xlim(float(traces[0].time_s[0]), float(traces[0].time_s[-1]))
     legend_below(figure, panels[:1], len(panels[0].get_legend_handles_labels()[1]))
 

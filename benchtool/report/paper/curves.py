@@ -19,11 +19,12 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import quad_factor, single_rotor_factor, three_rotor_average_factor
 from benchtool.physics.wake_picture import Hover, source_velocity, vortex_velocity
 from benchtool.report.figure import Page, figure
-from benchtool.report.palette import BLACK, BLUE, CYCLE, GREY, VERMILION
+from benchtool.report.palette import BLACK, BLUE, CYCLE, GREY, VERMILION, Role
 from benchtool.report.panels import DASHED
 from benchtool.report.paper.drawings import draw_tilted
 from benchtool.report.paper.flights import Flies
-from benchtool.report.ratio import Curve, draw_ratio
+from benchtool.report.paper.layouts import measured_points
+from benchtool.report.ratio import Curve, draw_ratio, factor_over
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.pitch.attitude import READINGS, hover_authority_Nm, restoring_moment_Nm
@@ -33,7 +34,7 @@ K_B = 2.0
 
 
 def ratio_curves(rig: Rig) -> dict[str, Curve]:
-    """Return the curves of figures 3, 4, 6 and 8: the measured points are not public."""
+    """Return the curves of figures 3, 4, 6 and 8: the paper's measured points are not public."""
     radius = rig.propulsion.radius_m
     spacing = float(sorted(set(rig.disc_distances_m[0].round(9)))[1])
     ratio = np.linspace(0.5, 6.0, 221)
@@ -43,36 +44,72 @@ def ratio_curves(rig: Rig) -> dict[str, Curve]:
         for share in (1.0 / sqrt(2.0), sqrt(2.0))
     )
     three = three_rotor_average_factor(radius, z, spacing)
+    on = np.where(np.arange(rig.n_rotors) == rig.n_rotors - 1, 0.0, 1.0)[:, None]
+    lifted = np.asarray(factor_over(FlightVehicle.of_rig(rig).model, on, ratio), float)
     return {
         "one": Curve(ratio, single_rotor_factor(radius, z), "one rotor, eq. (2)", "single_rotor"),
         "four": Curve(ratio, quad_factor(radius, z, spacing), "four rotors, eq. (3)", "quad"),
-        "three": Curve(ratio, three, "three rotors", "three_rotors"),
+        "three": Curve(ratio, three, "three rotors, eq. (3) without one", "three_rotors"),
+        "three_lifted": Curve(
+            ratio,
+            lifted,
+            "with two thirds of the body lift, as in the flights",
+            "three_rotors",
+            "fit",
+        ),
         "half": Curve(ratio, half, "eq. (4), $b$ half the diagonal", "model", "fit"),
         "whole": Curve(ratio, whole, "eq. (4), $b$ the diagonal (printed)", "model", "other"),
     }
 
 
-def _ratio(*names: str) -> Callable[[Figure, Flies], None]:
+ONE: tuple[str, str, Role] = ("single", "one rotor", "single_rotor")
+SECOND: tuple[str, str, Role] = ("second", "", "second_rig")
+THREE: tuple[str, str, Role] = ("three", "three rotors", "three_rotors")
+FOUR: tuple[str, str, Role] = ("quad", "quadrotor", "quad")
+
+
+def _ratio(
+    names: Sequence[str], measured: Sequence[tuple[str, str, Role]]
+) -> Callable[[Figure, Flies], None]:
     def draw(figure: Figure, flights: Flies) -> None:
         curves = ratio_curves(flights.rig)
-        draw_ratio(figure, (), [curves[name] for name in names], "equal_rpm2")
+        points = measured_points(flights.fits, measured)
+        draw_ratio(figure, points, [curves[name] for name in names], "equal_rpm2")
 
     return draw
 
 
-for _name, _title, _curves in (
-    ("fig03-single-rotor", "One rotor of any size (Fig. 3)", ["one"]),
-    ("fig04-quad-and-single", "A quadrotor against one rotor (Fig. 4)", ["one", "four"]),
-    ("fig06-body-lift", "A quadrotor with body lift (Fig. 6)", ["one", "four", "half", "whole"]),
-    ("fig08-three-rotors", "Three rotors of a quadrotor (Fig. 8)", ["one", "three"]),
+for _name, _title, _curves, _measured in (
+    ("fig03-single-rotor", "One rotor of any size (Fig. 3)", ["one"], [ONE, SECOND]),
+    (
+        "fig04-quad-and-single",
+        "A quadrotor against one rotor (Fig. 4)",
+        ["one", "four"],
+        [ONE, FOUR],
+    ),
+    (
+        "fig06-body-lift",
+        "A quadrotor with body lift (Fig. 6)",
+        ["one", "four", "half", "whole"],
+        [ONE, FOUR],
+    ),
+    (
+        "fig08-three-rotors",
+        "Three rotors of a quadrotor (Fig. 8)",
+        ["one", "three", "three_lifted"],
+        [THREE],
+    ),
 ):
     figure(
         page="paper",
         name=_name,
         title=f"{_title} – model curves",
-        caption="The closed formulae with the rig's own lengths; nothing is fitted.",
+        caption=(
+            "The closed formulae with the rig's own lengths; nothing is fitted. Points are the "
+            "runs of recipes, where some were given."
+        ),
         simulated=False,
-    )(_ratio(*_curves))
+    )(_ratio(_curves, _measured))
 
 
 @figure(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from benchtool.core.rig import Rig
+from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.wake_picture import Hover
 from benchtool.report.figure import Page, drawn, figure
 from benchtool.report.flight.flight import draw_flights, flights_width
@@ -25,6 +26,11 @@ from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
 from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S, OBSTACLE_X_M
 from benchtool.simulate.flight.study import Flown
 from benchtool.simulate.pitch.setup import PitchSetup, changed, pitch_setup
+
+STICTION = (
+    "Steps, and the line that stands exactly still: the hinge's dry friction, a fifth of the\n"
+    "plate's moment, holds against the wakes' random torque, a twentieth."
+)
 
 UNTIL_S = 60.0
 """What is drawn of the flights: afterwards nothing new happens."""
@@ -43,6 +49,11 @@ class Flies(Protocol):
     @property
     def rig(self) -> Rig:
         """What flies."""
+        ...
+
+    @property
+    def fits(self) -> Mapping[str, FitOutput]:
+        """Fits of the user's own recipes: single, second, three, quad; whose points are drawn."""
         ...
 
     def fly(
@@ -181,7 +192,10 @@ for _case in EXTRA:
     page="paper",
     name="fig30-plate-in-flight",
     title="A plate under one rotor: free and hinged (Fig. 30)",
-    caption="A plate comes under the front rotor, in free hover and on the hinge.",
+    caption=(
+        "A plate comes under the front rotor, in free hover and on the hinge. Dashed is the pitch "
+        "that is wanted: in free hover the velocity loop's command, on the hinge zero."
+    ),
     simulated=True,
     height_in=pitch_height(4),
 )
@@ -195,7 +209,7 @@ def plate_in_flight(figure: Figure, flights: Flies) -> None:
                 f"free hover, {label}: the vehicle may drift",
                 hover["time_s"],
                 np.degrees(hover["pitch_rad"]),
-                0.0 * hover["pitch_rad"],
+                np.degrees(hover["pitch_ref_rad"]),
                 (hover["coverage1"] > 1e-3).astype(float),
             )
         )
@@ -203,7 +217,7 @@ def plate_in_flight(figure: Figure, flights: Flies) -> None:
     for setup, label in ((hinged, "PID"), (_slow(), "PID with a slow integral")):
         run = pitch_study(setup, 1).runs[0]
         traces.append(trace_of(run, f"on the hinge with its friction, {label}"))
-    draw_pitch(figure, traces)
+    draw_pitch(figure, traces, STICTION)
 
 
 def _slow(rig: str = "pquad") -> PitchSetup:
@@ -220,7 +234,7 @@ def _bench(name: str, title: str, caption: str, controllers: Sequence[str], **se
         made = (
             _slow(rig) if rig else pitch_setup(gains="s3", controllers=tuple(controllers), **setup)
         )
-        draw_study(figure, pitch_study(made, 1))
+        draw_study(figure, pitch_study(made, 1), STICTION)
 
     figure(
         page="paper", name=name, title=title, caption=caption, simulated=True,

@@ -18,12 +18,21 @@ from benchtool.report.figure import Page, drawn, figure
 from benchtool.report.fit.figures import fitted_curve, ratio_points
 from benchtool.report.page import FigureBlock
 from benchtool.report.palette import Role
-from benchtool.report.ratio import Curve, draw_ratio, factor_over
+from benchtool.report.ratio import Curve, RatioPoints, draw_ratio, factor_over
 
 Fits = Mapping[str, FitOutput]
 
 PAPER_K_B = 2.0
 """Body lift coefficient of the paper's figure 6 ("with K_b = 2")."""
+
+
+def fits_of(recipes: Mapping[str, Path | None]) -> dict[str, FitOutput]:
+    """Return the fits of the recipe folders that are given, by what they hold."""
+    return {
+        name: run_recipe(replace(read_recipe(folder), methods=("least_squares",), compare=()))
+        for name, folder in recipes.items()
+        if folder is not None
+    }
 
 
 def paper_layouts(recipes: Mapping[str, Path | None]) -> dict[str, FigureBlock]:
@@ -37,11 +46,7 @@ def paper_layouts(recipes: Mapping[str, Path | None]) -> dict[str, FigureBlock]:
     Raises:
         InputError: too little is given for any of them.
     """
-    fits = {
-        name: run_recipe(replace(read_recipe(folder), methods=("least_squares",), compare=()))
-        for name, folder in recipes.items()
-        if folder is not None
-    }
+    fits = fits_of(recipes)
     figures = drawn(LAYOUTS.name, fits, LAYOUTS.figures)
     if not figures:
         raise InputError(
@@ -61,6 +66,17 @@ QUAD: tuple[tuple[str, str, Role], ...] = (
 )
 
 
+def measured_points(fits: Fits, measured: Sequence[tuple[str, str, Role]]) -> list[RatioPoints]:
+    """Return the measured ratios of those recipes that were fitted; a label left out is the rig."""
+    return [
+        ratio_points(
+            fits[name], f"{label or fits[name].fitted.rig.name}, mean and sd over repeats", role
+        )
+        for name, label, role in measured
+        if name in fits
+    ]
+
+
 def _register(
     name: str,
     title: str,
@@ -71,14 +87,10 @@ def _register(
     """Register a figure of measured ratios, by recipe, label and role, over curves."""
 
     def draw(figure: Figure, fits: Fits) -> None:
-        used = [fits[name] for name, *_ in measured]
-        z = [fit.data.z_over_R for fit in used]
+        z = [fits[name].data.z_over_R for name, *_ in measured]
         farthest = max(float(np.nanmax(each[each < 9.0])) for each in z)
         at = np.linspace(0.5, 1.06 * farthest, 240)
-        series = [
-            ratio_points(fit, f"{label or fit.fitted.rig.name}, mean and sd over repeats", role)
-            for fit, (_, label, role) in zip(used, measured, strict=True)
-        ]
+        series = measured_points(fits, measured)
         draw_ratio(figure, series, [_curve(line, fits, at) for line in lines], "equal_rpm2")
 
     figure(
@@ -134,11 +146,13 @@ _register(
 _register(
     "fig08-three-rotors",
     "Three rotors of a quadrotor",
-    "Three turning rotors of a quadrotor over eq. (2), their PFI curve, and the fit.",
+    "Three turning rotors of a quadrotor over eq. (2), their PFI curve without and with the share "
+    "of the body lift that the flights grant them, and the fit.",
     [("three", "three rotors", "three_rotors")],
     [
         ("eq2", "three", EQ2, "formula"),
         ("eq3", "three", "PFI, three rotors", "three_rotors"),
+        ("eq4", "three", f"with two thirds of K_b = {PAPER_K_B:g}", "quad"),
         ("fit", "three", "three rotors with body lift, fitted", "model"),
     ],
 )
