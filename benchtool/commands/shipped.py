@@ -72,7 +72,8 @@ def _described_model(name: str) -> Iterator[str]:
     loaded = load_model(name, permit=announce_code)
     model = loaded.model
     yield f"{model.name}: {model.description}"
-    yield f"rig {model.rig.name}, wake rule {model.wake_rule}, b is the {model.body_distance}"
+    rules = f"wake rule {model.wake_rule}, tilt rule {model.tilt_rule}"
+    yield f"rig {model.rig.name}, {rules}, b is the {model.body_distance}"
     effects = ", ".join(effect.name for effect in model.effects) or "none"
     yield f"effects: {effects}"
     yield from (f"note: {note}" for note in loaded.notes)

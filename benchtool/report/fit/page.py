@@ -53,6 +53,7 @@ def _facts(fit: FitOutput) -> Facts:
         "rig": f"{rig.name}: {rig.title}",
         "assumed numbers of the rig": f"{len(rig.assumed)} of {len(rig.sources)}",
         "wake rule": fit.loaded.model.wake_rule,
+        "tilt rule": fit.loaded.model.tilt_rule,
         "b of eq. (4)": fit.loaded.model.body_distance.replace("_", " "),
         "basis": fit.recipe.basis,
         "noise": fit.recipe.noise,

@@ -18,7 +18,7 @@ from benchtool.physics.body_lift import quad_body_lift_factor
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import quad_factor, single_rotor_factor, three_rotor_average_factor
 from benchtool.physics.wake_picture import Hover, source_velocity, vortex_velocity
-from benchtool.report.figure import Page, figure
+from benchtool.report.figure import Page, figure, is_simulated
 from benchtool.report.palette import BLACK, BLUE, CYCLE, GREY, VERMILION, Role
 from benchtool.report.panels import DASHED
 from benchtool.report.paper.drawings import draw_tilted
@@ -79,6 +79,11 @@ def _ratio(
     return draw
 
 
+def _of_simulated(measured: Sequence[tuple[str, str, Role]]) -> Callable[[Flies], bool]:
+    names = {name for name, *_ in measured}
+    return lambda flights: is_simulated([fit for key, fit in flights.fits.items() if key in names])
+
+
 for _name, _title, _curves, _measured in (
     ("fig03-single-rotor", "One rotor of any size (Fig. 3)", ["one"], [ONE, SECOND]),
     (
@@ -108,7 +113,7 @@ for _name, _title, _curves, _measured in (
             "The closed formulae with the rig's own lengths; nothing is fitted. Points are the "
             "runs of recipes, where some were given."
         ),
-        simulated=False,
+        simulated=_of_simulated(_measured),
     )(_ratio(_curves, _measured))
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchtool.commands import paper_claims as module
@@ -22,9 +24,13 @@ from benchtool.commands.paper_claims import (
     paper_claims,
     sensitivity_claims,
 )
+from benchtool.report.figure import drawn
 from benchtool.report.page import FigureBlock
 from benchtool.report.paper.flights import paper_figures
+from benchtool.report.paper.layouts import fits_of
 from benchtool.report.style import SIMULATED_GID
+
+FITS = Path(__file__).parents[3] / "fits"
 
 
 @pytest.fixture(scope="module")
@@ -85,16 +91,43 @@ def test_the_table_as_text_and_as_csv() -> None:
     assert len(VERDICTS) == 4
 
 
+def test_points_of_runs_are_drawn_over_the_model_curves() -> None:
+    fits = fits_of(
+        {"single": FITS / "single_rotor", "second": None, "three": FITS / "three_rotors"}
+    )
+    for name, curves, series in (("fig03-single-rotor", 1, 1), ("fig08-three-rotors", 3, 1)):
+        shown = drawn("paper", Flights(fits=fits), [name])[name].figure
+        (axes,) = shown.axes
+        assert len(axes.containers) == series
+        assert sum(line.get_linestyle() != "None" and len(line.get_xdata()) > 100
+                   for line in axes.lines) == curves  # fmt: skip
+        assert any(text.get_gid() == SIMULATED_GID for text in shown.texts)
+    bare = drawn("paper", Flights(), ["fig03-single-rotor"])["fig03-single-rotor"].figure
+    assert bare.axes[0].containers == []
+    assert all(text.get_gid() != SIMULATED_GID for text in bare.texts)
+
+
+def test_the_plate_in_flight_has_its_reference(flights: Flights) -> None:
+    shown = drawn("paper", flights, ["fig30-plate-in-flight"])["fig30-plate-in-flight"].figure
+    wanted = [
+        next(line for line in axes.lines if line.get_label() == "wanted") for axes in shown.axes
+    ]
+    widths = [np.ptp(np.asarray(line.get_ydata(), float)) for line in wanted]
+    assert widths[0] > 1.0
+    assert widths[2:] == [0.0, 0.0]
+    assert "dry friction" in shown.axes[-1].get_xlabel()
+
+
 @pytest.mark.slow
 def test_every_figure_is_there_and_says_when_it_is_simulated(flights: Flights) -> None:
-    drawn: dict[str, FigureBlock] = dict(paper_figures(flights))
-    numbers = {name[3:5] for name in drawn if name.startswith("fig")}
+    shown: dict[str, FigureBlock] = dict(paper_figures(flights))
+    numbers = {name[3:5] for name in shown if name.startswith("fig")}
     wanted = "03 04 05 06 07 08 09 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 26 27 28 29 30"
     assert numbers == set(wanted.split())
-    assert {name for name in drawn if name.startswith("extra")} == {
+    assert {name for name in shown if name.startswith("extra")} == {
         "extra-oblique", "extra-corner", "extra-gust", "extra-ramp",
     }  # fmt: skip
-    for name, block in drawn.items():
+    for name, block in shown.items():
         stamped = any(text.get_gid() == SIMULATED_GID for text in block.figure.texts)
         from_formulae = name[3:5] in {"03", "04", "06", "07", "08", "10", "11", "16", "19", "29"}
         assert stamped is not from_formulae, name
