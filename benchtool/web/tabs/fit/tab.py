@@ -14,7 +14,7 @@ from benchtool.core.parameter import Parameter
 from benchtool.core.rig_file import rig_names
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import remembered
-from benchtool.fit.recipe import Basis, FitInputs, Noise, Recipe
+from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
 from benchtool.report.numbers import unit_for_people
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.form import InputForm
@@ -155,7 +155,7 @@ class MethodCard:
             self._form.add("calibration", options=remembered("calibration"))
         more = ui.expansion("More options").classes("w-full")
         with more, ui.element("div").classes("field-grid"):
-            self._form.add("compare", options=models)
+            self._form.add("compare", options={LAWS: "all laws of distance", **models})
             self._form.add("loss", options=LOSSES)
             self._form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
             self._form.add("budget", "temperature", "pressure", "humidity")
