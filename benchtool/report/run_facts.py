@@ -13,7 +13,9 @@ from typing import Any
 from benchtool.data.calibration import traceability
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run import Run
-from benchtool.report.page import Facts, Section
+from benchtool.fit.uncertainty.run_budget import run_budget
+from benchtool.report.fit.budget import budget_sentence, budget_table
+from benchtool.report.page import Block, Facts, Paragraph, Section
 
 MISSING = "not stated"
 
@@ -148,12 +150,11 @@ def simple_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
 
 
 def run_sections(paths: Iterable[str]) -> list[Section]:
-    """Return for each path that is a run: the rig, the air and the calibration."""
-    return [
-        Section(
-            f"The run {Path(path).resolve().name}",
-            [Facts(simple_facts(Run.open(Path(path)).metadata))],
-        )
-        for path in paths
-        if is_run(path)
-    ]
+    """Return for each path that is a run: the rig, the air, the calibration and its budget."""
+    sections = []
+    for path in (Path(path) for path in paths if is_run(path)):
+        blocks: list[Block] = [Facts(simple_facts(Run.open(path).metadata))]
+        if (budget := run_budget(path)) is not None:
+            blocks += [budget_table(budget), Paragraph(budget_sentence(budget))]
+        sections.append(Section(f"The run {path.resolve().name}", blocks))
+    return sections

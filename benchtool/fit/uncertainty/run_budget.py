@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.errors import EstimationError
+from benchtool.core.errors import BenchtoolError, EstimationError
 from benchtool.core.parameter import Parameter
 from benchtool.core.units import from_si
+from benchtool.data.run.run_rig import rig_of_data
 from benchtool.fit.fit_data import FAR_Z_OVER_R, FitData, read_fit_data, recipe_model
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
@@ -29,14 +30,20 @@ from benchtool.fit.uncertainty.propagation import budget_of, propagation
 from benchtool.physics.effects.effect import Derived
 
 
-def run_budget(path: Path, n_rotors: int) -> Budget:
+def run_budget(path: Path) -> Budget | None:
     """Return the budget of a run's thrusts and of the ratio of the nearest to the farthest.
 
-    Raises:
-        InputError: points that no fit can take.
-        EstimationError: a run without settings.
+    None for a run whose points no fit can take, such as one of a pitch bench.
     """
-    model = "single_bench" if n_rotors == 1 else "quad_bench"
+    try:
+        return _budget(path)
+    except BenchtoolError:
+        return None
+
+
+def _budget(path: Path) -> Budget:
+    rig = rig_of_data([str(path)])
+    model = "single_bench" if rig is not None and rig.n_rotors == 1 else "quad_bench"
     recipe = Recipe(name=path.name, data=(str(path),), model=model, min_z_over_R=0.0)
     loaded = recipe_model(recipe)
     data = read_fit_data(recipe, loaded)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.atomic import data_hash, file_hash
@@ -136,12 +136,11 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
     points = read_points(path)
     settings = aggregate(points)
     basis, ratio, error = _ratio(points, settings)
-    rig = run_rig(path, metadata)
     return SweepRun(
         path=path,
         metadata=metadata,
         plan_text=run.plan_text,
-        rig=rig,
+        rig=run_rig(path, metadata),
         points=points,
         tares=_tares(path),
         samples=_samples(path) if (path / "samples.csv").is_file() else None,
@@ -154,15 +153,8 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
         sha256=data_hash(path),
         files={name: file_hash(path / name) for name in FILES if (path / name).is_file()},
         model=model,
-        budget=_budget(path, rig),
+        budget=run_budget(path),
     )
-
-
-def _budget(path: Path, rig: Rig) -> Budget | None:
-    try:
-        return run_budget(path, rig.n_rotors)
-    except BenchtoolError:  # a run that no fit takes still has its page
-        return None
 
 
 def _samples(path: Path) -> Recording:

@@ -162,7 +162,8 @@ def test_a_calibration_stands_in_the_budgets_of_fit_and_run(tmp_path: Path) -> N
     """All of it in a thrust, nothing in a ratio, and who calibrated beside them."""
     known = {**CALIBRATION, "components": STATED, "calibrated_by": "Ada", "certificate": "DKD 7"}
     run = copied(tmp_path / "a", 1.0, calibration=known)
-    budget = run_budget(Path(run), 4)
+    budget = run_budget(Path(run))
+    assert budget is not None
     line = next(one for one in budget.lines if one.name == "calibration cell: gravity")
     parts = np.array(line.contribution) / np.abs(budget.values)
     assert parts == pytest.approx([0.01, 0.01, 0.01, 0.0], abs=1e-6)

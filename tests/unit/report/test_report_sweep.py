@@ -15,7 +15,9 @@ from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import read_settings
 from benchtool.explain.pitch.replayed import Beside
 from benchtool.report.numbers import value_with_sd
+from benchtool.report.page import Table
 from benchtool.report.report_file import kind_of, page_text, write_report
+from benchtool.report.run_facts import run_sections
 from benchtool.report.sweep.page import common_table
 from benchtool.report.sweep.run import read_sweep_run
 from tests.unit.commands.command_line import run as call
@@ -254,3 +256,9 @@ def test_a_run_has_a_budget_of_its_thrusts(run: Path, page: str) -> None:
     part = tare.sd / budget.values[0] - tare.sd / budget.values[2]
     assert tare.contribution[-1] == pytest.approx(abs(part * budget.values[-1]))
     assert ratio.startswith(f"{near} over thrust far")
+
+
+def test_pages_of_fits_and_explanations_hold_the_budgets_of_their_runs(run: Path) -> None:
+    (section,) = run_sections([str(run), str(run / "points.csv")])
+    captions = [block.caption for block in section.blocks if isinstance(block, Table)]
+    assert captions == ["Uncertainty budget: standard uncertainties in percent of the value."]
