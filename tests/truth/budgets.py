@@ -9,7 +9,6 @@ import numpy as np
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.fit.recipe import Recipe
 from benchtool.physics.catalogue import effect_named
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import LAW_ERROR
@@ -17,7 +16,6 @@ from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from benchtool.physics.tolerances import default_tolerances
 
-COUNTED = ("k", "R_m", "body_lift.K_b")
 UNSEEN = ("plate_tilt", "load_cell_hysteresis", "plate_side")
 """Effects of the reading that the fitted model has not."""
 
@@ -26,7 +24,7 @@ LEVELS_RPM = (4200.0, 5400.0)
 DISTANCES_M = (0.075, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.2)
 
 
-def budget_bench(seed: int, path: Path) -> dict[str, float]:
+def budget_sweep(seed: int, path: Path) -> dict[str, float]:
     """Write a table of points of a drawn quadrotor and return what it was made with.
 
     k, R and K_b are drawn evenly; what `quad_bench` has priors for from those; what it lacks evenly
@@ -62,11 +60,6 @@ def budget_bench(seed: int, path: Path) -> dict[str, float]:
     header, table = ",".join(columns), np.column_stack(list(columns.values()))
     np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
     return truth
-
-
-def budget_recipe(path: Path) -> Recipe:
-    """Return the fit of such a table."""
-    return Recipe(name="bench", data=(str(path),), model="quad_bench", rig="pquad")
 
 
 def _visits(rng: np.random.Generator) -> Recording:

@@ -13,6 +13,7 @@ from typing import Any
 
 from benchtool.fit.recipe import Method, Recipe
 from tests.truth.benches import Truth, drawn, swept, visited
+from tests.truth.budgets import budget_sweep
 
 Sweep = Callable[[int, Path], Truth]
 """sweep(seed, path) -> the truth of a bench that was drawn with the seed and swept into a run."""
@@ -48,6 +49,7 @@ class Cell:
     model: str  # that the fit takes
     counted: tuple[str, ...]
     options: Mapping[str, Any] = field(default_factory=dict)  # of the recipe
+    budget: bool = False  # whether intervals are those of the uncertainty budget
 
     def recipe(self, run: Path, methods: tuple[Method, ...], seed: int) -> Recipe:
         """Return the fit of a run; few walkers, for the sake of time."""
@@ -63,6 +65,14 @@ class Cell:
 
 
 CELLS: tuple[Cell, ...] = (
+    Cell(
+        name="quad, joint: budget",
+        sweep=budget_sweep,
+        model="quad_bench",
+        counted=("k", "R_m", "body_lift.K_b"),
+        options={"rig": "pquad"},
+        budget=True,
+    ),
     Cell(
         name="quad, joint",
         sweep=quad_sweep,

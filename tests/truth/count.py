@@ -17,11 +17,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from scipy.special import stdtrit
 from scipy.stats import binomtest, chi2
 
 import benchtool
 from benchtool.fit.recipe import Method
-from benchtool.fit.run_recipe import run_recipe
+from benchtool.fit.run_recipe import FitOutput, run_recipe
 from tests.truth.cells import CELLS, Cell, Sweep
 
 LEVELS = (0.6827, 0.95)
@@ -59,20 +60,26 @@ def run_trial(sweep: Sweep, method: Method, seed: int, cells: Sequence[Cell] = C
         run = Path(folder) / "run"
         truth = sweep(seed, run)
         for cell in cells:
-            if cell.sweep is not sweep:
+            if cell.sweep is not sweep or (cell.budget and method == "emcee"):
                 continue
-            (result,) = run_recipe(cell.recipe(run, (method,), seed + 1)).results
-            found[cell.name] = {
-                name: Held(
-                    truth[name],
-                    result[name].value,
-                    result[name].sd,
-                    result[name].interval_68,
-                    result[name].interval_95,
-                )
-                for name in cell.counted
-            }
+            output = run_recipe(cell.recipe(run, (method,), seed + 1))
+            held = _of_budget if cell.budget else _of_fit
+            found[cell.name] = {name: held(output, name, truth[name]) for name in cell.counted}
     return found
+
+
+def _of_fit(output: FitOutput, name: str, truth: float) -> Held:
+    item = output.results[0][name]
+    return Held(truth, item.value, item.sd, item.interval_68, item.interval_95)
+
+
+def _of_budget(output: FitOutput, name: str, truth: float) -> Held:
+    budget = output.budget
+    assert budget is not None
+    place = budget.names.index(name)
+    value, sd = budget.values[place], float(budget.combined[place])
+    one, two = (float(stdtrit(budget.dof[place], 0.5 + 0.5 * p)) * sd for p in LEVELS)
+    return Held(truth, value, sd, (value - one, value + one), (value - two, value + two))
 
 
 @dataclass(frozen=True, slots=True)
