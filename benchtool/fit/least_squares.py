@@ -58,11 +58,11 @@ def fit_least_squares(
     )
     sd = np.sqrt(np.diag(covariance))
     whitening = problem.whitening(None if noise is None else noise.value)
-    dof = parameter_dof(problem, best.jacobian, spread.covariance, whitening)
+    dof, growth = parameter_dof(problem, best.jacobian, spread.covariance, whitening)
     by_name = {
         name: around(name, problem.parameters[name], value, deviation, half_widths(float(own)))
         for name, value, deviation, own in zip(
-            problem.shape_names, best.shape, sd, dof, strict=True
+            problem.shape_names, best.shape, sd * growth, dof, strict=True
         )
     }
     if noise is not None:

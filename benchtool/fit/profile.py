@@ -96,7 +96,7 @@ def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estima
         return float(bound)
 
     jacobian = row_jacobian(problem, way)(shape, whitening)
-    dof = parameter_dof(problem, jacobian, spread_of(jacobian, way).covariance, whitening)
-    widths = half_widths(float(dof[position]))
+    dof, growth = parameter_dof(problem, jacobian, spread_of(jacobian, way).covariance, whitening)
+    widths = [float(growth[position]) * width for width in half_widths(float(dof[position]))]
     one, two = ((end(-1.0, width), end(1.0, width)) for width in widths)
     return replace(estimate, interval_68=one, interval_95=two)

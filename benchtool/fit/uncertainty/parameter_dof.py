@@ -11,11 +11,15 @@ from benchtool.fit.problem import Problem
 
 def parameter_dof(
     problem: Problem, jacobian: Array, covariance: Array, whitening: Whitening
-) -> Array:
-    """Return the effective degrees of freedom (n_shape,) of shape parameters; inf where stated.
+) -> tuple[Array, Array]:
+    """Return the effective degrees of freedom (n_shape,) of shape parameters, and what widens them.
 
     Points count with those that a free noise parameter leaves, shared errors and priors with
-    their own (Welch-Satterthwaite, GUM G.2b).
+    their own (Welch-Satterthwaite, GUM G.2b); inf where errors are stated. Priors of few degrees
+    of freedom that compete (two load cells, each known by five masses) are weighted by variances
+    that are estimates themselves, which the covariance does not know: the factor on standard
+    deviations is that of Kackar and Harville, J. Am. Stat. Assoc. 79 (1984) 853; for a weighted
+    mean Meier, Biometrics 9 (1953) 59. It is 1 where a prior has no rival.
 
     Args:
         jacobian: (m + q, n_shape) of the whitened rows.
@@ -27,11 +31,17 @@ def parameter_dof(
     priors = problem.priors
     rows = np.flatnonzero(np.isfinite(priors.dof))
     if not sources and not len(rows):
-        return np.full(len(covariance), base)
+        return np.full(len(covariance), base), np.ones(len(covariance))
     known = np.where(np.isfinite(covariance), covariance, 0.0)  # others have no interval
     m, gain = len(problem), known @ jacobian.T
     sd = [np.linalg.norm(gain[:, :m] @ whitening(one.columns), axis=1) for one in sources]
     sd += [np.abs(gain[:, m + row]) for row in rows]
     rest = np.sqrt(np.maximum(np.diag(known) - np.sum(np.square(sd), axis=0), 0.0))
     dof = np.array([*(one.dof for one in sources), *priors.dof[rows], base])
-    return np.array([effective_dof(column, dof) for column in np.array([*sd, rest]).T])
+    effective = np.array([effective_dof(column, dof) for column in np.array([*sd, rest]).T])
+    variance, growth = np.diag(known), np.ones(len(known))
+    for row in rows:
+        left = 1.0 - float(jacobian[m + row] @ gain[:, m + row])  # variance of its own residual
+        share = np.divide(gain[:, m + row] ** 2, variance, np.zeros(len(known)), where=variance > 0)
+        growth += 4.0 / priors.dof[row] * max(left, 0.0) * share
+    return effective, np.sqrt(growth)

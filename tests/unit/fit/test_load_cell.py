@@ -111,6 +111,34 @@ def test_intervals_of_five_masses_hold_the_thrust_coefficient() -> None:
         assert binom.ppf(5e-4, 400, p) <= count <= binom.ppf(1.0 - 5e-4, 400, p), (p, count)
 
 
+@pytest.mark.parametrize(("cells", "expected"), [(2, (0.65, 0.92)), (3, (0.62, 0.90))])
+def test_cells_that_compete_are_weighted_by_estimates(
+    cells: int, expected: tuple[float, float]
+) -> None:
+    """Without the correction two such cells hold k in 57 and 88 %, three in 51 and 84 %."""
+    held = np.zeros(2)
+    for seed in range(600):
+        rng = np.random.default_rng([7, seed, cells])
+        problem = function_problem(
+            "mean",
+            {"k": Parameter("k", "1", 1.0, free=True)},
+            lambda values: values[0] * np.ones(3 * cells),
+            np.repeat(1.0 + 0.01 * rng.normal(size=cells), 3),
+            np.full(3 * cells, 1e-5),
+        )
+        errors = [
+            ScaleError(
+                known={**CALIBRATION, "id": str(cell), "masses_kg": [0.0] * 5, "relative_sd": sd},
+                rows=np.arange(3 * cells) // 3 == cell,
+            )
+            for cell, sd in enumerate(0.01 * np.sqrt(rng.chisquare(3.0, cells) / 3.0))
+        ]
+        k = fit_least_squares(with_scale_errors(problem, errors))["k"]
+        held += [low <= 1.0 <= high for low, high in (k.interval_68, k.interval_95)]
+    for count, p in zip(held, expected, strict=True):
+        assert binom.ppf(5e-4, 600, p) <= count <= binom.ppf(1.0 - 5e-4, 600, p), (p, count / 600)
+
+
 def test_both_estimators_and_the_profile_give_students_t() -> None:
     problem, _ = weighed(1)
     result = fit_least_squares(problem)
