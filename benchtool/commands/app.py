@@ -39,7 +39,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "fit": ("fit:fit", "Fit a ground-effect model to run folders or any CSV"),
     "plan": (
         "plan:plan",
-        "Say what reaches a wanted uncertainty: visits, distances, better parts",
+        "Say which visits and parts reach a wanted uncertainty",
     ),
     "explain": (
         "explain:explain",

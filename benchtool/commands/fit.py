@@ -3,40 +3,14 @@
 from __future__ import annotations
 
 import shlex
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from benchtool.commands.declared import declared
-from benchtool.core.errors import InputError
-from benchtool.fit.recipe import FitInputs, Recipe
+from benchtool.commands.recipe_options import recipe_given
+from benchtool.fit.recipe import FitInputs
 
 if TYPE_CHECKING:
     from benchtool.core.own_code import CodePermit
-
-
-def recipe_given(given: dict[str, Any], command: str) -> Recipe:
-    """Return the recipe that options go over: that of a folder, or one of data and model."""
-    from benchtool.fit.recipe import read_recipe
-
-    if words := given.pop("fix", []):
-        # A name without a value is held where the model has it.
-        given["hold"] = [*given.get("hold", []), *(word for word in words if "=" not in word)]
-        given["fix"] = [word for word in words if "=" in word]
-    if (folder := given.get("recipe")) is not None:
-        if "data" in given or "model" in given:
-            raise InputError("--recipe says which data and model; leave DATA and --model out")
-        return read_recipe(folder)
-    if "data" not in given:
-        raise InputError(
-            f"nothing to {command}: give run folders or CSV files, for example "
-            f"benchtool {command} runs/NAME --model quad_body_lift"
-        )
-    if "model" not in given:
-        from benchtool.physics.model_file import model_names
-
-        raise InputError(f"which model? give --model with one of: {', '.join(model_names())}")
-    data = tuple(given["data"])
-    return Recipe(name=Path(data[0]).stem, data=data, model=given["model"])
 
 
 @declared(FitInputs, lambda given: FitInputs(recipe=recipe_given(given, "fit")))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from benchtool.commands.declared import declared
-from benchtool.commands.fit import recipe_given
+from benchtool.commands.recipe_options import recipe_given
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
 from benchtool.fit.recipe import Recipe
@@ -38,7 +38,7 @@ class PlanInputs(Inputs):
 
 @declared(PlanInputs, lambda given: PlanInputs(recipe=recipe_given(given, "plan")))
 def plan(inputs: PlanInputs) -> None:
-    """Say what reaches a wanted uncertainty: visits, distances, better parts."""
+    """Say which visits and parts reach a wanted uncertainty."""
     from benchtool.commands.terminal.messages import announce_code
     from benchtool.commands.terminal.show_fit import working
     from benchtool.commands.terminal.tables import Output, print_table

@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.declared import declared
+from benchtool.commands.recipe_options import PaperLayoutInputs
 from benchtool.core.errors import InputError
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import Input, Inputs, changed, values_of
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PaperLayoutInputs(Inputs):
-    """The recipe folders whose runs are points in the paper's figures 3, 4, 6 and 8."""
-
-    single: Annotated[Path | None, Input("Paper: recipe folder of one rotor.")] = None
-    second: Annotated[Path | None, Input("Paper: recipe folder of one rotor of another rig.")] = (
-        None
-    )
-    three: Annotated[Path | None, Input("Paper: recipe folder of 3 rotors.")] = None
-    quad: Annotated[Path | None, Input("Paper: recipe folder of the quadrotor.")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +38,7 @@ class ReportInputs(Inputs):
         Literal["page", "paper"],
         Input("A page, or the paper's figures 3, 4, 6, 8 from recipes."),
     ] = "page"
-    recipes: PaperLayoutInputs = PaperLayoutInputs()
+    recipes: PaperLayoutInputs = field(default_factory=PaperLayoutInputs)
     model: Annotated[str, Input("Model to draw beside the data: name, file or fit folder.")] = ""
     controller: Annotated[
         str, Input("Controller that flew a log: pid, observer, feedforward, ...")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from benchtool.commands.declared import declared
-from benchtool.commands.report import PaperLayoutInputs
+from benchtool.commands.recipe_options import PaperLayoutInputs
 from benchtool.commands.simulate_options import say_if_slow
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs, changed, values_of

@@ -1,0 +1,48 @@
+"""Options that several commands share: a recipe, and the recipes of the paper's figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import Input, Inputs
+from benchtool.fit.recipe import Recipe
+
+
+def recipe_given(given: dict[str, Any], command: str) -> Recipe:
+    """Return the recipe that options go over: that of a folder, or one of data and model."""
+    from benchtool.fit.recipe import read_recipe
+
+    if words := given.pop("fix", []):
+        # A name without a value is held where the model has it.
+        given["hold"] = [*given.get("hold", []), *(word for word in words if "=" not in word)]
+        given["fix"] = [word for word in words if "=" in word]
+    if (folder := given.get("recipe")) is not None:
+        if "data" in given or "model" in given:
+            raise InputError("--recipe says which data and model; leave DATA and --model out")
+        return read_recipe(folder)
+    if "data" not in given:
+        raise InputError(
+            f"nothing to {command}: give run folders or CSV files, for example "
+            f"benchtool {command} runs/NAME --model quad_body_lift"
+        )
+    if "model" not in given:
+        from benchtool.physics.model_file import model_names
+
+        raise InputError(f"which model? give --model with one of: {', '.join(model_names())}")
+    data = tuple(given["data"])
+    return Recipe(name=Path(data[0]).stem, data=data, model=given["model"])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperLayoutInputs(Inputs):
+    """The recipe folders whose runs are points in the paper's figures 3, 4, 6 and 8."""
+
+    single: Annotated[Path | None, Input("Paper: recipe folder of one rotor.")] = None
+    second: Annotated[Path | None, Input("Paper: recipe folder of one rotor of another rig.")] = (
+        None
+    )
+    three: Annotated[Path | None, Input("Paper: recipe folder of 3 rotors.")] = None
+    quad: Annotated[Path | None, Input("Paper: recipe folder of the quadrotor.")] = None
