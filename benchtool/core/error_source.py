@@ -33,6 +33,7 @@ class ErrorSource:
         scaled: whether `noise.scale` multiplies it as it does the points' own standard errors:
             scatter of the same kind, such as that of reference points.
         origin: who states or assumes it, for an uncertainty budget.
+        parameter: the noise parameter that stands for `sd` where it is free; empty without.
     """
 
     name: str
@@ -44,6 +45,7 @@ class ErrorSource:
     dof: float = np.inf
     scaled: bool = False
     origin: str = ""
+    parameter: str = ""
 
     def of(self, rows: NDArray[np.intp]) -> ErrorSource:
         """Return the source of only those observations."""
@@ -94,7 +96,15 @@ class Whitening:
         self.log_root_excess = 0.0
         self._directions = columns / sigma[:, None]
         if columns.size:
-            self._directions, size, _ = np.linalg.svd(self._directions, full_matrices=False)
+            # By the smaller of the two products: draws are fewer than points, mostly.
+            if columns.shape[1] < columns.shape[0]:
+                square, axes = np.linalg.eigh(self._directions.T @ self._directions)
+                size = np.sqrt(np.maximum(square, 0.0))
+                shown = size > 1e-7 * max(float(size[-1]), 1e-300)
+                size = size[shown]
+                self._directions = self._directions @ (axes[:, shown] / size)
+            else:
+                self._directions, size, _ = np.linalg.svd(self._directions, full_matrices=False)
             self._change = 1.0 / np.sqrt(1.0 + size**2) - 1.0
             self.log_root_excess = 0.5 * float(np.log1p(size**2).sum())
 

@@ -106,6 +106,7 @@ class Body(FiniteTable):
     Attributes:
         half_diagonal_m: b of eq. (4) where the body is no cross of the rotors' own arms (a beam
             with two rotors); the body then counts as a quadrotor's with that half diagonal.
+        arm_sd: relative standard uncertainty of the rotors' places, common to all.
     """
 
     mass_kg: Positive
@@ -113,13 +114,18 @@ class Body(FiniteTable):
     inertia_yy_kgm2: Positive
     inertia_zz_kgm2: Positive
     half_diagonal_m: Positive | None = None
+    arm_sd: NotNegative = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor(FiniteTable):
-    """Describe one sensor: white noise (sd), quantum and sample rate, in the channel's unit.
+    """Describe one sensor, in the channel's unit.
 
     Attributes:
+        noise: white noise of one reading (sd).
+        flicker: 1/f noise of its zero: sd over one decade of frequency.
+        walk: random walk of its zero: sd after one second.
+        scale_sd: relative standard uncertainty of its scale; a calibration takes its place.
         valid_days: age from which its calibration is reported as too old. A choice: the usual
             interval of load cells and masses.
     """
@@ -128,6 +134,9 @@ class Sensor(FiniteTable):
     quantum: NotNegative = 0.0
     rate_Hz: Positive = 80.0
     valid_days: Positive = 365.0
+    flicker: NotNegative = 0.0
+    walk: NotNegative = 0.0
+    scale_sd: NotNegative = 0.0
 
     def mean_error(self, n: Array) -> Array:
         """Return the standard error of a mean over n readings (...,).
@@ -152,6 +161,8 @@ class PlateDrive(FiniteTable):
         z_park_m: distance at which the plate counts as out of ground effect.
         speed_m_s: feed.
         backlash_m: play when the direction changes.
+        repeatability_m: sd with which a place is found again, however it is approached; without
+            it the play counts where places are approached from both sides.
         size_x_m, size_y_m: plate dimensions.
     """
 
@@ -165,6 +176,7 @@ class PlateDrive(FiniteTable):
     size_y_m: Positive
     x_max_m: NotNegative | None = None
     surface: Surface = "below"
+    repeatability_m: NotNegative | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,6 +230,18 @@ class Rig(FiniteTable):
             return self.plate.x_max_m
         reach_m = max(abs(place.x_m) for place in self.rotors) + self.propulsion.radius_m
         return 0.5 * self.plate.size_x_m + reach_m
+
+    def place_sd_m(self, *, one_sided: bool = False) -> float:
+        """Return how far the plate may stand from where it is read at a stay, one sd.
+
+        Args:
+            one_sided: whether places were approached from one side: their play is then an offset.
+        """
+        noise_m = self.sensors["plate_z_m"].noise if "plate_z_m" in self.sensors else 0.0
+        found_m = self.plate.repeatability_m
+        if found_m is None:
+            found_m = 0.0 if one_sided else self.plate.backlash_m / 12.0**0.5
+        return float(np.hypot(found_m, noise_m))
 
     @cached_property
     def disc_of_rotor(self) -> NDArray[np.intp]:

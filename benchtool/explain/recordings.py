@@ -19,6 +19,7 @@ from benchtool.data.run.entry import kind_of
 from benchtool.data.run.read import is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import beside, read_recording
 from benchtool.data.table import read_table
+from benchtool.fit.uncertainty.zero_noise import with_zero_walk
 from benchtool.physics.effects.effect import BenchKind
 from benchtool.physics.model_file import LoadedModel
 
@@ -129,7 +130,10 @@ def bench_of(source: Source) -> BenchKind:
 def _source(path: str, name: str, digest: str, loaded: LoadedModel) -> Source:
     if is_run(path):  # the experiment of a hinge, or the points of a sweep with its tares
         hinge = IDENTIFIED_BY["pitch"] in sample_names(path)
-        run = read_pitch(path) if hinge else read_points(path, VALID_KINDS)
+        if hinge:
+            run = read_pitch(path)
+        else:
+            run = with_zero_walk(read_points(path, VALID_KINDS), path, loaded.model.rig)
         return Source(path=path, name=name, recording=run, sha256=digest)
     if beside(Path(path)).is_file():
         return Source(path=path, name=name, recording=read_recording(path), sha256=digest)

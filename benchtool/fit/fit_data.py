@@ -25,8 +25,11 @@ from benchtool.data.run.read import is_run, read_points
 from benchtool.data.table import read_table
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import Recipe
+from benchtool.fit.uncertainty.bench_errors import SHOWS, Visits, bench_errors, joined_visits
 from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells
+from benchtool.fit.uncertainty.zero_noise import with_zero_walk
 from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model, read_columns
 from benchtool.physics.rotor_count import refuse_other_rotors
 
@@ -61,6 +64,21 @@ class FitData:
     reference: Conditions | None = None
     error_sources: tuple[ErrorSource, ...] = ()
     load_cells: LoadCells = field(default_factory=LoadCells)
+    visits: Visits  # what the points have in common (n)
+    by_thrust: Array | None = None  # (n, n) change of each ratio by each thrust: 1/N
+
+    def bench_errors(self, model: Model) -> tuple[ErrorSource, ...]:
+        """Return the errors of the bench on every observation (n,), at a model's values."""
+        found = bench_errors(model, self.conditions, self.visits)
+        if self.by_thrust is None:
+            return found
+        changed = ((one, self.by_thrust @ one.columns) for one in found)
+        # A scale of all thrusts is none of their ratios.
+        return tuple(
+            replace(one, columns=columns)
+            for one, columns in changed
+            if np.abs(columns[self.used]).max() > SHOWS
+        )
 
     @property
     def rows(self) -> NDArray[np.intp]:
@@ -101,6 +119,8 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     """
     hashes = _hashes(recipe.data)
     parts = [_read_one(path, recipe, loaded) for path in recipe.data]
+    rig = loaded.model.rig
+    parts = [with_zero_walk(part, path, rig) for part, path in zip(parts, recipe.data, strict=True)]
     points = _joined(parts)
     if "thrust_N" not in points:
         raise InputError(
@@ -112,6 +132,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         refuse_other_rotors(part, model.rig, path)
     conditions = Conditions.from_recording(points, model.rig)
     sources: tuple[ErrorSource, ...] = ()
+    by_thrust: Array | None = None
     if recipe.basis == "joint":
         observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
     else:
@@ -121,6 +142,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         error = np.concatenate([one.standard_error for one in found])
         sources = joined([one.error_sources for one in found])
         share = block_diag(*(one.share for one in found))
+        by_thrust = block_diag(*(one.by_thrust for one in found))
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
     if not np.any(conditions.speed_rad_s > 0.0):
@@ -163,6 +185,10 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         reference=reference,
         error_sources=sources,
         load_cells=load_cells(recipe.data, parts, recipe.calibration),
+        by_thrust=by_thrust,
+        visits=joined_visits(
+            [Visits.of(part, Conditions.from_recording(part, rig), rig) for part in parts]
+        ),
     )
 
 

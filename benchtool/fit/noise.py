@@ -13,13 +13,14 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
+from scipy.special import chdtri
 
 from benchtool.core.counted import counted
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate
-from benchtool.fit.interval import bound_hit, chi2_limits
-from benchtool.fit.problem import NOISE_SCALE, Problem
+from benchtool.fit.interval import PROBABILITIES, bound_hit, chi2_limits
+from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
 from benchtool.fit.robust import MAD_EFFICIENCY, robust_scale
 from benchtool.fit.solve import Solution
 
@@ -45,7 +46,47 @@ def fit_noise(
     one_factor = not len(problem.priors) and all(one.scaled for one in problem.error_sources)
     if name == NOISE_SCALE and (robust or one_factor):
         return _scale(problem, first, refit, robust)
+    if name == NOISE_PLACE:
+        return _place(problem, first, refit)
     return _searched(problem, name, first, refit)
+
+
+PLACE_RANGE = (1e-3, 1e2)
+"""The scatter of places is looked for between these multiples of its present value."""
+
+
+def _place(problem: Problem, first: Solution, refit: Refit) -> tuple[Estimate, Solution]:
+    """Return the scatter of places of the greatest restricted likelihood, with its profile.
+
+    chi2 = dof would weigh points within a stay, which say nothing of places, as much as stays
+    (Patterson and Thompson, Biometrika 58, 1971).
+    """
+    item, latest = problem.parameters[NOISE_PLACE], first
+    low, high = (float(np.log(item.value * factor)) for factor in PLACE_RANGE)
+
+    def loss(log_place: float) -> float:
+        nonlocal latest
+        latest = refit(float(np.exp(log_place)), latest)
+        determinant = np.linalg.slogdet(latest.jacobian.T @ latest.jacobian)[1]
+        whitening = problem.whitening(float(np.exp(log_place)))
+        return 0.5 * (latest.chi2 + float(determinant)) + whitening.log_root_excess
+
+    found = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 1e-4})
+    best, least = float(found.x), float(found.fun)
+
+    def end(limit: float, side: float) -> float:
+        if loss(side) - least < 0.5 * limit:
+            return 0.0 if side == low else item.upper
+        a, b = sorted((side, best))
+        return float(np.exp(brentq(lambda at: loss(at) - least - 0.5 * limit, a, b, xtol=1e-4)))
+
+    value = float(np.exp(best))
+    solution = refit(value, latest)
+    one, two = (
+        (end(q, low), end(q, high)) for q in (float(chdtri(1, 1.0 - p)) for p in PROBABILITIES)
+    )
+    sd = 0.5 * (one[1] - one[0])
+    return Estimate(NOISE_PLACE, item.unit, value, sd, one, two), solution
 
 
 def _scale(
@@ -93,20 +134,30 @@ def _searched(
         latest = refit(noise, latest)
         return latest.chi2 / target - 1.0
 
-    def where(target: float) -> float:
-        if excess(lower, target) <= 0.0:
-            return lower
-        low, high = lower, unit
-        while excess(high, target) > 0.0:
-            if high >= item.upper or high > 1e9 * unit:
-                return min(high, item.upper)
-            low, high = high, min(2.0 * high, item.upper)
-        root = brentq(partial(excess, target=target), low, high, rtol=1e-9, xtol=1e-9 * unit)
+    def where(target: float, guess: float = unit, tolerance: float = 1e-9) -> float:
+        # chi2 falls as the noise rises: steps up from the guess until it is passed.
+        low = high = float(np.clip(max(guess, 1e-3 * unit), lower, item.upper))
+        if excess(low, target) > 0.0:
+            while excess(high := min(1.5 * high, item.upper), target) > 0.0:
+                if high >= item.upper or high > 1e9 * unit:
+                    return high
+                low = high
+        elif excess(low := max(lower, 0.5 * high), target) <= 0.0:
+            high = low
+            if high <= lower or excess(low := lower, target) <= 0.0:
+                return lower
+        root = brentq(
+            partial(excess, target=target), low, high, rtol=tolerance, xtol=tolerance * unit
+        )
         return float(root)
 
     value = where(float(problem.dof))
     solution = refit(value, latest)
-    ends = [tuple(where(limit) for limit in (high, low)) for low, high in chi2_limits(problem.dof)]
+
+    def end(limit: float) -> float:
+        return where(limit, value * float(np.sqrt(problem.dof / limit)), 1e-6)
+
+    ends = [(end(high), end(low)) for low, high in chi2_limits(problem.dof)]
     one, two = ((low, high) for low, high in ends)
     sd = 0.5 * (one[1] - one[0])
     hit = bound_hit(replace(item, lower=lower), value, sd)

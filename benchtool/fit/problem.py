@@ -6,7 +6,7 @@ outcome how it ended, and raises `EstimationError` only where there is no result
 
 The free parameters fall in two kinds. Shape parameters move the prediction. A noise parameter
 moves the errors only: `noise.scale` multiplies the points' own standard errors and the sources
-that say so, `noise.sd...` adds in quadrature.
+that say so, `noise.sd...` adds in quadrature, `noise.place_m` is the sd of a source of its own.
 
 All errors together make the covariance V of the points; estimators see residuals whitened by it
 (`Problem.whitening`), so that chi-square, intervals, robust losses and residuals mean the same
@@ -38,6 +38,7 @@ order of `Problem.shape_names`; prediction (m,) or (w, m)."""
 
 NOISE_SCALE = "noise.scale"
 NOISE_SD = "noise.sd"
+NOISE_PLACE = "noise.place_m"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -85,7 +86,15 @@ class Problem:
                 f"of: {', '.join(name for name in self.parameters if not _is_noise(name))}"
             )
         if sum(_is_noise(name) for name in self.parameters.free_names) > 1:
-            raise InputError("noise.scale and noise.sd are both free; free one of them")
+            free = [name for name in self.parameters.free_names if _is_noise(name)]
+            raise InputError(f"{' and '.join(free)} are both free; free one of them")
+        if self.noise_name == NOISE_PLACE and not any(
+            source.parameter == NOISE_PLACE for source in self.error_sources
+        ):
+            raise InputError(
+                f"{NOISE_PLACE} is free, but no point feels where the plate stands; fix it, or "
+                f"measure nearer to the plate"
+            )
         for i in np.flatnonzero(~np.isfinite(self.observed))[:1]:
             raise InputError(
                 f"{self.label(int(i))} was observed as {self.observed[i]}; leave it out"
@@ -156,7 +165,7 @@ class Problem:
                 value = noise if noise is not None and name == self.noise_name else item.value
                 if name == NOISE_SCALE:
                     scale = value
-                else:
+                elif name != NOISE_PLACE:
                     added = value
         return scale, added
 
@@ -174,7 +183,13 @@ class Problem:
     def shared(self, noise: float | None = None) -> Array:
         """Return the columns (m, r) of all error sources at a value of the free noise parameter."""
         scale, _ = self._scale_and_sd(noise)
-        columns = [one.columns * scale if one.scaled else one.columns for one in self.error_sources]
+        columns = []
+        for one in self.error_sources:
+            factor = scale if one.scaled else 1.0
+            if one.parameter and one.parameter == self.noise_name:
+                value = self.parameters[one.parameter].value if noise is None else noise
+                factor = value / one.sd
+            columns.append(one.columns * factor)
         return np.concatenate([np.empty((len(self), 0)), *columns], axis=1)
 
     def whitening(self, noise: float | None = None) -> Whitening:
@@ -193,8 +208,10 @@ class Problem:
 
     def stated_rows(self, values: Array) -> Array:
         """Return residuals (m,) at all free values (n_free,), whitened by the stated errors."""
-        absent = 1.0 if self.noise_name == NOISE_SCALE else 0.0
-        return self.whitening(absent)(self.residuals(values))
+        stated = 1.0 if self.noise_name == NOISE_SCALE else 0.0
+        if self.noise_name == NOISE_PLACE:
+            stated = self.parameters[NOISE_PLACE].value
+        return self.whitening(stated)(self.residuals(values))
 
     def quality(self, values: Array) -> tuple[float, float]:
         """Return chi-square at the stated errors and log likelihood at the fitted ones (n_free,).
@@ -353,4 +370,4 @@ def function_problem(
 
 
 def _is_noise(name: str) -> bool:
-    return name == NOISE_SCALE or name.startswith(NOISE_SD)
+    return name in (NOISE_SCALE, NOISE_PLACE) or name.startswith(NOISE_SD)

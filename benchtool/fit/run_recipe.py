@@ -10,6 +10,7 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.error_source import ErrorSource
+from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import FitResult
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.fit.compare import Comparison, compare
@@ -21,7 +22,7 @@ from benchtool.fit.interval import with_derived
 from benchtool.fit.law_scores import LawComparison
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
-from benchtool.fit.problem import Problem
+from benchtool.fit.problem import NOISE_PLACE, Problem
 from benchtool.fit.profile import with_profile
 from benchtool.fit.recipe import LAWS, Recipe
 from benchtool.fit.uncertainty.budget import Budget, BudgetMethod
@@ -70,16 +71,20 @@ class FitOutput:
     @property
     def fitted(self) -> Model:
         """The model at the first method's values, its noise parameters as they were."""
-        model = self.loaded.model
-        parameters = model.parameters
-        for estimate in self.results[0].estimates:
-            if estimate.name in parameters and not estimate.name.startswith("noise."):
-                item = parameters[estimate.name]
-                value = float(np.clip(estimate.value, item.lower, item.upper))
-                source = ", ".join(filter(None, (self.recipe.name, estimate.bound)))
-                fitted = replace(item.at(value), source=f"fitted: {source}")
-                parameters = parameters.replaced(estimate.name, fitted)
-        return model.at(parameters)
+        return _fitted(self.loaded.model, self.results[0], self.recipe.name)
+
+
+def _fitted(model: Model, result: FitResult, name: str) -> Model:
+    """Return a model at a result's values, its noise parameters as they were."""
+    parameters = model.parameters
+    for estimate in result.estimates:
+        if estimate.name in parameters and not estimate.name.startswith("noise."):
+            item = parameters[estimate.name]
+            value = float(np.clip(estimate.value, item.lower, item.upper))
+            source = ", ".join(filter(None, (name, estimate.bound)))
+            fitted = replace(item.at(value), source=f"fitted: {source}")
+            parameters = parameters.replaced(estimate.name, fitted)
+    return model.at(parameters)
 
 
 def run_recipe(
@@ -183,8 +188,12 @@ def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
     """Return the model with the noise parameter free that the recipe names."""
     kind = recipe.noise
     typed = {name.rpartition(".")[2] for name in (*recipe.free, *recipe.fix, *recipe.hold)}
+    place = model.parameters[NOISE_PLACE]
+    if place.free and place.value == 0.0:
+        model = model.at(model.parameters.replaced(NOISE_PLACE, place.at(PLACE_START_M)))
     if kind == "auto":
-        kind = "stated" if errors == "stated" or typed & {"scale", "sd_N"} else "scale"
+        named = bool(typed & {"scale", "sd_N"}) or place.free
+        kind = "stated" if errors == "stated" or named else "scale"
     for name in ("noise.scale", "noise.sd_N"):
         wanted = {"noise.scale": "scale", "noise.sd_N": "add"}[name] == kind
         if name.rpartition(".")[2] in typed:  # named by itself, which goes before the kind
@@ -196,8 +205,30 @@ def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
     return model
 
 
+PLACE_START_M = 1e-4
+"""Where the search for a free `noise.place_m` starts on a rig that states none; a choice."""
+
+
 def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
-    """Return the problem of fitting a model's free parameters to a recipe's data."""
+    """Return the problem, errors of the bench as they are at the solution.
+
+    What an error of place does to a thrust depends on the model's values: it is worked out at the
+    present ones, and once more at those that a first fit finds.
+    """
+    first = _stated_problem(model, model, recipe, data)
+    if not first.error_sources:
+        return first
+    still = first
+    if first.noise_name is not None:
+        still = first.fixed(first.noise_name, first.parameters[first.noise_name].value)
+    try:
+        found = fit_least_squares(still)
+    except EstimationError:
+        return first
+    return _stated_problem(model, _fitted(model, found, recipe.name), recipe, data)
+
+
+def _stated_problem(model: Model, near: Model, recipe: Recipe, data: FitData) -> Problem:
     rows = data.rows
     problem = problem_from_model(
         model,
@@ -208,7 +239,9 @@ def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
         nearest_z_over_R=None,
         groups=None if data.groups is None else data.groups[rows],
         reference=None if data.reference is None else data.reference.select(rows),
-        error_sources=tuple(source.of(rows) for source in data.error_sources),
+        error_sources=tuple(
+            source.of(rows) for source in (*data.error_sources, *data.bench_errors(near))
+        ),
     )
     if recipe.basis != "joint":
         return problem  # a ratio of two thrusts does not know the calibration's scale

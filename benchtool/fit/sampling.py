@@ -14,7 +14,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import FitResult
 from benchtool.core.parameter import Parameter
-from benchtool.fit.problem import NOISE_SCALE, Problem
+from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
 
 LogProbability = Callable[[Array], Array]
 
@@ -113,23 +113,25 @@ def _variances(problem: Problem) -> Callable[[Array, Array], Array]:
     """
     assert problem.noise_name is not None
     position = problem.free_names.index(problem.noise_name)
-    is_scale = problem.noise_name == NOISE_SCALE
-    alone = problem.sigma(1.0 if is_scale else 0.0) ** 2
-    fixed = problem.sigma(0.0) ** 2 if is_scale else alone
+    fixed, alone = problem.sigma(0.0) ** 2, problem.sigma(1.0) ** 2
     axes: Array | None = None
     if problem.error_sources:
         none, one = (
             np.diag(problem.sigma(noise) ** 2) + problem.shared(noise) @ problem.shared(noise).T
             for noise in (0.0, 1.0)
         )
-        fixed, axes = eigh(none, one - none)
-        fixed = np.maximum(fixed, 0.0)
-        alone = fixed + 1.0
+        if problem.noise_name == NOISE_PLACE:  # of few draws: the other way about
+            part, axes = eigh(one - none, none)
+            fixed, alone = np.ones(len(part)), 1.0 + np.maximum(part, 0.0)
+        else:
+            fixed, axes = eigh(none, one - none)
+            fixed = np.maximum(fixed, 0.0)
+            alone = fixed + 1.0
 
     def varied(rows: Array, columns: Array) -> Array:
         rows = rows if axes is None else rows @ axes
         squared = (columns[position] ** 2)[:, None]
-        variance = fixed + squared * (alone - fixed) if is_scale else fixed + squared
+        variance = fixed + squared * (alone - fixed)
         value: Array = -0.5 * (rows * rows / variance + np.log(variance)).sum(axis=1)
         return value
 

@@ -13,7 +13,7 @@ for two standard errors; a guess."""
 
 
 def baseline_parameters(rig: Rig) -> Parameters:
-    """Return k, R_m, the pitch inertia and the two noise parameters at the rig's own values."""
+    """Return k, R_m, the pitch inertia and the noise parameters at the rig's own values."""
     k_N_s2, radius_m = rig.propulsion.thrust_coefficient_N_s2, rig.propulsion.radius_m
     inertia_kgm2 = rig.body.inertia_yy_kgm2
     from_parts = "assumed: worked out from parts, 5 % for two standard errors"
@@ -46,6 +46,10 @@ def baseline_parameters(rig: Rig) -> Parameters:
         "noise.sd_N": positive(
             "sd_N", "N", 0.0, "scatter added in quadrature to the stated errors",
             source="0: nothing is added",
+        ),
+        "noise.place_m": positive(
+            "place_m", "m", rig.place_sd_m(), "scatter of the plate's place from stay to stay",
+            source=of_rig("plate.repeatability_m") or of_rig("plate.backlash_m"),
         ),
     }  # fmt: skip
     return Parameters(baseline.items())

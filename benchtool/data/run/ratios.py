@@ -39,6 +39,7 @@ class Ratios:
     standard_error: Array  # (n,) what a visit's own errors make; nan where none are stated
     error_sources: tuple[ErrorSource, ...]  # what visits share, their references above all
     share: Array  # (n, n) by how much each other visit makes a visit's T_OGE: 1 over their number
+    by_thrust: Array  # (n, n) change of each ratio by that of each thrust, to first order: 1/N
 
     @property
     def total_error(self) -> Array:
@@ -135,7 +136,9 @@ def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
         scaled=True,
     )
     own = np.abs(ratio) * relative if stated else np.full(len(ratio), np.nan)
-    return Ratios(ratio, own, (reference, *sources), share)
+    by_log = np.nan_to_num(ratio)[:, None] * (np.eye(len(ratio)) - part)
+    by_thrust = by_log / np.where(thrust > 0.0, thrust, np.inf)
+    return Ratios(ratio, own, (reference, *sources), share, by_thrust)
 
 
 def _shares(points: Recording, parked: NDArray[np.bool_], level: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -143,10 +143,21 @@ def _with_provenance(
         "device_id": str(facts.get("device_id", "")),
         "rig": str(rig.get("name", "")),
         "state": str(facts.get("state", "")),
+        "approach": _approach(facts),
         "calibration": str(calibration.get("id", "")),
         "calibration_relative_sd": str(calibration.get("relative_sd", "")),
     }
     return replace(recording, provenance=provenance, simulated=simulated)
+
+
+def _approach(facts: Mapping[str, Any]) -> str:
+    """Return "one side" for a run whose stage came to every place from one side, else nothing.
+
+    A sweep moves every stage but a person so.
+    """
+    moved_by = ((facts.get("rig") or {}).get("plate") or {}).get("moved_by", "hand")
+    stage = (facts.get("plate") or {}).get("stage") or moved_by
+    return "" if stage == "hand" else "one side"
 
 
 def _mismatch(parquet: Path, csv: Path, stated: dict[str, Any]) -> str:

@@ -18,26 +18,12 @@ from benchtool.explain.engine.parameters import (
 )
 from benchtool.explain.engine.subject import RowGroups
 from benchtool.explain.sweep.log import Mask, SweepLog, sweep_regimes
+from benchtool.fit.uncertainty.bench_errors import bench_errors
 from benchtool.physics.bases import speed_gains
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
-
-
-def noise_root(se_N: Array, stay: NDArray[np.intp], by_place_N: Array) -> Array:
-    """Return the root L (m, m) of the covariance of a sweep's thrusts: N.
-
-    Args:
-        se_N: (m,) standard error of every thrust.
-        stay: (m,) number of its stay.
-        by_place_N: (m,) change of thrust by one standard deviation of the place.
-    """
-    shared = stay[:, None] == stay[None, :]
-    covariance = np.where(shared, np.outer(by_place_N, by_place_N), 0.0) + np.diag(se_N**2)
-    root: Array = np.linalg.cholesky(covariance)
-    return root
-
 
 DROP = "supply.drop"
 CURVE = "supply.curve"
@@ -168,13 +154,14 @@ class SweepEvidence:
         return SweepEvidence(model, [log], extra)
 
     def _noise_root(self, log: SweepLog) -> Array:
-        """Return what the sweep's thrusts may be off by, places shared within a stay."""
-        here = np.zeros((1, len(self.parameters)))
-        moved = log.conditions.moved_by(log.place_sd_m)
-        by_place = self.thrusts(moved, here)[:, 0] - self.thrusts(log.conditions, here)[:, 0]
+        """Return the root (m, m) of the covariance of the sweep's thrusts: N."""
         items = self.model.parameters
         se = np.hypot(items["noise.scale"].value * log.se_N, items["noise.sd_N"].value)
-        return noise_root(se, log.stay, np.where(log.tare, 0.0, by_place))
+        covariance = np.diag(se**2)
+        for source in bench_errors(self.model, log.conditions, log.visits):
+            covariance += source.columns @ source.columns.T
+        root: Array = np.linalg.cholesky(covariance)
+        return root
 
     # --- evidence -------------------------------------------------------------------------
 

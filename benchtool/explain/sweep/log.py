@@ -16,7 +16,8 @@ from benchtool.data.columns import code_of
 from benchtool.data.run.ratios import thrust_error
 from benchtool.explain.engine.subject import EARLY, LATE
 from benchtool.explain.sweep.power import Power, power_of
-from benchtool.physics.conditions import FAR_AWAY_M, SAME_PLACE, Conditions
+from benchtool.fit.uncertainty.bench_errors import Visits
+from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.rotor_count import refuse_other_rotors
 
@@ -36,15 +37,23 @@ class SweepLog:
     conditions: Conditions  # of every point (m,), tares among them
     thrust_N: Array  # (m,) what the load cell showed
     se_N: Array  # (m,) its stated standard error, that of speeds taken into it
-    tare: Mask  # (m,) whether nothing turns and the reading is what a tare left
-    stay: NDArray[np.intp]  # (m,) number of the stay at one place of the plate
-    place_sd_m: float  # how far the plate may be from where it is read, by the rig's sheet
+    visits: Visits  # what its points have in common
     power: Power | None  # pulses against speeds, where both are known
     name: str  # of the file, for people
     remarks: tuple[str, ...]  # what was repaired, and what the sweep lacks
 
     def __len__(self) -> int:
         return len(self.thrust_N)
+
+    @property
+    def tare(self) -> Mask:
+        """Whether nothing turns and the reading is what a tare left (m,)."""
+        return self.visits.tare
+
+    @property
+    def stay(self) -> NDArray[np.intp]:
+        """Number of the stay at one place of the plate (m,)."""
+        return self.visits.stay
 
 
 def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
@@ -76,17 +85,12 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
             f"{LEAST_POINTS} are needed; sweep more distances or levels"
         )
     power = power_of(recording.select(whole & ~tare), rig)
-    sensor = rig.sensors.get("plate_z_m", Sensor())
-    widths = (rig.plate.backlash_m, sensor.quantum)  # of even distributions
-    place_sd_m = float(np.sqrt(sum(width**2 for width in widths) / 12.0 + sensor.noise**2))
     whole_rows = conditions.select(whole)
     return SweepLog(
         conditions=whole_rows,
         thrust_N=thrust[whole],
         se_N=se[whole],
-        tare=tare[whole],
-        stay=stays_of(whole_rows, tare[whole], ordered="time_s" in recording),
-        place_sd_m=place_sd_m,
+        visits=Visits.of(recording.select(whole), whole_rows, rig),
         power=power,
         name=label,
         remarks=(*assumed, *_lacks(recording, whole_rows, tare[whole], power, int((~whole).sum()))),
@@ -124,20 +128,6 @@ def _errors(recording: Recording, rig: Rig) -> tuple[Array, list[str]]:
         )
     assumed = "no standard errors of thrust: taken from the rig's load cell"
     return np.full(len(recording), stated), [assumed]
-
-
-def stays_of(conditions: Conditions, tare: Mask, *, ordered: bool) -> NDArray[np.intp]:
-    """Return the number of the stay of each row (m,): rows at one place without a break.
-
-    Rows whose order nobody knows belong together by place.
-    """
-    place = np.array([conditions.plate_z_m, conditions.plate_x_m, conditions.plate_tilt_rad])
-    if not ordered:
-        places = np.round(place / SAME_PLACE)
-        return np.unique(places, axis=1, return_inverse=True)[1].reshape(-1).astype(np.intp)
-    moved = np.any(np.abs(np.diff(place, axis=1)) > SAME_PLACE, axis=0)
-    moved |= tare[1:] != tare[:-1]
-    return np.concatenate([[0], np.cumsum(moved)]).astype(np.intp)
 
 
 def _lacks(

@@ -19,7 +19,8 @@ from benchtool.core.rig import Rig
 from benchtool.explain.engine.hypotheses import ratio_of
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
-from benchtool.explain.sweep.log import SweepLog, stays_of
+from benchtool.explain.sweep.log import SweepLog
+from benchtool.fit.uncertainty.bench_errors import stays_of
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions, load_directions
 from benchtool.physics.rotor import speed_from_pwm
 
@@ -140,8 +141,13 @@ def points_of(sweep: SweepOption, evidence: SweepEvidence) -> SweepLog:
         conditions=conditions,
         thrust_N=np.zeros(len(rows)),
         se_N=np.full(len(rows), float(np.median(like.se_N[~like.tare]))),
-        tare=tare,
-        stay=stays_of(conditions, tare, ordered=True),
+        visits=replace(
+            like.visits,
+            stay=stays_of(conditions, tare, ordered=True),
+            zero_s=elapsed,
+            tared=np.cumsum(tare),
+            tare=tare,
+        ),
         power=power,
         name=sweep.name,
         remarks=(),

@@ -14,9 +14,10 @@ from benchtool.core.rig import Rig
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
 from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.sweep.evidence import SweepEvidence, noise_root
+from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import sweep_log
 from benchtool.explain.sweep.next_experiment import as_read, speed_at
+from benchtool.fit.uncertainty.bench_errors import bench_errors
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
@@ -109,12 +110,13 @@ def test_labels_cover_every_row_once(evidence: SweepEvidence) -> None:
     assert "z/R below 1" in groups.regimes
 
 
-def test_a_place_that_a_stay_shares_is_counted_once() -> None:
-    stay = np.array([0, 0, 0, 1])
-    root = noise_root(np.full(4, 0.1), stay, np.array([1.0, 2.0, 3.0, 1.0]))
-    covariance = root @ root.T
-    assert covariance[0, 2] == pytest.approx(3.0)
-    assert covariance[0, 3] == 0.0
+def test_the_noise_is_that_of_a_fit(evidence: SweepEvidence) -> None:
+    log = evidence.logs[0]
+    covariance = np.diag(log.se_N**2)
+    for source in bench_errors(evidence.model, log.conditions, log.visits):
+        covariance += source.columns @ source.columns.T
+    root = evidence.noise_roots[0]
+    np.testing.assert_allclose(root @ root.T, covariance, rtol=1e-9, atol=1e-15)
 
 
 def swept_at_one_pulse(rig: Rig) -> Recording:

@@ -1,0 +1,155 @@
+"""How a load cell's zero wanders: 1/f noise and a random walk, as stated and as a run shows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.optimize import minimize_scalar
+
+from benchtool.core.array import Array
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig, Sensor
+from benchtool.data.columns import code_of, speed_columns
+from benchtool.data.run.read import is_run, read_samples, sample_names
+
+DECADES_S = tuple(10.0**power for power in np.arange(-0.5, 5.0))
+"""Time constants whose sum stands for 1/f noise: one a decade, flat within 5 % between."""
+
+PRIOR_LN = 0.7
+"""Standard deviation of the logarithm of a stated walk, a factor of two; a guess."""
+
+LEAST_BINS = 8
+"""Fewer means of a still bench say nothing of its walk; a choice."""
+
+MOST_BINS = 240
+"""Means that a run is cut into, about; their covariance has as many rows."""
+
+BIN_S, SETTLED_S = 0.5, 0.4
+"""Shortest span of a mean, and what is left out after rotors stopped; choices."""
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroNoise:
+    """State how the zero of a load cell wanders.
+
+    Attributes:
+        walk: standard deviation of its random walk after one second: N/sqrt(s).
+        flicker: standard deviation of its 1/f noise over one decade of frequency: N.
+        dof: degrees of freedom behind the walk; infinite where it is stated.
+    """
+
+    walk: float = 0.0
+    flicker: float = 0.0
+    dof: float = np.inf
+
+
+def zero_covariance(since_s: Array, noise: ZeroNoise) -> Array:
+    """Return the covariance (m, m) of the zero at times (m,) since it was last known: N2.
+
+    A random walk has w^2 min(t, t'). 1/f noise is a sum of Ornstein-Uhlenbeck processes of equal
+    variance, their time constants a decade apart (Kasdin, Proc. IEEE 83, 1995), less its value
+    when the zero was known.
+    """
+    t = np.concatenate([[0.0], since_s])
+    apart = np.abs(t[:, None] - t)
+    own = np.sum([np.exp(-apart / tau) for tau in DECADES_S], axis=0) * noise.flicker**2
+    flicker = own[1:, 1:] - own[1:, :1] - own[:1, 1:] + own[0, 0]
+    out: Array = noise.walk**2 * np.minimum(since_s[:, None], since_s) + flicker
+    return out
+
+
+def zero_noise(points: Recording, rig: Rig) -> ZeroNoise:
+    """Return the noise of a run's zero: as its samples show it (`with_zero_walk`), else stated."""
+    cell = rig.sensors.get("thrust_N", Sensor())
+    walk, dof = (points.provenance.get(name, "") for name in ("zero_walk", "zero_walk_dof"))
+    if not walk:
+        return ZeroNoise(cell.walk, cell.flicker)
+    return ZeroNoise(float(walk), cell.flicker, float(dof))
+
+
+def with_zero_walk(points: Recording, path: str, rig: Rig) -> Recording:
+    """Return a run's points with the walk of the zero that its still stretches show.
+
+    Rotors stand still while the plate moves, and what the cell shows then is its zero. What the rig
+    states is the prior. Points of anything but a run are returned as they are.
+    """
+    if not is_run(path) or "thrust_N" not in sample_names(path):
+        return points
+    wanted = [name for name in sample_names(path) if name.startswith("rpm")]
+    samples = read_samples(path, ["time_s", "phase", "thrust_N", *wanted])
+    still = still_means(samples)
+    if len(still) < LEAST_BINS:
+        return points
+    cell = rig.sensors.get("thrust_N", Sensor())
+    found = estimated_walk(still, ZeroNoise(cell.walk, cell.flicker))
+    shown = {"zero_walk": repr(found.walk), "zero_walk_dof": repr(found.dof)}
+    return replace(points, provenance={**points.provenance, **shown})
+
+
+def still_means(samples: Recording) -> Array:
+    """Return means of the load cell with nothing turning: tare, time, value, error (k, 4)."""
+    time, thrust = samples.column("time_s"), samples.column("thrust_N")
+    speeds = [samples.column(name) for name in speed_columns(samples.names, "rpm")]
+    in_tare = samples.column("phase") == code_of("phase", "tare")
+    quiet = np.isfinite(thrust) & ~in_tare  # within a tare the zero is being set
+    for speed in speeds:
+        quiet &= ~(np.abs(speed) > 0.0)
+    if not speeds or not quiet.any():
+        return np.empty((0, 4))
+    begins = in_tare & ~np.concatenate([[False], in_tare[:-1]])
+    tare = np.cumsum(begins)
+    change = np.concatenate([[True], (quiet[1:] != quiet[:-1]) | begins[1:]])
+    stretch = np.cumsum(change)
+    began = time[change][stretch - 1]
+    quiet &= time - began > SETTLED_S
+    width = max(BIN_S, float(np.median(np.diff(time))) * quiet.sum() / MOST_BINS)
+    number = stretch * 1_000_000 + ((time - began) / width).astype(int)
+    rows = []
+    for each in np.unique(number[quiet]):
+        here = quiet & (number == each)
+        if here.sum() >= LEAST_BINS:
+            values = thrust[here]
+            error = float(values.std(ddof=1)) / np.sqrt(len(values))
+            rows.append((float(tare[here][0]), time[here].mean(), values.mean(), error))
+    found = np.array(rows).reshape(-1, 4)
+    if len(found):  # one error for all: that of one mean is of few samples
+        found[:, 3] = max(float(np.median(found[:, 3])), 1e-12)
+    return found
+
+
+def estimated_walk(still: Array, stated: ZeroNoise) -> ZeroNoise:
+    """Return the walk that means of a still bench (k, 4) show, with the stated one as prior.
+
+    The likeliest value of their exact covariance; level and drift since each tare are left free.
+    """
+    groups = []
+    for number in np.unique(still[:, 0]):
+        rows = still[still[:, 0] == number]
+        since = rows[:, 1] - rows[0, 1]
+        scale = 1e3 * np.max(rows[:, 3])
+        free = scale**2 * (1.0 + np.outer(since, since) / max(float(since[-1]), 1.0) ** 2)
+        alone = np.diag(rows[:, 3] ** 2) + free
+        alone += zero_covariance(since, replace(stated, walk=0.0))
+        # In these axes the rest has variance 1, and a walk of 1 adds `part`.
+        part, axes = eigh(np.minimum(since[:, None], since), alone)
+        groups.append((rows[:, 2] @ axes, np.maximum(part, 0.0)))
+
+    def loss(log_walk: float) -> float:
+        total = 0.0
+        for rows, part in groups:
+            variance = 1.0 + np.exp(2.0 * log_walk) * part
+            total += 0.5 * float(np.sum(rows**2 / variance + np.log(variance)))
+        if stated.walk > 0.0:
+            total += 0.5 * ((log_walk - np.log(stated.walk)) / PRIOR_LN) ** 2
+        return total
+
+    error = float(np.median(still[:, 3]))
+    low, high = np.log(1e-4 * error), np.log(1e2 * error)
+    best = float(minimize_scalar(loss, bounds=(low, high), method="bounded").x)
+    step = 0.1
+    bend = (loss(best + step) - 2.0 * loss(best) + loss(best - step)) / step**2
+    if best < low + 0.5:  # nothing of it shows
+        return replace(stated, walk=0.0) if stated.walk == 0.0 else stated
+    return replace(stated, walk=float(np.exp(best)), dof=float(max(0.5 * bend, 1.0)))

@@ -1,0 +1,247 @@
+"""Errors of place, of scales and of the zero: what they do to thrusts, and to a fit of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchtool.core.array import Array
+from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_named
+from benchtool.data.columns import code_of
+from benchtool.fit.ensemble import fit_ensemble
+from benchtool.fit.least_squares import fit_least_squares
+from benchtool.fit.model_problem import problem_from_model
+from benchtool.fit.problem import Problem
+from benchtool.fit.uncertainty.bench_errors import Visits, bench_errors, joined_visits
+from benchtool.fit.uncertainty.zero_noise import (
+    ZeroNoise,
+    estimated_walk,
+    still_means,
+    zero_covariance,
+)
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
+
+RADIUS_M = 0.12
+NEAR = np.array([0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 8.0])
+
+
+def rig(**more: Any) -> Rig:
+    """Return the quadrotor's rig without errors of its own, some stated."""
+    plain = rig_named("pquad")
+    plate = replace(plain.plate, backlash_m=0.0, repeatability_m=more.pop("repeatability_m", 0.0))
+    body = replace(plain.body, arm_sd=more.pop("arm_sd", 0.0))
+    sensors = {name: replace(one, quantum=0.0, walk=0.0) for name, one in plain.sensors.items()}
+    for name, changes in more.items():
+        sensors[name] = replace(sensors[name], **changes)
+    return replace(plain, plate=plate, body=body, sensors=sensors)
+
+
+def model(on: Rig) -> Model:
+    lifted = Model.single(on).with_effect("neighbour_images").with_effect("body_lift", K_b=1.7)
+    return lifted.freed("k", "R_m", "body_lift.K_b")
+
+
+def sweep(on: Rig, repeats: int = 3) -> tuple[Conditions, Visits]:
+    """Return conditions of two levels at every distance, again and again, ten seconds apart."""
+    z_m = RADIUS_M * np.tile(np.repeat(NEAR, 2), repeats)
+    speed = np.tile([420.0, 560.0], len(NEAR) * repeats)
+    time = 10.0 * np.arange(1.0, len(z_m) + 1.0)
+    conditions = Conditions.of(
+        on, speed_rad_s=np.tile(speed, (4, 1)), plate_z_m=z_m, time_s=time, elapsed_s=time
+    )
+    n = len(z_m)
+    visits = Visits(
+        stay=np.repeat(np.arange(n // 2), 2),
+        zero_s=time,
+        tared=np.zeros(n, np.intp),
+        tare=np.zeros(n, bool),
+        one_sided=False,
+        calibrated=False,
+        zero=ZeroNoise(on.sensors["thrust_N"].walk),
+    )
+    return conditions, visits
+
+
+def sources(on: Rig) -> dict[str, Array]:
+    found = bench_errors(model(on), *sweep(on))
+    return {source.name: source.columns for source in found}
+
+
+def test_a_bench_without_errors_has_no_source() -> None:
+    assert sources(rig()) == {}
+
+
+def test_a_place_is_shared_by_the_points_of_a_stay() -> None:
+    (columns,) = sources(rig(repeatability_m=1e-4)).values()
+    on = rig()
+    conditions, visits = sweep(on)
+    slope = model(on).thrust_N(conditions.moved_by(1e-4)) - model(on).thrust_N(conditions)
+    covariance = columns @ columns.T
+    together = visits.stay[:, None] == visits.stay
+    np.testing.assert_allclose(covariance, np.where(together, np.outer(slope, slope), 0.0))
+
+
+def test_a_reading_is_wrong_by_the_same_whenever_it_is_read() -> None:
+    columns = sources(rig(plate_z_m={"quantum": 1e-3}))["plate reading"]
+    assert columns.shape[1] == len(NEAR)
+    assert columns[0, 0] == columns[2 * len(NEAR), 0] != 0.0
+
+
+def test_scales_move_all_points_together() -> None:
+    on = rig(
+        arm_sd=0.01,
+        plate_z_m={"scale_sd": 0.01},
+        rpm={"scale_sd": 0.002},
+        thrust_N={"scale_sd": 0.005},
+    )
+    found = sources(on)
+    thrust = model(on).thrust_N(sweep(on)[0])
+    np.testing.assert_allclose(found["rpm scale"][:, 0], thrust * (1.002**2 - 1.0), rtol=1e-9)
+    np.testing.assert_allclose(found["thrust scale"][:, 0], 0.005 * thrust, rtol=1e-9)
+    assert (found["distance scale"][:4] < 0.0).all()  # farther away, less thrust
+    assert (np.abs(found["arm"][:4]) > 1e-4).all()
+    # What a calibration states is not counted again.
+    conditions, visits = sweep(on)
+    calibrated = bench_errors(model(on), conditions, replace(visits, calibrated=True))
+    assert "thrust scale" not in {source.name for source in calibrated}
+
+
+def test_a_zero_wanders_from_its_tare_on() -> None:
+    since = np.array([0.0, 1.0, 4.0, 100.0])
+    walk = zero_covariance(since, ZeroNoise(2e-4))
+    np.testing.assert_allclose(walk, 4e-8 * np.minimum(since[:, None], since))
+    both = zero_covariance(since, ZeroNoise(2e-4, 1e-3))
+    assert both[0, 0] == 0.0  # it was known at the tare
+    assert np.linalg.eigvalsh(both)[0] > -1e-12
+    # 1/f noise: each decade of time adds the same variance, twice that of one process.
+    decades = np.diff(np.diag(both - walk)[[1, 3]]) / 2.0
+    assert decades == pytest.approx(2e-6, rel=0.1)
+
+
+def test_points_of_two_tares_do_not_wander_together() -> None:
+    on = rig(thrust_N={"walk": 2e-4})
+    conditions, visits = sweep(on)
+    two = joined_visits([visits, visits])
+    assert two.stay.max() == 2 * visits.stay.max() + 1
+    twice = Conditions.of(
+        on,
+        speed_rad_s=np.tile(conditions.speed_rad_s, 2),
+        plate_z_m=np.tile(conditions.plate_z_m, 2),
+    )
+    (wander,) = bench_errors(model(on), twice, two)
+    n = len(conditions)
+    covariance = wander.columns @ wander.columns.T
+    assert np.all(covariance[:n, n:] == 0.0)
+    exact = zero_covariance(visits.zero_s, visits.zero)
+    largest = float(exact.max())
+    np.testing.assert_allclose(covariance[:n, :n], exact, atol=0.03 * largest)
+    assert (wander.kind, wander.unit) == ("B", "N")
+
+
+def drawn(on: Rig, seed: int, *, free_place: bool = False) -> Problem:
+    """Return a fit of a sweep whose errors are drawn from the sources of the rig."""
+    rng = np.random.default_rng(seed)
+    truth, (conditions, visits) = model(on), sweep(on)
+    errors = bench_errors(truth, conditions, visits)
+    thrust = truth.thrust_N(conditions) + 0.004 * rng.standard_normal(len(conditions))
+    for source in errors:
+        thrust = thrust + source.columns @ rng.standard_normal(source.columns.shape[1])
+    fitted = truth.freed("noise.place_m") if free_place else truth
+    return problem_from_model(
+        fitted, conditions, thrust, np.full(len(thrust), 0.004), error_sources=errors
+    )
+
+
+PLACED = rig(repeatability_m=3e-4, thrust_N={"walk": 2e-4})
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_with_errors_of_place_and_zero() -> None:
+    inside = {"k": 0, "R_m": 0, "body_lift.K_b": 0}
+    alone = 0
+    for seed in range(200):
+        problem = drawn(PLACED, seed)
+        result, silent = (
+            fit_least_squares(one) for one in (problem, replace(problem, error_sources=()))
+        )
+        for name in inside:
+            low, high = result[name].interval_95
+            inside[name] += low <= problem.parameters[name].value <= high
+        low, high = silent["body_lift.K_b"].interval_95
+        alone += low <= 1.7 <= high
+        assert silent.chi2_per_dof > 2.0
+    for name, count in inside.items():
+        assert 178 <= count <= 199, name  # 95 % of 200, 99.9 % limits
+    assert alone < 150
+
+
+def test_the_scatter_of_places_can_be_estimated() -> None:
+    found, inside = [], 0
+    for seed in range(100, 116):
+        problem = drawn(PLACED, seed, free_place=True)
+        result = fit_least_squares(problem)
+        found.append(result["noise.place_m"].value)
+        low, high = result["noise.place_m"].interval_95
+        inside += low < 3e-4 < high
+    error = np.std(found, ddof=1) / 4.0
+    assert np.mean(found) == pytest.approx(3e-4, abs=3.0 * error)
+    assert error < 3e-5
+    assert inside >= 12  # 95 % of 16, chance of fewer 1 in 1000
+    posterior = fit_ensemble(problem)
+    for name in ("noise.place_m", "body_lift.K_b"):
+        assert posterior[name].value == pytest.approx(result[name].value, abs=result[name].sd)
+        assert posterior[name].sd == pytest.approx(result[name].sd, rel=0.25)
+
+
+def test_a_place_that_nothing_feels_cannot_be_estimated() -> None:
+    on = rig(repeatability_m=1e-4)
+    conditions = Conditions.of(on, speed_rad_s=np.full((4, 6), 500.0), plate_z_m=np.full(6, 1e6))
+    with pytest.raises(InputError, match="no point feels where the plate stands"):
+        problem_from_model(
+            model(on).freed("noise.place_m"), conditions, np.full(6, 10.0), np.full(6, 0.01)
+        )
+
+
+def test_play_is_an_offset_where_places_are_approached_from_one_side() -> None:
+    plain = rig_named("pquad")
+    assert plain.place_sd_m() == pytest.approx(plain.plate.backlash_m / 12.0**0.5)
+    assert plain.place_sd_m(one_sided=True) == 0.0
+    stated = replace(plain, plate=replace(plain.plate, repeatability_m=5e-5))
+    assert stated.place_sd_m() == stated.place_sd_m(one_sided=True) == 5e-5
+
+
+def still_samples(walk: float, seed: int) -> Recording:
+    """Return ten minutes of a bench that moves its plate for four seconds in every ten."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 600.0, 0.05)
+    zero = 0.02 + 3e-5 * time + np.cumsum(walk * np.sqrt(0.05) * rng.standard_normal(len(time)))
+    moving = time % 10.0 < 4.0
+    names = ["time_s", "phase", "thrust_N", "rpm1"]
+    phase = np.where(moving, code_of("phase", "move"), code_of("phase", "sample"))
+    thrust = zero + 0.01 * rng.standard_normal(len(time)) + np.where(moving, 0.0, 5.0)
+    columns = [time, phase, thrust, np.where(moving, 0.0, 5000.0)]
+    return Recording(tuple(Channel(name, "1") for name in names), np.column_stack(columns))
+
+
+def test_a_run_shows_the_walk_of_its_own_zero() -> None:
+    still = [still_means(still_samples(5e-4, seed)) for seed in range(12)]
+    assert all(60 < len(means) < 400 for means in still)
+    found = [estimated_walk(means, ZeroNoise()) for means in still]
+    logs = np.log([one.walk / 5e-4 for one in found])
+    assert abs(logs.mean()) < 0.2
+    # Its degrees of freedom say how well it is known: 1 / sqrt(2 dof) of its value.
+    expected = np.mean([1.0 / np.sqrt(2.0 * one.dof) for one in found])
+    assert logs.std(ddof=1) == pytest.approx(expected, rel=0.6)
+    # A stated walk is a prior: it pulls, and a run without still stretches leaves it as it is.
+    pulled = estimated_walk(still[0], ZeroNoise(5e-5))
+    assert 5e-5 < pulled.walk < found[0].walk
+    none = [estimated_walk(still_means(still_samples(0.0, seed)), ZeroNoise()) for seed in range(6)]
+    assert np.median([one.walk for one in none]) < 1e-5
