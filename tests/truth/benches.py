@@ -28,6 +28,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_to_dict
+from benchtool.data.run.ratios import VOLTAGE_POWER_SD
 from benchtool.data.run.run import Run
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
@@ -51,6 +52,7 @@ class Drawn:
     flaws: Imperfections
     plan: Plan
     seed: int
+    supply_exponent: float  # of thrust over voltage, beyond the plant's own 2
 
     @property
     def rig(self) -> Rig:
@@ -62,7 +64,8 @@ def drawn(seed: int, name: str) -> Drawn:
     """Draw a bench of a shipped model, its numbers from wide ranges about the shipped ones.
 
     k, R and K_b (where the model has it) are drawn evenly; the nuisances from the priors that the
-    model states for them; drift evenly about none. Noise, lag, sag, vibration, rounding and the
+    model states for them; drift about none; what thrust owes to the supply's voltage from what fits
+    at equal pulses take it for. Noise, lag, sag, vibration, rounding and the
     wander of the load cell's zero are the virtual bench's own.
     """
     rng = np.random.default_rng([20261123, seed])
@@ -91,7 +94,7 @@ def drawn(seed: int, name: str) -> Drawn:
         tare=TarePart(every_minutes=0.0),
     ).resolved(model.rig)
     flaws = Imperfections(drift_N_per_s=rng.normal(0.0, 5e-5), backlash_m=0.0)
-    return Drawn(made, truth, flaws, plan, seed)
+    return Drawn(made, truth, flaws, plan, seed, rng.normal(0.0, VOLTAGE_POWER_SD))
 
 
 def new_run(bench: Drawn, path: Path) -> Run:
@@ -125,17 +128,26 @@ def visited(bench: Drawn, path: Path) -> None:
             plant.command_plate(place.z_m, place.x_m)
             samples(plant, abs(place.z_m - here_m) / rig.plate.speed_m_s + SETTLE_S)
             here_m = place.z_m
-            read = samples(plant, plan.sample_s)
+            read = samples(plant, plan.sample_s, bench.supply_exponent)
             point, _ = measure(read, visit, place.z_m, tared, None, rig.sensors, settled=True)
             writer.append(point)
     finally:
         writer.close()
 
 
-def samples(plant: PlateBench, seconds: float) -> Recording:
-    """Return what the bench streams over the next seconds."""
+def samples(plant: PlateBench, seconds: float, supply_exponent: float = 0.0) -> Recording:
+    """Return what the bench streams over the next seconds.
+
+    The plant's speeds go with the voltage; an exponent beyond that scales speed, thrust and current
+    as one.
+    """
     start_s, n = plant.time_s, round(seconds * plant.rate_Hz)
     block = plant.advance(n)
     time_s = start_s + np.arange(1, n + 1) / plant.rate_Hz
-    columns = list(zip(plant.channels, block.T, strict=True))
-    return Recording.from_columns([(Channel("time_s", "s"), time_s), *columns])
+    columns = dict(zip(plant.channels, block.T, strict=True))
+    voltage = np.nanmean(columns[next(c for c in plant.channels if c.name == "voltage_V")])
+    faster = (voltage / plant.rig.propulsion.voltage_nominal_V) ** (0.5 * supply_exponent)
+    powers = {"rpm": 1, "thrust_N": 2, "current_A": 3}
+    for channel in columns:
+        columns[channel] *= faster ** powers.get(channel.name.rstrip("0123456789"), 0)
+    return Recording.from_columns([(Channel("time_s", "s"), time_s), *columns.items()])
