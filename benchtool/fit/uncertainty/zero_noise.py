@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.linalg import eigh
@@ -73,9 +74,10 @@ def with_zero_walk(points: Recording, path: str, rig: Rig) -> Recording:
     """Return a run's points with the walk of the zero that its still stretches show.
 
     Rotors stand still while the plate moves, and what the cell shows then is its zero. What the rig
-    states is the prior. Points of anything but a run are returned as they are.
+    states is the prior. Points of anything but a run with samples are returned as they are.
     """
-    if not is_run(path) or "thrust_N" not in sample_names(path):
+    sampled = is_run(path) and any(Path(path).glob("samples.*"))
+    if not sampled or "thrust_N" not in sample_names(path):
         return points
     wanted = [name for name in sample_names(path) if name.startswith("rpm")]
     samples = read_samples(path, ["time_s", "phase", "thrust_N", *wanted])
