@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -160,6 +160,7 @@ class Flights:
     """Fly the same second, whatever is asked for."""
 
     rig: Rig = rig_named("pquad")
+    fits: Mapping[str, FitOutput] = {}
 
     def fly(self, *_: Any, **__: Any) -> Flown:
         return flown(2.0)

@@ -48,7 +48,7 @@ def test_the_assumed_rotors_carry_the_vehicle_at_mid_throttle(name: str) -> None
     [
         ("mass_kg", "mas_kg", UnknownChoice, r"\[body\].*'mas_kg'; did you mean 'mass_kg'"),
         ("radius_m", "radius_cm", UnknownChoice, "did you mean 'radius_m'"),
-        ("{ noise", "{ nois", UnknownChoice, "known: noise, quantum, rate_Hz"),
+        ("{ noise", "{ nois", UnknownChoice, "known: flicker, noise, quantum, rate_Hz"),
         ("value = 0.12,", "value = -0.12,", FileFormatError, "radius_m is -0.12: .*greater than 0"),
         ("lag_s = 0.05", 'lag_s = "0.05"', FileFormatError, "lag_s is .*valid number"),
         ("speed_m_s = 0.1", "", FileFormatError, "plate.speed_m_s is missing"),

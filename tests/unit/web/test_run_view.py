@@ -57,7 +57,7 @@ def test_a_sweep_shows_its_numbers_and_offers_its_tables(root: Path) -> None:
     assert shown.command == ("report", str(root / "quad"))
     for text in ("pquad: PQUAD quadrotor", "T_IGE/T_OGE", "80 visits of 16 settings", "1.8089"):
         assert text in html
-    assert html.count("data:image/svg+xml") == 2
+    assert html.count("data:image/svg+xml") == 3
     assert "Plan" in parts
     assert "distances" in view_part(root, "quad", "Plan").html
     with pytest.raises(InputError, match="has no part 'Nonsense'"):
