@@ -58,9 +58,10 @@ def test_a_recipe_gives_its_result_again_and_holds_the_truth(name: str) -> None:
             kept = {**known["estimates"], **known["derived"]}[item.name]
             assert item.value == pytest.approx(kept["value"], abs=within * kept["sd"])
             assert item.sd == pytest.approx(kept["sd"], rel=within)
+        # Of fourteen 95 % intervals one or two miss as a rule; how often is counted in tests/truth.
         for parameter, value in TRUTH[name].items():
-            low, high = result[parameter].interval_95
-            assert low < value < high, (result.method, parameter)
+            off = (result[parameter].value - value) / result[parameter].sd
+            assert abs(off) < 3.0, (result.method, parameter)
     for path, digest in output.data.hashes.items():
         kept = [text for key, text in known["facts"].items() if key.startswith("sha256.")]
         assert digest in kept, path
