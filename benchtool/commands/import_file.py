@@ -36,6 +36,10 @@ class ImportInputs(Inputs):
         Annotated[float, Gt(0.0), Le(100.0)] | None,
         Input("Air density, for files of coefficients.", "kg/m3"),
     ] = None
+    hover: Annotated[
+        Annotated[float, Gt(0.0), Le(1000.0)] | None,
+        Input("Mass: makes points of a hover flight's steady stays.", "kg"),
+    ] = None
     out: Annotated[Path | None, Input("Folder; or for one file, its name in .csv or .parquet.")] = (
         None
     )
@@ -60,6 +64,7 @@ def import_(inputs: ImportInputs) -> None:
         tare=inputs.tare,
         scale=inputs.scale,
         air_density_kg_m3=inputs.air_density,
+        hover_kg=inputs.hover,
         over=tuple(parse_window(text) for text in inputs.over),
         near_m=inputs.near_m,
     )

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
-from benchtool.core.table_bounds import MOST_TABLE_BYTES, check_cells, check_columns
+from benchtool.core.table_bounds import MOST_TABLE_BYTES, check_cells, check_columns, check_decoded
 from benchtool.core.user_file import read_file
 from benchtool.data.repairs.imported import Finding, Kind, line_ranges
 
@@ -129,6 +129,8 @@ def _cells(text: str, delimiter: str, where: str) -> tuple[list[list[str]], list
 def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
     """Return the bytes of a text with line ends LF, in the encoding that it has beside UTF-16.
 
+    A Parquet table becomes the text of a CSV.
+
     A byte order mark stays where it is: a long file is not copied for three bytes.
 
     Raises:
@@ -139,6 +141,8 @@ def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
         repairs.append(("UTF-16", "the text is UTF-16, as Excel saves it; read as UTF-8"))
     if data.startswith(BYTE_ORDER_MARK):
         repairs.append(("byte order mark", "a byte order mark at the start was left out"))
+    if data.startswith(b"PAR1"):
+        data = _text_of_parquet(data, where)
     begin = data[:_START_BYTES].removeprefix(BYTE_ORDER_MARK)
     if not begin.strip() and not data.removeprefix(BYTE_ORDER_MARK).strip():
         raise FileFormatError(where, "the file is empty; name a file with a header line and rows")
@@ -149,6 +153,25 @@ def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
         data = data.replace(b"\r", b" " if b"\n" in data else b"\n")
         repairs.append(("line ends", "line ends CRLF or CR are read as LF"))
     return data
+
+
+def _text_of_parquet(data: bytes, where: str) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    from pyarrow import csv
+
+    text = io.BytesIO()
+    try:
+        with pq.ParquetFile(pa.BufferReader(data)) as file:
+            check_columns(len(file.schema_arrow.names), where)
+            check_decoded(file.metadata.num_rows, len(file.schema_arrow.names), where)
+            csv.write_csv(file.read(use_threads=False), text)
+    except (pa.ArrowException, OSError) as error:
+        problem = " ".join(str(error).split())[:200]
+        raise FileFormatError(
+            where, f"it cannot be read as a Parquet table of numbers and words ({problem})"
+        ) from error
+    return text.getvalue()
 
 
 def decode(text: bytes, what: str, repairs: Repairs) -> str:

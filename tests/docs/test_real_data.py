@@ -112,7 +112,10 @@ def test_commands_print_what_the_page_shows(
 
 def numbers_after(words: str, title: str) -> list[float]:
     """Return the number behind each occurrence of the words in a section."""
-    return [float(text) for text in re.findall(re.escape(words) + r" (-?[\d.]+)", section(title))]
+    return [
+        float(text.replace("−", "-"))
+        for text in re.findall(re.escape(words) + r" ([-−]?[\d.]+)", section(title))
+    ]
 
 
 def test_the_coplanar_pair_agrees_with_an_independent_fit() -> None:
@@ -142,3 +145,15 @@ def test_the_slow_flyers_coefficient_rises_as_its_file_says(reference_data: Path
     excess = numbers_after("thrust_exponent.excess –", "Propellers")[0]
     assert (low, high) == (2283.0, 5987.0)
     assert (high / low) ** excess == pytest.approx(c_high / c_low, abs=0.02)
+
+
+def test_the_floor_acts_on_the_hovering_quadrotor_as_published() -> None:
+    """Published: 0.11413538 exp(-5.38792044 z) + 1.0275278, stand 1.1765514e-7 N/rpm^2, 1.5 kg."""
+    title, published_a, published_b = "A quadrotor", 0.11413538 / 1.0275278, 5.38792044 * 0.12
+    (ca,), (cb,) = (numbers_after(f"exponential_law.{name} –", title) for name in ("Ca", "Cb"))
+    errors = re.findall(r"exponential_law.C[ab] – [\d.]+ ± ([\d.]+)", section(title))
+    assert abs(ca - published_a) < float(errors[0])
+    assert abs(cb - published_b) < float(errors[1])
+    (k,) = numbers_after("k 10⁻⁶ N/(rad/s)²", title)
+    stand = 1.1765514e-7 / RAD_S_PER_RPM**2
+    assert k * 1e-6 / stand == pytest.approx(14.7 / 17.8, abs=0.01)

@@ -22,6 +22,7 @@ from benchtool.data.formats.mavlink_walk import is_tlog
 from benchtool.data.formats.over_surface import mark_windows
 from benchtool.data.formats.uiuc import is_uiuc
 from benchtool.data.repairs.at_rest import apply_options, inspect_log, inspect_stand
+from benchtool.data.repairs.hover import points_of_hover
 from benchtool.data.repairs.imported import Imported, Options
 from benchtool.data.repairs.mapped import has_columns, read_by_map, read_named
 from benchtool.data.repairs.pole_count import compare_speeds
@@ -153,6 +154,8 @@ def import_bytes(data: bytes, where: str, options: Options) -> Imported:
     else:
         # Doubts come last: what the user repaired is none any more.
         read = inspect_stand(apply_options(mend_spikes(mend_time(read)), options))
+    if options.hover_kg is not None:
+        read = points_of_hover(read, options.hover_kg)
     return mark_windows(read, options.over, options.near_m)
 
 

@@ -146,6 +146,7 @@ class Options:
         tare: channels whose reading at rest is taken off.
         scale: factors as CHANNEL=FACTOR.
         air_density_kg_m3: for files that hold coefficients.
+        hover_kg: mass of the vehicle whose weight is the thrust of a hover flight.
         over: windows in which a rotor is over a surface.
         near_m: a distance sensor that reads less says that the vehicle is over a surface; None
             lets it say nothing.
@@ -156,5 +157,6 @@ class Options:
     tare: tuple[str, ...] = ()
     scale: tuple[str, ...] = ()
     air_density_kg_m3: float | None = None
+    hover_kg: float | None = None
     over: tuple[Window, ...] = ()
     near_m: float | None = None
