@@ -74,7 +74,7 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     assert Path(taken.value.path()).read_bytes() == expected.read_bytes()
     page.get_by_label("Search name, rig, date, state").fill("fit")
     page.get_by_role("button", name="earlier").click()
-    page.get_by_role("row", name=re.compile("^body_lift.K_b – 1.891 ± 0.012")).first.wait_for()
+    page.get_by_role("row", name=re.compile("^body_lift.K_b – 1.892 ± 0.014")).first.wait_for()
     with page.expect_download(timeout=COLD_MS) as report:
         page.get_by_role("button", name="Report, HTML").click()
     assert Path(report.value.path()).read_text("utf-8") == REPORT
