@@ -24,6 +24,13 @@ def z_over_R(i: int, flow: Flow) -> Quantity:
     return flow.height_m[i] / flow.radius_m
 
 
+@expression
+def own_image(i: int, flow: Flow, radius_over_R: Quantity) -> Quantity:
+    """Return (R_e/4z)^2, the term of a disc's own image for an effective radius R_e."""
+    ratio = 0.25 * radius_over_R / z_over_R(i, flow)
+    return ratio * ratio
+
+
 def law_effect(
     name: str,
     title: str,

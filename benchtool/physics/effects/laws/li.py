@@ -11,15 +11,14 @@ from benchtool.physics.effects.laws.law import (
     amplitude,
     expression,
     law_effect,
-    z_over_R,
+    own_image,
 )
 
 
 @expression
 def denominator(p: Any, i: int, flow: Flow) -> Quantity:
     """Return c (R/4z)^2."""
-    ratio = 0.25 / z_over_R(i, flow)
-    return p.c * ratio * ratio
+    return p.c * own_image(i, flow, 1.0)
 
 
 EFFECT = law_effect(

@@ -11,15 +11,14 @@ from benchtool.physics.effects.laws.law import (
     amplitude,
     expression,
     law_effect,
-    z_over_R,
+    own_image,
 )
 
 
 @expression
 def denominator(p: Any, i: int, flow: Flow) -> Quantity:
     """Return (R_e/4z)^2."""
-    ratio = 0.25 * p.R_e_over_R / z_over_R(i, flow)
-    return ratio * ratio
+    return own_image(i, flow, p.R_e_over_R)
 
 
 EFFECT = law_effect(
