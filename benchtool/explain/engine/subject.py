@@ -33,6 +33,35 @@ class RowGroups:
     stages: Mapping[Subsystem, NDArray[np.bool_]]
     regimes: Mapping[str, NDArray[np.bool_]]
 
+    @classmethod
+    def joined(
+        cls,
+        other: Subsystem,
+        of_speed: Sequence[NDArray[np.bool_]],
+        regimes: Sequence[Mapping[str, NDArray[np.bool_]]],
+    ) -> RowGroups:
+        """Return labels of rows that come in parts.
+
+        Args:
+            other: stage of the rows that are not of rotor speed.
+            of_speed: masks (n,), one for each part.
+            regimes: masks (n,) by name for each part; a part has none of a regime that it lacks.
+        """
+        turning = np.concatenate(of_speed)
+        names = dict.fromkeys(name for part in regimes for name in part)
+        return cls(
+            stages={"pwm_to_rpm": turning, other: ~turning} if turning.any() else {other: ~turning},
+            regimes={
+                name: np.concatenate(
+                    [
+                        part.get(name, np.zeros(len(rows), bool))
+                        for part, rows in zip(regimes, of_speed, strict=True)
+                    ]
+                )
+                for name in names
+            },
+        )
+
 
 class Evidence(Protocol):
     """Say how well a model's numbers fit data."""

@@ -129,19 +129,14 @@ class PitchEvidence:
     def groups(self) -> RowGroups:
         """Return labels of the rows: which stage they show, which part of the recording."""
         speeds: list[NDArray[np.bool_]] = []
-        regimes: dict[str, list[NDArray[np.bool_]]] = {}
+        regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:
             found = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
             read = np.isfinite(log.logged.speed_rad_s[:, log.counted]).any(axis=1).sum()
             for of_speed in [False] * (1 + _has_gyro(log)) + [True] * int(read):
                 speeds.append(np.full(int(log.counted.sum()), of_speed))
-                for name, mask in found.items():
-                    regimes.setdefault(name, []).append(mask[log.counted])
-        turning = np.concatenate(speeds)
-        return RowGroups(
-            stages={"pwm_to_rpm": turning, "hinge": ~turning},
-            regimes={name: np.concatenate(parts) for name, parts in regimes.items()},
-        )
+                regimes.append({name: mask[log.counted] for name, mask in found.items()})
+        return RowGroups.joined("hinge", speeds, regimes)
 
     def whitened(self, log: FilteredLog, found: Predictions) -> tuple[Array, ...]:
         """Return residuals of pitch, gyro and speeds that were read, (n_counted, n_sets) each."""

@@ -17,12 +17,12 @@ from benchtool.explain.engine.parameters import (
     with_every_effect,
 )
 from benchtool.explain.engine.subject import RowGroups
-from benchtool.explain.sweep.log import Mask, SweepLog, sweep_regimes
+from benchtool.explain.sweep.log import SweepLog, sweep_regimes
 from benchtool.fit.uncertainty.bench_errors import bench_errors
 from benchtool.physics.bases import speed_gains
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.effects.effect import Effect, Subsystem
+from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
 DROP = "supply.drop"
@@ -196,18 +196,4 @@ class SweepEvidence:
                 for rows in (np.ones(len(power.time_s), bool), np.isfinite(power.voltage_V)):
                     turning.append(np.ones(int(rows.sum()), bool))
                     regimes.append({name: mask[running][rows] for name, mask in found.items()})
-        labels = np.concatenate(turning)
-        names = dict.fromkeys(name for part in regimes for name in part)
-        stages: dict[Subsystem, Mask] = {"rpm_to_thrust": ~labels}
-        if labels.any():
-            stages = {"pwm_to_rpm": labels, **stages}
-        masks = {
-            name: [
-                part.get(name, np.zeros(len(rows), bool))
-                for part, rows in zip(regimes, turning, strict=True)
-            ]
-            for name in names
-        }
-        return RowGroups(
-            stages=stages, regimes={name: np.concatenate(parts) for name, parts in masks.items()}
-        )
+        return RowGroups.joined("rpm_to_thrust", turning, regimes)

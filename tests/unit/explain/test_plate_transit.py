@@ -84,5 +84,21 @@ def test_what_was_not_read_has_no_rows(left_out: str, of_hinge: int, of_speeds: 
     assert len(rows) == (of_hinge + of_speeds) * counted
     stages = evidence.groups().stages
     assert stages["hinge"].sum() == of_hinge * counted
-    assert stages["pwm_to_rpm"].sum() == of_speeds * counted
+    assert ("pwm_to_rpm" in stages) == (of_speeds > 0)
+    assert (~stages["hinge"]).sum() == of_speeds * counted
     assert 0.8 < np.sqrt(np.mean(rows[stages["hinge"]] ** 2)) < 1.3
+
+
+def test_recordings_whose_regimes_differ_are_explained_together() -> None:
+    """One without the plate has no rows near it; together they have those of the other."""
+    model = load_model("pitch_beam").model
+    logs = [
+        pitch_log(recorded(model, seed, seconds=8.0, schedule=name), model.rig).logged
+        for seed, name in ((1, "identify"), (2, "triangle"))
+    ]
+    near, neither = (PitchEvidence(model, part).groups().regimes for part in ([logs[0]], [logs[1]]))
+    evidence = PitchEvidence(model, logs)
+    regimes = evidence.groups().regimes
+    assert set(regimes) == set(near) | set(neither) != set(near)
+    rows = len(evidence.residuals(np.zeros((1, len(evidence.parameters)))))
+    assert {len(mask) for mask in regimes.values()} == {rows}
