@@ -118,11 +118,7 @@ UNEXPECTED = 70
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and leave the process with its exit code.
-
-    Args:
-        arguments: words after the program's name; those of the process when left out.
-    """
+    """Run the command line and leave the process with its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     for stream in (sys.stdout, sys.stderr):
         # A console that cannot show a character gets a stand-in for it instead of a traceback.
@@ -179,11 +175,7 @@ def _refuse_removed(words: Sequence[str]) -> None:
 
 
 def build(words: Sequence[str]) -> typer.Typer:
-    """Assemble the application for one invocation, importing at most one command.
-
-    Args:
-        words: words after the program's name; the first that is no option names the command.
-    """
+    """Assemble the application for one invocation, importing at most one command."""
     app = typer.Typer(
         cls=_Group,
         help="Drive rotor test benches near surfaces and fit ground-effect models.",

@@ -70,12 +70,8 @@ class Claim:
     """Hold one claim and what became of it.
 
     Attributes:
-        where: section or figure.
         by: who says it: the paper, or the planar study that this simulator is held to.
-        says: what the paper says.
-        found: what comes out, with numbers.
         gains: the gain set, or what was changed in it.
-        verdict: one of `VERDICTS`.
     """
 
     where: str

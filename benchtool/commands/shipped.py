@@ -42,8 +42,6 @@ def _show(
     """Print a list without a name; with one, the file itself or what it says.
 
     Args:
-        kind: what it is, in the singular; its files lie in the folder of the plural.
-        inputs: name of a shipped file or of the user's own, and whether to print the file.
         listed: gives a line for each that ships.
         described: gives the lines of one; it refuses what is no such file.
     """

@@ -41,11 +41,9 @@ class FigureEntry:
         page: what shows it; the part before a point is the folder of its module.
         name: of its file, and in its page's list of sections.
         caption: what is to be seen, in a sentence or two.
-        title: one line over the figure.
         when: whether the subject has anything to draw; always when left out.
         each: the subject's items by key where the figure is drawn once for each: the function then
             takes the item as third argument, and its file is called ``name_key``.
-        height_in, width_in: inches.
         simulated: whether the figure is stamped; the subject's own ``simulated`` when left out.
         layout: None for a figure that places its axes by itself.
     """
@@ -127,8 +125,6 @@ def drawn(page: str, subject: Any, names: Iterable[str] = ()) -> dict[str, Figur
     """Return the figures that a subject allows, by the name of their files.
 
     Args:
-        page: whose figures.
-        subject: what they show.
         names: which, in this order; all of the page when left out.
     """
     known = figures_of(page)
@@ -158,10 +154,8 @@ class Page:
     """List the sections of a page.
 
     Attributes:
-        name: the figures' page.
         layout: in order, title and parts of each section, or a function of the subject that returns
             sections. A section without any block is left out.
-        title, summary, highlights: of the report; see `Report`.
     """
 
     name: str
@@ -201,13 +195,7 @@ class Page:
         commands: Sequence[str] = (),
         figures: Mapping[str, FigureBlock] | None = None,
     ) -> Report:
-        """Return the whole page of a subject.
-
-        Args:
-            subject: what it is about.
-            commands: that made it, as they were typed.
-            figures: drawn before; drawn now when None.
-        """
+        """Return the whole page of a subject."""
         return Report(
             title=_value(self.title, subject),
             summary=_value(self.summary, subject),

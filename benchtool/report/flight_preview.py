@@ -48,9 +48,6 @@ def flight_preview(
     """Fly under every controller and return what a page shows.
 
     Args:
-        setup: what is flown.
-        controls: built-in controllers.
-        seed: of the noise.
         quick: leave out the flight out of ground effect, the table and most frames, and take longer
             steps.
     """

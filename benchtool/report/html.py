@@ -75,7 +75,6 @@ def inline_svg(figure: Figure, prefix: str) -> str:
     """Return the figure as an <svg> element for the inside of an HTML page.
 
     Args:
-        figure: the figure.
         prefix: put before every id, so that two figures of a page share none.
     """
     text = figure_bytes(figure, "svg").decode("utf-8")

@@ -59,8 +59,6 @@ class Table:
     """Show rows of cells, already formatted.
 
     Attributes:
-        caption: one sentence.
-        header: column heads.
         rows: cells as text, as many in each row as there are heads.
         text_columns: how many columns on the left hold words; the others are aligned as numbers.
     """
@@ -93,8 +91,6 @@ class FigureBlock:
     """Show a figure.
 
     Attributes:
-        figure: drawn by one of this package's functions.
-        caption: what is to be seen, in a sentence or two.
         alt: the same for somebody who cannot see it; the caption when empty.
     """
 
@@ -119,11 +115,7 @@ class Report:
     """Hold a whole page.
 
     Attributes:
-        title: of the page.
         summary: the answer in a few sentences, above everything else.
-        sections: in order; each appears in the contents.
-        simulated: whether any data shown is simulated; the page then says so at its top.
-        made: a line for the foot: by which version.
         highlights: the few numbers that matter most, name to formatted value, shown large.
     """
 

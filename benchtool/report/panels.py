@@ -73,7 +73,6 @@ def envelope(time_s: Array, values: Array, slots: int = 900) -> tuple[Array, Arr
     Args:
         time_s: (n,) s.
         values: (n,) the signal; nan where it had no new value.
-        slots: stretches of equal sample count.
     """
     present = np.isfinite(values) & np.isfinite(time_s)
     time_s, values = time_s[present], values[present]
@@ -144,9 +143,6 @@ def legend_below(figure: Figure, axes: Sequence[Axes], ncols: int, **instead: Ar
     """Put one legend of all axes below the figure, each label once.
 
     Args:
-        figure: the figure.
-        axes: whose handles are taken.
-        ncols: columns.
         instead: handles that take the place of those of a label, blanks as underscores.
     """
     found: dict[str, Any] = {}

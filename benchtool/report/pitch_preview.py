@@ -41,8 +41,6 @@ def pitch_preview(setup: PitchSetup, seed: int, *, quick: bool = False) -> Simul
     """Simulate every controller and return what a page shows.
 
     Args:
-        setup: what is simulated.
-        seed: of the noise.
         quick: leave out the runs without a plate, the table, and most frames: half the time.
     """
     began = time.perf_counter()

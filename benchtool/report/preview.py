@@ -25,7 +25,6 @@ class DrawnMotion:
     """Hold how a side view moves.
 
     Attributes:
-        time_s: (m,).
         along_m, up_m: (m,) place of the vehicle's centre, along its way and up.
         pitch_deg: (m,) nose down.
         own: (n_rotors, m) thrust of each rotor without anything below, over that of hover.
@@ -64,11 +63,6 @@ class ControllerRun:
     """Hold the run of one controller.
 
     Attributes:
-        label: the controller.
-        outcome: in a few words.
-        scene: what stands in its side view.
-        motion: how that moves.
-        panels: charts below it.
         over: begin and end of each stretch in which a rotor is over a surface, in s.
     """
 
@@ -85,10 +79,8 @@ class SimulationPreview:
     """Hold what a page shows of a simulation.
 
     Attributes:
-        lanes: one for each controller.
         lines: the table of numbers, as the command prints it; empty in a quick preview.
         warnings: what a reader of the numbers must know; empty in a quick preview.
-        seconds: what it took to work out.
     """
 
     runs: tuple[ControllerRun, ...]

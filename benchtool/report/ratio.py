@@ -35,8 +35,6 @@ class RatioPoints:
     Attributes:
         z_over_R, ratio: (m,) each, dimensionless.
         sd: (m,) standard deviation over repeats; nan where there was one repeat.
-        label: legend entry.
-        role: what it is; gives colour and marker.
         left_out: (m,) True for points that the fit left out, drawn hollow; None when all were used.
     """
 
@@ -63,8 +61,6 @@ class Curve:
 
     Attributes:
         z_over_R, ratio: (m,) each, dimensionless.
-        label: legend entry.
-        role: what it is; gives the colour.
         style: "fit" (solid), "formula" (dashed, as the paper draws its PFI curves) or
             "other" (dotted).
         bands: intervals of the curve, at most one per level.
@@ -156,10 +152,7 @@ def draw_ratio(
     """Draw thrust ratios with error bars over model curves with their bands.
 
     Args:
-        figure: empty.
-        series: measured ratios.
         curves: model curves; parts below the validity limit are not drawn.
-        basis: what is held equal, one of `style.BASES`.
         validity_limit: z/R below which the region is hatched.
     """
     axes = figure.subplots()

@@ -74,11 +74,6 @@ def page_text(
 ) -> str:
     """Return the report of what the paths name as HTML text.
 
-    Args:
-        paths: one of what `TAKES` lists, or several sweeps, which are compared.
-        beside: model and controller whose simulated run stands beside the data.
-        commands: as they were typed, for the page.
-
     Raises:
         InputError: paths that make no report.
     """
@@ -108,11 +103,7 @@ def write_report(
     returned as it stands.
 
     Args:
-        paths: one of what `TAKES` lists, or several sweeps, which are compared.
         out: the file; `usual_out` when None.
-        beside: model and controller whose simulated run stands beside the data.
-        commands: as they were typed, for the page.
-        replace: write over a file of that name.
 
     Raises:
         InputError: paths that make no report.

@@ -36,8 +36,6 @@ class Surface:
 
     Attributes:
         outline_m: corners (along, up) in m.
-        name: written on it; empty for nothing.
-        moves: whether it comes and goes.
     """
 
     outline_m: tuple[tuple[float, float], ...]
@@ -50,13 +48,9 @@ class Scene:
     """Hold what stands in a side view.
 
     Attributes:
-        title: for somebody who cannot see it.
         rotors_m: place of each rotor in the vehicle, forward and left, in m.
-        radius_m: of the rotors.
-        surfaces: what is below.
         hinged: whether the vehicle turns on a hinge that stands on the ground.
         width_m, top_m, bottom_m: what is shown: half of the width on each side of the vehicle.
-        ruler_m: ends of a ruler along the way; None without.
     """
 
     title: str

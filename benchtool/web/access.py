@@ -13,17 +13,7 @@ LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestFacts:
-    """Hold what a browser states about a request; empty strings where it states nothing.
-
-    Attributes:
-        host: header Host.
-        origin: header Origin.
-        site: header Sec-Fetch-Site.
-        mode: header Sec-Fetch-Mode.
-        token: from the cookie.
-        reads_only: GET or HEAD, and no websocket.
-        is_socket: a websocket.
-    """
+    """Hold what a browser states about a request; empty strings where it states nothing."""
 
     host: str
     origin: str = ""

@@ -53,11 +53,8 @@ class AccessMiddleware:
     """Guard an application.
 
     Args:
-        app: what is guarded.
-        access: the rules.
         cookie: name of the cookie that holds the token. With the port in it: browsers share
             cookies between the ports of a host.
-        sleep: waits for some seconds.
     """
 
     def __init__(

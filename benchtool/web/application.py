@@ -35,14 +35,7 @@ MOST_MESSAGE_BYTES = 1_000_000
 def run_application(
     runs: Path, listening: socket.socket, access: Access, process: ProcessHandle
 ) -> None:
-    """Serve the page until Ctrl-C.
-
-    Args:
-        runs: folder of runs, the only one that the page reads and writes.
-        listening: where browsers may be waiting already.
-        access: which requests are answered.
-        process: of the bench, started.
-    """
+    """Serve the page until Ctrl-C."""
     port = listening.getsockname()[1]
     server = ServerState(runs=runs, bench=BenchClient(process))
     server.bench.on_notice = notify_all_pages

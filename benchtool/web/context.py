@@ -75,7 +75,6 @@ class ServerState:
     Attributes:
         runs: the only folder that pages read and write.
         workers: by what they work for; made with the first work.
-        jobs: the latest of each kind.
     """
 
     runs: Path
@@ -113,7 +112,6 @@ class PageContext:
     """Hold what belongs to one page in one browser tab.
 
     Attributes:
-        server: what all pages share.
         tab: name of the browser's tab, sent by the page once it has connected.
         theme: "light", "dark", or empty to follow the system.
         dark: whether the page is dark now, sent by the page.

@@ -14,12 +14,7 @@ T = TypeVar("T", bound=Inputs)
 
 
 class InputForm(Generic[T]):
-    """Hold the fields of a dataclass of inputs and read what was typed.
-
-    Args:
-        cls: what the fields are of.
-        changed: called after every change.
-    """
+    """Hold the fields of a dataclass of inputs and read what was typed."""
 
     def __init__(self, cls: type[T], changed: Callable[[], object]) -> None:
         self._cls, self._changed = cls, changed
@@ -30,7 +25,6 @@ class InputForm(Generic[T]):
         """Make fields in the present slot.
 
         Args:
-            names: of the inputs.
             options: choices with labels, where the input's own are too short.
         """
         for name in names:
@@ -64,9 +58,6 @@ class InputForm(Generic[T]):
 
     def make(self, base: T | None = None) -> T:
         """Return the inputs.
-
-        Args:
-            base: what runs where nothing is typed; the defaults when None.
 
         Raises:
             InputError: something typed cannot be read, or is out of range.

@@ -40,11 +40,7 @@ GRACE_S = 2.0
 
 
 class WorkerProcess:
-    """Run short work, one call after another, in one process, started with the first of them.
-
-    Args:
-        name: what it works for, as messages call it.
-    """
+    """Run short work, one call after another, in one process, started with the first of them."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -92,7 +88,6 @@ class PageSection:
 
     Attributes:
         html: of its blocks, everything in it escaped.
-        simulated: whether no physical bench made the data.
         command: words behind `benchtool` that make the same; empty where there is none.
     """
 
@@ -108,9 +103,7 @@ class JobState(Generic[T]):
 
     Attributes:
         what: is being done, or was done last.
-        share: of the whole, 0 to 1.
         stages: everything that was done so far, in order.
-        result: of the work, once it is done.
         error: one sentence, where it failed.
     """
 
@@ -130,11 +123,9 @@ class Job(Generic[T]):
     """Make a folder in a new process.
 
     Args:
-        out: the folder, there once it is complete.
         words: behind `benchtool` that do the same.
         work: called as work(report, out, words, *arguments); calls report(what, share) whenever it
             likes.
-        arguments: further ones of the work.
     """
 
     def __init__(

@@ -20,12 +20,8 @@ class JobProgress(Generic[J]):
     """Show the job that runs, one begun on another page too, and call back when it has ended.
 
     Args:
-        context: of the page.
-        kind: of the jobs, one of which runs at a time.
-        what: is done, in one word ("fit").
         done: called with a job that has ended well while the page was there.
         ended: called whenever one has ended, however.
-        staged: list the stages, not only the present one.
     """
 
     def __init__(

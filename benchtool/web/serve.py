@@ -30,7 +30,6 @@ def open_page(
     Args:
         address: of the page, with its token where it wants one.
         folder: for that file; that of this user's state when None.
-        open_address: opens it.
 
     Returns:
         The file, to be deleted when the token has expired; None where there is none.
@@ -70,8 +69,6 @@ def serve(
     """Serve the page until Ctrl-C.
 
     Args:
-        runs: folder of runs, the only one that the page reads and writes.
-        host: address to bind to.
         port: to bind to; PORT or else a free one when None, a free one when 0.
         announce: is given the address of the page as soon as a browser may open it; the answer
             comes a moment later.

@@ -27,11 +27,7 @@ def cycle(dark: bool) -> tuple[str, ...]:
 
 
 def dress_page(theme: str) -> ui.dark_mode:
-    """Give the present page its colours, and return its dark mode.
-
-    Args:
-        theme: "light", "dark", or anything else to follow the system.
-    """
+    """Give the present page its colours, and return its dark mode."""
     ui.colors(primary=ACCENT, negative=STOP, positive="#00704f", warning="#b34700", info=ACCENT)
     ui.button.default_props("no-caps")
     ui.add_head_html('<meta name="color-scheme" content="light dark">')

@@ -174,12 +174,7 @@ def multiple_choice(label: str, changed: Callable[[], object]) -> ui.select:
 
 
 class TableUpload:
-    """Take CSV files from a browser: checked as untrusted, stored in the runs folder.
-
-    Args:
-        context: of the page.
-        stored: called with the name of each in the runs folder.
-    """
+    """Take CSV files from a browser: checked as untrusted, stored in the runs folder."""
 
     def __init__(
         self, context: PageContext, stored: Callable[[str], Awaitable[None] | None]
@@ -236,9 +231,7 @@ def confirm_arming(
     """Ask before motors turn: what will spin, and the typed word unless the bench is simulated.
 
     Args:
-        context: of the page.
         place: what stays when the dialog is gone; errors are shown there.
-        text: what the operator must know.
         begin: called with what was typed, empty on a simulated bench.
     """
     connection = context.bench.connection

@@ -29,8 +29,6 @@ def run_with_progress(campaign: Campaign, study: StudyInputs, **names: Any) -> N
     """Run a campaign, show how far it is, write its table and its map.
 
     Args:
-        campaign: what is run.
-        study: what is varied, which measure is shown, and the folder.
         names: of what may be varied; see `Design.read`.
     """
     several, out = study.campaign, study.out

@@ -81,12 +81,7 @@ def print_notes(notes: Iterable[str]) -> None:
 
 
 def close_stopped(run: Run, advice: str = "") -> None:
-    """Write the tables of a run that stopped and say where it is; what prevents it is only printed.
-
-    Args:
-        run: an error that ended it is on its way.
-        advice: how to go on.
-    """
+    """Write the tables of a run that stopped and say where it is; print what prevents that."""
     try:
         run.close()
     except (BenchtoolError, OSError, MemoryError) as error:
@@ -100,8 +95,6 @@ def write_new(out: Path, write: Callable[[], object], hint: str = "another --out
     """Write what must not be there yet.
 
     Args:
-        out: file or folder.
-        write: makes it.
         hint: what to choose where the system refuses.
 
     Raises:

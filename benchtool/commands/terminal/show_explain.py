@@ -26,11 +26,7 @@ from benchtool.report.answer.tables import (
 
 @contextmanager
 def working(reading: str) -> Iterator[Callable[[str, float], None]]:
-    """Show a bar on a terminal, one line elsewhere; gives the function that moves the bar.
-
-    Args:
-        reading: the recordings.
-    """
+    """Show a bar on a terminal, one line elsewhere; gives the function that moves the bar."""
     begun = f"explaining {reading}; the answer can take a minute or more"
     with progress_bar(TaskProgressColumn(), TimeElapsedColumn()) as bar:
         task = bar.add_task("reading", total=1.0)

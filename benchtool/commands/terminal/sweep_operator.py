@@ -21,7 +21,6 @@ def answer_to(question: str, meanwhile: Callable[[], object] | None = None) -> s
     """Return what the operator types; the end of the input is refused.
 
     Args:
-        question: printed without a line end.
         meanwhile: called again and again until the answer is there, a short while each time.
     """
     print(question, end="", flush=True)

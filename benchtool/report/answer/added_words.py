@@ -18,10 +18,8 @@ class Change:
     """Hold a number in which the new model differs from the old.
 
     Attributes:
-        name: the parameter's full name.
         before: its value in the old model; None where that has no such effect.
         now: the whole value in the new one, nothing to be added to the old.
-        unit: of both.
         found: whether it belongs to what was named; others moved within what was known of them.
     """
 
@@ -86,7 +84,6 @@ def added_sentence(answer: Answer, folder: str = "") -> str:
     """Say what was added, and to which file.
 
     Args:
-        answer: the answer.
         folder: that the answer is written to; empty where it is not.
     """
     kind = answer.verdict.kind

@@ -45,7 +45,6 @@ def write_folder(
 
     Args:
         folder: made where it is not there; files of these names are replaced.
-        answer: what is written.
         effects_file: the user's own effects; copied beside a model that has one of them.
         called: the name that the folder will have; its present one when None.
     """
@@ -86,12 +85,7 @@ VERSION = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """Name the files beside an answer, as paths; empty where there is none.
-
-    Attributes:
-        model: the new model file.
-        schedule: of the next experiment.
-    """
+    """Name the files beside an answer, as paths; empty where there is none."""
 
     model: str = ""
     schedule: str = ""

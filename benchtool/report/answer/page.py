@@ -142,8 +142,6 @@ def answer_page(
     """Return the report page of an answer.
 
     Args:
-        answer: the answer.
-        figures: its own, drawn.
         next_name: name of the file beside the page that holds the next experiment.
         folder: of the page, as it was typed; empty where nothing is written yet.
     """

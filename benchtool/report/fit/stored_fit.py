@@ -30,17 +30,10 @@ class StoredFit:
     """Hold what result.json says of a fit.
 
     Attributes:
-        recipe: the request, as the file has it.
-        model: its name.
         rig: name of the rig that it was fitted on; empty where the file does not say.
-        basis: see `Recipe`.
         simulated: whether any of the data came from no physical bench.
-        read, used: how many points.
         left_out: sentences that say which points and why.
         results: one for each method; their samples stand in samples.csv.
-        comparison: of models on held-out points, None when none were compared.
-        budget: None where there is none.
-        laws: on held-out distances, None when they were not compared.
     """
 
     recipe: Mapping[str, Any]

@@ -42,7 +42,6 @@ class CampaignPanel:
     """Sum up the runs of one panel in cells, so that memory holds cells, not runs.
 
     Attributes:
-        row, column: headings of its row and column of panels.
         count, total, least, most: of the measure in each cell (ny, nx).
     """
 
@@ -73,8 +72,6 @@ class CampaignMap:
     """Hold the cells of a campaign: a measure over the first two varied numbers.
 
     Attributes:
-        campaign, design: what was varied.
-        measure: name of the measure.
         panels: one per gain set and controller, and per value of a third number if few.
         edges: of the cells along each axis.
     """

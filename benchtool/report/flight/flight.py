@@ -57,11 +57,8 @@ def draw_flights(
     """Draw flights side by side: position above, pitch below, on common axes.
 
     Args:
-        figure: empty.
-        flights: one column each, under its heading.
         beside: legend and flight out of ground effect, drawn in grey in every column.
         obstacle_m: extent of the obstacle along x, marked at the position's axis.
-        focus_m: limits of the position axis.
         until_s: end of the time axis, where all that happens has happened.
     """
     axes = figure.subplots(
@@ -181,8 +178,6 @@ def fly_each(
     """Fly a case out of ground effect with PID first, then under each controller.
 
     Args:
-        case: what is flown.
-        controls: built-in controllers.
         own: name and class of the user's own; a new one is made for every flight.
     """
     free = replace(out_of_ground_effect(case), control="pid")

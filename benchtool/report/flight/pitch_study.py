@@ -37,9 +37,7 @@ class PitchStudy:
     """Hold the runs of a study.
 
     Attributes:
-        setup: what was simulated.
         runs: one per controller; away: the same with the plate parked, empty where not wanted.
-        seed: of the noise.
     """
 
     setup: PitchSetup
@@ -58,10 +56,7 @@ def pitch_study(
     """Run every controller of a setup, with the plate and without, under the same noise.
 
     Args:
-        setup: bench, controllers, schedule.
-        seed: of the noise.
         own: name and class of the user's controllers; a new one is made for every run.
-        only_own: leave the built-in controllers out.
         with_away: run them without the plate too; a study without has no figure.
     """
     radius_m = setup.bench.model.rig.propulsion.radius_m
@@ -149,11 +144,7 @@ def report_lines(study: PitchStudy) -> list[str]:
 
 
 def write_study(study: PitchStudy, out: Path) -> list[Path]:
-    """Write a recording per controller, the lines of the report, the figure; overwrite nothing.
-
-    Returns:
-        the files.
-    """
+    """Write a recording per controller, the lines of the report, the figure; overwrite nothing."""
     setup = study.setup
     rig = setup.bench.model.rig
     recordings = {out / f"{re.sub('[:+]', '-', run.controller)}.csv": run for run in study.runs}
@@ -190,7 +181,6 @@ class PitchTrace(NamedTuple):
     """Hold one run, on a hinge or in flight.
 
     Attributes:
-        label: heading of its panel ("observer").
         time_s, pitch_deg, reference_deg: (m,) each.
         covered: (m,) how far the plate is in, 0 to 1.
         away_deg: (m,) the same run with the plate parked (out of ground effect); None without.

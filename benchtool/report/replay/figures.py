@@ -38,15 +38,7 @@ MOST_CLOSER = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReplayedLog:
-    """Hold a recording on an even clock, and the simulated run beside it.
-
-    Attributes:
-        recorded: the recording.
-        track: the same on an even clock.
-        beside: which model was named.
-        replay: the simulated run; None without.
-        warnings: what a reader must know of both.
-    """
+    """Hold a recording on an even clock, and the simulated run beside it."""
 
     recorded: Recorded
     track: PitchTrack

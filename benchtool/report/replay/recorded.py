@@ -38,12 +38,9 @@ class Recorded:
     """Hold a recording with all that is written beside it.
 
     Attributes:
-        path: run folder or file.
-        recording: its values.
         facts: metadata of a run, or the JSON beside a file.
         provenance: controller, gains and so on, where anything states them.
         plan_text: of a run; empty for a file.
-        sha256: of the data.
     """
 
     path: Path

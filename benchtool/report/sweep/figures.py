@@ -269,7 +269,6 @@ def calibration(figure: Figure, known: Mapping[str, Any]) -> None:
     """Draw counts against force with the line, and below the residuals up and down.
 
     Args:
-        figure: empty.
         known: a calibration as its JSON file and a run's metadata hold it, and whether the load
             cell was a virtual one, as "simulated".
     """

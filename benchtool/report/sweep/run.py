@@ -42,22 +42,13 @@ class SweepRun:
     """Hold a run of `benchtool sweep`.
 
     Attributes:
-        path: its folder.
-        metadata: as they stand in its JSON.
-        plan_text: the plan, every number filled in.
-        rig: as it was when the run began.
         points: visits without tares.
         tares: what was left after each tare; None where none was made.
         samples: every sample; None where the folder holds none (`recalibrated-...`).
-        settings: means over repeats.
         thrust_error_N: (s,) standard deviation over repeats, or the standard error of a visit where
             that is larger: two repeats may agree by chance.
         ratio, ratio_error: (s,) T_IGE/T_OGE of each setting and the same of it; nan where there is
             none.
-        basis: what is held equal in the ratio.
-        events: oldest first.
-        sha256: of points and samples.
-        files: SHA-256 by file name.
         model: what stands beside the run in its figures; None without.
         budget: of its thrusts; None where its points make none.
     """
@@ -123,10 +114,6 @@ class SweepRun:
 
 def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
     """Return a sweep's run folder.
-
-    Args:
-        path: the folder.
-        model: what stands beside the run in its figures.
 
     Raises:
         FileFormatError: no run, one without a rig, or one that measured nothing yet.

@@ -82,7 +82,6 @@ def draw_samples(
     """Draw the signals of a run one above the other, the windows of its points shaded.
 
     Args:
-        figure: empty.
         recording: the samples; a signal that was never read has no panel.
         windows: stretches of time whose samples became points.
         radius_m: rotor radius; when given, the plate distance has a second axis in z/R.

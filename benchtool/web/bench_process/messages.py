@@ -25,7 +25,6 @@ class Connect:
     """Open a bench.
 
     Attributes:
-        address: as on the command line.
         rig: may be empty where the address names one.
         weighs: hold it without the guard's limits, for masses on the load cell; no motor can turn.
     """
@@ -64,9 +63,7 @@ class HoldThrottle:
     """Report that the throttle button is still held; sent again and again.
 
     Attributes:
-        tab: name of the browser's tab.
         press: number of this press, growing in a tab; one that has ended does not come back.
-        pulse_us: commanded pulse.
         rotors: numbers of the rotors that shall turn, from 1.
         age_s: time since the page knew that the button was held.
     """
@@ -208,9 +205,7 @@ class LiveStatus:
     Attributes:
         pulses_us: commanded, one for each rotor.
         rate_Hz: samples per second of the bench's clock.
-        samples, lost, corrupt: since the connection.
         limits: how near each reading has been to its limit since the last of these.
-        armed: motors may be turned by hand.
         speed: of a virtual clock, 0 where the clock is the wall's.
         weighed: (mass in kg, counts) so far, for a calibration.
         busy: what takes a while just now, empty when nothing does.
@@ -238,10 +233,8 @@ class SweepStatus:
     Attributes:
         status: "none" before the first one; "closing" while files are finished.
         pitch: a pitch recording; it has no visits.
-        run: its folder.
         visits, done, left_s: planned, measured, and how long the rest takes.
         now: present visit, in words.
-        question: for the operator, empty when there is none.
         reason: why it ended early, or its summary.
     """
 

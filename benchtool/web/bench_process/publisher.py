@@ -23,12 +23,7 @@ HEAD = 3
 
 
 class Decimator:
-    """Keep extremes of samples (m, c) between two frames, so that no peak is missed.
-
-    Args:
-        session: number in every frame.
-        n_channels: c.
-    """
+    """Keep extremes of samples (m, c) between two frames, so that no peak is missed."""
 
     def __init__(self, session: int, n_channels: int) -> None:
         self._session = session

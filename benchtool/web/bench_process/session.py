@@ -45,18 +45,7 @@ READ_S = 0.02
 
 
 class Session:
-    """Read a bench and carry out commands, in the thread that owns it.
-
-    Args:
-        connect: the command that opened it.
-        number: of this session.
-        rig: on the bench.
-        publisher: to the page.
-        commands: from the page.
-        dead_man: of the throttle.
-        runs: sweeps and recordings.
-        telemetry: receives every sample.
-    """
+    """Read a bench and carry out commands, in the thread that owns it."""
 
     def __init__(
         self,

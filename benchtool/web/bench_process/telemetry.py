@@ -20,15 +20,7 @@ from benchtool.web.bench_process.publisher import Decimator, EventPublisher, mer
 def limit_shares(
     names: Sequence[str], low: Array, high: Array, pulses_us: Sequence[float], limits: Limits
 ) -> tuple[LimitShare, ...]:
-    """Return every limit with the reading that was nearest to it.
-
-    Args:
-        names: of channels (c,).
-        low: least of each since the last call (c,); nan where nothing came.
-        high: greatest of each (c,).
-        pulses_us: commanded.
-        limits: of the rig.
-    """
+    """Return every limit with the reading that was nearest to it."""
     found = []
     for family, label, limit in (
         ("thrust_N", "thrust, N", min(limits.thrust_N, limits.load_cell_rating_N)),
@@ -68,11 +60,7 @@ class Telemetry:
     """Receive every read of a bench and publish it.
 
     Args:
-        session: number of this connection.
-        rig: its limits.
-        publisher: to the page.
         speed: of a virtual clock, 0 where it is the wall's.
-        clock: monotonic wall clock in seconds.
     """
 
     def __init__(

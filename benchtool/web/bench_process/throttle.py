@@ -20,7 +20,6 @@ class DeadManSwitch:
 
     Args:
         ended: called with a tab and the reason when its press ends other than by its release.
-        silence_s: dead-man time.
     """
 
     def __init__(

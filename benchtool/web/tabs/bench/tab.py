@@ -44,7 +44,6 @@ class StripChart(Element, component=STATIC / "strip_chart.js"):
 
     Args:
         session: number of the connection; frames of another are not shown.
-        channels: of the bench, in the order of the stream.
     """
 
     def __init__(self, session: int, channels: Sequence[Channel]) -> None:

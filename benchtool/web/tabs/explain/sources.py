@@ -101,7 +101,6 @@ class RecordingSources(NamedTuple):
     """List what can be chosen, and lead from a choice to its path; nothing else has one.
 
     Attributes:
-        runs: the runs folder.
         examples: read only; None where there are none.
     """
 

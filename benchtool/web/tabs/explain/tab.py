@@ -46,13 +46,7 @@ OPEN = ("What now", "Where", "Which", "The gap")
 
 
 class AnswerView:
-    """Show an answer and let it be accepted.
-
-    Args:
-        context: of the page.
-        sources: where recordings and models are.
-        written: called when the answer has been written.
-    """
+    """Show an answer and let it be accepted."""
 
     def __init__(
         self,

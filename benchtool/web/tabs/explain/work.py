@@ -26,10 +26,7 @@ class ExplanationResult:
     Attributes:
         sentence: the verdict, with what weighs on it.
         named: effects that the new model has more than the old; empty where none was named.
-        parts: sections of the report, in its order.
         highlights: the few numbers that matter most, as HTML; empty without.
-        simulated: whether no physical bench made the recordings.
-        seconds: how long it took.
     """
 
     sentence: str
@@ -73,12 +70,6 @@ def explain(
     report: ReportProgress, out: Path, words: tuple[str, ...], inputs: ExplainInputs
 ) -> ExplanationResult:
     """Answer which effect a model lacks, and set the answer's folder aside.
-
-    Args:
-        report: receives the stages.
-        out: the folder that the answer gets where it is accepted.
-        words: behind `benchtool`, for the report.
-        inputs: recordings and model.
 
     Raises:
         BenchtoolError: recordings or model that no verdict can stand on.

@@ -90,13 +90,7 @@ def chosen_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnS
 
 
 class DataCard:
-    """Choose what is fitted.
-
-    Args:
-        context: of the page.
-        listing: of the runs folder.
-        changed: called after every change.
-    """
+    """Choose what is fitted."""
 
     def __init__(
         self, context: PageContext, listing: RunsListing, changed: Callable[[], None]

@@ -47,8 +47,6 @@ class FitRequest:
         data: names of runs and tables.
         model: as `model_choices` calls it.
         choices: by parameter, where the form differs from the model.
-        name: of the folder that is made.
-        options: other inputs of the command, by name.
     """
 
     data: list[str] = field(default_factory=list)
@@ -102,7 +100,6 @@ def numbers_of(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
     """Return the numbers of a model by full name, without those of the noise: an option sets them.
 
     Args:
-        model: as `model_path` gives it.
         rig: of the data, which goes before the one that the model file names.
     """
     found = loaded(model, rig).model.parameters

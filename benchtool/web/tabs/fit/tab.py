@@ -136,12 +136,7 @@ def _of_model(number: Parameter) -> ParameterChoice:
 
 
 class MethodCard:
-    """Choose how to fit.
-
-    Args:
-        models: to compare with, name to words.
-        changed: called after every change.
-    """
+    """Choose how to fit."""
 
     def __init__(self, models: Mapping[str, str], changed: Callable[[], None]) -> None:
         self._form = InputForm(FitInputs, changed)

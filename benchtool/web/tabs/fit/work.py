@@ -29,14 +29,6 @@ def fit_into(
 ) -> str:
     """Run a recipe, write its folder in one step, and return the folder's name.
 
-    Args:
-        report: receives the progress.
-        out: the folder; nothing of that name exists.
-        words: behind `benchtool`, for the report.
-        recipe: what to fit.
-        profile: intervals of least squares from the profile likelihood.
-        budget: "mc" checks the uncertainty budget by Monte Carlo.
-
     Raises:
         BenchtoolError: the data or the model do not allow the fit.
     """

@@ -40,8 +40,6 @@ class Download(NamedTuple):
     """Offer one file: one that stands in the runs folder, a table of a run, or the report.
 
     Attributes:
-        label: on its button.
-        file: its name where it is downloaded.
         path: in the runs folder; empty for a table and the report.
         table: of a run, to be exported; empty for others.
     """

@@ -22,12 +22,7 @@ def _bench_of(inputs: PitchInputs) -> tuple[str, dict[str, float]]:
 
 
 class SaveCard:
-    """Offer what the command writes with --out.
-
-    Args:
-        context: of the page.
-        inputs: returns what is simulated now.
-    """
+    """Offer what the command writes with --out."""
 
     def __init__(self, context: PageContext, inputs: Callable[[], Simulation]) -> None:
         self._context, self._inputs = context, inputs

@@ -32,7 +32,6 @@ class Slider:
 
     Attributes:
         name: as `--set` takes it, or an option's own name.
-        label: for people, with the unit.
         low, high, step: what can be chosen; choices of the page, the command takes more.
         start: the simulation's own value; a number that stands there is not in the command.
         first: where the slider stands when it is first shown; at `start` when None.
@@ -115,11 +114,7 @@ def hidden_slider(rig: str, effect: str) -> Slider:
 
 
 class Sliders:
-    """Show sliders, and know which numbers are changed.
-
-    Args:
-        changed: called when any of them moves.
-    """
+    """Show sliders, and know which numbers are changed."""
 
     def __init__(self, changed: Callable[[], None]) -> None:
         self._changed = changed

@@ -55,7 +55,6 @@ class PlanPreview(NamedTuple):
     """Hold what is shown of a plan.
 
     Attributes:
-        facts: name to text.
         arming: what the operator must know before confirming.
         order: rows by the names of COLUMNS.
     """

@@ -24,7 +24,6 @@ class MeasuredRatios(NamedTuple):
     Attributes:
         rows: z/R, T_IGE/T_OGE, standard error.
         why: why there are none, empty when there are.
-        simulated: no physical motor turned.
     """
 
     rows: tuple[tuple[float, ...], ...] = ()
@@ -60,9 +59,6 @@ def model_curves(
 
     Args:
         model: name or file; empty for the formulae alone.
-        rig: its radius and rotors.
-        z_over_R: ends of the curves.
-        ink: colour of text and formulae.
         basis: what the model's ratios hold equal.
 
     Raises:
