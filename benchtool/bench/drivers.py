@@ -70,7 +70,6 @@ class Address:
         return value
 
     def whole(self, name: str, default: int, low: int, high: int) -> int:
-        """Return an option as a whole number within its range, or its default."""
         value = self.number(name, default, low, high)
         if value != int(value):
             raise InputError(
@@ -80,7 +79,6 @@ class Address:
         return int(value)
 
     def choice(self, name: str, default: str, known: tuple[str, ...]) -> str:
-        """Return an option that is one of a few words, or its default."""
         given = self.options.get(name, default)
         if given not in known:
             raise UnknownChoice(f"{name} of address {self.text!r}", given, known)
@@ -129,54 +127,43 @@ class Driver:
     ends: str = ""
 
 
-DRIVERS: dict[str, Driver] = {}
-"""Every driver by the scheme of its addresses."""
-
-
-def register(
-    scheme: str, opener: str, *, example: str, options: tuple[str, ...] = (), ends: str = ""
-) -> None:
-    """Add a driver; see `Driver` for what each argument is."""
-    DRIVERS[scheme] = Driver(opener=opener, example=example, options=options, ends=ends)
-
-
-register(
-    "sim",
-    "benchtool.virtual.simulated:open_simulated",
-    example="sim:pquad?seed=3",
-    options=("truth", "seed", "rate", "mode", "schedule", "controller", "gains", "hidden"),
-)
-register(
-    "serial",
-    "benchtool.bench.serial.bench:open_serial",
-    example="serial:/dev/ttyUSB0?baud=2000000",
-    options=("baud",),
-    ends="benchtool.bench.transport.serial_port:serial_ends",
-)
-register(
-    "tcp",
-    "benchtool.bench.serial.bench:open_tcp",
-    example="tcp:127.0.0.1:5555",
-    ends="benchtool.bench.transport.sockets:tcp_ends",
-)
-register(
-    "mavlink",
-    "benchtool.bench.mavlink.bench:open_mavlink",
-    example="mavlink:udpin:127.0.0.1:14550",
-    options=(
-        *("system", "rotors", "map", "mode", "arm", "rate", "key"),
-        *("thrust", "thrust_scale", "rpm", "distance", "orientation", "cell"),
+DRIVERS: dict[str, Driver] = {
+    "sim": Driver(
+        opener="benchtool.virtual.simulated:open_simulated",
+        example="sim:pquad?seed=3",
+        options=("truth", "seed", "rate", "mode", "schedule", "controller", "gains", "hidden"),
     ),
-    ends="benchtool.bench.mavlink.settings:mavlink_ends",
-)
-register(
-    "rcbudp",
-    "benchtool.bench.rcbenchmark.bench:open_rcbudp",
-    example="rcbudp:127.0.0.1:55047",
-    options=("listen", "thrust_scale"),
-    ends="benchtool.bench.rcbenchmark.link:rcbudp_ends",
-)
-register("replay", "benchtool.bench.replay:open_replay", example="replay:runs/2026-01-31-first")
+    "serial": Driver(
+        opener="benchtool.bench.serial.bench:open_serial",
+        example="serial:/dev/ttyUSB0?baud=2000000",
+        options=("baud",),
+        ends="benchtool.bench.transport.serial_port:serial_ends",
+    ),
+    "tcp": Driver(
+        opener="benchtool.bench.serial.bench:open_tcp",
+        example="tcp:127.0.0.1:5555",
+        ends="benchtool.bench.transport.sockets:tcp_ends",
+    ),
+    "mavlink": Driver(
+        opener="benchtool.bench.mavlink.bench:open_mavlink",
+        example="mavlink:udpin:127.0.0.1:14550",
+        options=(
+            *("system", "rotors", "map", "mode", "arm", "rate", "key"),
+            *("thrust", "thrust_scale", "rpm", "distance", "orientation", "cell"),
+        ),
+        ends="benchtool.bench.mavlink.settings:mavlink_ends",
+    ),
+    "rcbudp": Driver(
+        opener="benchtool.bench.rcbenchmark.bench:open_rcbudp",
+        example="rcbudp:127.0.0.1:55047",
+        options=("listen", "thrust_scale"),
+        ends="benchtool.bench.rcbenchmark.link:rcbudp_ends",
+    ),
+    "replay": Driver(
+        opener="benchtool.bench.replay:open_replay", example="replay:runs/2026-01-31-first"
+    ),
+}
+"""Every driver by the scheme of its addresses."""
 
 
 def parse_address(text: str) -> Address:

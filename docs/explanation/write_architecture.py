@@ -47,7 +47,7 @@ CARRIERS = (
 
 REGISTRIES = (
     ("an effect", "one file in `benchtool/physics/effects/`", "write-an-effect"),
-    ("a driver", "`register` in `benchtool/bench/drivers.py`", "write-a-driver"),
+    ("a driver", "`DRIVERS` in `benchtool/bench/drivers.py`", "write-a-driver"),
     ("an importer", "`FORMATS` in `benchtool/data/formats/formats.py`", "write-an-importer"),
     ("a control law", "`LAWS` in `benchtool/simulate/controllers/laws.py`", "write-a-controller"),
     ("a figure", "`@figure` in `benchtool/report/`, and its page", "write-a-figure"),
