@@ -111,11 +111,9 @@ class Bench(Protocol):
     @property
     def identity(self) -> Identity:
         """Who answers; known once the bench is open."""
-        ...
 
     def now_s(self) -> float:
         """Return the bench's clock in seconds, monotonic."""
-        ...
 
     def open(self) -> None:
         """Open the link and learn who answers.
@@ -124,11 +122,9 @@ class Bench(Protocol):
             PortBusy, PortDenied, NoDevice: the port cannot be had, or nothing answers on it.
             ProtocolError: it answers, but not in a protocol that we speak.
         """
-        ...
 
     def close(self) -> None:
         """Command zero if that is still possible and close the link; safe to call twice."""
-        ...
 
     def set_pwm(self, pwm_us: Array) -> None:
         """Command every motor's pulse (n_rotors,): us; the acknowledgement has been read.
@@ -137,11 +133,9 @@ class Bench(Protocol):
             CommandRefused: the device refused it.
             LinkLost: no acknowledgement came.
         """
-        ...
 
     def stop(self) -> None:
         """Command zero to every motor and halt the plate at once; a second stop is no error."""
-        ...
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         """Ask for a plate position and return when it stands there.
@@ -149,11 +143,9 @@ class Bench(Protocol):
         Raises:
             StageError: the stage refused, alarmed, or did not arrive in time.
         """
-        ...
 
     def tare(self) -> None:
         """Let the device take the present load-cell reading as zero thrust."""
-        ...
 
     def set_rate(self, rate_Hz: float) -> None:
         """Ask for a stream rate.
@@ -161,7 +153,6 @@ class Bench(Protocol):
         Raises:
             InputError: the rate does not fit the link; the message carries the arithmetic.
         """
-        ...
 
     def read(self, timeout_s: float) -> Readings:
         """Return what arrived, waiting at most `timeout_s` for the first sample.
@@ -174,7 +165,6 @@ class Bench(Protocol):
             DeviceStopped: the device says that it stopped by itself; raised once, later reads
                 give what it still sends.
         """
-        ...
 
     def __enter__(self) -> Self: ...
 
@@ -228,12 +218,7 @@ class Opened(ABC):
         self.open()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -246,61 +231,47 @@ class Subscribable(Protocol):
     """Publish samples as they come, whatever call waits for the device."""
 
     def subscribe(self, listener: Listener) -> None:
-        """Give a listener every block from now on, before it is handed out by `read`.
-
-        The listener is called in the thread that owns the bench.
-        """
-        ...
+        """Give a listener every block from now on, before `read` hands it out, in its thread."""
 
 
-class ReadAhead:
-    """Hold blocks of samples until they are read; a listener gets each of them at once."""
+class StreamingBench(Opened):
+    """Be a driver whose samples come by themselves.
 
-    def __init__(self) -> None:
-        self._waiting: list[Readings] = []
-        self._counts: list[Readings] = []  # losses and messages without a sample to go with
+    Those that come during a command are held for the next read; a listener gets each at once.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address
         self._listener: Listener | None = None
+        self._forget()
 
     def subscribe(self, listener: Listener) -> None:
-        """Give a listener every block from now on."""
         self._listener = listener
 
-    def hold(self, readings: Readings) -> None:
+    def _forget(self) -> None:
+        """Forget everything that was not read."""
+        self._waiting: list[Readings] = []
+        self._losses: list[Readings] = []  # losses and messages without a sample to go with
+
+    def _hold(self, readings: Readings) -> None:
         """Hold a block for the next read; one without samples goes along with the next samples."""
         if len(readings):
             self._waiting.append(self._published(readings))
         else:
-            self._counts.append(readings)
+            self._losses.append(readings)
 
-    def take(self) -> Readings | None:
+    def _held(self) -> Readings | None:
         """Return the samples that wait, in one block; None where there are none."""
         waiting, self._waiting = self._waiting, []
         return joined(waiting) if waiting else None
 
-    def read(self, fresh: Callable[[], Readings]) -> Readings:
-        """Return the samples that wait, or else a fresh block."""
-        waiting = self.take()
-        return self._published(fresh()) if waiting is None else waiting
-
-    def clear(self) -> None:
-        """Forget everything that was not read."""
-        self._waiting, self._counts = [], []
+    def _held_or(self, fresh: Callable[[], Readings]) -> Readings:
+        held = self._held()
+        return self._published(fresh()) if held is None else held
 
     def _published(self, readings: Readings) -> Readings:
-        counts, self._counts = self._counts, []
+        counts, self._losses = self._losses, []
         readings = joined([*counts, readings])
         if self._listener is not None:
             self._listener(readings)
         return readings
-
-
-class StreamingBench(Opened):
-    """Be a driver whose samples come by themselves: those that come during a command are held."""
-
-    def __init__(self, address: str) -> None:
-        self.address = address
-        self._ahead = ReadAhead()
-
-    def subscribe(self, listener: Listener) -> None:
-        """Give a listener every block from now on (`Subscribable`)."""
-        self._ahead.subscribe(listener)

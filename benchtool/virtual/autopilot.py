@@ -14,8 +14,8 @@ from math import isfinite
 
 import numpy as np
 
-from benchtool.bench.mavlink.drive import ARMED
 from benchtool.bench.mavlink.frames import AUTOPILOT_COMPONENT, MavlinkFrames
+from benchtool.bench.mavlink.health import ARMED
 from benchtool.bench.mavlink.messages import ARM_DISARM, MOTOR_TEST, Message, dialect
 from benchtool.bench.mavlink.pilots import HIL
 from benchtool.bench.serial.commands import SendPlate, SetPwm, StopDevice
@@ -137,7 +137,6 @@ class VirtualAutopilot(ServedDevice):
 
     @property
     def outputs_us(self) -> tuple[int, ...]:
-        """Pulse of every output."""
         return tuple(self._streams.outputs_us)
 
     def _sample(self, time_us: int, row: list[float]) -> list[bytes]:
@@ -291,7 +290,6 @@ class VirtualAutopilot(ServedDevice):
             shown[output - 1] = round(float(pulse_us))
 
     def _take_texts(self) -> list[Message]:
-        """Return what was reported of motors."""
         texts, self._orders.texts = self._orders.texts, []
         return [message for severity, text in texts for message in self._text(text, severity)]
 
@@ -310,7 +308,6 @@ class VirtualAutopilot(ServedDevice):
         return messages
 
     def _place(self, name: str, value: float, now_s: float) -> None:
-        """Move the plate of the virtual world."""
         if name in self._aside:
             self._aside[name] = value
         elif name == "plate_z":

@@ -14,14 +14,7 @@ from benchtool.bench.rcbenchmark.lines import (
     SPEEDS,
     VIRTUAL_BOARD,
 )
-from benchtool.bench.serial.commands import (
-    Clear,
-    SendPlate,
-    SetPwm,
-    SetRate,
-    StopDevice,
-    TareDevice,
-)
+from benchtool.bench.serial import commands as wire
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.units import from_si
@@ -53,11 +46,7 @@ class StandReadings:
         self._held: dict[str, float] = {}
 
     def result(self, time_us: int, row: list[float], plate_moves: bool) -> dict[str, Any]:
-        """Return the result of one reading, with working values and units only.
-
-        Args:
-            row: (c,) in the channels' units, nan where a channel has no new value.
-        """
+        """Return the result of one reading, with working values and units only."""
         self._held |= {
             name: value for name, value in zip(self._names, row, strict=True) if isfinite(value)
         }
@@ -100,7 +89,7 @@ class VirtualBridge(ServedDevice):
         self._now_s = 0.0
         self._moving = False
         # The GUI reads its stand whether or not anybody listens.
-        firmware.execute(SetRate(hello.rate_Hz), 0.0)
+        firmware.execute(wire.SetRate(hello.rate_Hz), 0.0)
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         self._now_s = now_s
@@ -149,27 +138,27 @@ class VirtualBridge(ServedDevice):
                 z_m, x_m, tilt_rad = map(float, word.split()[2:])
             except ValueError:
                 return "three numbers are needed: z m, x m, tilt rad"
-            reply = self.firmware.execute(SendPlate(z_m, x_m, tilt_rad), self._now_s)
+            reply = self.firmware.execute(wire.SendPlate(z_m, x_m, tilt_rad), self._now_s)
             self._moving = self._moving or reply.ok
         elif word.startswith("average"):
             count = max(1, int(word.split()[1]))
-            reply = self.firmware.execute(SetRate(hello.rate_Hz / count), self._now_s)
+            reply = self.firmware.execute(wire.SetRate(hello.rate_Hz / count), self._now_s)
         elif word == "stop":
             self._moving = False
-            reply = self.firmware.execute(StopDevice(), self._now_s)
+            reply = self.firmware.execute(wire.StopDevice(), self._now_s)
         elif word == "clear":
-            reply = self.firmware.execute(Clear(), self._now_s)
+            reply = self.firmware.execute(wire.Clear(), self._now_s)
         elif word == "tare":
             if self.firmware.pwm_us[0] > hello.pwm_stop_us:
                 return "the motor turns; stop it first"
-            reply = self.firmware.execute(TareDevice(), self._now_s)
+            reply = self.firmware.execute(wire.TareDevice(), self._now_s)
         else:
             try:
                 pulse_us = float(word)
             except ValueError:
                 return "unknown word"
             if pulse_us > hello.pwm_stop_us or self.firmware.pwm_us[0] > hello.pwm_stop_us:
-                reply = self.firmware.execute(SetPwm((pulse_us,)), self._now_s)
+                reply = self.firmware.execute(wire.SetPwm((pulse_us,)), self._now_s)
             else:
                 # A heartbeat at standstill; the plate moves on.
                 self.firmware.note_host(self._now_s)

@@ -13,22 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.serial.commands import (
-    ArmDevice,
-    Clear,
-    Command,
-    DeviceEvent,
-    Reply,
-    RequestHello,
-    RequestPlate,
-    SendPlate,
-    SetLimit,
-    SetPwm,
-    SetRate,
-    StopDevice,
-    TareDevice,
-    text_of,
-)
+from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel
@@ -100,11 +85,11 @@ class Firmware:
     def __init__(self, plant: Plant, hello: Hello, now_s: float = 0.0) -> None:
         self.hello = hello
         self.rate_Hz = 0.0
-        self.latched: DeviceEvent | None = None
+        self.latched: wire.DeviceEvent | None = None
         self.pwm_us: Array = np.full(hello.n_rotors, hello.pwm_stop_us)
         self.limits: dict[str, float] = dict(hello.limits)
         self._plant = plant
-        self._events: list[DeviceEvent] = []
+        self._events: list[wire.DeviceEvent] = []
         self._host_s = now_s
         self._reminded_s = now_s
         self._device_us = 0.0
@@ -127,43 +112,43 @@ class Firmware:
         """Note that a valid line (a heartbeat or anything else) came at wall time `now_s`."""
         self._host_s = now_s
 
-    def take_events(self) -> tuple[DeviceEvent, ...]:
+    def take_events(self) -> tuple[wire.DeviceEvent, ...]:
         """Return what happened since the last call, oldest first."""
         events, self._events = tuple(self._events), []
         return events
 
-    def execute(self, command: Command, now_s: float) -> Reply:
+    def execute(self, command: wire.Command, now_s: float) -> wire.Reply:
         """Carry out one command that arrived at wall time `now_s`."""
         self.note_host(now_s)
         match command:
-            case RequestHello():
+            case wire.RequestHello():
                 self._zero()
                 self.rate_Hz = 0.0
-                return Reply(True)
-            case ArmDevice():
-                return self._refuse_latched() or Reply(True, fields=(self.hello.channel_hash,))
-            case SetPwm(pwm_us):
+                return wire.Reply(True)
+            case wire.ArmDevice():
+                return self._refuse_latched() or wire.Reply(True, fields=(self.hello.channel_hash,))
+            case wire.SetPwm(pwm_us):
                 return self._set_pwm(np.array(pwm_us, float))
-            case SendPlate(z_m, x_m, tilt_rad):
+            case wire.SendPlate(z_m, x_m, tilt_rad):
                 return self._move(z_m, x_m, tilt_rad)
-            case RequestPlate():
+            case wire.RequestPlate():
                 at = self._target or (np.nan, np.nan, np.nan)
-                fields = ("" if np.isnan(value) else text_of(value) for value in at)
-                return Reply(True, fields=(str(int(self._plant.plate_moving)), *fields))
-            case TareDevice():
+                fields = ("" if np.isnan(value) else wire.text_of(value) for value in at)
+                return wire.Reply(True, fields=(str(int(self._plant.plate_moving)), *fields))
+            case wire.TareDevice():
                 self._plant.tare()
-                return Reply(True)
-            case SetRate(rate_Hz):
+                return wire.Reply(True)
+            case wire.SetRate(rate_Hz):
                 return self._set_rate(rate_Hz)
-            case SetLimit(name, value):
+            case wire.SetLimit(name, value):
                 return self._set_limit(name, value)
-            case StopDevice():
+            case wire.StopDevice():
                 self._zero()
-                return Reply(True)
-            case Clear():
+                return wire.Reply(True)
+            case wire.Clear():
                 self._zero()
                 self.latched = None
-                return Reply(True)
+                return wire.Reply(True)
 
     def carry_plate(self, z_m: float) -> None:
         """Bring the plate where something else than this device has it."""
@@ -186,7 +171,7 @@ class Firmware:
         except BenchtoolError as error:
             # The plant's own program failed: nothing may turn, and the host learns why.
             self._latch(
-                DeviceEvent("limit", f"{str(error)[:LONGEST_REASON]}; motors stopped"), now_s
+                wire.DeviceEvent("limit", f"{str(error)[:LONGEST_REASON]}; motors stopped"), now_s
             )
             raise
         step_us = 1e6 / self._plant.rate_Hz
@@ -196,7 +181,9 @@ class Firmware:
         if self._moving and not self._plant.plate_moving:
             self._moving = False
             assert self._target is not None
-            self._events.append(DeviceEvent("arrived", ",".join(map(text_of, self._target))))
+            self._events.append(
+                wire.DeviceEvent("arrived", ",".join(map(wire.text_of, self._target)))
+            )
         return Rows(times_us.astype(np.int64), values)
 
     def _zero(self) -> None:
@@ -205,7 +192,7 @@ class Firmware:
         self._plant.halt_plate()
         self._moving = False
 
-    def _latch(self, event: DeviceEvent, now_s: float) -> None:
+    def _latch(self, event: wire.DeviceEvent, now_s: float) -> None:
         self._zero()
         self.latched = event
         self._reminded_s = now_s
@@ -216,7 +203,7 @@ class Firmware:
         running = bool(np.any(self.pwm_us > self.hello.pwm_stop_us)) or self._moving
         if running and silent_s >= self.hello.watchdog_s:
             text = f"no line for {1000.0 * silent_s:.0f} ms; motors stopped"
-            self._latch(DeviceEvent("watchdog", text), now_s)
+            self._latch(wire.DeviceEvent("watchdog", text), now_s)
         elif self.latched is not None and now_s - self._reminded_s >= REMIND_S:
             self._reminded_s = now_s
             self._events.append(self.latched)
@@ -233,70 +220,74 @@ class Firmware:
                     worst = float(column[broken][0])
                     channel = self._plant.channels[index].name
                     text = f"{channel} {worst:.6g} against limit {limit:.6g}; motors stopped"
-                    self._latch(DeviceEvent("limit", text), now_s)
+                    self._latch(wire.DeviceEvent("limit", text), now_s)
                     return
 
-    def _set_pwm(self, pwm_us: Array) -> Reply:
+    def _set_pwm(self, pwm_us: Array) -> wire.Reply:
         stop_us, max_us = self.hello.pwm_stop_us, self.limits.get("pwm_us", np.inf)
         if len(pwm_us) != self.hello.n_rotors:
-            return Reply(False, f"{self.hello.n_rotors} pulses needed; {len(pwm_us)} given")
+            return wire.Reply(False, f"{self.hello.n_rotors} pulses needed; {len(pwm_us)} given")
         if np.any((pwm_us < stop_us) | (pwm_us > max_us)):
-            return Reply(False, f"pulses must lie from {stop_us:g} to {max_us:g} us")
+            return wire.Reply(False, f"pulses must lie from {stop_us:g} to {max_us:g} us")
         if np.any(pwm_us > stop_us):
             if refused := self._refuse_latched():
                 return refused
             if self._moving and np.any(pwm_us > self.hello.pwm_idle_us):
-                return Reply(False, "the plate is moving; wait until it has arrived")
+                return wire.Reply(False, "the plate is moving; wait until it has arrived")
         self.pwm_us = pwm_us
         self._plant.command_pwm(pwm_us)
-        return Reply(True)
+        return wire.Reply(True)
 
-    def _refuse_latched(self) -> Reply | None:
+    def _refuse_latched(self) -> wire.Reply | None:
         if self.latched is None:
             return None
         why = f"{self.latched.kind}: {self.latched.text}"
-        return Reply(False, f"stopped by {why}; send clear first")
+        return wire.Reply(False, f"stopped by {why}; send clear first")
 
-    def _move(self, z_m: float, x_m: float, tilt_rad: float) -> Reply:
+    def _move(self, z_m: float, x_m: float, tilt_rad: float) -> wire.Reply:
         if not self.hello.moves_plate:
-            return Reply(False, "this device does not move the plate")
+            return wire.Reply(False, "this device does not move the plate")
         if not self.idle:
-            return Reply(False, f"pulses above {self.hello.pwm_idle_us:g} us; idle them first")
+            return wire.Reply(False, f"pulses above {self.hello.pwm_idle_us:g} us; idle them first")
         low_m = self.limits.get("plate_z_min_m", 0.0)
         high_m = self.limits.get("plate_z_max_m", np.inf)
         if not low_m <= z_m <= high_m:
-            return Reply(False, f"plate distance {z_m:g} m outside {low_m:g} to {high_m:g} m")
+            return wire.Reply(False, f"plate distance {z_m:g} m outside {low_m:g} to {high_m:g} m")
         side_m = self.limits.get("plate_x_max_m", np.inf)
         if not abs(x_m) <= side_m or not np.isfinite((x_m, tilt_rad)).all():
-            return Reply(False, f"lateral {x_m:g} m, tilt {tilt_rad:g} rad; limit {side_m:g} m")
+            return wire.Reply(
+                False, f"lateral {x_m:g} m, tilt {tilt_rad:g} rad; limit {side_m:g} m"
+            )
         try:
             self._plant.command_plate(z_m, x_m, tilt_rad)
         except BenchtoolError as error:
-            return Reply(False, str(error))
+            return wire.Reply(False, str(error))
         self._target = (z_m, x_m, tilt_rad)
         self._moving = True
-        return Reply(True)
+        return wire.Reply(True)
 
-    def _set_rate(self, rate_Hz: float) -> Reply:
+    def _set_rate(self, rate_Hz: float) -> wire.Reply:
         if not 0.0 <= rate_Hz <= MAX_RATE_HZ:
-            return Reply(False, f"rate {rate_Hz:g} Hz outside 0 to {MAX_RATE_HZ:g} Hz")
+            return wire.Reply(False, f"rate {rate_Hz:g} Hz outside 0 to {MAX_RATE_HZ:g} Hz")
         if rate_Hz > 0.0:
             try:
                 self._plant.set_rate(rate_Hz)
             except BenchtoolError as error:
-                return Reply(False, str(error))
+                return wire.Reply(False, str(error))
         self.rate_Hz = rate_Hz
-        return Reply(True)
+        return wire.Reply(True)
 
-    def _set_limit(self, name: str, value: float) -> Reply:
+    def _set_limit(self, name: str, value: float) -> wire.Reply:
         if name not in self.limits:
-            return Reply(False, f"no limit {name}; known: {' '.join(sorted(self.limits))}")
+            return wire.Reply(False, f"no limit {name}; known: {' '.join(sorted(self.limits))}")
         present = self.limits[name]
         wider = value < present if _is_lower_bound(name) else value > present
         if wider:
-            return Reply(False, f"{name} {value:g} is wider than {present:g}; only narrower ones")
+            return wire.Reply(
+                False, f"{name} {value:g} is wider than {present:g}; only narrower ones"
+            )
         self.limits[name] = value
-        return Reply(True)
+        return wire.Reply(True)
 
 
 def _is_lower_bound(name: str) -> bool:

@@ -9,22 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
-from benchtool.bench.serial.commands import (
-    LATE,
-    OLDEST_S,
-    PROTOCOL_VERSION,
-    ArmDevice,
-    Clear,
-    Command,
-    DeviceEvent,
-    Reply,
-    RequestHello,
-    RequestPlate,
-    SendPlate,
-    SetPwm,
-    StopDevice,
-    command_from,
-)
+from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.frames import (
     TIME_MODULUS_US,
     Decoder,
@@ -79,15 +64,15 @@ class OrderCheck:
             now_us: device time, not wrapped.
         """
         if number <= self.number:
-            return f"{LATE}number {number} comes after {self.number}"
+            return f"{wire.LATE}number {number} comes after {self.number}"
         if not (time.isdecimal() and len(time) <= 10 and int(time) < TIME_MODULUS_US):
             return f"{time!r} is no device time; repeat that of the last sample or answer"
         age_us = (now_us - int(time)) % TIME_MODULUS_US
         age_s = age_us / 1e6 / self._speed
-        if age_s > OLDEST_S:
-            return f"{LATE}{1000.0 * age_s:.0f} ms old; limit {1000.0 * OLDEST_S:.0f} ms"
+        if age_s > wire.OLDEST_S:
+            return f"{wire.LATE}{1000.0 * age_s:.0f} ms old; limit {1000.0 * wire.OLDEST_S:.0f} ms"
         if now_us - age_us < self._stopped_us:
-            return f"{LATE}given before the last stop"
+            return f"{wire.LATE}given before the last stop"
         return ""
 
 
@@ -116,7 +101,7 @@ class DeviceLink(ServedDevice):
 
     def report_dropped(self, count: int) -> bytes:
         text = f"{count} samples dropped by the device since the hello; read faster"
-        return event_line(DeviceEvent("dropped", text))
+        return event_line(wire.DeviceEvent("dropped", text))
 
     def _answer(self, message: TextMessage, now_s: float) -> bytes:
         self.firmware.note_host(now_s)
@@ -128,13 +113,13 @@ class DeviceLink(ServedDevice):
             return b""
         try:
             # A hello has its version where other commands have the time.
-            command = command_from((name, *fields[2 if name == "hello" else 3 :]))
+            command = wire.command_from((name, *fields[2 if name == "hello" else 3 :]))
         except BenchtoolError as error:
             return self._refuse(number, str(error))
         match command:
-            case RequestHello(version):
+            case wire.RequestHello(version):
                 return self._greet(number, version, now_s)
-            case StopDevice() | RequestPlate():
+            case wire.StopDevice() | wire.RequestPlate():
                 return self._execute(number, command, now_s)
         if number == self.orders.number and self._answered:
             return self._answered
@@ -143,8 +128,8 @@ class DeviceLink(ServedDevice):
             return self._refuse(number, late)
         self.orders.number = number
         # An armed device only turns or moves anything.
-        moves = isinstance(command, SendPlate)
-        if isinstance(command, SetPwm):
+        moves = isinstance(command, wire.SendPlate)
+        if isinstance(command, wire.SetPwm):
             moves = any(us > self.firmware.hello.pwm_stop_us for us in command.pwm_us)
         if moves and not self.orders.armed:
             self._answered = self._refuse(number, "not armed since the last stop; send arm first")
@@ -152,24 +137,26 @@ class DeviceLink(ServedDevice):
             self._answered = self._execute(number, command, now_s)
         return self._answered
 
-    def _execute(self, number: int, command: Command, now_s: float) -> bytes:
+    def _execute(self, number: int, command: wire.Command, now_s: float) -> bytes:
         try:
             reply = self.firmware.execute(command, now_s)
         except BenchtoolError as error:
-            reply = Reply(False, str(error))
+            reply = wire.Reply(False, str(error))
         if not reply.ok:
             return self._refuse(number, reply.reason)
-        if isinstance(command, StopDevice | Clear):
+        if isinstance(command, wire.StopDevice | wire.Clear):
             self.orders.stop(self.firmware.device_time_us)
-        self.orders.armed |= isinstance(command, ArmDevice)
+        self.orders.armed |= isinstance(command, wire.ArmDevice)
         return self._acknowledge(number, reply.fields)
 
     def _greet(self, number: int, version: int, now_s: float) -> bytes:
         """Answer a hello with its lines, their count, and the CRC over them."""
-        if version < PROTOCOL_VERSION:
-            reason = f"this device speaks protocol version {PROTOCOL_VERSION}; update benchtool"
+        if version < wire.PROTOCOL_VERSION:
+            reason = (
+                f"this device speaks protocol version {wire.PROTOCOL_VERSION}; update benchtool"
+            )
             return self._refuse(number, reason)
-        self.firmware.execute(RequestHello(), now_s)
+        self.firmware.execute(wire.RequestHello(), now_s)
         self.orders.stop(self.firmware.device_time_us)
         self.orders.number = number
         self._answered = b""

@@ -13,18 +13,7 @@ import numpy as np
 
 from benchtool.bench.bench import Identity, Opened, Readings
 from benchtool.bench.drivers import Address
-from benchtool.bench.serial.commands import (
-    Clear,
-    Command,
-    DeviceEvent,
-    RequestHello,
-    SendPlate,
-    SetLimit,
-    SetPwm,
-    SetRate,
-    StopDevice,
-    TareDevice,
-)
+from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.array import Array
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
@@ -76,7 +65,6 @@ class SimulatedBench(Opened):
     def _power_up(
         self, address: str, plant: PlateBench | PitchBenchPlant, hello: Hello, max_step_s: float
     ) -> None:
-        """Switch the device on."""
         self._address = address
         self._plant = plant
         self._hello = hello
@@ -87,7 +75,7 @@ class SimulatedBench(Opened):
         self._next_tick_s = 1.0 / plant.rate_Hz
         self._waiting: list[tuple[Array, Rows]] = []
         self._messages: list[str] = []
-        self._stopped: DeviceEvent | None = None
+        self._stopped: wire.DeviceEvent | None = None
         self._reported = False
         self._clamped = False
         self._open = False
@@ -101,9 +89,9 @@ class SimulatedBench(Opened):
 
     def open(self) -> None:
         self._open = True
-        self._firmware.execute(RequestHello(), self._now_s)
+        self._firmware.execute(wire.RequestHello(), self._now_s)
         self.clear()
-        self._command("rate", SetRate(self._rate_Hz))
+        self._command("rate", wire.SetRate(self._rate_Hz))
 
     def close(self) -> None:
         if self._open:
@@ -115,16 +103,16 @@ class SimulatedBench(Opened):
         pulses = np.asarray(pwm_us, float)
         if not np.all(np.isfinite(pulses)):
             raise InputError(f"pulses {pulses.tolist()} are not all finite; give numbers in us")
-        self._command("pwm", SetPwm(tuple(pulses.tolist())))
+        self._command("pwm", wire.SetPwm(tuple(pulses.tolist())))
 
     def stop(self) -> None:
         if self._open:
-            self._firmware.execute(StopDevice(), self._now_s)
+            self._firmware.execute(wire.StopDevice(), self._now_s)
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
         self._raise_if_stopped()
         try:
-            self._command("plate", SendPlate(z_m, x_m, tilt_rad))
+            self._command("plate", wire.SendPlate(z_m, x_m, tilt_rad))
         except CommandRefused as error:
             raise StageError(f"the plate stays where it is: {error.reason}") from error
         deadline_s = self._now_s + MOVE_LIMIT_S
@@ -139,29 +127,25 @@ class SimulatedBench(Opened):
             self._raise_if_stopped()
 
     def tare(self) -> None:
-        self._command("tare", TareDevice())
+        self._command("tare", wire.TareDevice())
 
     def set_rate(self, rate_Hz: float) -> None:
         if not rate_Hz > 0.0:
             raise InputError(f"a stream rate of {rate_Hz:g} Hz is no stream; ask for 1 to 5000")
         try:
-            self._command("rate", SetRate(rate_Hz))
+            self._command("rate", wire.SetRate(rate_Hz))
         except CommandRefused as error:
             raise InputError(f"the device cannot stream that fast: {error.reason}") from error
         self._rate_Hz = rate_Hz
         self._next_tick_s = self._now_s + 1.0 / rate_Hz
 
     def set_limit(self, name: str, value: float) -> None:
-        """Make one device-side limit narrower.
-
-        Raises:
-            CommandRefused: no such limit, or the value is wider than the present one.
-        """
-        self._command("limit", SetLimit(name, value))
+        """Make one device-side limit narrower; the device refuses a wider one."""
+        self._command("limit", wire.SetLimit(name, value))
 
     def clear(self) -> None:
         """Lift the latch of a device that stopped by itself; its motors stay at zero."""
-        self._command("clear", Clear())
+        self._command("clear", wire.Clear())
         self._note_events()
         self._stopped, self._reported = None, False
 
@@ -205,7 +189,7 @@ class SimulatedBench(Opened):
             self._next_tick_s = self._now_s + 1.0 / self._rate_Hz
         self._now_s = max(until_s, self._now_s)
 
-    def _command(self, name: str, command: Command) -> None:
+    def _command(self, name: str, command: wire.Command) -> None:
         self._need_open(name)
         reply = self._firmware.execute(command, self._now_s)
         if not reply.ok:

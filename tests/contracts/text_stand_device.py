@@ -9,14 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.bench.serial.commands import (
-    ArmDevice,
-    Clear,
-    SetPwm,
-    SetRate,
-    StopDevice,
-    TareDevice,
-)
+from benchtool.bench.serial import commands as wire
 from benchtool.virtual.firmware import Firmware
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "write-a-driver.md"
@@ -63,14 +56,18 @@ class TextStandDevice:
         word, _, rest = line.partition(" ")
         hello = self.firmware.hello
         if word == "id?":
-            self.firmware.execute(Clear(), now_s)
+            self.firmware.execute(wire.Clear(), now_s)
             limit_us = hello.limits["pwm_us"]
             return f"ok id? virtual-stand 2.1 {hello.pwm_stop_us:g} {limit_us:g}"
-        commands: dict[str, Any] = {"stop": StopDevice, "tare": TareDevice, "alive": ArmDevice}
+        commands: dict[str, Any] = {
+            "stop": wire.StopDevice,
+            "tare": wire.TareDevice,
+            "alive": wire.ArmDevice,
+        }
         if word == "pwm":
-            command = SetPwm((float(rest),))
+            command = wire.SetPwm((float(rest),))
         elif word == "rate":
-            command = SetRate(float(rest))
+            command = wire.SetRate(float(rest))
         else:
             command = commands[word]()
         reply = self.firmware.execute(command, now_s)

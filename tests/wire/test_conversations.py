@@ -5,17 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.serial.commands import (
-    ArmDevice,
-    Clear,
-    RequestHello,
-    RequestPlate,
-    SendPlate,
-    SetPwm,
-    SetRate,
-    StopDevice,
-)
 from benchtool.bench.serial.frames import (
     HEARTBEAT,
     crc16,
@@ -52,7 +43,7 @@ def hello_answer(number: int, **changes: object) -> bytes:
 
 def arm(number: int, time_us: int = 0) -> Turn:
     return Turn(
-        frame_command(number, ArmDevice(), time_us), ack(number, still_hello().channel_hash)
+        frame_command(number, wire.ArmDevice(), time_us), ack(number, still_hello().channel_hash)
     )
 
 
@@ -60,11 +51,11 @@ def sample(sequence: int, thrust: str = "1.5") -> bytes:
     return frame(b"S,%d,%d,1000,1000,%s,0.1,12" % (sequence, 10_000 * sequence, thrust.encode()))
 
 
-HELLO = frame_command(1, RequestHello())
+HELLO = frame_command(1, wire.RequestHello())
 OPENING = (
     Turn(HELLO, hello_answer(1)),
-    Turn(frame_command(2, Clear()), ack(2)),
-    Turn(frame_command(3, SetRate(100.0)), ack(3)),
+    Turn(frame_command(2, wire.Clear()), ack(2)),
+    Turn(frame_command(3, wire.SetRate(100.0)), ack(3)),
 )
 
 
@@ -80,12 +71,12 @@ def opened(*turns: Turn, then: LinkLost | None = None) -> tuple[SerialBench, Scr
 
 
 def test_open_read_close() -> None:
-    stream = Turn(frame_command(3, SetRate(100.0)), ack(3) + sample(0) + sample(1, ""))
+    stream = Turn(frame_command(3, wire.SetRate(100.0)), ack(3) + sample(0) + sample(1, ""))
     link = ScriptedLink(
         *OPENING[:2],
         stream,
-        Turn(frame_command(4, StopDevice(), 10_000), ack(4, time_us=11_000)),
-        Turn(frame_command(5, SetRate(0.0), 11_000), ack(5)),
+        Turn(frame_command(4, wire.StopDevice(), 10_000), ack(4, time_us=11_000)),
+        Turn(frame_command(5, wire.SetRate(0.0), 11_000), ack(5)),
     )
     with bench_on(link) as bench:
         identity = bench.identity
@@ -113,20 +104,20 @@ def test_answers_may_come_byte_by_byte() -> None:
 
 
 def test_a_lost_acknowledgement_is_asked_for_with_the_same_number() -> None:
-    spin = frame_command(5, SetPwm((1200.0, 1100.0)))
+    spin = frame_command(5, wire.SetPwm((1200.0, 1100.0)))
     bench, link = opened(arm(4), Turn(spin), Turn(HEARTBEAT), Turn(spin, ack(5)))
     bench.set_pwm(np.array([1200.0, 1100.0]))
     link.check_finished()
 
 
 def test_a_late_answer_to_an_earlier_number_is_passed_over() -> None:
-    bench, link = opened(Turn(frame_command(4, StopDevice()), ack(3) + ack(2) + ack(4)))
+    bench, link = opened(Turn(frame_command(4, wire.StopDevice()), ack(3) + ack(2) + ack(4)))
     bench.stop()
     link.check_finished()
 
 
 def test_no_answer_at_all_is_a_lost_link() -> None:
-    stop = frame_command(4, StopDevice())
+    stop = frame_command(4, wire.StopDevice())
     bench, link = opened(*[Turn(stop), Turn(HEARTBEAT)] * 5)
     with pytest.raises(LinkLost, match="did not answer 'stop' in 5 tries"):
         bench.stop()
@@ -135,7 +126,7 @@ def test_no_answer_at_all_is_a_lost_link() -> None:
 
 def test_a_refusal_carries_the_devices_words() -> None:
     answer = frame(b"N,5,70,pulses must lie from 1000, and up to 1900 us")
-    bench, link = opened(arm(4), Turn(frame_command(5, SetPwm((1200.0, 2500.0))), answer))
+    bench, link = opened(arm(4), Turn(frame_command(5, wire.SetPwm((1200.0, 2500.0))), answer))
     with pytest.raises(CommandRefused) as caught:
         bench.set_pwm(np.array([1200.0, 2500.0]))
     assert caught.value.command == "pwm,1200,2500"
@@ -147,9 +138,9 @@ def test_a_hello_with_a_lost_line_is_asked_again() -> None:
     whole = hello_answer(1).splitlines(keepends=True)
     link = ScriptedLink(
         Turn(HELLO, b"".join(whole[:5] + whole[6:])),
-        Turn(frame_command(2, RequestHello()), hello_answer(2)),
-        Turn(frame_command(3, Clear()), ack(3)),
-        Turn(frame_command(4, SetRate(100.0)), ack(4)),
+        Turn(frame_command(2, wire.RequestHello()), hello_answer(2)),
+        Turn(frame_command(3, wire.Clear()), ack(3)),
+        Turn(frame_command(4, wire.SetRate(100.0)), ack(4)),
     )
     bench_on(link).open()
     link.check_finished()
@@ -161,7 +152,7 @@ def test_a_board_that_boots_first_is_waited_for() -> None:
         for number in range(1, 9)
         for turn in (
             Turn(
-                frame_command(number, RequestHello()),
+                frame_command(number, wire.RequestHello()),
                 b"ets Jul 29 2019\r\n" if number == 3 else b"",
             ),
             *[Turn(HEARTBEAT)] * 2,
@@ -169,9 +160,9 @@ def test_a_board_that_boots_first_is_waited_for() -> None:
     ]
     link = ScriptedLink(
         *tries,
-        Turn(frame_command(9, RequestHello()), frame(b"E,boot,power on") + hello_answer(9)),
-        Turn(frame_command(10, Clear()), ack(10)),
-        Turn(frame_command(11, SetRate(100.0)), ack(11)),
+        Turn(frame_command(9, wire.RequestHello()), frame(b"E,boot,power on") + hello_answer(9)),
+        Turn(frame_command(10, wire.Clear()), ack(10)),
+        Turn(frame_command(11, wire.SetRate(100.0)), ack(11)),
     )
     bench = bench_on(link)
     bench.open()
@@ -215,7 +206,7 @@ def test_another_protocol_version_is_refused() -> None:
 def test_a_refused_hello() -> None:
     link = ScriptedLink(
         Turn(HELLO, frame(b"N,1,not today")),
-        Turn(frame_command(2, RequestHello(1)), frame(b"N,2,not today")),
+        Turn(frame_command(2, wire.RequestHello(1)), frame(b"N,2,not today")),
     )
     with pytest.raises(ProtocolError, match="refused the hello: not today"):
         bench_on(link).open()
@@ -271,7 +262,7 @@ def test_a_stop_of_the_device_comes_before_the_samples_around_it_and_none_is_los
 
 
 def test_an_order_repeats_the_last_device_time() -> None:
-    spin = SetPwm((1200.0, 1200.0))
+    spin = wire.SetPwm((1200.0, 1200.0))
     bench, link = opened(
         Turn(HEARTBEAT, sample(7)),
         arm(4, 70_000),
@@ -286,9 +277,9 @@ def test_an_order_repeats_the_last_device_time() -> None:
 
 def test_a_host_that_has_read_nothing_lately_asks_for_the_time_first() -> None:
     bench, link = opened(
-        Turn(frame_command(4, RequestPlate()), ack(4, "0", "", "", "", time_us=900_000)),
+        Turn(frame_command(4, wire.RequestPlate()), ack(4, "0", "", "", "", time_us=900_000)),
         arm(5, 900_000),
-        Turn(frame_command(6, SetPwm((1200.0, 1200.0)), 900_000), ack(6)),
+        Turn(frame_command(6, wire.SetPwm((1200.0, 1200.0)), 900_000), ack(6)),
     )
     link.now_s += 0.8
     bench.set_pwm(np.array([1200.0, 1200.0]))
@@ -298,7 +289,8 @@ def test_a_host_that_has_read_nothing_lately_asks_for_the_time_first() -> None:
 def test_arming_compares_the_channel_map() -> None:
     other = ack(4, "0BAD")
     bench, link = opened(
-        Turn(frame_command(4, ArmDevice()), other), Turn(frame_command(5, StopDevice()), ack(5))
+        Turn(frame_command(4, wire.ArmDevice()), other),
+        Turn(frame_command(5, wire.StopDevice()), ack(5)),
     )
     with pytest.raises(ProtocolError, match="channel map of hash 0BAD, at its hello 2E39"):
         bench.set_pwm(np.array([1200.0, 1200.0]))
@@ -306,11 +298,11 @@ def test_arming_compares_the_channel_map() -> None:
 
 
 def test_after_a_stop_the_next_order_arms_anew() -> None:
-    spin = SetPwm((1200.0, 1200.0))
+    spin = wire.SetPwm((1200.0, 1200.0))
     bench, link = opened(
         *(arm(4), Turn(frame_command(5, spin), ack(5))),
-        Turn(frame_command(6, StopDevice()), ack(6)),
-        Turn(frame_command(7, SetPwm((1000.0, 1000.0))), ack(7)),
+        Turn(frame_command(6, wire.StopDevice()), ack(6)),
+        Turn(frame_command(7, wire.SetPwm((1000.0, 1000.0))), ack(7)),
         *(arm(8), Turn(frame_command(9, spin), ack(9))),
     )
     bench.set_pwm(np.array(spin.pwm_us))
@@ -321,9 +313,11 @@ def test_after_a_stop_the_next_order_arms_anew() -> None:
 
 
 def test_an_order_that_is_refused_since_another_thread_stopped_is_not_armed_by_itself() -> None:
-    spin = frame_command(5, SetPwm((1200.0, 1200.0)))
+    spin = frame_command(5, wire.SetPwm((1200.0, 1200.0)))
     refused = frame(b"N,5,0,not armed since the last stop; send arm first")
-    bench, link = opened(arm(4), Turn(frame_command(0, StopDevice())), Turn(spin, ack(0) + refused))
+    bench, link = opened(
+        arm(4), Turn(frame_command(0, wire.StopDevice())), Turn(spin, ack(0) + refused)
+    )
     bench._arm()
     bench.halt()
     with pytest.raises(CommandRefused, match="not armed since the last stop"):
@@ -335,9 +329,9 @@ def test_clear_lifts_a_stop() -> None:
     event = frame(b"E,watchdog,no line for 260 ms; motors stopped")
     bench, link = opened(
         Turn(HEARTBEAT, event),
-        Turn(frame_command(4, Clear()), event + ack(4)),
+        Turn(frame_command(4, wire.Clear()), event + ack(4)),
         arm(5),
-        Turn(frame_command(6, SetPwm((1200.0, 1200.0))), ack(6)),
+        Turn(frame_command(6, wire.SetPwm((1200.0, 1200.0))), ack(6)),
     )
     with pytest.raises(DeviceStopped, match="watchdog"):
         bench.read(0.1)
@@ -350,8 +344,8 @@ def test_what_stopped_the_device_before_we_came_is_not_our_stop() -> None:
     event = frame(b"E,watchdog,no line for 260 ms; motors stopped")
     link = ScriptedLink(
         Turn(HELLO, event + hello_answer(1) + event),
-        Turn(frame_command(2, Clear()), event + ack(2)),
-        Turn(frame_command(3, SetRate(100.0)), ack(3) + sample(0)),
+        Turn(frame_command(2, wire.Clear()), event + ack(2)),
+        Turn(frame_command(3, wire.SetRate(100.0)), ack(3) + sample(0)),
     )
     bench = bench_on(link)
     bench.open()
@@ -377,7 +371,7 @@ def test_a_pulled_cable_passes_through_and_close_stays_quiet() -> None:
 
 
 def test_the_plate_arrives() -> None:
-    move = frame_command(5, SendPlate(0.2, 0.0, 0.1))
+    move = frame_command(5, wire.SendPlate(0.2, 0.0, 0.1))
     bench, link = opened(
         arm(4),
         Turn(move, ack(5) + sample(0)),
@@ -391,9 +385,9 @@ def test_the_plate_arrives() -> None:
 def test_a_plate_whose_arrival_got_lost_is_asked_for() -> None:
     bench, link = opened(
         arm(4),
-        Turn(frame_command(5, SendPlate(0.2)), ack(5)),
+        Turn(frame_command(5, wire.SendPlate(0.2)), ack(5)),
         *[Turn(HEARTBEAT)] * 5,
-        Turn(frame_command(6, RequestPlate()), ack(6, "0", "0.2", "0", "0")),
+        Turn(frame_command(6, wire.RequestPlate()), ack(6, "0", "0.2", "0", "0")),
     )
     bench.move_plate(0.2)
     link.check_finished()
@@ -407,7 +401,7 @@ def test_a_plate_whose_arrival_got_lost_is_asked_for() -> None:
     ],
 )
 def test_a_stage_that_fails(answer: bytes, words: str) -> None:
-    bench, _ = opened(arm(4), Turn(frame_command(5, SendPlate(0.2)), answer))
+    bench, _ = opened(arm(4), Turn(frame_command(5, wire.SendPlate(0.2)), answer))
     with pytest.raises(StageError, match=words):
         bench.move_plate(0.2)
 
@@ -427,7 +421,7 @@ def test_the_first_stream_fits_the_line() -> None:
     link = ScriptedLink(
         Turn(HELLO, hello_answer(1, frame_bytes=100, baud=57_600)),
         OPENING[1],
-        Turn(frame_command(3, SetRate(57.6)), ack(3)),
+        Turn(frame_command(3, wire.SetRate(57.6)), ack(3)),
         baud=57_600,
     )
     bench_on(link).open()

@@ -11,7 +11,7 @@ import pytest
 from benchtool.acquire.bench_check import CheckResult, check_bench, learn_motors
 from benchtool.bench.bench import Readings
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.drive import kind_of_text
+from benchtool.bench.mavlink.health import kind_of_text
 from benchtool.bench.mavlink.messages import MOTOR_TEST, Message
 from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import BenchError, CommandRefused, DeviceStopped, LinkLost

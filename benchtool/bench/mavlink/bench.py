@@ -17,8 +17,10 @@ import numpy as np
 from benchtool.bench.bench import Identity, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.drivers import Address
-from benchtool.bench.mavlink.drive import Drive, Health, PitchDrive, RunWatch
+from benchtool.bench.mavlink import streams
+from benchtool.bench.mavlink.drive import Drive, PitchDrive, RunWatch
 from benchtool.bench.mavlink.frames import MavlinkFrames, MavlinkQuality
+from benchtool.bench.mavlink.health import Health
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import Message, interval
 from benchtool.bench.mavlink.motor_test import TestDrive
@@ -35,17 +37,7 @@ from benchtool.bench.mavlink.settings import (
     transport_of,
 )
 from benchtool.bench.mavlink.side_cell import SideCell, in_order
-from benchtool.bench.mavlink.streams import (
-    LATE_S,
-    OUTPUT_MESSAGES,
-    check_fit,
-    fitted,
-    request_streams,
-    require_outputs,
-    stream_facts,
-    stream_requests,
-    switch_off_others,
-)
+from benchtool.bench.mavlink.virtual_plate import VirtualPlate
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel
@@ -53,14 +45,6 @@ from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
 
 TARE_S = 1.0
 """A tare takes the mean of the load cell over so long (bench time); a choice: 80 readings."""
-
-AGAIN_S = 0.5
-"""A plate order that was not acknowledged is sent again after so long."""
-
-ARRIVE_S = 120.0
-
-MOVING, THERE, REFUSED = 1.0, 0.0, -1.0
-"""Values of `plate_mov`."""
 
 
 class MavlinkBench(StreamingBench):
@@ -82,7 +66,8 @@ class MavlinkBench(StreamingBench):
         super().__init__(address)
         self._transport, self._clock, self._since_1970_s = transport, clock, since_1970_s
         self._settings = settings or MavlinkSettings()
-        self._cell = SideCell(cell, self._settings.cell_name, clock) if cell else None
+        name, _ = self._settings.cell or ("its port", 0)
+        self._cell = SideCell(cell, name, clock) if cell else None
         self._ports = [transport] if cell is None else [transport, cell]
         self._autopilot: AutopilotInfo | None = None
         self._channels: tuple[Channel, ...] = ()
@@ -93,7 +78,7 @@ class MavlinkBench(StreamingBench):
         autopilot = self._known()
         facts = {
             "system": str(self._link.system),
-            **stream_facts(self._states),
+            **streams.stream_facts(self._states),
             **self._quality.facts(),
         }
         return replace(
@@ -120,8 +105,7 @@ class MavlinkBench(StreamingBench):
         self._messages: list[str] = [settings.warning] if settings.warning else []
         self._zero_N = 0.0
         self._given_us = -1
-        self._ahead.clear()
-        self._plate_states: list[float] = []
+        self._forget()
         try:
             if self._cell is not None:
                 self._cell.open()
@@ -131,18 +115,19 @@ class MavlinkBench(StreamingBench):
             made = PitchDrive if settings.mode == "pitch" else TestDrive
             self._health = Health(made is PitchDrive or autopilot.pilot.arms)
             self._drive: Drive = made(link, autopilot, self._health, settings.arm, self._clock)
+            self._plate = VirtualPlate(link, self.now_s)
             link.on_message = self._take
             n = autopilot.wiring.n_rotors
             self._baud = 0 if autopilot.simulated else self._transport.baud or 0
-            fitting, remarks = fitted(settings, n, self._baud)
+            fitting, remarks = streams.fitted(settings, n, self._baud)
             self._rate_Hz, self._messages = fitting.rate_Hz, [*self._messages, *remarks]
-            self._states = request_streams(
-                link, stream_requests(fitting, n), self._counts.__getitem__,
+            self._states = streams.request_streams(
+                link, streams.stream_requests(fitting, n), self._counts.__getitem__,
                 self._clock, autopilot.speed,
             )  # fmt: skip
             if self._baud:
-                self._messages += switch_off_others(link, self._counts, self._states)
-            if link.slowest_s > LATE_S:
+                self._messages += streams.switch_off_others(link, self._counts, self._states)
+            if link.slowest_s > streams.LATE_S:
                 self._messages.append(
                     f"acknowledgements take up to {link.slowest_s:.1f} s: the link carries more "
                     f"than it can; ask for less (rate=, rpm=none), or raise its baud rate"
@@ -150,7 +135,9 @@ class MavlinkBench(StreamingBench):
             self._choose_channels(autopilot)
             link.frames.take_counts(link.system)
             self._watch = RunWatch(self.address, link, self._health, self._drive, self._rows)
-            outputs = [name for name in OUTPUT_MESSAGES if self._states.get(name) == "comes"]
+            outputs = [
+                name for name in streams.OUTPUT_MESSAGES if self._states.get(name) == "comes"
+            ]
             self._watch.request_again = [interval(name, self._rate_Hz) for name in outputs]
             self._autopilot = autopilot
         except BaseException:
@@ -207,26 +194,10 @@ class MavlinkBench(StreamingBench):
                 f"the plate was not moved: a motor is commanded {highest_us:g} us, above idle at "
                 f"{idle_us:g} us; command idle first"
             )
-        made = self._link.words.MAVLink_named_value_float_message
-        begun_s, sent_s, moving = self.now_s(), -1e9, False
-        while (now_s := self.now_s()) - begun_s < ARRIVE_S:
-            if not moving and now_s - sent_s >= AGAIN_S:
-                sent_s = now_s
-                for axis, value in (("x", x_m), ("tilt", tilt_rad), ("z", z_m)):
-                    self._link.send(made(0, f"plate_{axis}".encode(), value))
-            self._ahead.hold(self._read_fresh(0.05))
-            states, self._plate_states = self._plate_states, []
-            for state in states:
-                if state == REFUSED:
-                    text = self._health.refusal or "it does not say why"
-                    raise StageError(f"the plate stays where it is: {text}")
-                moving = moving or state == MOVING
-                if moving and state == THERE:
-                    return
-        self._link.send(made(0, b"plate_halt", 1.0))
-        raise StageError(
-            f"the plate did not reach {z_m:g} m within {ARRIVE_S:g} s and was halted; look at the "
-            f"virtual bench"
+        self._plate.move(
+            (z_m, x_m, tilt_rad),
+            lambda: self._hold(self._read_fresh(0.05)),
+            lambda: self._health.refusal,
         )
 
     def tare(self) -> None:
@@ -238,7 +209,7 @@ class MavlinkBench(StreamingBench):
         until_s = self.now_s() + TARE_S
         while (left_s := until_s - self.now_s()) > 1e-9:
             readings = self._read_fresh(left_s)
-            self._ahead.hold(readings)
+            self._hold(readings)
             parts.append(readings.values[:, index])
         seen = np.concatenate(parts) if parts else np.empty(0)
         if np.isfinite(seen).any():
@@ -250,15 +221,15 @@ class MavlinkBench(StreamingBench):
             raise InputError(
                 f"a stream of {rate_Hz:g} Hz is not possible; ask for {LEAST_HZ:g} to {MOST_HZ:g}"
             )
-        check_fit(self._settings, rate_Hz, self._known().wiring.n_rotors, self._baud)
-        for name in (*OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET"):
+        streams.check_fit(self._settings, rate_Hz, self._known().wiring.n_rotors, self._baud)
+        for name in (*streams.OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET"):
             if self._states.get(name) == "comes":
                 self._link.exchange(interval(name, rate_Hz))
         self._rate_Hz = rate_Hz
 
     def read(self, timeout_s: float) -> Readings:
         self._known()
-        return self._ahead.read(lambda: self._read_fresh(timeout_s))
+        return self._held_or(lambda: self._read_fresh(timeout_s))
 
     def _read_fresh(self, timeout_s: float) -> Readings:
         deadline_s = self._clock() + timeout_s / self._known().speed
@@ -272,7 +243,7 @@ class MavlinkBench(StreamingBench):
             if left_s <= 0.0:
                 return readings
             if readings.lost or readings.corrupt:
-                self._ahead.hold(readings)
+                self._hold(readings)
             self._watch.pump(left_s)
             if self._cell is not None:
                 self._cell.poll()
@@ -291,12 +262,8 @@ class MavlinkBench(StreamingBench):
         return self._autopilot
 
     def _choose_channels(self, autopilot: AutopilotInfo) -> None:
-        """Choose the channels that live; note which messages do not come.
-
-        Raises:
-            ProtocolError: no outputs are reported, so that nothing could be read back.
-        """
-        require_outputs(self._states, self._link.system)
+        """Choose the channels that live; note which messages do not come."""
+        streams.require_outputs(self._states, self._link.system)
         n = autopilot.wiring.n_rotors
         every = channels_of(n)
         self._rows.take_rows()
@@ -319,7 +286,6 @@ class MavlinkBench(StreamingBench):
                 self._messages.append(f"{name}: {states}")
 
     def _take(self, message: Message, arrived_s: float) -> None:
-        """Take one message of the autopilot."""
         name, own = message.msgname, self._link.is_own(message)
         if own or name in THRUST_MESSAGES:
             self._counts[name] += 1
@@ -330,10 +296,10 @@ class MavlinkBench(StreamingBench):
         elif name == "HEARTBEAT":
             self._health.beat(message, arrived_s, self._drive.shown())
         elif name == "NAMED_VALUE_FLOAT" and message.name == "plate_mov":
-            self._plate_states.append(float(message.value))
+            self._plate.states.append(float(message.value))
         else:
             self._rows.take(message)
-            if name in OUTPUT_MESSAGES:
+            if name in streams.OUTPUT_MESSAGES:
                 self._stamped_s = arrived_s
                 found = self._drive.seen(self._rows.outputs_us, arrived_s)
                 if found is not None:

@@ -45,7 +45,6 @@ class LinkCounts:
     reordered: int = 0
 
     def add(self, other: LinkCounts) -> None:
-        """Add the counts of another."""
         for each in fields(self):
             setattr(self, each.name, getattr(self, each.name) + getattr(other, each.name))
 
@@ -136,7 +135,6 @@ class MavlinkFrames:
             signing.timestamp = max(0, round((now_s - SIGNING_EPOCH_S) * 1e5))
 
     def pack(self, message: Message) -> bytes:
-        """Return a message as the bytes of one frame, MAVLink 2."""
         frame: bytes = bytes(message.pack(self._mav))
         self._mav.seq = (self._mav.seq + 1) % SEQUENCE_MODULUS
         return frame
@@ -204,7 +202,6 @@ class MavlinkQuality:
         self._before = (arrived_s, device_s)
 
     def facts(self) -> dict[str, str]:
-        """Return it in words, for a run's facts."""
         counts, jitter_s = self.counts, sqrt(self._squares_s2 / max(self._steps, 1))
         return {
             "link_lost": f"{counts.lost} of {counts.messages + counts.lost} messages",
@@ -244,11 +241,9 @@ class BootTime:
         self._offset_us = 0
 
     def us32(self, stamp: int) -> int:
-        """Return a stamp of 32 bits in us, unwrapped."""
         return self._nearest(stamp, MODULUS, whole=False)
 
     def ms32(self, stamp: int) -> int:
-        """Return a stamp of 32 bits in ms as us, unwrapped."""
         return self._nearest(1000 * stamp, 1000 * MODULUS)
 
     def us64(self, stamp: int) -> int:

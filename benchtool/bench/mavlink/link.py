@@ -125,7 +125,6 @@ class MavlinkLink(LinkEnd):
         return beat
 
     def send(self, message: Message) -> None:
-        """Send a message."""
         self.transport.write(self.frames.pack(message))
 
     def order(self, order: MavCommand) -> None:
@@ -176,14 +175,7 @@ class MavlinkLink(LinkEnd):
     def parameters(
         self, names: tuple[str, ...], required: tuple[str, ...] = ()
     ) -> dict[str, float]:
-        """Return the values of those parameters that the autopilot has.
-
-        Args:
-            required: those of them that must be known.
-
-        Raises:
-            ProtocolError: a required one did not come.
-        """
+        """Return the parameters that the autopilot has; refuse one without a required one."""
         self._reported = {}
         for needed, tries_s in ((names, PARAMETER_S), (required, REQUIRED_S)):
             for wait_s in tries_s:

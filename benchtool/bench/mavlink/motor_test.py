@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from benchtool.bench.mavlink.drive import Drive, Health, Outputs
+from benchtool.bench.mavlink.drive import Drive, Outputs
+from benchtool.bench.mavlink.health import Health
 from benchtool.bench.mavlink.link import SILENT_S, MavlinkLink
 from benchtool.bench.mavlink.messages import (
     ACCEPTED,
@@ -138,7 +139,6 @@ class TestDrive(Drive):
         return self._outputs.fault(outputs_us, now_s, lost_s, self._link.slowest_s)
 
     def _expect(self, turn: Mapping[int, float], now_s: float) -> None:
-        """Note what the outputs should show from now on."""
         stop_us = self._autopilot.pulses.stop_us
         motors = zip(self._autopilot.wiring.motors, self._known, strict=True)
         self._outputs.command(
@@ -203,11 +203,7 @@ class TestDrive(Drive):
         self._raise_if_paused()
 
     def _raise_if_paused(self) -> None:
-        """Refuse orders to turn from before a pause of this computer; those that were sent lapsed.
-
-        Raises:
-            HostPaused: how long it was.
-        """
+        """Refuse orders from before a pause of this computer; those that were sent lapsed."""
         if (paused_s := self._link.gaps.longest_s) > TIMEOUT_S:
             self.stop_renewing()
             raise HostPaused(paused_s, TIMEOUT_S)
@@ -253,7 +249,6 @@ class OutputWatch:
         self.shown = False
 
     def reported_since(self, time_s: float) -> bool:
-        """Return whether outputs were reported after a wall time."""
         return self._reported_s is not None and self._reported_s > time_s
 
     def command(self, wanted: Mapping[int, tuple[int, float]], now_s: float) -> None:

@@ -84,19 +84,11 @@ class Pilot(ABC):
 
     @abstractmethod
     def pulses(self, values: Mapping[str, float]) -> PulseRange:
-        """Return the pulses that its parameters give.
-
-        Raises:
-            ProtocolError: the autopilot's range makes no sense.
-        """
+        """Return the pulses that its parameters give; refuse a range that makes no sense."""
 
     @abstractmethod
     def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
-        """Return the orders that turn motors (by test number) at pulses above stop.
-
-        Raises:
-            InputError: it cannot turn these together, or a pulse lies outside of the range.
-        """
+        """Return the orders that turn motors (by test number) at pulses above stop, or refuse."""
 
     @abstractmethod
     def stop(self, motors: tuple[int, ...]) -> tuple[MavCommand, ...]:

@@ -278,11 +278,7 @@ class SpeedSources:
         self._messages: list[str] = []
 
     def take(self, source: str, rotor: int, rpm: float, driven: bool, time_us: int) -> bool:
-        """Note a reading; return whether it is the speed of that rotor (from 0).
-
-        Args:
-            driven: whether the rotor's output is above idle.
-        """
+        """Note a reading of a rotor (from 0); return whether it is the speed of that one."""
         state = self._rotors[rotor]
         if rpm != 0.0:
             state.alive.add(source)
@@ -311,6 +307,5 @@ class SpeedSources:
         return source == state.chosen and source not in state.dead
 
     def take_messages(self) -> list[str]:
-        """Return what was found out since the last call, in words."""
         messages, self._messages = self._messages, []
         return messages

@@ -146,11 +146,7 @@ class MotorMap(FiniteTable):
 
 
 def read_motor_map(path: Path) -> MotorMap:
-    """Read a map of motors.
-
-    Raises:
-        FileFormatError: there is no such file, or it does not say what it must.
-    """
+    """Read a map of motors; refuse one that does not say what it must."""
     try:
         text = read_text(path)
     except FileFormatError as error:
@@ -217,18 +213,9 @@ class MavlinkSettings:
     cell: tuple[str, int] | None = None
     warning: str = ""
 
-    @property
-    def cell_name(self) -> str:
-        """Port of the load cell beside the autopilot, for messages."""
-        return self.cell[0] if self.cell else "its port"
-
 
 def settings_of(address: Address) -> MavlinkSettings:
-    """Return what the options of an address say.
-
-    Raises:
-        InputError, UnknownChoice, FileFormatError: an option that makes no sense, with its choices.
-    """
+    """Return what the options of an address say; refuse one that makes no sense."""
     mode = address.choice("mode", "plate", ("plate", "pitch"))
     pitch = mode == "pitch"
     seen = address.choice("distance", "on" if pitch else "off", ("on", "off"))
@@ -253,11 +240,7 @@ def settings_of(address: Address) -> MavlinkSettings:
 
 
 def transport_of(address: Address) -> Transport:
-    """Return the link that the place of an address names, not opened yet.
-
-    Raises:
-        InputError, UnknownChoice: it names none.
-    """
+    """Return the link that the place of an address names, not opened yet."""
     kind, _, rest = address.place.partition(":")
     if kind not in LINKS:
         raise UnknownChoice(f"link of address {address.text!r}", kind, LINKS)
@@ -288,12 +271,7 @@ def mavlink_ends(address: Address) -> tuple[Endpoint, ...]:
 
 
 def read_key(path: Path) -> bytes:
-    """Read a signing key: 32 bytes, 64 hexadecimal digits, or a pass phrase (its SHA-256).
-
-    Raises:
-        FileFormatError: the file cannot be read.
-        InputError: it is empty.
-    """
+    """Read a signing key: 32 bytes, 64 hexadecimal digits, or a pass phrase (its SHA-256)."""
     data = read_file(path, MOST_KEY_BYTES)
     if len(data) == KEY_BYTES:
         return data

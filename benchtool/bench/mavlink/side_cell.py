@@ -64,11 +64,7 @@ class SideCell:
         self._received = b""
 
     def open(self) -> None:
-        """Open the port and wait for the first reading; whoever owns the port closes it.
-
-        Raises:
-            PortBusy, PortDenied, NoDevice: it cannot be had, or no number comes.
-        """
+        """Open the port and wait for the first reading; whoever owns the port closes it."""
         self._lines, self._waiting, self._last_us = CellLines(), [], 0
         self._transport.open()
         until_s = self._clock() + FIRST_S
@@ -79,7 +75,6 @@ class SideCell:
             self.poll(0.02)
 
     def poll(self, timeout_s: float = 0.0) -> None:
-        """Take what has arrived."""
         data = self._transport.read(timeout_s)
         arrived_s = self._clock()
         if not self._waiting and len(self._received) < LONGEST_LINE:
@@ -87,7 +82,6 @@ class SideCell:
         self._waiting += [(arrived_s, value) for value in self._lines.feed(data)]
 
     def _silence(self) -> NoDevice | ProtocolError:
-        """Say what is there instead of a load cell that sends numbers."""
         if not self._received:
             return NoDevice(
                 f"the load cell on {self._name} sent nothing for {FIRST_S:g} s; check its power, "

@@ -11,7 +11,7 @@ from benchtool.bench.mavlink.messages import ACCEPTED, dialect, interval, number
 from benchtool.bench.mavlink.pilots import RESEND_S
 from benchtool.bench.mavlink.rows import SPEEDS, TELEMETRY
 from benchtool.bench.mavlink.settings import LEAST_HZ, THRUST_MESSAGES, MavlinkSettings
-from benchtool.bench.serial.bench import BITS_PER_BYTE
+from benchtool.bench.transport.transport import BITS_PER_BYTE
 from benchtool.core.errors import InputError, ProtocolError
 
 SLOW_HZ, BATTERY_HZ = 20.0, 4.0
@@ -82,11 +82,7 @@ def stream_requests(settings: MavlinkSettings, n_rotors: int) -> tuple[StreamReq
 def fitted(
     settings: MavlinkSettings, n_rotors: int, baud: int
 ) -> tuple[MavlinkSettings, list[str]]:
-    """Return the settings with a rate that fits a serial line, and remarks on that.
-
-    Raises:
-        InputError: not even the slowest fits, with the arithmetic.
-    """
+    """Return the settings with a rate that fits a serial line, and remarks on that."""
     for rate_Hz in (settings.rate_Hz, *RATES_HZ):
         if rate_Hz <= settings.rate_Hz and fits(settings, rate_Hz, n_rotors, baud):
             break
@@ -102,11 +98,7 @@ def fitted(
 
 
 def check_fit(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> None:
-    """Refuse a rate of outputs that does not fit a serial line; 0 baud has no limit.
-
-    Raises:
-        InputError: with the arithmetic.
-    """
+    """Refuse a rate of outputs that does not fit a serial line; 0 baud has no limit."""
     if not fits(settings, rate_Hz, n_rotors, baud):
         needed = _bytes_per_s(settings, rate_Hz, n_rotors)
         raise InputError(
@@ -149,9 +141,6 @@ def request_streams(
     Args:
         counts: how many of a message have come so far.
         speed: of the autopilot's time.
-
-    Raises:
-        LinkLost: the autopilot does not answer.
     """
     states: dict[str, StreamState] = {}
     for second_choice in (False, True):
@@ -200,11 +189,7 @@ def switch_off_others(
 
 
 def require_outputs(states: dict[str, StreamState], system: int) -> None:
-    """Refuse an autopilot that does not report its outputs: nothing could be read back.
-
-    Raises:
-        ProtocolError: what became of the messages.
-    """
+    """Refuse an autopilot that does not report its outputs: nothing could be read back."""
     if not any(states.get(name) == "comes" for name in OUTPUT_MESSAGES):
         listed = ", ".join(f"{name} {states[name]}" for name in OUTPUT_MESSAGES if name in states)
         raise ProtocolError(

@@ -74,7 +74,7 @@ class RcbBench(StreamingBench):
         self._opened_s = self._read_s = self._clock()
         self._device_clock, self._stand_clock = DeviceClock(), StandClock()
         self._rows: list[tuple[int, BridgeLine]] = []
-        self._ahead.clear()
+        self._forget()
         self._messages: list[str] = [self._settings.warning] if self._settings.warning else []
         self._expected: int | None = None
         self._lost = 0
@@ -140,7 +140,7 @@ class RcbBench(StreamingBench):
         # A reading from before the answer still says where the plate stood then.
         begun_s, self._moving, self._moved_ms = self.now_s(), True, answer.entry.t_ms
         while self._moving:
-            self._ahead.hold(self._read_fresh(0.05 * self._speed))
+            self._hold(self._read_fresh(0.05 * self._speed))
             if self.now_s() - begun_s > ARRIVE_S:
                 self.stop()
                 raise StageError(
@@ -171,7 +171,7 @@ class RcbBench(StreamingBench):
 
     def read(self, timeout_s: float) -> Readings:
         _ = self.identity  # raises while the bench is closed
-        return self._ahead.read(lambda: self._read_fresh(timeout_s))
+        return self._held_or(lambda: self._read_fresh(timeout_s))
 
     def _read_fresh(self, timeout_s: float) -> Readings:
         deadline_s = self._clock() + timeout_s / self._speed

@@ -15,23 +15,9 @@ import numpy as np
 
 from benchtool.bench.bench import Identity, Readings, StreamingBench
 from benchtool.bench.drivers import Address
-from benchtool.bench.serial.commands import (
-    LATE,
-    ArmDevice,
-    Clear,
-    Command,
-    RequestPlate,
-    SendPlate,
-    SetLimit,
-    SetPwm,
-    SetRate,
-    StopDevice,
-    TareDevice,
-    fields_of,
-    too_old,
-)
+from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.conversation import Conversation
-from benchtool.bench.serial.hello import Hello
+from benchtool.bench.serial.hello import Hello, check_rate, highest_rate_Hz
 from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.array import Array
@@ -39,7 +25,6 @@ from benchtool.core.errors import (
     BenchError,
     CommandRefused,
     DeviceStopped,
-    InputError,
     LinkLost,
     NoDevice,
     ProtocolError,
@@ -103,7 +88,7 @@ class SerialBench(StreamingBench):
     def open(self) -> None:
         if self._hello is not None:
             return
-        self._ahead.clear()
+        self._forget()
         try:
             self._hello = self._conversation.open()
             if self._device_id not in (None, self._hello.device_id):
@@ -127,8 +112,8 @@ class SerialBench(StreamingBench):
         if self._hello is None:
             return
         try:
-            self._conversation.exchange(StopDevice(), HALT_TRIES)
-            self._conversation.exchange(SetRate(0.0), HALT_TRIES)
+            self._conversation.exchange(wire.StopDevice(), HALT_TRIES)
+            self._conversation.exchange(wire.SetRate(0.0), HALT_TRIES)
         except BenchError:
             pass  # The device's watchdog stops the motors where we cannot.
         finally:
@@ -142,14 +127,14 @@ class SerialBench(StreamingBench):
         if turns:
             self._arm()
         try:
-            self._order(SetPwm(tuple(pulses.tolist())), turns)
+            self._order(wire.SetPwm(tuple(pulses.tolist())), turns)
         except CommandRefused:
             self._armed = False  # Perhaps by a stop from another thread; the next order arms anew.
             raise
 
     def stop(self) -> None:
         self._armed = False
-        self._order(StopDevice())
+        self._order(wire.StopDevice())
 
     def halt(self) -> None:
         """Send zero at once, from any thread (`Halts`)."""
@@ -159,11 +144,11 @@ class SerialBench(StreamingBench):
         self._raise_if_stopped()
         self._arm()
         self._arrived, self._stage_fault = False, None
-        reply = self._conversation.exchange(SendPlate(z_m, x_m, tilt_rad), moves=True)
+        reply = self._conversation.exchange(wire.SendPlate(z_m, x_m, tilt_rad), moves=True)
         if not reply.ok:
             self._armed = False
-            if reply.reason.startswith(LATE):  # No fault of the stage.
-                raise _refused(SendPlate(z_m, x_m, tilt_rad), reply.reason)
+            if reply.reason.startswith(wire.LATE):  # No fault of the stage.
+                raise _refused(wire.SendPlate(z_m, x_m, tilt_rad), reply.reason)
             raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
         started_s = requested_s = self._clock()
         while not self._arrived:
@@ -181,25 +166,21 @@ class SerialBench(StreamingBench):
                 )
             if now_s - requested_s > POLL_PLATE_S and not self._arrived:
                 requested_s = now_s
-                moving = self._conversation.exchange(RequestPlate()).fields
+                moving = self._conversation.exchange(wire.RequestPlate()).fields
                 if moving[:1] == ("0",):
                     self._arrived = True
 
     def tare(self) -> None:
-        self._order(TareDevice())
+        self._order(wire.TareDevice())
 
     def set_limit(self, name: str, value: float) -> None:
-        """Make one device-side limit narrower.
-
-        Raises:
-            CommandRefused: no such limit, or the value is wider than the present one.
-        """
-        self._order(SetLimit(name, value))
+        """Make one device-side limit narrower; the device refuses a wider one."""
+        self._order(wire.SetLimit(name, value))
 
     def clear(self) -> None:
         """Lift the latch of a device that stopped by itself; its motors stay at zero."""
         self._armed = False
-        self._order(Clear())
+        self._order(wire.Clear())
         self._note()
         self._stopped, self._reported = None, False
 
@@ -217,12 +198,12 @@ class SerialBench(StreamingBench):
             # that stand under the pulse that the host commanded last.
             if not self._reported:
                 self._raise_if_stopped()
-            if (waiting := self._ahead.take()) is not None:
+            if (waiting := self._held()) is not None:
                 self._silent_since_s = None
                 return waiting
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
-                return self._ahead.read(self._no_samples)
+                return self._held_or(self._no_samples)
             if not self._conversation.pump(left_s):
                 self._check_silence()
 
@@ -237,25 +218,20 @@ class SerialBench(StreamingBench):
         opened = self._conversation.transport.baud
         return min(device_baud, opened) if device_baud and opened else device_baud
 
-    def _order(self, command: Command, moves: bool = False) -> None:
+    def _order(self, command: wire.Command, moves: bool = False) -> None:
         self._known()
         reply = self._conversation.exchange(command, moves=moves)
         if not reply.ok:
             raise _refused(command, reply.reason)
 
     def _arm(self) -> None:
-        """Arm a device that was stopped since, and compare its channels with those of the hello.
-
-        Raises:
-            ProtocolError: it streams other channels by now.
-            CommandRefused: the device stopped by itself and was not cleared.
-        """
+        """Arm a device that was stopped since; refuse one with other channels than its hello's."""
         hello = self._known()
         if self._armed or hello.version < 2:
             return
-        reply = self._conversation.exchange(ArmDevice(), moves=True)
+        reply = self._conversation.exchange(wire.ArmDevice(), moves=True)
         if not reply.ok:
-            raise _refused(ArmDevice(), reply.reason)
+            raise _refused(wire.ArmDevice(), reply.reason)
         if reply.fields != (hello.channel_hash,):
             self.stop()
             raise ProtocolError(
@@ -265,7 +241,7 @@ class SerialBench(StreamingBench):
         self._armed = True
 
     def _start_stream(self, rate_Hz: float) -> None:
-        self._order(SetRate(rate_Hz))
+        self._order(wire.SetRate(rate_Hz))
         self._rate_Hz = rate_Hz
         self._silent_since_s = None
 
@@ -306,7 +282,7 @@ class SerialBench(StreamingBench):
             self._note()
             messages, self._messages = tuple(self._messages), []
             readings = replace(readings, messages=messages)
-        self._ahead.hold(readings)
+        self._hold(readings)
 
     def _no_samples(self) -> Readings:
         messages, self._messages = tuple(self._messages), []
@@ -314,35 +290,13 @@ class SerialBench(StreamingBench):
         return Readings(none, none, np.empty((0, len(self._known().channels))), messages=messages)
 
 
-def _refused(command: Command, reason: str) -> CommandRefused:
-    late = "; the link delivered it late; check the link and start again" if too_old(reason) else ""
-    return CommandRefused(",".join(fields_of(command)), f"{reason}{late}")
-
-
-BITS_PER_BYTE = 10
-"""Start bit, eight data bits, stop bit (8N1)."""
-
-
-def highest_rate_Hz(frame_bytes: int, baud: int) -> float:
-    """Return the fastest stream of frames of that length, in frames per second."""
-    return baud / (BITS_PER_BYTE * frame_bytes)
-
-
-def check_rate(rate_Hz: float, frame_bytes: int, baud: int) -> None:
-    """Refuse a stream that does not fit the line; a baud of 0 has no limit.
-
-    Raises:
-        InputError: with the arithmetic.
-    """
-    if rate_Hz < 0.0 or rate_Hz != rate_Hz:
-        raise InputError(f"a stream rate of {rate_Hz:g} Hz makes no sense; give 0 or more")
-    needed = rate_Hz * frame_bytes * BITS_PER_BYTE
-    if baud and needed > baud:
-        raise InputError(
-            f"{rate_Hz:g} frames/s x {frame_bytes} bytes x {BITS_PER_BYTE} bits = {needed:,.0f} "
-            f"baud, but the link runs at {baud:,} baud; ask for at most "
-            f"{int(highest_rate_Hz(frame_bytes, baud))} Hz or raise baud on both ends"
-        )
+def _refused(command: wire.Command, reason: str) -> CommandRefused:
+    late = (
+        "; the link delivered it late; check the link and start again"
+        if wire.too_old(reason)
+        else ""
+    )
+    return CommandRefused(",".join(wire.fields_of(command)), f"{reason}{late}")
 
 
 def open_serial(address: Address) -> SerialBench:

@@ -187,12 +187,7 @@ def fields_of(command: Command) -> tuple[str, ...]:
 
 
 def command_from(words: Sequence[str]) -> Command:
-    """Read a command from its name and fields.
-
-    Raises:
-        UnknownChoice: no command of that name; the message lists the known ones.
-        ProtocolError: the fields do not fit the command.
-    """
+    """Read a command from its name and fields; an unknown name lists the known ones."""
     name = words[0] if words else ""
     if name not in COMMANDS:
         raise UnknownChoice("command", name, COMMANDS)

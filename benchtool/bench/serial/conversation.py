@@ -8,21 +8,7 @@ from math import inf
 from benchtool.bench.bench import Readings
 from benchtool.bench.clocks import Gaps
 from benchtool.bench.identify import mismatch
-from benchtool.bench.serial.commands import (
-    LATE,
-    OLDEST_S,
-    PROTOCOL_VERSION,
-    ArmDevice,
-    Command,
-    DeviceEvent,
-    Reply,
-    RequestHello,
-    RequestPlate,
-    SetPwm,
-    StopDevice,
-    fields_of,
-    too_old,
-)
+from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.frames import (
     HEARTBEAT,
     TIME_MODULUS_US,
@@ -78,8 +64,8 @@ class Conversation(LinkEnd):
         self._sent_s = 0.0
         self._device_us = 0  # newest device time that was read, wrapped
         self._device_read_s = -inf
-        self._events: list[DeviceEvent] = []
-        self._replies: dict[int, Reply] = {}
+        self._events: list[wire.DeviceEvent] = []
+        self._replies: dict[int, wire.Reply] = {}
         self._gaps = Gaps()
         self._hello: Hello | None = None
         self._opened_s = 0.0
@@ -113,7 +99,9 @@ class Conversation(LinkEnd):
         speed = self._hello.speed if self._hello else 1.0
         return self._opened_s + (self.clock() - self._opened_s) * speed
 
-    def exchange(self, command: Command, tries: int = TRIES, moves: bool = False) -> Reply:
+    def exchange(
+        self, command: wire.Command, tries: int = TRIES, moves: bool = False
+    ) -> wire.Reply:
         """Send a command until it is answered; the device carries each number out once.
 
         All tries are the same line: the age of an order is counted from the first.
@@ -129,18 +117,18 @@ class Conversation(LinkEnd):
         """
         before_s = self._gaps.longest_s
         self._gaps.begin(self.clock())
-        aged = self._version > 1 and not isinstance(command, RequestPlate | StopDevice)
+        aged = self._version > 1 and not isinstance(command, wire.RequestPlate | wire.StopDevice)
         # After a pause, samples that waited in a buffer are read with old times. Orders to arm and
         # to turn stay that old, so that a stop on the way outdates them.
-        paused = before_s > FRESH_S and not isinstance(command, ArmDevice | SetPwm)
+        paused = before_s > FRESH_S and not isinstance(command, wire.ArmDevice | wire.SetPwm)
         if aged and (paused or self.clock() > self._device_read_s + FRESH_S):
-            self._converse(RequestPlate(), tries)  # Its answer brings the device's time.
+            self._converse(wire.RequestPlate(), tries)  # Its answer brings the device's time.
         reply = self._converse(command, tries, moves)
-        if too_old(reply.reason) and before_s > OLDEST_S:
-            raise HostPaused(before_s, OLDEST_S)
+        if wire.too_old(reply.reason) and before_s > wire.OLDEST_S:
+            raise HostPaused(before_s, wire.OLDEST_S)
         return reply
 
-    def _converse(self, command: Command, tries: int, moves: bool = False) -> Reply:
+    def _converse(self, command: wire.Command, tries: int, moves: bool = False) -> wire.Reply:
         if moves:
             self._raise_if_paused()
         number = self._number = self._number + 1
@@ -153,28 +141,25 @@ class Conversation(LinkEnd):
         for _ in range(tries):
             self._send(line)
             reply = self.wait(ANSWER_S, lambda: self._replies.pop(number, None))
-            if moves or (reply is not None and reply.reason.startswith(LATE)):
+            if moves or (reply is not None and reply.reason.startswith(wire.LATE)):
                 self._raise_if_paused()
             if reply is not None:
                 return reply
+        said = ",".join(wire.fields_of(command))
         raise LinkLost(
-            f"{self.address} did not answer {','.join(fields_of(command))!r} in {tries} tries of "
+            f"{self.address} did not answer {said!r} in {tries} tries of "
             f"{1000.0 * ANSWER_S:.0f} ms; the device should stop its motors by its watchdog; check "
             f"cable and power, then start again"
         )
 
     def halt(self) -> None:
-        """Send a stop without waiting for its answer; another thread may be in an exchange.
-
-        Raises:
-            LinkLost: the other end went away or takes nothing.
-        """
+        """Send a stop without waiting for its answer; another thread may be in an exchange."""
         if self._version == 1:
             # Far from the numbers in use: a device of version 1 carries no number out twice.
             far = (self._number + LAST_NUMBER_1 // 2) % LAST_NUMBER_1 + 1
-            self.transport.write(frame_version_1(far, StopDevice()))
+            self.transport.write(frame_version_1(far, wire.StopDevice()))
         else:
-            self.transport.write(frame_command(0, StopDevice()))
+            self.transport.write(frame_command(0, wire.StopDevice()))
 
     def pump(self, timeout_s: float) -> bool:
         now_s = self.clock()
@@ -194,22 +179,22 @@ class Conversation(LinkEnd):
             self._take(readings)
         return True
 
-    def take_events(self) -> list[DeviceEvent]:
+    def take_events(self) -> list[wire.DeviceEvent]:
         """Return the device's events since the last call, oldest first."""
         events, self._events = self._events, []
         return events
 
     def _raise_if_paused(self) -> None:
-        if (paused_s := self._gaps.longest_s) > OLDEST_S:
-            raise HostPaused(paused_s, OLDEST_S)
+        if (paused_s := self._gaps.longest_s) > wire.OLDEST_S:
+            raise HostPaused(paused_s, wire.OLDEST_S)
 
     def _request_hello(self) -> Hello:
         deadline_s = self.clock() + HELLO_S
-        version = PROTOCOL_VERSION
+        version = wire.PROTOCOL_VERSION
         while self.clock() < deadline_s:
             self._number += 1
             self._reader.begin()
-            self._send(frame_command(self._number, RequestHello(version)))
+            self._send(frame_command(self._number, wire.RequestHello(version)))
             try_s = self.clock() + HELLO_TRY_S
             answered = False
             while not answered and (left_s := try_s - self.clock()) > 0.0:
@@ -251,17 +236,17 @@ class Conversation(LinkEnd):
         letter, fields = message.letter, message.fields
         if letter == "A" and len(fields) >= 2 and fields[0].isdecimal():
             self._note_time(fields[1])
-            self._replies[int(fields[0])] = Reply(True, fields=fields[2:])
+            self._replies[int(fields[0])] = wire.Reply(True, fields=fields[2:])
         elif letter == "N" and len(fields) >= 2 and fields[0].isdecimal():
             # In version 1 a refusal carries no time.
             aged = len(fields) > 2 and fields[1].isdecimal()
             if aged:
                 self._note_time(fields[1])
-            self._replies[int(fields[0])] = Reply(False, ",".join(fields[1 + aged :]))
+            self._replies[int(fields[0])] = wire.Reply(False, ",".join(fields[1 + aged :]))
         elif letter == "H":
             self._reader.take(fields)
         elif letter == "E" and fields:
-            event = DeviceEvent(fields[0], ",".join(fields[1:]))
+            event = wire.DeviceEvent(fields[0], ",".join(fields[1:]))
             if event.kind == "busy":
                 raise PortBusy(f"{self.address} is in use by {event.text}; end that and try again")
             self._events.append(event)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import nan
+from typing import Any
 
 from benchtool.bench.bench import Identity
 from benchtool.bench.serial.commands import PROTOCOL_VERSION
 from benchtool.bench.serial.frames import MAX_LINE_BYTES, crc16, payload_of
+from benchtool.bench.transport.transport import BITS_PER_BYTE
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, ProtocolError
 
@@ -73,24 +75,33 @@ class Hello(Identity):
         )
 
 
+_NUMBERS: dict[str, tuple[str, type[float], float, float, str]] = {
+    "rotors": ("n_rotors", int, 1, 64, ""),
+    "rate": ("rate_Hz", float, 0.01, 1e6, ""),
+    "watchdog": ("watchdog_s", float, 100.0, 10e3, "250"),  # ms on the wire
+    "plate": ("moves_plate", bool, 0, 1, "0"),
+    "simulated": ("simulated", bool, 0, 1, "0"),
+    "frame": ("frame_bytes", int, 8, MAX_LINE_BYTES, "128"),
+    "baud": ("baud", int, 0, 100_000_000, str(UNLIMITED_BAUD)),
+    "speed": ("speed", float, 0.001, LARGEST_SPEED, "1"),
+    "loop": ("has_loop", bool, 0, 1, "0"),
+}
+"""Lines with one number: its name here, type and range, and what a missing line stands for."""
+
+
 def hello_lines(hello: Hello) -> tuple[Fields, ...]:
     """Return the hello as lines of fields, in the order in which they are sent."""
     lines: list[Fields] = [
         ("protocol", str(hello.version)),
         ("device", hello.device_id),
         ("firmware", hello.firmware),
-        ("rotors", str(hello.n_rotors)),
-        ("pwm", f"{hello.pwm_stop_us:g}", f"{hello.pwm_idle_us:g}"),
-        ("rate", f"{hello.rate_Hz:g}"),
-        ("watchdog", f"{1000.0 * hello.watchdog_s:g}"),
-        ("plate", str(int(hello.moves_plate))),
-        ("simulated", str(int(hello.simulated))),
-        ("frame", str(hello.frame_bytes)),
-        ("baud", str(hello.baud)),
-        ("speed", f"{hello.speed:g}"),
     ]
-    if hello.has_loop:
-        lines.append(("loop", "1"))
+    for key, (name, kind, *_) in _NUMBERS.items():
+        value = getattr(hello, name) * (1000.0 if key == "watchdog" else 1)
+        if key == "rate":
+            lines.append(("pwm", f"{hello.pwm_stop_us:g}", f"{hello.pwm_idle_us:g}"))
+        if key != "loop" or value:
+            lines.append((key, f"{value:g}" if kind is float else str(int(value))))
     for channel, rate_Hz in zip(hello.channels, hello.channel_rates_Hz, strict=True):
         lines.append(("channel", channel.name, channel.unit, f"{rate_Hz:g}"))
     lines += [("limit", name, f"{value:.9g}") for name, value in hello.limits.items()]
@@ -112,11 +123,7 @@ _LONGEST_TEXT = 100
 
 
 def hello_from(lines: Iterable[Sequence[str]]) -> Hello:
-    """Read a hello from its lines; unknown keys are skipped, so that later versions can add some.
-
-    Raises:
-        ProtocolError: another protocol version, a line that is missing, or a value out of range.
-    """
+    """Read a hello from its lines; unknown keys are skipped: later versions may add some."""
     single: dict[str, Sequence[str]] = {}
     channels: list[Channel] = []
     rates_Hz: list[float] = []
@@ -143,30 +150,24 @@ def hello_from(lines: Iterable[Sequence[str]]) -> Hello:
         else:
             single[key] = fields
     _check(single, channels)
-    # What may be left out.
-    given: dict[str, Sequence[str]] = {"watchdog": ["250"], "plate": ["0"], "simulated": ["0"]}
-    given |= {"frame": ["128"], "baud": [str(UNLIMITED_BAUD)], "speed": ["1"]}
-    given |= {"loop": ["0"]} | single
-    stop_us = _number("stop pulse", given["pwm"][0], 0.0, 20e3)
+    read: dict[str, Any] = {
+        "version": int(single["protocol"][0]),
+        "device_id": _text("device", single["device"][0]),
+        "firmware": _text("firmware", single["firmware"][0]),
+    }
+    for key, (name, kind, low, high, usual) in _NUMBERS.items():
+        text = single[key][0] if key in single else usual
+        read[name] = kind(_number(key, text, low, high, whole=kind is not float))
+    read["watchdog_s"] /= 1000.0
+    stop_us = _number("stop pulse", single["pwm"][0], 0.0, 20e3)
     return Hello(
-        version=int(given["protocol"][0]),
-        device_id=_text("device", given["device"][0]),
-        firmware=_text("firmware", given["firmware"][0]),
-        n_rotors=_whole("rotors", given["rotors"][0], 1, 64),
         pwm_stop_us=stop_us,
-        pwm_idle_us=_number("idle pulse", given["pwm"][1], stop_us, 20e3),
-        rate_Hz=_number("rate", given["rate"][0], 0.01, 1e6),
-        watchdog_s=_number("watchdog", given["watchdog"][0], 100.0, 10e3) / 1000.0,
-        moves_plate=_whole("plate", given["plate"][0], 0, 1) == 1,
-        simulated=_whole("simulated", given["simulated"][0], 0, 1) == 1,
-        frame_bytes=_whole("frame", given["frame"][0], 8, MAX_LINE_BYTES),
-        baud=_whole("baud", given["baud"][0], 0, 100_000_000),
-        speed=_number("speed", given["speed"][0], 0.001, LARGEST_SPEED),
-        has_loop=_whole("loop", given["loop"][0], 0, 1) == 1,
+        pwm_idle_us=_number("idle pulse", single["pwm"][1], stop_us, 20e3),
         channels=tuple(channels),
         channel_rates_Hz=tuple(rates_Hz),
         limits=limits,
         facts=facts,
+        **read,
     )
 
 
@@ -192,21 +193,16 @@ def _text(key: str, text: str) -> str:
     return text
 
 
-def _number(key: str, text: str, low: float, high: float) -> float:
+def _number(key: str, text: str, low: float, high: float, whole: bool = False) -> float:
     try:
         value = float(text)
     except ValueError:
         value = nan
     if not low <= value <= high:
         raise _wrong(f"{key} is {text[:20]!r}, not a number from {low:g} to {high:g}")
-    return value
-
-
-def _whole(key: str, text: str, low: int, high: int) -> int:
-    value = _number(key, text, low, high)
-    if value != int(value):
+    if whole and value != int(value):
         raise _wrong(f"{key} is {text[:20]!r}, not a whole number")
-    return int(value)
+    return value
 
 
 def _wrong(what: str) -> ProtocolError:
@@ -269,3 +265,21 @@ class HelloReader:
             self._indexed.clear()
             return None
         return hello_from(line[1:] for line in lines)
+
+
+def highest_rate_Hz(frame_bytes: int, baud: int) -> float:
+    """Return the fastest stream of frames of that length, in frames per second."""
+    return baud / (BITS_PER_BYTE * frame_bytes)
+
+
+def check_rate(rate_Hz: float, frame_bytes: int, baud: int) -> None:
+    """Refuse a stream that does not fit the line, with the arithmetic; 0 baud has no limit."""
+    if rate_Hz < 0.0 or rate_Hz != rate_Hz:
+        raise InputError(f"a stream rate of {rate_Hz:g} Hz makes no sense; give 0 or more")
+    needed = rate_Hz * frame_bytes * BITS_PER_BYTE
+    if baud and needed > baud:
+        raise InputError(
+            f"{rate_Hz:g} frames/s x {frame_bytes} bytes x {BITS_PER_BYTE} bits = {needed:,.0f} "
+            f"baud, but the link runs at {baud:,} baud; ask for at most "
+            f"{int(highest_rate_Hz(frame_bytes, baud))} Hz or raise baud on both ends"
+        )

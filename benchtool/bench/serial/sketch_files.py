@@ -69,34 +69,18 @@ def _rig_numbers(board: Board, rig: Rig) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Board:
-    """Say what compiling for a board and writing to it takes.
-
-    Attributes:
-        mcu: as avr-gcc and avrdude name it.
-    """
+    """Say what compiling for a board and writing to it takes; `mcu` as avr-gcc names it."""
 
     name: str
     title: str
-    mcu: str
-    clock_Hz: int
-    upload_baud: int
+    mcu: str = "atmega328p"
+    clock_Hz: int = 16_000_000
+    upload_baud: int = 115_200
 
 
 BOARDS = (
-    Board(
-        name="uno",
-        title="Arduino Uno R3",
-        mcu="atmega328p",
-        clock_Hz=16_000_000,
-        upload_baud=115_200,
-    ),
-    Board(
-        name="nano",
-        title="Arduino Nano, bootloader of 2018 or later",
-        mcu="atmega328p",
-        clock_Hz=16_000_000,
-        upload_baud=115_200,
-    ),
+    Board(name="uno", title="Arduino Uno R3"),
+    Board(name="nano", title="Arduino Nano, bootloader of 2018 or later"),
 )
 """Same chip, same clock, same pins; upload rates as in the Arduino core's boards.txt."""
 

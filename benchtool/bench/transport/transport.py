@@ -41,7 +41,6 @@ class Transport(Protocol):
     @property
     def baud(self) -> int | None:
         """Bits per second that the host's end was opened with, None where there is none."""
-        ...
 
     def open(self) -> None:
         """Open the port for this process alone and throw away what is old.
@@ -49,7 +48,6 @@ class Transport(Protocol):
         Raises:
             PortBusy, PortDenied, NoDevice: why it cannot be had.
         """
-        ...
 
     def read(self, timeout_s: float) -> bytes:
         """Return what has arrived, waiting at most `timeout_s` for the first byte; maybe nothing.
@@ -57,7 +55,6 @@ class Transport(Protocol):
         Raises:
             LinkLost: the other end went away.
         """
-        ...
 
     def write(self, data: bytes) -> None:
         """Send all of `data`.
@@ -65,12 +62,13 @@ class Transport(Protocol):
         Raises:
             LinkLost: the other end went away or takes nothing.
         """
-        ...
 
     def close(self) -> None:
         """Give the port back; safe to call twice, never raises."""
-        ...
 
+
+BITS_PER_BYTE = 10
+"""Start bit, eight data bits, stop bit (8N1)."""
 
 LONGEST_WAIT_S = 0.02
 """Longest wait of one read: a heartbeat that is due is sent at most that late."""
@@ -98,7 +96,6 @@ class LinkEnd(ABC):
         """
 
     def close(self) -> None:
-        """Close the transport."""
         self.transport.close()
 
     def take(self, timeout_s: float) -> bytes:

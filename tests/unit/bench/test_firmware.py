@@ -5,23 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.serial.commands import (
-    Clear,
-    Command,
-    Reply,
-    RequestHello,
-    RequestPlate,
-    SendPlate,
-    SetLimit,
-    SetPwm,
-    SetRate,
-    StopDevice,
-    TareDevice,
-)
+from benchtool.bench.serial import commands as wire
 from benchtool.virtual.firmware import REMIND_S, Firmware
 from tests.wire.still_plant import StillPlant, still_hello
 
-SPIN = SetPwm((1200.0, 1200.0))
+SPIN = wire.SetPwm((1200.0, 1200.0))
 
 
 @pytest.fixture
@@ -57,7 +45,7 @@ def test_watchdog_stops_the_motors_after_250_ms_without_a_line(
 
 
 def test_watchdog_halts_a_moving_plate(device: Firmware, plant: StillPlant) -> None:
-    device.execute(SendPlate(0.4), 0.0)
+    device.execute(wire.SendPlate(0.4), 0.0)
     device.advance(5, 0.05)
     device.advance(1, 0.30)
     assert not plant.plate_moving
@@ -66,7 +54,7 @@ def test_watchdog_halts_a_moving_plate(device: Firmware, plant: StillPlant) -> N
 
 def test_the_watchdog_does_not_wait_for_a_slow_stream(device: Firmware) -> None:
     device.execute(SPIN, 0.0)
-    device.execute(SetRate(1.0), 0.0)
+    device.execute(wire.SetRate(1.0), 0.0)
     assert len(device.advance(0, 0.25).values) == 0
     assert kinds(device) == ["watchdog"]
 
@@ -83,10 +71,10 @@ def test_a_stopped_device_wants_a_clear_and_repeats_why(device: Firmware) -> Non
     assert not refused.ok
     assert "watchdog" in refused.reason
     assert "clear" in refused.reason
-    assert device.execute(SetPwm((1000.0, 1000.0)), 0.32).ok
+    assert device.execute(wire.SetPwm((1000.0, 1000.0)), 0.32).ok
     device.advance(1, 0.3 + REMIND_S)
     assert kinds(device) == ["watchdog", "watchdog"]
-    assert device.execute(Clear(), 1.4).ok
+    assert device.execute(wire.Clear(), 1.4).ok
     assert device.execute(SPIN, 1.4).ok
 
 
@@ -100,9 +88,9 @@ def test_a_stopped_device_wants_a_clear_and_repeats_why(device: Firmware) -> Non
 def test_limits_on_every_tick(
     device: Firmware, plant: StillPlant, limit: str, pwm_us: float, voltage_V: float, text: str
 ) -> None:
-    device.execute(SetLimit("thrust_N", 15.0), 0.0)
-    device.execute(SetLimit("voltage_min_V", 10.0), 0.0)
-    device.execute(SetPwm((pwm_us, pwm_us)), 0.0)
+    device.execute(wire.SetLimit("thrust_N", 15.0), 0.0)
+    device.execute(wire.SetLimit("voltage_min_V", 10.0), 0.0)
+    device.execute(wire.SetPwm((pwm_us, pwm_us)), 0.0)
     plant.voltage_V = voltage_V
     device.advance(2, 0.02)
     np.testing.assert_array_equal(plant.pwm_us, [1000, 1000])
@@ -126,19 +114,19 @@ def test_a_family_limit_guards_every_rotor() -> None:
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (SetPwm((1200.0,)), "2 pulses needed; 1 given"),
-        (SetPwm((1200.0, 1901.0)), "1000 to 1900 us"),
-        (SetPwm((900.0, 1200.0)), "1000 to 1900 us"),
-        (SendPlate(0.04), "outside 0.05 to 0.5 m"),
-        (SendPlate(0.6), "outside 0.05 to 0.5 m"),
-        (SetRate(9000.0), "outside 0 to 5000 Hz"),
-        (SetRate(-1.0), "outside 0 to 5000 Hz"),
-        (SetLimit("thrust_N", 31.0), "wider than 30"),
-        (SetLimit("voltage_min_V", 8.0), "wider than 9"),
-        (SetLimit("courage", 1.0), "known: "),
+        (wire.SetPwm((1200.0,)), "2 pulses needed; 1 given"),
+        (wire.SetPwm((1200.0, 1901.0)), "1000 to 1900 us"),
+        (wire.SetPwm((900.0, 1200.0)), "1000 to 1900 us"),
+        (wire.SendPlate(0.04), "outside 0.05 to 0.5 m"),
+        (wire.SendPlate(0.6), "outside 0.05 to 0.5 m"),
+        (wire.SetRate(9000.0), "outside 0 to 5000 Hz"),
+        (wire.SetRate(-1.0), "outside 0 to 5000 Hz"),
+        (wire.SetLimit("thrust_N", 31.0), "wider than 30"),
+        (wire.SetLimit("voltage_min_V", 8.0), "wider than 9"),
+        (wire.SetLimit("courage", 1.0), "known: "),
     ],
 )
-def test_refusals_say_why(device: Firmware, command: Command, words: str) -> None:
+def test_refusals_say_why(device: Firmware, command: wire.Command, words: str) -> None:
     reply = device.execute(command, 0.0)
     assert not reply.ok
     assert words in reply.reason
@@ -146,47 +134,47 @@ def test_refusals_say_why(device: Firmware, command: Command, words: str) -> Non
 
 def test_the_plate_moves_only_at_idle(device: Firmware) -> None:
     device.execute(SPIN, 0.0)
-    assert "idle" in device.execute(SendPlate(0.2), 0.0).reason
-    device.execute(SetPwm((1050.0, 1000.0)), 0.0)
-    assert device.execute(SendPlate(0.2), 0.0).ok
+    assert "idle" in device.execute(wire.SendPlate(0.2), 0.0).reason
+    device.execute(wire.SetPwm((1050.0, 1000.0)), 0.0)
+    assert device.execute(wire.SendPlate(0.2), 0.0).ok
     assert "moving" in device.execute(SPIN, 0.0).reason
 
 
 def test_arrival_is_told_once(device: Firmware) -> None:
-    device.execute(SendPlate(0.102), 0.0)
-    assert device.execute(RequestPlate(), 0.0).fields == ("1", "0.102", "0", "0")
+    device.execute(wire.SendPlate(0.102), 0.0)
+    assert device.execute(wire.RequestPlate(), 0.0).fields == ("1", "0.102", "0", "0")
     device.advance(1, 0.01)
     assert kinds(device) == []
     device.advance(5, 0.06)
     assert [(event.kind, event.text) for event in device.take_events()] == [
         ("arrived", "0.102,0,0")
     ]
-    assert device.execute(RequestPlate(), 0.0).fields == ("0", "0.102", "0", "0")
+    assert device.execute(wire.RequestPlate(), 0.0).fields == ("0", "0.102", "0", "0")
 
 
 def test_stop_zeroes_motors_and_halts_the_plate_without_a_latch(
     device: Firmware, plant: StillPlant
 ) -> None:
-    device.execute(SendPlate(0.2), 0.0)
-    assert device.execute(StopDevice(), 0.0) == Reply(True)
+    device.execute(wire.SendPlate(0.2), 0.0)
+    assert device.execute(wire.StopDevice(), 0.0) == wire.Reply(True)
     assert not plant.plate_moving
     assert device.execute(SPIN, 0.0).ok
-    device.execute(StopDevice(), 0.0)
+    device.execute(wire.StopDevice(), 0.0)
     np.testing.assert_array_equal(plant.pwm_us, [1000, 1000])
 
 
 def test_hello_stops_the_stream(device: Firmware) -> None:
-    device.execute(SetRate(50.0), 0.0)
+    device.execute(wire.SetRate(50.0), 0.0)
     assert device.rate_Hz == 50.0
-    device.execute(RequestHello(), 0.0)
+    device.execute(wire.RequestHello(), 0.0)
     assert device.rate_Hz == 0.0
 
 
 def test_tare_and_device_time(device: Firmware, plant: StillPlant) -> None:
     device.execute(SPIN, 0.0)
-    device.execute(TareDevice(), 0.0)
+    device.execute(wire.TareDevice(), 0.0)
     rows = device.advance(3, 0.03)
     np.testing.assert_array_equal(rows.device_time_us, [10_000, 20_000, 30_000])
     np.testing.assert_array_equal(rows.values[::2, 2], [0.0, 0.0])
-    device.execute(SetRate(1000.0), 0.03)
+    device.execute(wire.SetRate(1000.0), 0.03)
     np.testing.assert_array_equal(device.advance(2, 0.032).device_time_us, [31_000, 32_000])

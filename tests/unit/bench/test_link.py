@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.serial.bench import check_rate, highest_rate_Hz
 from benchtool.bench.serial.commands import RequestHello, SetPwm
 from benchtool.bench.serial.frames import (
     HEARTBEAT,
@@ -24,6 +23,7 @@ from benchtool.bench.serial.frames import (
     frame_version_1,
     messages_in,
 )
+from benchtool.bench.serial.hello import check_rate, highest_rate_Hz
 from benchtool.core.errors import InputError
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.mavlink.drive import ARMED, Health, silence_of
+from benchtool.bench.mavlink.health import ARMED, Health, silence_of
 from benchtool.bench.mavlink.messages import Message, dialect
 
 WORDS = dialect()

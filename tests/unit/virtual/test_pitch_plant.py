@@ -7,15 +7,7 @@ import pytest
 
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
-from benchtool.bench.serial.commands import (
-    Clear,
-    SendPlate,
-    SetLimit,
-    SetPwm,
-    SetRate,
-    StopDevice,
-    TareDevice,
-)
+from benchtool.bench.serial import commands as wire
 from benchtool.core.errors import (
     BenchtoolError,
     DeviceStopped,
@@ -47,8 +39,8 @@ def started(seed: int = 3, **named: str) -> tuple[PitchBenchPlant, Firmware]:
     return plant, Firmware(plant, pitch_hello(plant, seed))
 
 
-def pulses(us: float) -> SetPwm:
-    return SetPwm((us,) * 4)
+def pulses(us: float) -> wire.SetPwm:
+    return wire.SetPwm((us,) * 4)
 
 
 def column(values: np.ndarray, name: str) -> np.ndarray:
@@ -76,7 +68,7 @@ def test_two_armings_have_noise_of_their_own_and_the_same_seed_has_the_same() ->
         _, device = started(seed=5)
         device.execute(pulses(hover_us()), 0.0)
         first = device.advance(500, 0.0).values
-        device.execute(StopDevice(), 0.0)
+        device.execute(wire.StopDevice(), 0.0)
         device.advance(500, 0.0)
         device.execute(pulses(hover_us()), 0.0)
         both.append((first, device.advance(500, 0.0).values))
@@ -110,7 +102,7 @@ def test_nothing_is_repeated_and_idle_has_no_reference() -> None:
 
 def test_pulses_at_idle_go_straight_to_the_motors() -> None:
     plant, device = started()
-    device.execute(SetPwm((1080.0, 1000.0, 1000.0, 1000.0)), 0.0)
+    device.execute(wire.SetPwm((1080.0, 1000.0, 1000.0, 1000.0)), 0.0)
     values = device.advance(500, 0.0).values
     assert not plant.armed
     assert column(values, "pwm1_us")[-1] == 1080.0
@@ -130,7 +122,7 @@ def test_behind_its_end_a_schedule_holds() -> None:
 
 def test_an_angle_beyond_its_limit_stops_the_motors_and_the_catch_brings_the_beam_back() -> None:
     plant, device = started()
-    assert device.execute(SetLimit("theta_rad", np.radians(1.0)), 0.0).ok
+    assert device.execute(wire.SetLimit("theta_rad", np.radians(1.0)), 0.0).ok
     device.execute(pulses(hover_us()), 0.0)
     for _ in range(600):
         device.advance(5, 0.0)
@@ -143,13 +135,13 @@ def test_an_angle_beyond_its_limit_stops_the_motors_and_the_catch_brings_the_bea
     assert abs(column(values, "theta_rad")[-1]) < 1e-6
     assert (column(values, "pwm1_us") == 1000.0).all()
     assert np.nanmax(column(values[-100:], "rpm1")) < 60.0
-    device.execute(Clear(), 0.0)
+    device.execute(wire.Clear(), 0.0)
     assert device.execute(pulses(hover_us()), 0.0).ok
 
 
 def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
     plant, device = started(schedule="steps")
-    assert device.execute(SendPlate(0.24), 0.0).ok
+    assert device.execute(wire.SendPlate(0.24), 0.0).ok
     assert plant.plate_moving
     values = device.advance(2500, 0.0).values
     assert not plant.plate_moving
@@ -160,16 +152,16 @@ def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
     seen = device.advance(400, 0.0).values
     # Ground effect under the front rotor lifts the nose before the integral term catches up.
     assert np.degrees(column(seen, "theta_rad")[100:]).mean() < -0.5
-    assert not device.execute(SendPlate(0.5), 0.0).ok
+    assert not device.execute(wire.SendPlate(0.5), 0.0).ok
 
 
 def test_what_a_pitch_bench_has_not_is_refused() -> None:
     plant, device = started()
-    assert not device.execute(SendPlate(0.3, 0.1), 0.0).ok
-    assert not device.execute(SetRate(200.0), 0.0).ok
-    assert "125" in device.execute(SetRate(200.0), 0.0).reason
+    assert not device.execute(wire.SendPlate(0.3, 0.1), 0.0).ok
+    assert not device.execute(wire.SetRate(200.0), 0.0).ok
+    assert "125" in device.execute(wire.SetRate(200.0), 0.0).reason
     with pytest.raises(InputError, match="load cell"):
-        device.execute(TareDevice(), 0.0)
+        device.execute(wire.TareDevice(), 0.0)
     with pytest.raises(UnknownChoice, match="observer"):
         pitch_plant(RIG, controller="lqr")
     assert plant.rate_Hz == 250.0
@@ -277,7 +269,7 @@ def test_every_arming_has_a_new_controller_whose_time_begins_anew() -> None:
             device.advance(n, 0.0)
         times = plant._controller.times  # type: ignore[attr-defined]
         np.testing.assert_allclose(times, np.arange(500) / 250.0, atol=1e-12)
-        device.execute(StopDevice(), 0.0)
+        device.execute(wire.StopDevice(), 0.0)
         device.advance(20, 0.0)
     assert Own.made == before + 2
 
