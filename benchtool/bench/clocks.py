@@ -71,11 +71,9 @@ class Gaps:
         self.begin(0.0)
 
     def begin(self, now_s: float) -> None:
-        """Begin anew."""
         self._last_s, self.longest_s = now_s, 0.0
 
     def note(self, now_s: float) -> None:
-        """Note that the loop runs."""
         self.longest_s = max(self.longest_s, now_s - self._last_s)
         self._last_s = now_s
 

@@ -38,7 +38,6 @@ class DrivenBench:
         self._stopped = False
 
     def _begin(self) -> None:
-        """Begin anew with a bench that was opened."""
         self._commanded_s = self.now_s()
         self._watch = StandstillWatch(self.identity, self._rig, self.now_s())
         self._looked = None

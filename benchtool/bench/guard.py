@@ -151,11 +151,6 @@ class GuardedBench(DrivenBench):
 
         `move_plate` does this by itself; whoever moves a separate stage asks for it afterwards.
 
-        Args:
-            target_m: where the plate was sent.
-            stage_m: where what moved it says that it stands.
-            more_m: allowed on top of the tolerance.
-
         Raises:
             StageError: target, stage and reading disagree, or nothing was read.
         """

@@ -117,11 +117,7 @@ class LimitCheck:
         self._armed_else = armed_else
 
     def breach(self, time_s: Array, values: Array) -> LimitExceeded | None:
-        """Return the first limit that samples (m,), (m, c) break, or None.
-
-        Args:
-            values: in channel order; nan where a channel had no new value.
-        """
+        """Return the first limit that samples (m,), (m, c) break, nan without a value, or None."""
         if not len(time_s):
             return None
         seen = values[:, self._columns]

@@ -131,11 +131,7 @@ of its link."""
 
 
 def check_travel(rig: Rig, z_m: float, x_m: float, tilt_rad: float) -> None:
-    """Refuse a place outside of the plate's travel.
-
-    Raises:
-        StageError: the position against its limit.
-    """
+    """Refuse a place outside of the plate's travel."""
     plate = rig.plate
     if not plate.z_min_m <= z_m <= plate.z_max_m:
         raise StageError(
@@ -152,11 +148,7 @@ def check_travel(rig: Rig, z_m: float, x_m: float, tilt_rad: float) -> None:
 
 
 def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
-    """Refuse motors that are commanded above idle, and wait for rotors that are still fast.
-
-    Raises:
-        StageError: a pulse above idle, or rotors that do not slow down.
-    """
+    """Refuse motors that are commanded above idle; wait for rotors that are still fast."""
     pulse, pwm_us = rig.propulsion, bench.pwm_us
     # The device's own word, else the rig's.
     reported_us = bench.identity.pwm_idle_us

@@ -46,11 +46,7 @@ class ReplayBench(Opened):
 
     @classmethod
     def of_run(cls, address: str, run: Path) -> ReplayBench:
-        """Return the bench that plays `samples.csv` of a run folder, or a file like it.
-
-        Raises:
-            FileFormatError: there is no such file, or a line of it cannot be read.
-        """
+        """Return the bench that plays `samples.csv` of a run folder, or a file like it."""
         path = run / "samples.csv" if os.path.isdir(run) else run
         names, table = _read_samples(path, follow=path is run)
         columns = dict(zip(names, table.T, strict=True))

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Self
 
 from benchtool.core.errors import RunStopped
@@ -66,7 +66,6 @@ class StopSignals(_Handlers):
         self._raises = False
 
     def install(self) -> None:
-        """Take the signals over."""
         if threading.current_thread() is threading.main_thread():
             self._requested, self._raises = None, False
         self._take_over(self._handle)
@@ -123,12 +122,7 @@ class ClosingSignals(_Handlers):
         self._take_over(self._handle)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.restore()
 
     def _handle(self, number: int, frame: FrameType | None) -> None:

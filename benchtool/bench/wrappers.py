@@ -113,7 +113,6 @@ class Halts(Protocol):
 
         The owner of the bench may be in the middle of a command of its own.
         """
-        ...
 
 
 class StopRequested(RunStopped):

@@ -185,16 +185,8 @@ def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
     }
     # Sequence, time and checksum, then about thirteen characters for each value.
     size = 26 + 13 * len(plant.channels)
-    return _hello(
-        plant,
-        "pitch ",
-        seed,
-        plant.idle_us,
-        limits=limits,
-        facts=facts,
-        has_loop=True,
-        frame_bytes=size,
-    )
+    more: dict[str, Any] = {"has_loop": True, "frame_bytes": size}
+    return _hello(plant, "pitch ", seed, plant.idle_us, limits=limits, facts=facts, **more)
 
 
 def standard_truth(rig: Rig) -> str:

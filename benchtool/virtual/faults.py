@@ -51,12 +51,7 @@ FAULTS: dict[str, dict[str, float | str]] = {
 
 
 def fault_from(text: str) -> Fault:
-    """Read a fault: `silence`, `silence:at_s=12,for_s=1`.
-
-    Raises:
-        UnknownChoice: no fault or key of that name; the message lists the known ones.
-        InputError: a value that is no number, or a probability outside 0 to 1.
-    """
+    """Read a fault: `silence`, `silence:at_s=12,for_s=1`."""
     name, _, rest = text.partition(":")
     if name not in FAULTS:
         raise UnknownChoice("fault", name, FAULTS)
@@ -135,8 +130,7 @@ class LinkFaults:
 class FaultyPlant:
     """Be another plant, with faults of the bench that begin so many device seconds after `begin`.
 
-    Raises:
-        UnknownChoice: a fault of a channel that the plant does not have.
+    One of a channel that the plant does not have is refused.
     """
 
     def __init__(self, plant: Plant, faults: Iterable[Fault]) -> None:

@@ -294,7 +294,6 @@ class VirtualGrbl:
         self._replies.append("ok")
 
     def _report(self, state: str) -> None:
-        """Answer a question for the state."""
         self._report_due = False
         text = self._reports.text(
             state,

@@ -50,11 +50,7 @@ class CodeBlock:
 
 
 def cleaned(line: bytes) -> str:
-    """Return a line without blanks and comments, in capitals.
-
-    Raises:
-        Refused: it is too long.
-    """
+    """Return a line without blanks and comments, in capitals; refuse one that is too long."""
     text = re.sub(r"\([^)]*\)?|;.*", "", line.decode("ascii", "replace"))
     text = re.sub(r"[\s/\0]", "", text).upper()
     if len(text) > LONGEST:
@@ -63,11 +59,7 @@ def cleaned(line: bytes) -> str:
 
 
 def block_of(text: str) -> CodeBlock:
-    """Return the codes and words of a cleaned line.
-
-    Raises:
-        Refused: which error it is answered by.
-    """
+    """Return the codes and words of a cleaned line, or refuse it."""
     codes: dict[str, str] = {}
     words: dict[str, float] = {}
     at = 0
@@ -146,16 +138,13 @@ class VirtualSettings:
         return bool(self.values[20]) and any(outside)
 
     def length(self, mm: float) -> str:
-        """Return a length as reports show it, in mm or inches."""
         mm += 0.0  # no minus zero
         return f"{mm / _MM_PER_INCH:.4f}" if self.values[13] else f"{mm:.3f}"
 
     def feed(self, mm_min: float) -> str:
-        """Return a feed as reports show it."""
         return f"{mm_min / _MM_PER_INCH:.1f}" if self.values[13] else f"{mm_min:.0f}"
 
     def places(self, place_mm: Mapping[str, float]) -> str:
-        """Return positions of all axes as reports show them."""
         return ",".join(self.length(place_mm[axis]) for axis in AXES)
 
     def lines(self) -> list[str]:
@@ -166,11 +155,7 @@ class VirtualSettings:
         ]
 
     def change(self, text: str) -> int:
-        """Take a line such as `$132=1400` and return the number that it changed.
-
-        Raises:
-            Refused: which error it is answered by.
-        """
+        """Take a line such as `$132=1400` and return the number that it changed, or refuse it."""
         name, equals, value_text = text[1:].partition("=")
         if not name.isdigit():
             raise Refused(3 if name == "RST" else 2)
@@ -203,7 +188,6 @@ class CodeState:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what a reset forgets."""
         self.offsets["G92"] = dict.fromkeys(AXES, 0.0)
         self.tool_mm = 0.0
         self._modal = {"motion": "G0", "distance": "G90", "units": "G21"}
@@ -222,9 +206,6 @@ class CodeState:
 
         Args:
             present_mm: where the moves before it end.
-
-        Raises:
-            Refused: which error it is answered by; nothing is changed then.
         """
         codes, words = block.codes, block.words
         feed = words.get("F", self._feed_mm_min)
@@ -258,11 +239,7 @@ class CodeState:
     def jog(
         self, block: CodeBlock, present_mm: Mapping[str, float]
     ) -> tuple[dict[str, float], float]:
-        """Return target and feed of a jog; it changes no modes.
-
-        Raises:
-            Refused: which error it is answered by.
-        """
+        """Return target and feed of a jog, or refuse it; it changes no modes."""
         if "once" in block.codes or "motion" in block.codes:
             raise Refused(28 if block.codes.get("once") == "G4" and "P" not in block.words else 16)
         if not block.words.get("F"):

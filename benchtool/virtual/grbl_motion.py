@@ -31,17 +31,14 @@ class StageMotion:
 
     @property
     def end_mm(self) -> dict[str, float]:
-        """Where it ends."""
         return self._start_mm | self._target_mm
 
     @property
     def done(self) -> bool:
-        """Whether it stands at its end."""
         return self._gone_mm >= self._length_mm
 
     @property
     def place_mm(self) -> dict[str, float]:
-        """Present position of each axis."""
         if self.done:
             return self.end_mm
         share = self._gone_mm / self._length_mm

@@ -120,13 +120,7 @@ class PtyLink(ServerLink):
 
 @contextmanager
 def _opened(kind: socket.SocketKind, host: str, port: int) -> Iterator[socket.socket]:
-    """Give a new socket to bind, which does not block afterwards; close it where that fails.
-
-    Raises:
-        InputError: a port that there is not.
-        PortBusy: another program has it.
-        NoDevice: a host that cannot be used.
-    """
+    """Give a new socket to bind, which does not block afterwards; close it where that fails."""
     name = "TCP" if kind is socket.SOCK_STREAM else "UDP"
     opened = socket.socket(socket.AF_INET, kind)
     try:
@@ -337,8 +331,6 @@ def link_named(text: str, symlink: Path | None = None) -> ServerLink:
     `mavlink` stands for UDP to port 14550 of this computer; `mavlink:pty`, `mavlink:tcp:5760`,
     `mavlink:udpout:HOST:PORT` (sends there) and `mavlink:udpin:PORT` (waits there) are the others.
 
-    Raises:
-        InputError: it names none.
     """
     mavlink = text == "mavlink" or text.startswith("mavlink:")
     kind, _, place = (text[len("mavlink:") :] if mavlink else text).partition(":")

@@ -59,7 +59,6 @@ class ServerOutbox:
         self._waiting = bytearray()
 
     def add(self, data: bytes) -> None:
-        """Add what must get through."""
         self._waiting += data
 
     def add_sample(self, line: bytes) -> None:
@@ -75,7 +74,6 @@ class ServerOutbox:
             del self._waiting[: write(bytes(self._waiting))]
 
     def clear(self) -> None:
-        """Forget what waits."""
         self._waiting.clear()
 
 

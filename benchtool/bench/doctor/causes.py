@@ -46,12 +46,7 @@ State = tuple[Verdict, str, str]
 
 
 class PortFinding(NamedTuple):
-    """Say how one thing stands.
-
-    Attributes:
-        verdict: ok, warning (may hurt), problem (does hurt), or not checked (and why).
-        fix: what to do, empty when there is nothing to do.
-    """
+    """Say how one thing stands; a warning may hurt, a problem does."""
 
     name: str
     verdict: Verdict
@@ -120,12 +115,8 @@ def _holders(host: HostEnvironment) -> State | None:
     if not host.port:
         return None
     if host.holders is None:
-        sentence = f"{host.system} does not report which program has a port open"
-        return (
-            "not checked",
-            sentence,
-            "close terminal programs, the Arduino serial monitor, slicers",
-        )
+        fix = "close terminal programs, the Arduino serial monitor, slicers"
+        return "not checked", f"{host.system} does not report which program has a port open", fix
     if len(host.holders) == 1 and host.holders[0].is_terminal:
         return "ok", f"the virtual bench behind it is {_listed(host.holders)}", ""
     if host.holders:
@@ -151,7 +142,6 @@ def _probing(host: HostEnvironment) -> State | None:
 
 
 def _lasting_name(host: HostEnvironment) -> State | None:
-    """Say how the port is called after a replug."""
     port = host.hardware
     if port is None or not port.usb:
         return None
@@ -233,11 +223,7 @@ CONNECT_S = 2.0
 
 
 def serial_port_of(text: str) -> str | None:
-    """Return the serial port that a port's name or an address names, None for a network address.
-
-    Raises:
-        InputError: an address without a port to look at, or one that cannot be read.
-    """
+    """Return the serial port that a port's name or an address names, None for a network address."""
     if text.partition(":")[0] not in DRIVERS:
         return text.partition("?")[0]
     ends = ends_of(parse_address(text))
@@ -249,11 +235,7 @@ def serial_port_of(text: str) -> str | None:
 
 
 def network_findings(text: str) -> tuple[PortFinding, ...]:
-    """Return what was found for each end of a network address.
-
-    Raises:
-        InputError: the address cannot be read.
-    """
+    """Return what was found for each end of a network address."""
     ends = ends_of(parse_address(text))
     names = ("listening" if end.kind == "listens" else "other end" for end in ends)
     return tuple(PortFinding(name, *_state(end)) for name, end in zip(names, ends, strict=True))

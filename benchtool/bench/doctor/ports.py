@@ -27,8 +27,6 @@ class Port:
     """Describe one serial port.
 
     Attributes:
-        name: as it is opened (`/dev/ttyUSB0`, `COM12`).
-        serial_number: of the USB device, empty where it has none.
         vendor, product: USB numbers, None for a port that is not on USB.
         by_id: a name that stays the same after a replug, empty where there is none (Linux only).
     """
@@ -42,7 +40,6 @@ class Port:
 
     @property
     def usb(self) -> str:
-        """Vendor and product as `0403:6001`, empty when the port is not on USB."""
         if self.vendor is None or self.product is None:
             return ""
         return f"{self.vendor:04x}:{self.product:04x}"
@@ -146,7 +143,6 @@ class HostEnvironment:
 
     @property
     def hardware(self) -> Port | None:
-        """The named port as the system lists it, None when it does not."""
         real = os.path.realpath(self.port) if self.system == "Linux" else self.port
         short = real.removeprefix("\\\\.\\").upper() if self.system == "Windows" else real
         listed = {

@@ -47,18 +47,10 @@ FORCE_UNITS = {"g": "gf", "gf": "gf", "kg": "kgf", "kgf": "kgf", "n": "N", "lbf"
 """Our units for the GUI's words for thrust, in small letters; its documentation says g, and scripts
 for the Series 1780 find kg."""
 
-UNITS: dict[str, str] = {
-    **FORCE_UNITS,
-    "n·m": "N m",
-    "nm": "N m",
-    "rpm": "rpm",
-    "v": "V",
-    "a": "A",
-    "s": "s",
-    "m": "m",
-    "m/s2": "m/s2",
-    "": "1",
-}
+UNITS: dict[str, str] = FORCE_UNITS | {
+    "n·m": "N m", "nm": "N m", "rpm": "rpm", "v": "V", "a": "A", "s": "s", "m": "m",
+    "m/s2": "m/s2", "": "1",
+}  # fmt: skip
 """Our units for the GUI's, in small letters; the `g` of vibration is an acceleration."""
 
 STANDARD_GRAVITY_M_S2 = unit_named("kgf").factor
@@ -202,11 +194,7 @@ class BridgeDecoder:
 
 
 def _reading(parsed: Mapping[str, Any], name: str, unit: str) -> float:
-    """Return one reading in a channel's unit, nan where there is none.
-
-    Raises:
-        ProtocolError: in a unit that is none of that dimension.
-    """
+    """Return one reading in a channel's unit, nan where there is none; refuse other units."""
     entry = parsed.get(name)
     value = entry.get("workingValue") if isinstance(entry, dict) else None
     if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
@@ -241,12 +229,7 @@ class StandClock:
         self._script_ms = nan
 
     def time_us(self, stand_s: float, script_ms: float) -> int:
-        """Return the device time of a reading.
-
-        Args:
-            stand_s: its time by the stand, nan where it has none.
-            script_ms: when the script had it, by its own clock.
-        """
+        """Return the device time of a reading by the stand's clock (nan: none), or the script's."""
         step_us = 1e6 * (stand_s - self._stand_s)
         if not step_us > 0.0:
             step_us = 1e3 * (script_ms - self._script_ms)

@@ -120,7 +120,6 @@ class BridgeLink(LinkEnd):
         self._sent_s = self.clock()
 
     def _silence(self) -> NoDevice | ProtocolError:
-        """Say what is there instead of the bridge script."""
         if self.decoder.foreign:
             return ProtocolError(
                 f"{self.address} sends readings, but not through benchtool's bridge script: the "
@@ -163,11 +162,7 @@ class RcbSettings:
 
 
 def rcb_settings_of(address: Address) -> RcbSettings:
-    """Return what an address says.
-
-    Raises:
-        InputError: no host and port, or an option that makes no sense.
-    """
+    """Return what an address says."""
     host, port = address.host_and_port(default_host=LOOPBACK, of=" of the GUI")
     return RcbSettings(
         host=host,

@@ -224,12 +224,7 @@ class GrblStage:
 def _problem(
     way: PlatePath, report: StatusReport, place_mm: Mapping[str, float] | None, since_s: float
 ) -> str:
-    """Return what is wrong with a report that no good move makes; empty for a good one.
-
-    Args:
-        place_mm: where it says that the stage is, None where it cannot be known.
-        since_s: how long it has been in this state.
-    """
+    """Return what is wrong with a report that no good move makes; empty for a good one."""
     if report.state == "Idle":
         # A single wrong digit in a report at rest does no harm: the next one is right.
         if since_s < IDLE_S or place_mm is None:
@@ -273,11 +268,9 @@ class GrblAxis:
     direction: int = 1
 
     def to_mm(self, coordinate_m: float) -> float:
-        """Return the machine position of a plate coordinate."""
         return self.direction * 1e3 * (coordinate_m - self.zero_m)
 
     def to_m(self, position_mm: float) -> float:
-        """Return the plate coordinate of a machine position."""
         return self.zero_m + self.direction * 1e-3 * position_mm
 
 

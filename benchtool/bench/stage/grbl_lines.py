@@ -243,11 +243,7 @@ class GrblSettings:
     values: Mapping[int, float]
 
     def of(self, number: int) -> float:
-        """Return a setting.
-
-        Raises:
-            StageError: the stage did not list it.
-        """
+        """Return a setting; refuse a stage that did not list it."""
         try:
             return self.values[number]
         except KeyError:
@@ -257,15 +253,12 @@ class GrblSettings:
             ) from None
 
     def steps_mm(self, letter: str) -> float:
-        """Return the length of one step of an axis: mm."""
         return 1.0 / self._of_axis(STEPS_PER_MM, letter)
 
     def fastest_mm_min(self, letters: Iterable[str]) -> float:
-        """Return the fastest feed that every one of these axes allows: mm/min."""
         return min(self._of_axis(FASTEST, letter) for letter in letters)
 
     def stopping_s(self, letters: Iterable[str], feed_mm_min: float) -> float:
-        """Return how long slowing down from a feed takes: s."""
         return feed_mm_min / 60.0 / min(self._of_axis(ACCELERATION, letter) for letter in letters)
 
     @property
@@ -281,11 +274,7 @@ class GrblSettings:
         return longest_s
 
     def check(self, name: str, letters: Iterable[str]) -> None:
-        """Refuse a stage that cannot be moved safely, before anything moves.
-
-        Raises:
-            StageError: which setting, and what to set.
-        """
+        """Refuse a stage that cannot be moved safely, before anything moves."""
         for letter in letters:
             if letter not in AXES:
                 raise StageError(

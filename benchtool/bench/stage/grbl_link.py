@@ -5,23 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from benchtool.bench.identify import mismatch, probe_answer
-from benchtool.bench.stage.grbl_lines import (
-    HOLD,
-    RESET,
-    SETTINGS,
-    STATUS,
-    Alarm,
-    Banner,
-    Error,
-    GrblDecoder,
-    GrblLine,
-    GrblSetting,
-    GrblSettings,
-    Note,
-    Ok,
-    Other,
-    StatusReport,
-)
+from benchtool.bench.stage import grbl_lines
 from benchtool.bench.stage.stage import Pause
 from benchtool.bench.transport.transport import SHOWN_BYTES, Transport
 from benchtool.core.errors import NoDevice, ProtocolError, StageError
@@ -59,7 +43,7 @@ class GrblLink:
         self.name = name
         self._transport = transport
         self._clock = clock
-        self._decoder = GrblDecoder()
+        self._decoder = grbl_lines.GrblDecoder()
         self._received = b""
 
     def open(self) -> None:
@@ -68,27 +52,20 @@ class GrblLink:
         self.locked = self.homed = self.unanswered = False
 
     def close(self) -> None:
-        """Give the port back."""
         self._transport.close()
 
     def send(self, data: bytes) -> None:
-        """Send bytes that have no answer of their own."""
         self._transport.write(data)
 
     def wake(self) -> None:
-        """Reset the stage until it says its name.
-
-        Raises:
-            NoDevice: it says nothing.
-            ProtocolError: it says something else.
-        """
+        """Reset the stage until it says its name; name what is there instead."""
         self._received = b""
         deadline_s = self._clock() + WAKE_S
         while self._clock() < deadline_s:
-            self._transport.write(RESET)
+            self._transport.write(grbl_lines.RESET)
             try_s = min(self._clock() + WAKE_TRY_S, deadline_s)
             while self._clock() < try_s:
-                if any(isinstance(word, Banner) for word in self._receive()):
+                if any(isinstance(word, grbl_lines.Banner) for word in self._receive()):
                     self.unanswered = False
                     return
         self._received = self._received or probe_answer(self._transport, self._clock)
@@ -99,63 +76,68 @@ class GrblLink:
             f"baud rate (GRBL: 115200)"
         )
 
-    def settings(self, pause: Pause) -> GrblSettings:
+    def settings(self, pause: Pause) -> grbl_lines.GrblSettings:
         """Return the numbered settings; requested again where noise has eaten a line."""
         found: dict[int, float] = {}
         for tries_left in reversed(range(SETTINGS_TRIES)):
             try:
-                words = self.order(SETTINGS, "a question for its settings", ANSWER_S, pause)
+                words = self.order(
+                    grbl_lines.SETTINGS, "a question for its settings", ANSWER_S, pause
+                )
             except StageError:
                 if not tries_left:
                     raise
                 continue
-            found |= {word.number: word.value for word in words if isinstance(word, GrblSetting)}
-            if not any(isinstance(word, Other) for word in words):
+            found |= {
+                word.number: word.value
+                for word in words
+                if isinstance(word, grbl_lines.GrblSetting)
+            }
+            if not any(isinstance(word, grbl_lines.Other) for word in words):
                 break
-        return GrblSettings(found)
+        return grbl_lines.GrblSettings(found)
 
-    def order(self, line: bytes, what: str, longest_s: float, pause: Pause) -> list[GrblLine]:
+    def order(
+        self, line: bytes, what: str, longest_s: float, pause: Pause
+    ) -> list[grbl_lines.GrblLine]:
         """Send a line and return all lines until its `ok`, however long it is silent."""
         self._discard(what)
         self.unanswered = True
         self._transport.write(line)
-        lines: list[GrblLine] = []
+        lines: list[grbl_lines.GrblLine] = []
         deadline_s = self._clock() + longest_s
         while self._clock() < deadline_s:
             pause(LISTEN_S)
             for word in self._receive():
                 self._raise_for(word, what)
-                if isinstance(word, Ok):
+                if isinstance(word, grbl_lines.Ok):
                     self.unanswered = False
                     return lines
                 lines.append(word)
         raise self.given_up(what, longest_s)
 
-    def watched(self, line: bytes, what: str, pause: Pause) -> Iterator[StatusReport]:
+    def watched(self, line: bytes, what: str, pause: Pause) -> Iterator[grbl_lines.StatusReport]:
         """Send a line and give every report from then on, asking all the while; never ends.
 
         The line's `ok` proves nothing that the reports do not: it may be lost, and noise that
         ends a line twice makes two of them.
-
-        Raises:
-            StageError: refused, alarmed, started anew, or silent for `ANSWER_S`.
         """
         self.unanswered = True
         self._transport.write(line)
         report_s = requested_s = self._clock()
         while True:
             if self._clock() - report_s > ANSWER_S:
-                self._transport.write(HOLD)  # it may receive what it cannot answer
+                self._transport.write(grbl_lines.HOLD)  # it may receive what it cannot answer
                 raise self.given_up(what, ANSWER_S)
             if self._clock() - requested_s >= POLL_S:
                 requested_s = self._clock()
-                self._transport.write(STATUS)
+                self._transport.write(grbl_lines.STATUS)
             pause(LISTEN_S)
             for word in self._receive():
                 self._raise_for(word, what)
-                if isinstance(word, Ok):
+                if isinstance(word, grbl_lines.Ok):
                     self.unanswered = False
-                if isinstance(word, StatusReport):
+                if isinstance(word, grbl_lines.StatusReport):
                     report_s = self._clock()
                     yield word
 
@@ -167,17 +149,17 @@ class GrblLink:
             for word in self._receive():
                 self._raise_for(word, what)
 
-    def request_report(self, pause: Pause) -> StatusReport:
+    def request_report(self, pause: Pause) -> grbl_lines.StatusReport:
         """Return a status report; requested again every `POLL_S`, as a byte may be lost."""
         what = "a question for its state"
         self._discard(what)
         deadline_s = self._clock() + ANSWER_S
         while (requested_s := self._clock()) < deadline_s:
-            self._transport.write(STATUS)
+            self._transport.write(grbl_lines.STATUS)
             while self._clock() - requested_s < POLL_S:
                 for word in self._receive():
                     self._raise_for(word, what)
-                    if isinstance(word, StatusReport):
+                    if isinstance(word, grbl_lines.StatusReport):
                         return word
                 pause(LISTEN_S)
         raise self.given_up(what, ANSWER_S)
@@ -193,7 +175,7 @@ class GrblLink:
             f"position) and start again"
         )
 
-    def place_mm(self, report: StatusReport) -> dict[str, float] | None:
+    def place_mm(self, report: grbl_lines.StatusReport) -> dict[str, float] | None:
         """Return the machine position in a report by axis letter, None while it cannot be known."""
         place = self._decoder.machine_mm(report)
         return None if place is None else dict(zip("XYZABC", place, strict=False))
@@ -211,43 +193,43 @@ class GrblLink:
         for word in self._receive(0.0):
             self._raise_for(word, what)
 
-    def _receive(self, timeout_s: float = LISTEN_S) -> list[GrblLine]:
+    def _receive(self, timeout_s: float = LISTEN_S) -> list[grbl_lines.GrblLine]:
         data = self._transport.read(timeout_s)
         if len(self._received) < SHOWN_BYTES:
             self._received = (self._received + data)[:SHOWN_BYTES]
         words = self._decoder.feed(data)
         for word in words:
-            if isinstance(word, Banner):
+            if isinstance(word, grbl_lines.Banner):
                 words += self._after_banner()
                 break
         for word in words:
-            if isinstance(word, Note) and word.locked:
+            if isinstance(word, grbl_lines.Note) and word.locked:
                 self.locked = True
-            elif isinstance(word, Alarm) and word.loses_position:
+            elif isinstance(word, grbl_lines.Alarm) and word.loses_position:
                 self.homed = False
         return words
 
-    def _after_banner(self) -> list[GrblLine]:
+    def _after_banner(self) -> list[grbl_lines.GrblLine]:
         """Listen for what follows a banner; without word of a lock there is none."""
         self.locked = False
         until_s = self._clock() + AFTER_BANNER_S
-        words: list[GrblLine] = []
+        words: list[grbl_lines.GrblLine] = []
         while self._clock() < until_s:
             words += self._decoder.feed(self._transport.read(LISTEN_S))
         return words
 
-    def _raise_for(self, word: GrblLine, what: str) -> None:
+    def _raise_for(self, word: grbl_lines.GrblLine, what: str) -> None:
         """Turn a refusal, an alarm or a restart into an error; the stage is woken from alarms."""
-        if isinstance(word, Error):
+        if isinstance(word, grbl_lines.Error):
             self.unanswered = False
             raise StageError(f"{self.name} refused {what}: {word}")
-        if isinstance(word, Alarm):
+        if isinstance(word, grbl_lines.Alarm):
             # After a limit it answers nothing until it is reset.
             self.wake()
             raise StageError(f"{self.name} stopped during {what}: {word}")
-        if isinstance(word, StatusReport) and word.state == "Alarm":
+        if isinstance(word, grbl_lines.StatusReport) and word.state == "Alarm":
             raise StageError(f"{self.name} is locked by an alarm during {what}; home it")
-        if isinstance(word, Banner):
+        if isinstance(word, grbl_lines.Banner):
             self.homed = False
             raise StageError(
                 f"{self.name} started anew during {what} and lost its position; check its power "

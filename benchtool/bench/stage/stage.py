@@ -27,12 +27,10 @@ class PlateStage(Protocol):
     @property
     def facts(self) -> Mapping[str, str | float]:
         """What moves the plate, for the run's metadata; `stage` is the `--stage` to say again."""
-        ...
 
     @property
     def measures_to_m(self) -> float:
         """How far its word may be from a reading beyond what the rig allows."""
-        ...
 
     def open(self) -> None:
         """Get ready; homes where that is needed.
@@ -41,7 +39,6 @@ class PlateStage(Protocol):
             LinkError: the stage's port cannot be had.
             StageError: it answers, but cannot be made ready.
         """
-        ...
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
         """Move to a distance, lateral position and tilt; return the distance that was reached: m.
@@ -49,15 +46,12 @@ class PlateStage(Protocol):
         Raises:
             StageError: it refused, alarmed, or did not arrive in time.
         """
-        ...
 
     def hold(self) -> None:
         """Stop moving at once, where it is."""
-        ...
 
     def close(self) -> None:
         """Let go; safe to call twice, never raises."""
-        ...
 
 
 class DeviceStage:
