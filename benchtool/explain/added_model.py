@@ -113,7 +113,7 @@ def _with(answer: Answer, model: Model, effect: NamedEffect) -> Model:
             tolerance=item.tolerance,
             # A sweep can be fitted again from here; a pitch recording is explained again.
             free=answer.verdict.bench == "sweep",
-            source=f"{source}: {item.value:.6g} ± {item.std:.2g}",
+            source=f"{source}: {item.text}",
         )
     return model
 

@@ -91,7 +91,10 @@ class Model:
             )
 
     def with_effect(self, effect: str | Effect, **values: float) -> Model:
-        """Return the model with one more effect, its parameters at `values` or their defaults."""
+        """Return the model with one more effect, its parameters at `values` or their defaults.
+
+        Numbers that shape its law and follow from the rig are the rig's, where none are given.
+        """
         added = effect_named(effect) if isinstance(effect, str) else effect
         if any(present.name == added.name for present in self.effects):
             raise InputError(f"model {self.name!r} has the effect {added.name!r} already")
@@ -99,6 +102,8 @@ class Model:
         for name in values:
             if name not in known:
                 raise UnknownChoice(f"parameter of effect {added.name!r}", name, known)
+        of_rig = added.rig_values(self.rig) if added.rig_values is not None else {}
+        values = {key: of_rig[key] for key in of_rig if known[key].neutral is None} | values
         new = [
             (f"{added.name}.{name}", item.at(values[name]) if name in values else item)
             for name, item in known.items()

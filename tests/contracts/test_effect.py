@@ -17,7 +17,15 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.effects.effect import BENCH_KINDS, HOOKS, SUBSYSTEMS, BenchKind, Effect, Flow
+from benchtool.physics.effects.effect import (
+    BENCH_KINDS,
+    HOOKS,
+    NO_FLOW,
+    SUBSYSTEMS,
+    BenchKind,
+    Effect,
+    Flow,
+)
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.prepared import Prepared
 from benchtool.physics.tolerances import default_tolerances
@@ -109,6 +117,52 @@ def test_it_says_what_does_not_matter_on_any_vehicle(
         assert item.neutral is not None
         assert 0.0 < known[item.name] < 0.5 * (item.upper - item.lower)
         assert item.tolerance is None or known[item.name] == item.tolerance
+
+
+TWO_SIDED = {
+    "cog_offset.x_m": "a place lies on either side",
+    "ground_shape.curvature": "a correction of a law",
+    "gyro_bias.bias_rad_s": "a zero is off either way",
+    "gyro_scale.scale": "a scale is off either way",
+    "hinge_spring.stiffness_Nm_per_rad": "a centre of gravity above the hinge is a negative spring",
+    "load_cell_drift.rate_N_per_s": "a zero creeps either way",
+    **{f"partial_coverage.share_{k}": "a curve bends either way" for k in (1, 2, 3)},
+    "plate_offset.dz_m": "a zero is off either way",
+    "plate_side.dx_m": "a place lies on either side",
+    "plate_tilt.angle_rad": "a plate leans either way",
+    "rotor_asymmetry.ratio": "either rotor is the stronger one",
+    "speed_map.difference": "either rotor is the faster one",
+    "speed_map.gain": "a scale is off either way",
+    "tare_offset.thrust_N": "a zero is off either way",
+    "thrust_exponent.excess": "an exponent is off either way",
+}
+"""Parameters that physics leaves on both sides of neutral, and why."""
+
+
+@EACH
+def test_physics_bounds_every_number_that_may_be_named(name: str) -> None:
+    """A stand in the wake takes no negative share, a bearing has no negative friction."""
+    for item in EFFECTS[name].parameters:
+        if item.neutral is None or EFFECTS[name].distance_law is not None:
+            continue
+        assert np.isfinite(item.upper - item.lower)
+        two_sided = item.lower < item.neutral < item.upper
+        assert two_sided == (f"{name}.{item.name}" in TWO_SIDED)
+        assert f"{name}.{item.name}" in TWO_SIDED or item.lower >= 0.0
+
+
+def test_damping_counts_the_tip_speed_of_the_blades_not_of_the_effective_radius(rig: Rig) -> None:
+    model = Model.single(rig).with_effect("aerodynamic_damping", coefficient=3.0)
+    assert model.parameters["aerodynamic_damping.blade_radius_m"].value == rig.propulsion.radius_m
+    effect = EFFECTS["aerodynamic_damping"]
+    flow = NO_FLOW._replace(
+        position_x_m=[0.25], thrust_N=[4.0], speed_rad_s=[600.0], rate_rad_s=0.5, radius_m=0.2
+    )
+    torque = effect.hooks.torque
+    assert torque is not None
+    found = torque(effect.makes_p(3.0, rig.propulsion.radius_m), 0, flow)
+    tip_m_s = 600.0 * rig.propulsion.radius_m
+    assert found == pytest.approx(-3.0 * 0.5 * 0.25**2 * 4.0 / tip_m_s)
 
 
 @EACH

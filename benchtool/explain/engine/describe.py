@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +48,8 @@ def found_parameters(
     """Return an effect's numbers under a hypothesis that opens it.
 
     Their errors are what the data leave open, everything else free within its tolerance, and what
-    a bench departs from the effect's law.
+    a bench departs from the effect's law. A number whose interval covers the whole range that
+    physics leaves it is not determined; its error is then that of anywhere in the range.
     """
     spread = np.sqrt(np.diag(hypotheses.spread(one)))
     effect = effect_of(subject, name)
@@ -61,16 +63,19 @@ def found_parameters(
         stated = neutral[own]
         rest = parameter.start if stated is None else stated
         std = float(np.hypot(std, subject.law_error(effect) * (value - rest)))
+        low, high = value - SIGMA_95 * std, value + SIGMA_95 * std
+        determined = low > parameter.lower or high < parameter.upper
         out.append(
             FoundParameter(
                 name=own,
                 unit=parameter.unit,
                 value=value,
-                std=std,
-                low=max(value - SIGMA_95 * std, parameter.lower),
-                high=min(value + SIGMA_95 * std, parameter.upper),
+                std=std if determined else (parameter.upper - parameter.lower) / sqrt(12.0),
+                low=max(low, parameter.lower),
+                high=min(high, parameter.upper),
                 tolerance=parameter.scale,
                 neutral=rest,
+                determined=determined,
             )
         )
     return tuple(out)

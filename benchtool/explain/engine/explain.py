@@ -138,6 +138,7 @@ def explain(
             for gap in gaps
         )  # fmt: skip
     rivals = _rivals(search, kind, members)
+    refused = where.stage if kind == "unknown" and where is not None else None
     verdict = Verdict(
         kind=kind,
         bench=subject.kind,
@@ -157,7 +158,7 @@ def explain(
             if name not in {effect.name for effect in effects}
         },
         remarks=subject.remarks,
-        next=subject.next_experiment(rivals, rng) if rivals and propose else None,
+        next=subject.next_experiment(rivals, rng, refused) if rivals and propose else None,
         parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.at),
         window_s=subject.window_s,
         draws=draws,

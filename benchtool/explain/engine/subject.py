@@ -169,6 +169,15 @@ class Subject(ABC):
 
     @abstractmethod
     def next_experiment(
-        self, rivals: Sequence[tuple[str, Array]], rng: np.random.Generator
+        self,
+        rivals: Sequence[tuple[str, Array]],
+        rng: np.random.Generator,
+        refused: Subsystem | None = None,
     ) -> NextExperiment | None:
-        """Return the experiment that separates hypotheses best, each with its (n_parameters,)."""
+        """Return the experiment that separates hypotheses best, each with its (n_parameters,).
+
+        Args:
+            rivals: likeliest first.
+            rng: of simulated noise.
+            refused: the stage in which nothing in the library explains what is there.
+        """

@@ -52,6 +52,7 @@ class FoundParameter:
 
     Attributes:
         low, high: 95 % interval.
+        determined: whether the data say more of it than the range that physics leaves it.
     """
 
     name: str  # the parameter's own name ("torque_Nm")
@@ -62,6 +63,14 @@ class FoundParameter:
     high: float
     tolerance: float  # what would not have mattered
     neutral: float  # value at which the effect is absent
+    determined: bool = True
+
+    @property
+    def text(self) -> str:
+        """The number with its standard deviation and unit."""
+        if not self.determined:
+            return f"not determined ({self.low:.3g} to {self.high:.3g})"
+        return f"{self.value:.4g} ± {self.std:.2g} {self.unit}".removesuffix(" 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,6 +177,26 @@ class NextExperiment:
     expected: Mapping[str, float]
 
     @classmethod
+    def of_speeds(
+        cls, rivals: Sequence[tuple[str, Array]], title: str, expected: float, *,
+        schedule: Schedule | None = None, plan_toml: str = "",
+    ) -> NextExperiment:  # fmt: skip
+        """Return a ladder of pulses, for what is unknown between pulse and speed."""
+        name = schedule.name if schedule is not None else "next_pulse_ladder"
+        return cls(
+            candidates=tuple(name for name, _ in rivals),
+            title=title,
+            reason=(
+                "speed at a pulse answers to the pulse, the plate and the supply, which a ladder "
+                "near and far tells apart; write down the ESC's mode as well: governed, it holds "
+                "the speed against plate and supply; else it sets a voltage, and the speed gives"
+            ),
+            schedule=schedule,
+            plan_toml=plan_toml,
+            expected={name: expected},
+        )
+
+    @classmethod
     def between(
         cls,
         rivals: Sequence[tuple[str, Array]],
@@ -247,10 +276,10 @@ class Verdict:
 
 
 def _effect(effect: NamedEffect) -> str:
-    numbers = []
-    for item in effect.parameters:
-        value = f"{item.value:.4g} ± {item.std:.2g} {item.unit}".removesuffix(" 1")
-        numbers.append(f"{effect.name}.{item.name} = {value}")
+    numbers = [
+        f"{effect.name}.{item.name} {'= ' if item.determined else ''}{item.text}"
+        for item in effect.parameters
+    ]
     return f"{effect.phrase}: {', '.join(numbers)}"
 
 

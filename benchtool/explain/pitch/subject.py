@@ -18,7 +18,7 @@ from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.gap import OVERLAP, UNITS, Windows, predicted_channels, read_channels
 from benchtool.explain.pitch.log import PitchLog, pitch_log
-from benchtool.physics.effects.effect import Effect
+from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gains_named
@@ -177,11 +177,13 @@ class PitchSubject(Subject):
         return tuple(out)
 
     def next_experiment(
-        self, rivals: Sequence[tuple[str, Array]], rng: np.random.Generator
+        self,
+        rivals: Sequence[tuple[str, Array]],
+        rng: np.random.Generator,
+        refused: Subsystem | None = None,
     ) -> NextExperiment | None:
-        """Return the experiment that separates hypotheses best."""
         seed = int(rng.integers(2**31))
-        return next_pitch_experiment(rivals, self.evidence, seed)
+        return next_pitch_experiment(rivals, self.evidence, seed, refused)
 
 
 RATE_HZ = 250.0
@@ -235,8 +237,22 @@ OPTIONS: tuple[tuple[Schedule, str], ...] = (
 """What is weighed, with why it helps."""
 
 
+LADDER = Schedule(
+    name="next_pulse_ladder", title="A ladder of the collective, the plate away and near",
+    duration_s=LENGTH_S,
+    collective=(
+        Signal(shape="steps", every_s=2.0, levels=(-0.2, -0.1, 0.0, 0.1, 0.2, 0.1, 0.0, -0.1)),
+    ),
+    dither_us=(DITHER,), plate=(PlateVisit(z_over_R=1.0, in_s=16.0, out_s=29.0),),
+)  # fmt: skip
+"""For what is unknown between pulse and speed, where attitudes tell little."""
+
+
 def next_pitch_experiment(
-    rivals: Sequence[tuple[str, Array]], evidence: PitchEvidence, seed: int
+    rivals: Sequence[tuple[str, Array]],
+    evidence: PitchEvidence,
+    seed: int,
+    refused: Subsystem | None = None,
 ) -> NextExperiment | None:
     """Return the option in which the two likeliest rivals differ most.
 
@@ -244,9 +260,15 @@ def next_pitch_experiment(
         rivals: effects with the parameters (n_parameters,) of their best fits, likeliest first.
         evidence: that the parameters belong to.
         seed: of the simulated noise.
+        refused: the stage in which nothing in the library explains what is there.
     """
     if len(rivals) < 2:
         return None
+    if refused == "pwm_to_rpm":
+        ratio = ratio_of(_evidence(evidence, rivals[0][1], LADDER, seed), rivals)
+        return NextExperiment.of_speeds(
+            rivals, f"{LADDER.title}, {LADDER.duration_s:g} s", ratio, schedule=LADDER
+        )
     expected = {
         schedule.name: ratio_of(_evidence(evidence, rivals[0][1], schedule, seed), rivals)
         for schedule, _ in OPTIONS

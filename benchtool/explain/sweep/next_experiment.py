@@ -22,6 +22,7 @@ from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.fit.uncertainty.bench_errors import stays_of
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions, load_directions
+from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.rotor import speed_from_pwm
 
 VISIT_S, MOVE_S, TARE_S = 5.0, 3.0, 6.0
@@ -232,22 +233,42 @@ OPTIONS = (
 """What is weighed. Distances in both directions and levels up and down in all of them."""
 
 
+LADDER = SweepOption(
+    name="next_pulse_ladder",
+    title="A ladder of eight pulses up and down, at a near place and at a far one",
+    reason="",
+    z_over_R=(0.7, 4.0),
+    levels=8,
+    repeats=4,
+    tare_minutes=4.0,
+)
+"""For what is unknown between pulse and speed, where places of the plate tell little."""
+
+
 def next_sweep_experiment(
-    evidence: SweepEvidence, rivals: Sequence[tuple[str, Array]]
+    evidence: SweepEvidence,
+    rivals: Sequence[tuple[str, Array]],
+    refused: Subsystem | None = None,
 ) -> NextExperiment | None:
     """Return the sweep in which the two likeliest rivals differ most.
 
     Args:
         evidence: that the parameters belong to.
         rivals: effects with the parameters (n_parameters,) of their best fits, likeliest first.
+        refused: the stage in which nothing in the library explains what is there.
     """
     if len(rivals) < 2:
         return None
+    ladder = refused == "pwm_to_rpm"
     expected: dict[str, float] = {}
-    sweeps = {option.name: proposed(option, evidence) for option in OPTIONS}
+    sweeps = {o.name: proposed(o, evidence) for o in ((LADDER,) if ladder else OPTIONS)}
     for name, sweep in sweeps.items():
         log = as_read(points_of(sweep, evidence), evidence, rivals[0][1])
         expected[name] = ratio_of(evidence.of(log), rivals)
+    if ladder:
+        return NextExperiment.of_speeds(
+            rivals, LADDER.title, expected[LADDER.name], plan_toml=sweeps[LADDER.name].toml()
+        )
     best = sweeps[max(expected, key=expected.__getitem__)]
     return NextExperiment.between(rivals, expected, best.title, best.reason, plan_toml=best.toml())
 

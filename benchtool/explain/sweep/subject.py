@@ -21,7 +21,7 @@ from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog, sweep_log
 from benchtool.explain.sweep.next_experiment import next_sweep_experiment
-from benchtool.physics.effects.effect import Effect
+from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
 
 RPM = 30.0 / np.pi
@@ -143,9 +143,12 @@ class SweepSubject(Subject):
         return tuple(out)
 
     def next_experiment(
-        self, rivals: Sequence[tuple[str, Array]], rng: np.random.Generator
+        self,
+        rivals: Sequence[tuple[str, Array]],
+        rng: np.random.Generator,
+        refused: Subsystem | None = None,
     ) -> NextExperiment | None:
-        return next_sweep_experiment(self.evidence, rivals)
+        return next_sweep_experiment(self.evidence, rivals, refused)
 
 
 def _moved(shown: Array, off: Array) -> Array:

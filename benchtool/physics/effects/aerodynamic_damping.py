@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
 
@@ -14,10 +16,15 @@ def torque(p: Any, i: int, flow: Flow) -> Quantity:
     """Return the torque of what rising rotors lose and sinking ones gain: N m."""
     total = 0.0 * flow.rate_rad_s
     for j in range(len(flow.thrust_N)):
-        tip_m_s = np.maximum(flow.speed_rad_s[j] * flow.radius_m, 1e-9)
+        tip_m_s = np.maximum(flow.speed_rad_s[j] * p.blade_radius_m, 1e-9)
         arm_m = flow.position_x_m[j]
         total = total + arm_m * arm_m * flow.thrust_N[j] / tip_m_s
     return -p.coefficient * flow.rate_rad_s * total
+
+
+def rig_values(rig: Rig) -> Mapping[str, float]:
+    """Return the radius of the rig's blades."""
+    return {"blade_radius_m": rig.propulsion.radius_m}
 
 
 EFFECT = Effect(
@@ -26,7 +33,7 @@ EFFECT = Effect(
     description="A rotor that moves up loses thrust; one that moves down gains some.",
     subsystem="hinge",
     order=40,
-    law="torque = -c rate sum_i x_i^2 T_i / (speed_i R)",
+    law="torque = -c rate sum_i x_i^2 T_i / (speed_i r), r the blade's radius",
     parameters=(
         number(
             "coefficient",
@@ -37,6 +44,14 @@ EFFECT = Effect(
             within=(0.0, 20.0),
             tolerance=0.5,
         ),
+        number(
+            "blade_radius_m",
+            "m",
+            0.12,
+            "radius of the blades whose tips move: the rotor's own, not R_m",
+            within=(1e-3, 10.0),
+            source="convention: a 24 cm propeller; a rig states its own",
+        ),
     ),
     hooks=Hooks(torque=torque),
     shows="fast motion; grows with the collective",
@@ -44,4 +59,5 @@ EFFECT = Effect(
     confused_with={"viscous_friction": "several collectives separate them"},
     benches=frozenset({"pitch"}),
     always_compiled=True,
+    rig_values=rig_values,
 )

@@ -49,7 +49,7 @@ EFFECT = Effect(
             0.0,
             "linear loss of the pwm-to-rpm gain",
             neutral=0.0,
-            within=(-0.01, 0.01),
+            within=(0.0, 0.01),  # a battery only ever empties
         ),
     ),
     hooks=Hooks(speed=speed),

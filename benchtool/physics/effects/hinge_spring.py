@@ -28,7 +28,7 @@ EFFECT = Effect(
             0.0,
             "stiffness about level",
             neutral=0.0,
-            within=(-5.0, 20.0),
+            within=(-5.0, 20.0),  # below 0: a centre of gravity above the hinge
         ),
     ),
     hooks=Hooks(torque=torque),

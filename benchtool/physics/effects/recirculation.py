@@ -34,7 +34,7 @@ EFFECT = Effect(
             0.0,
             "largest share s of the thrust that is lost",
             neutral=0.0,
-            within=(-0.1, 0.5),
+            within=(0.0, 0.5),  # air that comes back down only ever takes
             tolerance=0.01,
         ),
         number(

@@ -39,7 +39,7 @@ EFFECT = Effect(
             0.0,
             "share s of the thrust that a neighbour takes with its tips touching",
             neutral=0.0,
-            within=(-0.1, 0.2),
+            within=(0.0, 0.2),  # tip vortices of a neighbour only ever take
             tolerance=0.01,
         ),
         number(

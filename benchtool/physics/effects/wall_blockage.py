@@ -39,7 +39,7 @@ EFFECT = Effect(
             0.0,
             "share b of the thrust that the stand takes with no plate near",
             neutral=0.0,
-            within=(-0.3, 0.5),
+            within=(0.0, 0.5),  # a stand only ever takes
             tolerance=0.01,
         ),
         number(

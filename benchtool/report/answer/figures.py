@@ -189,6 +189,8 @@ def _parameters(answer: Answer) -> dict[str, FoundParameter]:
 
 def parameter_text(item: FoundParameter) -> str:
     """Return a value with its standard deviation and unit."""
+    if not item.determined:
+        return "not determined"
     unit = "" if item.unit == "1" else f" {unit_for_people(item.unit)}"
     return f"{value_with_sd(item.value, item.std)}{unit}"
 

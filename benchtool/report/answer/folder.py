@@ -102,7 +102,7 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
             _fields(effect, "name", "title", "stage", "probability")
             | {
                 "parameters": {
-                    item.name: _fields(item, "value", "std", "unit", interval_95="")
+                    item.name: _fields(item, "value", "std", "unit", "determined", interval_95="")
                     | _fields(item, "tolerance", "neutral")
                     for item in effect.parameters
                 }

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from benchtool.explain.engine.explain import Explanation, explain
+from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import PitchLog, pitch_log
-from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.explain.pitch.subject import PitchSubject, next_pitch_experiment
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import recorded
@@ -84,6 +85,19 @@ def test_small_imperfections_are_nothing(model: Model) -> None:
     assert verdict.effects == ()
     assert all(gap.after == gap.before for gap in verdict.gaps)
     assert verdict.probabilities["none"] > 0.8
+
+
+def test_what_is_unknown_between_pulse_and_speed_asks_for_a_ladder_of_pulses(
+    model: Model,
+) -> None:
+    evidence = PitchEvidence(model, [log_of(model, 1).logged])
+    rivals = [(name, np.zeros(len(evidence.parameters))) for name in ("motor_lag", "battery_sag")]
+    chosen = next_pitch_experiment(rivals, evidence, 1, "pwm_to_rpm")
+    assert chosen is not None
+    assert "the ESC's mode" in chosen.reason
+    assert chosen.schedule is not None
+    assert len(set(chosen.schedule.collective[0].levels)) == 5
+    assert [visit.z_over_R for visit in chosen.schedule.plate] == [1.0]
 
 
 @pytest.mark.slow

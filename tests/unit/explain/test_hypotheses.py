@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
 import pytest
 
+from benchtool.explain.engine.describe import found_parameters
 from benchtool.explain.engine.hypotheses import Hypotheses, p_value
 from benchtool.explain.engine.parameters import ScaledParameter
 from benchtool.explain.engine.search import Search, closing, searched
@@ -65,6 +67,30 @@ def test_what_such_data_say_against_a_rival_is_what_they_say_on_average() -> Non
         expected.append(hypotheses.evidence_against(right, "c"))
         found.append(trial.gains["b"] - trial.gains["c"])
     assert np.mean(found) == pytest.approx(np.mean(expected), rel=0.25)
+
+
+def test_a_number_that_could_lie_anywhere_in_its_range_is_not_determined() -> None:
+    """A share between 0 and 1 is never 0.2 with an error of a thousand."""
+    blind = Linear(np.array([5.0, 0.0, 0.0, 0.0]), 3)
+    blind.design[:, 1] = 1e-3 * blind.design[:, 1]
+    hypotheses = Hypotheses(blind)
+    item = SimpleNamespace(name="x", neutral=0.0)
+    effects = [SimpleNamespace(name=name, parameters=[item]) for name in ("a", "b")]
+    subject = cast(
+        "Subject",
+        SimpleNamespace(
+            evidence=SimpleNamespace(model=SimpleNamespace(effects=effects)),
+            law_error=lambda effect: 0.0,
+        ),
+    )
+    one = hypotheses.fitted(("a", "b"), np.zeros(4))
+    known, unknown = (found_parameters(subject, hypotheses, one, name)[0] for name in "ab")
+    assert known.determined
+    assert known.text == f"{known.value:.4g} ± {known.std:.2g}"
+    assert not unknown.determined
+    assert (unknown.low, unknown.high) == (-50.0, 50.0)
+    assert unknown.std == pytest.approx(100.0 / np.sqrt(12.0))
+    assert unknown.text == "not determined (-50 to 50)"
 
 
 def test_what_the_data_cannot_show_is_told() -> None:

@@ -18,6 +18,7 @@ from benchtool.data.table import read_table
 from benchtool.explain.added_model import added_model
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.sweep.next_experiment import (
+    LADDER,
     OPTIONS,
     next_sweep_experiment,
     points_of,
@@ -130,7 +131,7 @@ def rivals(subject: SweepSubject, *names: str) -> Sequence[tuple[str, np.ndarray
 def test_every_plan_is_one_that_a_sweep_accepts(name: str) -> None:
     model = load_model("quad" if name == "quad" else "single").model
     subject = SweepSubject(model, [halves(name)[0]], [halves(name)[1]])
-    for option in OPTIONS:
+    for option in (*OPTIONS, LADDER):
         sweep = proposed(option, subject.evidence)
         plan = plan_from_toml(sweep.toml(), option.name)
         check_plan(plan.resolved(model.rig), model.rig)
@@ -161,6 +162,18 @@ def test_the_next_sweep_is_the_one_that_tells_rivals_apart(
     assert values[0] > 10.0
     assert chosen.candidates == (first, second)
     assert chosen.schedule is None
+
+
+def test_what_is_unknown_between_pulse_and_speed_asks_for_a_ladder_of_pulses() -> None:
+    learn, check = halves("quad")
+    subject = SweepSubject(load_model("quad").model, [learn], [check])
+    pair = rivals(subject, "battery_sag", "plate_offset")
+    chosen = subject.next_experiment(pair, np.random.default_rng(0), "pwm_to_rpm")
+    assert chosen is not None
+    assert "the ESC's mode" in chosen.reason
+    plan = plan_from_toml(chosen.plan_toml, "next")
+    assert len(plan.throttle.pwm_us) == 8
+    assert len(plan.plate.distances_m) == 2
 
 
 def test_one_explanation_alone_needs_no_experiment() -> None:
