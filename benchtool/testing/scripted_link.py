@@ -92,3 +92,18 @@ class ScriptedLink:
         """Fail unless everything was said and read."""
         assert not self._turns, f"the host never sent {self._turns[0].sent!r}"
         assert not self._answer, f"the host never read {self._answer!r}"
+
+
+class Talker(ScriptedLink):
+    """A port on which somebody says the same at every read, or nothing, and listens to nobody."""
+
+    def __init__(self, says: bytes = b"") -> None:
+        super().__init__()
+        self._says = says
+
+    def read(self, timeout_s: float) -> bytes:
+        self.now_s += max(timeout_s, 1e-3)
+        return self._says
+
+    def write(self, data: bytes) -> None:
+        """Pass it over."""

@@ -9,7 +9,6 @@ import pytest
 
 from benchtool.acquire import resume
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.serial.frames import Decoder, SampleFramer
 from benchtool.data.run.append import read_events
 from benchtool.data.run.run import Run
 from tests.faults.loop import ADDRESS, Outcome, World, command, plan, sweep
@@ -50,17 +49,6 @@ def test_samples_that_are_lost_are_counted_one_by_one(tmp_path: Path) -> None:
     assert lost.hit > 50
     assert outcome.code == 0, outcome.said
     assert outcome.metadata["link"]["lost"] == pytest.approx(lost.hit, abs=3)
-
-
-def test_a_gap_of_65536_samples_is_counted_by_the_time_that_passed() -> None:
-    decoder = Decoder(1)
-    times_us = 6100 * np.arange(65_600)  # 164 Hz, 400 s
-    lines = SampleFramer(1).frames(times_us, np.ones((len(times_us), 1)))
-    kept = [*lines[:3], *lines[3 + 65_536 :]]
-    batches = [decoder.feed(line) for line in kept]
-    rows = sum(len(batch.values) for batch in batches)
-    assert sum(batch.lost for batch in batches) == len(lines) - rows
-    assert rows >= len(kept) - 1
 
 
 def test_a_sweep_without_faults(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from benchtool.bench.serial.frames import (
 )
 from benchtool.bench.serial.hello import hello_lines
 from benchtool.core import errors
-from benchtool.testing.scripted_link import ScriptedLink, Turn
+from benchtool.testing.scripted_link import ScriptedLink, Talker, Turn
 from tests.wire.still_plant import still_hello
 
 
@@ -275,21 +275,10 @@ def test_a_board_that_boots_first_is_waited_for() -> None:
     assert bench.read(0.0).messages == ()
 
 
-class Mute(ScriptedLink):
-    """Take anything and answer with the same bytes each time."""
-
-    def __init__(self, answer: bytes = b"") -> None:
-        super().__init__()
-        self.answer = answer
-
-    def write(self, data: bytes) -> None:
-        self._answer = self.answer
-
-
 NOT_OPENED: dict[str, tuple[Callable[[], ScriptedLink], type[errors.BenchError], str]] = {
-    "silence": (Mute, errors.NoDevice, "nothing answered for 5 s"),
+    "silence": (Talker, errors.NoDevice, "nothing answered for 5 s"),
     "something else": (
-        lambda: Mute(b"\r\nGrbl 1.1h ['$' for help]\r\n"),
+        lambda: Talker(b"\r\nGrbl 1.1h ['$' for help]\r\n"),
         *(errors.ProtocolError, "it is a G-code stage; give it as --stage grbl:"),
     ),
     "another version": (

@@ -7,8 +7,7 @@ import pytest
 
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.commands import Reply, SendPlate
-from benchtool.bench.serial.frames import HEARTBEAT
-from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
+from benchtool.core.errors import CommandRefused, HostPaused
 from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.faults import Fault, LinkFaults, fault_from
 from benchtool.virtual.firmware import Firmware
@@ -43,27 +42,6 @@ def test_nothing_is_lost_on_a_sound_wire() -> None:
     np.testing.assert_array_equal(np.diff(np.concatenate(times_us)), 5000.0)
 
 
-def test_heartbeats_come_at_least_every_100_ms() -> None:
-    bench, link = wired()
-    with bench:
-        bench.set_pwm(np.array([1300.0, 1300.0]))
-        link.sent.clear()
-        start_s = link.now_s
-        while link.now_s < start_s + 10.0:
-            bench.read(0.03)
-        assert link.sent.count(HEARTBEAT) >= 100
-
-
-def test_no_read_no_heartbeat_no_thrust() -> None:
-    bench, link = wired()
-    with bench:
-        bench.set_pwm(np.array([1300.0, 1300.0]))
-        link.pass_time(0.26)
-        assert link.device.firmware.latched is not None
-        with pytest.raises(DeviceStopped, match="no line for 250 ms"):
-            read_on(bench)
-
-
 @pytest.mark.parametrize("fault", [fault_from("corrupt:p=0.0005"), fault_from("drop:p=0.0005")])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_bad_wire_costs_samples_but_no_command(fault: Fault, seed: int) -> None:
@@ -92,34 +70,6 @@ def test_a_silence_shorter_than_a_second_is_lived_through() -> None:
         while link.now_s < 3.0:
             lost += bench.read(0.1).lost
     assert lost == pytest.approx(120, abs=2)
-
-
-def test_a_longer_one_is_a_lost_link() -> None:
-    bench, link = wired(fault_from("silence:at_s=1,for_s=5"))
-    bench.open()
-    with pytest.raises(LinkLost, match="sent nothing"):
-        read_on(bench)
-    assert link.now_s == pytest.approx(2.0, abs=0.1)
-
-
-def test_delayed_bytes_lose_nothing() -> None:
-    bench, link = wired(fault_from("delay:at_s=1,for_s=0.5"))
-    with bench:
-        while link.now_s < 3.0:
-            readings = bench.read(0.1)
-            assert (readings.lost, readings.corrupt) == (0, 0)
-
-
-def test_a_fast_bench_runs_on_its_own_time() -> None:
-    bench, link = wired(speed=20.0)
-    with bench:
-        start_s, rows = bench.now_s(), 0
-        while bench.now_s() < start_s + 60.0:
-            rows += len(bench.read(0.5))
-        assert rows == pytest.approx(60.0 * 200.0, rel=0.02)
-        assert link.now_s < 4.0
-        readings = bench.read(0.5)
-        assert readings.time_s[-1] == pytest.approx(bench.now_s(), abs=0.3)
 
 
 def test_an_order_that_a_pause_of_the_host_made_old_is_refused_and_the_pause_is_named() -> None:

@@ -10,7 +10,6 @@ from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import MavCommand, dialect, interval
 from benchtool.bench.mavlink.pilots import ArduPilot, Px4
 from benchtool.bench.mavlink.streams import StreamRequest, request_streams
-from benchtool.bench.serial.conversation import Conversation
 from benchtool.bench.serial.frames import frame
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 from benchtool.testing.scripted_link import ScriptedLink, Turn
@@ -213,29 +212,6 @@ def _beats_of_ours(count: int) -> list[Turn]:
     host = Side(255, 190)
     host.says(ours())
     return [Turn(host.says(ours())) for _ in range(count)]
-
-
-def test_a_flight_controller_behind_a_serial_address_is_named() -> None:
-    link = LoopbackStranger(Side(1, 1).says(beat()))
-    said = "serial:/dev/x speaks MAVLink: it is a flight controller; use mavlink:serial:/dev/x"
-    with pytest.raises(ProtocolError, match=said):
-        Conversation(link, "serial:/dev/x", link.clock).open()
-
-
-class LoopbackStranger(ScriptedLink):
-    """A port on which somebody talks and listens to nobody."""
-
-    def __init__(self, says: bytes) -> None:
-        super().__init__()
-        self._says = says
-
-    def read(self, timeout_s: float) -> bytes:
-        self.now_s += max(timeout_s, 1e-3)
-        said, self._says = self._says, b""
-        return said
-
-    def write(self, data: bytes) -> None:
-        """Pass it over."""
 
 
 def test_what_is_meant_for_another_ground_station_is_passed_over() -> None:

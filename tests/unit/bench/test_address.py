@@ -2,9 +2,9 @@
 
 import pytest
 
-from benchtool.bench.drivers import DRIVERS, open_bench, parse_address
+from benchtool.bench.drivers import open_bench, parse_address
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.virtual.simulated import SimulatedBench
 
 TRUTH = """
@@ -36,11 +36,6 @@ start_offset_N = 2.0
 def test_an_address_is_split_into_its_parts(text, place, options):
     address = parse_address(text)
     assert (address.place, dict(address.options)) == (place, options)
-
-
-def test_every_example_can_be_parsed():
-    for name, scheme in DRIVERS.items():
-        assert parse_address(scheme.example).scheme == name
 
 
 def test_an_unknown_scheme_lists_the_known_ones():
@@ -99,8 +94,3 @@ def test_an_unknown_flaw_is_refused_with_the_known_ones(tmp_path):
     path.write_text(TRUTH.replace("thrust_noise_N", "noise_N"), encoding="utf-8")
     with pytest.raises(UnknownChoice, match="thrust_noise_N"):
         open_bench(f"sim:pquad?truth={path}")
-
-
-def test_a_replay_of_nothing_is_refused(tmp_path):
-    with pytest.raises(FileFormatError, match=r"samples\.csv"):
-        open_bench(f"replay:{tmp_path}")

@@ -26,10 +26,6 @@ def kinds(device: Firmware) -> list[str]:
     return [event.kind for event in device.take_events()]
 
 
-def test_motors_stand_still_at_first(device: Firmware, plant: StillPlant) -> None:
-    np.testing.assert_array_equal(plant.pwm_us, [1000, 1000])
-
-
 def test_watchdog_stops_the_motors_after_250_ms_without_a_line(
     device: Firmware, plant: StillPlant
 ) -> None:
@@ -161,13 +157,6 @@ def test_stop_zeroes_motors_and_halts_the_plate_without_a_latch(
     assert device.execute(SPIN, 0.0).ok
     device.execute(wire.StopDevice(), 0.0)
     np.testing.assert_array_equal(plant.pwm_us, [1000, 1000])
-
-
-def test_hello_stops_the_stream(device: Firmware) -> None:
-    device.execute(wire.SetRate(50.0), 0.0)
-    assert device.rate_Hz == 50.0
-    device.execute(wire.RequestHello(), 0.0)
-    assert device.rate_Hz == 0.0
 
 
 def test_tare_and_device_time(device: Firmware, plant: StillPlant) -> None:

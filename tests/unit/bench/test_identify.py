@@ -15,7 +15,7 @@ from benchtool.bench.mavlink.side_cell import SideCell
 from benchtool.bench.serial.frames import frame
 from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import ProtocolError
-from benchtool.testing.scripted_link import ScriptedLink
+from benchtool.testing.scripted_link import ScriptedLink, Talker
 
 BEAT = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
 NOISE = np.random.default_rng(5).integers(128, 250, 200).astype(np.uint8).tobytes()
@@ -69,28 +69,11 @@ def test_a_bench_that_is_none_is_named(kind: Kind, said: str) -> None:
     assert said in mismatch("bench", HEARD[kind], "serial:/dev/x?baud=9600")
 
 
-class Talker(ScriptedLink):
-    """A port on which somebody talks and listens to nobody."""
-
-    def __init__(self, says: bytes) -> None:
-        super().__init__()
-        self._says = says
-
-    def read(self, timeout_s: float) -> bytes:
-        self.now_s += max(timeout_s, 1e-3)
-        return self._says
-
-    def write(self, data: bytes) -> None:
-        pass
-
-
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
         ("bench", "it is the bench, not a G-code stage; swap the ports"),
-        ("mavlink", "it is a flight controller, not a G-code stage"),
         ("noise", "the baud rate is wrong: GRBL has 115200"),
-        ("text", "it is another device, or no GRBL 1.1"),
     ],
 )
 def test_a_stage_that_is_none_is_named(kind: Kind, said: str) -> None:

@@ -163,18 +163,6 @@ def test_a_dead_motor_under_a_loop_is_stopped(block_s: float) -> None:
     assert 6.0 < when_s < 4.0 + 2.0 + 1.0 + 2.0 * block_s
 
 
-def test_a_motor_that_never_starts_under_a_loop_is_stopped() -> None:
-    def never(time_s: Array, told_rpm: Array) -> Array:
-        rpm = follows(time_s, told_rpm)
-        rpm[:, 0] = 0.0
-        return rpm
-
-    when_s, error = loop_stopped_at_s(hovering, never)
-    assert error is not None
-    assert error.channel == "rpm1"
-    assert when_s < 2.5
-
-
 def test_a_dead_motor_is_found_though_its_pulses_touch_the_start_again_and_again() -> None:
     def wild(time_s: Array) -> Array:
         swing_us = 450.0 * np.sin(2.0 * np.pi * 1.0 * time_s)

@@ -9,7 +9,7 @@ from benchtool.bench.mavlink.rows import MavlinkRows, SpeedSources
 from benchtool.bench.mavlink.settings import ThrustSource, Wiring, channels_of
 from benchtool.bench.mavlink.side_cell import CellLines, SideCell, in_order
 from benchtool.core.errors import InputError, NoDevice
-from benchtool.testing.scripted_link import ScriptedLink
+from benchtool.testing.scripted_link import Talker
 
 W = dialect()
 TWO = {"motors": (1, 2), "outputs": (3, 1), "escs": (3, 1)}
@@ -210,16 +210,8 @@ def test_a_line_without_an_end_is_not_kept_for_ever() -> None:
     assert lines.feed(b"\nHX711 reading: 7\n") == [7.0]
 
 
-class Text(ScriptedLink):
-    """A port that says one line at every read."""
-
-    def read(self, timeout_s: float) -> bytes:
-        self.now_s += max(timeout_s, 1e-3)
-        return b"HX711 reading: 5\n"
-
-
 def test_readings_stand_on_the_autopilots_clock() -> None:
-    link = Text()
+    link = Talker(b"HX711 reading: 5\n")
     cell = SideCell(link, "/dev/cell", link.clock)
     cell.open()
     clock = DeviceClock()
@@ -232,7 +224,7 @@ def test_readings_stand_on_the_autopilots_clock() -> None:
 
 
 def test_a_silent_cell_is_named() -> None:
-    link = ScriptedLink()
+    link = Talker()
     with pytest.raises(NoDevice, match="the load cell on /dev/cell sent nothing for 5 s"):
         SideCell(link, "/dev/cell", link.clock).open()
     assert link.opened == 1

@@ -9,23 +9,9 @@ from benchtool.core.errors import PortBusy, PortDenied
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
 from benchtool.testing.loopback_link import LoopbackLink
-from benchtool.testing.scripted_link import ScriptedLink
+from benchtool.testing.scripted_link import ScriptedLink, Talker
 from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
-
-
-class TalkingLink(ScriptedLink):
-    """Send free text whatever is asked."""
-
-    def write(self, data):
-        self._answer, self._piece = b"HX711 reading: 124006\r\n", 64
-
-
-class DeafLink(ScriptedLink):
-    """Take everything and say nothing."""
-
-    def write(self, data):
-        pass
 
 
 def test_ports_come_in_natural_order_and_phantoms_are_left_out(monkeypatch):
@@ -78,8 +64,8 @@ def test_a_bench_that_answers_is_named():
 @pytest.mark.parametrize(
     ("link", "kind", "said"),
     [
-        (DeafLink(), "silent", "COM3"),
-        (TalkingLink(), "other", "HX711 reading"),
+        (Talker(), "silent", "COM3"),
+        (Talker(b"HX711 reading: 124006\r\n"), "other", "HX711 reading"),
         (ScriptedLink(refuses=PortBusy("in use by minicom (pid 812)")), "busy", "pid 812"),
         (ScriptedLink(refuses=PortDenied("may not")), "denied", "may not"),
     ],

@@ -13,7 +13,7 @@ from benchtool.bench.drivers import open_bench, parse_address
 from benchtool.bench.rcbenchmark import link as rcb_talk
 from benchtool.bench.rcbenchmark.bench import RcbBench
 from benchtool.bench.rcbenchmark.link import RcbSettings, rcb_settings_of
-from benchtool.core.errors import InputError, LinkError, NoDevice, PortBusy, ProtocolError
+from benchtool.core.errors import InputError, NoDevice, PortBusy, ProtocolError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
 from benchtool.testing.loopback_link import LoopbackLink
@@ -92,19 +92,6 @@ def test_what_answers_instead_is_told_apart(
     assert "\n" not in str(caught.value)
 
 
-def test_a_flight_controller_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    from benchtool.bench.mavlink.frames import MavlinkFrames
-    from benchtool.bench.mavlink.messages import dialect
-
-    monkeypatch.setattr(rcb_talk, "HELLO_S", 0.3)
-    beat = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
-    with (
-        saying(beat) as port,
-        pytest.raises(ProtocolError, match="speaks MAVLink: it is a flight controller"),
-    ):
-        open_bench(f"rcbudp:127.0.0.1:{port}?listen=0").open()
-
-
 def test_silence_says_what_to_start(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rcb_talk, "HELLO_S", 0.2)
     with pytest.raises(NoDevice, match="start the bridge script in the GUI"):
@@ -140,8 +127,3 @@ def test_a_reading_from_before_the_order_does_not_end_the_wait_for_the_plate() -
         for z_m in (0.1, 0.3):
             bench.move_plate(z_m)
             assert not plant.plate_moving
-
-
-def test_a_host_that_does_not_exist_is_named() -> None:
-    with pytest.raises(LinkError, match=r"no-such-host\.invalid"):
-        open_bench("rcbudp:no-such-host.invalid:55047?listen=0").open()

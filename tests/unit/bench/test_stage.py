@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import DeviceStage, HandStage, IdleStage, OneSidedStage
 from benchtool.core.errors import StageError
@@ -110,15 +109,6 @@ def test_it_stays_above_idle_and_inside_the_gap() -> None:
         with pytest.raises(StageError, match="above idle"):
             stage.move(0.3, 0.0, 0.0, pause)
     assert inner.sent == [0.3]
-
-
-def test_a_device_may_be_its_own_stage():
-    device = open_bench("sim:pquad_single")
-    with device:
-        reached_m = DeviceStage(device).move(0.9, 0.0, 0.0, lambda duration_s: None)
-        shown = device.read(0.1)
-    names = [channel.name for channel in device.identity.channels]
-    assert reached_m == shown.values[-1, names.index("plate_z_m")] == 0.9
 
 
 PLATE = rig_named("pquad_single").plate
