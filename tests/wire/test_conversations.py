@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,122 +101,7 @@ def test_answers_may_come_byte_by_byte() -> None:
 SPIN, CLEAR = np.array([1200.0, 1200.0]), wire.Clear()
 STOPPED = frame(b"E,watchdog,no line for 260 ms; motors stopped")
 
-TALKS = """
-A lost acknowledgement is requested with the same number
-set_pwm 1200 1200
-C,4,arm,0 -> A,4,0,2E39
-C,5,pwm,0,1200,1200 ->
-B ->
-C,5,pwm,0,1200,1200 -> A,5,0
-
-A late answer to an earlier number is passed over
-stop
-C,4,stop,0 -> A,3,0 + A,2,0 + A,4,0
-
-No answer at all is a lost link
-stop ! LinkLost did not answer 'stop' in 5 tries
-C,4,stop,0 ->
-B ->
-C,4,stop,0 ->
-B ->
-C,4,stop,0 ->
-B ->
-C,4,stop,0 ->
-B ->
-C,4,stop,0 ->
-B ->
-
-A refusal carries the device's words
-set_pwm 1200 2500 ! CommandRefused 'pwm,1200,2500': pulses must lie from 1000, and up to 1900 us
-C,4,arm,0 -> A,4,0,2E39
-C,5,pwm,0,1200,2500 -> N,5,70,pulses must lie from 1000, and up to 1900 us
-
-Heartbeats go out while reading
-read 0.5 = 1
-B ->
-B -> S,0,0,1000,1000,1.5,0.1,12
-
-No heartbeat goes out between reads
-pause 10
-
-An order repeats the last device time
-read 0.1 = 1
-set_pwm 1200 1200
-set_pwm 1200 1200
-B -> S,7,70000,1000,1000,1.5,0.1,12
-C,4,arm,70000 -> A,4,0,2E39
-C,5,pwm,70000,1200,1200 -> A,5,75000
-C,6,pwm,75000,1200,1200 -> A,6,0
-
-A host that has read nothing lately requests the time first
-pause 0.8
-set_pwm 1200 1200
-C,4,where,0 -> A,4,900000,0,,,
-C,5,arm,900000 -> A,5,0,2E39
-C,6,pwm,900000,1200,1200 -> A,6,0
-
-Arming compares the channel map
-set_pwm 1200 1200 ! ProtocolError channel map of hash 0BAD, at its hello 2E39
-C,4,arm,0 -> A,4,0,0BAD
-C,5,stop,0 -> A,5,0
-
-After a stop the next order arms anew, the stop pulse needs no arming
-set_pwm 1200 1200
-stop
-set_pwm 1000 1000
-set_pwm 1200 1200
-C,4,arm,0 -> A,4,0,2E39
-C,5,pwm,0,1200,1200 -> A,5,0
-C,6,stop,0 -> A,6,0
-C,7,pwm,0,1000,1000 -> A,7,0
-C,8,arm,0 -> A,8,0,2E39
-C,9,pwm,0,1200,1200 -> A,9,0
-
-An order that is refused since another thread stopped is not armed by itself
-_arm
-halt
-set_pwm 1200 1200 ! CommandRefused not armed since the last stop
-C,4,arm,0 -> A,4,0,2E39
-C,0,stop,0 ->
-C,5,pwm,0,1200,1200 -> A,0,0 + N,5,0,not armed since the last stop; send arm first
-
-Clear lifts a stop
-read 0.1 ! DeviceStopped watchdog
-clear
-set_pwm 1200 1200
-B -> E,watchdog,no line for 260 ms; motors stopped
-C,4,clear,0 -> E,watchdog,no line for 260 ms; motors stopped + A,4,0
-C,5,arm,0 -> A,5,0,2E39
-C,6,pwm,0,1200,1200 -> A,6,0
-
-The plate arrives, and samples on its way are held
-move_plate 0.2 0 0.1
-read 0.1 = 2
-C,4,arm,0 -> A,4,0,2E39
-C,5,plate,0,0.2,0,0.1 -> A,5,0 + S,0,0,1000,1000,1.5,0.1,12
-B -> S,1,10000,1000,1000,1.5,0.1,12 + E,arrived,0.2,0,0.1
-
-A plate whose arrival got lost is looked for
-move_plate 0.2
-C,4,arm,0 -> A,4,0,2E39
-C,5,plate,0,0.2,0,0 -> A,5,0
-B ->
-B ->
-B ->
-B ->
-B ->
-C,6,where,0 -> A,6,0,0,0.2,0,0
-
-A stage refuses
-move_plate 0.2 ! StageError refused to move to 0.2 m: stage alarm
-C,4,arm,0 -> A,4,0,2E39
-C,5,plate,0,0.2,0,0 -> N,5,0,stage alarm
-
-A stage fails on its way
-move_plate 0.2 ! StageError did not reach 0.2 m: hard limit
-C,4,arm,0 -> A,4,0,2E39
-C,5,plate,0,0.2,0,0 -> A,5,0 + E,stage,hard limit
-"""
+TALKS = Path(__file__).with_name("serial_talks.txt").read_text("utf-8").strip().split("\n\n")
 """Calls, with the error or the number of samples that they bring, and what then goes over the wire:
 payloads of the host, and behind the arrow those of the device."""
 
@@ -229,7 +115,7 @@ def call(bench: SerialBench, link: ScriptedLink, text: str) -> object:
     return getattr(bench, name)(*([np.array(given)] if name == "set_pwm" else given))
 
 
-@pytest.mark.parametrize("talk", TALKS.strip().split("\n\n"), ids=lambda talk: talk.split("\n")[0])
+@pytest.mark.parametrize("talk", TALKS, ids=lambda talk: talk.split("\n")[0])
 def test_an_exact_conversation(talk: str) -> None:
     _, *lines = talk.split("\n")
     wires = [line.split(" ->") for line in lines if "->" in line]
