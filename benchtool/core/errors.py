@@ -34,7 +34,6 @@ what to do next. The numbers are attributes too, so that no caller parses text.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
 
 MOST_SHOWN = 60
 """Most names that a message lists, and most letters of a name that it repeats. A choice."""
@@ -68,6 +67,8 @@ class UnknownChoice(InputError):
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        from difflib import get_close_matches
+
         self.kind = kind
         self.name = name
         self.known = tuple(sorted(known))

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import os
-from importlib import resources
 from pathlib import Path
 
 from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.user_file import read_text, shown_name
 
+LIBRARY = Path(__file__).resolve().parents[1] / "library"
+"""Folder of the files that are shipped."""
+
 
 def packaged_names(folder: str) -> tuple[str, ...]:
     """Return the names shipped in `benchtool/library/<folder>`."""
-    root = resources.files("benchtool") / "library" / folder
-    return tuple(
-        sorted(
-            item.name.removesuffix(".toml")
-            for item in root.iterdir()
-            if item.name.endswith(".toml")
-        )
-    )
+    return tuple(sorted(path.stem for path in (LIBRARY / folder).glob("*.toml")))
 
 
 def read_named(kind: str, folder: str, name_or_path: str | Path) -> tuple[str, str]:
@@ -31,8 +26,8 @@ def read_named(kind: str, folder: str, name_or_path: str | Path) -> tuple[str, s
     """
     given = str(name_or_path)
     if given in packaged_names(folder):
-        item = resources.files("benchtool") / "library" / folder / f"{given}.toml"
-        return item.read_text(encoding="utf-8"), f"{folder}/{given}.toml"
+        where = f"{folder}/{given}.toml"
+        return (LIBRARY / where).read_text(encoding="utf-8"), where
     path = Path(given)
     if path.suffix != ".toml" and not os.path.exists(path):
         shown = shown_name(given)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from math import isfinite
 from typing import Any
 
@@ -18,6 +17,8 @@ LARGEST_WHOLE = 2**63 - 1
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
     """Return the tables of TOML text, or say where it breaks."""
+    import tomllib
+
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

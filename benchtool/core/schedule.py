@@ -276,3 +276,18 @@ def _sum(signals: tuple[Signal, ...], time_s: Array, duration_s: float) -> Array
 def _index(time_s: Array, every_s: float, count: int) -> NDArray[np.intp]:
     index: NDArray[np.intp] = np.clip((time_s / every_s + 1e-9).astype(np.intp), 0, count - 1)
     return index
+
+
+def due(first_tick: int, ticks: int, rate_Hz: float, stream_Hz: float) -> NDArray[np.bool_]:
+    """Return at which stream ticks a sensor of its own rate has a new reading (ticks,).
+
+    Tick k shows the conversion that ended in (k - 1, k] / stream_Hz. A sensor as fast as the
+    stream, or of rate 0, has one at every tick.
+    """
+    if not rate_Hz or rate_Hz >= stream_Hz:
+        return np.ones(ticks, bool)
+    # The small addition keeps a conversion that ends exactly on a tick on that tick.
+    edges = np.arange(first_tick - 1, first_tick + ticks, dtype=float) * (rate_Hz / stream_Hz)
+    whole = np.floor(edges + 1e-9)
+    fresh: NDArray[np.bool_] = whole[1:] > whole[:-1]
+    return fresh

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from importlib import import_module
-from pkgutil import walk_packages
+from pathlib import Path
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, own_module, refuse_code
@@ -15,9 +15,10 @@ from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect
 
 def _found() -> list[Effect]:
     """Return the `EFFECT` of every file in the folder and below, in the order of the chain."""
-    files = walk_packages(effects.__path__, f"{effects.__name__}.")
-    modules = [import_module(info.name) for info in files if not info.ispkg]
-    found = [module.EFFECT for module in modules if hasattr(module, "EFFECT")]
+    folder = Path(effects.__path__[0])
+    files = (path.relative_to(folder).with_suffix("") for path in folder.rglob("[!_]*.py"))
+    names = (f"{effects.__name__}.{'.'.join(path.parts)}" for path in files)
+    found = [one for name in names if (one := getattr(import_module(name), "EFFECT", None))]
     return sorted(found, key=lambda one: (SUBSYSTEMS.index(one.subsystem), one.order, one.name))
 
 

@@ -12,7 +12,6 @@ first: `q[i]` is a scalar in a compiled loop and any broadcastable array outside
 
 from __future__ import annotations
 
-import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -305,6 +304,8 @@ def _cache_under(key: str) -> Any:
 @lru_cache(maxsize=1)
 def compiled_folder() -> Path:
     """Return the folder of compiled loops: of this user, and of these very sources."""
+    import hashlib
+
     package = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256(sys.version.encode())
     for part in ("physics", "simulate"):

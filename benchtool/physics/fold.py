@@ -11,7 +11,6 @@ effects in one tuple.
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 from collections.abc import Callable
 from functools import cache
@@ -126,6 +125,8 @@ def identity(function: Hook | None) -> str:
     """Return module, name and a digest of the source file of a function; empty for None."""
     if function is None:
         return ""
+    import hashlib
+
     source = Path(inspect.getfile(function)).read_bytes()
     digest = hashlib.sha256(source).hexdigest()[:16]
     return f"{function.__module__}.{function.__qualname__}:{digest}"

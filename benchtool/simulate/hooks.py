@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.core.errors import InputError
 from benchtool.physics.catalogue import EFFECTS
@@ -13,36 +14,23 @@ from benchtool.physics.expression import expression, replaced
 from benchtool.physics.fold import chained, identity, summed
 from benchtool.physics.model import Model
 
+LoopHooks = namedtuple(
+    "LoopHooks",
+    "bare tilt with_images image_factors scaled drags factors speeds at_airspeed with_thrust "
+    "torque dry_friction dry_width gyro nearest_z_over_R",
+)
+"""Hold the joined functions of a set of effects over so many discs.
 
-class LoopHooks(NamedTuple):
-    """Hold the joined functions of a set of effects over so many discs.
-
-    Attributes:
-        bare: a Flow of given heights and coverages, without images.
-        tilt: tilt(p) -> lean of the plate beyond what was commanded: rad.
-        with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
-        at_airspeed: at_airspeed(flow, airspeed) -> the Flow at a horizontal speed through the air.
-        with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
-        torque, dry_friction, dry_width: f(i, flow, p), of the hinge, summed over effects.
-        gyro: gyro(i, reading, flow, p) -> the gyro's reading, changed by effects.
-        nearest_z_over_R: least distance over R at which the effects' law holds.
-    """
-
-    bare: Any
-    tilt: Any
-    with_images: Any
-    image_factors: Any
-    scaled: Any
-    drags: Any
-    factors: Any
-    speeds: Any
-    at_airspeed: Any
-    with_thrust: Any
-    torque: Any
-    dry_friction: Any
-    dry_width: Any
-    gyro: Any
-    nearest_z_over_R: Any
+Attributes:
+    bare: a Flow of given heights and coverages, without images.
+    tilt: tilt(p) -> lean of the plate beyond what was commanded: rad.
+    with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
+    at_airspeed: at_airspeed(flow, airspeed) -> the Flow at a horizontal speed through the air.
+    with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
+    torque, dry_friction, dry_width: f(i, flow, p), of the hinge, summed over effects.
+    gyro: gyro(i, reading, flow, p) -> the gyro's reading, changed by effects.
+    nearest_z_over_R: least distance over R at which the effects' law holds.
+"""
 
 
 def joined_hooks(

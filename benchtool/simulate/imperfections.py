@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
+from benchtool.core.schedule import due
 from benchtool.core.toml_text import FiniteTable
 
 NotNegative = Annotated[float, Ge(0.0)]
@@ -136,21 +137,6 @@ class Reader:
 def quantised(values: Array, quantum: float) -> Array:
     """Return `values` rounded to whole quanta; a zero quantum leaves them alone."""
     return np.round(values / quantum) * quantum if quantum else values
-
-
-def due(first_tick: int, ticks: int, rate_Hz: float, stream_Hz: float) -> NDArray[np.bool_]:
-    """Return at which stream ticks a sensor of its own rate has a new reading (ticks,).
-
-    Tick k shows the conversion that ended in (k - 1, k] / stream_Hz. A sensor as fast as the
-    stream, or of rate 0, has one at every tick.
-    """
-    if not rate_Hz or rate_Hz >= stream_Hz:
-        return np.ones(ticks, bool)
-    # The small addition keeps a conversion that ends exactly on a tick on that tick.
-    edges = np.arange(first_tick - 1, first_tick + ticks, dtype=float) * (rate_Hz / stream_Hz)
-    whole = np.floor(edges + 1e-9)
-    fresh: NDArray[np.bool_] = whole[1:] > whole[:-1]
-    return fresh
 
 
 COUNT_TOP = 2**23

@@ -8,7 +8,8 @@ every lane it reads the records that it needs and writes those that it changes.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections import namedtuple
+from typing import Any
 
 from benchtool.physics.expression import Slot, loop_part, read_record
 from benchtool.simulate.motors import arrive_lane
@@ -16,74 +17,46 @@ from benchtool.simulate.motors import arrive_lane
 BUILT_IN, CALLER, PULSES = range(3)
 """Who controls: a built-in law, the caller of each tick, or the pulses of a schedule."""
 
+LoopPlan = namedtuple(
+    "LoopPlan",
+    "substeps driver delayed log_every before held late_theta late_rate late_plate",
+    defaults=(1, 0, 0, 1, 0, 0, 0, 0, 0),
+)
+"""Integers of a run.
 
-class LoopPlan(NamedTuple):
-    """Integers of a run.
-
-    Attributes:
-        substeps: plant steps per tick.
-        driver: who controls.
-        delayed: whether commands arrive late.
-        log_every: ticks from one row of the log to the next.
-        before: ticks that lie before the first one in time.
-        held: whether the plant stands still: commands are sent on their way, and nothing moves.
-        late_theta, late_rate, late_plate: delays of a bench's sensors in ticks.
-    """
-
-    substeps: Any = 1
-    driver: Any = 0
-    delayed: Any = 0
-    log_every: Any = 1
-    before: Any = 0
-    held: Any = 0
-    late_theta: Any = 0
-    late_rate: Any = 0
-    late_plate: Any = 0
-
+Attributes:
+    substeps: plant steps per tick.
+    driver: who controls.
+    delayed: whether commands arrive late.
+    log_every: ticks from one row of the log to the next.
+    before: ticks that lie before the first one in time.
+    held: whether the plant stands still: commands are sent on their way, and nothing moves.
+    late_theta, late_rate, late_plate: delays of a bench's sensors in ticks.
+"""
 
 PLAN = Slot(0, LoopPlan())
 
 
-class Build(NamedTuple):
-    """Hold what a loop is compiled for: one entry per lane, and where records stand."""
+Build = namedtuple("Build", "lanes to")
+"""Hold what a loop is compiled for: one entry per lane, and where records stand."""
 
-    lanes: Any
-    to: Any
+Instant = namedtuple("Instant", "tick time_s part plan fixed wanted")
+"""Where a loop is: tick, the time at its beginning (s), plant step within it, plan; what no
+lane changes (geometry, the length of a plant step `dt_s`), and what is wanted in the tick.
+"""
 
+Phases = namedtuple("Phases", "fixed wanted law mix move sense goes_on")
+"""Hold what a vehicle does in each part of a tick.
 
-class Instant(NamedTuple):
-    """Where a loop is: tick, the time at its beginning (s), plant step within it, plan; what no
-    lane changes (geometry, the length of a plant step `dt_s`), and what is wanted in the tick.
-    """
-
-    tick: Any
-    time_s: Any
-    part: Any
-    plan: Any
-    fixed: Any
-    wanted: Any
-
-
-class Phases(NamedTuple):
-    """Hold what a vehicle does in each part of a tick.
-
-    Attributes:
-        fixed: fixed(a) -> what no lane changes, read once; it has `dt_s`.
-        wanted: wanted(a, tick) -> what is wanted, from the schedule.
-        law: from readings to a command.
-        mix: from a command to the speeds that the motors are to reach.
-        move: a plant step: surround (heights and coverages), wrench, motion.
-        sense: readings at the beginning of a tick.
-        goes_on: goes_on(a) -> whether there is a next step.
-    """
-
-    fixed: Any
-    wanted: Any
-    law: Any
-    mix: Any
-    move: Any
-    sense: Any
-    goes_on: Any
+Attributes:
+    fixed: fixed(a) -> what no lane changes, read once; it has `dt_s`.
+    wanted: wanted(a, tick) -> what is wanted, from the schedule.
+    law: from readings to a command.
+    mix: from a command to the speeds that the motors are to reach.
+    move: a plant step: surround (heights and coverages), wrench, motion.
+    sense: readings at the beginning of a tick.
+    goes_on: goes_on(a) -> whether there is a next step.
+"""
 
 
 @loop_part

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections import namedtuple
+from typing import Any
 
 import numpy as np
 
@@ -15,43 +16,27 @@ from benchtool.physics.expression import (
 )
 from benchtool.physics.model import Model
 
+Rotors = namedtuple("Rotors", "speed_rad_s")
+"""Per disc, in flight per rotor: speed (rad/s)."""
 
-class Rotors(NamedTuple):
-    """Per disc, in flight per rotor: speed (rad/s)."""
+Targets = namedtuple("Targets", "sent_rad_s old_rad_s new_rad_s")
+"""Per disc, in flight per rotor: the speed commanded last, and those in force at the beginning
+and the end of a plant step (rad/s).
+"""
 
-    speed_rad_s: Any
+Lag = namedtuple("Lag", "remains old new", defaults=(0.0, 0.0, 0.0))
+"""Over half a plant step: what remains of a speed, and the shares of the targets in force at
+the step's beginning and end.
+"""
 
-
-class Targets(NamedTuple):
-    """Per disc, in flight per rotor: the speed commanded last, and those in force at the beginning
-    and the end of a plant step (rad/s).
-    """
-
-    sent_rad_s: Any
-    old_rad_s: Any
-    new_rad_s: Any
-
-
-class Lag(NamedTuple):
-    """Over half a plant step: what remains of a speed, and the shares of the targets in force at
-    the step's beginning and end.
-    """
-
-    remains: Any = 0.0
-    old: Any = 0.0
-    new: Any = 0.0
-
-
-class Motion(NamedTuple):
-    """Over a plant step: lag of both halves, what remains of the random torque and what a normal
-    draw adds (N m), and the delay of commands in whole steps.
-    """
-
-    first: Any = Lag()
-    second: Any = Lag()
-    wake_remains: Any = 0.0
-    wake_kick_Nm: Any = 0.0
-    delay_steps: Any = 0.0
+Motion = namedtuple(
+    "Motion",
+    "first second wake_remains wake_kick_Nm delay_steps",
+    defaults=(Lag(), Lag(), 0.0, 0.0, 0.0),
+)
+"""Over a plant step: lag of both halves, what remains of the random torque and what a normal
+draw adds (N m), and the delay of commands in whole steps.
+"""
 
 
 @expression

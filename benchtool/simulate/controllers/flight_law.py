@@ -8,7 +8,8 @@ divides each rotor's thrust by the factor that a map gives, is the loop's.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections import namedtuple
+from typing import Any
 
 import numpy as np
 
@@ -39,77 +40,49 @@ from benchtool.simulate.gain_file import Gains
 FREE_M_S = 3.0
 """Speed limit while a ramp leads the way, so that the ramp alone sets the pace; assumed."""
 
+FlightNumbers = namedtuple(
+    "FlightNumbers",
+    "position roll pitch yaw k_z_per_s2 k_vz_per_s k_iz_per_s3 climb_limit_m_s2 observer_per_s "
+    "compensate from_s ramp mass_kg gravity_m_s2",
+)
+"""Numbers of the law.
 
-class FlightNumbers(NamedTuple):
-    """Numbers of the law.
+Attributes:
+    position: the horizontal loops.
+    roll, pitch, yaw: the attitude loops.
+    k_z_per_s2, k_vz_per_s, k_iz_per_s3, climb_limit_m_s2: the height loop.
+    observer_per_s: bandwidth of the observer.
+    compensate: 1 to subtract the observed torque, 0 only to watch.
+    from_s: when the observer is switched on.
+    ramp: 1 where the reference leads along, in place of a limit of the speed.
+    mass_kg, gravity_m_s2: of the vehicle as it is known.
+"""
 
-    Attributes:
-        position: the horizontal loops.
-        roll, pitch, yaw: the attitude loops.
-        k_z_per_s2, k_vz_per_s, k_iz_per_s3, climb_limit_m_s2: the height loop.
-        observer_per_s: bandwidth of the observer.
-        compensate: 1 to subtract the observed torque, 0 only to watch.
-        from_s: when the observer is switched on.
-        ramp: 1 where the reference leads along, in place of a limit of the speed.
-        mass_kg, gravity_m_s2: of the vehicle as it is known.
-    """
+Wrench = namedtuple(
+    "Wrench",
+    "force_x_N force_y_N force_z_N roll_Nm pitch_Nm yaw_Nm",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
+"""Force in world axes (N) and torque in body axes (N m), or their momenta."""
 
-    position: Any
-    roll: Any
-    pitch: Any
-    yaw: Any
-    k_z_per_s2: Any
-    k_vz_per_s: Any
-    k_iz_per_s3: Any
-    climb_limit_m_s2: Any
-    observer_per_s: Any
-    compensate: Any
-    from_s: Any
-    ramp: Any
-    mass_kg: Any
-    gravity_m_s2: Any
+HorizontalState = namedtuple("HorizontalState", "velocity_m_s integral_m_s2", defaults=(0.0, 0.0))
+"""Of one horizontal axis: velocity command (m/s) and velocity integral (m/s2)."""
 
+Attitude = namedtuple("Attitude", "roll_rad pitch_rad yaw_rad", defaults=(0.0, 0.0, 0.0))
+"""Angles, or what is commanded of them: rad."""
 
-class Wrench(NamedTuple):
-    """Force in world axes (N) and torque in body axes (N m), or their momenta."""
-
-    force_x_N: Any = 0.0
-    force_y_N: Any = 0.0
-    force_z_N: Any = 0.0
-    roll_Nm: Any = 0.0
-    pitch_Nm: Any = 0.0
-    yaw_Nm: Any = 0.0
-
-
-class HorizontalState(NamedTuple):
-    """Of one horizontal axis: velocity command (m/s) and velocity integral (m/s2)."""
-
-    velocity_m_s: Any = 0.0
-    integral_m_s2: Any = 0.0
-
-
-class Attitude(NamedTuple):
-    """Angles, or what is commanded of them: rad."""
-
-    roll_rad: Any = 0.0
-    pitch_rad: Any = 0.0
-    yaw_rad: Any = 0.0
-
-
-class FlightLawState(NamedTuple):
-    """Horizontal axes, climb integral (m/s2), integrals of the attitude loops, momentum that the
-    observer explained, estimate, and attitude commanded last.
-    """
-
-    x: Any = HorizontalState()
-    y: Any = HorizontalState()
-    climb_m_s2: Any = 0.0
-    roll: Any = PidState(0.0, 0.0)
-    pitch: Any = PidState(0.0, 0.0)
-    yaw: Any = PidState(0.0, 0.0)
-    explained: Any = Wrench()
-    estimate: Any = Wrench()
-    attitude: Any = Attitude()
+STILL = PidState(0.0, 0.0)
+FlightLawState = namedtuple(
+    "FlightLawState",
+    "x y climb_m_s2 roll pitch yaw explained estimate attitude",
+    defaults=(
+        HorizontalState(), HorizontalState(), 0.0, STILL, STILL, STILL, Wrench(), Wrench(),
+        Attitude(),
+    ),
+)  # fmt: skip
+"""Horizontal axes, climb integral (m/s2), integrals of the attitude loops, momentum that the
+observer explained, estimate, and attitude commanded last.
+"""
 
 
 @expression

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from typing import Any, NamedTuple
 
 from benchtool.physics.expression import expression
@@ -15,16 +16,10 @@ from benchtool.simulate.controllers.pid import (
     next_pid_state,
 )
 
-
-class Pulses(NamedTuple):
-    """Numbers of a PID in pulse widths: us/rad, us/(rad s), us/(rad/s), and the integral's limit
-    (rad s).
-    """
-
-    kp_us_per_rad: Any
-    ki_us_per_rad_s: Any
-    kd_us_s_per_rad: Any
-    limit_rad_s: Any
+Pulses = namedtuple("Pulses", "kp_us_per_rad ki_us_per_rad_s kd_us_s_per_rad limit_rad_s")
+"""Numbers of a PID in pulse widths: us/rad, us/(rad s), us/(rad/s), and the integral's limit
+(rad s).
+"""
 
 
 class AttitudeNumbers(NamedTuple):

@@ -8,11 +8,11 @@ fractions on it; what the surfaces add to a rotor's thrust is summed (`flight.gr
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import inf, isfinite
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -146,61 +146,40 @@ class Environment:
         return Tables(blocks, seen, np.array([*places, self.floor_m, len(planes)], float))
 
 
-class BlockRow(NamedTuple):
-    """A block as the compiled loop reads it: extent, top and slopes, times at which it begins to
-    come, is there, leaves and is gone, its slide, and the number of its surface.
-    """
-
-    x1_m: Any = 0.0
-    x2_m: Any = 0.0
-    y1_m: Any = 0.0
-    y2_m: Any = 0.0
-    top_m: Any = 0.0
-    slope_x: Any = 0.0
-    slope_y: Any = 0.0
-    begins_s: Any = 0.0
-    there_s: Any = 0.0
-    leaves_s: Any = 0.0
-    gone_s: Any = 0.0
-    slide_x_m: Any = 0.0
-    slide_y_m: Any = 0.0
-    surface: Any = 0.0
-
+BlockRow = namedtuple(
+    "BlockRow",
+    "x1_m x2_m y1_m y2_m top_m slope_x slope_y begins_s there_s leaves_s gone_s slide_x_m "
+    "slide_y_m surface",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
+"""A block as the compiled loop reads it: extent, top and slopes, times at which it begins to
+come, is there, leaves and is gone, its slide, and the number of its surface.
+"""
 
 BLOCK = Slot(0, BlockRow())
 """One column of `Tables.blocks`."""
 
-
-class MapNumbers(NamedTuple):
-    """Place of a grid's first node and the steps between nodes (m; 0 where there is no grid), the
-    height of the floor (m, -inf without), and how many surfaces the blocks make.
-    """
-
-    grid_x_m: Any = 0.0
-    grid_y_m: Any = 0.0
-    step_x_m: Any = 0.0
-    step_y_m: Any = 0.0
-    floor_m: Any = 0.0
-    n_planes: Any = 0.0
-
+MapNumbers = namedtuple(
+    "MapNumbers",
+    "grid_x_m grid_y_m step_x_m step_y_m floor_m n_planes",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
+"""Place of a grid's first node and the steps between nodes (m; 0 where there is no grid), the
+height of the floor (m, -inf without), and how many surfaces the blocks make.
+"""
 
 MAP = Slot(0, MapNumbers())
 """`Tables.numbers`."""
 
+Tables = namedtuple("Tables", "blocks seen numbers", defaults=(PLANE, SOLID, LINE))
+"""Hold an environment as the compiled loop reads it.
 
-class Tables(NamedTuple):
-    """Hold an environment as the compiled loop reads it.
-
-    Attributes:
-        blocks: (n_numbers, b), a `BlockRow` per column.
-        seen: (2, nx, ny) what a disc centred on a node of the grid sees: the fraction of it that
-            lies over the grid's rise, and the mean height of that rise.
-        numbers: a `MapNumbers`.
-    """
-
-    blocks: Any = PLANE
-    seen: Any = SOLID
-    numbers: Any = LINE
+Attributes:
+    blocks: (n_numbers, b), a `BlockRow` per column.
+    seen: (2, nx, ny) what a disc centred on a node of the grid sees: the fraction of it that
+        lies over the grid's rise, and the mean height of that rise.
+    numbers: a `MapNumbers`.
+"""
 
 
 def _overlap(a: Sequence[float], b: Sequence[float]) -> bool:

@@ -11,8 +11,9 @@ the other surfaces leave. Below the validity of the formulae a height is held, a
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -33,37 +34,27 @@ from benchtool.simulate.flight.environment import BLOCK, MAP
 from benchtool.simulate.flight.rigid_body import forward, leftward
 from benchtool.simulate.hooks import LoopHooks
 
+Below = namedtuple(
+    "Below",
+    "factor coverage height_m drag nearest_m touching held",
+    defaults=(np.inf, 0.0, 0.0),
+)
+"""What is below: per disc T_IGE/T_OGE, the fraction over blocks and grid, the height over what
+covers most of it (m, infinite over nothing, held where the formulae end), and the drag torque
+over that far from any surface.
 
-class Below(NamedTuple):
-    """What is below: per disc T_IGE/T_OGE, the fraction over blocks and grid, the height over what
-    covers most of it (m, infinite over nothing, held where the formulae end), and the drag torque
-    over that far from any surface.
+`nearest_m` is the least height of any disc over what it covers, before it is held; `touching`
+and `held` are 1 where a disc touches something and where a height was held.
+"""
 
-    `nearest_m` is the least height of any disc over what it covers, before it is held; `touching`
-    and `held` are 1 where a disc touches something and where a height was held.
-    """
-
-    factor: Any
-    coverage: Any
-    height_m: Any
-    drag: Any
-    nearest_m: Any = np.inf
-    touching: Any = 0.0
-    held: Any = 0.0
-
-
-class DiscBelow(NamedTuple):
-    """A disc over one surface: its centre in the world (m), the share of it over the surface, its
-    height over that (m); and the share that no surface covers yet.
-    """
-
-    x_m: Any = 0.0
-    y_m: Any = 0.0
-    z_m: Any = 0.0
-    share: Any = 0.0
-    height_m: Any = 1.0
-    rest: Any = 1.0
-
+DiscBelow = namedtuple(
+    "DiscBelow",
+    "x_m y_m z_m share height_m rest",
+    defaults=(0.0, 0.0, 0.0, 0.0, 1.0, 1.0),
+)
+"""A disc over one surface: its centre in the world (m), the share of it over the surface, its
+height over that (m); and the share that no surface covers yet.
+"""
 
 DISC = Slot(0, DiscBelow())
 """One column of the scratch of a look: a disc."""

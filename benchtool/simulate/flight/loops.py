@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.physics.disc_thrust import ImageRules, owned
 from benchtool.physics.effects.effect import Effect
@@ -28,14 +29,10 @@ from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.kernel import Build, Phases, run_ticks
 from benchtool.simulate.layout import Layout
 
-
-class FlightLoops(NamedTuple):
-    """Hold what a flight runs: run(arrays, plan, first, last) -> the tick at which it ended, with
-    the arrays as `layout.lent`; and look, see `ground.surround`.
-    """
-
-    run: Any
-    look: Any
+FlightLoops = namedtuple("FlightLoops", "run look")
+"""Hold what a flight runs: run(arrays, plan, first, last) -> the tick at which it ended, with
+the arrays as `layout.lent`; and look, see `ground.surround`.
+"""
 
 
 @lru_cache(maxsize=64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -21,40 +22,25 @@ from benchtool.simulate.motors import Motion, Rotors, Targets
 GOING, STRUCK, LOST = 0.0, 1.0, 2.0
 """How a flight stands: nothing in its way, touched something, numbers no longer finite."""
 
+Craft = namedtuple(
+    "Craft",
+    "mass_kg inertia_kgm2 k_N_s2 c_Nm_s2 top_speed_rad_s drag_N_s_m gravity_m_s2 radius_m "
+    "effective_radius_m depth_m x_m y_m spin per_thrust per_roll per_pitch per_yaw",
+)
+"""Numbers of a vehicle.
 
-class Craft(NamedTuple):
-    """Numbers of a vehicle.
-
-    Attributes:
-        mass_kg, inertia_kgm2: mass, and the three principal moments.
-        k_N_s2, c_Nm_s2: of eq. (8).
-        top_speed_rad_s: what a motor can reach.
-        drag_N_s_m: force per velocity against the air.
-        gravity_m_s2: gravity.
-        radius_m, effective_radius_m: of a disc, for areas and for the images' strength.
-        depth_m: how far hub and legs reach below the discs, everywhere under them.
-        x_m, y_m, spin: places and sense of turning of the rotors (n,).
-        per_thrust, per_roll, per_pitch, per_yaw: what the mixer gives a rotor (n,) of the thrust
-            (N/N) and of the three torques (N/(N m)).
-    """
-
-    mass_kg: Any
-    inertia_kgm2: Any
-    k_N_s2: Any
-    c_Nm_s2: Any
-    top_speed_rad_s: Any
-    drag_N_s_m: Any
-    gravity_m_s2: Any
-    radius_m: Any
-    effective_radius_m: Any
-    depth_m: Any
-    x_m: Any
-    y_m: Any
-    spin: Any
-    per_thrust: Any
-    per_roll: Any
-    per_pitch: Any
-    per_yaw: Any
+Attributes:
+    mass_kg, inertia_kgm2: mass, and the three principal moments.
+    k_N_s2, c_Nm_s2: of eq. (8).
+    top_speed_rad_s: what a motor can reach.
+    drag_N_s_m: force per velocity against the air.
+    gravity_m_s2: gravity.
+    radius_m, effective_radius_m: of a disc, for areas and for the images' strength.
+    depth_m: how far hub and legs reach below the discs, everywhere under them.
+    x_m, y_m, spin: places and sense of turning of the rotors (n,).
+    per_thrust, per_roll, per_pitch, per_yaw: what the mixer gives a rotor (n,) of the thrust
+        (N/N) and of the three torques (N/(N m)).
+"""
 
 
 class FlightGeometry(NamedTuple):
@@ -69,82 +55,47 @@ class FlightGeometry(NamedTuple):
     body: BodyImages
 
 
-class MapUse(NamedTuple):
-    """How the map is used: strength of the feedforward, since when (s), 1 where it knows only
-    whether a rotor's centre is over something, and 1 where it is read at all.
-    """
+MapUse = namedtuple("MapUse", "strength from_s whole read", defaults=(0.0, 0.0, 0.0, 0.0))
+"""How the map is used: strength of the feedforward, since when (s), 1 where it knows only
+whether a rotor's centre is over something, and 1 where it is read at all.
+"""
 
-    strength: Any = 0.0
-    from_s: Any = 0.0
-    whole: Any = 0.0
-    read: Any = 0.0
+FlightTick = namedtuple(
+    "FlightTick",
+    "reference goal_x_m goal_y_m goal_z_m",
+    defaults=(FlightReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
+)
+"""One column of the schedule: what is wanted, and the goal that holds (m)."""
 
+GustRow = namedtuple(
+    "GustRow",
+    "from_s length_s wind_x_m_s wind_y_m_s wind_z_m_s",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0),
+)
+"""A gust of 1 - cos shape: from when (s), how long (s), and its peak velocity (m/s)."""
 
-class FlightTick(NamedTuple):
-    """One column of the schedule: what is wanted, and the goal that holds (m)."""
+GyroNoise = namedtuple("GyroNoise", "p_rad_s q_rad_s r_rad_s", defaults=(0.0, 0.0, 0.0))
+"""What is added to the gyro's reading in a control period: rad/s."""
 
-    reference: Any = FlightReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    goal_x_m: Any = 0.0
-    goal_y_m: Any = 0.0
-    goal_z_m: Any = 0.0
+FlightOutcome = namedtuple(
+    "FlightOutcome",
+    "ending held_steps nearest_m",
+    defaults=(GOING, 0.0, float("inf")),
+)
+"""How a flight stands, plant steps with a height held, least height over anything (m)."""
 
-
-class GustRow(NamedTuple):
-    """A gust of 1 - cos shape: from when (s), how long (s), and its peak velocity (m/s)."""
-
-    from_s: Any = 0.0
-    length_s: Any = 0.0
-    wind_x_m_s: Any = 0.0
-    wind_y_m_s: Any = 0.0
-    wind_z_m_s: Any = 0.0
-
-
-class GyroNoise(NamedTuple):
-    """What is added to the gyro's reading in a control period: rad/s."""
-
-    p_rad_s: Any = 0.0
-    q_rad_s: Any = 0.0
-    r_rad_s: Any = 0.0
-
-
-class FlightOutcome(NamedTuple):
-    """How a flight stands, plant steps with a height held, least height over anything (m)."""
-
-    ending: Any = GOING
-    held_steps: Any = 0.0
-    nearest_m: Any = float("inf")
-
-
-class GroundTorque(NamedTuple):
-    """Torques of the thrust that surfaces below add, for the log: N m."""
-
-    roll_Nm: Any = 0.0
-    pitch_Nm: Any = 0.0
-
+GroundTorque = namedtuple("GroundTorque", "roll_Nm pitch_Nm", defaults=(0.0, 0.0))
+"""Torques of the thrust that surfaces below add, for the log: N m."""
 
 TICK, GUST, NOISE = Slot(0, FlightTick()), Slot(0, GustRow()), Slot(0, GyroNoise())
 
 
-class FlightPlaces(NamedTuple):
-    """Where every record stands in the block."""
-
-    body: Slot
-    rotors: Slot
-    targets: Slot
-    measured: Slot
-    wanted: Slot
-    command: Slot
-    law_state: Slot
-    below: Slot
-    expected: Slot
-    ground: Slot
-    outcome: Slot
-    craft: Slot
-    chart: Slot
-    motion: Slot
-    law: Slot
-    effects: Slot
-    nothing: Slot
+FlightPlaces = namedtuple(
+    "FlightPlaces",
+    "body rotors targets measured wanted command law_state below expected ground outcome craft "
+    "chart motion law effects nothing",
+)
+"""Where every record stands in the block."""
 
 
 class FlightArrays(NamedTuple):

@@ -12,7 +12,8 @@ half follows. Second order, time-reversible, one evaluation of the forces.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from collections import namedtuple
+from typing import Any
 
 import numpy as np
 
@@ -26,27 +27,15 @@ SMALL_TURN = 1e-4
 """Square of half a step's turn (rad2) below which the series of sine and cosine in `drift` are
 exact to rounding: the first term left out is 2e-16."""
 
+FreeBody = namedtuple(
+    "FreeBody",
+    "x_m y_m z_m vx_m_s vy_m_s vz_m_s qw qx qy qz p_rad_s q_rad_s r_rad_s wake_Nm",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
+"""State of a body: position (m) and velocity (m/s) in the world, attitude, body rates (rad/s).
 
-class FreeBody(NamedTuple):
-    """State of a body: position (m) and velocity (m/s) in the world, attitude, body rates (rad/s).
-
-    A vehicle's simulation adds the random torque about its pitch axis (N m).
-    """
-
-    x_m: Any = 0.0
-    y_m: Any = 0.0
-    z_m: Any = 0.0
-    vx_m_s: Any = 0.0
-    vy_m_s: Any = 0.0
-    vz_m_s: Any = 0.0
-    qw: Any = 1.0
-    qx: Any = 0.0
-    qy: Any = 0.0
-    qz: Any = 0.0
-    p_rad_s: Any = 0.0
-    q_rad_s: Any = 0.0
-    r_rad_s: Any = 0.0
-    wake_Nm: Any = 0.0
+A vehicle's simulation adds the random torque about its pitch axis (N m).
+"""
 
 
 def at_rest(position_m: tuple[float, float, float], yaw_rad: float = 0.0) -> FreeBody:

@@ -8,7 +8,8 @@ of its own, so that a derivative costs no more than a run.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections import namedtuple
+from typing import Any
 
 from benchtool.physics.expression import Slot, loop_part, read_record, replaced, write_record
 from benchtool.physics.tilt import LEVEL
@@ -18,18 +19,10 @@ from benchtool.simulate.pitch.records import Hinge, SensorReadings, Setpoint
 FREE, CORRECT, RESTART = range(3)
 """What to do with a tick: run on without its readings, correct by them, begin anew from them."""
 
-
-class LoggedTick(NamedTuple):
-    """One column of a log: what holds of a schedule (`records.Tick`); what to do with the tick, and
-    what was read: pitch (rad), gyro (rad/s), speed of each disc (rad/s); nan where nothing was.
-    """
-
-    setpoint: Any
-    pwm_us: Any
-    mode: Any
-    theta_rad: Any
-    gyro_rad_s: Any
-    speed_rad_s: Any
+LoggedTick = namedtuple("LoggedTick", "setpoint pwm_us mode theta_rad gyro_rad_s speed_rad_s")
+"""One column of a log: what holds of a schedule (`records.Tick`); what to do with the tick, and
+what was read: pitch (rad), gyro (rad/s), speed of each disc (rad/s); nan where nothing was.
+"""
 
 
 def logged_slot(n_discs: int) -> Slot:
@@ -38,19 +31,14 @@ def logged_slot(n_discs: int) -> Slot:
     return Slot(0, LoggedTick(Setpoint(), discs, 0.0, 0.0, 0.0, discs))
 
 
-class FilterGains(NamedTuple):
-    """Gains from the errors of pitch and gyro to pitch, rate and random torque, and from a speed's
-    error to the speed.
-    """
-
-    theta_by_theta: Any = 0.0
-    theta_by_gyro: Any = 0.0
-    rate_by_theta: Any = 0.0
-    rate_by_gyro: Any = 0.0
-    wake_by_theta: Any = 0.0
-    wake_by_gyro: Any = 0.0
-    speed: Any = 0.0
-
+FilterGains = namedtuple(
+    "FilterGains",
+    "theta_by_theta theta_by_gyro rate_by_theta rate_by_gyro wake_by_theta wake_by_gyro speed",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
+"""Gains from the errors of pitch and gyro to pitch, rate and random torque, and from a speed's
+error to the speed.
+"""
 
 GAINS = Slot(0, FilterGains())
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
@@ -43,14 +44,10 @@ from benchtool.simulate.pitch.records import (
 LAST = PAST - 1
 """Picks the place of a tick among `PAST`."""
 
-
-class PitchLoops(NamedTuple):
-    """Hold compiled loops: run(arrays, plan, first, last), with the arrays as `layout.lent`, and
-    filter, the same along a log.
-    """
-
-    run: Any
-    filter: Any
+PitchLoops = namedtuple("PitchLoops", "run filter")
+"""Hold compiled loops: run(arrays, plan, first, last), with the arrays as `layout.lent`, and
+filter, the same along a log.
+"""
 
 
 @lru_cache(maxsize=64)

@@ -7,6 +7,7 @@ A phase of the loop reads the records it needs, and writes back those it changed
 
 from __future__ import annotations
 
+from collections import namedtuple
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -18,164 +19,84 @@ from benchtool.simulate.motors import Motion, Rotors, Targets
 PAST = 64
 """Control ticks that delayed sensors may look back; a power of two, see `loops.LAST`."""
 
+Hinge = namedtuple(
+    "Hinge",
+    "theta_rad rate_rad_s wake_Nm clamped_steps stopped_steps",
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0),
+)
+"""The body's state: pitch (rad, positive nose down), its rate, and the random torque (N m);
+plant steps with a disc nearer than the formulae hold, and steps at the end stop.
+"""
 
-class Hinge(NamedTuple):
-    """The body's state: pitch (rad, positive nose down), its rate, and the random torque (N m);
-    plant steps with a disc nearer than the formulae hold, and steps at the end stop.
-    """
+Delayed = namedtuple("Delayed", "theta_rad rate_rad_s plate_z_m", defaults=(0.0, 0.0, 0.0))
+"""True values as late as the sensors show them: rad, rad/s, m."""
 
-    theta_rad: Any = 0.0
-    rate_rad_s: Any = 0.0
-    wake_Nm: Any = 0.0
-    clamped_steps: Any = 0.0
-    stopped_steps: Any = 0.0
+SensorReadings = namedtuple("SensorReadings", "theta_rad gyro_rad_s plate_z_m speed_rad_s")
+"""What the sensors showed last: rad, rad/s, m, and rad/s per disc."""
 
+Setpoint = namedtuple(
+    "Setpoint",
+    "reference_rad collective_N plate_z_m plate_share",
+    defaults=(0.0, 0.0, 0.0, 0.0),
+)
+"""What the schedule gives at a tick: attitude (rad), collective (N per rotor), the plate's true
+distance with the body level (m), and how far it is in (0 to 1).
+"""
 
-class Delayed(NamedTuple):
-    """True values as late as the sensors show them: rad, rad/s, m."""
+Command = namedtuple("Command", "torque_Nm difference_us factor pwm_us")
+"""What goes to the motors: torque asked of the mixer (N m), difference of pulses (us); per disc
+the factor that the feedforward divides by, and the pulse (us).
+"""
 
-    theta_rad: Any = 0.0
-    rate_rad_s: Any = 0.0
-    plate_z_m: Any = 0.0
+HingedBody = namedtuple("HingedBody", "inertia_kgm2 weight_N k radius_m stop_rad covered")
+"""Numbers of hinge and rotors: inertia (kg m2), weight (N), k (N/(rad/s)2), effective radius
+(m), end stop (rad), and per disc the share over the plate when it is all the way in.
+"""
 
+PulseMap = namedtuple("PulseMap", "slope_rad_s_per_us start_us", defaults=(0.0, 0.0))
+"""From pulse width to speed: rad/s per us, and the pulse at which a rotor starts (us)."""
 
-class SensorReadings(NamedTuple):
-    """What the sensors showed last: rad, rad/s, m, and rad/s per disc."""
+PulseLimits = namedtuple("PulseLimits", "least_us most_us quantum_us", defaults=(0.0, 0.0, 0.0))
+"""What the motors take: us."""
 
-    theta_rad: Any
-    gyro_rad_s: Any
-    plate_z_m: Any
-    speed_rad_s: Any
+SensorErrors = namedtuple("SensorErrors", "noise bias quantum", defaults=(0.0, 0.0, 0.0))
+"""Standard deviation of one reading, bias and quantum."""
 
+Sensors = namedtuple(
+    "Sensors",
+    "theta gyro plate speed",
+    defaults=(SensorErrors(), SensorErrors(), SensorErrors(), SensorErrors()),
+)
+"""All sensors of a pitch bench."""
 
-class Setpoint(NamedTuple):
-    """What the schedule gives at a tick: attitude (rad), collective (N per rotor), the plate's true
-    distance with the body level (m), and how far it is in (0 to 1).
-    """
+Nominal = namedtuple("Nominal", "k radius_m pulses strength", defaults=(0.0, 0.0, PulseMap(), 0.0))
+"""What mixer and feedforward take for true: k, effective radius, the map of pulses, and how
+much of the expected ground effect is compensated.
+"""
 
-    reference_rad: Any = 0.0
-    collective_N: Any = 0.0
-    plate_z_m: Any = 0.0
-    plate_share: Any = 0.0
+Tick = namedtuple(
+    "Tick",
+    "setpoint nominal_plate_z_m nominal_share observer feedforward dither_us pwm_us",
+)
+"""One column of the schedule.
 
+Attributes:
+    setpoint: what the bench is to do.
+    nominal_plate_z_m, nominal_share: the plate as a map has it.
+    observer, feedforward: 1 while they act.
+    dither_us: added to the pulses of the discs that push nose down.
+    pwm_us: of each disc, where a log drives the bench.
+"""
 
-class Command(NamedTuple):
-    """What goes to the motors: torque asked of the mixer (N m), difference of pulses (us); per disc
-    the factor that the feedforward divides by, and the pulse (us).
-    """
+Fresh = namedtuple("Fresh", "theta gyro plate speed", defaults=(0.0, 0.0, 0.0, 0.0))
+"""Which sensors have a new reading at a tick."""
 
-    torque_Nm: Any
-    difference_us: Any
-    factor: Any
-    pwm_us: Any
-
-
-class HingedBody(NamedTuple):
-    """Numbers of hinge and rotors: inertia (kg m2), weight (N), k (N/(rad/s)2), effective radius
-    (m), end stop (rad), and per disc the share over the plate when it is all the way in.
-    """
-
-    inertia_kgm2: Any
-    weight_N: Any
-    k: Any
-    radius_m: Any
-    stop_rad: Any
-    covered: Any
-
-
-class PulseMap(NamedTuple):
-    """From pulse width to speed: rad/s per us, and the pulse at which a rotor starts (us)."""
-
-    slope_rad_s_per_us: Any = 0.0
-    start_us: Any = 0.0
-
-
-class PulseLimits(NamedTuple):
-    """What the motors take: us."""
-
-    least_us: Any = 0.0
-    most_us: Any = 0.0
-    quantum_us: Any = 0.0
-
-
-class SensorErrors(NamedTuple):
-    """Standard deviation of one reading, bias and quantum."""
-
-    noise: Any = 0.0
-    bias: Any = 0.0
-    quantum: Any = 0.0
-
-
-class Sensors(NamedTuple):
-    """All sensors of a pitch bench."""
-
-    theta: Any = SensorErrors()
-    gyro: Any = SensorErrors()
-    plate: Any = SensorErrors()
-    speed: Any = SensorErrors()
-
-
-class Nominal(NamedTuple):
-    """What mixer and feedforward take for true: k, effective radius, the map of pulses, and how
-    much of the expected ground effect is compensated.
-    """
-
-    k: Any = 0.0
-    radius_m: Any = 0.0
-    pulses: Any = PulseMap()
-    strength: Any = 0.0
-
-
-class Tick(NamedTuple):
-    """One column of the schedule.
-
-    Attributes:
-        setpoint: what the bench is to do.
-        nominal_plate_z_m, nominal_share: the plate as a map has it.
-        observer, feedforward: 1 while they act.
-        dither_us: added to the pulses of the discs that push nose down.
-        pwm_us: of each disc, where a log drives the bench.
-    """
-
-    setpoint: Any
-    nominal_plate_z_m: Any
-    nominal_share: Any
-    observer: Any
-    feedforward: Any
-    dither_us: Any
-    pwm_us: Any
-
-
-class Fresh(NamedTuple):
-    """Which sensors have a new reading at a tick."""
-
-    theta: Any = 0.0
-    gyro: Any = 0.0
-    plate: Any = 0.0
-    speed: Any = 0.0
-
-
-class PitchPlaces(NamedTuple):
-    """Where every record stands in the block of a bench with so many discs and effects."""
-
-    hinge: Slot
-    rotors: Slot
-    targets: Slot
-    delayed: Slot
-    readings: Slot
-    setpoint: Slot
-    command: Slot
-    law_state: Slot
-    body: Slot
-    pulses: Slot
-    limits: Slot
-    motion: Slot
-    sensors: Slot
-    nominal: Slot
-    law: Slot
-    effects: Slot
-    nominal_effects: Slot
-    nothing: Slot
+PitchPlaces = namedtuple(
+    "PitchPlaces",
+    "hinge rotors targets delayed readings setpoint command law_state body pulses limits motion "
+    "sensors nominal law effects nominal_effects nothing",
+)
+"""Where every record stands in the block of a bench with so many discs and effects."""
 
 
 @lru_cache(maxsize=64)

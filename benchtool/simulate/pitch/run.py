@@ -10,13 +10,12 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
-from benchtool.core.schedule import SampledSchedule
+from benchtool.core.schedule import SampledSchedule, due
 from benchtool.physics.expression import numbers_of
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects
-from benchtool.simulate.imperfections import due
 from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
 from benchtool.simulate.layout import lent, rows_in, zeroed
 from benchtool.simulate.noise import lane_states

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import rig_named
-from benchtool.simulate.imperfections import Axis, Reader, due, quantised
+from benchtool.core.schedule import due
+from benchtool.simulate.imperfections import Axis, Reader, quantised
 from benchtool.simulate.powertrain import Battery, Powertrain
 
 RIG = rig_named("pquad")
