@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from benchtool.bench.doctor.causes import (
+    CAUSES,
     INSTALL_RULE,
     findings,
     network_findings,
@@ -56,6 +57,8 @@ WINDOWS = HostEnvironment(
     ports=(replace(FTDI, name="COM12", by_id=""),),
     programs=frozenset({"explorer.exe"}),
 )
+CH340 = Port(name="/dev/ttyUSB0", vendor=0x1A86, product=0x7523)
+TWIN = replace(CH340, name="/dev/ttyUSB1")
 
 
 @pytest.fixture(autouse=True)
@@ -67,25 +70,9 @@ def by_id_leads_to_the_port(monkeypatch):
     )
 
 
-def found(around, name):
-    hits = [finding for finding in findings(around) if finding.name == name]
-    assert len(hits) <= 1
-    return hits[0] if hits else None
-
-
 def test_a_healthy_port_on_linux_has_nothing_to_mend():
     verdicts = {finding.name: finding.verdict for finding in findings(LINUX)}
-    assert verdicts == {
-        "port": "ok",
-        "permission": "ok",
-        "other users": "ok",
-        "port grabbers": "ok",
-        "udev rule": "ok",
-        "lasting name": "ok",
-        "FTDI latency": "ok",
-        "reset on open": "ok",
-        "computer sleep": "not checked",
-    }
+    assert verdicts == dict.fromkeys(CAUSES, "ok") | {"computer sleep": "not checked"}
 
 
 @pytest.mark.parametrize("healthy", [LINUX, MAC, WINDOWS])
@@ -96,42 +83,13 @@ def test_whatever_is_not_ok_says_what_to_do_or_why_it_was_not_tried(healthy):
             assert finding.fix
 
 
-def test_a_missing_group_names_the_command():
-    around = replace(
-        LINUX, may_open=False, groups=frozenset(), groups_on_file=frozenset(), rule_installed=False
-    )
-    finding = found(around, "permission")
-    assert finding.verdict == "problem"
-    assert "sudo usermod -aG dialout ada" in finding.fix
-    assert INSTALL_RULE in finding.fix
-
-
-def test_a_group_of_which_this_session_knows_nothing_needs_a_new_login():
-    finding = found(replace(LINUX, may_open=False, groups=frozenset({"ada"})), "permission")
-    assert finding.verdict == "problem"
-    assert finding.fix == "log out and in again"
-
-
-def test_a_port_that_is_not_there_lists_those_that_are():
-    finding = found(replace(LINUX, port="/dev/ttyUSB7", exists=False), "port")
-    assert finding.verdict == "problem"
-    assert "present: /dev/ttyUSB0" in finding.sentence
-
-
-def test_no_port_at_all_offers_the_virtual_bench():
-    finding = found(HostEnvironment(system="Linux"), "port")
-    assert finding.verdict == "problem"
-    assert "bench serve" in finding.fix
-
-
-def test_the_program_that_holds_the_port_is_named():
-    finding = found(replace(LINUX, holders=(Holder(812, "minicom"),)), "other users")
-    assert finding.verdict == "problem"
-    assert "minicom (pid 812)" in finding.sentence
-
-
-def test_the_server_behind_a_pseudo_terminal_is_no_rival():
-    around = HostEnvironment(
+LINKED = f"serial:{FTDI.by_id}"
+BASES = {
+    "linux": LINUX,
+    "mac": MAC,
+    "windows": WINDOWS,
+    "bare": HostEnvironment(system="Linux"),
+    "terminal": HostEnvironment(
         system="Linux",
         port="/dev/pts/3",
         exists=True,
@@ -140,77 +98,63 @@ def test_the_server_behind_a_pseudo_terminal_is_no_rival():
         holders=(Holder(99, "python", is_terminal=True),),
         programs=frozenset({"modemmanager"}),
         rule_installed=False,
-    )
-    assert found(around, "other users").verdict == "ok"
-    assert found(around, "port grabbers") is None
-    assert found(around, "udev rule") is None
+    ),
+    "twins": replace(LINUX, port="/dev/ttyUSB0", ports=(CH340, TWIN), latency_ms=None),
+}
+FOUND = f"""
+linux may_open=no groups= groups_on_file= rule_installed=no | permission | problem | -aG dialout ada
+linux may_open=no groups= groups_on_file= rule_installed=no | permission | problem | {INSTALL_RULE}
+linux may_open=no groups=ada | permission | problem | log out and in again
+linux port=/dev/ttyUSB7 exists=no | port | problem | present: /dev/ttyUSB0
+bare | port | problem | `benchtool bench serve` makes a virtual bench
+linux holders=minicom:812 | other users | problem | minicom (pid 812)
+terminal | other users | ok | python (pid 99)
+terminal | port grabbers | -
+terminal | udev rule | -
+linux programs=modemmanager rule_installed=no | port grabbers | warning | install the udev rule
+linux programs=modemmanager rule_installed=yes | port grabbers | ok | ModemManager talks
+linux programs=brltty | port grabbers | warning | remove brltty
+linux programs=brltty,modemmanager rule_installed=no | port grabbers | warning | bench ports alone
+linux port=/dev/ttyUSB0 | lasting name | warning | use {LINKED}
+linux port=/dev/ttyUSB0 | lasting name | warning | the same serial number (A50285BI)
+twins | lasting name | warning | other adapters out
+twins | reset on open | ok | CH340
+linux latency_ms=16 | FTDI latency | warning | 16 ms
+linux on_battery=yes | computer sleep | warning | systemd-inhibit
+mac port=/dev/tty.usbserial-A50285BI | port | problem | use /dev/cu.usbserial-A50285BI
+mac | other users | not checked | Darwin does not report
+mac | FTDI latency | not checked | follows the baud rate
+mac | port grabbers | not checked | no program is known
+mac | udev rule | -
+mac | computer sleep | not checked | caffeinate
+windows | permission | not checked | every user
+windows | other users | not checked | Windows does not report
+windows | FTDI latency | not checked | Device Manager
+windows | port grabbers | not checked | no program is known
+windows | udev rule | -
+windows port=com12 | port | ok | is there
+windows port=\\\\.\\COM12 | port | ok | is there
+"""
+"""What surrounds a port, and of one cause the verdict and some words; `-` where there is none."""
 
 
-@pytest.mark.parametrize(
-    ("programs", "rule", "verdict", "said"),
-    [
-        ({"modemmanager"}, False, "warning", "install the udev rule"),
-        ({"modemmanager"}, True, "ok", ""),
-        ({"brltty"}, True, "warning", "remove brltty"),
-        ({"brltty", "modemmanager"}, False, "warning", "ModemManager leave bench ports alone; "),
-    ],
-)
-def test_programs_that_grab_ports_are_named(programs, rule, verdict, said):
-    around = replace(LINUX, programs=frozenset(programs), rule_installed=rule)
-    finding = found(around, "port grabbers")
-    assert finding.verdict == verdict
-    assert said in finding.fix
+def value_of(key, text):
+    if key == "holders":
+        name, _, pid = text.partition(":")
+        return (Holder(int(pid), name),)
+    if key in ("groups", "groups_on_file", "programs"):
+        return frozenset(filter(None, text.split(",")))
+    return {"yes": True, "no": False}.get(text, int(text) if text.isdigit() else text)
 
 
-def test_a_number_that_may_change_is_traded_for_the_lasting_name():
-    finding = found(replace(LINUX, port="/dev/ttyUSB0"), "lasting name")
-    assert finding.verdict == "warning"
-    assert f"serial:{FTDI.by_id}" in finding.fix
-    assert "A50285BI" in finding.fix
-
-
-def test_an_adapter_without_serial_number_cannot_be_told_from_its_twin():
-    ch340 = Port(name="/dev/ttyUSB0", vendor=0x1A86, product=0x7523)
-    twin = replace(ch340, name="/dev/ttyUSB1")
-    around = replace(LINUX, port="/dev/ttyUSB0", ports=(ch340, twin), latency_ms=None)
-    finding = found(around, "lasting name")
-    assert finding.verdict == "warning"
-    assert "other adapters out" in finding.fix
-    assert "CH340" in found(around, "reset on open").sentence
-
-
-def test_slow_ftdi_adapters_are_noticed():
-    finding = found(replace(LINUX, latency_ms=16), "FTDI latency")
-    assert finding.verdict == "warning"
-    assert "16 ms" in finding.sentence
-
-
-def test_macos_tty_names_wait_for_a_carrier():
-    finding = found(replace(MAC, port="/dev/tty.usbserial-A50285BI"), "port")
-    assert finding.verdict == "problem"
-    assert finding.fix == "use /dev/cu.usbserial-A50285BI"
-
-
-def test_what_a_platform_does_not_tell_is_said():
-    for around in (MAC, WINDOWS):
-        assert found(around, "other users").verdict == "not checked"
-        assert found(around, "FTDI latency").verdict == "not checked"
-        assert found(around, "port grabbers").verdict == "not checked"
-        assert found(around, "udev rule") is None
-    assert found(WINDOWS, "permission").verdict == "not checked"
-    assert "Device Manager" in found(WINDOWS, "FTDI latency").fix
-    assert "caffeinate" in found(MAC, "computer sleep").fix
-
-
-@pytest.mark.parametrize("port", ["COM12", "com12", r"\\.\COM12"])
-def test_windows_ports_are_found_under_all_their_names(port):
-    assert found(replace(WINDOWS, port=port), "port").verdict == "ok"
-
-
-def test_a_computer_on_its_battery_may_fall_asleep():
-    finding = found(replace(LINUX, on_battery=True), "computer sleep")
-    assert finding.verdict == "warning"
-    assert "systemd-inhibit" in finding.fix
+@pytest.mark.parametrize("row", FOUND.strip().split("\n"))
+def test_what_is_found(row):
+    around, name, verdict, *words = row.split(" | ")
+    base, *pairs = around.split(" ")
+    changes = {key: value_of(key, text) for key, _, text in (pair.partition("=") for pair in pairs)}
+    hits = [item for item in findings(replace(BASES[base], **changes)) if item.name == name]
+    assert [item.verdict for item in hits] == ([] if verdict == "-" else [verdict])
+    assert not words or words[0] in f"{hits[0].sentence} {hits[0].fix}"
 
 
 def test_the_shipped_rule_names_what_it_mends():
