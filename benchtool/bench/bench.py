@@ -199,11 +199,7 @@ class Opened(ABC):
 
     @property
     def identity(self) -> Identity:
-        """Who answers, from `open` on; a driver stores it in `_identity`, None while closed.
-
-        Raises:
-            LinkLost: the bench is not open.
-        """
+        """Who answers, from `open` on; a driver stores it in `_identity`, None while closed."""
         if self._identity is None:
             raise LinkLost(f"{self.address} is not open; open it first")
         return self._identity

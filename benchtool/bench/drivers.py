@@ -167,12 +167,7 @@ DRIVERS: dict[str, Driver] = {
 
 
 def parse_address(text: str) -> Address:
-    """Split an address and check its scheme and the names of its options.
-
-    Raises:
-        InputError: no scheme, nothing after it, or an option without a value.
-        UnknownChoice: a scheme or an option that does not exist, with the known ones.
-    """
+    """Split an address and check its scheme and the names of its options."""
     if len(text) > LONGEST_ADDRESS:
         raise InputError(
             f"the address {text[:40]!r}... has {len(text):,} characters, limit "

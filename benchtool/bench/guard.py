@@ -98,11 +98,7 @@ class GuardedBench(DrivenBench):
         self.bench.close()
 
     def set_pwm(self, pwm_us: Array) -> None:
-        """Command every motor's pulse; nothing is sent that breaks `limits.pwm_us`.
-
-        Raises:
-            InputError: a pulse above the limit, not finite, or not one for each rotor.
-        """
+        """Command every motor's pulse; nothing is sent that breaks `limits.pwm_us`."""
         self._refuse_after_stop("pwm")
         pulses = np.array(pwm_us, float).ravel()
         if len(pulses) != self._rig.n_rotors or not np.isfinite(pulses).all():

@@ -20,17 +20,7 @@ from benchtool.bench.mavlink.messages import ARM_DISARM, MOTOR_TEST, Message, di
 from benchtool.bench.mavlink.pilots import HIL
 from benchtool.bench.serial.commands import SendPlate, SetPwm, StopDevice
 from benchtool.core.counted import counted
-from benchtool.virtual.autopilot_orders import (
-    ACCEPTED,
-    AUTOPILOTS,
-    CRITICAL,
-    DENIED,
-    FAILED,
-    INFO,
-    UNSUPPORTED,
-    WARNING,
-    motor_orders,
-)
+from benchtool.virtual import autopilot_orders as orders
 from benchtool.virtual.autopilot_streams import Streams
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.server import ServedDevice
@@ -117,7 +107,7 @@ class VirtualAutopilot(ServedDevice):
             return b"", []
         if self._booted_s is not None and not self._booting(now_s, READY_S):
             self._booted_s = None
-            messages += self._text("ArduPilot Ready", INFO)
+            messages += self._text("ArduPilot Ready", orders.INFO)
             self._show()
         if now_s - self._beat_s >= BEAT_S:
             self._beat_s = now_s
@@ -182,18 +172,18 @@ class VirtualAutopilot(ServedDevice):
         command = message.command
         if command == REBOOT:
             if self._orders.running or self._armed:
-                return FAILED, []
+                return orders.FAILED, []
             self.restart(now_s)
-            return ACCEPTED, []
+            return orders.ACCEPTED, []
         if command == SET_INTERVAL:
             return self._set_interval(int(given[0]), given[1])
         if command == REQUEST_MESSAGE:
             version = int(given[0]) == self._words.MAVLINK_MSG_ID_AUTOPILOT_VERSION
-            return (ACCEPTED, [self._version()]) if version else (UNSUPPORTED, [])
+            return (orders.ACCEPTED, [self._version()]) if version else (orders.UNSUPPORTED, [])
         if command == ARM_DISARM:
             return self._arm(given[0] > 0.5, now_s)
         if command == MOTOR_TEST and self._booted_s is not None:
-            return FAILED, self._text("Motor Test: Board initialising", CRITICAL)
+            return orders.FAILED, self._text("Motor Test: Board initialising", orders.CRITICAL)
         before = self._orders.running
         result = self._orders.order(command, given, now_s)
         self._shows_armed = self._shows_armed or (self._orders.running and not before)
@@ -210,7 +200,7 @@ class VirtualAutopilot(ServedDevice):
         self._streams.outputs_us[:] = [0] * 16
 
     def _forget(self) -> None:
-        self._orders = motor_orders(self.kind, self.firmware.hello)
+        self._orders = orders.motor_orders(self.kind, self.firmware.hello)
         self._frames = MavlinkFrames(
             self._system, AUTOPILOT_COMPONENT, self._key, self._since_1970_s
         )
@@ -225,27 +215,27 @@ class VirtualAutopilot(ServedDevice):
     def _set_interval(self, number: int, every_us: float) -> tuple[int, list[Message]]:
         if number not in self._streams.known or number in self._orders.lacks:
             text = f"No ap_message for mavlink id ({number})"
-            return DENIED, self._text(text, INFO) if self.kind == "ardupilot" else []
+            return orders.DENIED, self._text(text, orders.INFO) if self.kind == "ardupilot" else []
         if 0.0 < every_us < 1e6 / FASTEST_HZ:
             text = f"Requested rate for message ID {number} too fast. Increase SCHED_LOOP_RATE"
-            return DENIED, self._text(text, INFO)
+            return orders.DENIED, self._text(text, orders.INFO)
         self._every_us.pop(number, None)
         self._due_us.pop(number, None)
         if every_us > 0.0:
             self._every_us[number] = every_us
             self._due_us[number] = float(self.firmware.device_time_us - self._boot_us)
-        return ACCEPTED, []
+        return orders.ACCEPTED, []
 
     def _arm(self, wanted: bool, now_s: float) -> tuple[int, list[Message]]:
         if wanted and self._orders.running:
-            return ACCEPTED, []  # A motor test has armed it.
+            return orders.ACCEPTED, []  # A motor test has armed it.
         if wanted and self._hover_us is None:
-            return FAILED, self._text("Arm: Throttle too high", CRITICAL)
+            return orders.FAILED, self._text("Arm: Throttle too high", orders.CRITICAL)
         if wanted and self._hover_us is not None:
             hover = np.full(self.firmware.hello.n_rotors, self._hover_us)
             reply = self.firmware.execute(SetPwm(tuple(hover.tolist())), now_s)
             if not reply.ok:
-                return FAILED, self._text(f"Arm: {reply.reason}", CRITICAL)
+                return orders.FAILED, self._text(f"Arm: {reply.reason}", orders.CRITICAL)
             self._armed = True
         else:
             # Disarming ends no motor test.
@@ -253,14 +243,14 @@ class VirtualAutopilot(ServedDevice):
                 self.firmware.execute(StopDevice(), now_s)
             self._armed, self._shows_armed = False, False
         self._beat_s = -BEAT_S
-        return ACCEPTED, []
+        return orders.ACCEPTED, []
 
     def _drive(self, now_s: float) -> None:
         """Let the motors follow the tests, as long as these last."""
         if self._armed:
             if now_s - self._host_s > GROUND_LOST_S:
                 self._arm(False, now_s)
-                self._pending += self._text("GCS Failsafe", CRITICAL)
+                self._pending += self._text("GCS Failsafe", orders.CRITICAL)
             return
         hello = self.firmware.hello
         pulses = self._orders.pulses_us(now_s)
@@ -272,7 +262,7 @@ class VirtualAutopilot(ServedDevice):
             reply = self.firmware.execute(SetPwm(tuple(within.tolist())), now_s)
             if not reply.ok:
                 self._orders.end()
-                self._pending += self._text(f"Motor Test: {reply.reason}", CRITICAL)
+                self._pending += self._text(f"Motor Test: {reply.reason}", orders.CRITICAL)
                 pulses = np.array(self.firmware.pwm_us)
         self._pulses = pulses
         self._show()
@@ -302,7 +292,7 @@ class VirtualAutopilot(ServedDevice):
                 self._armed = False
                 self._pulses = np.array(self.firmware.pwm_us)
                 self._show()
-                messages += self._text(f"Failsafe: {event.text}", CRITICAL)
+                messages += self._text(f"Failsafe: {event.text}", orders.CRITICAL)
             elif event.kind == "arrived":
                 messages.append(self._plate(0.0))
         return messages
@@ -314,7 +304,7 @@ class VirtualAutopilot(ServedDevice):
             move = SendPlate(value, self._aside["plate_x"], self._aside["plate_tilt"])
             reply = self.firmware.execute(move, now_s)
             if not reply.ok:
-                self._pending += self._text(f"plate: {reply.reason}", WARNING)
+                self._pending += self._text(f"plate: {reply.reason}", orders.WARNING)
             self._pending.append(self._plate(1.0 if reply.ok else -1.0))
         elif name == "plate_halt":
             self.firmware.execute(StopDevice(), now_s)
@@ -328,7 +318,7 @@ class VirtualAutopilot(ServedDevice):
         time_us = self.firmware.device_time_us - self._boot_us
         return self._streams.named("plate_mov", state, time_us)
 
-    def _text(self, text: str, severity: int = WARNING) -> list[Message]:
+    def _text(self, text: str, severity: int = orders.WARNING) -> list[Message]:
         """Return a text as one message, or as several under one number where it is longer."""
         made = self._words.MAVLink_statustext_message
         if len(text) <= TEXT:
@@ -346,7 +336,7 @@ class VirtualAutopilot(ServedDevice):
         self._shows_armed = self._shows_armed and testing
         armed = self._armed or self._shows_armed
         mode = 1 | HIL | (ARMED if armed else 0)
-        return self._words.MAVLink_heartbeat_message(2, AUTOPILOTS[self.kind], mode, 0, 3, 3)
+        return self._words.MAVLink_heartbeat_message(2, orders.AUTOPILOTS[self.kind], mode, 0, 3, 3)
 
     def _version(self) -> Message:
         digest = hashlib.sha256(self.firmware.hello.device_id.encode()).digest()

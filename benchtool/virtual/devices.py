@@ -101,9 +101,6 @@ def with_hidden(model: Model, text: str) -> Model:
 
     Args:
         text: EFFECT.PARAMETER:VALUE in SI units, several with commas.
-
-    Raises:
-        InputError, UnknownChoice: no such effect or parameter, or a value beyond its bounds.
     """
     for each in text.split(","):
         name, _, value = each.partition(":")
@@ -222,11 +219,7 @@ def device_server(
     speak: Callable[[Firmware], ServedDevice] = DeviceLink,
     clock: Callable[[], float] = time.monotonic,
 ) -> BenchServer:
-    """Return a server of a device; `speak` is its protocol.
-
-    Raises:
-        InputError: a speed or a rate that makes no sense, or a fault of an unknown channel.
-    """
+    """Return a server of a device; `speak` is its protocol."""
     if not 0.0 < speed <= LARGEST_SPEED:
         raise InputError(f"speed {speed:g} is outside 0 to {LARGEST_SPEED:g}; 1 is real time")
     faults = tuple(faults)

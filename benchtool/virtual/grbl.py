@@ -9,24 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 
-from benchtool.virtual.grbl_code import (
-    AXES,
-    CodeBlock,
-    CodeState,
-    Refused,
-    Reports,
-    VirtualSettings,
-    block_of,
-    cleaned,
-)
-from benchtool.virtual.grbl_motion import (
-    Homing,
-    StageHardware,
-    StageMotion,
-    homing,
-    queue_move,
-    run_moves,
-)
+from benchtool.virtual import grbl_code, grbl_motion
 
 BANNER = "\r\nGrbl 1.1h ['$' for help]"
 LOCKED = "[MSG:'$H'|'$X' to unlock]"
@@ -66,15 +49,15 @@ class VirtualGrbl:
         travel_mm: Mapping[str, float] | None = None,
         at_mm: float = -PULL_OFF_MM,
         settings: Mapping[int, float] | None = None,
-        hardware: StageHardware | None = None,
+        hardware: grbl_motion.StageHardware | None = None,
     ) -> None:
-        travels = {130 + AXES.index(axis): mm for axis, mm in (travel_mm or {}).items()}
-        self.settings = VirtualSettings(travels | dict(settings or {}))
-        self.code = CodeState(self.settings)
-        self.position_mm = dict.fromkeys(AXES, 0.0)
+        travels = {130 + grbl_code.AXES.index(axis): mm for axis, mm in (travel_mm or {}).items()}
+        self.settings = grbl_code.VirtualSettings(travels | dict(settings or {}))
+        self.code = grbl_code.CodeState(self.settings)
+        self.position_mm = dict.fromkeys(grbl_code.AXES, 0.0)
         # Where it stands when the power comes on is not known to the board.
-        self.hardware = hardware or StageHardware()
-        self.hardware.lost_mm = dict.fromkeys(AXES, -PULL_OFF_MM) | {"Z": at_mm}
+        self.hardware = hardware or grbl_motion.StageHardware()
+        self.hardware.lost_mm = dict.fromkeys(grbl_code.AXES, -PULL_OFF_MM) | {"Z": at_mm}
         self.startup = ""
         self._now_s = 0.0
         self._locked = bool(self.settings[22])
@@ -84,9 +67,9 @@ class VirtualGrbl:
 
     def _forget(self) -> None:
         """Forget all that a reset forgets."""
-        self._moves: deque[StageMotion] = deque()
+        self._moves: deque[grbl_motion.StageMotion] = deque()
         self._dwell_until_s: float | None = None
-        self._homing: Homing | None = None
+        self._homing: grbl_motion.Homing | None = None
         self._holding = self._jogging = self._checking = self._asleep = False
         self._alarm: tuple[int, float] | None = None
         self._soft_pending = False
@@ -94,7 +77,7 @@ class VirtualGrbl:
         self._received = self._line = b""
         self._open_line = False
         self._report_due = False
-        self._reports = Reports(self.settings)
+        self._reports = grbl_code.Reports(self.settings)
         self.code.reset()
 
     def step(self, data: bytes, now_s: float) -> bytes:
@@ -153,7 +136,7 @@ class VirtualGrbl:
 
     def restart(self, boot_s: float = BOOT_S) -> None:
         """Start anew after a loss of power; a boot loader takes nothing until the banner."""
-        self.hardware.lost_mm, self.position_mm = self.true_mm, dict.fromkeys(AXES, 0.0)
+        self.hardware.lost_mm, self.position_mm = self.true_mm, dict.fromkeys(grbl_code.AXES, 0.0)
         self._locked = bool(self.settings[22])
         self._forget()
         self._boots_s, self._in_boot_loader = self._now_s + boot_s, boot_s > BOOT_S
@@ -234,7 +217,9 @@ class VirtualGrbl:
             until_s = min([now_s, *(end for end in ends if end and end > self._now_s)])
             left_s = until_s - self._now_s
             override = 0.01 * self._reports.override
-            run_moves(self._moves, self.position_mm, left_s, override, holding=self._holding)
+            grbl_motion.run_moves(
+                self._moves, self.position_mm, left_s, override, holding=self._holding
+            )
             self._now_s = until_s
             self._work()
         self._now_s = max(now_s, self._now_s)
@@ -279,13 +264,13 @@ class VirtualGrbl:
         waits = self._boots_s or self._alarm or self._homing
         return bool(waits or self._holding or self._asleep or self._open_line)
 
-    def _end_homing(self, homing: Homing) -> None:
+    def _end_homing(self, done: grbl_motion.Homing) -> None:
         self._homing = None
-        self.position_mm = homing.place_mm
-        if homing.alarm:
-            self._raise_alarm(homing.alarm)
+        self.position_mm = done.place_mm
+        if done.alarm:
+            self._raise_alarm(done.alarm)
             return
-        self.hardware.lost_mm = dict.fromkeys(AXES, 0.0)
+        self.hardware.lost_mm = dict.fromkeys(grbl_code.AXES, 0.0)
         if self._report_due:
             self._report("Home")
         self._locked = self._open_line = False
@@ -308,32 +293,32 @@ class VirtualGrbl:
     def _obey(self, line: bytes) -> None:
         """Answer a whole line of G-code or a `$` command."""
         try:
-            text = cleaned(line)
+            text = grbl_code.cleaned(line)
             if text.startswith("$"):
                 self._command(text)
             elif text:
                 if self._locked or self._jogging:
-                    raise Refused(9)
-                self._g_code(block_of(text))
+                    raise grbl_code.Refused(9)
+                self._g_code(grbl_code.block_of(text))
             if not self._open_line:
                 self._replies.append("ok")
                 if self._asleep:
                     self._replies.append("[MSG:Sleeping]")
-        except Refused as refused:
+        except grbl_code.Refused as refused:
             self._replies.append(f"error:{refused.number}")
 
     def _command(self, text: str) -> None:
         state = self.state
         if text.startswith("$J"):
             if state not in ("Idle", "Jog"):
-                raise Refused(8)
+                raise grbl_code.Refused(8)
             if not text.startswith("$J="):
-                raise Refused(3)
-            move = self.code.jog(block_of(text[3:]), self._end_mm)
+                raise grbl_code.Refused(3)
+            move = self.code.jog(grbl_code.block_of(text[3:]), self._end_mm)
             if self.settings.is_beyond(move[0]):
-                raise Refused(15)
+                raise grbl_code.Refused(15)
             self._jogging = True
-            queue_move(self._moves, self._end_mm, *move, self.settings)
+            grbl_motion.queue_move(self._moves, self._end_mm, *move, self.settings)
         elif text == "$X":
             if self._locked and state == "Alarm":
                 self._replies.append("[MSG:Caution: Unlocked]")
@@ -346,18 +331,20 @@ class VirtualGrbl:
             self._boots_s = self._now_s + BOOT_S
         elif text == "$C":
             if state != "Idle":
-                raise Refused(8)
+                raise grbl_code.Refused(8)
             self._replies.append("[MSG:Enabled]")
             self._checking = True
         elif text == "$":
             self._replies.append(HELP)
         elif state not in ("Idle", "Alarm", "Check"):
-            raise Refused(8)
+            raise grbl_code.Refused(8)
         elif text == "$H":
             if not self.settings[22]:
-                raise Refused(5)
+                raise grbl_code.Refused(5)
             self._open_line = True
-            self._homing = homing(self.settings, self.position_mm, self.hardware, self._now_s)
+            self._homing = grbl_motion.homing(
+                self.settings, self.position_mm, self.hardware, self._now_s
+            )
         elif text == "$SLP":
             self._asleep = True
         elif text == "$$":
@@ -369,7 +356,7 @@ class VirtualGrbl:
         elif text.startswith("$I="):
             pass  # the build's own note
         elif text.startswith("$N0="):
-            block_of(text[4:])
+            grbl_code.block_of(text[4:])
             self.startup = text[4:]
         elif text.startswith("$N"):
             if "=" not in text:
@@ -377,10 +364,10 @@ class VirtualGrbl:
         elif self.settings.change(text) == INCHES:
             self._reports.show_offset()
 
-    def _g_code(self, block: CodeBlock) -> None:
+    def _g_code(self, block: grbl_code.CodeBlock) -> None:
         if block.codes.get("once") == "G4":
             if "P" not in block.words:
-                raise Refused(28)
+                raise grbl_code.Refused(28)
             if not self._checking:
                 # Below 0 until what comes before it has ended.
                 self._dwell_until_s = -max(block.words["P"], 1e-9)
@@ -396,4 +383,4 @@ class VirtualGrbl:
             self._open_line = self._soft_pending = self._holding = True
             self._work()
         else:
-            queue_move(self._moves, self._end_mm, *move, self.settings)
+            grbl_motion.queue_move(self._moves, self._end_mm, *move, self.settings)

@@ -10,23 +10,14 @@ from collections.abc import Sequence
 from math import inf
 
 from benchtool.bench.serial import commands as wire
-from benchtool.bench.serial.frames import (
-    TIME_MODULUS_US,
-    Decoder,
-    SampleFramer,
-    TextMessage,
-    crc16,
-    frame,
-    frame_fields,
-    payload_of,
-)
+from benchtool.bench.serial import frames
 from benchtool.bench.serial.hello import hello_lines
 from benchtool.core.errors import BenchtoolError
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import event_line
 from benchtool.virtual.server import ServedDevice
 
-LAST_NUMBER = TIME_MODULUS_US - 1
+LAST_NUMBER = frames.TIME_MODULUS_US - 1
 """Largest number of an order; they grow from the hello on and never start over."""
 
 
@@ -65,9 +56,9 @@ class OrderCheck:
         """
         if number <= self.number:
             return f"{wire.LATE}number {number} comes after {self.number}"
-        if not (time.isdecimal() and len(time) <= 10 and int(time) < TIME_MODULUS_US):
+        if not (time.isdecimal() and len(time) <= 10 and int(time) < frames.TIME_MODULUS_US):
             return f"{time!r} is no device time; repeat that of the last sample or answer"
-        age_us = (now_us - int(time)) % TIME_MODULUS_US
+        age_us = (now_us - int(time)) % frames.TIME_MODULUS_US
         age_s = age_us / 1e6 / self._speed
         if age_s > wire.OLDEST_S:
             return f"{wire.LATE}{1000.0 * age_s:.0f} ms old; limit {1000.0 * wire.OLDEST_S:.0f} ms"
@@ -82,8 +73,8 @@ class DeviceLink(ServedDevice):
     def __init__(self, firmware: Firmware) -> None:
         super().__init__(firmware)
         self.orders = OrderCheck(firmware.hello.speed)
-        self._decoder = Decoder()
-        self._writer = SampleFramer(len(firmware.hello.channels))
+        self._decoder = frames.Decoder()
+        self._writer = frames.SampleFramer(len(firmware.hello.channels))
         self._answered = b""
 
     def receive(self, data: bytes, now_s: float) -> bytes:
@@ -103,7 +94,7 @@ class DeviceLink(ServedDevice):
         text = f"{count} samples dropped by the device since the hello; read faster"
         return event_line(wire.DeviceEvent("dropped", text))
 
-    def _answer(self, message: TextMessage, now_s: float) -> bytes:
+    def _answer(self, message: frames.TextMessage, now_s: float) -> bytes:
         self.firmware.note_host(now_s)
         fields = message.fields
         if message.letter != "C" or len(fields) < 2 or not fields[0].isdecimal():
@@ -162,18 +153,18 @@ class DeviceLink(ServedDevice):
         self._answered = b""
         self.host_since_s = now_s
         payloads = [
-            payload_of("H", (str(index), *(text.replace(",", ";") for text in line)))
+            frames.payload_of("H", (str(index), *(text.replace(",", ";") for text in line)))
             for index, line in enumerate(hello_lines(self.firmware.hello))
         ]
-        whole = crc16(b"".join(payload + b"\n" for payload in payloads))
+        whole = frames.crc16(b"".join(payload + b"\n" for payload in payloads))
         answer = self._acknowledge(number, (str(len(payloads)), f"{whole:04X}"))
-        return b"".join(map(frame, payloads)) + answer
+        return b"".join(map(frames.frame, payloads)) + answer
 
     def _acknowledge(self, number: int, fields: Sequence[str]) -> bytes:
-        return frame_fields("A", (str(number), self._time(), *fields))
+        return frames.frame_fields("A", (str(number), self._time(), *fields))
 
     def _refuse(self, number: int, reason: str) -> bytes:
-        return frame_fields("N", (str(number), self._time(), reason))
+        return frames.frame_fields("N", (str(number), self._time(), reason))
 
     def _time(self) -> str:
-        return str(self.firmware.device_time_us % TIME_MODULUS_US)
+        return str(self.firmware.device_time_us % frames.TIME_MODULUS_US)

@@ -5,15 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
+from benchtool.bench.mavlink import messages as mav
 from benchtool.bench.mavlink.health import RESTARTED, Health, silence_of
 from benchtool.bench.mavlink.link import SILENT_S, MavlinkLink
-from benchtool.bench.mavlink.messages import (
-    ACCEPTED,
-    ARM_DISARM,
-    FORCE_DISARM,
-    MavCommand,
-    result_name,
-)
 from benchtool.bench.mavlink.pilots import AutopilotInfo
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
@@ -107,9 +101,9 @@ class PitchDrive(Drive):
             return
         if not self._health.armed and self._arm == "host":
             self._health.refusal = ""
-            result = self._link.exchange(MavCommand(ARM_DISARM, (1.0, *[0.0] * 6)))
-            if result != ACCEPTED:
-                raise CommandRefused("arm", self._health.refusal or result_name(result))
+            result = self._link.exchange(mav.MavCommand(mav.ARM_DISARM, (1.0, *[0.0] * 6)))
+            if result != mav.ACCEPTED:
+                raise CommandRefused("arm", self._health.refusal or mav.result_name(result))
         until_s = self._clock() + ARM_WAIT_S
         while not self._health.armed and self._clock() < until_s:
             self._link.pump(0.02)
@@ -126,7 +120,7 @@ class PitchDrive(Drive):
         self._driven, self.highest_us = False, 0.0
         self._health.drive(False, self._clock())
         if not self._ended:
-            self._link.exchange(MavCommand(ARM_DISARM, (0.0, FORCE_DISARM, *[0.0] * 5)))
+            self._link.exchange(mav.MavCommand(mav.ARM_DISARM, (0.0, mav.FORCE_DISARM, *[0.0] * 5)))
 
     def release(self) -> None:
         # Whoever flies without us is not disarmed by us.
@@ -149,7 +143,7 @@ class RunWatch:
     def __init__(
         self, address: str, link: MavlinkLink, health: Health, drive: Drive, rows: MavlinkRows
     ) -> None:
-        self.request_again: list[MavCommand] = []
+        self.request_again: list[mav.MavCommand] = []
         self._address = address
         self._link, self._health, self._drive, self._rows = link, health, drive, rows
         self._pumped_s = link.clock()

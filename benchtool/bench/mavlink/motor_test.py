@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from benchtool.bench.mavlink import messages as mav
 from benchtool.bench.mavlink.drive import Drive, Outputs
 from benchtool.bench.mavlink.health import Health
 from benchtool.bench.mavlink.link import SILENT_S, MavlinkLink
-from benchtool.bench.mavlink.messages import (
-    ACCEPTED,
-    IN_PROGRESS,
-    TIMEOUT_S,
-    MavCommand,
-    result_name,
-)
 from benchtool.bench.mavlink.pilots import RESEND_S, SEEN_S, AutopilotInfo
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost, RunStopped
 
@@ -50,7 +44,7 @@ class TestDrive(Drive):
         super().__init__(link, autopilot, health, arm, clock)
         self._outputs = OutputWatch(autopilot.pilot.name, autopilot.pulses.stop_us)
         self._known = list(autopilot.wiring.outputs)
-        self._standing: tuple[MavCommand, ...] = ()
+        self._standing: tuple[mav.MavCommand, ...] = ()
         self._turning: dict[int, float] = {}
         self._sent_s = self._acked_s = 0.0
 
@@ -109,16 +103,16 @@ class TestDrive(Drive):
     def renew(self, now_s: float) -> str | None:
         for command in {order.command for order in self._standing}:
             result = self._link.take_ack(command)
-            if result in (ACCEPTED, IN_PROGRESS):
+            if result in (mav.ACCEPTED, mav.IN_PROGRESS):
                 self._acked_s = now_s
             elif result is not None:
                 self.stop_renewing()
                 return f"the autopilot refused to go on: {self._reason(result)}"
         since_s = now_s - self._sent_s
-        if self._standing and since_s > TIMEOUT_S:
+        if self._standing and since_s > mav.TIMEOUT_S:
             # The motors stand by now: an order that is sent again would start them anew.
             self.stop_renewing()
-            raise HostPaused(since_s, TIMEOUT_S)
+            raise HostPaused(since_s, mav.TIMEOUT_S)
         if self._standing and since_s >= RESEND_S:
             self._sent_s = now_s
             for order in self._standing:
@@ -154,7 +148,7 @@ class TestDrive(Drive):
         """Stop motors and wait until the outputs show it: an acknowledgement proves nothing."""
         for order in self._autopilot.pilot.stop(motors):
             result = self._link.exchange(order)
-            if result not in (ACCEPTED, IN_PROGRESS):
+            if result not in (mav.ACCEPTED, mav.IN_PROGRESS):
                 raise CommandRefused(str(order), self._reason(result))
         until_s = self._clock() + STOPPED_S
         while not self._outputs.shown:
@@ -166,7 +160,7 @@ class TestDrive(Drive):
                 )
             self._link.pump(LOOK_S)
 
-    def _give(self, orders: tuple[MavCommand, ...]) -> None:
+    def _give(self, orders: tuple[mav.MavCommand, ...]) -> None:
         """Send orders to turn until they are acknowledged, or until the outputs show them.
 
         An acknowledgement may come late; silence and motors that nobody sees may not last.
@@ -192,7 +186,7 @@ class TestDrive(Drive):
             self._link.pump(LOOK_S)
             for command in sorted(waiting):
                 result = self._link.take_ack(command)
-                if result in (ACCEPTED, IN_PROGRESS):
+                if result in (mav.ACCEPTED, mav.IN_PROGRESS):
                     self._acked_s = self._clock()
                     waiting.discard(command)
                 elif result is not None:
@@ -204,16 +198,16 @@ class TestDrive(Drive):
 
     def _raise_if_paused(self) -> None:
         """Refuse orders from before a pause of this computer; those that were sent lapsed."""
-        if (paused_s := self._link.gaps.longest_s) > TIMEOUT_S:
+        if (paused_s := self._link.gaps.longest_s) > mav.TIMEOUT_S:
             self.stop_renewing()
-            raise HostPaused(paused_s, TIMEOUT_S)
+            raise HostPaused(paused_s, mav.TIMEOUT_S)
 
     def _reason(self, result: int) -> str:
         """Return why an order was refused, in the autopilot's own words where it has some."""
         until_s = self._clock() + REASON_S
         while not self._health.refusal and self._clock() < until_s:
             self._link.pump(LOOK_S)
-        return self._health.refusal or result_name(result)
+        return self._health.refusal or mav.result_name(result)
 
 
 TOLERANCE_US = 3.0

@@ -12,17 +12,8 @@ from dataclasses import dataclass
 from math import nan
 
 from benchtool.bench.bench import Identity
+from benchtool.bench.mavlink import messages as mav
 from benchtool.bench.mavlink.link import MavlinkLink
-from benchtool.bench.mavlink.messages import (
-    ACCEPTED,
-    ACTUATOR_TEST,
-    MOTOR_TEST,
-    REQUEST_MESSAGE,
-    TIMEOUT_S,
-    MavCommand,
-    Message,
-    number_of,
-)
 from benchtool.bench.mavlink.settings import NO_THRUST, MavlinkSettings, Wiring
 from benchtool.core.errors import InputError, ProtocolError
 
@@ -87,11 +78,13 @@ class Pilot(ABC):
         """Return the pulses that its parameters give; refuse a range that makes no sense."""
 
     @abstractmethod
-    def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
+    def turn(
+        self, pulses_us: Mapping[int, float], pulses: PulseRange
+    ) -> tuple[mav.MavCommand, ...]:
         """Return the orders that turn motors (by test number) at pulses above stop, or refuse."""
 
     @abstractmethod
-    def stop(self, motors: tuple[int, ...]) -> tuple[MavCommand, ...]:
+    def stop(self, motors: tuple[int, ...]) -> tuple[mav.MavCommand, ...]:
         """Return the orders that stop motors at once."""
 
 
@@ -117,7 +110,9 @@ class ArduPilot(Pilot):
         idle_us = low_us + values.get("MOT_SPIN_ARM", 0.1) * (high_us - low_us)
         return PulseRange(low_us, low_us, high_us, idle_us)
 
-    def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
+    def turn(
+        self, pulses_us: Mapping[int, float], pulses: PulseRange
+    ) -> tuple[mav.MavCommand, ...]:
         if len(pulses_us) > 1:
             listed = ", ".join(map(str, sorted(pulses_us)))
             raise InputError(
@@ -135,13 +130,13 @@ class ArduPilot(Pilot):
                 )
         # Type 1 is a pulse in us; one motor, the board's usual order.
         return tuple(
-            MavCommand(MOTOR_TEST, (motor, 1.0, pulse_us, TIMEOUT_S, 1.0, 0.0, 0.0))
+            mav.MavCommand(mav.MOTOR_TEST, (motor, 1.0, pulse_us, mav.TIMEOUT_S, 1.0, 0.0, 0.0))
             for motor, pulse_us in pulses_us.items()
         )
 
-    def stop(self, motors: tuple[int, ...]) -> tuple[MavCommand, ...]:
+    def stop(self, motors: tuple[int, ...]) -> tuple[mav.MavCommand, ...]:
         # A time-out of 0 ends the test, whichever motor turns.
-        return (MavCommand(MOTOR_TEST, (motors[0], 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)),)
+        return (mav.MavCommand(mav.MOTOR_TEST, (motors[0], 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)),)
 
 
 class Px4(Pilot):
@@ -160,21 +155,25 @@ class Px4(Pilot):
         stop_us = values.get("PWM_MAIN_DIS1", 1000.0)
         return PulseRange(stop_us, low_us, values.get("PWM_MAIN_MAX1", 1900.0), low_us)
 
-    def turn(self, pulses_us: Mapping[int, float], pulses: PulseRange) -> tuple[MavCommand, ...]:
+    def turn(
+        self, pulses_us: Mapping[int, float], pulses: PulseRange
+    ) -> tuple[mav.MavCommand, ...]:
         span_us = pulses.high_us - pulses.low_us
         orders = []
         for motor, pulse_us in pulses_us.items():
             # From 0 (slowest) to 1; below the slowest pulse a motor is stopped.
             value = (pulse_us - pulses.low_us) / span_us if pulse_us >= pulses.low_us else nan
-            orders.append(self._test(motor, value, TIMEOUT_S))
+            orders.append(self._test(motor, value, mav.TIMEOUT_S))
         return tuple(orders)
 
-    def stop(self, motors: tuple[int, ...]) -> tuple[MavCommand, ...]:
+    def stop(self, motors: tuple[int, ...]) -> tuple[mav.MavCommand, ...]:
         return tuple(self._test(motor, nan, 0.0) for motor in motors)
 
-    def _test(self, motor: int, value: float, timeout_s: float) -> MavCommand:
+    def _test(self, motor: int, value: float, timeout_s: float) -> mav.MavCommand:
         # The fifth parameter is the output function: 1 to 12 are motors.
-        return MavCommand(ACTUATOR_TEST, (value, timeout_s, 0.0, 0.0, float(motor), 0.0, 0.0))
+        return mav.MavCommand(
+            mav.ACTUATOR_TEST, (value, timeout_s, 0.0, 0.0, float(motor), 0.0, 0.0)
+        )
 
 
 PILOTS: dict[int, Pilot] = {3: ArduPilot(), 12: Px4()}
@@ -223,7 +222,7 @@ class AutopilotInfo:
             simulated=self.simulated,
             moves_plate=self.simulated,
             limits={"pwm_us": pulses.high_us} | ({} if pilot.together else {"rotors_together": 1}),
-            watchdog_s=TIMEOUT_S,
+            watchdog_s=mav.TIMEOUT_S,
             has_loop=pitch,
             armed_by_operator=pitch and settings.arm == "operator",
             pwm_stop_us=pulses.stop_us,
@@ -235,7 +234,7 @@ class AutopilotInfo:
 
 
 def read_autopilot(
-    link: MavlinkLink, beat: Message, settings: MavlinkSettings, clock: Callable[[], float]
+    link: MavlinkLink, beat: mav.Message, settings: MavlinkSettings, clock: Callable[[], float]
 ) -> AutopilotInfo:
     """Ask an autopilot what it is.
 
@@ -293,19 +292,19 @@ def _wiring(
 
 def _version(link: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
     """Return the autopilot's own name and its version, as far as it reports them."""
-    found: list[Message] = []
+    found: list[mav.Message] = []
     before = link.on_message
 
-    def listen(message: Message, arrived_s: float) -> None:
+    def listen(message: mav.Message, arrived_s: float) -> None:
         if message.msgname == "AUTOPILOT_VERSION":
             found.append(message)
         before(message, arrived_s)
 
     link.on_message = listen
     try:
-        number = float(number_of("AUTOPILOT_VERSION"))
-        request = MavCommand(REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-        if link.exchange(request) == ACCEPTED:
+        number = float(mav.number_of("AUTOPILOT_VERSION"))
+        request = mav.MavCommand(mav.REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        if link.exchange(request) == mav.ACCEPTED:
             until_s = clock() + VERSION_S
             while not found and clock() < until_s:
                 link.pump(0.02)

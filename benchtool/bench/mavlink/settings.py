@@ -45,11 +45,7 @@ class ThrustSource:
 
     @classmethod
     def named(cls, text: str) -> ThrustSource:
-        """Read `thrust` (a single value), `cell.z` (of a vector) or `cells[2]` (of an array).
-
-        Raises:
-            InputError: it is none of these.
-        """
+        """Read `thrust` (a single value), `cell.z` (of a vector) or `cells[2]` (of an array)."""
         found = _THRUST.fullmatch(text)
         if found is None:
             raise InputError(

@@ -33,11 +33,7 @@ class VirtualPlate:
         listen: Callable[[], None],
         refusal: Callable[[], str],
     ) -> None:
-        """Move it to a distance m, lateral position m and tilt rad, listening all the while.
-
-        Raises:
-            StageError: it was refused, with the autopilot's last words, or did not arrive.
-        """
+        """Move it to a distance m, lateral position m and tilt rad, listening all the while."""
         made = self._link.words.MAVLink_named_value_float_message
         begun_s, sent_s, moving = self._now_s(), -1e9, False
         while (now_s := self._now_s()) - begun_s < ARRIVE_S:

@@ -269,9 +269,6 @@ def bridge_text(
         listen_port: of the script.
         host: address of the computer that benchtool runs on, as the GUI's computer sees it.
         host_port: where benchtool listens.
-
-    Raises:
-        InputError, UnknownChoice: a rig or a place that no bridge can serve.
     """
     if speed not in SPEEDS:
         raise UnknownChoice("speed reading", speed, SPEEDS)

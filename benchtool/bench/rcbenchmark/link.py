@@ -68,12 +68,7 @@ class BridgeLink(LinkEnd):
         raise self._silence()
 
     def order(self, word: bytes, longest_s: float = TRIES * ANSWER_S) -> BridgeLine:
-        """Say a word until it is answered; the script may carry it out more than once.
-
-        Raises:
-            CommandRefused: the script refused it.
-            LinkLost: no answer to any try.
-        """
+        """Say a word until it is answered; the script may carry it out more than once."""
         if word[:1].isdigit() or word == b"stop":
             # From here on the heartbeat says this; after a stop it says nothing that turns.
             before, self._pulse = self._pulse, self._low if word == b"stop" else word

@@ -9,15 +9,7 @@ from benchtool.bench.bench import Readings
 from benchtool.bench.clocks import Gaps
 from benchtool.bench.identify import mismatch
 from benchtool.bench.serial import commands as wire
-from benchtool.bench.serial.frames import (
-    HEARTBEAT,
-    TIME_MODULUS_US,
-    Decoder,
-    TextMessage,
-    frame_command,
-    frame_version_1,
-    signed_step,
-)
+from benchtool.bench.serial import frames
 from benchtool.bench.serial.hello import Hello, HelloReader
 from benchtool.bench.transport.transport import LinkEnd, Transport
 from benchtool.core.errors import HostPaused, LinkLost, NoDevice, PortBusy, ProtocolError
@@ -57,7 +49,7 @@ class Conversation(LinkEnd):
     ) -> None:
         super().__init__(transport, address, clock)
         self._take = take
-        self._decoder = Decoder()
+        self._decoder = frames.Decoder()
         self._reader = HelloReader()
         self._version = 1
         self._number = 0
@@ -77,7 +69,7 @@ class Conversation(LinkEnd):
             PortBusy, PortDenied, NoDevice: the port cannot be had, or it stays silent.
             ProtocolError: what answers speaks something else.
         """
-        self._decoder = Decoder()
+        self._decoder = frames.Decoder()
         self._reader = HelloReader()
         self._number, self._device_read_s = 0, -inf
         self.received = b""
@@ -133,10 +125,10 @@ class Conversation(LinkEnd):
             self._raise_if_paused()
         number = self._number = self._number + 1
         if self._version > 1:
-            line = frame_command(number, command, self._device_us)
+            line = frames.frame_command(number, command, self._device_us)
         else:
             number = (number - 1) % LAST_NUMBER_1 + 1
-            line = frame_version_1(number, command)
+            line = frames.frame_version_1(number, command)
         self._replies.clear()
         for _ in range(tries):
             self._send(line)
@@ -157,15 +149,15 @@ class Conversation(LinkEnd):
         if self._version == 1:
             # Far from the numbers in use: a device of version 1 carries no number out twice.
             far = (self._number + LAST_NUMBER_1 // 2) % LAST_NUMBER_1 + 1
-            self.transport.write(frame_version_1(far, wire.StopDevice()))
+            self.transport.write(frames.frame_version_1(far, wire.StopDevice()))
         else:
-            self.transport.write(frame_command(0, wire.StopDevice()))
+            self.transport.write(frames.frame_command(0, wire.StopDevice()))
 
     def pump(self, timeout_s: float) -> bool:
         now_s = self.clock()
         self._gaps.note(now_s)
         if now_s - self._sent_s >= HEARTBEAT_S:
-            self._send(HEARTBEAT)
+            self._send(frames.HEARTBEAT)
         data = self.take(timeout_s)
         self._gaps.note(self.clock())
         if not data:
@@ -174,7 +166,7 @@ class Conversation(LinkEnd):
         for message in self._decoder.take_messages():
             self._sort(message)
         if len(readings):
-            self._note_time(str(int(readings.device_time_us[-1]) % TIME_MODULUS_US))
+            self._note_time(str(int(readings.device_time_us[-1]) % frames.TIME_MODULUS_US))
         if self._hello is not None:
             self._take(readings)
         return True
@@ -194,7 +186,7 @@ class Conversation(LinkEnd):
         while self.clock() < deadline_s:
             self._number += 1
             self._reader.begin()
-            self._send(frame_command(self._number, wire.RequestHello(version)))
+            self._send(frames.frame_command(self._number, wire.RequestHello(version)))
             try_s = self.clock() + HELLO_TRY_S
             answered = False
             while not answered and (left_s := try_s - self.clock()) > 0.0:
@@ -222,17 +214,17 @@ class Conversation(LinkEnd):
 
     def _note_time(self, text: str) -> None:
         """Note a device time that was read, unless it is older than what is known."""
-        if not (text.isdecimal() and int(text) < TIME_MODULUS_US):
+        if not (text.isdecimal() and int(text) < frames.TIME_MODULUS_US):
             return
         first = self._device_read_s == -inf
-        if first or signed_step(int(text), self._device_us, TIME_MODULUS_US) > 0:
+        if first or frames.signed_step(int(text), self._device_us, frames.TIME_MODULUS_US) > 0:
             self._device_us, self._device_read_s = int(text), self.clock()
 
     def _send(self, data: bytes) -> None:
         self.transport.write(data)
         self._sent_s = self.clock()
 
-    def _sort(self, message: TextMessage) -> None:
+    def _sort(self, message: frames.TextMessage) -> None:
         letter, fields = message.letter, message.fields
         if letter == "A" and len(fields) >= 2 and fields[0].isdecimal():
             self._note_time(fields[1])

@@ -24,9 +24,6 @@ def sketch_files(board: Board, rig: Rig, device_id: str, folder: str) -> dict[st
 
     Args:
         folder: name of the folder that will hold them; an Arduino sketch is named after it.
-
-    Raises:
-        InputError: a name that cannot be one, or a rig that the board cannot drive.
     """
     for what, name in (("device name", device_id), ("folder name for a sketch", folder)):
         if not _NAME.fullmatch(name):

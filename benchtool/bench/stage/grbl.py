@@ -7,16 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-from benchtool.bench.stage.grbl_lines import (
-    HOLD,
-    HOME,
-    RESET,
-    RESUME,
-    UNLOCK,
-    GrblSettings,
-    StatusReport,
-    move_line,
-)
+from benchtool.bench.stage import grbl_lines
 from benchtool.bench.stage.grbl_link import ANSWER_S, POLL_S, GrblLink
 from benchtool.bench.stage.stage import Pause
 from benchtool.bench.transport.transport import Transport
@@ -82,7 +73,7 @@ class GrblStage:
         }
         self._held = False
         self._letters = distance.letter + (lateral.letter if lateral else "")
-        self._settings: GrblSettings | None = None
+        self._settings: grbl_lines.GrblSettings | None = None
 
     @property
     def facts(self) -> Mapping[str, str | float]:
@@ -108,11 +99,11 @@ class GrblStage:
     def home(self, pause: Pause = _no_pause) -> None:
         """Find the machine zero; the stage is silent until it has."""
         try:
-            self._link.order(HOME, "homing", self._known().homing_s, pause)
+            self._link.order(grbl_lines.HOME, "homing", self._known().homing_s, pause)
         except BaseException:
             if self._link.unanswered:  # a homing that nobody waits for goes on until a reset
                 with suppress(BenchtoolError):
-                    self._link.send(RESET)
+                    self._link.send(grbl_lines.RESET)
             raise
         self._link.listen(AFTER_HOMING_S, "homing", pause)
         self._link.locked, self._link.homed = False, True
@@ -129,17 +120,17 @@ class GrblStage:
     def hold(self) -> None:
         """Stop by a feed hold; the next move starts from there, after a reset."""
         self._held = True
-        self._link.send(HOLD)
+        self._link.send(grbl_lines.HOLD)
 
     def resume(self, pause: Pause = _no_pause) -> None:
         """Go on with the move after a hold; `~` is ignored until the stage stands still."""
         self._until_held(pause)
-        self._link.send(RESUME)
+        self._link.send(grbl_lines.RESUME)
         self._held = False
 
     def _until_there(self, way: PlatePath, what: str, pause: Pause) -> dict[str, float]:
         """Send the plate on its way and return where it stands at the end: Idle at the target."""
-        line = move_line(way.target_mm, self._feed_mm_min)
+        line = grbl_lines.move_line(way.target_mm, self._feed_mm_min)
         longest_s = SPARE_S + 60.0 * way.length_mm / self._allowed_mm_min()
         longest_s += self._stopping_s()
         begun_s = since_s = self._clock()
@@ -178,7 +169,7 @@ class GrblStage:
         if not self._link.homed:
             self.home(pause)
         elif self._link.locked:
-            self._link.order(UNLOCK, "unlocking", ANSWER_S, pause)
+            self._link.order(grbl_lines.UNLOCK, "unlocking", ANSWER_S, pause)
             self._link.locked = False
 
     def _until_held(self, pause: Pause) -> None:
@@ -200,7 +191,7 @@ class GrblStage:
     def _stopping_s(self) -> float:
         return self._known().stopping_s(self._letters, self._allowed_mm_min())
 
-    def _known(self) -> GrblSettings:
+    def _known(self) -> grbl_lines.GrblSettings:
         if self._settings is None:
             raise StageError(f"{self._link.name} is not open; open it first")
         return self._settings
@@ -222,7 +213,10 @@ class GrblStage:
 
 
 def _problem(
-    way: PlatePath, report: StatusReport, place_mm: Mapping[str, float] | None, since_s: float
+    way: PlatePath,
+    report: grbl_lines.StatusReport,
+    place_mm: Mapping[str, float] | None,
+    since_s: float,
 ) -> str:
     """Return what is wrong with a report that no good move makes; empty for a good one."""
     if report.state == "Idle":
