@@ -60,7 +60,7 @@ def seal(csv: Path, path: Path) -> None:
         with _writer(path, units) as writer:
             for batch in sample_batches(lines, csv, names):
                 columns = [
-                    _words(name, codes_of(name, cells, csv)) if name in WORDS else cells
+                    _words(name, pa.array(codes_of(name, cells, csv))) if name in WORDS else cells
                     for name, cells in zip(names, batch.columns, strict=True)
                 ]
                 writer.write_batch(pa.record_batch(columns, schema=writer.schema))

@@ -17,13 +17,18 @@ from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.fit.interval import from_draws
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem
-from benchtool.fit.sampling import IslandStretch, log_probability, start_walkers
+from benchtool.fit.sampling import (
+    IslandDifference,
+    about_least_squares,
+    log_probability,
+    start_walkers,
+)
 
 Progress = Callable[[int, int], None]
 """progress(steps done, steps expected): called now and then."""
 
 ENSEMBLES = 4
-FIRST_STEPS = 800
+FIRST_STEPS = 400
 REPORT_EVERY = 100
 DISCARDED = 0.25
 """Part of the steps left out at the beginning."""
@@ -72,22 +77,15 @@ def fit_ensemble(
     probability = log_probability(problem)
     with np.errstate(all="ignore"):
         start = start_walkers(problem, near, probability, ENSEMBLES, walkers, rng)
-        sampler = sampler_of(probability, start, ENSEMBLES, int(rng.integers(2**32)))
+        moves = [(IslandDifference(ENSEMBLES), 0.5), (about_least_squares(problem, near), 0.5)]
+        sampler = sampler_of(probability, start, moves, int(rng.integers(2**32)))
         chains, verdict = _run(sampler, start, walkers, max_steps, progress)
     return _result(problem, near, sampler, chains, verdict, walkers, seed, max_steps)
 
 
-def sampler_of(
-    probability: Callable[[Array], Array], start: Array, ensembles: int, seed: int
-) -> Any:
+def sampler_of(probability: Callable[[Array], Array], start: Array, moves: Any, seed: int) -> Any:
     """Return emcee's sampler for walkers (ensembles * walkers, n), seeded."""
-    sampler = EnsembleSampler(
-        start.shape[0],
-        start.shape[1],
-        probability,
-        moves=IslandStretch(ensembles),
-        vectorize=True,
-    )
+    sampler = EnsembleSampler(*start.shape, probability, moves=moves, vectorize=True)
     sampler.random_state = np.random.MT19937(seed).state
     return sampler
 

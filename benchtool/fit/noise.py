@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -23,6 +22,9 @@ from benchtool.fit.interval import PROBABILITIES, bound_hit, chi2_limits
 from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
 from benchtool.fit.robust import MAD_EFFICIENCY, robust_scale
 from benchtool.fit.solve import Solution
+
+MOST_STEPS = 60
+"""Of a search for the noise; four or five are enough."""
 
 Refit = Callable[[float, Solution], Solution]
 """refit(noise, near) -> the solution with the standard errors of that noise value."""
@@ -127,31 +129,32 @@ def _searched(
     typical = float(np.sqrt(np.mean(problem.standard_error**2)))
     unit = 1.0 if name == NOISE_SCALE else typical
     lower = max(item.lower, 1e-3 * unit if name == NOISE_SCALE else 0.0)
+    least, most = lower**2, min(item.upper, 1e9 * unit) ** 2
     latest = first
 
-    def excess(noise: float, target: float) -> float:
+    def inverse(square: float) -> float:
+        """Return 1 over chi2 at a squared noise: nearly a straight line, and never steeper."""
         nonlocal latest
-        latest = refit(noise, latest)
-        return latest.chi2 / target - 1.0
+        latest = refit(square**0.5, latest)
+        return 1.0 / max(latest.chi2, 1e-300)
 
-    def where(target: float, guess: float = unit, tolerance: float = 1e-9) -> float:
-        # chi2 falls as the noise rises: steps up from the guess until it is passed.
-        low = high = float(np.clip(max(guess, 1e-3 * unit), lower, item.upper))
-        if excess(low, target) > 0.0:
-            while excess(high := min(1.5 * high, item.upper), target) > 0.0:
-                if high >= item.upper or high > 1e9 * unit:
-                    return high
-                low = high
-        elif excess(low := max(lower, 0.5 * high), target) <= 0.0:
-            high = low
-            if high <= lower or excess(low := lower, target) <= 0.0:
-                return lower
-        root = brentq(
-            partial(excess, target=target), low, high, rtol=tolerance, xtol=tolerance * unit
-        )
-        return float(root)
+    def where(target: float, guess: float, tolerance: float) -> float:
+        at, low, high = float(np.clip(guess**2, max(least, 1e-6 * unit**2), most)), least, most
+        x, y = 0.0, 0.0
+        for _ in range(MOST_STEPS):
+            shown = inverse(at)
+            over = target * shown - 1.0
+            if (over >= 0.0 and at == least) or (over <= 0.0 and at == most):
+                break
+            low, high = (low, at) if over > 0.0 else (at, high)
+            step = at - (shown - 1.0 / target) * ((at - x) / (shown - y) if shown != y else 0.0)
+            x, y, before = at, shown, at
+            at = float(np.clip(step, low, high))
+            if abs(at - before) <= tolerance * max(before, 1e-6 * unit**2):
+                break
+        return float(np.sqrt(at))
 
-    value = where(float(problem.dof))
+    value = where(float(problem.dof), unit, 1e-9)
     solution = refit(value, latest)
 
     def end(limit: float) -> float:

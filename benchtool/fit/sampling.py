@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from emcee.moves import Move
+from emcee.moves import MHMove, Move
 from emcee.state import State
 from scipy.linalg import eigh
 
@@ -191,8 +191,7 @@ def start_walkers(
         rng: draws the starts.
     """
     lower, upper = problem.parameters.bounds()
-    middle = problem.parameters.pack() if near is None else near.values
-    root = _root(problem, near)
+    middle, root = middle_and_root(problem, near)
     n = len(middle)
     centres = CENTRE_SDS * rng.standard_normal((ensembles, n))
     centre = np.repeat(centres, walkers, axis=0)
@@ -215,12 +214,15 @@ def start_walkers(
     )
 
 
-def _root(problem: Problem, near: FitResult | None) -> Array:
-    """Return a root (n, n) of the covariance to draw from; independent widths where it is not."""
+def middle_and_root(problem: Problem, near: FitResult | None) -> tuple[Array, Array]:
+    """Return where to draw about (n,), and a root (n, n) of the covariance to draw with.
+
+    They are those of a least-squares result; independent widths stand where it has none.
+    """
     items = [problem.parameters[name] for name in problem.free_names]
     widths = np.array([_width(item) for item in items])
     if near is None:
-        return np.diag(widths)
+        return problem.parameters.pack(), np.diag(widths)
     covariance = near.covariance.copy()
     for i in range(len(items)):
         if not (np.isfinite(covariance[i, i]) and covariance[i, i] > 0.0):
@@ -234,7 +236,7 @@ def _root(problem: Problem, near: FitResult | None) -> Array:
     scale = 1.0 / np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance * np.outer(scale, scale))
     root: Array = sd[:, None] * vectors * np.sqrt(np.maximum(values, 1e-12))
-    return root
+    return near.values, root
 
 
 def _width(item: Parameter) -> float:
@@ -246,12 +248,20 @@ def _width(item: Parameter) -> float:
     return 0.1 * abs(item.value) or item.tolerance or 0.1
 
 
-STRETCH = 2.0
-"""Scale a of the stretch move (Goodman and Weare 2010, section 3; emcee's default too)."""
+DIFFERENCE = 2.38 / 2.0**0.5
+"""Length of a difference move times root n that mixes best for a normal posterior (ter Braak, Stat.
+Comput. 16, 2006, p. 241)."""
+
+JITTER = 0.2
+"""By how much, of its logarithm, that length varies; a choice."""
+
+TAIL_DOF = 5.0
+"""Of the Student's t that draws about the least-squares answer: wider than a normal posterior, so
+that its tails are reached; a choice."""
 
 
-class IslandStretch(Move):  # type: ignore[misc]
-    """Stretch the walkers of `islands` ensembles, stored one after the other."""
+class IslandDifference(Move):  # type: ignore[misc]
+    """Move walkers of `islands` ensembles, stored one after the other, by differences of others."""
 
     def __init__(self, islands: int) -> None:
         self.islands = islands
@@ -266,15 +276,17 @@ class IslandStretch(Move):  # type: ignore[misc]
         first = np.arange(self.islands)[:, None] * walkers
         order = random.rand(self.islands, walkers).argsort(axis=1) + first
         halves = (order[:, :half].ravel(), order[:, half:].ravel())
-        partners = random.randint(half, size=(2, half * self.islands))
-        partners += np.repeat(np.arange(self.islands) * half, half)
-        stretch = ((STRETCH - 1.0) * random.rand(2, half * self.islands) + 1.0) ** 2 / STRETCH
-        threshold = np.log(random.rand(2, half * self.islands)) - (n - 1.0) * np.log(stretch)
+        size = (2, half * self.islands)
+        one = random.randint(half, size=size)
+        other = (one + random.randint(1, half, size=size)) % half
+        begin = np.repeat(np.arange(self.islands) * half, half)
+        length = DIFFERENCE / n**0.5 * np.exp(JITTER * random.standard_normal((*size, 1)))
+        threshold = np.log(random.rand(*size))
         accepted = np.zeros(total, bool)
         for side in (0, 1):
             moved, others = halves[side], halves[1 - side]
-            anchor = coords[others[partners[side]]]
-            proposal = anchor - (anchor - coords[moved]) * stretch[side][:, None]
+            apart = coords[others[begin + one[side]]] - coords[others[begin + other[side]]]
+            proposal = coords[moved] + length[side] * apart
             proposed = model.log_prob_fn(proposal)
             taken = proposed - log_prob[moved] > threshold[side]
             winners = moved[taken]
@@ -282,3 +294,24 @@ class IslandStretch(Move):  # type: ignore[misc]
             log_prob[winners] = proposed[taken]
             accepted[winners] = True
         return State(coords, log_prob=log_prob), accepted
+
+
+def about_least_squares(problem: Problem, near: FitResult | None) -> MHMove:
+    """Return the move that draws walkers anew from Student's t about the least-squares answer.
+
+    Where the posterior is about normal, such draws are nearly independent of where a walker was.
+    """
+    middle, root = middle_and_root(problem, near)
+    n, inverse = len(middle), np.linalg.inv(root)
+
+    def log_density(coords: Array) -> Array:
+        z = (coords - middle) @ inverse.T
+        out: Array = -0.5 * (TAIL_DOF + n) * np.log1p(np.einsum("wn,wn->w", z, z) / TAIL_DOF)
+        return out
+
+    def draw(coords: Array, random: Any) -> tuple[Array, Array]:
+        scale = np.sqrt(TAIL_DOF / random.chisquare(TAIL_DOF, size=(len(coords), 1)))
+        proposal = middle + (scale * random.standard_normal(coords.shape)) @ root.T
+        return proposal, log_density(coords) - log_density(proposal)
+
+    return MHMove(draw)

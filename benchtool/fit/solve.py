@@ -74,7 +74,7 @@ def solve(
     Args:
         problem: what to fit.
         whitening: by all errors.
-        start: where to begin.
+        start: where to begin; Gauss-Newton steps are tried first from a minimum nearby.
         loss: how far whitened rows of points count less; rows of priors always count in full.
         way: how to take derivatives; found out when left out.
         max_evaluations: of the prediction.
@@ -87,6 +87,11 @@ def solve(
         if way is None:
             way = way_for(problem.predict, begin, len(problem), lower, upper)
         jacobian = row_jacobian(problem, way)
+        if start is not None and loss == "linear":
+            near = Solution(begin, first, jacobian(begin, whitening), np.inf, False, 2, way)
+            near = _polished(problem, whitening, near, jacobian)
+            if near.finished:
+                return near
         counted: Any = loss if loss == "linear" else loss_of_points(loss, len(problem))
         found: Any = least_squares(
             problem.rows,
@@ -113,7 +118,10 @@ def solve(
             evaluations=int(found.nfev) + int(found.njev),
             way=way,
         )
-        return _polished(problem, whitening, solution, jacobian) if loss == "linear" else solution
+        if loss != "linear":
+            return solution
+        polished = _polished(problem, whitening, solution, jacobian)
+        return replace(polished, finished=solution.finished)
 
 
 def _polished(
@@ -139,10 +147,12 @@ def _polished(
             break
         step = -(v.T @ ((u.T @ solution.rows) / singular)) / norms
         sd = np.sqrt(np.sum((v.T / singular) ** 2, axis=1)) / norms
-        sd *= np.sqrt(2.0 * solution.cost / left)
+        sd *= np.sqrt(solution.chi2 / left)
         size = float(np.max(np.abs(step) / np.where(sd > 0.0, sd, np.inf)))
         shape = solution.shape + step
-        if size < POLISH or size > 0.9 * before or np.any((shape <= lower) | (shape >= upper)):
+        if size < POLISH:
+            return replace(solution, finished=True)
+        if size > 0.9 * before or np.any((shape <= lower) | (shape >= upper)):
             break
         rows = problem.rows(shape, whitening)
         cost = 0.5 * float(rows @ rows)

@@ -24,7 +24,7 @@ from benchtool.fit.ensemble import advance, fit_ensemble, sampler_of
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
-from benchtool.fit.sampling import log_probability
+from benchtool.fit.sampling import IslandDifference, log_probability
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 
@@ -123,7 +123,7 @@ def bench(name: str, *free: str) -> None:
         sampler.run_mcmc(start, STEPS)
 
     def our_emcee() -> None:
-        advance(sampler_of(log_probability(stated), start, 1, 3), start, STEPS)
+        advance(sampler_of(log_probability(stated), start, IslandDifference(1), 3), start, STEPS)
 
     bare_s, ours_s = in_turns(ROUNDS, bare_emcee, our_emcee)
     print(

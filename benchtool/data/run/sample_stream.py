@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.errors import FileFormatError
@@ -95,36 +96,56 @@ def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Itera
         raise FileFormatError(str(path), problem) from error
 
 
-def codes_of(name: str, words: Any, path: Path) -> Any:
-    """Return the positions of words in their list, as an int32 array.
+def codes_of(name: str, words: Any, path: Path) -> NDArray[np.int32]:
+    """Return the positions (n,) of words in their list.
 
     Raises:
-        FileFormatError: a word that is not in the list.
+        FileFormatError: a word that is not in the list, or a blank.
     """
     import pyarrow as pa
-    from pyarrow import compute
 
-    words = words.cast(pa.string())
-    codes = compute.index_in(words, value_set=pa.array(WORDS[name]))
-    if codes.null_count:
-        strange = words.filter(compute.is_null(codes))[0].as_py()
+    encoded = words.cast(pa.string()).dictionary_encode()
+    own = {word: position for position, word in enumerate(WORDS[name])}
+    codes = [own.get(word, -1) for word in encoded.dictionary.to_pylist()]
+    # A blank has no index, and stands for the last entry.
+    found: NDArray[np.int32] = np.array([*codes, -1], np.int32)[
+        _plain(encoded.indices, np.int32, -1)
+    ]
+    if (found < 0).any():
+        strange = str(words[int(np.argmax(found < 0))].as_py())
         raise FileFormatError(
             str(path), f"column {name!r} holds {strange[:40]!r}, which is none of {WORDS[name]}"
         )
-    return codes
+    return found
+
+
+def _plain(cells: Any, kind: type[Any], blank: Any) -> NDArray[Any]:
+    """Return a column's cells (n,), blanks replaced; Arrow's own `to_numpy` imports pandas."""
+    valid, values = cells.buffers()
+    own = slice(cells.offset, cells.offset + len(cells))
+    out = np.frombuffer(values, kind)[own]
+    if not cells.null_count:
+        return out
+    return np.where(
+        np.unpackbits(np.frombuffer(valid, np.uint8), bitorder="little")[own], out, blank
+    )
 
 
 def numbers_of(batches: Iterable[Any], names: Sequence[str], rows: int, path: Path) -> Array:
     """Return the columns of record batches (n, c), at most `rows`; words become their positions."""
+    import pyarrow as pa
+
     values = np.empty((rows, len(names)))
     at = 0
     for batch in batches:
         end = at + batch.num_rows
         for column, name in enumerate(names):
             cells = batch.column(column)
-            if name in WORDS:
-                cells = codes_of(name, cells, path)
-            values[at:end, column] = cells.to_numpy(zero_copy_only=False)
+            values[at:end, column] = (
+                codes_of(name, cells, path)
+                if name in WORDS
+                else _plain(cells.cast(pa.float64()), np.float64, np.nan)
+            )
         at = end
     return values[:at]
 

@@ -13,7 +13,7 @@ from benchtool.core.errors import EstimationError, InputError, NotConverged
 from benchtool.fit.diagnose import refusal
 from benchtool.fit.ensemble import convergence_of, fit_ensemble, split_rhat
 from benchtool.fit.problem import NOISE_SCALE, Problem, function_problem
-from benchtool.fit.sampling import IslandStretch, log_probability
+from benchtool.fit.sampling import IslandDifference, log_probability
 from tests.unit.fit.cases import SMALL, X, free, line_problem, scaled_line
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def test_islands_never_meet() -> None:
     state = SimpleNamespace(coords=coords, log_prob=-0.5 * coords[:, 1] ** 2)
     moved = np.zeros(len(coords), bool)
     for _ in range(50):
-        state, accepted = IslandStretch(islands).propose(model, state)
+        state, accepted = IslandDifference(islands).propose(model, state)
         moved |= accepted
     np.testing.assert_allclose(
         state.coords[:, 0], np.repeat([0.0, 100.0, 1e6], walkers), rtol=1e-9, atol=1e-6
@@ -147,12 +147,12 @@ def test_walkers_that_stand_still_are_not_converged() -> None:
 
 
 def test_too_few_steps_give_advice_and_are_refused() -> None:
-    result = fit_ensemble(line_problem(), max_steps=120)
+    result = fit_ensemble(line_problem(), max_steps=60)
     assert result.outcome.status == "not_converged"
-    assert "allow more than 120 steps" in result.outcome.message
+    assert "allow more than 60 steps" in result.outcome.message
     refused = refusal([result])
     assert isinstance(refused, NotConverged)
-    assert "allow more than 120 steps" in str(refused)
+    assert "allow more than 60 steps" in str(refused)
     assert refusal([fit_ensemble(line_problem())]) is None
 
 
