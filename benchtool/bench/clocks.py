@@ -9,14 +9,21 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import Identity
 from benchtool.core.array import Array
-from benchtool.core.errors import HostPaused
+from benchtool.core.errors import HostPaused, ReadingsLate
 
 WINDOW_S = 10.0
-"""How long a smallest delay counts; a guess: quartz clocks drift 50 ppm apart, 0.5 ms in it."""
+"""How long a smallest delay counts, wall time; a guess: quartz drifts by 0.5 ms (50 ppm) in it."""
 
-MAX_SLEW = 2e-4
-"""Fastest correction, seconds per second: four times the drift of a poor quartz (a guess), so that
-host time follows the device and never runs backwards."""
+SLEW = 2e-4
+"""Usual correction, seconds per second: four times the drift of a poor quartz (a guess)."""
+
+DRIFT_SLEW, JITTER_S = 0.01, 0.02
+"""The same where delays have grown by more than jitter makes: ceramic resonators are off by 0.5 %,
+and a backlog must grow, not pass for a drift. Choices."""
+
+EARLY_SLEW = 0.5
+"""The same where something came sooner than the estimate allows, which proves it wrong. Below 1, so
+that host time never runs backwards; a choice."""
 
 
 class DeviceClock:
@@ -24,34 +31,52 @@ class DeviceClock:
 
     A line arrives no sooner than it was sent, so arrival minus device time is the offset of the
     clocks plus a delay that is never negative. The minimum over a sliding window is the estimate.
+    It changes freely until a time is returned, and so slowly later that times never run backwards.
+
+    Args:
+        speed: of both clocks, seconds per second of wall time: delays are of wall time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, speed: float = 1.0) -> None:
+        self._window_s = WINDOW_S * speed
         self._offset_s: float | None = None
         self._window_start_s = 0.0
         self._present_s = self._previous_s = inf
         self._last_device_s = 0.0
+        self._returned: tuple[float, float] | None = None  # newest device time, its offset: s
 
     def learn(self, device_time_us: int, arrived_s: float) -> None:
-        """Note that a line stamped `device_time_us` (unwrapped) arrived at `arrived_s`."""
+        """Note that a line stamped `device_time_us` (unwrapped) arrived at `arrived_s`.
+
+        Args:
+            arrived_s: when the host received it, not when it came to look at it.
+        """
         device_s = device_time_us * 1e-6
         delay_s = arrived_s - device_s
-        if device_s - self._window_start_s > WINDOW_S:
+        if device_s - self._window_start_s > self._window_s:
             self._window_start_s = device_s
             self._previous_s, self._present_s = self._present_s, delay_s
         self._present_s = min(self._present_s, delay_s)
         target_s = min(self._present_s, self._previous_s)
-        if self._offset_s is None:
+        if self._offset_s is None or self._returned is None:
             self._offset_s = target_s
         else:
-            step_s = MAX_SLEW * max(device_s - self._last_device_s, 0.0)
-            self._offset_s += min(max(target_s - self._offset_s, -step_s), step_s)
-        self._last_device_s = device_s
+            error_s = target_s - self._offset_s
+            slew = EARLY_SLEW if error_s < 0.0 else DRIFT_SLEW if error_s > JITTER_S else SLEW
+            step_s = slew * max(device_s - self._last_device_s, 0.0)
+            self._offset_s += min(max(error_s, -step_s), step_s)
+        self._last_device_s = max(device_s, self._last_device_s)
 
     def host_time_s(self, device_time_us: NDArray[np.int64]) -> Array:
         """Return the host times (m,): s of device times (m,): us."""
-        host_s: Array = device_time_us.astype(np.float64) * 1e-6 + (self._offset_s or 0.0)
-        return host_s
+        device_s: Array = device_time_us.astype(np.float64) * 1e-6
+        offset_s = self._offset_s or 0.0
+        before_s, before_offset_s = self._returned or (0.0, offset_s)
+        if len(device_s) and (newest_s := float(device_s.max())) > before_s:
+            self._returned = (newest_s, offset_s)
+            # What was learnt since the last time returned spreads over the time since then.
+            return device_s + np.interp(device_s, [before_s, newest_s], [before_offset_s, offset_s])
+        return device_s + before_offset_s
 
 
 LONGEST_S = 1.0
@@ -100,3 +125,45 @@ class HostPause:
         """Return the error of a host that comes back too late, None otherwise."""
         late_s = (now_s - self._due_s) / self._speed
         return HostPaused(late_s, self._limit_s) if late_s > self._limit_s else None
+
+
+LATE_S = 1.0
+"""Readings may be so old when they are read, or stamped so far ahead, and be so for as long before
+it ends a run (wall time); a choice: no device's watchdog and no check of ours waits longer."""
+
+
+class ReadingAge:
+    """Compare when readings were made with when they were read.
+
+    One block may be old: it waited while nobody read. Where they stay old, the host reads more
+    slowly than the bench sends, or the clock of the bench does not run as it states.
+
+    Args:
+        identity: speed of the bench's clock.
+    """
+
+    def __init__(self, identity: Identity) -> None:
+        self._speed = identity.speed
+        self._since_s: float | None = None
+        self._age_s = 0.0
+
+    def note(self, time_s: Array, now_s: float) -> None:
+        """Note the times (m,): s of readings that are read now."""
+        if not len(time_s):
+            return
+        self._age_s = (now_s - float(time_s[-1])) / self._speed
+        if abs(self._age_s) <= LATE_S:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = now_s
+
+    @property
+    def late(self) -> ReadingsLate | None:
+        """The error of readings that were late when they were read last, None otherwise."""
+        if self._since_s is None:
+            return None
+        return ReadingsLate(self._age_s, LATE_S, self._speed)
+
+    def stays_late(self, now_s: float) -> bool:
+        """Return whether readings have been late for too long."""
+        return self._since_s is not None and (now_s - self._since_s) / self._speed > LATE_S

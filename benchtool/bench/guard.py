@@ -18,7 +18,7 @@ from typing import Self
 import numpy as np
 
 from benchtool.bench.bench import Bench, Readings, joined
-from benchtool.bench.clocks import HostPause
+from benchtool.bench.clocks import HostPause, ReadingAge
 from benchtool.bench.driven import DrivenBench
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.bench.plate_check import PlateCheck, check_travel, wait_for_idle, wait_for_plate
@@ -64,6 +64,7 @@ class GuardedBench(DrivenBench):
         self._stale_s = stale_s
         self._check: LimitCheck | None = None
         self._pause: HostPause | None = None
+        self._age: ReadingAge | None = None
         self._plate: PlateCheck | None = None
         self._unread: list[Readings] = []
         self._signals = StopSignals(self._note_reason)
@@ -77,6 +78,7 @@ class GuardedBench(DrivenBench):
             )
         self._begin()
         self._pause = HostPause(self.identity, self.now_s())
+        self._age = ReadingAge(self.identity)
         self._check = LimitCheck(
             self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
         )
@@ -192,6 +194,7 @@ class GuardedBench(DrivenBench):
         Raises:
             LimitExceeded: a reading beyond its limit; zero was commanded before this was raised.
                 The samples that show it are in `take_unread`.
+            ReadingsLate: the same where readings stay late.
         """
         self._signals.raise_if_requested()
         new = self._read_checked(timeout_s)
@@ -199,7 +202,7 @@ class GuardedBench(DrivenBench):
         return joined([*unread, new])
 
     def _read_checked(self, timeout_s: float) -> Readings:
-        if self._check is None:
+        if self._check is None or self._age is None:
             raise LinkLost("a bench that is not open was read; open it first")
         self._end_if_paused()
         self._expect(bench_s=timeout_s)
@@ -214,7 +217,13 @@ class GuardedBench(DrivenBench):
         assert self._watch is not None
         self._watch.take(readings.time_s, readings.values)
         self._check.commanded(self._pwm_us, self._commanded_s)
-        breach = self._check.breach(readings.time_s, readings.values)
+        now_s = self.now_s()
+        self._age.note(readings.time_s, now_s)
+        # No reading is newer than now, whatever its stamp.
+        made_s = np.minimum(readings.time_s, now_s)
+        breach = self._check.breach(made_s, readings.values, self._age.late)
+        if breach is None and self._age.stays_late(now_s):
+            breach = self._age.late
         if breach is not None:
             self._halt(breach)
             self._unread.append(readings)

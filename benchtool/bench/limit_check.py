@@ -14,7 +14,7 @@ from benchtool.bench.plate_check import CHANNEL, plate_tolerance_m
 from benchtool.bench.rpm_tracking import GAP_S, HostPulses, LoopPulses
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel, family_of
-from benchtool.core.errors import LimitExceeded
+from benchtool.core.errors import BenchError, LimitExceeded, ReadingsLate
 from benchtool.core.rig import Limits, Rig
 
 PLAUSIBLE_LOW, PLAUSIBLE_HIGH = 0.2, 3.5
@@ -116,8 +116,15 @@ class LimitCheck:
         self._loop = LoopPulses(self._rig.propulsion, self._n_rotors, now_s)
         self._armed_else = armed_else
 
-    def breach(self, time_s: Array, values: Array) -> LimitExceeded | None:
-        """Return the first limit that samples (m,), (m, c) break, nan without a value, or None."""
+    def breach(
+        self, time_s: Array, values: Array, late: ReadingsLate | None = None
+    ) -> BenchError | None:
+        """Return the first limit that samples (m,), (m, c) break, nan without a value, or None.
+
+        Args:
+            late: what is wrong with the times of these samples; it is returned instead of saying
+                that a rotor does not follow its pulse.
+        """
         if not len(time_s):
             return None
         seen = values[:, self._columns]
@@ -159,7 +166,9 @@ class LimitCheck:
         if self._thrust >= 0:
             thrust_N, squares = values[:, self._thrust], np.einsum("ij,ij->i", rpm, rpm)
             error = self._implausible(time_s, squares, thrust_N) or self._stuck(squares, thrust_N)
-        return error or self._mismatch(values, rpm)
+        if error is None and (error := self._mismatch(values, rpm)) is not None:
+            return late or error
+        return error
 
     def _mismatch(self, values: Array, rpm: Array) -> LimitExceeded | None:
         """Return an error when a motor's rpm has not followed its pulse by now.

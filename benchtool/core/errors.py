@@ -12,7 +12,8 @@
     │   │   ├── PortBusy           3   somebody else holds it
     │   │   ├── PortDenied         3   no permission
     │   │   ├── NoDevice           3   nothing there, or nothing that answers
-    │   │   └── LinkLost           3   it answered and went silent
+    │   │   ├── LinkLost           3   it answered and went silent
+    │   │   └── ReadingsLate       3   what it sends is read too late, or its clock runs apart
     │   ├── ProtocolError          3   an answer that makes no sense
     │   ├── CommandRefused         3   the device refused
     │   ├── LimitExceeded          4   a reading beyond its limit
@@ -170,6 +171,34 @@ class NoDevice(LinkError):
 
 class LinkLost(LinkError):
     """The device answered before and went silent."""
+
+
+class ReadingsLate(LinkError):
+    """Readings are old when they are read, or stamped ahead of time; no rotor is judged by them.
+
+    Args:
+        age_s: of the newest reading, wall time; below 0 where it is stamped ahead.
+        limit_s: the largest difference that is none.
+        speed: of the bench's clock, as it states it.
+    """
+
+    def __init__(self, age_s: float, limit_s: float, speed: float) -> None:
+        self.age_s = age_s
+        self.limit_s = limit_s
+        if age_s > 0.0:
+            super().__init__(
+                f"the newest reading was {age_s:.1f} s old when it was read, limit {limit_s:g} s: "
+                f"this computer reads more slowly than the bench sends, or the bench runs more "
+                f"slowly than {speed:g} times life; zero was commanded; free the computer, ask for "
+                f"a lower rate, or serve a virtual bench with a lower --speed"
+            )
+        else:
+            super().__init__(
+                f"the newest reading is stamped {-age_s:.1f} s ahead of this computer's clock, "
+                f"limit {limit_s:g} s: the bench's clock runs faster than {speed:g} times life, "
+                f"which is what it states; zero was commanded; connect again, and check the "
+                f"bench's clock if that stays"
+            )
 
 
 class ProtocolError(BenchError):

@@ -19,7 +19,6 @@ from benchtool.bench.mavlink.health import ARMED
 from benchtool.bench.mavlink.messages import ARM_DISARM, MOTOR_TEST, Message, dialect
 from benchtool.bench.mavlink.pilots import HIL
 from benchtool.bench.serial.commands import SendPlate, SetPwm, StopDevice
-from benchtool.core.counted import counted
 from benchtool.virtual import autopilot_orders as orders
 from benchtool.virtual.autopilot_streams import Streams
 from benchtool.virtual.firmware import Firmware
@@ -121,9 +120,8 @@ class VirtualAutopilot(ServedDevice):
                 stream.extend(self._sample(time_us, row))
         return b"".join(frames), stream
 
-    def report_dropped(self, count: int) -> bytes:
-        text = self._text(f"{counted(count, 'frame')} dropped; read faster")
-        return b"".join(map(self._frames.pack, text))
+    def report(self, kind: str, text: str) -> bytes:
+        return b"".join(map(self._frames.pack, self._text(text)))
 
     @property
     def outputs_us(self) -> tuple[int, ...]:
@@ -202,7 +200,7 @@ class VirtualAutopilot(ServedDevice):
     def _forget(self) -> None:
         self._orders = orders.motor_orders(self.kind, self.firmware.hello)
         self._frames = MavlinkFrames(
-            self._system, AUTOPILOT_COMPONENT, self._key, self._since_1970_s
+            self._system, AUTOPILOT_COMPONENT, self._key, self._since_1970_s, counts=False
         )
         self._every_us: dict[int, float] = {}
         self._due_us: dict[int, float] = {}

@@ -256,8 +256,8 @@ class CarriedPlate(ServedDevice):
         self.host_since_s = self._device.host_since_s
         return answer
 
-    def report_dropped(self, count: int) -> bytes:
-        return self._device.report_dropped(count)
+    def report(self, kind: str, text: str) -> bytes:
+        return self._device.report(kind, text)
 
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
         self._link.write(self._stage.step(self._link.read(), now_s * self.speed))

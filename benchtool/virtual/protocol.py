@@ -90,9 +90,8 @@ class DeviceLink(ServedDevice):
             return events, []
         return events, self._writer.frames(rows.device_time_us, rows.values)
 
-    def report_dropped(self, count: int) -> bytes:
-        text = f"{count} samples dropped by the device since the hello; read faster"
-        return event_line(wire.DeviceEvent("dropped", text))
+    def report(self, kind: str, text: str) -> bytes:
+        return event_line(wire.DeviceEvent(kind, text))
 
     def _answer(self, message: frames.TextMessage, now_s: float) -> bytes:
         self.firmware.note_host(now_s)

@@ -32,8 +32,8 @@ class ServedDevice(ABC):
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
         """Run n ticks; return what must get through, and frames that may be dropped."""
 
-    def report_dropped(self, count: int) -> bytes:
-        """Return the event that so many frames were dropped since the host came."""
+    def report(self, kind: str, text: str) -> bytes:
+        """Return an event for the host."""
         return b""
 
 
@@ -104,6 +104,7 @@ class BenchServer:
         self._clock = clock
         self._dropped_before = 0
         self._report_from = 1
+        self._stood_s, self._report_stood_s = 0.0, 0.0
         self._owed = 0.0
         self._last_s = clock()
         self._host_since_s: float | None = None
@@ -135,6 +136,7 @@ class BenchServer:
         self._plug(since_s)
         self.outbox.add(self._faults.carry(answers, since_s))
         passed_s = min(now_s - self._last_s, LONGEST_CATCH_UP_S)
+        self._stood_s += now_s - self._last_s - passed_s
         self._last_s = now_s
         self._owed += passed_s * self._device.speed * self._tick_Hz()
         n, self._owed = int(self._owed), self._owed % 1.0
@@ -143,7 +145,7 @@ class BenchServer:
         self.outbox.add(self._faults.carry(events, since_s))
         for line in samples:
             self.outbox.add_sample(self._faults.carry(line, since_s))
-        self._report_dropped()
+        self._report_troubles()
         self.outbox.flush(self._link.write)
 
     def _greet(self) -> None:
@@ -151,6 +153,7 @@ class BenchServer:
         if self._device.host_since_s != self._host_since_s:
             self._host_since_s = self._device.host_since_s
             self._dropped_before, self._report_from = self.outbox.dropped, 1
+            self._stood_s, self._report_stood_s = 0.0, 0.0
             self._on_hello()
 
     def _plug(self, since_s: float) -> None:
@@ -162,9 +165,20 @@ class BenchServer:
             self._host_since_s = None
             self._link.replug()
 
-    def _report_dropped(self) -> None:
+    def _report_troubles(self) -> None:
+        """Report at every doubling, so that the events do not fill a line that is already full."""
+        if self._host_since_s is None:
+            return
         count = self.outbox.dropped - self._dropped_before
-        # Reported at every doubling, so that the events do not fill a line that is already full.
-        if count >= self._report_from and self._host_since_s is not None:
-            self.outbox.add(self._device.report_dropped(count))
+        if count >= self._report_from:
+            text = f"{count} samples dropped by the device since the hello; read faster"
+            self.outbox.add(self._device.report("dropped", text))
             self._report_from = 2 * count
+        if self._stood_s > self._report_stood_s:
+            speed = self._device.speed
+            text = (
+                f"the virtual bench stood still for {self._stood_s * speed:.1f} s of its time: its "
+                f"computer is busy or too slow for --speed {speed:g}"
+            )
+            self.outbox.add(self._device.report("stood_still", text))
+            self._report_stood_s = 2.0 * self._stood_s

@@ -49,9 +49,6 @@ class TextStandDevice:
         ]
         return "".join(f"stopped {text}\n" for text in events).encode(), [s.encode() for s in lines]
 
-    def report_dropped(self, count: int) -> bytes:
-        return b""
-
     def _answer(self, line: str, now_s: float) -> str:
         word, _, rest = line.partition(" ")
         hello = self.firmware.hello

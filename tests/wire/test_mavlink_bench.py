@@ -43,6 +43,22 @@ def test_a_rotor_that_turns_alone_shows_its_output() -> None:
         assert made.last(values, "pwm2_us") == 1000.0
 
 
+def test_one_host_after_another_learns_how_fast_time_runs() -> None:
+    made = Bench(rotors=2)
+    made.autopilot.speed = 20.0
+    for _ in range(3):
+        with made.bench as bench:
+            assert bench.identity.speed == 20.0
+
+
+def test_readings_are_as_old_as_they_are_however_long_nobody_looked() -> None:
+    made = Bench(rotors=2)
+    with made.bench as bench:
+        made.link.pass_time(0.4)
+        made.read(0.2)
+        assert 0.0 <= bench.now_s() - bench.read(0.1).time_s[-1] < 0.03
+
+
 def test_ardupilot_turns_one_motor_at_a_time_and_says_so() -> None:
     made = Bench(motor_map=PLUS)
     with made.bench as bench, pytest.raises(InputError, match="motors 1, 2 cannot turn together"):

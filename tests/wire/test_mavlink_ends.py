@@ -40,6 +40,25 @@ def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does() ->
         assert max(made.autopilot.outputs_us) == 1000
 
 
+def test_an_order_is_as_old_as_when_it_was_sent_however_late_it_was_acknowledged() -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        write = made.link.write
+
+        def carry_slowly(data: bytes) -> None:
+            write(data)
+            made.link.pass_time(0.15)
+
+        made.link.write = carry_slowly  # type: ignore[method-assign]
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        made.link.write = write  # type: ignore[method-assign]
+        made.link.pass_time(0.12)
+        assert max(made.autopilot.outputs_us) == 1000
+        with pytest.raises(HostPaused, match=r"did not run benchtool for 0\.3 s, limit 0\.25 s"):
+            made.read(1.0)
+        assert max(made.autopilot.outputs_us) == 1000
+
+
 def test_no_order_is_sent_after_a_pause_while_its_acknowledgement_was_waited_for() -> None:
     made = Bench(motor_map=PLUS)
     with made.bench as bench:

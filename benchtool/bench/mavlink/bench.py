@@ -86,7 +86,7 @@ class MavlinkBench(StreamingBench):
             address=self.address,
             channels=self._channels,
             rate_Hz=self._rate_Hz,
-            longest_delay_s=autopilot.speed * max(self._link.slowest_s, SEEN_S),
+            longest_delay_s=self._speed * max(self._link.slowest_s, SEEN_S),
         )
 
     def now_s(self) -> float:
@@ -99,7 +99,7 @@ class MavlinkBench(StreamingBench):
         frames = MavlinkFrames(key=settings.key, now_s=self._since_1970_s())
         self._link = link = MavlinkLink(self._transport, self.address, self._clock, frames)
         self._opened_s = self._stamped_s = self._clock()
-        self._device_clock = DeviceClock()
+        self._speed = 1.0
         self._quality = MavlinkQuality()
         self._counts: Counter[str] = Counter()
         self._messages: list[str] = [settings.warning] if settings.warning else []
@@ -111,6 +111,7 @@ class MavlinkBench(StreamingBench):
                 self._cell.open()
             beat = link.find(settings.system)
             autopilot = read_autopilot(link, beat, settings, self._clock)
+            self._speed, self._device_clock = autopilot.speed, DeviceClock(autopilot.speed)
             self._rows = MavlinkRows(autopilot.wiring, autopilot.pulses.idle_us, settings.speeds)
             made = PitchDrive if settings.mode == "pitch" else TestDrive
             self._health = Health(made is PitchDrive or autopilot.pilot.arms)
@@ -123,7 +124,7 @@ class MavlinkBench(StreamingBench):
             self._rate_Hz, self._messages = fitting.rate_Hz, [*self._messages, *remarks]
             self._states = streams.request_streams(
                 link, streams.stream_requests(fitting, n), self._counts.__getitem__,
-                self._clock, autopilot.speed,
+                self._clock, self._speed,
             )  # fmt: skip
             if self._baud:
                 self._messages += streams.switch_off_others(link, self._counts, self._states)
@@ -232,7 +233,7 @@ class MavlinkBench(StreamingBench):
         return self._held_or(lambda: self._read_fresh(timeout_s))
 
     def _read_fresh(self, timeout_s: float) -> Readings:
-        deadline_s = self._clock() + timeout_s / self._known().speed
+        deadline_s = self._clock() + timeout_s / self._speed
         while True:
             readings = self._readings()
             if len(readings):
@@ -301,6 +302,7 @@ class MavlinkBench(StreamingBench):
             self._rows.take(message)
             if name in streams.OUTPUT_MESSAGES:
                 self._stamped_s = arrived_s
+                self._device_clock.learn(self._rows.time.last_us, self._bench_s(arrived_s))
                 found = self._drive.seen(self._rows.outputs_us, arrived_s)
                 if found is not None:
                     self._rows.wire(*found)
@@ -313,10 +315,6 @@ class MavlinkBench(StreamingBench):
         since_s = max(arrived_s - self._stamped_s, 0.0) * self._speed
         return self._rows.time.last_us + round(1e6 * since_s)
 
-    @property
-    def _speed(self) -> float:
-        return self._autopilot.speed if self._autopilot else 1.0
-
     def _bench_s(self, wall_s: float) -> float:
         return self._opened_s + (wall_s - self._opened_s) * self._speed
 
@@ -326,8 +324,6 @@ class MavlinkBench(StreamingBench):
         values = values[:, self._columns]
         some = ~np.isnan(values).all(axis=1)
         times_us, values = times_us[some], values[some]
-        if len(times_us):
-            self._device_clock.learn(int(times_us[-1]), self._bench_s(self._clock()))
         if self._cell is not None and self._given_us + len(times_us) >= 0:
             columns = [self._thrust + 1, self._thrust]
             cell = self._cell.rows(self._bench_s, self._device_clock, len(self._channels), columns)

@@ -110,6 +110,8 @@ class MavlinkFrames:
     Args:
         key: 32 bytes that sign what is sent and check what comes; None signs nothing.
         now_s: time since 1970, for the signatures.
+        counts: False takes every frame as it comes, as an autopilot does: the next host begins its
+            numbers anew, and its first frames may be those of the one before.
     """
 
     def __init__(
@@ -118,8 +120,10 @@ class MavlinkFrames:
         component: int = GROUND_COMPONENT,
         key: bytes | None = None,
         now_s: float = 0.0,
+        counts: bool = True,
     ) -> None:
         words = dialect()
+        self._counts = counts
         self.corrupt = self.unsigned = 0
         self.received = False
         self._sources: dict[tuple[int, int], _Source] = {}
@@ -148,6 +152,9 @@ class MavlinkFrames:
                 unsigned = "signature" in str(message.reason)
                 self.unsigned += unsigned
                 self.corrupt += self.received or unsigned
+                continue
+            if not self._counts:
+                good.append(message)
                 continue
             source = (message.get_srcSystem(), message.get_srcComponent())
             state = self._sources.setdefault(source, _Source())

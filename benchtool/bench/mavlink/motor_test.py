@@ -75,10 +75,10 @@ class TestDrive(Drive):
         self._health.refusal = ""
         self._expect(turn, self._clock())
         if orders:
-            self._give(orders)
-        self._standing, self._sent_s = orders, self._clock()
-        self._turning = turn
-        self._health.drive(bool(turn), self._sent_s)
+            # They lapse from when they were sent, however late the acknowledgement came.
+            self._sent_s = self._give(orders)
+        self._standing, self._turning = orders, turn
+        self._health.drive(bool(turn), self._clock())
 
     def stop(self) -> None:
         self.stop_renewing()
@@ -160,8 +160,8 @@ class TestDrive(Drive):
                 )
             self._link.pump(LOOK_S)
 
-    def _give(self, orders: tuple[mav.MavCommand, ...]) -> None:
-        """Send orders to turn until they are acknowledged, or until the outputs show them.
+    def _give(self, orders: tuple[mav.MavCommand, ...]) -> float:
+        """Send orders to turn until they are acknowledged, or the outputs show them; return when.
 
         An acknowledgement may come late; silence and motors that nobody sees may not last.
         """
@@ -195,6 +195,7 @@ class TestDrive(Drive):
                 self._acked_s = self._clock()
                 break
         self._raise_if_paused()
+        return sent_s
 
     def _raise_if_paused(self) -> None:
         """Refuse orders from before a pause of this computer; those that were sent lapsed."""

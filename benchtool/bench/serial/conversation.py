@@ -78,7 +78,7 @@ class Conversation(LinkEnd):
         self._gaps.begin(self.clock())
         self._hello = hello = self._request_hello()
         self._version = hello.version
-        self._decoder.expect(len(hello.channels))
+        self._decoder.expect(len(hello.channels), hello.speed)
         self._events = []
         return hello
 

@@ -90,10 +90,10 @@ class Decoder:
         self._messages: list[TextMessage] = []
         self.expect(n_channels)
 
-    def expect(self, n_channels: int | None) -> None:
-        """Take samples of so many values from now on, with a fresh count."""
+    def expect(self, n_channels: int | None, speed: float = 1.0) -> None:
+        """Take samples of so many values from now on, with a fresh count and clock."""
         self._n_channels = n_channels
-        self._order, self._clock = SampleOrder(), DeviceClock()
+        self._order, self._clock = SampleOrder(), DeviceClock(speed)
 
     def take_messages(self) -> list[TextMessage]:
         """Return every line since the last call that is no sample, in order."""

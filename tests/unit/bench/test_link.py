@@ -232,3 +232,37 @@ def test_a_late_first_line_is_made_up_for() -> None:
     for step in range(1, 60_000):
         clock.learn(5_000 * step, 0.005 * step)
     assert abs(float(clock.host_time_s(np.array([0]))[0])) < 1e-9
+
+
+def times_of(device_us: np.ndarray, arrived_s: np.ndarray) -> np.ndarray:
+    """Return the host times of lines that are looked at one by one."""
+    clock, host_s = DeviceClock(), np.empty_like(arrived_s)
+    for i, (time_us, at_s) in enumerate(zip(device_us.tolist(), arrived_s.tolist(), strict=True)):
+        clock.learn(time_us, at_s)
+        host_s[i] = clock.host_time_s(device_us[i : i + 1])[0]
+    assert np.all(np.diff(host_s) > 0.0)
+    return host_s
+
+
+def test_what_comes_sooner_than_the_clock_allows_corrects_it_soon() -> None:
+    device_us = np.arange(0, 30_000_000, 10_000)
+    true_s = device_us * 1e-6
+    host_s = times_of(device_us, np.where(true_s < 1.0, true_s + 5.0, true_s))
+    assert host_s[50] - true_s[50] == pytest.approx(5.0)
+    late = true_s > 12.0
+    np.testing.assert_allclose(host_s[late], true_s[late], atol=1e-6)
+
+
+@pytest.mark.parametrize("drift", [0.995, 1.005])
+def test_a_ceramic_resonator_is_followed(drift: float, rng: np.random.Generator) -> None:
+    device_us = np.arange(0, 600_000_000, 50_000)
+    true_s = device_us * 1e-6 * drift
+    host_s = times_of(device_us, true_s + rng.exponential(0.004, len(true_s)))
+    assert np.abs(host_s - true_s).max() < 0.15
+
+
+def test_a_backlog_that_grows_does_not_pass_for_a_slow_clock() -> None:
+    device_us = np.arange(0, 60_000_000, 50_000)
+    true_s = device_us * 1e-6
+    arrived_s = 1.1 * true_s
+    assert (arrived_s - times_of(device_us, arrived_s))[-1] > 3.0
