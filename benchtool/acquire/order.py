@@ -47,6 +47,12 @@ class Visit:
     setting: Setting
     repeat: int
 
+    def words(self, radius_m: float) -> str:
+        """Say what is visited, its distance in rotor radii."""
+        place = self.setting.place
+        where = "parked" if place.parked else f"z/R {place.z_m / radius_m:.2f}"
+        return f"{self.kind} {where}, {self.setting.level_us:.0f} us"
+
 
 def settings_of(plan: Plan, rig: Rig) -> tuple[Setting, ...]:
     """Return the settings of a resolved plan: every place with every level, references last."""

@@ -26,76 +26,43 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "sweep": ("sweep:sweep", "Sweep plate distance and throttle into a run folder"),
     "record": ("record:record", "Record a pitch experiment from a bench into a run folder"),
     "runs": ("", "Close runs whose program ended before it could"),
-    "runs close": (
-        "runs:close",
-        "Mend what a killed program left of runs and write their tables; safe to repeat",
-    ),
+    "runs close": ("runs:close",
+        "Mend what a killed program left of runs and write their tables; safe to repeat"),
     "calibrate": ("calibrate:calibrate", "Calibrate a load cell with known masses"),
     "recalibrate": ("runs:recalibrate_run", "Apply a calibration to a run, its raw data untouched"),
-    "import": (
-        "import_file:import_",
-        "Import flight logs and other makers' files, repairs listed",
-    ),
+    "import": ("import_file:import_", "Import flight logs and other makers' files, repairs listed"),
     "fit": ("fit:fit", "Fit a ground-effect model to run folders or any CSV"),
-    "plan": (
-        "plan:plan",
-        "Say which visits and parts reach a wanted uncertainty",
-    ),
-    "explain": (
-        "explain:explain",
-        "Name the effect that a model lacks, and show the gap shrink",
-    ),
+    "plan": ("plan:plan", "Say which visits and parts reach a wanted uncertainty"),
+    "explain": ("explain:explain", "Name the effect that a model lacks, and show the gap shrink"),
     "report": ("report:report", "Write a report page of a run, fit or recording"),
     "simulate": ("", "Simulate benches and flights near surfaces in closed loop"),
-    "simulate pitch": (
-        "simulate_pitch:pitch",
-        "Simulate the pitch bench under each controller",
-    ),
-    "simulate flight": (
-        "simulate_flight:flight",
-        "Simulate flights over an obstacle under each controller",
-    ),
-    "simulate paper": (
-        "simulate_paper:paper",
-        "Hold simulations against what the paper claims of control",
-    ),
+    "simulate pitch": ("simulate_pitch:pitch", "Simulate the pitch bench under each controller"),
+    "simulate flight": ("simulate_flight:flight",
+        "Simulate flights over an obstacle under each controller"),
+    "simulate paper": ("simulate_paper:paper",
+        "Hold simulations against what the paper claims of control"),
     "web": ("web:web", "Serve a page to watch, sweep, fit and explain in a browser"),
     "bench": ("", "Serve a virtual bench; check a bench before motors spin"),
-    "bench check": (
-        "bench_check:check",
-        "Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle",
-    ),
-    "bench map": (
-        "bench_check:map_motors",
-        "Turn each motor of a flight controller alone, slowly, and write down what it drives",
-    ),
-    "bench bridge": (
-        "firmware:bridge",
-        "Write the script that makes the RCbenchmark GUI a bench with a watchdog",
-    ),
-    "bench serve": (
-        "bench:serve",
-        "Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C",
-    ),
+    "bench check": ("bench_check:check",
+        "Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle"),
+    "bench map": ("bench_check:map_motors",
+        "Turn each motor of a flight controller alone, slowly, and write down what it drives"),
+    "bench bridge": ("firmware:bridge",
+        "Write the script that makes the RCbenchmark GUI a bench with a watchdog"),
+    "bench serve": ("bench:serve",
+        "Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C"),
     "firmware": ("firmware:firmware", "Write the firmware that makes an Arduino a rotor bench"),
     "ports": ("ports:ports", "List serial ports and, with --probe, what answers on them"),
     "doctor": ("ports:doctor", "Explain what keeps a serial port from working"),
     "flow": ("", "Picture the flow below a quadrotor"),
-    "flow table": (
-        "flow:table",
-        "Print the upward velocity between the rotors, in induced velocities",
-    ),
-    "flow picture": (
-        "flow:picture",
-        "Draw sources with images beside vortex rings with images (Fig. 5)",
-    ),
+    "flow table": ("flow:table",
+        "Print the upward velocity between the rotors, in induced velocities"),
+    "flow picture": ("flow:picture",
+        "Draw sources with images beside vortex rings with images (Fig. 5)"),
     "rigs": ("shipped:rigs", "List rigs, or show one with the source of every number"),
-    "models": (
-        "shipped:models",
-        "List models, or show one with its effects and parameters",
-    ),
+    "models": ("shipped:models", "List models, or show one with its effects and parameters"),
     "effects": ("shipped:effects", "List physical effects, or show one with law and parameters"),
-}
+}  # fmt: skip
 """Each command, in the order of the help: "module:function" in this package ("" for a group of
 subcommands) and its line there, which is also the first line of the command's docstring."""
 

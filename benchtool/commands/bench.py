@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.declared import declared
+from benchtool.commands.terminal.messages import announce_code, print_notes
+from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
+from benchtool.simulate.own_controller import controller_class
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,7 +77,6 @@ def serve(inputs: ServeInputs) -> None:
     import signal
     import sys
 
-    from benchtool.core.errors import InputError
     from benchtool.core.rig_file import rig_named
     from benchtool.virtual.devices import stage_option
     from benchtool.virtual.faults import fault_from
@@ -116,7 +118,6 @@ def serve(inputs: ServeInputs) -> None:
 
 def _carried(path: Path, mode: str) -> ServerLink:
     """Return the link of a stage that carries the plate."""
-    from benchtool.core.errors import InputError
     from benchtool.virtual.links import PtyLink
 
     if mode != "plate":
@@ -143,7 +144,6 @@ def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], 
 def _bridged(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
     """Return protocol, link and address of a virtual stand behind the RCbenchmark GUI."""
     from benchtool.bench.rcbenchmark.lines import GUI_PORT, LOOPBACK
-    from benchtool.core.errors import InputError
     from benchtool.virtual.bridge import VirtualBridge
     from benchtool.virtual.links import UdpLink, one_line
 
@@ -186,7 +186,6 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable
 def _plate(
     inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
 ) -> tuple[BenchServer, str]:
-    from benchtool.commands.terminal.messages import announce_code, print_notes
     from benchtool.core.toml_text import build
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.imperfections import Imperfections
@@ -212,9 +211,7 @@ def _plate(
 def _pitch(
     inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
 ) -> tuple[BenchServer, str]:
-    from benchtool.commands.terminal.messages import announce_code
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
-    from benchtool.simulate.own_controller import controller_class
     from benchtool.simulate.pitch.setup import changed_job
     from benchtool.virtual.devices import device_server, pitch_hello, pitch_plant
 

@@ -9,6 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 from annotated_types import Ge
 
 from benchtool.commands.declared import declared
+from benchtool.commands.terminal.messages import announce_code, write_new
+from benchtool.commands.terminal.sweep_operator import (
+    LOOK_S,
+    answer_to,
+    confirm_arming,
+    say_of_bench,
+    say_of_end,
+)
+from benchtool.core.errors import BenchError, InputError, WouldOverwrite
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import Input, Inputs
 
@@ -43,9 +52,6 @@ def map_motors(inputs: MapInputs) -> None:
     from benchtool.acquire.inputs import rig_for
     from benchtool.bench.drivers import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
-    from benchtool.commands.terminal.messages import announce_code, write_new
-    from benchtool.commands.terminal.sweep_operator import confirm_arming, say_of_bench, say_of_end
-    from benchtool.core.errors import InputError, WouldOverwrite
 
     address = inputs.address
     stands = rig_for(address, inputs.rig)
@@ -79,8 +85,6 @@ def map_motors(inputs: MapInputs) -> None:
 
 def _question(rig: Rig, bench: Bench) -> Callable[[int], int]:
     """Return a function that asks the operator which rotor has turned: only eyes can see it."""
-    from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
-
     left = set(range(rig.n_rotors))
 
     def rotor_of(motor: int) -> int:
@@ -103,8 +107,6 @@ def _numbers(given: tuple[int, ...] | None, rig: Rig, unattended: bool) -> tuple
     The order is never guessed: ArduPilot counts motors clockwise from the front, rigs
     counter-clockwise.
     """
-    from benchtool.core.errors import InputError
-
     n_rotors = rig.n_rotors
     if given is None:
         if n_rotors == 1:
@@ -144,9 +146,6 @@ def check(inputs: CheckInputs) -> None:
     from benchtool.acquire.inputs import rig_for
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
-    from benchtool.commands.terminal.messages import announce_code
-    from benchtool.commands.terminal.sweep_operator import confirm_arming, say_of_bench, say_of_end
-    from benchtool.core.errors import BenchError, InputError
 
     stands = rig_for(inputs.address, inputs.rig)
     findings = []

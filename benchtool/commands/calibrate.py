@@ -11,15 +11,14 @@ from annotated_types import Ge, Gt, Le
 
 from benchtool.acquire.inputs import Weighing
 from benchtool.commands.declared import declared
+from benchtool.commands.terminal.messages import announce_code
+from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
+from benchtool.core.errors import InputError, MissingColumn
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from benchtool.core.array import Array
     from benchtool.data.calibration import Calibration
-
-    Array = NDArray[np.float64]
 
 FIGURES: Final = ("svg", "png")
 
@@ -66,7 +65,6 @@ def calibrate(inputs: CalibrateInputs) -> None:
     from dataclasses import asdict
 
     from benchtool.acquire.calibration import calibrated, date_now, require_device, with_days_of
-    from benchtool.core.errors import InputError
     from benchtool.data.atomic import replace_json
     from benchtool.data.calibration import read_calibration
     from benchtool.data.run.state import remember
@@ -118,7 +116,6 @@ def _draw(facts: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
 
 
 def _from_csv(source: Path) -> tuple[Array, Array, list[str]]:
-    from benchtool.core.errors import MissingColumn
     from benchtool.data.table import read_table
 
     names = {name: name for name in ("mass_kg", "thrust_raw", "day")}
@@ -136,9 +133,6 @@ def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
     from benchtool.acquire.calibration import mean_counts, require_raw_counts
     from benchtool.acquire.inputs import rig_for
     from benchtool.bench.drivers import open_bench
-    from benchtool.commands.terminal.messages import announce_code
-    from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
-    from benchtool.core.errors import InputError
     from benchtool.core.units import STANDARD_GRAVITY_M_S2
 
     address, kilograms = inputs.address, np.array(inputs.masses)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 from annotated_types import Ge, Le
 
 from benchtool.commands.declared import declared
+from benchtool.core.errors import NoDevice
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
@@ -40,10 +41,11 @@ class DemoInputs(Inputs):
 @declared(DemoInputs)
 def demo(inputs: DemoInputs) -> None:
     """Sweep two virtual benches, fit, and write a report."""
+    from benchtool.data.run.run import free_path
     from benchtool.report.fit.page import refuse_full
 
     speed, seed = inputs.speed, inputs.seed
-    out = inputs.out or free_folder(Path("benchtool-demo"))
+    out = inputs.out or free_path(Path("benchtool-demo"))
     refuse_full(out)
     out.mkdir(parents=True, exist_ok=True)
     print(f"two virtual benches, {speed:g} times faster than life; no motor turns anywhere")
@@ -56,15 +58,6 @@ def demo(inputs: DemoInputs) -> None:
         _swept(name, rig, runs[name], speed, seed, commands)
     _say(3, "fit: one rotor by eq. (2); four rotors by eq. (3) and by eq. (4)")
     _fit_and_report(out, runs, commands)
-
-
-def free_folder(first: Path) -> Path:
-    """Return the folder of that name, with -2, -3 and so on behind it while something is there."""
-    folder, count = first, 1
-    while folder.exists():
-        count += 1
-        folder = first.with_name(f"{first.name}-{count}")
-    return folder
 
 
 def _say(step: int, text: str) -> None:
@@ -94,8 +87,6 @@ def _swept(name: str, rig: str, run: Path, speed: float, seed: int, commands: li
 @contextmanager
 def _served(words: list[str]) -> Iterator[str]:
     """Run a virtual bench as a process of its own; gives its address."""
-    from benchtool.core.errors import NoDevice
-
     bench = subprocess.Popen(
         [sys.executable, "-m", "benchtool", *words],
         stdout=subprocess.PIPE,

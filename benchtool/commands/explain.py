@@ -10,6 +10,7 @@ from annotated_types import Ge, Le
 from typer.core import TyperCommand
 
 from benchtool.commands.declared import declared
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.inputs import Input, Inputs
 
 CHECK = "--check"
@@ -87,7 +88,6 @@ def explain(inputs: ExplainInputs) -> None:
     import time
     from dataclasses import replace
 
-    from benchtool.commands.terminal.messages import announce_code
     from benchtool.commands.terminal.show_explain import (
         for_a_reader,
         print_answer,

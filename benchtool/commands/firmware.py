@@ -9,6 +9,8 @@ from typing import Annotated
 from annotated_types import Ge, Le
 
 from benchtool.commands.declared import declared
+from benchtool.commands.terminal.messages import write_new
+from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
 
 
@@ -30,7 +32,6 @@ def firmware(inputs: FirmwareInputs) -> None:
     from secrets import token_hex
 
     from benchtool.bench.serial.sketch_files import board_named, sketch_files
-    from benchtool.commands.terminal.messages import write_new
     from benchtool.core.rig_file import rig_named
 
     out = inputs.out
@@ -78,8 +79,6 @@ def bridge(inputs: BridgeInputs) -> None:
         SILENCE_MS,
         bridge_text,
     )
-    from benchtool.commands.terminal.messages import write_new
-    from benchtool.core.errors import InputError
     from benchtool.core.rig_file import rig_named
 
     out, host, host_port = inputs.out, inputs.host, inputs.host_port

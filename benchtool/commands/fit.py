@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import shlex
-from typing import TYPE_CHECKING
 
 from benchtool.commands.declared import declared
 from benchtool.commands.recipe_options import recipe_given
+from benchtool.commands.terminal.messages import announce_code
+from benchtool.core.own_code import refuse_code
 from benchtool.fit.recipe import FitInputs
-
-if TYPE_CHECKING:
-    from benchtool.core.own_code import CodePermit
 
 
 @declared(FitInputs, lambda given: FitInputs(recipe=recipe_given(given, "fit")))
 def fit(inputs: FitInputs) -> None:
     """Fit a ground-effect model to run folders or any CSV."""
-    from benchtool.commands.terminal.messages import announce_code
-    from benchtool.core.own_code import refuse_code
-
-    permit = announce_code if inputs.folder is None else refuse_code
-    _run(inputs, permit)
-
-
-def _run(inputs: FitInputs, permit: CodePermit) -> None:
     import sys
 
     from benchtool.commands.terminal.show_fit import print_fit, working
@@ -33,6 +23,7 @@ def _run(inputs: FitInputs, permit: CodePermit) -> None:
 
     if (out := inputs.out) is not None:
         refuse_full(out)
+    permit = announce_code if inputs.folder is None else refuse_code
     with working() as report:
         output = run_recipe(
             inputs.recipe, report, profile=inputs.profile, budget=inputs.budget, permit=permit

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.declared import declared
+from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
@@ -52,7 +53,6 @@ class ImportInputs(Inputs):
 def import_(inputs: ImportInputs) -> None:
     """Import flight logs and other makers' files, repairs listed"""
     from benchtool.commands.terminal.show_import import print_import
-    from benchtool.core.errors import WouldOverwrite
     from benchtool.data.formats.formats import import_files
     from benchtool.data.formats.over_surface import parse_window
     from benchtool.data.repairs.imported import Options
@@ -84,8 +84,6 @@ def import_(inputs: ImportInputs) -> None:
 
 def _targets(files: tuple[Path, ...], out: Path | None, parquet: bool) -> list[Path]:
     """Return where each file's recording is written."""
-    from benchtool.core.errors import InputError
-
     if out is not None and out.suffix.lower() in (".csv", ".parquet"):
         if len(files) > 1:
             raise InputError(

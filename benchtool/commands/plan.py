@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from benchtool.commands.declared import declared
 from benchtool.commands.recipe_options import recipe_given
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
+from benchtool.core.own_code import refuse_code
 from benchtool.fit.recipe import Recipe
 
 if TYPE_CHECKING:
@@ -39,10 +41,8 @@ class PlanInputs(Inputs):
 @declared(PlanInputs, lambda given: PlanInputs(recipe=recipe_given(given, "plan")))
 def plan(inputs: PlanInputs) -> None:
     """Say which visits and parts reach a wanted uncertainty."""
-    from benchtool.commands.terminal.messages import announce_code
     from benchtool.commands.terminal.show_fit import working
     from benchtool.commands.terminal.tables import Output, print_table
-    from benchtool.core.own_code import refuse_code
     from benchtool.fit.run_recipe import run_recipe
     from benchtool.fit.uncertainty.reach import quantity_named, reach
     from benchtool.report.page import Table

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import Gt, Le
 
+from benchtool.bench.signals import ClosingSignals
 from benchtool.commands.declared import declared
+from benchtool.commands.terminal.messages import announce_code, close_stopped
+from benchtool.commands.terminal.sweep_operator import arm, say_of_bench, say_of_end
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
@@ -65,7 +68,6 @@ def record(inputs: RecordInputs) -> None:
     from benchtool.acquire.pitch_experiment import arming_text, check_experiment
     from benchtool.acquire.pitch_record import summary_line
     from benchtool.bench.drivers import open_bench
-    from benchtool.commands.terminal.messages import announce_code
     from benchtool.data.run.run import refuse_taken
 
     address = inputs.address
@@ -108,9 +110,6 @@ def _record(
     from benchtool.acquire.pitch_record import record_pitch
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
-    from benchtool.bench.signals import ClosingSignals
-    from benchtool.commands.terminal.messages import announce_code, close_stopped
-    from benchtool.commands.terminal.sweep_operator import arm, say_of_bench, say_of_end
     from benchtool.data.parquet import load_library
 
     load_library()

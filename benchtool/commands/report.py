@@ -11,6 +11,7 @@ from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.declared import declared
 from benchtool.commands.recipe_options import PaperLayoutInputs
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import Input, Inputs, changed, values_of
@@ -60,9 +61,8 @@ def report(inputs: ReportInputs) -> None:
     """Write a report page of a run, fit or recording"""
     import sys
 
-    from benchtool.commands.terminal.messages import announce_code
     from benchtool.explain.pitch.replayed import Beside
-    from benchtool.report.report_file import TAKES, write_report
+    from benchtool.report.report_file import write_report
 
     given, out, replace = list(inputs.paths), inputs.out, inputs.overwrite
     recipes = values_of(inputs.recipes)
@@ -76,8 +76,6 @@ def report(inputs: ReportInputs) -> None:
         return
     if named := changed(inputs.recipes):
         raise InputError(f"--{next(iter(named))} needs --layout paper")
-    if not given:
-        raise InputError(f"nothing to report: name {TAKES}")
     if len(set(inputs.motors)) < len(inputs.motors):
         raise InputError(f"--motors is {text_of(inputs.motors)}; name each motor once, as 1,3,2,4")
     beside = Beside(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from benchtool.commands.declared import declared
+from benchtool.core.errors import CalibrationError
 from benchtool.core.inputs import Input, Inputs
 
 
@@ -47,7 +48,6 @@ class RecalibrateInputs(Inputs):
 def recalibrate_run(inputs: RecalibrateInputs) -> None:
     """Apply a calibration to a run, its raw data untouched."""
     from benchtool.acquire.recalibrate import recalibrate
-    from benchtool.core.errors import CalibrationError
     from benchtool.data.calibration import calibration_from, read_calibration
     from benchtool.data.run.run import Run
     from benchtool.data.run.state import recall

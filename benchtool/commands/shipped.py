@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from benchtool.commands.declared import declared
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.inputs import Input, Inputs
 
 
@@ -64,7 +65,6 @@ def _listed_models() -> Iterator[str]:
 
 
 def _described_model(name: str) -> Iterator[str]:
-    from benchtool.commands.terminal.messages import announce_code
     from benchtool.physics.model_file import load_model
 
     loaded = load_model(name, permit=announce_code)

@@ -10,8 +10,10 @@ from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.commands.declared import declared
 from benchtool.commands.simulate_options import StudyInputs, refuse_twice, say_if_slow, show_study
+from benchtool.commands.terminal.messages import announce_code, print_notes
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.inputs import Input, Inputs
+from benchtool.simulate.own_controller import controller_class
 
 if TYPE_CHECKING:
     from benchtool.simulate.flight.setup import FlightSetup
@@ -73,12 +75,10 @@ def flight(inputs: FlightInputs) -> None:
 
     Numbers, recordings, a figure; or a campaign of many flights.
     """
-    from benchtool.commands.terminal.messages import announce_code
     from benchtool.report.flight.flight import fly_each, report_lines, write_flights
     from benchtool.simulate.campaign_flight import OGE, flight_campaign
     from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
     from benchtool.simulate.flight.setup import full_name
-    from benchtool.simulate.own_controller import controller_class
 
     say_if_slow()
     study, several = inputs.study, bool(inputs.study.campaign.vary)
@@ -135,7 +135,6 @@ def setup_of(inputs: FlightInputs, gains: str) -> FlightSetup:
 
 def _vehicle(inputs: FlightInputs) -> FlightVehicle:
     """Return what flies."""
-    from benchtool.commands.terminal.messages import announce_code, print_notes
     from benchtool.core.rig_file import rig_named
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.flight.vehicle import FlightVehicle

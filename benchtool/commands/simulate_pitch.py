@@ -9,8 +9,10 @@ from annotated_types import Len
 
 from benchtool.commands.declared import declared
 from benchtool.commands.simulate_options import StudyInputs, refuse_twice, say_if_slow, show_study
+from benchtool.commands.terminal.messages import announce_code, print_notes
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
+from benchtool.simulate.own_controller import controller_class
 
 if TYPE_CHECKING:
     from benchtool.simulate.pitch.setup import PitchSetup
@@ -37,10 +39,8 @@ def pitch(inputs: PitchInputs) -> None:
 
     Numbers, recordings, a figure; or a campaign of many runs.
     """
-    from benchtool.commands.terminal.messages import announce_code
     from benchtool.report.flight.pitch_study import pitch_study, report_lines, write_study
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
-    from benchtool.simulate.own_controller import controller_class
 
     say_if_slow()
     names, study = inputs.controllers, inputs.study
@@ -68,7 +68,6 @@ def pitch(inputs: PitchInputs) -> None:
 
 def setup_of(inputs: PitchInputs, gains: str) -> PitchSetup:
     """Return what runs with one gain set."""
-    from benchtool.commands.terminal.messages import announce_code, print_notes
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
     from benchtool.simulate.controllers.pitch import Feedforward
     from benchtool.simulate.pitch.setup import changed, pitch_setup

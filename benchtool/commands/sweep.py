@@ -8,9 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.plan import Plan
+from benchtool.acquire.stage_choice import check_stage, stage_for
+from benchtool.bench.signals import ClosingSignals
 from benchtool.commands.declared import declared
+from benchtool.commands.terminal.messages import announce_code, close_stopped
+from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to, arm, say_of_bench
+from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import items
+from benchtool.core.own_code import refuse_code
 
 if TYPE_CHECKING:
     from benchtool.acquire.check_plan import Expected
@@ -40,10 +46,7 @@ def sweep(inputs: SweepInputs) -> None:
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.resume import prepare, unfinished
-    from benchtool.acquire.stage_choice import check_stage
     from benchtool.bench.drivers import open_bench
-    from benchtool.commands.terminal.messages import announce_code
-    from benchtool.core.own_code import refuse_code
     from benchtool.data.calibration import read_calibration
     from benchtool.data.run.run import Run, check_run_name, refuse_taken
 
@@ -81,7 +84,6 @@ def sweep(inputs: SweepInputs) -> None:
 
 def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None) -> None:
     from benchtool.acquire.order import expected_duration_s, minutes, settings_of, visits_of
-    from benchtool.core.counted import counted
 
     visits = visits_of(plan, rig)
     left = [visit for visit in visits if rest is None or visit.point not in rest.done]
@@ -118,13 +120,9 @@ def _sweep(
     from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.new_run import new_run
     from benchtool.acquire.resume import require_same_device
-    from benchtool.acquire.stage_choice import stage_for
     from benchtool.acquire.sweep import run_sweep
     from benchtool.bench.guard import GuardedBench
-    from benchtool.bench.signals import ClosingSignals
-    from benchtool.commands.terminal.messages import close_stopped
     from benchtool.commands.terminal.sweep_display import display_for
-    from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to, arm, say_of_bench
     from benchtool.data.parquet import load_library
 
     load_library()

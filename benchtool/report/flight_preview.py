@@ -6,7 +6,6 @@ on its way. A drift to the side is not in it.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -15,10 +14,9 @@ from math import cos, inf, sin
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.report.flight.flight import fly_each, table_lines
-from benchtool.report.panels import spans
+from benchtool.report.flight.flight import fly_each, over_surface, table_lines
+from benchtool.report.pitch_preview import PITCH_LABEL
 from benchtool.report.preview import (
-    Chart,
     ChartLine,
     ControllerRun,
     DrawnMotion,
@@ -51,7 +49,6 @@ def flight_preview(
         quick: leave out the flight out of ground effect, the table and most frames, and take longer
             steps.
     """
-    began = time.perf_counter()
     case = setup.flown("pid", seed)
     beside: Flown | None = None
     if quick:
@@ -65,7 +62,6 @@ def flight_preview(
         runs=tuple(_controller_run(flown, beside) for flown in flights),
         lines=tuple(table_lines(every)) if every else (),
         warnings=tuple(warnings_of(every)) if every else (),
-        seconds=time.perf_counter() - began,
     )
 
 
@@ -77,47 +73,44 @@ def _with_long_steps(case: FlightCase) -> FlightCase:
 
 
 def _controller_run(flown: Flown, beside: Flown | None) -> ControllerRun:
-    flight = flown.flight
-    discs = range(1, flown.case.vehicle.rig.n_discs + 1)
-    covered = np.sum([flight[f"coverage{i}"] for i in discs], axis=0)
     return ControllerRun(
         label=name_of(flown),
         outcome=verdict(flown),
         scene=_scene(flown.case),
         motion=_motion(flown, quick=beside is None),
-        charts=(_position(flown, beside), _pitch(flown, beside)),
-        over=tuple(spans(flight["time_s"], covered > 1e-3)),
+        charts=_charts(flown, beside),
+        over=tuple(over_surface(flown)),
     )
 
 
-def _position(flown: Flown, beside: Flown | None) -> Chart:
-    x_m, y_m, quick = flown.flight["x_m"], flown.flight["y_m"], beside is None
-    lines = [_curve("shown", flown, along_m(flown.case, x_m, y_m), quick)]
-    if beside is not None:
-        free = beside.flight
-        free_m = along_m(beside.case, free["x_m"], free["y_m"])
-        lines.insert(0, _curve("away", beside, free_m, quick))
-    goal = flown.case.goals[-1]
+def _charts(flown: Flown, beside: Flown | None) -> dict[str, tuple[ChartLine, ...]]:
+    """Return position along the way and pitch, beside them those out of ground effect."""
+
+    def curve(role: Role, each: Flown, values: Array) -> ChartLine:
+        shown = frames(len(values), quick=beside is None)
+        return ChartLine(role=role, time_s=each.flight["time_s"][shown], values=values[shown])
+
+    def place(role: Role, each: Flown) -> ChartLine:
+        return curve(role, each, along_m(each.case, each.flight["x_m"], each.flight["y_m"]))
+
+    def pitch(role: Role, each: Flown, name: str = "pitch_rad") -> ChartLine:
+        return curve(role, each, np.degrees(each.flight[name]))
+
+    goal, away = flown.case.goals[-1], [] if beside is None else [beside]
     there_m = along_m(flown.case, np.array([goal.x_m]), np.array([goal.y_m]))
-    time_s = flown.flight["time_s"][[0, -1]]
-    line = ChartLine(role="goal", time_s=time_s, values=np.repeat(there_m, 2))
-    return Chart(label="position along the way [m]", lines=(line, *lines))
-
-
-def _pitch(flown: Flown, beside: Flown | None) -> Chart:
-    quick = beside is None
-    lines = [
-        _curve("wanted", flown, np.degrees(flown.flight["pitch_ref_rad"]), quick),
-        _curve("shown", flown, np.degrees(flown.flight["pitch_rad"]), quick),
-    ]
-    if beside is not None:
-        lines.insert(0, _curve("away", beside, np.degrees(beside.flight["pitch_rad"]), quick))
-    return Chart(label="pitch [deg], nose down +", lines=tuple(lines))
-
-
-def _curve(role: Role, flown: Flown, values: Array, quick: bool) -> ChartLine:
-    shown = frames(len(values), quick)
-    return ChartLine(role=role, time_s=flown.flight["time_s"][shown], values=values[shown])
+    ends_s = flown.flight["time_s"][[0, -1]]
+    return {
+        "position along the way [m]": (
+            ChartLine(role="goal", time_s=ends_s, values=np.repeat(there_m, 2)),
+            *(place("away", each) for each in away),
+            place("shown", flown),
+        ),
+        PITCH_LABEL: (
+            *(pitch("away", each) for each in away),
+            pitch("wanted", flown, "pitch_ref_rad"),
+            pitch("shown", flown),
+        ),
+    }
 
 
 def along_m(case: FlightCase, x_m: Array, y_m: Array) -> Array:

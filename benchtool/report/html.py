@@ -10,6 +10,7 @@ from jinja2 import DictLoader, Environment, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from benchtool import __version__
 from benchtool.report.files import figure_bytes, refuse_existing, write_whole
 from benchtool.report.page import FigureBlock, Report
 
@@ -48,6 +49,7 @@ def render_report(report: Report) -> str:
         anchors=_anchors([section.title for section in report.sections]),
         drawing=lambda block: drawings[id(block)],
         kind=lambda block: type(block).__name__,
+        made=f"benchtool {__version__}",
     )
 
 

@@ -37,6 +37,11 @@ def unit_for_people(symbol: str) -> str:
     return raised.replace(" ", "\u00a0")
 
 
+def with_unit(text: str, symbol: str) -> str:
+    """Return a number with its unit behind it; a ratio has none."""
+    return text if symbol == "1" else f"{text} {unit_for_people(symbol)}"
+
+
 def numeral(value: float, form: str) -> str:
     """Return a number in one of Python's forms (".2f"), with a true minus sign; "–" for none."""
     return f"{value:{form}}".replace("-", "−") if isfinite(value) else "–"

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
 
-from benchtool import __version__
 from benchtool.core.errors import InputError
 
 
@@ -88,15 +87,10 @@ class Table:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FigureBlock:
-    """Show a figure.
-
-    Attributes:
-        alt: the same for somebody who cannot see it; the caption when empty.
-    """
+    """Show a figure, which says in its caption what is to be seen."""
 
     figure: Figure
     caption: str
-    alt: str = ""
 
 
 Block = Paragraph | Heading | Facts | Warnings | Commands | Listing | Table | FigureBlock
@@ -123,5 +117,4 @@ class Report:
     summary: str
     sections: Sequence[Section]
     simulated: bool
-    made: str = f"benchtool {__version__}"
     highlights: Mapping[str, str] = field(default_factory=dict)

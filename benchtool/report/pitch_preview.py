@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from benchtool.core.array import Array
@@ -17,7 +15,6 @@ from benchtool.report.flight.pitch_study import (
 )
 from benchtool.report.panels import spans
 from benchtool.report.preview import (
-    Chart,
     ChartLine,
     ControllerRun,
     DrawnMotion,
@@ -43,7 +40,6 @@ def pitch_preview(setup: PitchSetup, seed: int, *, quick: bool = False) -> Simul
     Args:
         quick: leave out the runs without a plate, the table, and most frames: half the time.
     """
-    began = time.perf_counter()
     study = pitch_study(setup, seed, with_away=not quick)
     away: tuple[PitchRun | None, ...] = study.away or (None,) * len(study.runs)
     runs = tuple(
@@ -53,7 +49,6 @@ def pitch_preview(setup: PitchSetup, seed: int, *, quick: bool = False) -> Simul
         runs=runs,
         lines=() if quick else tuple(table_lines(study)),
         warnings=() if quick else tuple(warnings_of(study)),
-        seconds=time.perf_counter() - began,
     )
 
 
@@ -70,7 +65,7 @@ def _controller_run(study: PitchStudy, run: PitchRun, away: PitchRun | None) -> 
         outcome=outcome_of(study, run),
         scene=_scene(study.setup),
         motion=_motion(study.setup, run, shown),
-        charts=(Chart(label=PITCH_LABEL, lines=tuple(lines)),),
+        charts={PITCH_LABEL: tuple(lines)},
         over=tuple(spans(run.time_s, run.column("plate_share") > 0.0)),
     )
 

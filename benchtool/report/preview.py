@@ -51,18 +51,11 @@ class ChartLine:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Chart:
-    """Hold one chart: what its axis counts, and its lines."""
-
-    label: str
-    lines: tuple[ChartLine, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ControllerRun:
     """Hold the run of one controller.
 
     Attributes:
+        charts: lines of each chart below it, by what its axis counts.
         over: begin and end of each stretch in which a rotor is over a surface, in s.
     """
 
@@ -70,7 +63,7 @@ class ControllerRun:
     outcome: str
     scene: Scene
     motion: DrawnMotion
-    charts: tuple[Chart, ...]
+    charts: dict[str, tuple[ChartLine, ...]]
     over: tuple[tuple[float, float], ...]
 
 
@@ -86,7 +79,6 @@ class SimulationPreview:
     runs: tuple[ControllerRun, ...]
     lines: tuple[str, ...]
     warnings: tuple[str, ...]
-    seconds: float
 
 
 def frames(rows: int, quick: bool) -> slice:

@@ -147,25 +147,22 @@ def draw_ratio(
     series: Sequence[RatioPoints],
     curves: Sequence[Curve],
     basis: str,
-    validity_limit: float = VALIDITY_Z_OVER_R,
 ) -> None:
     """Draw thrust ratios with error bars over model curves with their bands.
 
-    Args:
-        curves: model curves; parts below the validity limit are not drawn.
-        validity_limit: z/R below which the region is hatched.
+    The region in which the formulae are not valid is hatched and has no curves.
     """
     axes = figure.subplots()
     for each in series:
         _draw_points(axes, each)
     for curve in curves:
-        _draw_curve(axes, curve, validity_limit)
+        _draw_curve(axes, curve)
     axes.axhline(1.0, color=GREY, linewidth=0.9, zorder=0.5)
     axes.axvspan(
-        0.0, validity_limit, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.45, lw=0.0
+        0.0, VALIDITY_Z_OVER_R, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.45, lw=0.0
     )
     axes.text(
-        validity_limit / 2.0, 0.5, "outside the validity of the formulae",
+        VALIDITY_Z_OVER_R / 2.0, 0.5, "outside the validity of the formulae",
         transform=axes.get_xaxis_transform(), rotation=90, ha="center", va="center", fontsize=8,
         color=GREY, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.9},
     )  # fmt: skip
@@ -175,13 +172,13 @@ def draw_ratio(
         [[1.0], *(each.z_over_R for each in series), *(each.z_over_R for each in curves)]
     )
     axes.set_xlim(0.0, 1.03 * float(distances[np.isfinite(distances)].max()))
-    axes.set_ylim(*_limits(series, curves, validity_limit))
+    axes.set_ylim(*_limits(series, curves))
     _legend(axes, curves)
 
 
-def _draw_curve(axes: Axes, curve: Curve, validity_limit: float) -> None:
+def _draw_curve(axes: Axes, curve: Curve) -> None:
     color = LOOKS[curve.role].color
-    valid = curve.z_over_R >= validity_limit
+    valid = curve.z_over_R >= VALIDITY_Z_OVER_R
     z = curve.z_over_R[valid]
     for band in sorted(curve.bands, key=lambda item: -item.level):
         axes.fill_between(
@@ -209,15 +206,13 @@ def _draw_points(axes: Axes, series: RatioPoints) -> None:
             )  # fmt: skip
 
 
-def _limits(
-    series: Sequence[RatioPoints], curves: Sequence[Curve], validity_limit: float
-) -> tuple[float, float]:
+def _limits(series: Sequence[RatioPoints], curves: Sequence[Curve]) -> tuple[float, float]:
     seen = [1.0]
     for each in series:
         spread = np.nan_to_num(each.sd)
         seen += [*(each.ratio - spread), *(each.ratio + spread)]
     for curve in curves:
-        valid = curve.z_over_R >= validity_limit
+        valid = curve.z_over_R >= VALIDITY_Z_OVER_R
         for line in (curve.ratio, *(band.upper for band in curve.bands)):
             seen += list(line[valid])
     finite = np.array([value for value in seen if np.isfinite(value)])

@@ -82,8 +82,6 @@ def page_text(
     if len(paths) > 1 and set(kinds) != {"sweep"}:
         listed = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
         raise InputError(f"several runs are compared where all are sweeps, but these are: {listed}")
-    if not paths:
-        raise InputError(f"nothing to report: name {TAKES}")
     if kinds[0] in ("fit", "explanation"):
         return _written_page(paths[0], kinds[0])
     return html.render_report(_made(paths, kinds[0], beside, commands))

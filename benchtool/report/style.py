@@ -115,24 +115,12 @@ def new_figure(
     if layout is None:
         text.set_y(1.0 - 0.09 / height_in)
     if simulated:
-        stamp(figure)
+        figure.text(
+            0.988, 1.0 - 0.09 / height_in, SIMULATED, ha="right", va="top", fontsize=9,
+            fontweight="bold", color=VERMILION, gid=SIMULATED_GID,
+            bbox={"boxstyle": "square,pad=0.25", "facecolor": "white", "edgecolor": VERMILION},
+        )  # fmt: skip
     return figure
-
-
-def stamp(figure: Figure) -> None:
-    """Mark a figure as showing simulated data, in its upper right corner."""
-    figure.text(
-        0.988,
-        1.0 - 0.09 / figure.get_figheight(),
-        SIMULATED,
-        ha="right",
-        va="top",
-        fontsize=9,
-        fontweight="bold",
-        color=VERMILION,
-        gid=SIMULATED_GID,
-        bbox={"boxstyle": "square,pad=0.25", "facecolor": "white", "edgecolor": VERMILION},
-    )
 
 
 def ratio_label(basis: str) -> str:

@@ -30,7 +30,6 @@ class FigureImage:
 
     svg: bytes
     caption: str
-    alt: str = ""
 
 
 def blocks_html(blocks: Iterable[Block | FigureImage]) -> str:
@@ -47,13 +46,13 @@ def blocks_html(blocks: Iterable[Block | FigureImage]) -> str:
 def as_html(block: Block | FigureImage) -> str:
     """Return a block as HTML, everything in it escaped."""
     if isinstance(block, FigureBlock):
-        block = FigureImage(figure_bytes(block.figure, "svg"), block.caption, block.alt)
+        block = FigureImage(figure_bytes(block.figure, "svg"), block.caption)
     if isinstance(block, FigureImage):
         address = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
-        alt = escape(block.alt or block.caption)
+        caption = escape(block.caption)
         return (
-            f'<figure class="shown"><img src="{address}" alt="{alt}">'
-            f"<figcaption>{escape(block.caption)}</figcaption></figure>"
+            f'<figure class="shown"><img src="{address}" alt="{caption}">'
+            f"<figcaption>{caption}</figcaption></figure>"
         )
     if isinstance(block, Paragraph):
         return f"<p>{escape(block.text)}</p>"

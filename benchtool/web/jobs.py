@@ -15,10 +15,10 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
@@ -197,6 +197,15 @@ class Job(Generic[T]):
 def partial_folder(out: Path) -> Path:
     """Return the hidden name under which a folder is written; a list of runs does not show it."""
     return out.with_name(f".{out.name}.part")
+
+
+@contextmanager
+def written_whole(out: Path) -> Iterator[Path]:
+    """Give the hidden name of a folder, empty; moved to `out` at the end of the block."""
+    part = partial_folder(out)
+    shutil.rmtree(part, ignore_errors=True)
+    yield part
+    complete_folder(out, out)
 
 
 def complete_folder(begun_for: Path, out: Path) -> None:

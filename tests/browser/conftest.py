@@ -73,19 +73,9 @@ def serving(runs: Path, state: Path, *options: str) -> Iterator[Web]:
     """Run `benchtool web` until the end of the block."""
     # Not coverage of a test: NiceGUI acts otherwise when it believes to be in one.
     environment = {key: text for key, text in os.environ.items() if not key.startswith("PYTEST_")}
-    folder = ["--runs", str(runs)]
+    words = ["web", "--port", "0", "--no-browser", *options, "--runs", str(runs)]
     process = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "benchtool",
-            "web",
-            "--port",
-            "0",
-            "--no-browser",
-            *options,
-            *folder,
-        ],
+        [sys.executable, "-m", "benchtool", *words],
         stdout=subprocess.PIPE,
         text=True,
         env={**environment, "BENCHTOOL_STATE": str(state)},
@@ -160,6 +150,13 @@ def expect(element: Locator) -> LocatorAssertions:
 
     sync_api.expect.set_options(timeout=PATIENCE_MS)
     return sync_api.expect(element)
+
+
+def centre(element: Locator) -> tuple[float, float]:
+    """Return the middle of an element on the page."""
+    box = element.bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
 
 
 def connect(page: Page, address: str, rig: str = "pquad") -> None:

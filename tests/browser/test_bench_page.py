@@ -11,7 +11,7 @@ import pytest
 
 from benchtool.web.bench_process.throttle import SILENCE_S
 from benchtool.web.serve import open_page as open_address
-from tests.browser.conftest import CHROMIUM, Web, connect, expect, serving
+from tests.browser.conftest import CHROMIUM, Web, centre, connect, expect, serving
 from tests.browser.device import Device
 
 if TYPE_CHECKING:
@@ -178,6 +178,7 @@ def test_a_server_that_hangs_greys_the_page_until_it_answers_again(page: Page, w
         web.process.send_signal(signal.SIGCONT)
     note.get_by_text("The connection to benchtool was lost at").wait_for()
     expect(page.locator("body.server-lost")).to_have_count(0)
+    assert "was lost at" in note.inner_text()
 
 
 def test_of_two_pages_one_is_at_the_controls(
@@ -191,7 +192,7 @@ def test_of_two_pages_one_is_at_the_controls(
     second.get_by_text("another page is at the controls, this one watches").wait_for()
     hold(page, device)
     pressed = time.time()
-    second.mouse.move(*centre(second, ".stop-button"))
+    second.mouse.move(*centre(second.locator(".stop-button")))
     second.mouse.down()
     assert device.stopped_after(pressed) < STOPPED_S
     page.close()
@@ -214,9 +215,3 @@ def test_a_wrong_token_opens_nothing(tmp_path: Path, open_page: Callable[[str], 
         opened = open_page(addresses[0])
         opened.get_by_text("at the controls").wait_for()
         assert opened.url == address
-
-
-def centre(page: Page, selector: str) -> tuple[float, float]:
-    box = page.locator(selector).bounding_box()
-    assert box is not None
-    return box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0

@@ -5,37 +5,24 @@ from __future__ import annotations
 import shutil
 import tomllib
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from benchtool.data.run.recording_file import write_recording
 from benchtool.explain.engine.verdict import Kind
 from benchtool.report.answer.page import answer_page
-from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.report.html import render_report
-from benchtool.simulate.pitch.setup import changed, pitch_setup
 from tests.browser.conftest import Web, expect, serving
 from tests.unit.explain.hand_made import answer
+from tests.unit.web.explain.test_explain_job import MODEL, recorded
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
-MODEL = Path(__file__).parents[2] / "datasets" / "pitch_bench" / "model.toml"
 EXPLAINS_MS = 150_000
-
-
-def record(path: Path, duration_s: float, seed: int) -> None:
-    """Write a recording of a bench whose hinge drags more than its model knows."""
-    setup = pitch_setup(model=str(MODEL), gains="stiff", controllers=("pid",), schedule="identify")
-    setup = changed(setup, {"coulomb_friction.torque_Nm": 0.012})
-    setup = replace(setup, schedule=setup.schedule.lasting(duration_s))
-    run = pitch_study(setup, seed, with_away=False).runs[0]
-    write_recording(path, run.recording(setup.bench.model.rig), {})
 
 
 @pytest.fixture
@@ -43,8 +30,8 @@ def lab(browser: Browser, tmp_path: Path) -> Iterator[Web]:
     """Give a server whose folder holds two recordings and a model."""
     bench = tmp_path / "runs" / "bench"
     bench.mkdir(parents=True)
-    record(bench / "learn.csv", 10.0, seed=21)
-    record(bench / "check.csv", 8.0, seed=22)
+    recorded(bench / "learn.csv", 10.0, seed=21)
+    recorded(bench / "check.csv", 8.0, seed=22)
     shutil.copy(MODEL, bench / "model.toml")
     (bench / "odd.csv").write_text("a,b\n1,2\n3,4\n")
     with serving(tmp_path / "runs", tmp_path / "state") as web:

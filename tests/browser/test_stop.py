@@ -15,7 +15,7 @@ import pytest
 from benchtool.acquire.bench_check import low_throttle_us
 from benchtool.core.rig_file import rig_named
 from benchtool.web.bench_process.throttle import SILENCE_S
-from tests.browser.conftest import Web, connect, expect, go_to
+from tests.browser.conftest import Web, centre, connect, expect, go_to
 from tests.browser.device import Device
 
 if TYPE_CHECKING:
@@ -41,11 +41,6 @@ class Hands:
         self._line: CDPSession = page.context.new_cdp_session(page)
         self._fingers: dict[int, tuple[float, float]] = {}
 
-    def centre(self, element: Locator) -> tuple[float, float]:
-        box = element.bounding_box()
-        assert box is not None
-        return box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
-
     def touch(self, finger: int, place: tuple[float, float]) -> None:
         self._fingers[finger] = place
         self._send("touchStart")
@@ -60,7 +55,7 @@ class Hands:
 
     def stop_by(self, way: str) -> None:
         """Press STOP once, and do not let go."""
-        place = self.centre(self._page.locator(".stop-button"))
+        place = centre(self._page.locator(".stop-button"))
         if way == "mouse":
             self._page.mouse.move(*place)
             self._page.mouse.down()
@@ -86,7 +81,7 @@ class Hands:
         button = self._page.locator(".hold-button:not([disabled])")
         button.wait_for()
         for _ in range(6):
-            self.touch(HOLDING, self.centre(button))
+            self.touch(HOLDING, centre(button))
             deadline = time.monotonic() + 2.0
             while time.monotonic() < deadline and self._device.turning_us() < 1100.0:
                 self._page.wait_for_timeout(20)
@@ -118,7 +113,7 @@ def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(
 ) -> None:
     pulse = page.get_by_role("spinbutton", name="Pulse, us")
     slider = page.locator(".q-slider[aria-label=Pulse], .q-slider").first
-    x, y = hands.centre(slider)
+    x, y = centre(slider)
     low_us = low_throttle_us(rig_named("pquad"))
     expect(pulse).to_have_value(f"{low_us:.0f}")
     page.mouse.move(x, y)
@@ -239,9 +234,7 @@ def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
 def drag(page: Page, slider: Locator) -> None:
     """Begin to drag a slider."""
     slider.scroll_into_view_if_needed()
-    box = slider.bounding_box()
-    assert box is not None
-    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    x, y = centre(slider)
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 8.0, y)

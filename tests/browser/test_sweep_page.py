@@ -12,6 +12,7 @@ from tests.browser.conftest import (
     SWEEP_MS,
     Web,
     begin,
+    centre,
     connect,
     expect,
     go_to,
@@ -49,9 +50,7 @@ def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
 def test_stop_in_mid_sweep_and_go_on_later(page: Page, web: Web, fast_device: Device) -> None:
     begin(page, fast_device, repeats=2)
     wait_for_points(page, 2)
-    box = page.locator(".stop-button").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 30.0, box["y"] + 20.0)
+    page.mouse.move(*centre(page.locator(".stop-button")))
     pressed = time.time()
     page.mouse.down()
     assert fast_device.stopped_after(pressed) < 0.3
@@ -100,7 +99,8 @@ def test_the_arming_dialog_names_what_the_bench_does_not_protect_from(page: Page
         page.get_by_label("Pulses, us").fill("1500")
         page.get_by_role("button", name="Start the sweep").click()
         page.get_by_text("About to spin").wait_for()
-        expect(page.get_by_role("dialog").locator(warning)).to_be_visible()
+        page.get_by_role("dialog").locator(warning).wait_for()
+        assert "unprotected" in page.get_by_role("dialog").inner_text()
         page.get_by_role("button", name="Cancel").click()
 
 
@@ -121,4 +121,5 @@ def test_a_plan_that_breaks_a_limit_is_refused_before_anything_spins(page: Page)
     page.get_by_text("Pulses, us is '1400,x', but numbers between commas are needed").wait_for()
     page.get_by_label("Pulses, us").fill("1400")
     page.locator("button:enabled", has_text="Start the sweep").wait_for()
-    expect(page.get_by_text("limits hold")).to_be_visible()
+    page.get_by_text("limits hold").wait_for()
+    assert "1400 us" in facts.inner_text()

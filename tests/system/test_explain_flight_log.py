@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.core.recording import Recording
 from benchtool.core.schedule_file import schedule_named
 from benchtool.physics.model_file import load_model
@@ -18,6 +17,7 @@ from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
+from tests.unit.commands.command_line import run
 from tests.unit.data.flight_logs import Record, dataflash
 
 FRICTION_NM = 0.012
@@ -56,28 +56,22 @@ def log_of(recording: Recording) -> bytes:
     return dataflash(items)
 
 
-def command(*words: str) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(list(words))
-    assert left.value.code == 0
-
-
 def test_friction_is_named_from_two_flight_logs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for seed, name in ((1, "learn"), (2, "check")):
         Path(f"{name}.bin").write_bytes(log_of(flown(seed)))
-        command("import", f"{name}.bin")
+        assert run("import", f"{name}.bin") == 0
     Path("beam.toml").write_text(
         '[model]\nname = "mine"\nrig = "beam"\nwake_rule = "full"\n'
         "[effects.wake_torque]\nsd_Nm = 0.004\ncorrelation_s = 0.1\n",
         encoding="utf-8",
     )
-    command(
+    assert run(
         "explain", "imported/learn.csv", "--model", "beam.toml",
         "--check", "imported/check.csv", "--draws", "30", "--json", "found.json",
-    )  # fmt: skip
+    ) == 0  # fmt: skip
     said = capsys.readouterr().out
     assert "learn.csv: rows are not even in time: laid on a clock of 250 Hz" in said
     assert "the plate is taken to be parked" in said

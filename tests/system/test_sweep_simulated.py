@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.data.columns import KINDS
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import read_settings
+from tests.unit.commands.command_line import run as call
 
 SMALL = ["--repeats", "2", "--z-over-r", "0.5,1,2", "--pwm", "1500", "--sample-s", "1"]
 
@@ -25,12 +25,6 @@ SMALL = ["--repeats", "2", "--z-over-r", "0.5,1,2", "--pwm", "1500", "--sample-s
 def _state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
-
-
-def call(*words: str) -> int:
-    with pytest.raises(SystemExit) as left:
-        main(list(words))
-    return int(left.value.code or 0)
 
 
 def test_a_run_holds_what_it_must(capsys: pytest.CaptureFixture[str]) -> None:

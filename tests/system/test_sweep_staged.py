@@ -10,7 +10,7 @@ import pytest
 
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
-from tests.system.served import environment_of, run, serving
+from tests.system.served import run, serving
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals"),
@@ -19,8 +19,9 @@ pytestmark = [
 SMALL = ["--rig", "pquad_single", "--repeats", "1", "--z-over-r", "0.5,1", "--sample-s", "1"]
 
 
-def test_a_stage_moves_the_plate_and_no_sample_is_lost(tmp_path: Path) -> None:
-    environment = environment_of(tmp_path)
+def test_a_stage_moves_the_plate_and_no_sample_is_lost(
+    tmp_path: Path, environment: dict[str, str]
+) -> None:
     bench, stage, out = (tmp_path / name for name in ("bench", "stage", "run"))
     served = ["--rig", "pquad_single", "--speed", "20", "--symlink", str(bench), "--grbl"]
     with serving("pty", environment, *served, str(stage)) as address:

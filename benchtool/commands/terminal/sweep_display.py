@@ -72,11 +72,7 @@ class LiveDisplay(RunProgress):
         self._bar.update(self._task, total=visits, completed=done, left=minutes(expected_s))
 
     def visiting(self, visit: Visit) -> None:
-        place = visit.setting.place
-        where = "parked" if place.parked else f"z/R {place.z_m / self._radius_m:.2f}"
-        self._bar.update(
-            self._task, description=f"{visit.kind} {where}, {visit.setting.level_us:.0f} us"
-        )
+        self._bar.update(self._task, description=visit.words(self._radius_m))
 
     def measured(self, point: Point, remaining_s: float) -> None:
         self._latest.append(point)

@@ -12,7 +12,7 @@ from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.engine.describe import Disagreement
 from benchtool.explain.engine.verdict import STAGES, ChannelGap, FoundParameter, Rivals
 from benchtool.report.figure import figure
-from benchtool.report.numbers import unit_for_people, value_with_sd
+from benchtool.report.numbers import value_with_sd, with_unit
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
 from benchtool.report.panels import named_rows, rows_of
 
@@ -191,8 +191,7 @@ def parameter_text(item: FoundParameter) -> str:
     """Return a value with its standard deviation and unit."""
     if not item.determined:
         return "not determined"
-    unit = "" if item.unit == "1" else f" {unit_for_people(item.unit)}"
-    return f"{value_with_sd(item.value, item.std)}{unit}"
+    return with_unit(value_with_sd(item.value, item.std), item.unit)
 
 
 @figure(

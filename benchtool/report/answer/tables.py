@@ -5,8 +5,7 @@ from __future__ import annotations
 from benchtool.explain.answer import Answer, channel_words
 from benchtool.explain.engine.verdict import STAGES, ChannelGap, FoundParameter, NamedEffect
 from benchtool.report.answer.figures import parameter_text, percentage
-from benchtool.report.numbers import decimals_for, exponent_of, power_of_ten, scaled
-from benchtool.report.numbers import unit_for_people as people
+from benchtool.report.numbers import decimals_for, exponent_of, power_of_ten, scaled, with_unit
 from benchtool.report.page import Table
 
 
@@ -57,7 +56,7 @@ def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tu
         item.name,
         parameter_text(item),
         _interval(item),
-        _quantity(item.tolerance, item.unit),
+        with_unit(f"{item.tolerance:.3g}", item.unit),
         *(evidence if first else ("", "", "")),
     )
 
@@ -73,10 +72,6 @@ def _interval(item: FoundParameter) -> str:
     decimals = decimals_for(item.std / 10.0**exponent)
     shown = f"{scaled(item.low, exponent, decimals)} … {scaled(item.high, exponent, decimals)}"
     return f"({shown})·{power_of_ten(exponent)}" if exponent else shown
-
-
-def _quantity(value: float, unit: str) -> str:
-    return f"{value:.3g}" + ("" if unit == "1" else f" {people(unit)}")
 
 
 SHORT_LEGEND = (
@@ -147,7 +142,7 @@ def unjudged_sentence(answer: Answer, name: str) -> str:
         return "leaves no trace in this data, however large it is"
     items, tolerances = answer.verdict.parameters, answer.verdict.tolerances
     sizes = [
-        f"{full.partition('.')[2]} off by {_quantity(one.size * value, items[full].unit)}"
+        f"{full.partition('.')[2]} off by {with_unit(f'{one.size * value:.3g}', items[full].unit)}"
         for full, value in tolerances.items()
         if full.partition(".")[0] == name and full in items
     ]
@@ -159,7 +154,7 @@ def tolerances_table(answer: Answer) -> Table:
     """List the tolerances of every effect that was tried."""
     items = answer.verdict.parameters
     rows = [
-        (name, _quantity(value, items[name].unit if name in items else "1"))
+        (name, with_unit(f"{value:.3g}", items[name].unit if name in items else "1"))
         for name, value in answer.verdict.tolerances.items()
     ]
     return Table(

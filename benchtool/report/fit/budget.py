@@ -14,7 +14,7 @@ from benchtool.fit.run_recipe import FitOutput
 from benchtool.fit.uncertainty.budget import COVERAGE, Budget
 from benchtool.report.figure import figure
 from benchtool.report.fit.tables import MOST_WANTED, wanted_rank
-from benchtool.report.numbers import numeral, unit_for_people
+from benchtool.report.numbers import numeral, unit_for_people, with_unit
 from benchtool.report.page import Block, Paragraph, Table
 from benchtool.report.palette import BLACK, BLUE, ORANGE
 
@@ -85,8 +85,7 @@ def _name(budget: Budget, row: int) -> str:
 
 def _stated(budget: Budget, row: int) -> str:
     line = budget.lines[row]
-    unit = "" if line.unit == "1" else f" {unit_for_people(line.unit)}"
-    return f"{line.kind}: {line.sd:.2g}{unit}"
+    return with_unit(f"{line.kind}: {line.sd:.2g}", line.unit)
 
 
 def _percents(numbers: object) -> list[str]:

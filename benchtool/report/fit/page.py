@@ -23,7 +23,7 @@ from benchtool.report.fit.tables import (
     wanted_rank,
 )
 from benchtool.report.html import write_report
-from benchtool.report.numbers import unit_for_people, value_with_sd
+from benchtool.report.numbers import value_with_sd, with_unit
 from benchtool.report.page import Block, Facts, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections
 
@@ -141,8 +141,7 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
     values = ", ".join(
         f"{item.name} not determined"
         if item.open
-        else f"{item.name} = {value_with_sd(item.value, item.sd)}"
-        + ("" if item.unit == "1" else f" {unit_for_people(item.unit)}")
+        else with_unit(f"{item.name} = {value_with_sd(item.value, item.sd)}", item.unit)
         + (f" ({item.bound})" if item.bound else "")
         for item in first.estimates
         if not item.name.startswith("noise.")

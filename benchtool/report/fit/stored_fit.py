@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from benchtool.report.fit.budget import budget_sentence, budget_table
 from benchtool.report.fit.page import FIT, sentence_of
 from benchtool.report.fit.tables import comparison_table, laws_table, methods_table, short_table
 from benchtool.report.page import Block, Paragraph, Warnings
+
+T = TypeVar("T")
 
 SIMULATED = "SIMULATED DATA: no physical bench produced these points"
 
@@ -133,15 +135,15 @@ def _from_tables(tables: Mapping[str, Any], where: str) -> StoredFit:
 
 
 def _result(method: Any, table: Mapping[str, Any], shared: dict[str, Any]) -> FitResult:
-    order, estimates = table["order"], table["estimates"]
+    order, estimates, derived = table["order"], table["estimates"], table["derived"]
     return FitResult(
         method=method,
-        estimates=tuple(_estimate(name, estimates[name]) for name in order),
-        derived=tuple(_estimate(name, item) for name, item in table["derived"].items()),
-        covariance=np.array([_numbers(row) for row in table["covariance"]], float),
-        chi2=_number(table["chi2"]),
+        estimates=tuple(_made(Estimate, estimates[name], name=name) for name in order),
+        derived=tuple(_made(Estimate, item, name=name) for name, item in derived.items()),
+        covariance=np.array(table["covariance"], float),
+        chi2=_read(table["chi2"], float),
         dof=int(table["dof"]),
-        log_likelihood=_number(table["log_likelihood"]),
+        log_likelihood=_read(table["log_likelihood"], float),
         outcome=Outcome(**table["outcome"]),
         warnings=tuple(table["warnings"]),
         facts=table["facts"],
@@ -149,60 +151,35 @@ def _result(method: Any, table: Mapping[str, Any], shared: dict[str, Any]) -> Fi
     )
 
 
-def _estimate(name: str, table: Mapping[str, Any]) -> Estimate:
-    (low_68, high_68), (low_95, high_95) = map(
-        _numbers, (table["interval_68"], table["interval_95"])
-    )
-    return Estimate(
-        name=name,
-        unit=str(table["unit"]),
-        value=_number(table["value"]),
-        sd=_number(table["sd"]),
-        interval_68=(low_68, high_68),
-        interval_95=(low_95, high_95),
-        bound=str(table.get("bound", "")),
-        open=str(table.get("open", "")),
-    )
-
-
 def _comparison(table: Mapping[str, Any] | None) -> Comparison | None:
     if not table:
         return None
     counts = {name: int(table.get(name, 0)) for name in ("folds", "settings", "seed")}
-    names = [item.name for item in fields(Score) if item.name not in ("model", "parameters")]
-    scores = tuple(
-        Score(
-            model=str(score["model"]),
-            parameters=int(score["parameters"]),
-            **{name: _number(score[name]) for name in names},
-        )
-        for score in table["scores"]
-    )
-    return Comparison(scores=scores, **counts)
+    return Comparison(scores=tuple(_made(Score, one) for one in table["scores"]), **counts)
 
 
 def _laws(table: Mapping[str, Any] | None) -> LawComparison | None:
     if not table:
         return None
-    numbers = ("chi2_per_dof", "behind", "behind_se", "held_out_rms")
-    scores = tuple(
-        LawScore(
-            **{
-                **score,
-                "one_with": tuple(score["one_with"]),
-                "losses": tuple(_numbers(score["losses"])),
-                **{name: _number(score[name]) for name in numbers},
-            }
-        )
-        for score in table["scores"]
-    )
-    return LawComparison(scores=scores, distances=tuple(_numbers(table["distances"])))
+    scores = tuple(_made(LawScore, one) for one in table["scores"])
+    return _made(LawComparison, table, scores=scores)
 
 
-def _numbers(values: Any) -> list[float]:
-    return [_number(value) for value in values]
+def _made(cls: type[T], table: Mapping[str, Any], **own: Any) -> T:
+    """Return a record of a table by the types of its fields; those with a default may lack."""
+    record: Any = cls
+    kinds = get_type_hints(cls)
+    for item in fields(record):
+        if item.name not in own and (item.default is MISSING or item.name in table):
+            own[item.name] = _read(table[item.name], kinds[item.name])
+    made: T = cls(**own)
+    return made
 
 
-def _number(value: Any) -> float:
-    """Return a number of the JSON, where null stands for one that does not exist."""
-    return float("nan") if value is None else float(value)
+def _read(value: Any, kind: Any) -> Any:
+    """Return a value of the JSON, where null stands for a number that does not exist."""
+    if get_origin(kind) is tuple:
+        return tuple(_read(each, get_args(kind)[0]) for each in value)
+    if kind is float:
+        return float("nan") if value is None else float(value)
+    return kind(value) if kind in (int, str) else value

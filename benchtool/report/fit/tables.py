@@ -41,15 +41,15 @@ def wanted_rank(name: str) -> int:
 METHODS = {"least_squares": "least squares", "emcee": "emcee"}
 
 
-def estimates_table(result: FitResult, caption: str = "") -> Table:
+def estimates_table(result: FitResult) -> Table:
     """List every fitted and derived value with its sd; powers of ten stand by the unit."""
     return Table(
-        caption or f"Fitted values of {result.model}, {METHODS[result.method]}.",
+        f"Fitted values of {result.model}, {METHODS[result.method]}.",
         ("parameter", "unit", "value", "sd", "68 % interval", "95 % interval"),
         [
-            (*row[:2], row[2] + _bound(item), *row[3:])
+            (name, unit, value + _bound(item), *rest)
             for item in (*result.estimates, *result.derived)
-            for row in (_estimate_row(item),)
+            for name, unit, value, *rest in (_estimate_row(item),)
         ],
         text_columns=2,
     )

@@ -117,11 +117,15 @@ def _strike(axes: Axes, flown: Flown, values: Array) -> None:
         )  # fmt: skip
 
 
-def _shade(axes: Axes, flown: Flown) -> None:
-    """Colour the background while any rotor is over the obstacle."""
+def over_surface(flown: Flown) -> list[tuple[float, float]]:
+    """Return begin and end of every stretch in which a rotor is over something: s."""
     discs = range(1, flown.case.vehicle.rig.n_discs + 1)
     covered = np.sum([flown.flight[f"coverage{i}"] for i in discs], axis=0)
-    for begin, end in spans(flown.flight["time_s"], covered > 1e-3):
+    return spans(flown.flight["time_s"], covered > 1e-3)
+
+
+def _shade(axes: Axes, flown: Flown) -> None:
+    for begin, end in over_surface(flown):
         axes.axvspan(begin, end, color=OVER, lw=0, zorder=0.1)
 
 

@@ -158,10 +158,10 @@ def attitude(figure: Figure, flights: Flies) -> None:
     share.set_ylabel("per cent of hover authority")
 
 
-def level_moment_Nm(rig: Rig, covered: int, z_over_R: float = 2.0) -> float:
+def level_moment_Nm(rig: Rig, covered: int) -> float:
     """Return the moment of a level plus quadrotor with its front discs wholly covered (section 3).
 
-    One is the front alone, three the front and both sides.
+    One is the front alone, three the front and both sides; the surface is at z/R = 2.
     """
     model = FlightVehicle.of_rig(rig).model
     x_m = rig.disc_positions_m[:, 0]
@@ -169,7 +169,7 @@ def level_moment_Nm(rig: Rig, covered: int, z_over_R: float = 2.0) -> float:
     conditions = Conditions.of(
         rig,
         speed_rad_s=np.ones(rig.n_rotors),
-        plate_z_m=np.array([z_over_R * rig.propulsion.radius_m]),
+        plate_z_m=np.array([2.0 * rig.propulsion.radius_m]),
         coverage=np.isin(np.arange(rig.n_discs), front).astype(float)[:, None],
     )
     values = model.parameters.values_array()

@@ -34,9 +34,8 @@ from benchtool.report.ratio import (
     formula_curves,
     values_at,
 )
+from benchtool.report.style import BASES
 from benchtool.report.sweep.run import SweepRun
-
-BASES = {"equal_rpm2": "equal rpm²", "equal_pwm": "equal pwm"}
 
 ERRORS = "the standard deviation over repeats, or the standard error of a visit where it is larger"
 """What an error bar of a setting is."""

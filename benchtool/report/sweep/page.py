@@ -33,7 +33,8 @@ from benchtool.report.run_facts import (
     state_facts,
     version_facts,
 )
-from benchtool.report.sweep.figures import BASES, plain
+from benchtool.report.style import BASES
+from benchtool.report.sweep.figures import plain
 from benchtool.report.sweep.run import SweepRun
 from benchtool.report.sweep.samples import anchor_changes
 from benchtool.report.sweep.tables import events_block, limits_table, settings_table, tares_table

@@ -12,7 +12,8 @@ from benchtool.core.recording import Recording
 from benchtool.data.columns import REJECTED, speed_columns
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Paragraph, Table
-from benchtool.report.sweep.figures import BASES, ERRORS
+from benchtool.report.style import BASES
+from benchtool.report.sweep.figures import ERRORS
 from benchtool.report.sweep.run import SweepRun
 
 SHOWN_EVENTS = 60

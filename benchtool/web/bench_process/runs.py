@@ -176,9 +176,7 @@ class RunSupervisor(RunProgress):
         self._change(visits=visits, done=done, left_s=expected_s)
 
     def visiting(self, visit: Visit) -> None:
-        place = visit.setting.place
-        where = "parked" if place.parked else f"z/R {place.z_m / self._radius_m:.2f}"
-        self._change(status="running", now=f"{visit.kind} {where}, {visit.setting.level_us:.0f} us")
+        self._change(status="running", now=visit.words(self._radius_m))
 
     def measured(self, point: Point, remaining_s: float) -> None:
         self._change(done=self._state.done + 1, left_s=remaining_s)

@@ -12,3 +12,9 @@ def run(*words: object) -> int:
     with pytest.raises(SystemExit) as leaving:
         main([str(word) for word in words])
     return int(leaving.value.code or 0)
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    """Return the exit code of `benchtool WORDS`, and what it printed."""
+    code = run(*words)
+    return code, *capsys.readouterr()

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.commands.explain import spread
 from benchtool.data.run.recording_file import read_recording, write_recording
 from benchtool.physics.model_file import load_model
 from tests.system.served import COMMAND
+from tests.unit.commands import command_line
 from tests.unit.explain.hand_made import MODEL
 from tests.unit.physics.test_own_effects import GOOD
 
@@ -23,11 +23,7 @@ LEARN, CHECK = str(PAIR / "learn.parquet"), str(PAIR / "check.parquet")
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as left:
-        main(["explain", *words])
-    said = capsys.readouterr()
-    assert isinstance(left.value.code, int)
-    return left.value.code, said.out, said.err
+    return command_line.said(capsys, "explain", *words)
 
 
 def shortened(folder: Path, name: str, seconds: float) -> str:

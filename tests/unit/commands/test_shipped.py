@@ -6,17 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.core.packaged import read_named
 from benchtool.core.rig_file import rig_names
 from benchtool.physics.model_file import model_names
-
-
-def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as left:
-        main(words)
-    said = capsys.readouterr()
-    return int(left.value.code or 0), said.out, said.err
+from tests.unit.commands.command_line import said as run
 
 
 @pytest.mark.parametrize(("command", "names"), [("rigs", rig_names()), ("models", model_names())])

@@ -11,13 +11,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.core.errors import WouldOverwrite
 from benchtool.data.run.campaign import CampaignWriter, unfinished
 from benchtool.simulate.campaign import Row, write_campaign
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.pitch.setup import PitchSetup, pitch_setup
+from tests.unit.commands.command_line import said
 
 WORDS = ("simulate", "pitch", "--duration-s", "12", "--controllers", "pid,observer")
 
@@ -44,10 +44,9 @@ def test_the_command_writes_a_tidy_table_and_a_map(
 ) -> None:
     out = tmp_path / "campaign"
     vary = ("--vary", "gains.attitude=0.8:1.2:2", "--vary", "K_b=1.5:2.5:3", "--seeds", "2")
-    with pytest.raises(SystemExit) as left:
-        main([*WORDS, *vary, "--out", str(out)])
-    assert left.value.code == 0
-    assert "24 runs in" in capsys.readouterr().out
+    code, shown, _ = said(capsys, *WORDS, *vary, "--out", out)
+    assert code == 0
+    assert "24 runs in" in shown
     table = pd.read_parquet(out / "campaign.parquet")
     assert len(table) == 24
     pid = table["controller"] == "pid"
@@ -63,12 +62,10 @@ def test_the_command_writes_a_tidy_table_and_a_map(
 
 def test_gain_sets_stand_side_by_side(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     vary = ("--vary", "K_b=1.5:2.5:2", "--gains", "s3", "--gains", "stiff")
-    with pytest.raises(SystemExit) as left:
-        main([*WORDS, *vary, "--measure", "peak_deg", "--out", str(tmp_path)])
-    assert left.value.code == 0
-    said = capsys.readouterr().out
-    assert "8 runs" in said
-    peaks = {line.split(":")[0].strip(): float(line.split(":")[1]) for line in said.splitlines()
+    code, shown, _ = said(capsys, *WORDS, *vary, "--measure", "peak_deg", "--out", tmp_path)
+    assert code == 0
+    assert "8 runs" in shown
+    peaks = {line.split(":")[0].strip(): float(line.split(":")[1]) for line in shown.splitlines()
              if line.startswith("  ")}  # fmt: skip
     assert list(peaks) == ["s3, pid", "s3, observer", "stiff, pid", "stiff, observer"]
     assert abs(peaks["stiff, pid"]) < 0.5 * abs(peaks["s3, pid"])

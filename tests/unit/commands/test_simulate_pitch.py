@@ -7,21 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.data.run.read import read_samples
 from benchtool.data.run.recording_file import read_recording
 from benchtool.report.flight.pitch_study import pitch_study, table_lines
 from benchtool.simulate.pitch.setup import changed, pitch_setup
+from tests.unit.commands.command_line import said
 
 SHORT = ("--duration-s", "13")
 
 
 def simulate(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as left:
-        main(["simulate", "pitch", *words])
-    said = capsys.readouterr()
-    assert isinstance(left.value.code, int)
-    return left.value.code, said.out, said.err
+    return said(capsys, "simulate", "pitch", *words)
 
 
 def test_it_prints_one_line_of_numbers_per_controller(capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,8 +40,8 @@ def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(
         "pid.csv.json", "pitch.png", "pitch.svg",
     ]  # fmt: skip
     assert read_recording(out / "pid.csv").simulated
-    said = (out / "numbers.txt").read_text(encoding="utf-8")
-    assert said.startswith("SIMULATED pitch bench pquad, model pitch_pquad, gains s3")
+    numbers = (out / "numbers.txt").read_text(encoding="utf-8")
+    assert numbers.startswith("SIMULATED pitch bench pquad, model pitch_pquad, gains s3")
     recording = read_samples(out / "pid.csv")
     assert recording.names[:5] == ("time_s", "theta_ref_rad", "theta_rad", "gyro_rad_s", "pwm1_us")
     assert {"pwm4_us", "rpm4", "plate_z_m", "disturbance_Nm"} <= set(recording.names)
@@ -194,45 +190,8 @@ def test_a_folder_that_cannot_be_made_is_told(
     assert Path("taken").read_text(encoding="utf-8") == "a file"
 
 
-def test_a_run_too_long_for_memory_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    code, _, err = simulate(capsys, "--duration-s", "1e9")
-    assert code == 2
-    assert "at most 3,600 s" in err
-
-
-def test_an_unknown_number_names_the_gains_too(capsys: pytest.CaptureFixture[str]) -> None:
-    code, _, err = simulate(capsys, "--set", "gain.attitude=2")
-    assert code == 2
-    assert "did you mean 'gains.attitude'" in err
-
-
 def test_the_plate_comes_as_near_as_it_is_told() -> None:
     setup = pitch_setup(schedule="distances")
     nearer = changed(setup, {"plate.z_over_R": 1.5}).schedule
     assert [visit.z_over_R for visit in nearer.plate] == [1.5, 1.5, 1.5]
     assert [visit.in_s for visit in nearer.plate] == [5.0, 18.0, 31.0]
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--schedule", "steps", "--set", "plate.z_over_R=2"), "schedule 'steps' brings no plate"),
-        (("--set", "plate.z_over_R=0"), "plate.z_over_R is 0; give rotor radii above 0"),
-        (("--set", "plate.z_over_R=101"), "above 0, 100 at most"),
-        (("--vary", "plate.z_over_R=1:2:3"), "a campaign cannot vary plate.z_over_R"),
-    ],
-)
-def test_a_plate_that_cannot_be_there_is_refused(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...], said: str
-) -> None:
-    code, _, err = simulate(capsys, *words, "--out", str(tmp_path / "out"))
-    assert code == 2
-    assert said in err
-
-
-def test_a_plant_rate_that_would_run_for_hours_is_refused(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    code, _, err = simulate(capsys, *SHORT, "--set", "bench.plant_rate_Hz=1e9")
-    assert code == 2
-    assert "bench.plant_rate_Hz is 1e+09; give at most 100000 Hz" in err

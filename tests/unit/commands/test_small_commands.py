@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.commands.demo import free_folder
 from benchtool.virtual.devices import LARGEST_SPEED
 from tests.unit.commands.command_line import run
 
@@ -48,15 +47,6 @@ def test_table_and_picture_of_the_flow(tmp_path: Path, capsys: pytest.CaptureFix
     assert (tmp_path / "fig05-flow.png").stat().st_size > 50_000
 
 
-def test_a_second_demo_goes_into_a_folder_of_its_own(tmp_path: Path) -> None:
-    first = tmp_path / "benchtool-demo"
-    assert free_folder(first) == first
-    first.mkdir()
-    assert free_folder(first) == tmp_path / "benchtool-demo-2"
-    (tmp_path / "benchtool-demo-2").mkdir()
-    assert free_folder(first) == tmp_path / "benchtool-demo-3"
-
-
 def test_the_greatest_speed_is_that_of_the_virtual_bench(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -64,28 +54,7 @@ def test_the_greatest_speed_is_that_of_the_virtual_bench(
     assert f"allowed is 1 to {LARGEST_SPEED:,g};" in capsys.readouterr().err
 
 
-DRY = ("--rig", "pquad", "--dry-run")
-
-
-@pytest.mark.parametrize(
-    ("address", "says"),
-    [
-        ("sim:pquad?mode=pitch&schedule=zz", "unknown schedule (and no file of that name) 'zz'"),
-        ("sim:pquad?mode=pitch&controller=pdi", "did you mean 'pid'"),
-        ("sim:pquad?mode=pitch&gains=s4", "'s4'"),
-        ("tcp:here", "needs host and port"),
-    ],
-)
-def test_a_dry_run_refuses_an_address_that_no_bench_answers(
-    address: str, says: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("record", address, *DRY) == 2
-    error = capsys.readouterr().err
-    assert says in error
-    assert error.count("\n") == 1
-
-
 @pytest.mark.parametrize("address", ["sim:pquad?mode=pitch&schedule=steps", "serial:/dev/none"])
 def test_a_dry_run_opens_nothing(address: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("record", address, *DRY) == 0
+    assert run("record", address, "--rig", "pquad", "--dry-run") == 0
     assert "nothing was opened, nothing spins" in capsys.readouterr().out

@@ -13,7 +13,7 @@ from benchtool.report.flight.flight import fly_each, table_lines
 from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.report.flight.pitch_study import table_lines as pitch_lines
 from benchtool.report.flight_preview import flight_preview
-from benchtool.report.pitch_preview import pitch_preview
+from benchtool.report.pitch_preview import PITCH_LABEL, pitch_preview
 from benchtool.report.preview import FRAMES, QUICK_FRAMES, frames
 from benchtool.simulate.flight.setup import FlightSetup
 from benchtool.simulate.flight.vehicle import FlightVehicle
@@ -39,7 +39,7 @@ def test_the_pitch_preview_has_the_numbers_of_the_study() -> None:
     assert preview.lines == tuple(pitch_lines(study))
     assert [run.label for run in preview.runs] == ["pid", "observer"]
     run = preview.runs[0]
-    assert [line.role for line in run.charts[0].lines] == ["away", "shown"]
+    assert [line.role for line in run.charts[PITCH_LABEL]] == ["away", "shown"]
     theta_deg = np.degrees(study.runs[0].column("true_theta_rad"))
     assert run.motion.pitch_deg.min() == pytest.approx(theta_deg.min(), abs=0.02)
     assert run.over == ((pytest.approx(10.0, abs=0.02), pytest.approx(13.0, abs=0.02)),)
@@ -69,7 +69,7 @@ def test_the_plate_slides_in_from_outside() -> None:
 def test_a_quick_preview_has_the_same_lines_but_no_table() -> None:
     quick, whole = (pitch_preview(short_pitch(), 1, quick=each) for each in (True, False))
     assert quick.lines == ()
-    assert [line.role for line in quick.runs[0].charts[0].lines] == ["shown"]
+    assert [line.role for line in quick.runs[0].charts[PITCH_LABEL]] == ["shown"]
     few, many = (each.runs[1].motion for each in (quick, whole))
     assert len(few.time_s) < len(many.time_s)
     _, at, where = np.intersect1d(few.time_s, many.time_s, return_indices=True)

@@ -31,7 +31,7 @@ EVIL = "<script>alert('x')</script><img src=x onerror=y>\"'&"
         Commands([EVIL]),
         Listing(EVIL, EVIL),
         Table(EVIL, (EVIL, EVIL), [(EVIL, EVIL)]),
-        FigureImage(b"<svg><script>alert(1)</script></svg>", EVIL, EVIL),
+        FigureImage(b"<svg><script>alert(1)</script></svg>", EVIL),
     ],
     ids=lambda block: type(block).__name__,
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.uncertainty.budget import BudgetMethod
 from benchtool.physics.model_file import columns_to_toml
-from benchtool.web.jobs import PageSection, ReportProgress, complete_folder, partial_folder
+from benchtool.web.jobs import PageSection, ReportProgress, written_whole
 
 
 def fit_into(
@@ -43,10 +42,8 @@ def fit_into(
 
     output = run_recipe(recipe, progress, profile=profile, budget=budget)
     report("drawing", 0.0)
-    part = partial_folder(out)
-    shutil.rmtree(part, ignore_errors=True)
-    write_fit(part, output, [shlex.join(["benchtool", *words])])
-    complete_folder(out, out)
+    with written_whole(out) as part:
+        write_fit(part, output, [shlex.join(["benchtool", *words])])
     return out.name
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import fields
 from io import BytesIO
 from pathlib import Path
@@ -22,7 +21,7 @@ from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.preview import ChartLine, DrawnMotion, Role, SimulationPreview
 from benchtool.report.side_view import side_view_svg
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
-from benchtool.web.jobs import complete_folder, partial_folder
+from benchtool.web.jobs import written_whole
 
 Shown = dict[str, Any]
 """What goes to the browser: plain values and arrays of 32 bits."""
@@ -48,7 +47,6 @@ DECIMALS = {"up_m": 4, "along_m": 4, "added": 4, "values": 4}
 
 def shown(preview: SimulationPreview) -> Shown:
     """Return what the browser is sent."""
-    charts = [chart.label for chart in preview.runs[0].charts]
     return {
         "lanes": [
             {
@@ -56,14 +54,14 @@ def shown(preview: SimulationPreview) -> Shown:
                 "said": run.outcome,
                 "svg": side_view_svg(run.scene),
                 "motion": _short(run.motion),
-                "panels": [[_short(line) for line in chart.lines] for chart in run.charts],
+                "panels": [[_short(line) for line in lines] for lines in run.charts.values()],
                 "over": [list(span) for span in run.over],
             }
             for run in preview.runs
         ],
         "panels": [
-            {"label": label, "range": _range([run.charts[row].lines for run in preview.runs])}
-            for row, label in enumerate(charts)
+            {"label": label, "range": _range([run.charts[label] for run in preview.runs])}
+            for label in preview.runs[0].charts
         ],
         "looks": LOOKS,
         "end_s": float(np.ceil(max(run.motion.time_s[-1] for run in preview.runs))),
@@ -154,8 +152,6 @@ def write_into(inputs: Simulation, out: Path) -> list[str]:
     Raises:
         WouldOverwrite: something of that name exists.
     """
-    part = partial_folder(out)
-    shutil.rmtree(part, ignore_errors=True)
-    written = write(inputs, part)
-    complete_folder(out, out)
+    with written_whole(out) as part:
+        written = write(inputs, part)
     return [path.name for path in written if beside(out / path.name).is_file()]

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.commands.explain import ExplainInputs
 from benchtool.core.errors import InputError
 from benchtool.data.run.recording_file import write_recording
@@ -16,6 +15,7 @@ from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.simulate.pitch.setup import changed, pitch_setup
 from benchtool.web.tabs.explain.sources import command_words
 from benchtool.web.tabs.explain.work import ExplainJob, explain
+from tests.unit.commands.command_line import run
 
 EXAMPLES = Path(__file__).parents[4] / "datasets"
 MODEL = str(EXAMPLES / "pitch_bench/model.toml")
@@ -74,8 +74,7 @@ def test_an_effect_is_named_and_accepted_into_a_new_model(
         0.012, rel=0.15
     )
     by_command = tmp_path / "command"
-    with pytest.raises(SystemExit):
-        main(command_words(inputs, by_command))
+    assert run(*command_words(inputs, by_command)) == 0
     assert (out / "model.toml").read_text() == (by_command / "model.toml").read_text()
     with pytest.raises(InputError, match="accepted already"):
         job.accept(out)

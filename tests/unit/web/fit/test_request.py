@@ -16,6 +16,7 @@ from benchtool.data.run.state import remember
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.report.fit.stored_fit import read_stored
+from benchtool.web.jobs import partial_folder
 from benchtool.web.tabs.fit.model_choice import (
     FitRequest,
     ParameterChoice,
@@ -25,7 +26,7 @@ from benchtool.web.tabs.fit.model_choice import (
     suggested_name,
     words_for,
 )
-from benchtool.web.tabs.fit.work import fit_into, partial_folder
+from benchtool.web.tabs.fit.work import fit_into
 
 RUN = Path(__file__).parents[4] / "datasets/single_rotor/run"
 

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.commands.simulate_flight import FlightInputs
 from benchtool.commands.simulate_flight import setup_of as flight_setup_of
-from benchtool.commands.simulate_pitch import PitchInputs, setup_of
+from benchtool.commands.simulate_pitch import PitchInputs
 from benchtool.commands.simulate_pitch import setup_of as pitch_setup_of
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.inputs import make
@@ -35,6 +34,7 @@ from benchtool.web.tabs.simulate.work import (
     write_into,
     zipped,
 )
+from tests.unit.commands.command_line import run
 
 SIMULATIONS = [
     make(
@@ -67,9 +67,7 @@ PID = PitchInputs(controllers=("pid",))
 def test_the_command_prints_the_numbers_that_the_page_shows(
     inputs: Simulation, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(command_words(inputs))
-    assert left.value.code == 0
+    assert run(*command_words(inputs)) == 0
     printed = capsys.readouterr().out.splitlines()
     lines = simulated(inputs, quick=False)["lines"]
     assert printed[1 : 1 + len(lines)] == lines
@@ -146,14 +144,12 @@ def test_every_effect_can_be_hidden_as_far_as_its_slider_goes(rig: str, effect: 
     for value in (slider.low, slider.first, slider.high):
         assert slider.low <= value <= slider.high
         inputs = make(PitchInputs, {"rig": rig, "set": {slider.name: value}})
-        assert setup_of(inputs, "s3").bench.model.parameters[slider.name].value == value
+        assert pitch_setup_of(inputs, "s3").bench.model.parameters[slider.name].value == value
 
 
 def test_what_is_saved_is_what_the_command_writes(tmp_path: Path) -> None:
     assert write_into(HIDES, tmp_path / "saved") == ["pid.csv"]
-    with pytest.raises(SystemExit) as left:
-        main([*command_words(HIDES), "--out", str(tmp_path / "printed")])
-    assert left.value.code == 0
+    assert run(*command_words(HIDES), "--out", tmp_path / "printed") == 0
     ours, printed = (tmp_path / name for name in ("saved", "printed"))
     assert [path.name for path in sorted(ours.iterdir())] == [
         path.name for path in sorted(printed.iterdir())
