@@ -10,18 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from benchtool.data.run.append import Event
-from benchtool.web.bench_process.messages import (
-    BenchEvent,
-    Command,
-    ConnectionStatus,
-    LiveStatus,
-    Notice,
-    PressEnded,
-    RunEvent,
-    Shutdown,
-    StopMotors,
-    SweepStatus,
-)
+from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import FRAME
 from benchtool.web.bench_process.spawn import ProcessHandle
 
@@ -42,12 +31,12 @@ class BenchClient:
     """
 
     def __init__(self, process: ProcessHandle | None = None) -> None:
-        self.connection = ConnectionStatus()
-        self.live = LiveStatus()
-        self.sweep = SweepStatus()
+        self.connection = messages.ConnectionStatus()
+        self.live = messages.LiveStatus()
+        self.sweep = messages.SweepStatus()
         self.events: list[Event] = []
-        self.on_notice: Callable[[Notice], None] = lambda notice: None
-        self.on_press_ended: Callable[[PressEnded], None] = lambda ended: None
+        self.on_notice: Callable[[messages.Notice], None] = lambda notice: None
+        self.on_press_ended: Callable[[messages.PressEnded], None] = lambda ended: None
         self.on_frame: Callable[[bytes], None] = lambda frame: None
         self._process = process or ProcessHandle()
         self._closing = False
@@ -60,13 +49,13 @@ class BenchClient:
             target=self._listen, args=(self._process, loop), name="bench events", daemon=True
         ).start()
 
-    def send(self, command: Command) -> None:
+    def send(self, command: messages.Command) -> None:
         """Send a command; the bench process answers with events."""
         # That a process is gone is reported, and another started, where it is listened to.
         self._process.send(pickle.dumps(command))
 
     def stop(self, who: str) -> None:
-        self.send(StopMotors(who))
+        self.send(messages.StopMotors(who))
 
     def confirm_standstill(self) -> None:
         """Take somebody's word that the motors stand."""
@@ -75,7 +64,7 @@ class BenchClient:
     def close(self) -> None:
         """End the process: it stops the motors and closes its run first."""
         self._closing = True
-        self.send(Shutdown())
+        self.send(messages.Shutdown())
         self._process.end(PATIENCE_S)
 
     def _listen(self, process: ProcessHandle, loop: asyncio.AbstractEventLoop) -> None:
@@ -100,31 +89,31 @@ class BenchClient:
         session = self.connection.session
         self._process = ProcessHandle()
         self.start()
-        self.connection = ConnectionStatus(reason=reason, session=session, unseen=unseen)
-        self.live = LiveStatus()
+        self.connection = messages.ConnectionStatus(reason=reason, session=session, unseen=unseen)
+        self.live = messages.LiveStatus()
         if self.sweep.active:
             self.sweep = replace(self.sweep, status="stopped", reason=reason)
-        self.on_notice(Notice(text=reason, is_error=True))
+        self.on_notice(messages.Notice(text=reason, is_error=True))
 
     def _receive(self, message: bytes) -> None:
         if message[:1] == FRAME:
             self.on_frame(message[1:])
             return
-        event: BenchEvent = pickle.loads(message[1:])
-        if isinstance(event, ConnectionStatus):
+        event: messages.BenchEvent = pickle.loads(message[1:])
+        if isinstance(event, messages.ConnectionStatus):
             self.connection = event
             if event.status != "on":
-                self.live = LiveStatus()
-        elif isinstance(event, LiveStatus):
+                self.live = messages.LiveStatus()
+        elif isinstance(event, messages.LiveStatus):
             self.live = event
-        elif isinstance(event, SweepStatus):
+        elif isinstance(event, messages.SweepStatus):
             if event.run != self.sweep.run:
                 self.events.clear()
             self.sweep = event
-        elif isinstance(event, RunEvent):
+        elif isinstance(event, messages.RunEvent):
             self.events.append(event.event)
             del self.events[:-SHOWN_EVENTS]
-        elif isinstance(event, PressEnded):
+        elif isinstance(event, messages.PressEnded):
             self.on_press_ended(event)
         else:
             self.on_notice(event)

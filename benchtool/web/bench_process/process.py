@@ -18,21 +18,7 @@ from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import PacedBench, StoppableBench
 from benchtool.core.errors import BenchtoolError, StandstillNotSeen
-from benchtool.web.bench_process.messages import (
-    AnswerQuestion,
-    Command,
-    Connect,
-    ConnectionStatus,
-    Disconnect,
-    HoldThrottle,
-    Notice,
-    PauseSweep,
-    PressEnded,
-    ReleaseThrottle,
-    SetClockSpeed,
-    Shutdown,
-    StopMotors,
-)
+from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import EventPublisher
 from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.session import Session
@@ -63,9 +49,9 @@ class BenchProcess:
     def __init__(self, pipe: Pipe) -> None:
         self._pipe = pipe
         self._publisher = EventPublisher(pipe)
-        self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._commands: queue.SimpleQueue[messages.Command] = queue.SimpleQueue()
         self._dead_man = DeadManSwitch(
-            lambda tab, reason: self._publisher.publish(PressEnded(tab, reason))
+            lambda tab, reason: self._publisher.publish(messages.PressEnded(tab, reason))
         )
         self._runs = RunSupervisor(self._publisher)
         self._bench: StoppableBench | None = None
@@ -75,10 +61,10 @@ class BenchProcess:
     def run(self) -> None:
         threading.Thread(target=self._listen, name="listen", daemon=True).start()
         try:
-            while not isinstance(command := self._commands.get(), Shutdown):
-                if isinstance(command, Connect):
+            while not isinstance(command := self._commands.get(), messages.Shutdown):
+                if isinstance(command, messages.Connect):
                     self._hold(command)
-                elif not isinstance(command, Disconnect):
+                elif not isinstance(command, messages.Disconnect):
                     self._publish_error("no bench is connected; connect one first")
         except KeyboardInterrupt:
             pass
@@ -90,23 +76,23 @@ class BenchProcess:
         """Take commands; what cannot wait for the owner of the bench is done here."""
         while True:
             try:
-                command: Command = pickle.loads(self._pipe.recv_bytes())
+                command: messages.Command = pickle.loads(self._pipe.recv_bytes())
             except (EOFError, OSError):
-                command = Shutdown()
-            if isinstance(command, StopMotors):
+                command = messages.Shutdown()
+            if isinstance(command, messages.StopMotors):
                 self._stop(f"stopped from {command.who}")
-            elif isinstance(command, HoldThrottle):
+            elif isinstance(command, messages.HoldThrottle):
                 self._dead_man.hold(command, time.monotonic())
-            elif isinstance(command, ReleaseThrottle):
+            elif isinstance(command, messages.ReleaseThrottle):
                 self._dead_man.release(command)
-            elif isinstance(command, PauseSweep):
+            elif isinstance(command, messages.PauseSweep):
                 self._runs.pause(command.on)
-            elif isinstance(command, AnswerQuestion):
+            elif isinstance(command, messages.AnswerQuestion):
                 self._runs.answer(command.text)
-            elif isinstance(command, SetClockSpeed):
+            elif isinstance(command, messages.SetClockSpeed):
                 if (paced := self._paced) is not None:
                     paced.speed = min(max(command.speed, 0.1), FASTEST)
-            elif isinstance(command, Shutdown):
+            elif isinstance(command, messages.Shutdown):
                 self._stop("the page's server is gone")
                 self._commands.put(command)
                 return
@@ -116,18 +102,20 @@ class BenchProcess:
                 self._commands.put(command)
 
     def _publish_error(self, text: str) -> None:
-        self._publisher.publish(Notice(text=text, is_error=True))
+        self._publisher.publish(messages.Notice(text=text, is_error=True))
 
     def _stop(self, reason: str) -> None:
         self._dead_man.end_press(reason)
         if (bench := self._bench) is not None:
             bench.request_stop(reason)
 
-    def _hold(self, connect: Connect) -> None:
+    def _hold(self, connect: messages.Connect) -> None:
         """Open a bench and hold it until it is disconnected or something ends it."""
         self._sessions += 1
         number, address = self._sessions, connect.address
-        self._publisher.publish(ConnectionStatus(status="opening", address=address, session=number))
+        self._publisher.publish(
+            messages.ConnectionStatus(status="opening", address=address, session=number)
+        )
         reason = unseen = ""
         try:
             rig = rig_for(address, connect.rig or None)
@@ -154,5 +142,7 @@ class BenchProcess:
         finally:
             self._bench = self._paced = None
             self._publisher.publish(
-                ConnectionStatus(address=address, session=number, reason=reason, unseen=unseen)
+                messages.ConnectionStatus(
+                    address=address, session=number, reason=reason, unseen=unseen
+                )
             )

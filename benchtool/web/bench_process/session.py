@@ -20,21 +20,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.state import remember
-from benchtool.web.bench_process.messages import (
-    ArmMotors,
-    Calibrate,
-    Command,
-    Connect,
-    ConnectionStatus,
-    Disconnect,
-    MovePlateTo,
-    Notice,
-    Shutdown,
-    StartRecording,
-    StartSweep,
-    TareLoadCell,
-    WeighMass,
-)
+from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import EventPublisher
 from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.telemetry import Telemetry
@@ -49,11 +35,11 @@ class Session:
 
     def __init__(
         self,
-        connect: Connect,
+        connect: messages.Connect,
         number: int,
         rig: Rig,
         publisher: EventPublisher,
-        commands: queue.SimpleQueue[Command],
+        commands: queue.SimpleQueue[messages.Command],
         dead_man: DeadManSwitch,
         runs: RunSupervisor,
         telemetry: Telemetry,
@@ -78,9 +64,9 @@ class Session:
         while True:
             try:
                 command = self._next()
-                if isinstance(command, Shutdown):
+                if isinstance(command, messages.Shutdown):
                     self._commands.put(command)
-                if isinstance(command, Shutdown | Disconnect):
+                if isinstance(command, messages.Shutdown | messages.Disconnect):
                     return
                 if command is not None:
                     self._execute(bench, guarded, command)
@@ -92,21 +78,23 @@ class Session:
             except StopRequested as stopped:
                 self._dead_man.end_press(str(stopped))
                 bench.stop()
-                self._publisher.publish(Notice(text=str(stopped)))
+                self._publisher.publish(messages.Notice(text=str(stopped)))
             self._telemetry.note(armed=self._armed, weighed=tuple(self._weighed))
 
-    def _next(self) -> Command | None:
+    def _next(self) -> messages.Command | None:
         try:
             return self._commands.get_nowait()
         except queue.Empty:
             return None
 
-    def _execute(self, bench: Bench, guarded: GuardedBench | None, command: Command) -> None:
+    def _execute(
+        self, bench: Bench, guarded: GuardedBench | None, command: messages.Command
+    ) -> None:
         """Carry out a command; its errors are published, those that end a bench are raised."""
         try:
-            if isinstance(command, WeighMass | Calibrate):
+            if isinstance(command, messages.WeighMass | messages.Calibrate):
                 self._calibrate(bench, guarded, command)
-            elif isinstance(command, Connect):
+            elif isinstance(command, messages.Connect):
                 raise InputError("a bench is connected already; disconnect it first")
             elif guarded is None:
                 raise InputError("this bench is held for masses only; connect it anew")
@@ -117,25 +105,25 @@ class Session:
         except BenchtoolError as error:
             if isinstance(error, BenchError) and guarded is not None and guarded.reason:
                 raise
-            self._publisher.publish(Notice(text=str(error), is_error=True))
+            self._publisher.publish(messages.Notice(text=str(error), is_error=True))
 
-    def _act(self, bench: GuardedBench, command: Command) -> None:
-        if isinstance(command, ArmMotors):
+    def _act(self, bench: GuardedBench, command: messages.Command) -> None:
+        if isinstance(command, messages.ArmMotors):
             self._armed = bench.identity.simulated or command.typed.strip() == CONFIRMATION
             if not self._armed:
                 raise InputError(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
-        elif isinstance(command, TareLoadCell):
+        elif isinstance(command, messages.TareLoadCell):
             bench.tare()
-            self._publisher.publish(Notice(text="tared"))
-        elif isinstance(command, MovePlateTo):
+            self._publisher.publish(messages.Notice(text="tared"))
+        elif isinstance(command, messages.MovePlateTo):
             self._telemetry.note(busy=f"moving the plate to {1e3 * command.z_m:.0f} mm")
             bench.move_plate(command.z_m)
             self._telemetry.note(busy="")
-        elif isinstance(command, StartSweep):
+        elif isinstance(command, messages.StartSweep):
             self._dead_man.end_press("a sweep begins")
             bench.stop()
             self._runs.sweep(bench, self._rig, command)
-        elif isinstance(command, StartRecording):
+        elif isinstance(command, messages.StartRecording):
             self._dead_man.end_press("a recording begins")
             bench.stop()
             self._runs.record(bench, self._rig, command)
@@ -154,14 +142,17 @@ class Session:
 
     def _end_press(self, reason: str) -> None:
         self._dead_man.end_press(reason)
-        self._publisher.publish(Notice(text=reason, is_error=True))
+        self._publisher.publish(messages.Notice(text=reason, is_error=True))
 
     def _calibrate(
-        self, bench: Bench, guarded: GuardedBench | None, command: WeighMass | Calibrate
+        self,
+        bench: Bench,
+        guarded: GuardedBench | None,
+        command: messages.WeighMass | messages.Calibrate,
     ) -> None:
         if guarded is not None:
             raise InputError("masses need a bench without limits; press Calibrate first")
-        if isinstance(command, WeighMass):
+        if isinstance(command, messages.WeighMass):
             self._telemetry.note(busy=f"averaging counts under {command.mass_kg:g} kg")
             self._weighed.append(weigh(bench, self._rig, command.mass_kg, command.seconds))
             self._telemetry.note(busy="")
@@ -172,13 +163,13 @@ class Session:
             self._publish_connection(bench.identity)
             slope_uN = 1e6 * calibration.slope_N_per_count
             text = f"calibrated: {slope_uN:.6g} uN per count, stored for {device_id}"
-            self._publisher.publish(Notice(text=text))
+            self._publisher.publish(messages.Notice(text=text))
         else:
             self._weighed.clear()
 
     def _publish_connection(self, identity: Identity) -> None:
         self._publisher.publish(
-            ConnectionStatus(
+            messages.ConnectionStatus(
                 status="on",
                 address=self._connect.address,
                 session=self._number,

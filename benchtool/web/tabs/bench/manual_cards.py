@@ -10,15 +10,7 @@ from benchtool.acquire.inputs import Weighing
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import items
 from benchtool.core.rig import Rig
-from benchtool.web.bench_process.messages import (
-    ArmMotors,
-    Calibrate,
-    Connect,
-    Disconnect,
-    MovePlateTo,
-    TareLoadCell,
-    WeighMass,
-)
+from benchtool.web.bench_process import messages
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.widgets import (
@@ -100,7 +92,7 @@ class ThrottleCard:
 
     @shows_errors
     def _arm(self) -> None:
-        self._context.send(ArmMotors(self._typed.value))
+        self._context.send(messages.ArmMotors(self._typed.value))
         self._typed.value = ""
 
 
@@ -114,7 +106,9 @@ class LoadCellCard:
             self._scale = ui.label().classes("soft")
             with ui.column().classes("w-full") as self._guarded:
                 with ui.row():
-                    ui.button("Tare", icon="exposure_zero", on_click=lambda: send(TareLoadCell()))
+                    ui.button(
+                        "Tare", icon="exposure_zero", on_click=lambda: send(messages.TareLoadCell())
+                    )
                     begin = ui.button("Calibrate", icon="scale")
                     begin.on_click(lambda: self._reconnect(weighs=True)).props("outline")
                 with ui.row(wrap=False).classes("items-end w-full") as self._plate:
@@ -128,7 +122,7 @@ class LoadCellCard:
                 with ui.row(wrap=False).classes("items-end w-full"):
                     mass_kg = ui.number("Mass, kg", value=0.0, step=0.1).classes("grow")
                     weigh = ui.button("Weigh", icon="scale")
-                    weigh.on_click(lambda: send(WeighMass(float(mass_kg.value or 0.0))))
+                    weigh.on_click(lambda: send(messages.WeighMass(float(mass_kg.value or 0.0))))
                 self._weighed = ui.label().classes("number").style("white-space: pre-line")
                 more = ui.expansion("Who calibrates, with which masses, how well they are known")
                 with more.classes("w-full").props("dense"), ui.element("div").classes("field-grid"):
@@ -137,9 +131,11 @@ class LoadCellCard:
                 with ui.row():
                     ui.button(
                         "Store the calibration",
-                        on_click=lambda: send(Calibrate(known=self._known.make())),
+                        on_click=lambda: send(messages.Calibrate(known=self._known.make())),
                     )
-                    over = ui.button("Start over", on_click=lambda: send(Calibrate(store=False)))
+                    over = ui.button(
+                        "Start over", on_click=lambda: send(messages.Calibrate(store=False))
+                    )
                     over.props("outline")
                     done = ui.button("Done", on_click=lambda: self._reconnect(weighs=False))
                     done.props("outline")
@@ -172,11 +168,11 @@ class LoadCellCard:
     def _move(self) -> None:
         if self._z_mm.value is None:
             raise InputError("no plate distance was given; type one in mm")
-        self._context.send(MovePlateTo(1e-3 * float(self._z_mm.value)))
+        self._context.send(messages.MovePlateTo(1e-3 * float(self._z_mm.value)))
 
     @shows_errors
     def _reconnect(self, *, weighs: bool) -> None:
         connection = self._context.bench.connection
         rig = connection.rig.name if connection.rig else ""
-        self._context.send(Disconnect())
-        self._context.send(Connect(address=connection.address, rig=rig, weighs=weighs))
+        self._context.send(messages.Disconnect())
+        self._context.send(messages.Connect(address=connection.address, rig=rig, weighs=weighs))

@@ -20,18 +20,8 @@ from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.form import InputForm
 from benchtool.web.jobs import Job
 from benchtool.web.progress import JobProgress
+from benchtool.web.tabs.fit import model_choice
 from benchtool.web.tabs.fit.data import DataCard
-from benchtool.web.tabs.fit.model_choice import (
-    FitRequest,
-    ParameterChoice,
-    data_rig,
-    model_choices,
-    model_path,
-    numbers_of,
-    recipe_for,
-    suggested_name,
-    words_for,
-)
 from benchtool.web.tabs.fit.work import fit_into, view_fit
 from benchtool.web.widgets import STYLE, CommandRow, show_section, show_waiting, shows_errors
 
@@ -73,7 +63,7 @@ class ParameterTable:
     def __init__(self, changed: Callable[[], None]) -> None:
         self._changed = changed
         self._numbers: dict[str, Parameter] = {}
-        self.choices: dict[str, ParameterChoice] = {}
+        self.choices: dict[str, model_choice.ParameterChoice] = {}
         self._place = ui.element("div").classes("w-full wide")
 
     def clear(self) -> None:
@@ -124,15 +114,15 @@ class ParameterTable:
             if f"{held:.6g}" == f"{number.value:.6g}":
                 held = number.value
             value.set_enabled(not free.value)
-            self.choices[name] = ParameterChoice(bool(free.value), held)
+            self.choices[name] = model_choice.ParameterChoice(bool(free.value), held)
             self._changed()
 
         free.on_value_change(read)
         value.on_value_change(read)
 
 
-def _of_model(number: Parameter) -> ParameterChoice:
-    return ParameterChoice(number.free, number.value)
+def _of_model(number: Parameter) -> model_choice.ParameterChoice:
+    return model_choice.ParameterChoice(number.free, number.value)
 
 
 class MethodCard:
@@ -177,7 +167,7 @@ class FitTab:
                 self.data = DataCard(context, listing, self._changed)
             with ui.card().classes("w-full"):
                 ui.label("Method").classes("card-title")
-                models = model_choices(self._folder, self.data.entries.values())
+                models = model_choice.model_choices(self._folder, self.data.entries.values())
                 self._method = MethodCard(models, self._changed)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full gap-4"):
@@ -202,8 +192,8 @@ class FitTab:
         self._parameters.clear()
         self._changed()
 
-    def _request(self) -> FitRequest:
-        return FitRequest(
+    def _request(self) -> model_choice.FitRequest:
+        return model_choice.FitRequest(
             data=self.data.names,
             model=self._model.value,
             choices=dict(self._parameters.choices),
@@ -215,17 +205,19 @@ class FitTab:
         """Show the command that the form stands for, or what it lacks."""
         if not self._ready:
             return
-        suggested = suggested_name(self._folder, self.data.names)
+        suggested = model_choice.suggested_name(self._folder, self.data.names)
         if not self._name.value or self._name.value == self._named:
             self._named = suggested
             self._name.set_value(suggested)
         try:
-            model = model_path(self._folder, self._model.value)
+            model = model_choice.model_path(self._folder, self._model.value)
             request = self._request()
-            self._parameters.show(numbers_of(model, data_rig(request, self._folder)))
+            self._parameters.show(
+                model_choice.numbers_of(model, model_choice.data_rig(request, self._folder))
+            )
             request = self._request()
-            recipe = recipe_for(request, self._folder, self.data.entries)
-            self._command.show(words_for(recipe, request, self._folder))
+            recipe = model_choice.recipe_for(request, self._folder, self.data.entries)
+            self._command.show(model_choice.words_for(recipe, request, self._folder))
             self._hint.set_text("")
             self._fit.enable()
         except BenchtoolError as error:
@@ -237,8 +229,8 @@ class FitTab:
         self._context.claim_control()
         request = self._request()
         out = self._folder.new_path(request.name)
-        recipe = recipe_for(request, self._folder, self.data.entries)
-        words = words_for(recipe, request, self._folder)
+        recipe = model_choice.recipe_for(request, self._folder, self.data.entries)
+        words = model_choice.words_for(recipe, request, self._folder)
         self._answer.clear()
         profile = bool(request.options["profile"])
         budget = request.options["budget"] or "propagation"
@@ -280,5 +272,5 @@ def build(context: PageContext) -> None:
 
 
 def _load() -> None:
-    numbers_of(USUAL_MODEL)
+    model_choice.numbers_of(USUAL_MODEL)
     Recipe(name="any", data=("any",), model=USUAL_MODEL)
