@@ -117,7 +117,6 @@ def serve(inputs: ServeInputs) -> None:
 
 
 def _carried(path: Path, mode: str) -> ServerLink:
-    """Return the link of a stage that carries the plate."""
     from benchtool.virtual.links import PtyLink
 
     if mode != "plate":
@@ -133,7 +132,6 @@ def _carrying(speak: Speak, link: ServerLink, rig: Rig) -> Speak:
 
 
 def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
-    """Return protocol, link and address of a device that speaks the bench protocol."""
     from benchtool.virtual.links import link_named
     from benchtool.virtual.protocol import DeviceLink
 
@@ -142,7 +140,6 @@ def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], 
 
 
 def _bridged(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
-    """Return protocol, link and address of a virtual stand behind the RCbenchmark GUI."""
     from benchtool.bench.rcbenchmark.lines import GUI_PORT, LOOPBACK
     from benchtool.virtual.bridge import VirtualBridge
     from benchtool.virtual.links import UdpLink, one_line
@@ -159,7 +156,6 @@ def _bridged(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]
 
 
 def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable[[], str]]:
-    """Return protocol, link and address of a device that behaves like an autopilot."""
     from functools import partial
     from time import time
 

@@ -83,7 +83,6 @@ def import_(inputs: ImportInputs) -> None:
 
 
 def _targets(files: tuple[Path, ...], out: Path | None, parquet: bool) -> list[Path]:
-    """Return where each file's recording is written."""
     if out is not None and out.suffix.lower() in (".csv", ".parquet"):
         if len(files) > 1:
             raise InputError(

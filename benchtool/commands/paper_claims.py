@@ -102,7 +102,6 @@ class Flights:
         vehicle: FlightVehicle | None = None,
         **changes: Any,
     ) -> Flown:
-        """Return a flight of a shipped case."""
         craft = vehicle or FlightVehicle.of_rig(self.rig)
         known = gains_named(gains) if isinstance(gains, str) else gains
         case = flight_case(
@@ -117,7 +116,6 @@ class Flights:
         return self.flown[key]
 
     def measure(self, name: str, *words: Any, **changes: Any) -> Measures:
-        """Return the numbers of such a flight."""
         return self.fly(name, *words, **changes).measures
 
 

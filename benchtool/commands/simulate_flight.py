@@ -134,7 +134,6 @@ def setup_of(inputs: FlightInputs, gains: str) -> FlightSetup:
 
 
 def _vehicle(inputs: FlightInputs) -> FlightVehicle:
-    """Return what flies."""
     from benchtool.core.rig_file import rig_named
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.flight.vehicle import FlightVehicle

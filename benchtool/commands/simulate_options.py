@@ -57,7 +57,6 @@ class StudyInputs(Inputs):
     out: Annotated[Path | None, Input("Folder for recordings or table, and figure.")] = None
 
     def gain_set(self) -> str:
-        """Return the only gain set of a single simulation."""
         if len(self.gains) > 1:
             raise InputError(
                 f"{len(self.gains)} gain sets ({', '.join(self.gains)}) are for a campaign; add "
@@ -66,7 +65,6 @@ class StudyInputs(Inputs):
         return self.gains[0]
 
     def refuse_campaign(self) -> None:
-        """Refuse what a campaign takes where nothing is varied."""
         if given := changed(self.campaign):
             option = next(item.option for item in items(CampaignInputs) if item.name in given)
             raise InputError(

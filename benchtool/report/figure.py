@@ -61,7 +61,6 @@ class FigureEntry:
     draw: Callable[..., None] = field(init=False)
 
     def __call__(self, draw: Draw) -> Draw:
-        """Register the function."""
         if (self.page, self.name) in _FIGURES:
             raise ValueError(f"page {self.page} has a figure {self.name} already; rename one")
         self.draw = draw
@@ -122,11 +121,7 @@ def every_figure() -> list[FigureEntry]:
 
 
 def drawn(page: str, subject: Any, names: Iterable[str] = ()) -> dict[str, FigureBlock]:
-    """Return the figures that a subject allows, by the name of their files.
-
-    Args:
-        names: which, in this order; all of the page when left out.
-    """
+    """Return the figures that a subject allows by their files' names; these, or all of the page."""
     known = figures_of(page)
     found: dict[str, FigureBlock] = {}
     for name in names or known:
@@ -151,11 +146,9 @@ PAGES: dict[str, Page] = {}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Page:
-    """List the sections of a page.
+    """List the titles and parts of a page's sections, or functions that return sections, in order.
 
-    Attributes:
-        layout: in order, title and parts of each section, or a function of the subject that returns
-            sections. A section without any block is left out.
+    A section without any block is left out.
     """
 
     name: str
@@ -169,7 +162,6 @@ class Page:
 
     @property
     def figures(self) -> tuple[str, ...]:
-        """Names of the figures, in the order of the page."""
         listed = [item[1] for item in self.layout if isinstance(item, tuple)]
         return tuple(part for parts in listed for part in parts if isinstance(part, str))
 
@@ -195,7 +187,6 @@ class Page:
         commands: Sequence[str] = (),
         figures: Mapping[str, FigureBlock] | None = None,
     ) -> Report:
-        """Return the whole page of a subject."""
         return Report(
             title=_value(self.title, subject),
             summary=_value(self.summary, subject),

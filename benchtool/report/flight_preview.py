@@ -45,9 +45,7 @@ def flight_preview(
 ) -> SimulationPreview:
     """Fly under every controller and return what a page shows.
 
-    Args:
-        quick: leave out the flight out of ground effect, the table and most frames, and take longer
-            steps.
+    A quick preview has no flight out of ground effect, no table, few frames, and longer steps.
     """
     case = setup.flown("pid", seed)
     beside: Flown | None = None

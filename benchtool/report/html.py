@@ -74,11 +74,7 @@ def _anchors(titles: list[str]) -> list[str]:
 
 
 def inline_svg(figure: Figure, prefix: str) -> str:
-    """Return the figure as an <svg> element for the inside of an HTML page.
-
-    Args:
-        prefix: put before every id, so that two figures of a page share none.
-    """
+    """Return the figure as an <svg> element for an HTML page, its ids behind a prefix."""
     text = figure_bytes(figure, "svg").decode("utf-8")
     text = _PROLOGUE.sub("", text, count=1)
     text = _METADATA.sub("", text)

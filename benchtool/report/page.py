@@ -76,7 +76,6 @@ class Table:
                 )
 
     def narrowed(self, columns: Sequence[int], caption: str = "", text_columns: int = 0) -> Table:
-        """Return the same with some of its columns, for a terminal."""
         return Table(
             caption or self.caption,
             [self.header[column] for column in columns],

@@ -142,8 +142,7 @@ def legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
 def legend_below(figure: Figure, axes: Sequence[Axes], ncols: int, **instead: Artist) -> None:
     """Put one legend of all axes below the figure, each label once.
 
-    Args:
-        instead: handles that take the place of those of a label, blanks as underscores.
+    Handles by label (blanks as underscores) take the place of those in the axes.
     """
     found: dict[str, Any] = {}
     for each in axes:

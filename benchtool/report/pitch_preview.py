@@ -37,8 +37,7 @@ PARKED_M = 100.0
 def pitch_preview(setup: PitchSetup, seed: int, *, quick: bool = False) -> SimulationPreview:
     """Simulate every controller and return what a page shows.
 
-    Args:
-        quick: leave out the runs without a plate, the table, and most frames: half the time.
+    A quick preview has no runs without a plate, no table and few frames: half the time.
     """
     study = pitch_study(setup, seed, with_away=not quick)
     away: tuple[PitchRun | None, ...] = study.away or (None,) * len(study.runs)

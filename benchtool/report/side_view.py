@@ -32,11 +32,7 @@ BESIDE_RADII = 0.22
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surface:
-    """Draw something to fly over.
-
-    Attributes:
-        outline_m: corners (along, up) in m.
-    """
+    """Draw something to fly over, with corners (along, up) in m."""
 
     outline_m: tuple[tuple[float, float], ...]
     name: str = ""

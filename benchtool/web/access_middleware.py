@@ -52,9 +52,7 @@ CLOSED = 1008
 class AccessMiddleware:
     """Guard an application.
 
-    Args:
-        cookie: name of the cookie that holds the token. With the port in it: browsers share
-            cookies between the ports of a host.
+    The cookie's name has the port in it: browsers share cookies between the ports of a host.
     """
 
     def __init__(

@@ -22,11 +22,7 @@ class InputForm(Generic[T]):
         self._fields: dict[str, Any] = {}
 
     def add(self, *names: str, options: Mapping[str, str] | None = None) -> None:
-        """Make fields in the present slot.
-
-        Args:
-            options: choices with labels, where the input's own are too short.
-        """
+        """Make fields in the present slot; options are choices with longer labels."""
         for name in names:
             item = self._items[name]
             made = self._field(item, options)
@@ -78,6 +74,5 @@ class InputForm(Generic[T]):
 
 
 def _given(value: Any) -> Any:
-    """Return a field's value; None for an empty one."""
     value = value.strip() if isinstance(value, str) else value
     return None if value in ("", []) else value

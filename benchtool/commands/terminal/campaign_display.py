@@ -26,11 +26,7 @@ from benchtool.simulate.design import Design
 
 
 def run_with_progress(campaign: Campaign, study: StudyInputs, **names: Any) -> None:
-    """Run a campaign, show how far it is, write its table and its map.
-
-    Args:
-        names: of what may be varied; see `Design.read`.
-    """
+    """Run a campaign, show how far it is, write its table and its map."""
     several, out = study.campaign, study.out
     design = Design.read(
         several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed, **names

@@ -83,7 +83,6 @@ class LiveDisplay(RunProgress):
             self._event = f"{event.time_s:.1f} s  {event.event}: {event.text}"
 
     def render(self) -> Group:
-        """Return table, latest event and bar."""
         table = Table(box=None, pad_edge=False)
         for name in ("point", "kind", "z/R", "pwm us", "rpm", "thrust N", "+-", "V", ""):
             table.add_column(name, justify="left" if name == "kind" else "right")

@@ -18,11 +18,7 @@ LOOK_S = 0.05
 
 
 def answer_to(question: str, meanwhile: Callable[[], object] | None = None) -> str:
-    """Return what the operator types; the end of the input is refused.
-
-    Args:
-        meanwhile: called again and again until the answer is there, a short while each time.
-    """
+    """Return what the operator types, `meanwhile` called again and again; refuse an ended input."""
     print(question, end="", flush=True)
     if meanwhile is None:
         return _line(sys.stdin.readline())

@@ -31,7 +31,6 @@ class Change:
 
     @property
     def words(self) -> str:
-        """Name, value and unit, with the value before."""
         unit = "" if self.unit == "1" else f" {self.unit}"
         before = "absent" if self.before is None else f"{self.before:.4g}"
         return f"{self.name} = {self.now:.4g}{unit} ({before} before)"
@@ -81,11 +80,7 @@ def changes_table(answer: Answer) -> Table:
 
 
 def added_sentence(answer: Answer, folder: str = "") -> str:
-    """Say what was added, and to which file.
-
-    Args:
-        folder: that the answer is written to; empty where it is not.
-    """
+    """Say what was added, and to which file of a folder; empty where nothing is written."""
     kind = answer.verdict.kind
     old = answer.request.loaded.model.name
     if not answer.has_model:

@@ -39,11 +39,7 @@ def shown_lines(budget: Budget, quantities: Sequence[int]) -> list[int]:
 
 
 def budget_table(budget: Budget, *, short: bool = False) -> Table:
-    """List what each source contributes to each quantity in percent, and what they make.
-
-    Args:
-        short: leave out what is small, as a terminal has room for.
-    """
+    """List what each source adds to each quantity in percent; `short` leaves small ones out."""
     places = shown_quantities(budget)[: 3 if short else None]
     lines = shown_lines(budget, places) if short else range(len(budget.lines))
     rows = [

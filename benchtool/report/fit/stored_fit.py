@@ -53,13 +53,11 @@ class StoredFit:
 
     @property
     def sentence(self) -> str:
-        """What the fit found, in one or two sentences."""
         names = ("model", "rig", "basis", "used", "read")
         return sentence_of(self.results[0], **{name: getattr(self, name) for name in names})
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader must know before using a number, each once."""
         return tuple(dict.fromkeys(line for result in self.results for line in result.warnings))
 
     @property

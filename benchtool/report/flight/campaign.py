@@ -39,11 +39,7 @@ LEGIBLE_IN = (0.26, 0.13)
 
 
 class CampaignPanel:
-    """Sum up the runs of one panel in cells, so that memory holds cells, not runs.
-
-    Attributes:
-        count, total, least, most: of the measure in each cell (ny, nx).
-    """
+    """Sum up a measure in the cells (ny, nx) of a panel, so that memory holds cells, not runs."""
 
     def __init__(self, row: str, column: str, shape: tuple[int, int]) -> None:
         self.row, self.column = row, column
@@ -84,12 +80,10 @@ class CampaignMap:
 
     @property
     def rows(self) -> list[str]:
-        """Headings of the rows of panels."""
         return list(dict.fromkeys(panel.row for panel in self.panels))
 
     @property
     def columns(self) -> list[str]:
-        """Headings of the columns of panels."""
         return list(dict.fromkeys(panel.column for panel in self.panels))
 
     @property

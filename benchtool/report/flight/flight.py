@@ -181,8 +181,7 @@ def fly_each(
 ) -> list[Flown]:
     """Fly a case out of ground effect with PID first, then under each controller.
 
-    Args:
-        own: name and class of the user's own; a new one is made for every flight.
+    Of a class of the user's `own`, a new object is made for every flight.
     """
     free = replace(out_of_ground_effect(case), control="pid")
     cases = [free, *(replace(case, control=control) for control in controls)]

@@ -34,11 +34,7 @@ from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitc
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchStudy:
-    """Hold the runs of a study.
-
-    Attributes:
-        runs: one per controller; away: the same with the plate parked, empty where not wanted.
-    """
+    """Hold a run for each controller, and where wanted the same `away` from the plate."""
 
     setup: PitchSetup
     runs: tuple[PitchRun, ...]

@@ -227,8 +227,6 @@ def _slow(rig: str = "pquad") -> PitchSetup:
 
 
 def _bench(name: str, title: str, caption: str, controllers: Sequence[str], **setup: Any) -> None:
-    """Register a figure of the pitch bench."""
-
     def draw(figure: Figure, flights: Flies) -> None:
         rig = setup.get("slow_rig")
         made = (

@@ -48,7 +48,6 @@ class ReplayedLog:
 
     @property
     def simulated(self) -> bool:
-        """Whether the recording itself is simulated."""
         return self.recorded.recording.simulated
 
     @property

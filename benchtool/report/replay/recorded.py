@@ -52,17 +52,14 @@ class Recorded:
 
     @property
     def name(self) -> str:
-        """The folder's or file's own name."""
         return self.path.resolve().name
 
     @property
     def simulated(self) -> bool:
-        """Whether no physical bench recorded it."""
         return self.recording.simulated
 
     @property
     def is_run(self) -> bool:
-        """Whether it is a run folder."""
         return self.path.is_dir()
 
 

@@ -267,9 +267,7 @@ def _model_line(
 def calibration(figure: Figure, known: Mapping[str, Any]) -> None:
     """Draw counts against force with the line, and below the residuals up and down.
 
-    Args:
-        known: a calibration as its JSON file and a run's metadata hold it, and whether the load
-            cell was a virtual one, as "simulated".
+    To the calibration's JSON `known` adds, as "simulated", whether the load cell was virtual.
     """
     newtons_per_kg = known["gravity_m_s2"] / known["lever_ratio"]
     force_N = np.array(known["masses_kg"], float) * newtons_per_kg

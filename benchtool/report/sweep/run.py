@@ -73,12 +73,10 @@ class SweepRun:
 
     @property
     def name(self) -> str:
-        """The folder's own name."""
         return self.path.resolve().name
 
     @property
     def simulated(self) -> bool:
-        """Whether no physical motor turned."""
         return bool(self.metadata.get("simulated", False))
 
     @property

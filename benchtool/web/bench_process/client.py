@@ -25,9 +25,6 @@ class BenchClient:
     """Send commands to the bench process, and hold its latest snapshots for every page.
 
     Everything here runs in the page's loop; `start` is called there.
-
-    Args:
-        process: started by `start` unless it is already.
     """
 
     def __init__(self, process: ProcessHandle | None = None) -> None:

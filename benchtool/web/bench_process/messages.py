@@ -122,8 +122,7 @@ class SetClockSpeed:
 class StartSweep:
     """Start a sweep on the connected bench, or resume the run that its inputs name.
 
-    Attributes:
-        typed: what the operator typed to arm; empty to rely on a simulated or checked bench.
+    Nothing `typed` to arm relies on a simulated or checked bench.
     """
 
     inputs: SweepInputs

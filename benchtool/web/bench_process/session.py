@@ -129,7 +129,6 @@ class Session:
             self._runs.record(bench, self._rig, command)
 
     def _turn(self, bench: GuardedBench) -> None:
-        """Let motors follow the throttle button."""
         now_s = time.monotonic()
         wanted = self._dead_man.wanted(now_s)
         if wanted is not None and not self._armed:

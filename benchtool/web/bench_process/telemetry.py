@@ -57,11 +57,7 @@ STATUS_FRAMES = 5
 
 
 class Telemetry:
-    """Receive every read of a bench and publish it.
-
-    Args:
-        speed: of a virtual clock, 0 where it is the wall's.
-    """
+    """Receive every read of a bench and publish it; speed is 0 where the clock is the wall's."""
 
     def __init__(
         self,

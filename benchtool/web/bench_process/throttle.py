@@ -18,8 +18,7 @@ SILENCE_S = 0.5
 class DeadManSwitch:
     """Hold the last report that the throttle button is held; called from two threads.
 
-    Args:
-        ended: called with a tab and the reason when its press ends other than by its release.
+    `ended` takes tab and reason of a press that ends other than by its release.
     """
 
     def __init__(

@@ -77,7 +77,6 @@ class RecordCard:
 
     @shows_errors
     def _arm(self) -> None:
-        """Show what will spin, and want a confirmation where a motor turns."""
         self._context.require_control()
         connection = self._context.bench.connection
         identity, rig = connection.identity, connection.rig

@@ -42,8 +42,7 @@ STRIPS = (
 class StripChart(Element, component=STATIC / "strip_chart.js"):
     """Show the live stream of one connection: one canvas, its ring buffer in the browser.
 
-    Args:
-        session: number of the connection; frames of another are not shown.
+    Frames of another session are not shown.
     """
 
     def __init__(self, session: int, channels: Sequence[Channel]) -> None:

@@ -98,11 +98,7 @@ class Choices(NamedTuple):
 
 
 class RecordingSources(NamedTuple):
-    """List what can be chosen, and lead from a choice to its path; nothing else has one.
-
-    Attributes:
-        examples: read only; None where there are none.
-    """
+    """List what can be chosen, and lead from a choice to its path; nothing else has one."""
 
     runs: RunsFolder
     examples: RunsFolder | None = None

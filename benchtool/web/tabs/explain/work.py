@@ -40,8 +40,7 @@ class ExplanationResult:
 class ExplainJob(Job[ExplanationResult]):
     """Hold an explanation that was started; its folder is there once it is accepted.
 
-    Attributes:
-        accepted: name of the new model once it is accepted; empty without one, None before.
+    Then `accepted` is the name of the new model, empty without one.
     """
 
     accepted: str | None = None

@@ -97,10 +97,9 @@ def model_path(folder: RunsFolder, chosen: str) -> str:
 
 
 def numbers_of(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
-    """Return the numbers of a model by full name, without those of the noise: an option sets them.
+    """Return a model's numbers by full name, on the rig of the data where that is another.
 
-    Args:
-        rig: of the data, which goes before the one that the model file names.
+    Those of the noise are left out: an option sets them.
     """
     found = loaded(model, rig).model.parameters
     return {name: item for name, item in found.items() if not name.startswith("noise.")}

@@ -202,7 +202,6 @@ class FitTab:
         )
 
     def _changed(self) -> None:
-        """Show the command that the form stands for, or what it lacks."""
         if not self._ready:
             return
         suggested = model_choice.suggested_name(self._folder, self.data.names)

@@ -188,7 +188,6 @@ class SimulateTab:
         self._saving = SaveCard(context, self.inputs)
 
     def _change(self, whole: bool = True) -> None:
-        """Note that an input has changed, and have it drawn."""
         with suppress(InputError):  # shown where it is drawn
             self._saving.refresh()
         self._whole = self._whole or whole
@@ -232,7 +231,6 @@ class SimulateTab:
 
 
 def _legend() -> str:
-    """Say what the lines and arrows are."""
     lines = [
         f'<span><i style="border-top-style:{look["dash"]};border-color:{look["color"]}"></i>'
         f"{escape(look['name'])}</span>"

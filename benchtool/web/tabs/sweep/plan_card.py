@@ -206,7 +206,6 @@ class PlanCard:
 
     @shows_errors
     def _arm(self) -> None:
-        """Show what will spin, and want a confirmation where a motor turns."""
         self._context.require_control()
         self._look()
         if self._preview is None:
