@@ -42,8 +42,7 @@ class ServeInputs(Inputs):
         None
     )
     grbl: Annotated[
-        Path | None,
-        Input("Serve a G-code stage at this path as well; it alone moves the plate."),
+        Path | None, Input("Serve a G-code stage at this path as well; it alone moves the plate.")
     ] = None
     speed: Annotated[float, Gt(0.0), Le(1000.0), Input("Device seconds per wall second.")] = 1.0
     rate: Annotated[

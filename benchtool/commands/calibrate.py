@@ -51,8 +51,7 @@ class CalibrateInputs(Inputs):
         float, Gt(0.0), Le(LONGEST_S), Input("Counts are averaged for so long.", "s")
     ] = 3.0
     out: Annotated[
-        Path | None,
-        Input("Write the calibration to this new file, too, and its figure beside it."),
+        Path | None, Input("Write the calibration to this new file, too, and its figure beside it.")
     ] = None
 
 

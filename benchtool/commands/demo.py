@@ -30,10 +30,7 @@ class DemoInputs(Inputs):
         Path | None, Input("New folder.", empty="benchtool-demo, then benchtool-demo-2")
     ] = None
     speed: Annotated[
-        float,
-        Ge(1.0),
-        Le(1000.0),
-        Input("How much faster than life the virtual benches run."),
+        float, Ge(1.0), Le(1000.0), Input("How much faster than life the virtual benches run.")
     ] = 20.0
     seed: Annotated[int, Ge(0), Input("Seed of the virtual benches' noise.")] = 1
 

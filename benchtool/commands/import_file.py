@@ -23,8 +23,7 @@ class ImportInputs(Inputs):
     files: Annotated[tuple[Path, ...], Input("Files to import; each becomes one.", argument="FILE")]
     columns: Annotated[Path | None, Input("Column map (TOML) of any CSV, with units.")] = None
     over: Annotated[
-        tuple[str, ...],
-        Input("START:END:ROTOR, s: that rotor is over a surface; 'all' for each."),
+        tuple[str, ...], Input("START:END:ROTOR, s: that rotor is over a surface; 'all' for each.")
     ] = ()
     near_m: Annotated[
         Annotated[float, Ge(0.0), Le(1e5)] | None,

@@ -47,8 +47,7 @@ class DoctorInputs(Inputs):
     """What `benchtool doctor` takes."""
 
     port: Annotated[
-        str,
-        Input("What to look at: /dev/ttyUSB0, COM12, or a bench's address.", argument="PORT"),
+        str, Input("What to look at: /dev/ttyUSB0, COM12, or a bench's address.", argument="PORT")
     ] = ""
     udev_rule: Annotated[bool, Input("Print the udev rule for Linux and exit.")] = False
 

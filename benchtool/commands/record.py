@@ -31,10 +31,7 @@ class RecordInputs(Inputs):
     ]
     rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
     seconds: Annotated[
-        float,
-        Gt(0.0),
-        Le(3600.0),
-        Input("How long, on the bench's clock.", "s", label="Length, s"),
+        float, Gt(0.0), Le(3600.0), Input("How long, on the bench's clock.", "s", label="Length, s")
     ] = 40.0
     collective: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,

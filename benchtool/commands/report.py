@@ -36,8 +36,7 @@ class ReportInputs(Inputs):
         ),
     ] = None
     layout: Annotated[
-        Literal["page", "paper"],
-        Input("A page, or the paper's figures 3, 4, 6, 8 from recipes."),
+        Literal["page", "paper"], Input("A page, or the paper's figures 3, 4, 6, 8 from recipes.")
     ] = "page"
     recipes: PaperLayoutInputs = field(default_factory=PaperLayoutInputs)
     model: Annotated[str, Input("Model to draw beside the data: name, file or fit folder.")] = ""

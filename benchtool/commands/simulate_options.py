@@ -22,8 +22,7 @@ class CampaignInputs(Inputs):
     """What makes many runs of one."""
 
     vary: Annotated[
-        tuple[str, ...],
-        Input("NAME=FROM:TO:COUNT: a campaign over a grid; --out is needed."),
+        tuple[str, ...], Input("NAME=FROM:TO:COUNT: a campaign over a grid; --out is needed.")
     ] = ()
     seeds: Annotated[int, Ge(1), Input("Seeds per point of a campaign.")] = 1
     samples: Annotated[int, Ge(0), Input("Random points in place of the grid.")] = 0
@@ -42,8 +41,7 @@ class StudyInputs(Inputs):
         Input("Gain set (s3, s1a, stiff), or its file; several in a campaign.", commas=True),
     ] = ("s3",)
     duration_s: Annotated[
-        Annotated[float, Gt(0.0), Le(LONGEST_S)] | None,
-        Input("Length.", "s", empty="its own"),
+        Annotated[float, Gt(0.0), Le(LONGEST_S)] | None, Input("Length.", "s", empty="its own")
     ] = None
     seed: Annotated[int, Ge(0), Input("Seed of the noise.")] = 1
     settings: Annotated[

@@ -190,10 +190,7 @@ class Page:
         return Report(
             title=_value(self.title, subject),
             summary=_value(self.summary, subject),
-            sections=[
-                *self.sections(subject, figures),
-                Section("Made with", [Commands(commands)]),
-            ],
+            sections=[*self.sections(subject, figures), Section("Made with", [Commands(commands)])],
             simulated=is_simulated(subject),
             highlights=self.highlights(subject),
         )

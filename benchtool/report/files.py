@@ -42,11 +42,7 @@ def figure_bytes(figure: Figure, file_format: Format = "svg") -> bytes:
 
 
 def save_figure(
-    figure: Figure,
-    stem: Path,
-    formats: Sequence[Format] = ("svg", "png"),
-    *,
-    replace: bool = False,
+    figure: Figure, stem: Path, formats: Sequence[Format] = ("svg", "png"), *, replace: bool = False
 ) -> tuple[Path, ...]:
     """Write `stem`.svg, `stem`.png, ... and return their paths; overwrite only with `replace`."""
     contents = {

@@ -10,14 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Role = Literal[
-    "single_rotor",
-    "second_rig",
-    "three_rotors",
-    "quad",
-    "model",
-    "formula",
-    "measurement",
-    "muted",
+    "single_rotor", "second_rig", "three_rotors", "quad", "model", "formula", "measurement", "muted"
 ]
 
 BLACK = "#1b1b1b"

@@ -143,10 +143,7 @@ def distances_of(series: Sequence[RatioPoints]) -> Array:
 
 
 def draw_ratio(
-    figure: Figure,
-    series: Sequence[RatioPoints],
-    curves: Sequence[Curve],
-    basis: str,
+    figure: Figure, series: Sequence[RatioPoints], curves: Sequence[Curve], basis: str
 ) -> None:
     """Draw thrust ratios with error bars over model curves with their bands.
 

@@ -100,11 +100,7 @@ def test_kill_loses_no_row_and_the_run_goes_on(
     [(signal.SIGINT, "stopped by Ctrl-C"), (signal.SIGTERM, "stopped by SIGTERM")],
 )
 def test_a_signal_ends_it_safely_and_says_so(
-    tmp_path: Path,
-    served: str,
-    environment: dict[str, str],
-    number: signal.Signals,
-    reason: str,
+    tmp_path: Path, served: str, environment: dict[str, str], number: signal.Signals, reason: str
 ) -> None:
     run = tmp_path / "run"
     process = begin(served, run, environment, points=2)

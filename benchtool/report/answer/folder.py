@@ -36,10 +36,7 @@ def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
 
 
 def write_folder(
-    folder: Path,
-    answer: Answer,
-    effects_file: Path | None = None,
-    called: Path | None = None,
+    folder: Path, answer: Answer, effects_file: Path | None = None, called: Path | None = None
 ) -> Written:
     """Write everything of an answer and return where programs find model and next experiment.
 

@@ -118,10 +118,7 @@ ANSWER = Page(
                 *("parameters", "which"),
             ],
         ),
-        (
-            "The gap",
-            [gap_table, lambda answer: Paragraph(FLOOR.format(answer)), "gap", "overlay"],
-        ),
+        ("The gap", [gap_table, lambda answer: Paragraph(FLOOR.format(answer)), "gap", "overlay"]),
         ("Tolerances", [tolerances_table]),
         ("What was not judged", [_not_judged]),
         ("What stands behind it", [_facts]),
@@ -134,10 +131,7 @@ ANSWER = Page(
 
 
 def answer_page(
-    answer: Answer,
-    figures: Mapping[str, FigureBlock],
-    next_name: str = "",
-    folder: str = "",
+    answer: Answer, figures: Mapping[str, FigureBlock], next_name: str = "", folder: str = ""
 ) -> Report:
     """Return the report page of an answer.
 

@@ -87,10 +87,7 @@ FIT = Page(
             "{0.recipe.name}: figures",
             ["ratio", "thrust", "area", "residuals", "laws", "corner", "chains"],
         ),
-        (
-            "{0.recipe.name}: uncertainty budget",
-            [lambda fit: budget_blocks(fit.budget), "budget"],
-        ),
+        ("{0.recipe.name}: uncertainty budget", [lambda fit: budget_blocks(fit.budget), "budget"]),
         ("{0.recipe.name}: models compared", [_compared]),
         ("{0.recipe.name}: what stands behind it", [_facts]),
         lambda fit: run_sections(fit.data.hashes),

@@ -66,10 +66,7 @@ class StoredFit:
         blocks: list[Block] = [Paragraph(SIMULATED)] if self.simulated else []
         blocks.append(Paragraph(self.sentence))
         for result in self.results:
-            blocks += [
-                short_table(result),
-                Paragraph(f"{result.method}: {result.outcome.message}"),
-            ]
+            blocks += [short_table(result), Paragraph(f"{result.method}: {result.outcome.message}")]
         if len(self.results) > 1:
             blocks.append(methods_table(self.results))
         if self.budget is not None:

@@ -175,9 +175,7 @@ FLIGHT = Page("flight", [("The flight", ["flight"])])
 
 
 def fly_each(
-    case: FlightCase,
-    controls: Sequence[str],
-    own: Sequence[tuple[str, type[Any]]] = (),
+    case: FlightCase, controls: Sequence[str], own: Sequence[tuple[str, type[Any]]] = ()
 ) -> list[Flown]:
     """Fly a case out of ground effect with PID first, then under each controller.
 

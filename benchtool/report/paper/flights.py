@@ -279,10 +279,7 @@ PAPER = Page(
                 *("fig08-three-rotors", "fig09-attitude"),
             ],
         ),
-        (
-            "Set-ups",
-            ["fig07-partial-effect", "fig10-map", "fig11-cases", "fig29-plate-set-up"],
-        ),
+        ("Set-ups", ["fig07-partial-effect", "fig10-map", "fig11-cases", "fig29-plate-set-up"]),
         ("Controllers", ["fig16-observer-scheme", "fig19-feedforward-scheme"]),
         (
             "Flights",

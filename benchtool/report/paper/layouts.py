@@ -127,10 +127,7 @@ _register(
     "A quadrotor against a single rotor",
     "A quadrotor and a single rotor over their PFI curves, eq. (3) and eq. (2).",
     QUAD,
-    [
-        ("eq2", "single", EQ2, "formula"),
-        ("eq3", "quad", "PFI, quadrotor: eq. (3)", "quad"),
-    ],
+    [("eq2", "single", EQ2, "formula"), ("eq3", "quad", "PFI, quadrotor: eq. (3)", "quad")],
 )
 _register(
     "fig06-body-lift",

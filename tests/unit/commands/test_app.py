@@ -116,9 +116,7 @@ def test_an_option_that_was_removed_is_refused_wherever_it_stands(
 
 
 def test_a_fault_keeps_its_traceback_in_a_file(
-    run: Run,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
+    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     code, _, err = run("try", raising=ZeroDivisionError("a\nb"))

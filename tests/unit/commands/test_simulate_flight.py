@@ -131,9 +131,7 @@ def test_a_vehicle_that_turns_over_is_told(capsys: pytest.CaptureFixture[str]) -
     assert "PID: it turned over (roll " in capsys.readouterr().out
 
 
-def test_the_range_of_height_is_told_and_a_near_surface(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_range_of_height_is_told_and_a_near_surface(capsys: pytest.CaptureFixture[str]) -> None:
     low = ("--gains", "stiff", "--z-over-r", "1.5", "--controllers", "observer")
     assert run(*low) == 0
     lines = capsys.readouterr().out.splitlines()

@@ -211,11 +211,7 @@ def test_the_layout_of_the_paper_draws_recipes(
     ],
 )
 def test_anything_else_is_refused_in_one_sentence(
-    words: tuple[str, ...],
-    says: str,
-    run: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...], says: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table, empty = tmp_path / "table.csv", tmp_path / "empty"
     table.write_text("a,b\n1,2\n")

@@ -11,13 +11,7 @@ from matplotlib.figure import Figure
 from benchtool.core.errors import UnknownChoice, WouldOverwrite
 from benchtool.report.files import figure_bytes, save_figure
 from benchtool.report.palette import CYCLE, LOOKS
-from benchtool.report.style import (
-    SIMULATED,
-    SIMULATED_GID,
-    look,
-    new_figure,
-    ratio_label,
-)
+from benchtool.report.style import SIMULATED, SIMULATED_GID, look, new_figure, ratio_label
 
 
 @look()

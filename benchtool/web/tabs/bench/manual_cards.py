@@ -13,13 +13,7 @@ from benchtool.core.rig import Rig
 from benchtool.web.bench_process import messages
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
-from benchtool.web.widgets import (
-    CommandRow,
-    LocalSlider,
-    show_warnings,
-    shows_errors,
-    titled_card,
-)
+from benchtool.web.widgets import CommandRow, LocalSlider, show_warnings, shows_errors, titled_card
 
 
 class ThrottleCard:

@@ -17,13 +17,7 @@ from benchtool.core.inputs import changed, words
 from benchtool.web.bench_process.messages import StartRecording
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
-from benchtool.web.widgets import (
-    CommandRow,
-    confirm_arming,
-    open_tab,
-    shows_errors,
-    titled_card,
-)
+from benchtool.web.widgets import CommandRow, confirm_arming, open_tab, shows_errors, titled_card
 
 
 class RecordCard:

@@ -18,11 +18,7 @@ from benchtool.web.context import PageContext
 from benchtool.web.tabs.sweep.work import MeasuredRatios, Trace, measured_ratios, model_curves
 from benchtool.web.theme import LIGHT_INK
 
-BASES = {
-    "equal_rpm2": "equal rpm²",
-    "equal_pwm": "equal pulse",
-    "equal_power": "equal power",
-}
+BASES = {"equal_rpm2": "equal rpm²", "equal_pwm": "equal pulse", "equal_power": "equal power"}
 """What is held equal, in words."""
 
 assert tuple(BASES) == RATIO_BASES
