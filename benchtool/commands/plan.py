@@ -1,4 +1,4 @@
-"""`benchtool plan`: what reaches a wanted uncertainty, and the sweep to type next."""
+"""`benchtool plan`: what reaches a target uncertainty, and the sweep to type next."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PlanInputs(Inputs):
     goal: Annotated[
         str,
         Input(
-            "Quantity and wanted standard uncertainty: R=0.5%, or K_b=0.02 in its unit.",
+            "Quantity and target standard uncertainty: R=0.5%, or K_b=0.02 in its unit.",
             option="for",
         ),
     ] = ""
@@ -40,7 +40,7 @@ class PlanInputs(Inputs):
 
 @declared(PlanInputs, lambda given: PlanInputs(recipe=recipe_given(given, "plan")))
 def plan(inputs: PlanInputs) -> None:
-    """Say which visits and parts reach a wanted uncertainty."""
+    """Find visits and better known inputs that reach a target uncertainty."""
     from benchtool.commands.terminal.show_fit import working
     from benchtool.commands.terminal.tables import Output, print_table
     from benchtool.fit.run_recipe import run_recipe
@@ -56,19 +56,19 @@ def plan(inputs: PlanInputs) -> None:
     console = Output()
     console.say(
         f"{found.name}: standard uncertainty {_size(found, found.sd)} now, "
-        f"{_size(found, found.wanted)} wanted"
+        f"target {_size(found, found.wanted)}"
     )
     if found.sd <= found.wanted:
-        console.say("it is reached: nothing more to measure")
+        console.say("the target is reached: no further measurement is needed")
         return
     rows = [
         (_words(one, output), _size(found, one.sd), _judged(one.sd, found)) for one in found.single
     ]
-    heads = ("one step by itself", "uncertainty then", "enough")
-    print_table(console, Table("From the sensitivities of this fit:", heads, rows))
-    reached = "reaches" if found.reached else "comes nearest to it with"
+    heads = ("single step", "resulting uncertainty", "sufficient")
+    print_table(console, Table("Predicted from the sensitivities of this fit:", heads, rows))
+    reached = "reaches" if found.reached else "comes closest with"
     console.say(
-        f"together: {_words(found.together, output) or 'nothing'} {reached} "
+        f"combined: {_words(found.together, output) or 'nothing'} {reached} "
         f"{_size(found, found.together.sd)}"
     )
     if found.together.visits > 1 or found.together.moved:
@@ -76,9 +76,9 @@ def plan(inputs: PlanInputs) -> None:
 
 
 def _goal(text: str) -> tuple[str, float, bool]:
-    """Return quantity, number, and whether that is a part of the value."""
+    """Return quantity, number, and whether it is relative to the value."""
     if not text:
-        raise InputError("which uncertainty is wanted? give it, for example --for R=0.5%")
+        raise InputError("no target uncertainty is given; give one, for example --for R=0.5%")
     match = re.fullmatch(r"\s*([\w.]+)\s*=\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(%?)\s*", text)
     try:
         name, number, percent = match.groups() if match else ("", "", "")
@@ -101,7 +101,7 @@ def _size(found: Reach, sd: float) -> str:
 
 
 def _judged(sd: float, found: Reach) -> str:
-    return "yes" if sd <= found.wanted else "no" if sd < found.sd else "no: it grows"
+    return "yes" if sd <= found.wanted else "no" if sd < found.sd else "no: it increases"
 
 
 def _words(way: Way, output: FitOutput) -> str:
@@ -116,7 +116,7 @@ def _words(way: Way, output: FitOutput) -> str:
         if line.name in way.known:
             unit = "" if line.unit == "1" else f" {line.unit}"
             sd = way.known[line.name] * line.sd
-            words.append(f"know {line.name} to {sd:.2g}{unit} (now {line.sd:.2g}{unit})")
+            words.append(f"determine {line.name} to {sd:.2g}{unit} (now {line.sd:.2g}{unit})")
     return ", ".join(words)
 
 

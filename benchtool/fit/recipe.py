@@ -80,23 +80,26 @@ class Recipe(Inputs):
         Len(1),
         Input("Estimator to run; repeatable.", option="method", label="Estimators"),
     ] = ("least_squares",)
-    free: Annotated[tuple[str, ...], Input("Free one more parameter; repeatable.")] = ()
+    free: Annotated[tuple[str, ...], Input("Fit this parameter, too; repeatable.")] = ()
     fix: Annotated[
-        Mapping[str, float], Input("Hold NAME=VALUE, or NAME at its value; repeatable.")
+        Mapping[str, float],
+        Input("Fix a parameter at NAME=VALUE, or NAME at the model's value; repeatable."),
     ] = field(default_factory=dict)
-    hold: Annotated[tuple[str, ...], Input("Hold NAME at the model's value; repeatable.")] = ()
+    hold: Annotated[
+        tuple[str, ...], Input("Fix a parameter at the model's value; repeatable.")
+    ] = ()
     noise: Annotated[
         Noise,
         Input("Errors as stated, scaled by one factor, with scatter added.", label="Errors"),
     ] = "auto"
     loss: Annotated[
         Literal["linear", "soft_l1", "huber"],
-        Input("Of residuals; soft_l1 and huber count distant points less.", label="Loss"),
+        Input("Loss of the residuals; soft_l1 and huber give outliers less weight.", label="Loss"),
     ] = "linear"
     min_z_over_R: Annotated[
         Annotated[float, Ge(0.0)] | None,
         Input(
-            "Leave out points nearer than this z/R; from where the model's law holds without.",
+            "Leave out points nearer than this z/R; without, those where the law is not valid.",
             option="min-z-over-r",
             label="Nearest z/R",
         ),
@@ -104,15 +107,17 @@ class Recipe(Inputs):
     compare: Annotated[
         tuple[str, ...],
         Input(
-            "Hold this model against it, too, or all laws of distance (laws); repeatable.",
-            label="Hold against models, or laws",
+            "Compare with this model, or with all laws of distance (laws); repeatable.",
+            label="Compare with models, or laws",
         ),
     ] = ()
     walkers: Annotated[
         int, Ge(8), Input("Walkers of each emcee ensemble.", label="Walkers of emcee")
     ] = 32
     max_steps: Annotated[
-        int, Ge(100), Input("Most emcee steps of each walker.", label="Most steps of emcee")
+        int,
+        Ge(100),
+        Input("Largest number of emcee steps per walker.", label="Most steps of emcee"),
     ] = 20_000
     seed: Annotated[int, Ge(0), Input("Seed of everything random.", label="Seed")] = 1
     air: Air = field(default_factory=Air)

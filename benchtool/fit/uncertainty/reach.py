@@ -1,4 +1,4 @@
-"""What reaches a wanted uncertainty: more visits, other distances, a better known source.
+"""What reaches a target uncertainty: more visits, other distances, a better known source.
 
 Everything follows from the sensitivities of a fit that was made: the points are weighted as they
 would be then, and the model is taken where the fit found it.

@@ -48,13 +48,13 @@ def test_a_table_gets_a_dry_run_of_its_rig(
 
 def test_what_is_reached_needs_no_sweep(capsys: pytest.CaptureFixture[str]) -> None:
     out = planned(capsys, RUN, "--model", "quad_bench", "--for", "R=90%")
-    assert out.splitlines()[-1] == "it is reached: nothing more to measure"
+    assert out.splitlines()[-1] == "the target is reached: no further measurement is needed"
 
 
 @pytest.mark.parametrize(
     ("goal", "said"),
     [
-        ("", "which uncertainty is wanted? give it, for example --for R=0.5%"),
+        ("", "no target uncertainty is given; give one, for example --for R=0.5%"),
         ("R=0", "a quantity and a number above 0 are needed"),
         ("R=1.2.3%", "a quantity and a number above 0 are needed"),
         ("Q=1%", "unknown quantity 'Q'; known: R_m, R_over_rotor_radius, body_lift.K_b, k"),

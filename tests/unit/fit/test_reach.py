@@ -1,4 +1,4 @@
-"""What reaches a wanted uncertainty, against fits of what would then be measured."""
+"""What reaches a target uncertainty, against fits of what would then be measured."""
 
 from __future__ import annotations
 
