@@ -40,7 +40,7 @@ class PlanInputs(Inputs):
 
 @declared(PlanInputs, lambda given: PlanInputs(recipe=recipe_given(given, "plan")))
 def plan(inputs: PlanInputs) -> None:
-    """Find visits and better known inputs that reach a target uncertainty."""
+    """Find visits and better inputs for a target uncertainty."""
     from benchtool.commands.terminal.show_fit import working
     from benchtool.commands.terminal.tables import Output, print_table
     from benchtool.fit.run_recipe import run_recipe
