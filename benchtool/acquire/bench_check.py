@@ -198,10 +198,7 @@ class Mapped(Protocol):
 
 
 def learn_motors(
-    bench: Bench,
-    rig: Rig,
-    rotor_of: Callable[[int], int],
-    report: Callable[[str], None],
+    bench: Bench, rig: Rig, rotor_of: Callable[[int], int], report: Callable[[str], None]
 ) -> MotorMap:
     """Turn each motor alone at low throttle and note its output and its ESC.
 

@@ -202,10 +202,6 @@ def _slope_per_kg(days_kg: Sequence[Array], dof: int) -> float:
 
     A mass that hung several times had the same error each time; nothing hung at 0 kg. What such
     errors leave over of the lines is in the scatter of the readings already, and is taken off.
-
-    Args:
-        days_kg: masses of each day.
-        dof: degrees of freedom of the scatter.
     """
     moved: dict[float, float] = {}
     left, spread = 0.0, 0.0

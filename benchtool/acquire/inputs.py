@@ -113,8 +113,7 @@ class Weighing(Inputs):
         str, Input("Who hangs the masses; the user when left out.", label="Who calibrates")
     ] = ""
     certificate: Annotated[
-        str,
-        Input("What the masses are traceable to: number, who, when.", label="Certificate"),
+        str, Input("What the masses are traceable to: number, who, when.", label="Certificate")
     ] = ""
 
 

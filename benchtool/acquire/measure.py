@@ -28,7 +28,6 @@ def measure(
 
     Args:
         reached_m: plate distance that the stage reported; used where the stream has none.
-        sensors: of the rig, for their resolution.
         now_s: time of the point where it has no samples.
     """
     place = visit.setting.place

@@ -36,9 +36,6 @@ def new_run(
 
     Args:
         folder: where run folders are made, and exactly which one; None names it by date and plan.
-        operator: who measures; the user when empty.
-        air: around the bench; the standard one when left out.
-        calibration: of the load cell, where one is applied.
 
     Raises:
         WouldOverwrite: the folder exists.
@@ -65,7 +62,6 @@ def new_pitch_run(
     Args:
         folder: where run folders are made, the run's name, and exactly which one; None names it by
             date and name.
-        operator: who measures; the user when empty.
 
     Raises:
         WouldOverwrite: the folder exists.

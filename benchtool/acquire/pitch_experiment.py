@@ -77,7 +77,6 @@ def check_experiment(
     """Refuse an experiment that the limits do not allow; return what its collective gives.
 
     Args:
-        device_limits: those that the device states.
         idle_us: pulse above which the device arms; the rig's start of the pulse map when None.
 
     Raises:

@@ -64,11 +64,7 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
 
 
 def _recomputed(
-    points: Recording,
-    samples: Recording,
-    calibration: Calibration,
-    tare_s: float,
-    quantum_N: float,
+    points: Recording, samples: Recording, calibration: Calibration, tare_s: float, quantum_N: float
 ) -> Recording:
     raw = samples.column("thrust_raw")
     time_s, phase = samples.column("time_s"), samples.column("phase")

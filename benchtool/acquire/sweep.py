@@ -99,9 +99,7 @@ def run_sweep(
     """Run a resolved and checked plan on an open bench, and end it as `run_to_end` says.
 
     Args:
-        plan: resolved for the rig.
         calibration: applied to raw counts in points.csv; samples.csv stores what the device sent.
-        start: where a resumed run goes on.
         waits: called before every visit; while it returns True, motors stand still and the bench
             is read on.
 

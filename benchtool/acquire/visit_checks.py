@@ -166,7 +166,6 @@ class VisitWatch:
     """Look at the samples of a visit while they come.
 
     Args:
-        joined: makes one recording of readings.
         commanded_s: when the ramp of the visit ended.
 
     Attributes:
@@ -175,10 +174,7 @@ class VisitWatch:
     """
 
     def __init__(
-        self,
-        checks: VisitChecks,
-        joined: Callable[[list[Readings]], Recording],
-        commanded_s: float,
+        self, checks: VisitChecks, joined: Callable[[list[Readings]], Recording], commanded_s: float
     ) -> None:
         self._checks, self._joined, self._commanded_s = checks, joined, commanded_s
         self._recent: list[Readings] = []

@@ -45,9 +45,7 @@ class Calibration(FiniteTable):
     """Turn raw counts into newtons: N = slope (counts - zero), zero from the tare.
 
     Attributes:
-        id: date and device.
         date: when the masses hung last, ISO 8601.
-        device_id: the bench it belongs to.
         slope_N_per_count, offset_N: of N = slope counts + offset on the last day.
         covariance: of (slope, offset) by the scatter about the line of that day, 2 by 2.
         relative_sd: standard uncertainty of the slope over the slope, by all components; common to
@@ -58,7 +56,6 @@ class Calibration(FiniteTable):
         masses_kg, counts, days: what hung, what was read, on which day, in order.
         residuals_N: what the line of the day leaves over.
         lever_ratio: force on the cell over force at the rotor.
-        gravity_m_s2: local acceleration of free fall.
         components: independent sources of `relative_sd`; none in files of earlier versions.
         calibrated_by, certificate: who hung the masses, and what they are traceable to.
     """
@@ -103,11 +100,7 @@ class Calibration(FiniteTable):
 
 
 def calibration_dof(calibration: Mapping[str, Any]) -> float:
-    """Return the effective degrees of freedom of a calibration's `relative_sd`.
-
-    Args:
-        calibration: as its file or a run's metadata holds it.
-    """
+    """Return the effective degrees of freedom of a calibration's `relative_sd`."""
     parts = calibration.get("components")
     if not parts:
         return max(float(len(calibration["masses_kg"]) - 2), 1.0)
@@ -129,11 +122,7 @@ def read_calibration(path: Path) -> Calibration:
 
 
 def traceability(calibration: Mapping[str, Any]) -> str:
-    """Return in a sentence who calibrated when, with which certificate.
-
-    Args:
-        calibration: as its file or a run's metadata holds it.
-    """
+    """Return in a sentence who calibrated when, with which certificate."""
     by = calibration.get("calibrated_by") or "somebody who is not named"
     certificate = calibration.get("certificate")
     with_ = f"certificate {certificate}" if certificate else "no certificate stated"

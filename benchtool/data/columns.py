@@ -26,16 +26,7 @@ out of ground effect; anchor: one setting repeated to see drift; tare: what was 
 failed: a visit of which too few samples came, which no reader uses and a resumed run repeats.
 """
 
-PHASES: tuple[str, ...] = (
-    "tare",
-    "move",
-    "rest",
-    "ramp",
-    "settle",
-    "sample",
-    "end",
-    "interrupted",
-)
+PHASES: tuple[str, ...] = ("tare", "move", "rest", "ramp", "settle", "sample", "end", "interrupted")
 """Phases of samples; in a `Recording` the channel `phase` holds the position in this tuple.
 
 Only `sample` rows make points. Rows of a visit that was cut short are `interrupted` after the run

@@ -41,11 +41,9 @@ class CsvTable:
     """Hold the cells of a CSV file as text.
 
     Attributes:
-        where: the file's path as given.
         header: column names without surrounding blanks.
         rows: cells, as many as the header in every row.
         lines: line number of each row in the file, from 1.
-        repairs: what had to be mended, in words.
     """
 
     where: str
@@ -59,7 +57,6 @@ def read_csv_text(path: Path, *, own: bool = False, follow: bool = True) -> CsvT
     """Return the cells of a CSV file, mended or refused.
 
     Args:
-        path: the file.
         own: the file is one of ours: a last line without its line end was cut by a kill and is
             left out, even when it looks whole.
         follow: whether a symbolic link in place of the file is followed.
@@ -207,14 +204,11 @@ class TextTable:
     """Hold the rows of a text file, all of one width, as bytes.
 
     Attributes:
-        where: the file's path as given.
         header: (w,) column names without surrounding blanks; "" for a column without a name.
         body: the rows, each of w cells, ended by a newline; a view of the file where that was even.
         lines: (n,) line number of each row in the file, from 1.
-        delimiter: one character.
         decimal: "." or ",".
         rows_in_file: lines below the header that hold anything.
-        findings: what was mended or refused.
         is_even: every row looks as wide as the header; a reader that finds otherwise evens it.
     """
 

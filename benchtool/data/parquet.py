@@ -70,7 +70,6 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
     """Return the samples of a Parquet file that was written here.
 
     Args:
-        path: of the file.
         names: of the columns to read, those that are not in the file left out; all when left out.
 
     Raises:

@@ -55,14 +55,11 @@ class Where:
 
 
 def read_table(
-    path: str | Path,
-    columns: ColumnMap | None = None,
-    where: Sequence[Where | str] = (),
+    path: str | Path, columns: ColumnMap | None = None, where: Sequence[Where | str] = ()
 ) -> Recording:
     """Return the rows of a CSV file as a recording.
 
     Args:
-        path: the file.
         columns: our columns and where each comes from; left out, the file's columns must carry
             our names, and those that hold no number are left out.
         where: row filters, all of which must hold.

@@ -95,11 +95,7 @@ def _rates(log: MessageLog) -> list[Stream]:
         "roll_rate_rad_s": ("GyrX", 1.0),
         "yaw_rate_rad_s": ("GyrZ", 1.0),
     }
-    seen = {
-        "gyro_rad_s": ("P", -RAD),
-        "roll_rate_rad_s": ("R", RAD),
-        "yaw_rate_rad_s": ("Y", RAD),
-    }
+    seen = {"gyro_rad_s": ("P", -RAD), "roll_rate_rad_s": ("R", RAD), "yaw_rate_rad_s": ("Y", RAD)}
     wanted: Scales = {
         "gyro_ref_rad_s": ("PDes", -RAD),
         "roll_rate_ref_rad_s": ("RDes", RAD),

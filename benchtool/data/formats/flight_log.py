@@ -24,11 +24,7 @@ _NEEDS: tuple[tuple[str, str, str], ...] = (
     ("rates", r"gyro_rad_s", "no rates stand in it; differences of the attitude are all there is"),
     ("reference", r"theta_ref_rad", "no wanted pitch stands in it"),
     ("outputs", r"pwm\d+_us|motor\d+_share", "no motor outputs stand in it"),
-    (
-        "rpm",
-        r"rpm\d+",
-        "no ESC or tachometer gives speeds; they can only be modelled from outputs",
-    ),
+    ("rpm", r"rpm\d+", "no ESC or tachometer gives speeds; they can only be modelled from outputs"),
     ("distance", r"distance_m", "no distance sensor stands in it; --over says what it flew over"),
 )
 """What a pitch recording is made of, the channels that hold it, and what its lack means."""
@@ -161,7 +157,6 @@ def motors_of(
     """Return motor number by output channel (from 1), in the order of the motors.
 
     Args:
-        parameters: of the autopilot.
         pattern: of the names that give a channel its function; its group is the channel.
         functions: motor number by function.
     """
@@ -184,7 +179,6 @@ def logged_motors(
         motors: motor number by channel, as the parameters say; empty where none does.
         logged: channels with pulses; each is taken for the motor of its number without parameters.
         parameter: what would say it, for people.
-        findings: added to.
     """
     if not motors:
         words = (

@@ -49,10 +49,7 @@ class FormatReader(Protocol):
         """Return what a file's bytes hold.
 
         Args:
-            data: the whole file.
             where: its path as given, for people.
-            provenance: facts for the recording.
-            options: the user's.
 
         Raises:
             FileFormatError: nothing readable in it.

@@ -119,9 +119,7 @@ def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
 
 
 def _vehicle(
-    frames: Mapping[int, list[Frame]],
-    layouts: Mapping[str, PayloadLayout],
-    findings: list[Finding],
+    frames: Mapping[int, list[Frame]], layouts: Mapping[str, PayloadLayout], findings: list[Finding]
 ) -> tuple[int, int] | None:
     """Return the system and component that sends most attitudes, or that sends heartbeats."""
     for name in ("ATTITUDE", "SERVO_OUTPUT_RAW", "HEARTBEAT"):

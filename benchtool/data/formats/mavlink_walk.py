@@ -28,10 +28,8 @@ class TlogWalk(NamedTuple):
     """Hold the frames of the wanted kinds by message number, and the account of all.
 
     Attributes:
-        frames: by message number.
         total: whole frames of any kind.
         broken: frames whose checksum is wrong, or that the end cuts.
-        findings: in words.
     """
 
     frames: dict[int, list[Frame]]
@@ -51,7 +49,6 @@ def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], i
     """Return the frames of a log.
 
     Args:
-        data: the file.
         extras: CRC_EXTRA of each wanted message number; other numbers are counted unchecked.
         checksum: of MAVLink, over a frame without its first byte and with CRC_EXTRA at its end.
     """

@@ -234,10 +234,8 @@ class UlogWalk(NamedTuple):
 
     Attributes:
         whole: the log's bytes without those that are no message.
-        total: whole data messages.
         broken: 1 for a data message that the end cuts.
         has_definitions: every definition is whole.
-        findings: in words.
     """
 
     whole: bytes

@@ -70,9 +70,5 @@ def read_uiuc(data: bytes, where: str, provenance: Mapping[str, str], options: O
         torque = recording.column("cp") * density * turns_per_s**2 * diameter_m**5 / (2.0 * pi)
         recording = recording.with_column(Channel("torque_Nm", "N m"), np.asarray(torque))
     facts = {**recording.provenance, "diameter_m": f"{diameter_m:.6g}", "air_kg_m3": f"{density:g}"}
-    sources = {
-        **read.sources,
-        "thrust_N": "CT rho n^2 D^4",
-        "torque_Nm": "CP rho n^2 D^5 / (2 pi)",
-    }
+    sources = {**read.sources, "thrust_N": "CT rho n^2 D^4", "torque_Nm": "CP rho n^2 D^5 / (2 pi)"}
     return replace(read, recording=replace(recording, provenance=facts), sources=sources)

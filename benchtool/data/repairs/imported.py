@@ -22,8 +22,6 @@ class Tally:
 
     Attributes:
         unit: "row" or "message".
-        total: in the file.
-        kept: in the recording.
         refused: counted, not in the recording, each with its line or byte in a finding.
         not_needed: whole and readable, of a kind that no recording holds.
     """
@@ -62,7 +60,6 @@ class Imported:
 
     Attributes:
         recording: the values, in benchtool's channels and units.
-        format: name of the format that was read.
         findings: repairs, doubts, refusals and lacks, in the order of the reading.
         tally: the account of rows or messages.
         sources: for each channel, the file's own column or message.

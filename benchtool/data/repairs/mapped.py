@@ -77,7 +77,6 @@ def map_header(
     """Return the columns of a table that are known, and findings about units and the others.
 
     Args:
-        table: laid out.
         channel_of: our channel by the column's name without its unit; None where it is unknown.
         units: the unit by channel that a column without one has; our own where it is not here.
         derived: names of columns that are computed from the others, and are left out as such.
@@ -140,10 +139,6 @@ def read_columns(
     Columns whose cells are all blank are reported and left out.
 
     Args:
-        table: laid out.
-        columns: what to read.
-        format_name: for people.
-        provenance: facts for the recording.
         findings: what the reader of the header found.
         choose: looks at the numbers that were read and returns which columns stay.
     """

@@ -90,11 +90,7 @@ def _too_efficient(recording: Recording) -> list[Finding]:
 
 
 def compare_speeds(named: Sequence[tuple[str, Recording]]) -> dict[str, list[Finding]]:
-    """Return doubts about files that hold another speed at the same pulse and thrust.
-
-    Args:
-        named: file and recording.
-    """
+    """Return doubts about files that hold another speed at the same pulse and thrust."""
     found: dict[str, list[Finding]] = {name: [] for name, _ in named}
     curves = [(name, curve) for name, item in named if (curve := _curve(item)) is not None]
     for (name, one), (other_name, other) in combinations(curves, 2):

@@ -105,7 +105,6 @@ class AppendFile:
         This works for a file that was deleted or moved, too: the handle still leads to it.
 
         Args:
-            path: of the new file.
             whole: with what the file holds, not only what could not be written to it.
         """
         assert self._handle is not None
@@ -159,8 +158,6 @@ class AppendTable(AppendFile):
     """Append rows below a header; a new file gets it, an old one must have the same.
 
     Args:
-        path: of the file.
-        columns: in their order.
         advice: what an old file with other columns means, for people.
     """
 
@@ -178,12 +175,7 @@ class AppendTable(AppendFile):
 
 
 class SampleWriter(AppendTable):
-    """Append samples; a row has reached the operating system when `append` returns.
-
-    Args:
-        path: samples.csv of a run.
-        channels: what the device streams, in its order.
-    """
+    """Append samples; a row has reached the operating system when `append` returns."""
 
     def __init__(self, path: Path, channels: tuple[Channel, ...]) -> None:
         names = (*SAMPLE_START, *(channel.name for channel in channels))
@@ -202,7 +194,6 @@ class SampleWriter(AppendTable):
             point: number of the visit they belong to, 0 for none.
             phase: what the bench was doing, one of `columns.PHASES`.
             time_s: (m,) host time since the run began.
-            device_time_us: (m,) the device's own time.
             values: (m, c) in channel order; nan becomes an empty cell.
         """
         middle = f",{point},{phase},"

@@ -132,9 +132,7 @@ class SamplesFound:
     """Say what samples.csv holds.
 
     Attributes:
-        rows: how many.
         last_s: largest time since the run began; 0 without a row.
-        done: visits that have their points.
         from_byte: where the first row stands that belongs to no visit that is done and is not
             marked yet; None where there is none.
     """
@@ -150,7 +148,6 @@ def scan_samples(path: Path, done: frozenset[int]) -> SamplesFound:
 
     Args:
         path: samples.csv; a last line that was cut is left out.
-        done: visits that have their points.
 
     Raises:
         FileFormatError: a line that no writer of ours has written.
@@ -190,7 +187,6 @@ def write_marked(path: Path, found: SamplesFound) -> None:
     `take_marked` puts it in their place. Nothing but the phase of those rows changes.
 
     Args:
-        path: samples.csv.
         found: by `scan_samples`, in the file as it is.
     """
     if found.from_byte is None:

@@ -52,7 +52,6 @@ class Entry:
 
     Attributes:
         name: by which `RunsFolder.path_of` finds it.
-        kind: one of `ENTRY_KINDS`.
         rig: name of the rig, or for a fit and an explanation of the model.
         started: when the run began, or when a result was written; None where it is not known.
         state: "ended", "stopped", "running"; a fit's outcome; an explanation's verdict.
@@ -262,7 +261,6 @@ def list_entries(folder: RunsFolder, seen: Seen | None = None) -> tuple[Entry, .
     """Return everything in a runs folder, the newest first; a folder that is not there is empty.
 
     Args:
-        folder: of runs.
         seen: passed again to the next call, so that only what has changed is read again.
     """
     if not folder.root.is_dir():

@@ -159,10 +159,6 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 def read_recording_facts(path: Path, format_: str) -> dict[str, Any]:
     """Return the facts of the JSON beside a recording.
 
-    Args:
-        path: of the JSON.
-        format_: that it must state.
-
     Raises:
         FileFormatError: it cannot be read, or holds a value that no recording states.
     """

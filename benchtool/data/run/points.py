@@ -20,7 +20,6 @@ class Point:
 
     Attributes:
         point: number of the visit, from 1; 0 for a tare.
-        kind: one of `columns.KINDS`.
         setting: number of the setting that was visited, from 1; 0 for a tare.
         repeat: how often this setting had been visited, from 1.
         time_s: middle of the samples, since the run began.

@@ -36,7 +36,6 @@ def read_points(
     """Return the points of a run folder, or of any points.csv, without the tares.
 
     Args:
-        path: a run folder or a points.csv.
         kinds: which kinds of points to keep, of `columns.KINDS`.
     """
     recording = _read(_file(path, "points.csv"), Path(path))
@@ -64,7 +63,6 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
     29 MB.
 
     Args:
-        path: a run folder or a samples.csv.
         names: of the columns to read, those that are not in the file left out; all when left out.
     """
     path = Path(path)
@@ -182,9 +180,6 @@ def read_pitch(path: str | Path) -> Recording:
 
     Only what was recorded at full collective, not the ramps. time_s is the device's own time since
     then, evenly spaced; a channel without a new value is nan.
-
-    Args:
-        path: a run folder or a samples.csv.
     """
     present = sample_names(path)
     for name in NEEDED:

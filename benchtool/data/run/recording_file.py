@@ -35,9 +35,7 @@ def write_recording(
 
     Args:
         path: ends in .csv or .parquet.
-        recording: what to write.
         facts: for the JSON, beside what is written there for every recording.
-        overwrite: replace files of these names.
     """
     suffix = path.suffix.lower()
     if suffix not in (".csv", ".parquet"):

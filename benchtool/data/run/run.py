@@ -154,8 +154,6 @@ class Run:
         A whole run is owned there from then on.
 
         Args:
-            path: of the new folder.
-            facts: to replace in the metadata.
             files: that grow while the run is measured.
             whole: with what they hold, not only what could not be written to them.
 
@@ -203,9 +201,6 @@ class Run:
         """Say what samples there are, and make ready to mark those of visits cut short.
 
         The run itself is as it was until a `RunWriter` goes on with it.
-
-        Args:
-            done: visits that have their points.
 
         Raises:
             InputError: another process measures or closes it.

@@ -20,7 +20,6 @@ def run_rig(folder: str | Path, metadata: Mapping[str, Any] | None = None) -> Ri
     """Return the rig of a run folder.
 
     Args:
-        folder: of the run.
         metadata: what its metadata.json holds; read when left out.
 
     Raises:

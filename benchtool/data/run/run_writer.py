@@ -26,11 +26,6 @@ class RunWriter:
     The first write that fails, and the first call that finds another folder or file in place of
     the one that was opened, raises; `fault` holds that error from then on. What is appended later
     raises no more and waits for `rescue`.
-
-    Args:
-        run: created or reopened.
-        channels: what the device streams, in its order.
-        n_rotors: of the bench.
     """
 
     def __init__(self, run: Run, channels: tuple[Channel, ...], n_rotors: int) -> None:

@@ -169,10 +169,7 @@ def keep_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
     """Write a checked table into a folder of its own in the runs folder and return its path.
 
     Args:
-        folder: of runs.
         name: of the file as it was handed over; only letters, digits and a few signs stay.
-        data: its bytes.
-        date: begins the folder's name.
 
     Raises:
         FileFormatError: see `checked_table`; nothing was written.

@@ -24,7 +24,6 @@ class WholeLines(io.RawIOBase):
     """Read a file up to its last line end; what a kill left behind it is no row.
 
     Attributes:
-        names: of the columns.
         lines: how many there are below the header.
         cut: whether something stands behind the last line end.
     """
@@ -67,8 +66,6 @@ def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Itera
     """Yield record batches of some columns; words are text, a blank number is null.
 
     Args:
-        lines: of the file, not read yet.
-        path: of the file, for the error.
         names: of the columns, all of them in the file.
 
     Raises:
@@ -154,7 +151,6 @@ def read_stream(path: Path, names: Sequence[str] | None) -> tuple[tuple[str, ...
     """Return names and numbers (n, c) of some columns, and whether the last line was cut.
 
     Args:
-        path: samples.csv.
         names: of the columns, those that are not in the file left out; all when left out.
     """
     with WholeLines(path) as lines:

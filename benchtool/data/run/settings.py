@@ -98,13 +98,7 @@ SUFFIXES = (".csv", ".parquet")
 
 
 def exported(run: Path, table: str, suffix: str) -> bytes:
-    """Return one table of a run as the bytes of a CSV or Parquet file.
-
-    Args:
-        run: a run folder.
-        table: one of `TABLES`.
-        suffix: one of `SUFFIXES`.
-    """
+    """Return one table of a run as the bytes of a CSV or Parquet file."""
     if table not in TABLES:
         raise UnknownChoice("table of a run", table, TABLES)
     if suffix not in SUFFIXES:

@@ -64,10 +64,7 @@ def test_a_good_bench_passes_every_check() -> None:
 @pytest.mark.parametrize(
     ("change", "failed"),
     [
-        (
-            swap_rotors,
-            ["rotor 1 speed", "rotor 1 channel", "rotor 2 speed", "rotor 2 channel"],
-        ),
+        (swap_rotors, ["rotor 1 speed", "rotor 1 channel", "rotor 2 speed", "rotor 2 channel"]),
         (turn_thrust_round, [f"rotor {i} thrust" for i in range(1, 5)]),
         (count_poles_double, ["rotor 1 speed"]),
     ],

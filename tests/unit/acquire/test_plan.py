@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.check_plan import check_plan, expected_extremes
-from benchtool.acquire.order import (
-    expected_duration_s,
-    settings_of,
-    visits_of,
-)
+from benchtool.acquire.order import expected_duration_s, settings_of, visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
 from benchtool.core.errors import (
     BenchtoolError,

@@ -48,8 +48,7 @@ def test_thrust_of_a_hover_is_mass_times_gravity_and_acceleration(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("climb_m_s", "speed", "steady"),
-    [(0.04, 4000.0, 4), (0.06, 4000.0, 0), (0.0, 0.0, 0)],
+    ("climb_m_s", "speed", "steady"), [(0.04, 4000.0, 4), (0.06, 4000.0, 0), (0.0, 0.0, 0)]
 )
 def test_only_steady_stays_with_turning_rotors_are_points(
     tmp_path: Path, climb_m_s: float, speed: float, steady: int
