@@ -54,6 +54,11 @@ def imported(text: str | bytes, where: str = "log.csv", **options: object) -> Im
     return read
 
 
+def logged(changed: dict[str, np.ndarray], rows: int = 20, **options: object) -> Imported:
+    """Import the log of steps with some of its columns changed."""
+    return imported(log_text(steps_1580(rows, **changed)), **options)
+
+
 def found(read: Imported, what: str) -> list[Finding]:
     """Give the findings of one matter."""
     return [item for item in read.findings if item.what == what]

@@ -7,7 +7,7 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from tests.unit.data.stand_logs import HEADER_1580, found, imported, log_text, steps_1580
+from tests.unit.data.stand_logs import HEADER_1580, found, imported, log_text, logged, steps_1580
 
 GRAM_FORCE_N = STANDARD_GRAVITY_M_S2 / 1000.0
 
@@ -51,7 +51,7 @@ def test_a_spreadsheet_saved_it() -> None:
 def test_blank_cells_of_a_slower_channel_stay_blank() -> None:
     thrust = steps_1580()["Thrust (gf)"].copy()
     thrust[1::2] = np.nan
-    read = imported(log_text(steps_1580(**{"Thrust (gf)": thrust})))
+    read = logged({"Thrust (gf)": thrust})
     assert np.count_nonzero(np.isnan(read.recording.column("thrust_N"))) == 10
     (finding,) = found(read, "blank cells")
     assert (finding.channel, finding.count) == ("thrust_N", 10)
@@ -60,7 +60,7 @@ def test_blank_cells_of_a_slower_channel_stay_blank() -> None:
 def test_the_first_row_is_stamped_late() -> None:
     time_s = steps_1580()["Time (s)"].copy()
     time_s[0] = 0.6
-    read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
+    read = logged({"Time (s)": time_s})
     assert read.recording.column("time_s")[:3].tolist() == [0.5, 0.5, 1.0]
     (finding,) = found(read, "time goes backwards")
     assert finding.lines == "2"
@@ -68,7 +68,7 @@ def test_the_first_row_is_stamped_late() -> None:
 
 def test_time_that_starts_anew_follows_on() -> None:
     time_s = np.concatenate([np.arange(12) * 0.5, np.arange(8) * 0.5])
-    read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
+    read = logged({"Time (s)": time_s})
     np.testing.assert_allclose(read.recording.column("time_s"), np.arange(20) * 0.5)
     (finding,) = found(read, "time starts anew")
     assert finding.lines == "14"
@@ -78,7 +78,7 @@ def test_time_that_starts_anew_follows_on() -> None:
 def test_small_disorder_is_sorted() -> None:
     time_s = steps_1580()["Time (s)"].copy()
     time_s[[7, 8]] = time_s[[8, 7]]
-    read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
+    read = logged({"Time (s)": time_s})
     assert np.all(np.diff(read.recording.column("time_s")) > 0.0)
     assert found(read, "time goes backwards")[0].count == 1
     pulses = steps_1580()["ESC signal (µs)"].copy()
@@ -89,7 +89,7 @@ def test_small_disorder_is_sorted() -> None:
 def test_a_stray_time_is_set_between_its_neighbours() -> None:
     time_s = steps_1580()["Time (s)"].copy()
     time_s[9] = 5e6
-    read = imported(log_text(steps_1580(**{"Time (s)": time_s})))
+    read = logged({"Time (s)": time_s})
     assert read.recording.column("time_s")[9] == 4.5
     assert found(read, "stray time")[0].lines == "11"
 
@@ -147,16 +147,16 @@ def test_the_last_line_is_cut() -> None:
 
 def test_an_untared_cell_and_a_pusher() -> None:
     thrust = steps_1580()["Thrust (gf)"]
-    read = imported(log_text(steps_1580(**{"Thrust (gf)": thrust - 40.0})))
+    read = logged({"Thrust (gf)": thrust - 40.0})
     assert "-0.3923 N" in found(read, "untared")[0].words
-    tared = imported(log_text(steps_1580(**{"Thrust (gf)": thrust - 40.0})), tare=("thrust_N",))
+    tared = logged({"Thrust (gf)": thrust - 40.0}, tare=("thrust_N",))
     np.testing.assert_allclose(
         tared.recording.column("thrust_N"), thrust * GRAM_FORCE_N, atol=1e-12
     )
     assert [item.kind for item in found(tared, "untared")] == ["repaired"]
-    pusher = imported(log_text(steps_1580(**{"Thrust (gf)": -thrust})))
+    pusher = logged({"Thrust (gf)": -thrust})
     assert found(pusher, "wrong sign")[0].kind == "doubt"
-    turned = imported(log_text(steps_1580(**{"Thrust (gf)": -thrust})), flip=("thrust_N",))
+    turned = logged({"Thrust (gf)": -thrust}, flip=("thrust_N",))
     np.testing.assert_allclose(turned.recording.column("thrust_N"), thrust * GRAM_FORCE_N)
     assert [item.kind for item in found(turned, "wrong sign")] == ["repaired"]
 
@@ -164,8 +164,7 @@ def test_an_untared_cell_and_a_pusher() -> None:
 def test_an_rpm_spike_is_blanked() -> None:
     rpm = np.full(40, 4000.0) + np.arange(40)
     rpm[17] = 59504.0
-    columns = steps_1580(40, **{"Motor Electrical Speed (RPM)": rpm})
-    read = imported(log_text(columns))
+    read = logged({"Motor Electrical Speed (RPM)": rpm}, 40)
     assert np.flatnonzero(np.isnan(read.recording.column("rpm1"))).tolist() == [17]
     (finding,) = found(read, "spikes")
     assert (finding.lines, finding.kind) == ("19", "repaired")
@@ -175,45 +174,27 @@ def test_a_step_up_and_down_of_the_throttle_is_no_spike() -> None:
     pulse = np.full(40, 1300.0)
     pulse[17] = 1900.0
     rpm = 12.0 * (pulse - 1000.0)
-    columns = steps_1580(40, **{"Motor Electrical Speed (RPM)": rpm, "ESC signal (µs)": pulse})
-    assert found(imported(log_text(columns)), "spikes") == []
+    columns = {"Motor Electrical Speed (RPM)": rpm, "ESC signal (µs)": pulse}
+    assert found(logged(columns, 40), "spikes") == []
 
 
 def test_a_wrong_pole_count() -> None:
     rpm = steps_1580()["Motor Electrical Speed (RPM)"]
-    against = imported(
-        log_text(
-            steps_1580(
-                **{"Motor Electrical Speed (RPM)": 6.0 * rpm, "Motor Optical Speed (RPM)": rpm}
-            )
-        )
-    )
-    assert "--scale rpm1=1/6" in found(against, "rpm ratio")[0].words
     columns = {"Motor Electrical Speed (RPM)": 6.0 * rpm, "Motor Optical Speed (RPM)": rpm}
-    mended = imported(log_text(steps_1580(**columns)), scale=("rpm1=1/6",))
+    assert "--scale rpm1=1/6" in found(logged(columns), "rpm ratio")[0].words
+    mended = logged(columns, scale=("rpm1=1/6",))
     assert found(mended, "rpm ratio") == []
     assert found(mended, "scale")[0].kind == "repaired"
     strong = 1e-4 + 2e-6 * rpm
-    hot = imported(
-        log_text(
-            steps_1580(
-                **{
-                    "Motor Electrical Speed (RPM)": 6.0 * rpm,
-                    "Torque (N·m)": strong,
-                    "Current (A)": strong * rpm * 2.0 * np.pi / 60.0 / (11.1 - 1e-5 * rpm) / 0.8,
-                }
-            )
-        )
-    )
-    assert "480%" in found(hot, "impossible efficiency")[0].words
-    mended = imported(
-        log_text(steps_1580(**{"Motor Electrical Speed (RPM)": 6.0 * rpm})), scale=("rpm1=1/6",)
-    )
+    current = strong * rpm * 2.0 * np.pi / 60.0 / (11.1 - 1e-5 * rpm) / 0.8
+    hot = {"Motor Electrical Speed (RPM)": 6.0 * rpm, "Torque (N·m)": strong}
+    assert "480%" in found(logged(hot | {"Current (A)": current}), "impossible efficiency")[0].words
+    mended = logged({"Motor Electrical Speed (RPM)": 6.0 * rpm}, scale=("rpm1=1/6",))
     np.testing.assert_allclose(mended.recording.column("rpm1"), rpm)
 
 
 def test_a_dead_cell_and_a_single_row() -> None:
-    dead = imported(log_text(steps_1580(**{"Thrust (gf)": np.zeros(20)})))
+    dead = logged({"Thrust (gf)": np.zeros(20)})
     assert [item.channel for item in found(dead, "dead channel")] == ["rpm1_optical", "thrust_N"]
     single = imported(log_text({name: column[:1] for name, column in steps_1580().items()}))
     assert found(single, "single row")[0].kind == "doubt"
@@ -221,13 +202,8 @@ def test_a_dead_cell_and_a_single_row() -> None:
 
 def test_the_optical_probe_stands_in_for_a_dead_electrical_one() -> None:
     rpm = steps_1580()["Motor Electrical Speed (RPM)"]
-    read = imported(
-        log_text(
-            steps_1580(
-                **{"Motor Electrical Speed (RPM)": 0.0 * rpm, "Motor Optical Speed (RPM)": rpm}
-            )
-        )
-    )
+    columns = {"Motor Electrical Speed (RPM)": 0.0 * rpm, "Motor Optical Speed (RPM)": rpm}
+    read = logged(columns)
     np.testing.assert_array_equal(read.recording.column("rpm1"), rpm)
     assert read.sources["rpm1"] == "Motor Optical Speed (RPM)"
 
@@ -252,7 +228,7 @@ def test_what_is_known_must_make_sense() -> None:
         imported(log_text(steps_1580()), scale=("rpm1",))
     with pytest.raises(InputError, match="known: "):
         imported(log_text(steps_1580()), flip=("lift_N",))
-    constant = steps_1580(**{"ESC signal (µs)": np.full(20, 1500.0)})
-    constant["Motor Electrical Speed (RPM)"] = np.full(20, 5000.0)
+    constant = {"Motor Electrical Speed (RPM)": np.full(20, 5000.0)}
+    constant["ESC signal (µs)"] = np.full(20, 1500.0)
     with pytest.raises(InputError, match="no row is at rest"):
-        imported(log_text(constant), tare=("thrust_N",))
+        logged(constant, tare=("thrust_N",))
