@@ -12,6 +12,7 @@ from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import (
+    BenchError,
     DeviceStopped,
     HostPaused,
     LinkLost,
@@ -20,7 +21,6 @@ from benchtool.core.rig_file import rig_named
 from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
 from tests.wire.autopilot_bench import PLUS, Bench, pulses
-from tests.wire.still_plant import StillPlant
 
 
 def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does() -> None:
@@ -93,71 +93,62 @@ def test_an_order_that_is_acknowledged_and_ignored_ends_the_run() -> None:
         made.read(0.2)  # told once; afterwards it reads on
 
 
-def check_ends(made: Bench, break_it: Callable[[], object], said: str, kind=DeviceStopped) -> None:
-    """Turn a rotor, break something, and see that the run ends with the motors at zero."""
-    with made.bench as bench:
-        bench.set_pwm(pulses(1300.0, 1000.0))
-        made.read(1.0)
-        break_it()
-        with pytest.raises(kind, match=said):
-            made.read(6.0)
-        assert max(made.autopilot.outputs_us) in (0, 1000)
+def restart(made: Bench) -> None:
+    made.autopilot.restart(made.link.now_s)
 
 
-def test_a_restart_ends_the_run() -> None:
+def overload(made: Bench) -> None:
+    made.autopilot.firmware._plant.zero_N = -1000.0
+
+
+def disarm(made: Bench) -> None:
+    order = MavlinkFrames(250)._mav.command_long_encode(1, 1, 400, 0, 0, 21196, 0, 0, 0, 0, 0)
+    made.autopilot.receive(MavlinkFrames(250).pack(order), made.link.now_s)
+    made.link.pass_time(0.02)
+    assert max(made.autopilot.outputs_us) == 1300
+
+
+def hush_beats(made: Bench) -> None:
+    made.autopilot._beat_s = 1e9
+
+
+def lose_orders(made: Bench) -> None:
+    made.autopilot.receive = lambda data, now_s: b""
+
+
+def hush(made: Bench) -> None:
+    lose_orders(made)
+    made.autopilot.tick = lambda n, now_s: (b"", [])
+
+
+OVERLOAD = "Failsafe: thrust_N 100.* against limit 30; motors stopped"
+LOST = r"ArduPilot acknowledged no order for 0\.\d s and output 3 shows 1000 us"
+ENDS: dict[str, tuple[Callable[[Bench], None], type[BenchError], str]] = {
+    "a restart": (restart, BenchError, r"the autopilot restarted|sent nothing for 1\.0 s"),
+    "a failsafe, with its words": (overload, DeviceStopped, OVERLOAD),
+    "disarming": (disarm, DeviceStopped, "the autopilot disarmed"),
+    "orders that get lost, which are no disarming": (lose_orders, DeviceStopped, LOST),
+    "missing heartbeats though streams go on": (
+        *(hush_beats, LinkLost),
+        r"sends, but no heartbeat came for 5\.\d s, limit 5\.5 s",
+    ),
+    "silence": (hush, LinkLost, r"sent nothing for 1\.0 s, limit 1 s"),
+}
+
+
+@pytest.mark.parametrize("cause", ENDS)
+def test_what_ends_a_run_leaves_motors_at_zero(cause: str) -> None:
+    break_it, kind, said = ENDS[cause]
     made = Bench(motor_map=PLUS)
-
     made.link.pass_time(5.0)
-    check_ends(
-        made,
-        lambda: made.autopilot.restart(made.link.now_s),
-        r"the autopilot restarted|sent nothing for 1\.0 s",
-        (DeviceStopped, LinkLost),
-    )
-
-
-def test_a_failsafe_ends_the_run_with_its_words() -> None:
-    plant = StillPlant()
-    made = Bench(motor_map=PLUS, plant=plant)
-
-    def overload() -> None:
-        plant.zero_N = -1000.0
-
-    check_ends(made, overload, "Failsafe: thrust_N 100.* against limit 30; motors stopped")
-
-
-def test_disarming_ends_the_run() -> None:
-    made = Bench(motor_map=PLUS)
-
-    def disarm() -> None:
-        order = MavlinkFrames(250)._mav.command_long_encode(1, 1, 400, 0, 0, 21196, 0, 0, 0, 0, 0)
-        made.autopilot.receive(MavlinkFrames(250).pack(order), made.link.now_s)
-        made.link.pass_time(0.02)
-        assert max(made.autopilot.outputs_us) == 1300
-
-    check_ends(made, disarm, "the autopilot disarmed")
-
-
-def test_missing_heartbeats_end_the_run_though_streams_go_on() -> None:
-    made = Bench(motor_map=PLUS)
-    said = r"sends, but no heartbeat came for 5\.\d s, limit 5\.5 s"
     with made.bench as bench:
         bench.set_pwm(pulses(1300.0, 1000.0))
-        made.read(0.5)
-        made.autopilot._beat_s = 1e9
-        with pytest.raises(LinkLost, match=said):
+        made.read(0.9)
+        break_it(made)
+        with pytest.raises(kind, match=said):
             made.read(8.0)
-
-
-def test_silence_ends_the_run() -> None:
-    made = Bench(motor_map=PLUS)
-    with made.bench as bench:
-        bench.set_pwm(pulses(1300.0, 1000.0))
-        made.read(0.5)
-        made.autopilot.tick = lambda n, now_s: (b"", [])
-        made.autopilot.receive = lambda data, now_s: b""
-        with pytest.raises(LinkLost, match=r"sent nothing for 1\.0 s, limit 1 s"):
-            made.read(3.0)
+        VirtualAutopilot.tick(made.autopilot, 1, made.link.now_s + 0.3)
+        assert max(made.autopilot.outputs_us) in (0, 1000)
 
 
 class LossyLink(LoopbackLink):
@@ -198,17 +189,6 @@ def test_a_link_that_loses_every_tenth_frame_ends_no_run(rng: np.random.Generato
                 assert made.autopilot.outputs_us[2] == pulse_us
         assert lost > 100
         assert made.autopilot.outputs_us[2] == 1400
-
-
-def test_orders_that_get_lost_are_not_called_a_disarming() -> None:
-    made = Bench(motor_map=PLUS)
-    with made.bench as bench:
-        bench.set_pwm(pulses(1300.0, 1000.0))
-        made.read(0.9)
-        made.autopilot.receive = lambda data, now_s: b""
-        said = r"ArduPilot acknowledged no order for 0\.\d s and output 3 shows 1000 us"
-        with pytest.raises(DeviceStopped, match=said):
-            made.read(2.0)
 
 
 def test_another_motor_waits_until_the_outputs_show_the_stop_of_the_first() -> None:
