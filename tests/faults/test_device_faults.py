@@ -19,6 +19,8 @@ SMALL = ["--rig", "pquad_single", "--repeats", "2", "--z-over-r", "0.5,1", "--sa
     ("fault", "code", "told"),
     [
         ("over_thrust:at_s=25", 4, "limit 12"),
+        ("refuse_move:at_s=0", 3, "stage alarm; look for what blocks it, then home it"),
+        ("stuck:channel=thrust_N,at_s=20,for_s=99", 4, "all the time"),
         # While the plate makes its first move of 13 s.
         ("over_thrust:at_s=8", 4, "limit 12"),
         # In the middle of a visit that lasts 10 s: nothing shows that the rotor stands.

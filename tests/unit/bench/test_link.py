@@ -148,7 +148,7 @@ CUTS = st.lists(st.integers(0, 2000), max_size=20)
 
 @given(st.lists(st.one_of(NOISE, st.integers(1, 9)), max_size=12), CUTS)
 def test_any_chunking_gives_the_same(pieces: list[bytes | int], cuts: list[int]) -> None:
-    number, data = 0, b""
+    number, data = 0, frame(b"")
     for piece in pieces:
         number += piece if isinstance(piece, int) else 0
         data += _sample(number) if isinstance(piece, int) else piece
