@@ -29,10 +29,9 @@ from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.bench.mavlink.settings import (
     LEAST_HZ,
     MOST_HZ,
-    PITCH_CHANNELS,
     THRUST_MESSAGES,
     MavlinkSettings,
-    channels_of,
+    live_channels,
     settings_of,
     transport_of,
 )
@@ -136,9 +135,7 @@ class MavlinkBench(StreamingBench):
             self._choose_channels(autopilot)
             link.frames.take_counts(link.system)
             self._watch = RunWatch(self.address, link, self._health, self._drive, self._rows)
-            outputs = [
-                name for name in streams.OUTPUT_MESSAGES if self._states.get(name) == "comes"
-            ]
+            outputs = streams.coming(self._states, *streams.OUTPUT_MESSAGES)
             self._watch.request_again = [interval(name, self._rate_Hz) for name in outputs]
             self._autopilot = autopilot
         except BaseException:
@@ -151,9 +148,8 @@ class MavlinkBench(StreamingBench):
             return
         try:
             self._drive.release()
-            for name, states in self._states.items():
-                if states == "comes":
-                    self._link.order(interval(name, 0.0))
+            for name in streams.coming(self._states):
+                self._link.order(interval(name, 0.0))
         except BenchError:
             pass  # The time-out of the motor test stops the motors where we cannot.
         finally:
@@ -203,15 +199,15 @@ class MavlinkBench(StreamingBench):
 
     def tare(self) -> None:
         """Take the mean of the load cell over a second as zero: autopilots have no tare."""
-        names = [channel.name for channel in self.identity.channels]
-        if "thrust_N" not in names:
+        self._known()
+        if self._thrust < 0:
             raise InputError("this bench streams no thrust, so there is nothing to tare")
-        index, parts = names.index("thrust_N"), []
+        parts = []
         until_s = self.now_s() + TARE_S
         while (left_s := until_s - self.now_s()) > 1e-9:
             readings = self._read_fresh(left_s)
             self._hold(readings)
-            parts.append(readings.values[:, index])
+            parts.append(readings.values[:, self._thrust])
         seen = np.concatenate(parts) if parts else np.empty(0)
         if np.isfinite(seen).any():
             self._zero_N += float(np.nanmean(seen))
@@ -223,9 +219,9 @@ class MavlinkBench(StreamingBench):
                 f"a stream of {rate_Hz:g} Hz is not possible; ask for {LEAST_HZ:g} to {MOST_HZ:g}"
             )
         streams.check_fit(self._settings, rate_Hz, self._known().wiring.n_rotors, self._baud)
-        for name in (*streams.OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET"):
-            if self._states.get(name) == "comes":
-                self._link.exchange(interval(name, rate_Hz))
+        swift = (*streams.OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET")
+        for name in streams.coming(self._states, *swift):
+            self._link.exchange(interval(name, rate_Hz))
         self._rate_Hz = rate_Hz
 
     def read(self, timeout_s: float) -> Readings:
@@ -265,26 +261,17 @@ class MavlinkBench(StreamingBench):
     def _choose_channels(self, autopilot: AutopilotInfo) -> None:
         """Choose the channels that live; note which messages do not come."""
         streams.require_outputs(self._states, self._link.system)
-        n = autopilot.wiring.n_rotors
-        every = channels_of(n)
         self._rows.take_rows()
-        alive = np.arange(len(every)) < n
-        alive[self._rows.live_columns()] = True
-        if self._settings.mode == "plate":
-            # Where a router asks for attitude, the bench is no pitch bench.
-            alive &= [channel.name not in PITCH_CHANNELS for channel in every]
-        if self._cell is not None:
-            alive |= [channel.name in ("thrust_N", "thrust_raw") for channel in every]
-        self._columns = np.flatnonzero(alive)
-        self._channels = tuple(every[index] for index in self._columns.tolist())
+        live, n = self._rows.live_columns().tolist(), autopilot.wiring.n_rotors
+        channels = live_channels(self._settings.mode, n, live, cell=self._cell is not None)
+        self._columns = np.array(list(channels), np.intp)
+        self._channels = tuple(channels.values())
         names = [channel.name for channel in self._channels]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else -1
         # What it says of messages that it does not have is reported once, below.
         denied = "No ap_message for mavlink id"
         self._health.texts[:] = [t for t in self._health.texts if not t.startswith(denied)]
-        for name, states in self._states.items():
-            if states not in ("comes", "comes unasked"):
-                self._messages.append(f"{name}: {states}")
+        self._messages += streams.silent(self._states)
 
     def _take(self, message: Message, arrived_s: float) -> None:
         name, own = message.msgname, self._link.is_own(message)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
+from collections.abc import Container
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -109,6 +110,26 @@ def channels_of(n_rotors: int) -> tuple[Channel, ...]:
         Channel("gyro_rad_s", "rad/s", "pitch rate, positive nose down"),
         Channel("theta_ref_rad", "rad", "wanted pitch, positive nose down"),
     )
+
+
+def live_channels(
+    mode: str, n_rotors: int, live: Container[int], *, cell: bool
+) -> dict[int, Channel]:
+    """Return the channels that a bench reports, by their columns.
+
+    Args:
+        live: columns that have had a value.
+        cell: whether a load cell hangs on a port of its own.
+    """
+    # Where a router asks for attitude, the bench is no pitch bench.
+    left_out = PITCH_CHANNELS if mode == "plate" else ()
+    always = ("thrust_N", "thrust_raw") if cell else ()
+    return {
+        column: channel
+        for column, channel in enumerate(channels_of(n_rotors))
+        if channel.name in always
+        or ((column < n_rotors or column in live) and channel.name not in left_out)
+    }
 
 
 MotorNumber = Annotated[int, Ge(1), Le(12)]

@@ -167,6 +167,16 @@ def request_streams(
     return states
 
 
+def coming(states: Mapping[str, StreamState], *names: str) -> list[str]:
+    """Return which of these messages, or of all, come as they were requested."""
+    return [name for name in names or states if states.get(name) == "comes"]
+
+
+def silent(states: Mapping[str, StreamState]) -> list[str]:
+    """Return remarks on the messages that do not come."""
+    return [f"{name}: {state}" for name, state in states.items() if not state.startswith("comes")]
+
+
 def switch_off_others(
     link: MavlinkLink, counts: Mapping[str, int], states: Mapping[str, StreamState]
 ) -> list[str]:
@@ -190,7 +200,7 @@ def switch_off_others(
 
 def require_outputs(states: dict[str, StreamState], system: int) -> None:
     """Refuse an autopilot that does not report its outputs: nothing could be read back."""
-    if not any(states.get(name) == "comes" for name in OUTPUT_MESSAGES):
+    if not coming(states, *OUTPUT_MESSAGES):
         listed = ", ".join(f"{name} {states[name]}" for name in OUTPUT_MESSAGES if name in states)
         raise ProtocolError(
             f"system {system} does not report its outputs ({listed}), so nobody could see what its "
