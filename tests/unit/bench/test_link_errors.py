@@ -6,7 +6,10 @@ import errno
 import os
 import socket
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import serial
@@ -17,6 +20,29 @@ from benchtool.bench.transport.transport import holders, holders_text, opening_e
 from benchtool.core.errors import InputError, LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
+
+
+def refusing(error: Exception) -> Callable[..., None]:
+    """Return what always raises an error."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise error
+
+    return refuse
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, int, SerialPort]]:
+    """Give both ends of a terminal and a port on it, not open."""
+    import pty
+
+    near, far = pty.openpty()
+    port = SerialPort(os.ttyname(far))
+    yield near, far, port
+    port.close()
+    for end in (near, far):
+        with suppress(OSError):
+            os.close(end)
 
 
 @pytest.mark.parametrize(
@@ -43,10 +69,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSI
 def test_what_opening_may_raise(
     error: Exception, kind: type[LinkError], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise error
-
-    monkeypatch.setattr(serial, "Serial", refuse)
+    monkeypatch.setattr(serial, "Serial", refusing(error))
     with pytest.raises(kind) as caught:
         SerialPort("/dev/example").open()
     assert type(caught.value) is kind
@@ -61,10 +84,7 @@ def test_access_denied_on_windows_means_busy() -> None:
 
 
 def test_a_baud_rate_that_the_port_cannot_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise ValueError("Invalid baud rate: 123")
-
-    monkeypatch.setattr(serial, "Serial", refuse)
+    monkeypatch.setattr(serial, "Serial", refusing(ValueError("Invalid baud rate: 123")))
     with pytest.raises(InputError, match="takes no baud rate of 123"):
         SerialPort("/dev/example", 123).open()
 
@@ -79,24 +99,17 @@ def test_paths_that_are_no_port(tmp_path: Path) -> None:
 
 
 @posix
-def test_a_second_opening_names_the_holder() -> None:
-    import pty
-
-    near, far = pty.openpty()
-    first, second = (SerialPort(os.ttyname(far)) for _ in range(2))
+def test_a_second_opening_names_the_holder(terminal: tuple[int, int, SerialPort]) -> None:
+    first, second = terminal[2], SerialPort(terminal[2].port)
     first.open()
-    try:
-        with pytest.raises(PortBusy) as caught:
-            second.open()
-        if sys.platform == "linux":
-            assert f"(pid {os.getpid()}, this program)" in str(caught.value)
-            assert [holder.pid for holder in holders(first.port)] == [os.getpid()]
-    finally:
-        first.close()
+    with pytest.raises(PortBusy) as caught:
+        second.open()
+    if sys.platform == "linux":
+        assert f"(pid {os.getpid()}, this program)" in str(caught.value)
+        assert [holder.pid for holder in holders(first.port)] == [os.getpid()]
+    first.close()
     second.open()
     second.close()
-    os.close(near)
-    os.close(far)
 
 
 def test_a_holder_that_the_system_does_not_name() -> None:
@@ -104,39 +117,26 @@ def test_a_holder_that_the_system_does_not_name() -> None:
 
 
 @posix
-def test_a_port_that_vanishes_is_a_lost_link() -> None:
-    import pty
-
-    near, far = pty.openpty()
-    port = SerialPort(os.ttyname(far))
+def test_a_port_that_vanishes_is_a_lost_link(terminal: tuple[int, int, SerialPort]) -> None:
+    near, far, port = terminal
     port.open()
     os.write(near, b"last words")
     assert port.read(0.1) == b"last words"
     assert port.read(0.0) == b""
     os.close(near)
     os.close(far)
-    with pytest.raises(LinkLost, match="check cable and power"):
-        port.read(0.1)
-    with pytest.raises(LinkLost, match="check cable and power"):
-        port.write(b"x")
-    port.close()
-    for use in (lambda: port.read(0.1), lambda: port.write(b"x")):
-        with pytest.raises(LinkLost, match="is closed"):
-            use()
+    for said in ("check cable and power", "is closed"):
+        for use in (lambda: port.read(0.1), lambda: port.write(b"x")):
+            with pytest.raises(LinkLost, match=said):
+                use()
+        port.close()
 
 
 @posix
-def test_a_port_that_takes_nothing_is_a_lost_link() -> None:
-    import pty
-
-    near, far = pty.openpty()
-    port = SerialPort(os.ttyname(far))
-    port.open()
+def test_a_port_that_takes_nothing_is_a_lost_link(terminal: tuple[int, int, SerialPort]) -> None:
+    terminal[2].open()
     with pytest.raises(LinkLost, match="took nothing"):
-        port.write(b"x" * 1_000_000)
-    port.close()
-    os.close(near)
-    os.close(far)
+        terminal[2].write(b"x" * 1_000_000)
 
 
 def _listener() -> socket.socket:
@@ -177,10 +177,7 @@ def test_tcp_where_nobody_listens() -> None:
     [TimeoutError("timed out"), socket.gaierror(-2, "Name or service not known"), OSError(113, "")],
 )
 def test_tcp_hosts_that_cannot_be_reached(error: OSError, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise error
-
-    monkeypatch.setattr(socket, "create_connection", refuse)
+    monkeypatch.setattr(socket, "create_connection", refusing(error))
     with pytest.raises(NoDevice, match=r"bench\.example:5555"):
         TcpSocket("bench.example", 5555).open()
 
@@ -194,23 +191,11 @@ def test_a_host_that_nobody_knows_and_a_port_that_is_none_are_named() -> None:
 
 @pytest.mark.parametrize("error", [ConnectionResetError(104, "reset"), BrokenPipeError(32, "pipe")])
 def test_tcp_links_that_break(error: OSError) -> None:
-    class Broken:
-        def recv(self, _: int) -> bytes:
-            raise error
-
-        def send(self, _: bytes) -> int:
-            raise error
-
-        def settimeout(self, _: float) -> None: ...
-
-        def setblocking(self, _: bool) -> None: ...
-
     link = TcpSocket("127.0.0.1", 1)
-    link._socket = Broken()  # type: ignore[assignment]
-    with pytest.raises(LinkLost, match="broke"):
-        link.read(0.0)
-    with pytest.raises(LinkLost, match="broke"):
-        link.write(b"x")
+    link._socket = Mock(recv=refusing(error), send=refusing(error))
+    for use in (lambda: link.read(0.0), lambda: link.write(b"x")):
+        with pytest.raises(LinkLost, match="broke"):
+            use()
 
 
 def test_an_error_within_an_error_is_told_once() -> None:
