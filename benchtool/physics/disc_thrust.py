@@ -185,6 +185,7 @@ def disc_thrust(
             plane,
             share,
             flow.airspeed_m_s,
+            flow.acceleration_rad_s2,
         )
 
     return DiscThrust(

@@ -21,6 +21,12 @@ RADIUS_M = 0.127
 """Its rotor radius."""
 
 
+def half_throttle_speed(rig: Rig) -> float:
+    """Return the rotor speed in the middle of the pulses' range: rad/s."""
+    p = rig.propulsion
+    return 0.5 * p.speed_per_us_rad_s * (p.pwm_max_us - p.pwm_start_us)
+
+
 def weight_scale(rig: Rig) -> float:
     """Return how much heavier the vehicle is than that bench's beam."""
     return rig.body.mass_kg / MASS_KG

@@ -13,11 +13,12 @@ from benchtool.physics.effects.effect import HOOKS, Effect, Flow
 from benchtool.physics.expression import expression, replaced
 from benchtool.physics.fold import chained, identity, summed
 from benchtool.physics.model import Model
+from benchtool.physics.tilt import LEVEL
 
 LoopHooks = namedtuple(
     "LoopHooks",
     "bare tilt with_images image_factors scaled drags factors speeds at_airspeed with_thrust "
-    "torque dry_friction dry_width gyro nearest_z_over_R",
+    "torque dry_friction dry_width gyro followed nearest_z_over_R",
 )
 """Hold the joined functions of a set of effects over so many discs.
 
@@ -28,7 +29,9 @@ Attributes:
     at_airspeed: at_airspeed(flow, airspeed) -> the Flow at a horizontal speed through the air.
     with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
     torque, dry_friction, dry_width: f(i, flow, p), of the hinge, summed over effects.
-    gyro: gyro(i, reading, flow, p) -> the gyro's reading, changed by effects.
+    gyro: gyro(time, pitch, rate, acceleration, p) -> the gyro's reading, changed by effects.
+    followed: followed(before, after, p) -> rotor speeds half a plant step on, as effects have them,
+        for those of the lag alone.
     nearest_z_over_R: least distance over R at which the effects' law holds.
 """
 
@@ -61,7 +64,7 @@ def joined_hooks(
     ) -> Flow:
         return Flow(
             radius_m, x_m, y_m, height, coverage, ones, speed, zeros, zeros, 0.0, 0.0, 0.0, time_s,
-            pitch, rate, cosine, weight_N, zeros, 0.0, 0.0, plane, 1.0, 0.0,
+            pitch, rate, cosine, weight_N, zeros, 0.0, 0.0, plane, 1.0, 0.0, 0.0,
         )  # fmt: skip
 
     @expression
@@ -74,6 +77,7 @@ def joined_hooks(
             flow.active, flow.speed_rad_s, flow.neighbour_images, flow.body_images,
             flow.body_weight, 0.0, 0.0, flow.time_s, flow.pitch_rad, rate, flow.cos_pitch,
             flow.weight_N, thrusts, 0.0, 0.0, flow.plane, flow.axial_share, flow.airspeed_m_s,
+            0.0,
         )  # fmt: skip
 
     @expression
@@ -83,7 +87,7 @@ def joined_hooks(
             flow.active, flow.speed_rad_s, flow.neighbour_images, flow.body_images,
             flow.body_weight, 0.0, 0.0, flow.time_s, flow.pitch_rad, flow.rate_rad_s,
             flow.cos_pitch, flow.weight_N, flow.thrust_N, 0.0, 0.0, flow.plane, flow.axial_share,
-            airspeed_m_s,
+            airspeed_m_s, 0.0,
         )  # fmt: skip
 
     tilt, with_images = thrust.tilt, thrust.with_images
@@ -92,7 +96,29 @@ def joined_hooks(
     torque, dry_friction, dry_width = (
         summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width")
     )
-    gyro = chained(owned(effects, "gyro_reading"))
+    reading = chained(owned(effects, "gyro_reading"))
+    following = owned(effects, "followed_speed")
+    speed_after = chained(following)
+
+    @expression
+    def apart(speeds: Any, time_s: Any, pitch: Any, rate: Any, acceleration: Any) -> Flow:
+        return Flow(
+            0.0, zeros, zeros, zeros, zeros, ones, speeds, zeros, zeros, 0.0, 0.0, 0.0, time_s,
+            pitch, rate, 1.0, 0.0, zeros, 0.0, 0.0, LEVEL, 1.0, 0.0, acceleration,
+        )  # fmt: skip
+
+    @expression
+    def gyro(time_s: Any, pitch: Any, rate: Any, acceleration: Any, p: Any) -> Any:
+        return reading(0, rate, apart(zeros, time_s, pitch, rate, acceleration), p)
+
+    @expression
+    def each_followed(before: Any, after: Any, p: Any) -> Any:
+        out, flow = after, apart(before, 0.0, 0.0, 0.0, 0.0)
+        for i in range(n_discs):
+            out = replaced(out, i, speed_after(i, after[i], flow, p))
+        return out
+
+    followed = each_followed if following else expression(lambda before, after, p: after)
     nearest = thrust.nearest_z_over_R
     return expression(
         lambda: LoopHooks(
@@ -110,6 +136,7 @@ def joined_hooks(
             dry_friction,
             dry_width,
             gyro,
+            followed,
             nearest,
         )
     )

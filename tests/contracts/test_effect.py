@@ -223,13 +223,14 @@ def turning(pitch_rad: float = 0.3, rate_rad_s: float = 0.5) -> Flow:
         cos_pitch=np.cos(pitch_rad),
         weight_N=13.7,
         thrust_N=(3.0, 3.1),
+        acceleration_rad_s2=3.0,
     )
 
 
 def hinge_outputs(effect: Effect, values: list[float], flow: Flow) -> list[float]:
     """Return all that an effect does to a hinge and its sensors, 0 where it has no hook."""
     hooks, p = effect.hooks, effect.makes_p(*values)
-    gyro = hooks.gyro_reading
+    gyro, followed, after = hooks.gyro_reading, hooks.followed_speed, flow.speed_rad_s[0] + 1.0
     return [
         hooks.torque(p, 0, flow) if hooks.torque else 0.0,
         hooks.dry_friction(p, 0, flow) if hooks.dry_friction else 0.0,
@@ -237,6 +238,7 @@ def hinge_outputs(effect: Effect, values: list[float], flow: Flow) -> list[float
         hooks.delay_s(p, 0, flow) if hooks.delay_s else 0.0,
         hooks.lag_s(p, 0, flow) if hooks.lag_s else 0.0,
         gyro(p, 0, flow, flow.rate_rad_s) - flow.rate_rad_s if gyro else 0.0,
+        followed(p, 0, flow, after) - after if followed else 0.0,
     ]
 
 
@@ -245,7 +247,7 @@ def hinge_outputs(effect: Effect, values: list[float], flow: Flow) -> list[float
 def test_at_neutral_a_hinge_is_left_exactly_alone(name: str, rate_rad_s: float) -> None:
     effect = EFFECTS[name]
     p = [item.value if item.neutral is None else item.neutral for item in effect.parameters]
-    assert hinge_outputs(effect, p, turning(rate_rad_s=rate_rad_s)) == [0.0] * 6
+    assert hinge_outputs(effect, p, turning(rate_rad_s=rate_rad_s)) == [0.0] * 7
 
 
 @EACH

@@ -74,6 +74,7 @@ class Flow(NamedTuple):
             angle between the rotor axis and the surface's normal, or 1 (`tilt`). The term of
             a law of thrust against distance is multiplied with it in the sum.
         airspeed_m_s: horizontal speed of the rotors through the air (...): m/s.
+        acceleration_rad_s2: of the pitch, where a gyro is read (...).
     """
 
     radius_m: Quantity
@@ -99,6 +100,7 @@ class Flow(NamedTuple):
     plane: Quantity = LEVEL
     axial_share: Quantity = 1.0
     airspeed_m_s: Quantity = 0.0
+    acceleration_rad_s2: Quantity = 0.0
 
 
 NO_FLOW = Flow(*([0.0] * 13))
@@ -119,6 +121,8 @@ class Hooks:
             change of the discs.
         coverage: a disc's covered fraction, changed.
         speed: a disc's commanded rotor speed, changed: rad/s.
+        followed_speed: a disc's speed half a plant step after `flow.speed_rad_s`, as the lag alone
+            has it, changed: rad/s.
         denominator: term of a disc's thrust denominator, added.
         image_share: factor of the sum of these terms.
         response: a disc's thrust ratio at its own speed for that of the sum (at equal induced
@@ -145,6 +149,7 @@ class Hooks:
     height: Hook | None = None
     coverage: Hook | None = None
     speed: Hook | None = None
+    followed_speed: Hook | None = None
     denominator: Hook | None = None
     image_share: Hook | None = None
     response: Hook | None = None

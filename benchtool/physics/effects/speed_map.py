@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from benchtool.core.parameter import Parameter, Prior
+from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.size import half_throttle_speed
 
 KNOWN = Prior("normal", 0.0, 0.005, "assumed: pulses and speeds of a calibrated ESC agree to 0.5 %")
+BENT = Prior("normal", 0.0, 0.01, "assumed: 0.1 % of speed at a third above half throttle or below")
 
 
 @expression
 def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed with the gain changed, more on one side of the hinge: rad/s."""
-    side = np.sign(flow.position_x_m[i])
-    return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference)
+    side, beyond = np.sign(flow.position_x_m[i]), speed_rad_s / p.reference_rad_s - 1.0
+    return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference + p.curvature * beyond * beyond)
+
+
+def rig_values(rig: Rig) -> Mapping[str, float]:
+    """Return the speed at half throttle: rad/s."""
+    return {"reference_rad_s": half_throttle_speed(rig)}
 
 
 def _error(name: str, description: str) -> Parameter:
@@ -34,10 +43,21 @@ EFFECT = Effect(
     ),
     subsystem="pwm_to_rpm",
     order=30,
-    law="speed = gain * pulse * (1 + gain error + side * difference / 2)",
+    law=(
+        "speed = gain * pulse * "
+        "(1 + gain error + side * difference / 2 + c (speed / reference - 1)^2)"
+    ),
     parameters=(
         _error("gain", "relative error of the map, all rotors alike"),
         _error("difference", "the same, rotors before the hinge over those behind it"),
+        number(
+            "curvature", "1", 0.0, "strength c of the part that grows with the square of the speed",
+            neutral=0.0, within=(-0.5, 0.5), tolerance=0.01, prior=BENT,
+        ),
+        number(
+            "reference_rad_s", "rad/s", 600.0, "speed at which that part is nothing",
+            within=(1.0, 1e5), source="middle of the usual range; a rig states half throttle",
+        ),
     ),
     hooks=Hooks(speed=speed),
     shows="rpm against pulses, on a settled bench too",
@@ -48,4 +68,5 @@ EFFECT = Effect(
     },
     benches=frozenset(),
     adjusted_on=frozenset({"pitch"}),
-)
+    rig_values=rig_values,
+)  # fmt: skip

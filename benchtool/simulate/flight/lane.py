@@ -232,14 +232,11 @@ def sense_vehicle(
     expected = read_record(w, to.expected, 0, 1)
     n_noise = a.noise.shape[1]
     noise = read_record(a.noise, NOISE, min(now.tick, n_noise - 1), n_noise)
-    flow = hooks.bare(
-        0.0, discs.x_m, discs.y_m, LEVEL, ones, ones, ones, time_s, pitch, body.q_rad_s, 1.0, 0.0
-    )
+    gyro = hooks.gyro(time_s, pitch, body.q_rad_s, 0.0, p)
     measured = FlightMeasurement(
         time_s, body.x_m, body.y_m, body.z_m, body.vx_m_s, body.vy_m_s, body.vz_m_s,
-        roll_of(body), pitch, yaw_of(body), body.p_rad_s + noise.p_rad_s,
-        hooks.gyro(0, body.q_rad_s, flow, p) + noise.q_rad_s, body.r_rad_s + noise.r_rad_s,
-        expected.height_m, expected.coverage,
+        roll_of(body), pitch, yaw_of(body), body.p_rad_s + noise.p_rad_s, gyro + noise.q_rad_s,
+        body.r_rad_s + noise.r_rad_s, expected.height_m, expected.coverage,
     )  # fmt: skip
     write_record(w, to.measured, 0, 1, measured)
 

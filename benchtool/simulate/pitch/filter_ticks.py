@@ -12,7 +12,6 @@ from collections import namedtuple
 from typing import Any
 
 from benchtool.physics.expression import Slot, loop_part, read_record, replaced, write_record
-from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.motors import Rotors
 from benchtool.simulate.pitch.records import Hinge, SensorReadings, Setpoint
 
@@ -46,15 +45,11 @@ GAINS = Slot(0, FilterGains())
 @loop_part
 def correct_lane(w: Any, lane: Any, at: Any, now: Any, by: Any, to: Any, hooks: Any) -> None:
     """Predict the readings of a tick and correct one lane's state by what was read."""
-    logged, discs = now.wanted, now.fixed
+    logged = now.wanted
     hinge, rotors = read_record(w, to.hinge, lane, at), read_record(w, to.rotors, lane, at)
     shown = read_record(w, to.readings, lane, at)
     p = read_record(w, to.effects, lane, at)
-    roots = discs.roots
-    flow = hooks.bare(
-        0.0, discs.x_m, discs.y_m, LEVEL, roots, roots, roots, 0.0, 0.0, 0.0, 1.0, 0.0
-    )
-    gyro = hooks.gyro(0, hinge.rate_rad_s, flow, p)
+    gyro = hooks.gyro(now.time_s, hinge.theta_rad, hinge.rate_rad_s, hinge.acceleration_rad_s2, p)
     predicted = SensorReadings(hinge.theta_rad, gyro, shown.plate_z_m, rotors.speed_rad_s)
     write_record(w, to.readings, lane, at, predicted)
     pitch_error, rate_error = logged.theta_rad - hinge.theta_rad, logged.gyro_rad_s - gyro
@@ -75,6 +70,8 @@ def correct_lane(w: Any, lane: Any, at: Any, now: Any, by: Any, to: Any, hooks: 
             speeds = replaced(speeds, i, speeds[i] + by.speed * error)
         elif logged.mode == RESTART:
             speeds = replaced(speeds, i, speeds[i] + error)
-    corrected = Hinge(theta, rate, wake, hinge.clamped_steps, hinge.stopped_steps)
+    corrected = Hinge(
+        theta, rate, wake, hinge.clamped_steps, hinge.stopped_steps, hinge.acceleration_rad_s2
+    )
     write_record(w, to.hinge, lane, at, corrected)
     write_record(w, to.rotors, lane, at, Rotors(speeds))

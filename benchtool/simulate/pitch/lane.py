@@ -13,7 +13,7 @@ import numpy as np
 
 from benchtool.physics.expression import expression, loop_part, read_record, replaced, write_record
 from benchtool.physics.mixer import pitch_moment_Nm
-from benchtool.physics.tilt import LEVEL, Plane, height_over
+from benchtool.physics.tilt import Plane, height_over
 from benchtool.simulate.controllers.limits import limited
 from benchtool.simulate.motors import Rotors, lagged
 from benchtool.simulate.noise import next_state, normal
@@ -71,8 +71,9 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     p = read_record(w, to.effects, lane, at)
     targets = read_record(w, to.targets, lane, at)
     old, new = targets.old_rad_s, targets.new_rad_s
-    middle_rad_s = lagged(motion.first, rotors.speed_rad_s, old, new)
-    end_rad_s = lagged(motion.second, middle_rad_s, old, new)
+    start_rad_s = rotors.speed_rad_s
+    middle_rad_s = hooks.followed(start_rad_s, lagged(motion.first, start_rad_s, old, new), p)
+    end_rad_s = hooks.followed(middle_rad_s, lagged(motion.second, middle_rad_s, old, new), p)
     write_record(w, to.rotors, lane, at, Rotors(end_rad_s))
 
     x, dt_s, rate = discs.x_m, discs.dt_s, hinge.rate_rad_s
@@ -97,7 +98,7 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     slipping = rate + share * (pushed + hooks.torque(0, flow, p))
     held = share * hooks.dry_friction(0, flow, p)
     built = held / np.maximum(held + hooks.dry_width(0, flow, p), SMALLEST)
-    rate = slipping - limited(slipping * built, held)
+    before, rate = rate, slipping - limited(slipping * built, held)
     theta = theta + 0.5 * dt_s * rate
     inside = limited(theta, body.stop_rad)
     hit = 1.0 * (inside != theta)
@@ -110,34 +111,33 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     states[lane] = second
     wake = motion.wake_remains * hinge.wake_Nm + motion.wake_kick_Nm * normal(first, second)
     moved = Hinge(
-        inside, (1.0 - hit) * rate, wake, hinge.clamped_steps + low, hinge.stopped_steps + hit
-    )
+        inside, (1.0 - hit) * rate, wake, hinge.clamped_steps + low, hinge.stopped_steps + hit,
+        (rate - before) / dt_s,
+    )  # fmt: skip
     write_record(w, to.hinge, lane, at, moved)
 
 
 @loop_part
 def sense_lane(
-    w: Any, lane: Any, at: Any, states: Any, fresh: Any, discs: Any, to: Any, hooks: Any
+    w: Any, lane: Any, at: Any, states: Any, fresh: Any, time_s: Any, to: Any, hooks: Any
 ) -> None:
     """Read encoder, gyro, plate and rotor speeds of one lane; `fresh` says which have a reading."""
     before, late = read_record(w, to.readings, lane, at), read_record(w, to.delayed, lane, at)
     sensors, rotors = read_record(w, to.sensors, lane, at), read_record(w, to.rotors, lane, at)
     p = read_record(w, to.effects, lane, at)
-    roots = discs.roots
-    flow = hooks.bare(
-        0.0, discs.x_m, discs.y_m, LEVEL, roots, roots, roots, 0.0, 0.0, 0.0, 1.0, 0.0
-    )
+    acceleration = read_record(w, to.hinge, lane, at).acceleration_rad_s2
     a = next_state(states[lane])
     b = next_state(a)
     theta = read(late.theta_rad, normal(a, b), sensors.theta)
     a = next_state(b)
     b = next_state(a)
-    gyro = read(hooks.gyro(0, late.rate_rad_s, flow, p), normal(a, b), sensors.gyro)
+    gyro = hooks.gyro(time_s, late.theta_rad, late.rate_rad_s, acceleration, p)
+    gyro = read(gyro, normal(a, b), sensors.gyro)
     a = next_state(b)
     b = next_state(a)
     plate = read(late.plate_z_m, normal(a, b), sensors.plate)
     speeds = before.speed_rad_s
-    for i in range(len(roots)):
+    for i in range(len(speeds)):
         a = next_state(b)
         b = next_state(a)
         speed = read(rotors.speed_rad_s[i], normal(a, b), sensors.speed)

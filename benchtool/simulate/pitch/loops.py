@@ -135,7 +135,7 @@ def pitch_loops(
         fresh = read_record(a.fresh, FRESH, now.tick, a.fresh.shape[1])
         if fresh.theta + fresh.gyro + fresh.plate + fresh.speed > 0.0:
             for lane in range(lanes):
-                sense_lane(w, lane, lanes, a.states, fresh, now.fixed, to, hooks())
+                sense_lane(w, lane, lanes, a.states, fresh, now.time_s, to, hooks())
         else:  # the readings stay, and the noise goes on as if they were read
             for lane in range(lanes):
                 a.states[lane] = later_state(a.states[lane], 2 * (3 + n_discs))

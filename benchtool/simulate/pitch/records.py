@@ -21,11 +21,12 @@ PAST = 64
 
 Hinge = namedtuple(
     "Hinge",
-    "theta_rad rate_rad_s wake_Nm clamped_steps stopped_steps",
-    defaults=(0.0, 0.0, 0.0, 0.0, 0.0),
+    "theta_rad rate_rad_s wake_Nm clamped_steps stopped_steps acceleration_rad_s2",
+    defaults=(0.0,) * 6,
 )
 """The body's state: pitch (rad, positive nose down), its rate, and the random torque (N m);
-plant steps with a disc nearer than the formulae hold, and steps at the end stop.
+plant steps with a disc nearer than the formulae hold, and steps at the end stop; the
+acceleration in the last step (rad/s2).
 """
 
 Delayed = namedtuple("Delayed", "theta_rad rate_rad_s plate_z_m", defaults=(0.0, 0.0, 0.0))
