@@ -18,7 +18,7 @@ from benchtool.physics.tilt import LEVEL
 LoopHooks = namedtuple(
     "LoopHooks",
     "bare tilt with_images image_factors scaled drags factors speeds at_airspeed with_thrust "
-    "torque dry_friction dry_width gyro followed nearest_z_over_R",
+    "torque dry_friction dry_width dry_give gyro followed nearest_z_over_R",
 )
 """Hold the joined functions of a set of effects over so many discs.
 
@@ -28,7 +28,7 @@ Attributes:
     with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
     at_airspeed: at_airspeed(flow, airspeed) -> the Flow at a horizontal speed through the air.
     with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
-    torque, dry_friction, dry_width: f(i, flow, p), of the hinge, summed over effects.
+    torque, dry_friction, dry_width, dry_give: f(i, flow, p), of the hinge, summed over effects.
     gyro: gyro(time, pitch, rate, acceleration, p) -> the gyro's reading, changed by effects.
     followed: followed(before, after, p) -> rotor speeds half a plant step on, as effects have them,
         for those of the lag alone.
@@ -93,8 +93,8 @@ def joined_hooks(
     tilt, with_images = thrust.tilt, thrust.with_images
     factors, speeds = thrust.factors, thrust.speeds
     image_factors, scaled, drags = thrust.image_factors, thrust.scaled, thrust.drags
-    torque, dry_friction, dry_width = (
-        summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width")
+    torque, dry_friction, dry_width, dry_give = (
+        summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width", "dry_give")
     )
     reading = chained(owned(effects, "gyro_reading"))
     following = owned(effects, "followed_speed")
@@ -135,6 +135,7 @@ def joined_hooks(
             torque,
             dry_friction,
             dry_width,
+            dry_give,
             gyro,
             followed,
             nearest,

@@ -179,12 +179,12 @@ class Windows:
         return float(np.mean(leftovers)) if leftovers else 1.0
 
     def _states(self, benches: Sequence[PitchBench]) -> list[Array]:
-        """Return what the filter knows before each window (3 + n_discs, lanes).
+        """Return what the filter knows before each window (4 + n_discs, lanes).
 
         The state at a row is that of the row before, run on for one tick: as it was predicted.
         """
         whole = filter_log(benches, self.log.logged, self.log.filter.gains)
-        rows = (whole.pitch_rad, whole.rate_rad_s, whole.wake_Nm)
+        rows = (whole.pitch_rad, whole.rate_rad_s, whole.wake_Nm, whole.bent)
         return [
             np.vstack([*(one[row] for one in rows), whole.state_speed_rad_s[row]])
             for row in self.starts

@@ -308,7 +308,7 @@ def _by_pulses(track: PitchTrack, bench: PitchBench, plate_z_m: Array, pulses: A
         read = track.rpm[first] * np.pi / 30.0
         speeds = np.where(np.isfinite(read), read, speeds)
     states = [
-        np.array([[track.theta_rad[row]], [rates[row]], [0.0], *speeds[:, row, None]])
+        np.array([[track.theta_rad[row]], [rates[row]], [0.0], [0.0], *speeds[:, row, None]])
         for row in starts
     ]
     theta = nothing.copy()

@@ -21,6 +21,12 @@ def dry_width(p: Any, i: int, flow: Flow) -> Quantity:
     return p.width_rad_s
 
 
+@expression
+def dry_give(p: Any, i: int, flow: Flow) -> Quantity:
+    """Return the angle by which the hinge yields before it slips: rad."""
+    return p.give_rad
+
+
 EFFECT = Effect(
     name="coulomb_friction",
     title="Coulomb friction",
@@ -47,8 +53,17 @@ EFFECT = Effect(
             prior=Prior("normal", 0.0, 0.03, "assumed: bearings creep below 2 deg/s"),
             source="Coulomb's law",
         ),
+        number(
+            "give_rad",
+            "rad",
+            0.0,
+            "angle by which it yields before it slips; 0 is Coulomb's law with real stick",
+            within=(0.0, 0.1),
+            prior=Prior("normal", 0.0, 0.002, "assumed: bearings slip within half a degree"),
+            source="Coulomb's law",
+        ),
     ),
-    hooks=Hooks(dry_friction=dry_friction, dry_width=dry_width),
+    hooks=Hooks(dry_friction=dry_friction, dry_width=dry_width, dry_give=dry_give),
     shows="slow reversals; the beam sticks short of its reference",
     source="Coulomb's law with real stick",
     confused_with={

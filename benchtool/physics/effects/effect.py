@@ -135,6 +135,8 @@ class Hooks:
             negative; the plant decides between stick and slip.
         dry_width: rate over which dry friction builds up to its full torque, added: rad/s, not
             negative; 0 where it holds at rest.
+        dry_give: angle by which the hinge yields before it slips, added: rad, not negative; 0
+            where it holds at rest.
         random_torque: standard deviation (N m) and correlation time (s) of a random torque about
             the pitch axis, an Ornstein-Uhlenbeck process.
         lag_s: time constant with which rotor speed follows its command, added: s.
@@ -158,6 +160,7 @@ class Hooks:
     torque: Hook | None = None
     dry_friction: Hook | None = None
     dry_width: Hook | None = None
+    dry_give: Hook | None = None
     random_torque: Hook | None = None
     lag_s: Hook | None = None
     delay_s: Hook | None = None

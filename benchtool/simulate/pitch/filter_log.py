@@ -104,7 +104,7 @@ class Predictions(NamedTuple):
 
     Attributes:
         theta_rad, gyro_rad_s: (n, lanes) predicted readings, each from the tick before.
-        pitch_rad, rate_rad_s, wake_Nm: (n, lanes) the state after the readings of the tick.
+        pitch_rad, rate_rad_s, wake_Nm, bent: (n, lanes) the state after the readings of the tick.
         speed_rad_s: (n, n_discs, lanes) predicted readings.
         state_speed_rad_s: (n, n_discs, lanes) rotor speeds after the readings of the tick.
     """
@@ -114,6 +114,7 @@ class Predictions(NamedTuple):
     pitch_rad: Array
     rate_rad_s: Array
     wake_Nm: Array
+    bent: Array
     speed_rad_s: Array
     state_speed_rad_s: Array
 
@@ -134,8 +135,8 @@ def filter_log(
         logged: the experiment.
         gains: (7,) of the filter, `FilterGains`.
         start_s: time of the first row, for what changes with time.
-        states: (3 + n_discs, lanes) pitch, rate, wake torque and speeds to begin with; from the
-            first row's readings when None.
+        states: (4 + n_discs, lanes) a `Hinge`'s first four numbers and speeds to begin with;
+            from the first row's readings when None.
         seed: of the wake's torque; the wake's torque only decays when None.
     """
     mode = np.array(logged.mode, float)
@@ -162,8 +163,7 @@ def predict_windows(
         starts: first row of each window.
         rows: of a window.
         lead: rows before a window whose pulses a delay may still hold.
-        states: (3 + n_discs, lanes) for each window, pitch, rate, wake torque and speeds to begin
-            with.
+        states: (4 + n_discs, lanes) for each window, see `filter_log`.
         seed: of the wake's torque; the wake's torque only decays when None.
     """
     windows = [(max(int(start) - lead, 0), int(start), int(start) + rows) for start in starts]
@@ -206,11 +206,11 @@ def _filtered(
             if begun is not None:
                 wide = begun[:, k : k + LANES[-1]]
                 wide = np.pad(wide, ((0, 0), (0, loop.lanes - wide.shape[1])), mode="edge")
-                loop.view("hinge")[:3] = wide[:3]
-                loop.set_speeds(wide[3:])
+                loop.view("hinge")[:4] = wide[:4]
+                loop.set_speeds(wide[4:])
             log = loop.filter(table, gains, before, (first, start, stop))[:, :, : len(some)]
-            scalars = [log[:, k] for k in range(5)]
-            found.append(Predictions(*scalars, *np.split(log[:, 5:], 2, axis=1)))
+            scalars = [log[:, k] for k in range(6)]
+            found.append(Predictions(*scalars, *np.split(log[:, 6:], 2, axis=1)))
         parts.append(found)
     if len(parts) == 1:
         return parts[0]

@@ -71,7 +71,8 @@ def correct_lane(w: Any, lane: Any, at: Any, now: Any, by: Any, to: Any, hooks: 
         elif logged.mode == RESTART:
             speeds = replaced(speeds, i, speeds[i] + error)
     corrected = Hinge(
-        theta, rate, wake, hinge.clamped_steps, hinge.stopped_steps, hinge.acceleration_rad_s2
-    )
+        theta, rate, wake, hinge.bent, hinge.clamped_steps, hinge.stopped_steps,
+        hinge.acceleration_rad_s2,
+    )  # fmt: skip
     write_record(w, to.hinge, lane, at, corrected)
     write_record(w, to.rotors, lane, at, Rotors(speeds))

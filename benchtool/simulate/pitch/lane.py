@@ -97,8 +97,10 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     flow = hooks.with_thrust(flow, middle, body.k, factor)
     slipping = rate + share * (pushed + hooks.torque(0, flow, p))
     held = share * hooks.dry_friction(0, flow, p)
-    built = held / np.maximum(held + hooks.dry_width(0, flow, p), SMALLEST)
-    before, rate = rate, slipping - limited(slipping * built, held)
+    give = hooks.dry_give(0, flow, p) / dt_s
+    built = held / np.maximum(give + held + hooks.dry_width(0, flow, p), SMALLEST)
+    friction = limited((give * hinge.bent + slipping) * built, held)
+    before, rate = rate, slipping - friction
     theta = theta + 0.5 * dt_s * rate
     inside = limited(theta, body.stop_rad)
     hit = 1.0 * (inside != theta)
@@ -111,8 +113,8 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     states[lane] = second
     wake = motion.wake_remains * hinge.wake_Nm + motion.wake_kick_Nm * normal(first, second)
     moved = Hinge(
-        inside, (1.0 - hit) * rate, wake, hinge.clamped_steps + low, hinge.stopped_steps + hit,
-        (rate - before) / dt_s,
+        inside, (1.0 - hit) * rate, wake, friction / np.maximum(held, SMALLEST),
+        hinge.clamped_steps + low, hinge.stopped_steps + hit, (rate - before) / dt_s,
     )  # fmt: skip
     write_record(w, to.hinge, lane, at, moved)
 

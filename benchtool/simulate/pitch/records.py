@@ -21,11 +21,11 @@ PAST = 64
 
 Hinge = namedtuple(
     "Hinge",
-    "theta_rad rate_rad_s wake_Nm clamped_steps stopped_steps acceleration_rad_s2",
-    defaults=(0.0,) * 6,
+    "theta_rad rate_rad_s wake_Nm bent clamped_steps stopped_steps acceleration_rad_s2",
+    defaults=(0.0,) * 7,
 )
-"""The body's state: pitch (rad, positive nose down), its rate, and the random torque (N m);
-plant steps with a disc nearer than the formulae hold, and steps at the end stop; the
+"""The body's state: pitch (rad, positive nose down), its rate, the random torque (N m), and how far
+the hinge has yielded, as a share (-1 to 1) of the torque that it holds; plant steps with a disc nearer than the formulae hold, and steps at the end stop; the
 acceleration in the last step (rad/s2).
 """
 

@@ -62,7 +62,7 @@ def shared_key(job: PitchJob) -> tuple[object, ...]:
 
 FILTERED = (
     "readings.theta_rad", "readings.gyro_rad_s", "hinge.theta_rad", "hinge.rate_rad_s",
-    "hinge.wake_Nm", "readings.speed_rad_s", "rotors.speed_rad_s",
+    "hinge.wake_Nm", "hinge.bent", "readings.speed_rad_s", "rotors.speed_rad_s",
 )  # fmt: skip
 """Records' fields that filtering a log gives, in the order of `Predictions`."""
 

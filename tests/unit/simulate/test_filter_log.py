@@ -99,8 +99,8 @@ def test_a_part_of_a_log_goes_on_where_the_whole_was(true_model: Model) -> None:
     gains = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True).gains
     whole = filter_log([bench], logged, gains)
     start = 2000
-    state = np.vstack([whole.pitch_rad[start], whole.rate_rad_s[start], whole.wake_Nm[start],
-                       whole.state_speed_rad_s[start]])  # fmt: skip
+    hinge = (whole.pitch_rad, whole.rate_rad_s, whole.wake_Nm, whole.bent)
+    state = np.vstack([*(one[start] for one in hinge), whole.state_speed_rad_s[start]])
     rest = logged.between(start, 3000)
     rest = replace(rest, mode=np.append(0.0, rest.mode[1:]))
     part = filter_log([bench], rest, gains, start_s=start / RATE_HZ, states=state)
