@@ -51,5 +51,5 @@ EFFECT = Effect(
     ),
     confused_with={"plate_offset": "distances beyond z/R 1 separate them"},
     benches=frozenset(),
-    adjusted_on=frozenset({"sweep", "pitch"}),
+    adjusted_on=frozenset({"sweep"}),
 )

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from benchtool import __version__
 from benchtool.explain.answer import Answer, channel_words
+from benchtool.explain.engine.held_out import UPPER
 from benchtool.explain.engine.verdict import EVERYWHERE, PLACES
 from benchtool.explain.next_steps import lines, next_sentence, next_steps
 from benchtool.report.answer.added_words import added_sentence, changes_table
@@ -36,7 +39,7 @@ def where_sentence(answer: Answer) -> str:
     """Say where model and measurement disagree."""
     where = answer.verdict.where
     if where is None:
-        return "The model agrees with the recordings within their noise and the tolerances."
+        return _agreement(answer)
     text = f"The disagreement is {PLACES[where.stage]}"
     shown = f"{where.size:.0f}" if where.size >= 10.0 else f"{where.size:.2g}"
     size = f"{shown} times the stated noise"
@@ -45,6 +48,23 @@ def where_sentence(answer: Answer) -> str:
     return (
         f"{text}, most of it in: {where.regime}. There residuals are {size}, and "
         f"{100.0 * where.share:.0f} % of the disagreement lies there."
+    )
+
+
+def _agreement(answer: Answer) -> str:
+    """Say how near a model that lacks nothing is to its check recordings."""
+    learned, over = answer.explanation.floors_as_learned, []
+    for gap in answer.verdict.gaps:
+        words = channel_words(gap.channel, gap.unit)
+        high = float(np.quantile(learned.get(gap.channel, [gap.floor_high]), UPPER))
+        if gap.after > high:
+            values = (f"{words.factor * value:.3g} {words.unit}" for value in (gap.after, high))
+            over.append(f"{words.title} by {' where noise stays below '.join(values)}")
+    if not over:
+        return "The model agrees with the recordings within their noise and the tolerances."
+    return (
+        f"Nothing stands out beyond the tolerances, yet the check recordings are missed by more "
+        f"than noise: {', '.join(over)}."
     )
 
 

@@ -54,6 +54,15 @@ def test_great_residuals_are_told_as_people_write_them() -> None:
     assert "residuals are 250 times" in where_sentence(replace(given, explanation=spread))
 
 
+def test_a_gap_above_noise_is_no_agreement() -> None:
+    given = answer("none")
+    gaps = [replace(gap, after=2.0 * gap.floor_high) for gap in given.verdict.gaps[:1]]
+    apart = replace(given.explanation, verdict=replace(given.verdict, gaps=tuple(gaps)))
+    text = where_sentence(replace(given, explanation=apart))
+    assert "missed by more than noise: pitch by" in text
+    assert "agrees" in where_sentence(given)
+
+
 def test_what_weighs_on_the_verdict_stands_beside_it_and_spikes_are_explained() -> None:
     given = answer("effect")
     page = answer_page(given, drawn("answer", given))
