@@ -25,8 +25,8 @@ Hinge = namedtuple(
     defaults=(0.0,) * 7,
 )
 """The body's state: pitch (rad, positive nose down), its rate, the random torque (N m), and how far
-the hinge has yielded, as a share (-1 to 1) of the torque that it holds; plant steps with a disc nearer than the formulae hold, and steps at the end stop; the
-acceleration in the last step (rad/s2).
+the hinge has yielded, as a share (-1 to 1) of the torque that it holds; plant steps with a disc
+nearer than the formulae hold, and steps at the end stop; the last step's acceleration (rad/s2).
 """
 
 Delayed = namedtuple("Delayed", "theta_rad rate_rad_s plate_z_m", defaults=(0.0, 0.0, 0.0))

@@ -107,6 +107,7 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
         (name, item.at(0.0309) if name == "inertia_kgm2" else item)
         for name, item in model.parameters.items()
     )
+    before, turning = (0.0055, 0.025) if kind == "none" else (0.016, 0.071)
     effects = {
         "effect": (FRICTION,), "several": (FRICTION, OFFSET), "class": (FRICTION, OFFSET),
     }.get(kind, ())  # fmt: skip
@@ -124,8 +125,8 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
             stage="hinge", regime="slow reversals", size=3.4, share=0.71
         ),
         gaps=(
-            gap("theta_rad", "rad", 0.016, 0.0055 if named else 0.016, 0.0052),
-            gap("gyro_rad_s", "rad/s", 0.071, 0.025 if named else 0.071, 0.023),
+            gap("theta_rad", "rad", before, 0.0055 if named else before, 0.0052),
+            gap("gyro_rad_s", "rad/s", turning, 0.025 if named else turning, 0.023),
             gap("rpm", "rpm", 31.0, 30.0 if named else 31.0, 29.0),
         ),
         nearest=Nearest(
