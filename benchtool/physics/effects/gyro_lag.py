@@ -11,7 +11,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 @expression
 def gyro_reading(p: Any, i: int, flow: Flow, reading_rad_s: Quantity) -> Quantity:
     """Return the rate of a moment ago: rad/s."""
-    return reading_rad_s - p.delay_s * flow.acceleration_rad_s2
+    return reading_rad_s - p.late_s * flow.acceleration_rad_s2
 
 
 EFFECT = Effect(
@@ -23,10 +23,10 @@ EFFECT = Effect(
     ),
     subsystem="sensor",
     order=5,
-    law="reading = rate - delay * acceleration",
+    law="reading = rate - late * acceleration",
     parameters=(
         number(
-            "delay_s",
+            "late_s",
             "s",
             0.0,
             "delay of a slow change: 1/(2 pi f) of a filter of first order, f its corner",

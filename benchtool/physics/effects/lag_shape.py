@@ -17,13 +17,13 @@ from benchtool.physics.size import half_throttle_speed
 def followed_speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed after a short step that goes farther the quicker the rotor is: rad/s."""
     change = speed_rad_s - flow.speed_rad_s[i]
-    faster = flow.speed_rad_s[i] / p.reference_rad_s - 1.0
+    faster = flow.speed_rad_s[i] / p.middle_rad_s - 1.0
     return speed_rad_s + change * (p.with_speed * faster - p.rising * np.sign(change))
 
 
 def rig_values(rig: Rig) -> Mapping[str, float]:
     """Return the speed at half throttle: rad/s."""
-    return {"reference_rad_s": half_throttle_speed(rig)}
+    return {"middle_rad_s": half_throttle_speed(rig)}
 
 
 def _share(name: str, sd: float, description: str, why: str) -> Parameter:
@@ -54,7 +54,7 @@ EFFECT = Effect(
             "ESCs that brake do it nearly as well as they drive",
         ),
         number(
-            "reference_rad_s", "rad/s", 600.0, "speed at which the lag is the stated one",
+            "middle_rad_s", "rad/s", 600.0, "speed at which the lag is the stated one",
             within=(1.0, 1e5), source="middle of the usual range; a rig states half throttle",
         ),
     ),

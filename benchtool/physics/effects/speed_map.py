@@ -19,13 +19,13 @@ BENT = Prior("normal", 0.0, 0.01, "assumed: 0.1 % of speed at a third above half
 @expression
 def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     """Return the speed with the gain changed, more on one side of the hinge: rad/s."""
-    side, beyond = np.sign(flow.position_x_m[i]), speed_rad_s / p.reference_rad_s - 1.0
-    return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference + p.curvature * beyond * beyond)
+    side, beyond = np.sign(flow.position_x_m[i]), speed_rad_s / p.middle_rad_s - 1.0
+    return speed_rad_s * (1.0 + p.gain + 0.5 * side * p.difference + p.bend * beyond * beyond)
 
 
 def rig_values(rig: Rig) -> Mapping[str, float]:
     """Return the speed at half throttle: rad/s."""
-    return {"reference_rad_s": half_throttle_speed(rig)}
+    return {"middle_rad_s": half_throttle_speed(rig)}
 
 
 def _error(name: str, description: str) -> Parameter:
@@ -51,11 +51,11 @@ EFFECT = Effect(
         _error("gain", "relative error of the map, all rotors alike"),
         _error("difference", "the same, rotors before the hinge over those behind it"),
         number(
-            "curvature", "1", 0.0, "strength c of the part that grows with the square of the speed",
+            "bend", "1", 0.0, "strength c of the part that grows with the square of the speed",
             neutral=0.0, within=(-0.5, 0.5), tolerance=0.01, prior=BENT,
         ),
         number(
-            "reference_rad_s", "rad/s", 600.0, "speed at which that part is nothing",
+            "middle_rad_s", "rad/s", 600.0, "speed at which that part is nothing",
             within=(1.0, 1e5), source="middle of the usual range; a rig states half throttle",
         ),
     ),

@@ -22,7 +22,7 @@ PAST = 64
 Hinge = namedtuple(
     "Hinge",
     "theta_rad rate_rad_s wake_Nm bent clamped_steps stopped_steps acceleration_rad_s2",
-    defaults=(0.0,) * 7,
+    defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
 """The body's state: pitch (rad, positive nose down), its rate, the random torque (N m), and how far
 the hinge has yielded, as a share (-1 to 1) of the torque that it holds; plant steps with a disc

@@ -78,9 +78,9 @@ def test_small_imperfections_are_nothing(model: Model) -> None:
         .with_effect("cog_offset", x_m=0.0002)
         .with_effect("gyro_bias", bias_rad_s=0.001)
         .with_effect("rotor_asymmetry", ratio=1.004)
-        .with_effect("speed_map", gain=0.002, difference=-0.003, curvature=0.015)
+        .with_effect("speed_map", gain=0.002, difference=-0.003, bend=0.015)
         .with_effect("lag_shape", with_speed=0.2, rising=0.02)
-        .with_effect("gyro_lag", delay_s=0.0006)
+        .with_effect("gyro_lag", late_s=0.0006)
     )
     verdict = explained(model, truth).verdict
     assert verdict.kind == "none"

@@ -17,7 +17,7 @@ RIG = rig_named("beam")
 def shaped(with_speed: float, rising: float) -> Model:
     model = Model.single(RIG).with_effect("motor_lag", tau_s=TAU_S)
     return model.with_effect(
-        "lag_shape", with_speed=with_speed, rising=rising, reference_rad_s=REFERENCE
+        "lag_shape", with_speed=with_speed, rising=rising, middle_rad_s=REFERENCE
     )
 
 
