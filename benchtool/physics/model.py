@@ -369,16 +369,6 @@ class Model:
         reading = values[self._index["k"]] * self.squared_speed(flow, values)
         return self._thrust_reading(0, reading, flow, self.numbers(values))
 
-    def factor(self, conditions: Conditions, values: Any = None) -> Any:
-        """Return T_IGE/T_OGE of the whole vehicle at equal rotor speeds (..., m).
-
-        Sensor effects stand outside: this is the vehicle's factor, not the load cell's.
-        """
-        values = self.parameters.values_array() if values is None else values
-        near = self.squared_speed(self.flow(conditions, values), values)
-        far = self.squared_speed(self.flow(conditions.out_of_ground_effect(), values), values)
-        return near / far
-
     def z_over_R(self, conditions: Conditions) -> Array:
         """Return the least distance of any turning disc over the rig's rotor radius (m,)."""
         flow = self.flow(conditions, self.parameters.values_array())

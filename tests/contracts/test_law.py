@@ -12,6 +12,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
+from benchtool.physics.bases import factor_at
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.distance_law import CONTACT_Z_OVER_R, DistanceLaw
@@ -50,7 +51,7 @@ def ratio(model: Model, z_over_R: Array) -> Array:
     near = Conditions.of(
         model.rig, speed_rad_s=np.array([500.0]), plate_z_m=z_m, coverage=np.ones((1, 1))
     )
-    return np.asarray(model.factor(near))
+    return np.asarray(factor_at(model, "equal_rpm2", near))
 
 
 def numbers(model: Model, name: str) -> dict[str, float]:
@@ -107,7 +108,7 @@ def test_images_in_a_surface_below_do_not_act_under_a_ceiling() -> None:
     model = Model.single(rig_of("ceiling", rig_named("pquad")))
     at = Conditions.of(model.rig, speed_rad_s=np.full((4, 1), 500.0), plate_z_m=[0.06, 0.12])
     full = model.with_effect("neighbour_images").with_effect("body_lift")
-    assert np.array_equal(full.factor(at), model.factor(at))
+    assert np.array_equal(factor_at(full, "equal_rpm2", at), factor_at(model, "equal_rpm2", at))
 
 
 def test_hayden_at_one_radius_and_where_it_is_clipped() -> None:
@@ -174,8 +175,8 @@ def test_it_enters_the_sum_once_with_the_images_of_neighbours_and_the_body(name:
     at = Conditions.of(rig, speed_rad_s=np.full((4, 1), 500.0), plate_z_m=z_m)
     alone = 1.0 - 1.0 / ratio(acting(name), z_m / rig.propulsion.radius_m)
     bare = Model.single(rig).with_effect("neighbour_images").with_effect("body_lift")
-    rest = 1.0 - 1.0 / bare.without("rotor_images").factor(at)
-    together = bare.with_law(name, **numbers(acting(name), name)).factor(at)
+    rest = 1.0 - 1.0 / factor_at(bare.without("rotor_images"), "equal_rpm2", at)
+    together = factor_at(bare.with_law(name, **numbers(acting(name), name)), "equal_rpm2", at)
     np.testing.assert_allclose(together, 1.0 / (1.0 - alone - rest), rtol=1e-12)
 
 

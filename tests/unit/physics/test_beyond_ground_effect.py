@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import rig_named
+from benchtool.physics.bases import factor_at
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 
@@ -70,6 +71,6 @@ def test_forward_speed_washes_the_ground_effect_out_as_the_source_prints_it() ->
         [next(v.real for v in np.roots([1.0, V**2, -(5.0**4)]) if v.real > 0) for V in speeds]
     )
     expected = 1.0 / (1.0 - (1.0 / 16.0) / (1.0 + (speeds / inflow) ** 2))
-    np.testing.assert_allclose(model.factor(moving), expected, rtol=1e-12)
+    np.testing.assert_allclose(factor_at(model, "equal_rpm2", moving), expected, rtol=1e-12)
     assert expected[0] == pytest.approx(16.0 / 15.0)
     assert expected[-1] < 1.001

@@ -9,6 +9,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import rig_named
+from benchtool.physics.bases import factor_at
 from benchtool.physics.body_lift import quad_body_lift_factor
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.partial_coverage import factors
@@ -33,7 +34,7 @@ def test_it_is_eq_2_3_and_4_for_the_quadrotor() -> None:
         (quad, quad_factor(radius, Z_M, spacing)),
         (lifted, quad_body_lift_factor(radius, Z_M, spacing, half, 2.0)),
     ):
-        np.testing.assert_allclose(model.factor(conditions), expected, rtol=1e-12)
+        np.testing.assert_allclose(factor_at(model, "equal_rpm2", conditions), expected, rtol=1e-12)
         thrust = 4.0 * rig.propulsion.thrust_coefficient_N_s2 * 576.0**2 * expected
         np.testing.assert_allclose(model.thrust_N(conditions), thrust, rtol=1e-12)
 
@@ -47,7 +48,7 @@ def test_the_printed_diagonal_can_be_chosen() -> None:
     spacing = rig.disc_distances_m[0, 1]
     conditions = Conditions.of(rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
     expected = quad_body_lift_factor(0.12, Z_M, spacing, spacing * np.sqrt(2.0), 2.0)
-    np.testing.assert_allclose(printed.factor(conditions), expected, rtol=1e-12)
+    np.testing.assert_allclose(factor_at(printed, "equal_rpm2", conditions), expected, rtol=1e-12)
 
 
 def test_three_rotors_make_two_thirds_of_the_body_lift() -> None:
@@ -65,7 +66,7 @@ def test_coaxial_rotors_count_as_one_disc() -> None:
     conditions = Conditions.of(rig, speed_rad_s=np.full((8, 1), 400.0), plate_z_m=z)
     model = Model.single(rig).with_effect("neighbour_images")
     expected = quad_factor(rig.propulsion.radius_m, z, rig.disc_distances_m[0, 1])
-    np.testing.assert_allclose(model.factor(conditions), expected, rtol=1e-12)
+    np.testing.assert_allclose(factor_at(model, "equal_rpm2", conditions), expected, rtol=1e-12)
     assert model.thrust_N(conditions)[0] == pytest.approx(
         8 * rig.propulsion.thrust_coefficient_N_s2 * 400.0**2 * expected[0]
     )
@@ -75,7 +76,7 @@ def test_without_a_plate_there_is_no_ground_effect() -> None:
     model = load_model("quad_body_lift").model
     conditions = Conditions.of(model.rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
     far = conditions.out_of_ground_effect()
-    assert np.array_equal(model.factor(far), np.ones(6))
+    assert np.array_equal(factor_at(model, "equal_rpm2", far), np.ones(6))
 
 
 def test_area_factors_follow_their_shares() -> None:
@@ -91,7 +92,7 @@ def test_area_factors_follow_their_shares() -> None:
         plate_z_m=np.full(3, radius),
         coverage=np.array([[0.25, 0.5, 0.75]]),
     )
-    increment = model.factor(conditions) - 1.0
+    increment = factor_at(model, "equal_rpm2", conditions) - 1.0
     full = single_rotor_factor(radius, radius) - 1.0
     np.testing.assert_allclose(increment / full, factors([0.5, 0.2, 0.5]), rtol=1e-12)
 

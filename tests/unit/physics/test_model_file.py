@@ -10,6 +10,7 @@ import pytest
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.parameter import Prior
 from benchtool.physics.baseline import baseline_parameters
+from benchtool.physics.bases import factor_at
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model, model_from_toml, model_names, model_to_toml
 
@@ -116,7 +117,13 @@ def test_eq_2_can_be_taken_out_and_stays_out() -> None:
     without = replace(loaded, model=loaded.model.without("rotor_images"))
     again = model_from_toml(model_to_toml(without), "new.toml").model
     near = Conditions.of(again.rig, speed_rad_s=np.full(4, 500.0), plate_z_m=np.array([0.12]))
-    np.testing.assert_array_equal(again.factor(near), without.model.factor(near))
-    assert 1.0 < again.factor(near)[0] < loaded.model.factor(near)[0]
+    np.testing.assert_array_equal(
+        factor_at(again, "equal_rpm2", near), factor_at(without.model, "equal_rpm2", near)
+    )
+    assert (
+        1.0
+        < factor_at(again, "equal_rpm2", near)[0]
+        < factor_at(loaded.model, "equal_rpm2", near)[0]
+    )
     alone = replace(again, effects=(), parameters=baseline_parameters(again.rig))
-    assert alone.factor(near)[0] == 1.0
+    assert factor_at(alone, "equal_rpm2", near)[0] == 1.0

@@ -9,6 +9,7 @@ import pytest
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig_file import rig_named
+from benchtool.physics.bases import factor_at
 from benchtool.physics.body_lift import quad_body_lift_factor
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
@@ -157,8 +158,8 @@ def test_every_law_of_distance_counts_along_the_rotor_axis() -> None:
             continue
         model = bare.with_effect(effect)
         terms = [
-            1.0 - 1.0 / model.factor(
-                Conditions.of(
+            1.0 - 1.0 / factor_at(
+                model, "equal_rpm2", Conditions.of(
                     model.rig,
                     speed_rad_s=np.array([550.0]),
                     plate_z_m=np.array([0.15 / np.cos(tilt_rad)]),
