@@ -40,6 +40,9 @@ class ReportInputs(Inputs):
     ] = "page"
     recipes: PaperLayoutInputs = field(default_factory=PaperLayoutInputs)
     model: Annotated[str, Input("Model to draw beside the data: name, file or fit folder.")] = ""
+    rig: Annotated[str | None, Input("Rig of a log: shipped name or path; runs carry theirs.")] = (
+        None
+    )
     controller: Annotated[
         str, Input("Controller that flew a log: pid, observer, feedforward, ...")
     ] = ""
@@ -77,8 +80,11 @@ def report(inputs: ReportInputs) -> None:
         raise InputError(f"--{next(iter(named))} needs --layout paper")
     if len(set(inputs.motors)) < len(inputs.motors):
         raise InputError(f"--motors is {text_of(inputs.motors)}; name each motor once, as 1,3,2,4")
+    if inputs.rig is not None and not inputs.model:
+        raise InputError(f"--rig {inputs.rig} is that of a model; name one with --model")
     beside = Beside(
         model=inputs.model,
+        rig=inputs.rig,
         controller=inputs.controller,
         gains=inputs.gains,
         plate_z_m=inputs.plate_z_m,

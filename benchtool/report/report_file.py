@@ -12,6 +12,7 @@ from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE
 from benchtool.data.run.read import is_pitch_run, is_run
 from benchtool.data.run.recording_file import beside as facts_beside
 from benchtool.explain.pitch.replayed import Beside
+from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.nominal import nominal_model
 from benchtool.report import html
 from benchtool.report.files import write_whole
@@ -129,7 +130,10 @@ def _made(paths: Sequence[Path], kind: Kind, beside: Beside, commands: Sequence[
         return recording_page(paths[0], beside, commands)
     beside.refuse_controller("a sweep has no controller")
     first = read_sweep_run(paths[0])
-    model = nominal_model(beside.model, first.rig, beside.permit) if beside.model else None
+    model = None
+    if beside.model:
+        rig = rig_for_data([str(paths[0])], beside.model, beside.rig) or first.rig
+        model = nominal_model(beside.model, rig, beside.permit)
     runs = [replace(first, model=model), *(read_sweep_run(path, model) for path in paths[1:])]
     return COMPARED.report(runs, commands) if len(runs) > 1 else SWEEP.report(runs[0], commands)
 

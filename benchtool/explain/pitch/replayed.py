@@ -51,6 +51,7 @@ class Beside:
     """
 
     model: str = ""  # shipped name, model file, or a folder of fit or explain; empty for none
+    rig: str | None = None  # shipped name or file, of data that do not carry theirs
     controller: str = ""  # built-in controller that flew; empty where nobody says
     gains: str = ""  # its gain set; that which the recording names when empty
     plate_z_m: float | None = None  # height over the surface where the recording does not tell it
@@ -121,7 +122,7 @@ def replayed(
         track: the recording.
         beside: what to simulate beside it.
         provenance: of the recording.
-        rig: of a run folder, which goes before the model's; None for a file.
+        rig: of the recording; None for that of a user's model file.
 
     Raises:
         InputError: a model whose rig has other rotors than the recording.

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.data.run.run_rig import rig_of_data
 from benchtool.explain.pitch.replay_track import PitchTrack, on_log_clock, pitch_track
 from benchtool.explain.pitch.replayed import Beside, Replay, replayed
+from benchtool.fit.data_rig import rig_for_data
 from benchtool.report.figure import Page
 from benchtool.report.numbers import numeral
 from benchtool.report.page import Report, Table, Warnings
@@ -28,7 +28,7 @@ def recording_page(path: Path, beside: Beside, commands: Sequence[str] = ()) -> 
     track = pitch_track(recorded.recording, beside.motors)
     replay, lacks = None, list[str]()
     if beside.model:
-        rig = rig_of_data([str(recorded.path)])
+        rig = rig_for_data([str(recorded.path)], beside.model, beside.rig)
         replay, lacks = replayed(track, beside, recorded.provenance, rig)
     log = ReplayedLog(recorded, track, beside, replay, [*lacks, *track.remarks])
     return REPLAY.report(log, commands)

@@ -126,7 +126,7 @@ def test_a_known_controller_flies_the_same_reference_and_windows(flown: Recordin
 
 def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log: Path) -> None:
     assert kind_of(log) == "recording"
-    page = page_text([log], Beside(model=MODEL, plate_z_m=0.12))
+    page = page_text([log], Beside(model=MODEL, rig="pquad", plate_z_m=0.12))
     check_self_contained(page)
     text, facts = words_of(page), facts_of(page)
     assert "open loop: the plant under the logged pulses" in text
@@ -160,14 +160,16 @@ def test_without_a_model_the_log_is_drawn_alone_and_the_caption_says_so(log: Pat
 
 
 def test_what_is_missing_is_said_and_the_log_is_drawn_all_the_same(log: Path) -> None:
-    text = words_of(page_text([log], Beside(model=MODEL)))
+    with pytest.raises(InputError, match=r"does not say which rig .* name it with --rig"):
+        page_text([log], Beside(model=MODEL, plate_z_m=0.12))
+    text = words_of(page_text([log], Beside(model=MODEL, rig="pquad")))
     assert "Nothing tells how far below the rotors the surface was" in text
     with pytest.raises(InputError, match="4 rotors, but rig 'beam'"):
-        page_text([log], Beside(model="pitch_beam", plate_z_m=0.12))
+        page_text([log], Beside(model="pitch_beam", rig="beam", plate_z_m=0.12))
     with pytest.raises(InputError, match="the recording has: 1, 2, 3, 4"):
-        page_text([log], Beside(model=MODEL, motors=(1, 2, 3, 7)))
+        page_text([log], Beside(model=MODEL, rig="pquad", motors=(1, 2, 3, 7)))
     with pytest.raises(InputError, match="give --gains"):
-        page_text([log], Beside(model=MODEL, controller="pid", plate_z_m=0.12))
+        page_text([log], Beside(model=MODEL, rig="pquad", controller="pid", plate_z_m=0.12))
 
 
 def test_motors_in_another_order_are_told_by_a_run_that_strays(log: Path) -> None:
@@ -185,10 +187,10 @@ def test_motors_in_another_order_are_told_by_a_run_that_strays(log: Path) -> Non
 
 
 def test_a_run_that_does_not_follow_is_not_shown_as_a_result(log: Path) -> None:
-    good = page_text([log], Beside(model=MODEL, plate_z_m=0.12))
+    good = page_text([log], Beside(model=MODEL, rig="pquad", plate_z_m=0.12))
     assert "does not follow" not in words_of(good)
     assert "simulated RMS error, over it" in facts_of(good)
-    page = page_text([log], Beside(model=MODEL, plate_z_m=0.12, motors=(3, 2, 1, 4)))
+    page = page_text([log], Beside(model=MODEL, rig="pquad", plate_z_m=0.12, motors=(3, 2, 1, 4)))
     text, facts = words_of(page), facts_of(page)
     assert facts["simulated run"] == "does not follow the log"
     assert not [name for name in facts if "RMS" in name and "simulated" in name]
