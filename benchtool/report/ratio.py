@@ -18,6 +18,7 @@ from benchtool.core.rig import Rig
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.bases import factor_at
 from benchtool.physics.conditions import Conditions
+from benchtool.physics.distance_law import CONTACT_Z_OVER_R
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOUR_IMAGES
 from benchtool.physics.model import Model
 from benchtool.report.palette import GREY, LOOKS, Role
@@ -64,6 +65,7 @@ class Curve:
         style: "fit" (solid), "formula" (dashed, as the paper draws its PFI curves) or
             "other" (dotted).
         bands: intervals of the curve, at most one per level.
+        nearest_z_over_R: the curve is drawn from there on, where its law is trusted.
     """
 
     z_over_R: Array
@@ -72,6 +74,13 @@ class Curve:
     role: Role = "formula"
     style: Literal["fit", "formula", "other"] = "formula"
     bands: tuple[Band, ...] = ()
+    nearest_z_over_R: float = VALIDITY_Z_OVER_R
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where the curve's law is trusted (m,)."""
+        valid: NDArray[np.bool_] = self.z_over_R >= self.nearest_z_over_R
+        return valid
 
 
 def conditions_over(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> Conditions:
@@ -136,10 +145,14 @@ def formula_curves(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> list[Curve]
     return curves
 
 
-def distances_of(series: Sequence[RatioPoints]) -> Array:
-    """Return the distances z/R (240,) of curves that go somewhat beyond the farthest point."""
+def distances_of(series: Sequence[RatioPoints], model: Model | None = None) -> Array:
+    """Return the distances z/R (240,) of curves that go somewhat beyond the farthest point.
+
+    They begin where the formulae are trusted, or the law of the model beside them.
+    """
+    nearest = VALIDITY_Z_OVER_R if model is None else model.nearest_z_over_R
     farthest = max(float(np.nanmax(item.z_over_R)) for item in series)
-    return np.linspace(0.5, max(1.1 * farthest, 2.0), 240)
+    return np.linspace(min(nearest, VALIDITY_Z_OVER_R), max(1.1 * farthest, 2.0), 240)
 
 
 def draw_ratio(
@@ -147,7 +160,7 @@ def draw_ratio(
 ) -> None:
     """Draw thrust ratios with error bars over model curves with their bands.
 
-    The region in which the formulae are not valid is hatched and has no curves.
+    Distances at which none of the curves' laws is trusted are hatched.
     """
     axes = figure.subplots()
     for each in series:
@@ -155,14 +168,16 @@ def draw_ratio(
     for curve in curves:
         _draw_curve(axes, curve)
     axes.axhline(1.0, color=GREY, linewidth=0.9, zorder=0.5)
-    axes.axvspan(
-        0.0, VALIDITY_Z_OVER_R, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.45, lw=0.0
-    )
-    axes.text(
-        VALIDITY_Z_OVER_R / 2.0, 0.5, "outside the validity of the formulae",
-        transform=axes.get_xaxis_transform(), rotation=90, ha="center", va="center", fontsize=8,
-        color=GREY, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.9},
-    )  # fmt: skip
+    nearest = min((curve.nearest_z_over_R for curve in curves), default=VALIDITY_Z_OVER_R)
+    if nearest > CONTACT_Z_OVER_R:
+        axes.axvspan(
+            0.0, nearest, facecolor="none", edgecolor=GREY, hatch="////", alpha=0.45, lw=0.0
+        )
+        axes.text(
+            nearest / 2.0, 0.5, "outside the validity of the formulae",
+            transform=axes.get_xaxis_transform(), rotation=90, ha="center", va="center", fontsize=8,
+            color=GREY, bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5, "alpha": 0.9},
+        )  # fmt: skip
     axes.set_xlabel("distance to the plate  $z/R$ [–]")
     axes.set_ylabel(ratio_label(basis))
     distances = np.concatenate(
@@ -174,8 +189,7 @@ def draw_ratio(
 
 
 def _draw_curve(axes: Axes, curve: Curve) -> None:
-    color = LOOKS[curve.role].color
-    valid = curve.z_over_R >= VALIDITY_Z_OVER_R
+    color, valid = LOOKS[curve.role].color, curve.valid
     z = curve.z_over_R[valid]
     for band in sorted(curve.bands, key=lambda item: -item.level):
         axes.fill_between(
@@ -209,9 +223,8 @@ def _limits(series: Sequence[RatioPoints], curves: Sequence[Curve]) -> tuple[flo
         spread = np.nan_to_num(each.sd)
         seen += [*(each.ratio - spread), *(each.ratio + spread)]
     for curve in curves:
-        valid = curve.z_over_R >= VALIDITY_Z_OVER_R
         for line in (curve.ratio, *(band.upper for band in curve.bands)):
-            seen += list(line[valid])
+            seen += list(line[curve.valid])
     finite = np.array([value for value in seen if np.isfinite(value)])
     span = max(finite.max() - finite.min(), 0.02)
     return float(finite.min() - 0.05 * span), float(finite.max() + 0.06 * span)

@@ -93,6 +93,7 @@ class PlateBench:
         self._x = Axis(plate.speed_m_s, 0.0)
         self._tilt = Axis(TILT_FEED_RAD_S, 0.0)
         self._thrust = TrueThrust(rig, truth)
+        self.nearest_z_over_R = truth.nearest_z_over_R
         self._drags = truth.answers_with_torque
         self._cell = LoadCell(flaws, rig.limits.load_cell_rating_N)
         self._vibration_N = flaws.vibration_N
@@ -126,7 +127,7 @@ class PlateBench:
 
     @property
     def clamped_readings(self) -> int:
-        """How many load-cell readings took a plate nearer than z/R = 0.5 as standing there."""
+        """How many load-cell readings took a plate nearer than `nearest_z_over_R` as there."""
         return self._thrust.clamped
 
     @property

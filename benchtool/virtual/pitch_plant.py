@@ -73,6 +73,7 @@ class PitchBenchPlant:
         own: type[PitchController] | None = None,
     ) -> None:
         self.job, self.schedule, self.rig = job, schedule, job.bench.model.rig
+        self.nearest_z_over_R = job.bench.model.nearest_z_over_R
         self.control_rate_Hz = job.control.control_rate_Hz
         self.rate_Hz = self.control_rate_Hz
         self._every = 1

@@ -205,9 +205,10 @@ class SimulatedBench(Opened):
         """Say once that the plate came nearer than the physics reaches."""
         if self._plant.clamped_readings and not self._clamped:
             self._clamped = True
+            nearest = f"z/R = {self._plant.nearest_z_over_R:g}"
             self._messages.append(
-                "clamped: the plate is nearer than z/R = 0.5, where the image formulae end; thrust "
-                "is that of z/R = 0.5"
+                f"clamped: the plate is nearer than {nearest}, where the truth's law ends; thrust "
+                f"is that of {nearest}"
             )
 
     def _raise_if_stopped(self) -> None:

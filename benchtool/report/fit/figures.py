@@ -50,7 +50,7 @@ SHOWN_DRAWS = 400
 def ratio(figure: Figure, fit: FitOutput) -> None:
     """Draw T_IGE/T_OGE of the data over the fitted curve and the closed formulae."""
     series = ratio_points(fit, name_of_data(fit))
-    z, speeds = distances_of([series]), _fastest(fit).speed_rad_s
+    z, speeds = distances_of([series], fit.fitted), _fastest(fit).speed_rad_s
     curves = [fitted_curve(fit, z), *formula_curves(fit.fitted.rig, speeds, z)]
     draw_ratio(figure, [series], curves, shown_basis(fit))
 
@@ -102,6 +102,7 @@ def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = 
         label or f"fit: {fit.fitted.name}",
         role,
         "fit",
+        nearest_z_over_R=fit.fitted.nearest_z_over_R,
     )
     rng = np.random.default_rng(fit.recipe.seed)
     if len(result.samples):

@@ -114,11 +114,11 @@ def table_lines(study: PitchStudy) -> list[str]:
 
 def warnings_of(study: PitchStudy) -> list[str]:
     """Return what a reader of the numbers must know: clamps and end stops that acted."""
-    out = []
+    out, nearest = [], study.setup.bench.model.nearest_z_over_R
     for run in study.runs:
         if run.clamped_steps:
             out.append(
-                f"{run.controller}: a rotor came nearer than z/R = 0.5 in "
+                f"{run.controller}: a rotor came nearer than z/R = {nearest:g} in "
                 f"{counted(run.clamped_steps, 'step')}; its height was held there, where the "
                 f"formulae end"
             )

@@ -100,7 +100,11 @@ def _model_curve(run: SweepRun, z_over_R: Array) -> list[Curve]:
     middle = factor_over(model, speeds, z_over_R, basis=run.basis)
     bands = bands_over(model, speeds, z_over_R, run.model.draws, run.basis)
     label = f"{'fit' if run.model.fitted_to else 'model'}: {model.name}"
-    return [Curve(z_over_R, middle, label, "model", "fit", bands)]
+    return [Curve(z_over_R, middle, label, "model", "fit", bands, model.nearest_z_over_R)]
+
+
+def _distances(run: SweepRun, series: Sequence[RatioPoints]) -> Array:
+    return distances_of(series, None if run.model is None else run.model.model)
 
 
 @figure(
@@ -117,7 +121,7 @@ def _model_curve(run: SweepRun, z_over_R: Array) -> list[Curve]:
 def ratio(figure: Figure, run: SweepRun) -> None:
     """Draw T_IGE/T_OGE of a run over the closed formulae and a model with its bands."""
     series = _ratios(run, f"{'simulated bench' if run.simulated else 'measured'}, mean ± error")
-    z = distances_of(series)
+    z = _distances(run, series)
     curves = [*_model_curve(run, z), *formula_curves(run.rig, _speeds_of(run), z)]
     draw_ratio(figure, series, curves, run.basis)
 
@@ -140,7 +144,7 @@ def ratios(figure: Figure, runs: Sequence[SweepRun]) -> None:
         for place, run in enumerate(runs)
         for item in _ratios(run, run.name, RUN_ROLES[place % len(RUN_ROLES)])
     ]
-    first, z = runs[0], distances_of(series)
+    first, z = runs[0], _distances(runs[0], series)
     formula = formula_curves(first.rig, _speeds_of(first), z)[-1]
     draw_ratio(figure, series, [*_model_curve(first, z), formula], first.basis)
 

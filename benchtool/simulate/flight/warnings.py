@@ -84,8 +84,9 @@ def _warnings_of_one(flown: Flown) -> list[str]:
         out.append(left)
     if found.held_ticks:
         out.append(
-            f"a rotor came nearer than z/R = 0.5 in {counted(found.held_ticks, 'step')}; its "
-            f"height was held there, where the formulae end"
+            f"a rotor came nearer than z/R = {vehicle.model.nearest_z_over_R:g} in "
+            f"{counted(found.held_ticks, 'step')}; its height was held there, where the formulae "
+            f"end"
         )
     near = flight.ending == "flown" and found.nearest_m < BODY_REACH * radius_m
     if near and not vehicle.undercarriage_m:

@@ -91,9 +91,9 @@ def restoring_moment_Nm(
         coverage=np.ones((rig.n_discs, 1)),
     )
     nearest = float(np.min(model.z_over_R(conditions)))
-    if not nearest >= 0.5:
+    if not nearest >= model.nearest_z_over_R:
         raise InputError(
-            f"a rotor comes to z/R = {nearest:.3g}, below 0.5 where the "
+            f"a rotor comes to z/R = {nearest:.3g}, below {model.nearest_z_over_R:g} where the "
             f"formulae end; give a greater height or less tilt"
         )
     values = model.parameters.values_array()

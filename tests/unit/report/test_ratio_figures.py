@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
+from benchtool.physics.distance_law import CONTACT_Z_OVER_R
 from benchtool.report.files import figure_bytes
 from benchtool.report.palette import LOOKS
 from benchtool.report.ratio import Band, Curve, RatioPoints, draw_ratio
@@ -83,6 +84,18 @@ def test_curves_stop_at_the_validity_limit_which_is_hatched() -> None:
     low, high = axes.get_ylim()
     assert low < 1.0
     assert 1.30 < high < 1.40
+
+
+def test_a_law_that_is_finite_at_contact_is_drawn_to_contact_beside_formulae_that_are_not() -> None:
+    """Nothing is hatched where one curve holds; each begins where its own law is trusted."""
+    z = np.linspace(CONTACT_Z_OVER_R, 4.0, 50)
+    to_contact = Curve(z, 1.0 + 0.3 * np.exp(-z), "exponential", nearest_z_over_R=CONTACT_Z_OVER_R)
+    axes = drawn(curves=(to_contact, Curve(z, 1.0 + 0.06 / z**2, "PFI")))
+    begins = {str(line.get_label()): np.min(line.get_xdata()) for line in axes.lines}
+    assert begins["exponential"] == CONTACT_Z_OVER_R
+    assert begins["PFI"] >= 0.5
+    assert not [patch for patch in axes.patches if patch.get_hatch()]
+    assert axes.get_ylim()[1] < 1.4
 
 
 def test_bands_are_drawn_and_named() -> None:

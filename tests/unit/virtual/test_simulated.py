@@ -5,6 +5,9 @@ import pytest
 
 from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import CommandRefused, DeviceStopped, InputError
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.model import Model
+from benchtool.virtual.simulated import SimulatedBench
 
 
 @pytest.fixture
@@ -96,3 +99,14 @@ def test_a_plate_nearer_than_the_formulae_reach_is_reported_once(bench):
     bench.set_pwm(np.full(4, 1300.0))
     said = [message for _ in range(3) for message in bench.read(0.5).messages]
     assert [message.split(":")[0] for message in said] == ["arrived", "clamped"]
+    assert "nearer than z/R = 0.5" in said[1]
+
+
+def test_a_law_that_is_finite_at_contact_reaches_to_contact():
+    rig = rig_named("pquad")
+    truth = Model.single(rig).with_law("exponential_law", Ca=0.3, Cb=1.0)
+    with SimulatedBench("sim:pquad", rig, truth) as bench:
+        bench.move_plate(0.055)
+        bench.set_pwm(np.full(4, 1300.0))
+        said = [message for _ in range(3) for message in bench.read(0.5).messages]
+    assert [message.split(":")[0] for message in said] == ["arrived"]

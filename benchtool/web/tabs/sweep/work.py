@@ -65,19 +65,21 @@ def model_curves(
         BenchtoolError: the model cannot be read, or is of another rig.
     """
     from benchtool.fit.nominal import nominal_model
+    from benchtool.physics import VALIDITY_Z_OVER_R
     from benchtool.report.ratio import bands_over, factor_over, formula_curves
 
     low, high = z_over_R
-    x = np.geomspace(max(low, 0.5), max(high, low + 0.5), CURVE_POINTS)
+    nominal = nominal_model(model, rig) if model else None
+    nearest = VALIDITY_Z_OVER_R if nominal is None else nominal.model.nearest_z_over_R
+    x = np.geomspace(max(low, nearest), max(high, low + 0.5), CURVE_POINTS)
     speeds = np.full((rig.n_rotors, 1), 500.0)
     found = []
-    for curve in formula_curves(rig, speeds, x):
+    for curve in formula_curves(rig, speeds, x[x >= VALIDITY_Z_OVER_R]):
         color = LOOKS["quad"].color if curve.role == "quad" else ink
         line = {"color": color, "dash": "dash", "width": 1.5}
         found.append(_line(curve.label, curve.z_over_R, curve.ratio, line))
-    if not model:
+    if nominal is None:
         return tuple(found)
-    nominal = nominal_model(model, rig)
     middle = np.asarray(factor_over(nominal.model, speeds, x, basis=basis), float)
     middle = np.broadcast_to(middle, x.shape)
     bands = bands_over(nominal.model, speeds, x, nominal.draws, basis)
