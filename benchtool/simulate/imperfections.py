@@ -39,7 +39,8 @@ class Imperfections(FiniteTable):
         thrust_rate_Hz: conversions per second, 0 for one at every stream tick; open: the rig's
             sensor.
         drift_N_per_s: steady creep of the load cell's zero since power-on.
-        drift_walk_N_per_sqrt_s: random walk of the zero: sd after one second.
+        drift_walk_N_per_sqrt_s: random walk of the zero (sd after one second); open: the rig's
+            sensor.
         start_offset_N: reading of the untared cell at power-on.
         vibration_N: amplitude at the frequency of each rotor's shaft, at its highest speed; it
             grows with the square of speed and reaches the samples aliased.
@@ -61,7 +62,7 @@ class Imperfections(FiniteTable):
     thrust_quantum_N: NotNegative = OPEN
     thrust_rate_Hz: NotNegative = OPEN
     drift_N_per_s: float = 0.0
-    drift_walk_N_per_sqrt_s: NotNegative = 2e-4
+    drift_walk_N_per_sqrt_s: NotNegative = OPEN
     start_offset_N: float = 0.35
     vibration_N: NotNegative = 0.03
     rpm_noise_rpm: NotNegative = OPEN
@@ -90,10 +91,12 @@ class Imperfections(FiniteTable):
     def on(self, rig: Rig) -> Imperfections:
         """Return the numbers that hold on `rig`, with nothing left open."""
         sensors = rig.sensors
+        cell = sensors.get("thrust_N")
         own = {
             "motor_lag_s": rig.propulsion.lag_s,
             "backlash_m": rig.plate.backlash_m,
-            "thrust_rate_Hz": sensors["thrust_N"].rate_Hz if "thrust_N" in sensors else 0.0,
+            "thrust_rate_Hz": cell.rate_Hz if cell else 0.0,
+            "drift_walk_N_per_sqrt_s": cell.walk if cell else 0.0,
         }
         for family, quantity, unit in FAMILIES:
             sensor = sensors.get(family)

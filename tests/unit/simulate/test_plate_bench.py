@@ -9,7 +9,7 @@ from benchtool.core.rig_file import rig_named
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.imperfections import OPEN, Imperfections, LoadCell
 from benchtool.simulate.plate_bench import PlateBench
 
 RIG = rig_named("pquad")
@@ -100,6 +100,17 @@ def test_noise_and_counts_of_the_load_cell_are_as_the_rig_states():
     raw = raw[~np.isnan(raw)]
     assert np.array_equal(raw, np.round(raw))
     assert np.nanmean(thrust) == pytest.approx(Imperfections().start_offset_N, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["amuse", "amuse_single", "pquad", "pquad_single"])
+def test_the_zero_wanders_as_the_rig_states(name):
+    rig = rig_named(name)
+    stated = rig.sensors["thrust_N"].walk
+    assert stated == Imperfections().on(rig).drift_walk_N_per_sqrt_s == 2e-4
+    flaws = replace(NONE, drift_walk_N_per_sqrt_s=OPEN).on(rig)
+    white = np.random.default_rng(1).standard_normal((2000, 100))
+    after = [LoadCell(flaws, 50.0).wander_N(np.ones(100), 0.01, row)[-1] for row in white]
+    assert np.std(after) == pytest.approx(stated, rel=0.05)
 
 
 def test_a_tare_takes_offset_and_creep_away_and_leaves_the_counts():
