@@ -7,7 +7,7 @@ import re
 import subprocess
 import sys
 from dataclasses import dataclass
-from math import pi
+from math import exp, hypot, pi
 from pathlib import Path
 
 import pytest
@@ -157,3 +157,19 @@ def test_the_floor_acts_on_the_hovering_quadrotor_as_published() -> None:
     (k,) = numbers_after("k 10⁻⁶ N/(rad/s)²", title)
     stand = 1.1765514e-7 / RAD_S_PER_RPM**2
     assert k * 1e-6 / stand == pytest.approx(14.7 / 17.8, abs=0.01)
+
+
+def test_the_floor_acts_on_the_small_quadrotor_as_its_authors_law_says() -> None:
+    """Measured with the published thrust law: 9 g of 67 g at 7 to 8 cm, 4.5 g at 10 to 12 cm."""
+    title = "A small quadrotor"
+    (ca,), (cb,) = (numbers_after(f"exponential_law.{name} –", title) for name in ("Ca", "Cb"))
+    found = [ca * exp(-cb * z_m / 0.033) for z_m in (0.075, 0.11)]
+    assert found == pytest.approx([9.0 / 67.0, 4.5 / 67.0], rel=0.25)
+
+
+def test_flights_with_compensators_take_the_same_command_once_steady() -> None:
+    """Integral action: four flights agree within two standard errors, and with no compensator."""
+    text = section("Flights with and without")
+    rows = re.findall(r"Ca – ([\d.]+) ± ([\d.]+)", text)[:4]
+    (plain, error), *others = [(float(value), float(sd)) for value, sd in rows]
+    assert all(abs(value - plain) < 2.0 * hypot(sd, error) for value, sd in others)
