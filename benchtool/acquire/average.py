@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, nan, sqrt
+from math import hypot, inf, nan, sqrt
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from benchtool.bench.bench import Bench
 from benchtool.core.array import Array
 from benchtool.core.channel import family_of
 from benchtool.core.counted import counted
-from benchtool.core.rig import Sensor
+from benchtool.core.rig import Sensor, rounding_error
 
 
 def read_span(bench: Bench, seconds: float, step_s: float = 0.1) -> Array:
@@ -92,8 +92,8 @@ def average(values: Array, quantum: float = 0.0) -> Average:
     point is `MOST_REJECTED`.
 
     Args:
-        quantum: resolution of the sensor. Where the samples scatter less than that, their scatter
-            says nothing and the error is that of rounding, quantum/sqrt(12).
+        quantum: resolution of the sensor; what the samples' scatter leaves of the error of rounding
+            is added (`rounding_error`).
     """
     present = values[~np.isnan(values)]
     low, high = plausible_range(present, quantum)
@@ -108,9 +108,8 @@ def average(values: Array, quantum: float = 0.0) -> Average:
     if n == 1:
         return Average(mean, nan, nan, 1)
     sd = float(used.std(ddof=1))
-    se = sd * sqrt(statistical_inefficiency(used) / n)
-    if sd < quantum:
-        se = max(se, quantum / sqrt(12.0))
+    noise = sqrt(max(sd * sd - quantum * quantum / 12.0, 0.0))
+    se = hypot(sd * sqrt(statistical_inefficiency(used) / n), rounding_error(noise, quantum))
     return Average(mean, sd, se, n, apart, (low, high), suspect)
 
 

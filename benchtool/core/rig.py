@@ -139,14 +139,22 @@ class Sensor(FiniteTable):
     scale_sd: NotNegative = 0.0
 
     def mean_error(self, n: Array) -> Array:
-        """Return the standard error of a mean over n readings (...,).
+        """Return the standard error of a mean over n readings (...,)."""
+        alike = rounding_error(self.noise, self.quantum)
+        apart2 = self.noise**2 + self.quantum**2 / 12.0 - alike**2
+        return np.asarray(np.sqrt(apart2 / n + alike**2), float)
 
-        Rounding averages out only where noise carries the readings over a step.
-        """
-        rounding = self.quantum / 12.0**0.5
-        if self.noise >= 0.5 * self.quantum:
-            return np.asarray(np.hypot(self.noise, rounding) / np.sqrt(n), float)
-        return np.asarray(np.hypot(self.noise / np.sqrt(n), rounding), float)
+
+def rounding_error(noise: float, quantum: float) -> float:
+    """Return the error of rounding that readings of such noise share, so that no mean takes it out.
+
+    quantum/sqrt(12) without noise; noise carries readings over steps and leaves of it the
+    characteristic function of the noise at one over the quantum (Widrow and Kollar, Quantization
+    Noise, 2008, ch. 19): 0.7 % at half a quantum.
+    """
+    if not quantum:
+        return 0.0
+    return float(quantum / 12.0**0.5 * np.exp(-2.0 * (np.pi * noise / quantum) ** 2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

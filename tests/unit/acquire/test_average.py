@@ -3,7 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.acquire.average import average, is_settled, slope_of, statistical_inefficiency
+from benchtool.acquire.average import (
+    Average,
+    average,
+    is_settled,
+    slope_of,
+    statistical_inefficiency,
+)
+from benchtool.core.rig import Sensor
 
 
 def autoregressive(rng: np.random.Generator, shape: tuple[int, int], rho: float) -> np.ndarray:
@@ -43,6 +50,22 @@ def test_gaps_are_left_out_and_few_values_are_told() -> None:
 
 def test_a_silent_channel_has_the_error_of_rounding() -> None:
     assert average(np.full(100, 2.0), quantum=0.12).se == pytest.approx(0.12 / np.sqrt(12.0))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.1, 0.3, 0.5, 0.7, 1.0])
+def test_rounding_counts_as_far_as_noise_leaves_it(noise: float) -> None:
+    """Errors of means scatter by their standard error; within a quarter where steps are many."""
+    rng = np.random.default_rng(8)
+    true = rng.uniform(0.0, 1.0, 400)
+    samples = np.round(true[:, None] + noise * rng.standard_normal((400, 50)))
+    z = [(one.mean - at) / one.se for one, at in zip(map(average_of, samples), true, strict=True)]
+    assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.25
+    stated = Sensor(noise=noise, quantum=1.0).mean_error(np.array([50.0]))
+    assert stated == pytest.approx(np.std(samples.mean(axis=1) - true), rel=0.25)
+
+
+def average_of(samples: np.ndarray) -> Average:
+    return average(samples, quantum=1.0)
 
 
 def test_slope_and_error_of_a_noisy_line() -> None:
