@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_to_dict
 from benchtool.data.run.ratios import VOLTAGE_POWER_SD
 from benchtool.data.run.run import Run
+from benchtool.physics.conditions import SAME_PLACE
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
@@ -53,6 +54,7 @@ class Drawn:
     plan: Plan
     seed: int
     supply_exponent: float  # of thrust over voltage, beyond the plant's own 2
+    place_sd_m: float = 0.0  # how far the plate stands from where it is read, at each stay
 
     @property
     def rig(self) -> Rig:
@@ -97,6 +99,21 @@ def drawn(seed: int, name: str) -> Drawn:
     return Drawn(made, truth, flaws, plan, seed, rng.normal(0.0, VOLTAGE_POWER_SD))
 
 
+def misplaced(bench: Drawn, sd_m: float) -> Drawn:
+    """Return the bench with a plate that finds a place again so well, as its rig states."""
+    plate = replace(bench.rig.plate, repeatability_m=sd_m)
+    model = replace(bench.model, rig=replace(bench.rig, plate=plate))
+    return replace(bench, model=model, place_sd_m=sd_m)
+
+
+def wandering(bench: Drawn, walk: float) -> Drawn:
+    """Return the bench with a load cell whose zero walks so far: N/sqrt(s), as its rig states."""
+    cell = replace(bench.rig.sensors["thrust_N"], walk=walk)
+    rig = replace(bench.rig, sensors={**bench.rig.sensors, "thrust_N": cell})
+    flaws = replace(bench.flaws, drift_walk_N_per_sqrt_s=walk)
+    return replace(bench, model=replace(bench.model, rig=rig), flaws=flaws)
+
+
 def new_run(bench: Drawn, path: Path) -> Run:
     """Return the bench's new, empty run."""
     facts = {"simulated": True, "rig": rig_to_dict(bench.rig)}
@@ -118,25 +135,30 @@ def visited(bench: Drawn, path: Path) -> None:
     plant.tare()
     rest = average(samples(plant, 1.0).column("thrust_N"))
     tared = Tared(plant.time_s - 0.5, rest, nan)
-    here_m = rig.plate.z_park_m
+    here_m, off_m = rig.plate.z_park_m, 0.0
+    places = np.random.default_rng([20261123, bench.seed, 1])
     writer = new_run(bench, path).point_writer(rig.n_rotors)
     try:
         writer.append(tare_point(tared, rig.n_rotors))
         for visit in visits_of(plan, rig):
             place = visit.setting.place
             plant.command_pwm(np.array(visit.setting.pwm_us))
-            plant.command_plate(place.z_m, place.x_m)
+            if abs(place.z_m - here_m) > SAME_PLACE:
+                off_m = bench.place_sd_m * places.standard_normal()
+            plant.command_plate(place.z_m + off_m, place.x_m)
             samples(plant, abs(place.z_m - here_m) / rig.plate.speed_m_s + SETTLE_S)
             here_m = place.z_m
-            read = samples(plant, plan.sample_s, bench.supply_exponent)
+            read = samples(plant, plan.sample_s, bench.supply_exponent, off_m)
             point, _ = measure(read, visit, place.z_m, tared, None, rig.sensors, settled=True)
             writer.append(point)
     finally:
         writer.close()
 
 
-def samples(plant: PlateBench, seconds: float, supply_exponent: float = 0.0) -> Recording:
-    """Return what the bench streams over the next seconds.
+def samples(
+    plant: PlateBench, seconds: float, supply_exponent: float = 0.0, off_m: float = 0.0
+) -> Recording:
+    """Return what the bench streams over the next seconds, its plate nearer than it stands by off.
 
     The plant's speeds go with the voltage; an exponent beyond that scales speed, thrust and current
     as one.
@@ -150,4 +172,5 @@ def samples(plant: PlateBench, seconds: float, supply_exponent: float = 0.0) -> 
     powers = {"rpm": 1, "thrust_N": 2, "current_A": 3}
     for channel in columns:
         columns[channel] *= faster ** powers.get(channel.name.rstrip("0123456789"), 0)
+        columns[channel] -= off_m if channel.name == "plate_z_m" else 0.0
     return Recording.from_columns([(Channel("time_s", "s"), time_s), *columns.items()])

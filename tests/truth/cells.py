@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchtool.fit.recipe import Method, Recipe
-from tests.truth.benches import Truth, drawn, swept, visited
+from tests.truth.benches import Truth, drawn, misplaced, swept, visited, wandering
 from tests.truth.budgets import budget_sweep
 
 Sweep = Callable[[int, Path], Truth]
@@ -37,6 +37,20 @@ def whole_quad_sweep(seed: int, path: Path) -> Truth:
     """Sweep the quadrotor through the whole tool, which takes five times as long."""
     bench = drawn(seed, "quad_bench")
     swept(bench, path)
+    return bench.truth
+
+
+def misplaced_sweep(seed: int, path: Path) -> Truth:
+    """Sweep a quadrotor whose plate finds a place again within 0.3 mm."""
+    bench = misplaced(drawn(seed, "quad_bench"), 3e-4)
+    visited(bench, path)
+    return bench.truth
+
+
+def wandering_sweep(seed: int, path: Path) -> Truth:
+    """Sweep a single rotor on a load cell whose zero walks 1 mN in a second."""
+    bench = wandering(drawn(seed, "single_bench"), 1e-3)
+    visited(bench, path)
     return bench.truth
 
 
@@ -105,5 +119,19 @@ CELLS: tuple[Cell, ...] = (
             options={"basis": basis},
         )
         for basis in ("equal_rpm2", "equal_pwm", "equal_power")
+    ),
+    *(
+        Cell(
+            name=f"{name}, {basis}",
+            sweep=sweep,
+            model=model,
+            counted=("k", *counted) if basis == "joint" else counted,
+            options={"basis": basis},
+        )
+        for name, sweep, model, counted in (
+            ("quad, errors of place", misplaced_sweep, "quad_bench", ("R_m", "body_lift.K_b")),
+            ("single, wandering zero", wandering_sweep, "single_bench", ("R_m",)),
+        )
+        for basis in ("joint", "equal_rpm2")
     ),
 )
