@@ -39,11 +39,10 @@ bench: $(TESTING)
 	@for script in tests/benchmarks/bench_*.py; do \
 	  echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
 
-# How often the intervals hold the truth over 400 simulated sweeps of each kind, every basis and both
-# estimators (takes hours; cut short, it goes on where it was), then calibrations and budgets.
+# How often the intervals hold the truth over 400 simulated sweeps of each kind: every basis, both
+# estimators, budgets, calibrations, places, wander (takes hours; cut short, it goes on where it was).
 coverage-truth: $(TESTING)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.truth.count
-	$(PYTEST) -m soak --timeout 0 -s tests/truth
 
 # How often `benchtool explain` is right, on records with hidden effects whose physics is not ours.
 # Takes about an hour; a run that was cut short goes on where it was.

@@ -14,6 +14,7 @@ from typing import Any
 from benchtool.fit.recipe import Method, Recipe
 from tests.truth.benches import Truth, drawn, misplaced, swept, visited, wandering
 from tests.truth.budgets import budget_sweep
+from tests.truth.calibrated import weighed
 
 Sweep = Callable[[int, Path], Truth]
 """sweep(seed, path) -> the truth of a bench that was drawn with the seed and swept into a run."""
@@ -54,6 +55,21 @@ def wandering_sweep(seed: int, path: Path) -> Truth:
     return bench.truth
 
 
+def one_calibration(seed: int, path: Path) -> Truth:
+    """Take a run's thrusts through a cell of five masses."""
+    return weighed(seed, path, 1)
+
+
+def two_calibrations(seed: int, path: Path) -> Truth:
+    """Take two runs' thrusts through a cell each."""
+    return weighed(seed, path, 2)
+
+
+def three_calibrations(seed: int, path: Path) -> Truth:
+    """Take three runs' thrusts through a cell each."""
+    return weighed(seed, path, 3)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
     """State what is simulated, how it is fitted, and which numbers are counted."""
@@ -69,7 +85,7 @@ class Cell:
         """Return the fit of a run; few walkers, for the sake of time."""
         return Recipe(
             name=self.name,
-            data=(str(run),),
+            data=tuple(map(str, sorted(run.glob("run*")) or [run])),
             model=self.model,
             methods=methods,
             seed=seed,
@@ -133,5 +149,13 @@ CELLS: tuple[Cell, ...] = (
             ("single, wandering zero", wandering_sweep, "single_bench", ("R_m",)),
         )
         for basis in ("joint", "equal_rpm2")
+    ),
+    *(
+        Cell(name=name, sweep=sweep, model="quad_bench", counted=("k",), options={"rig": "pquad"})
+        for name, sweep in (
+            ("quad, one load cell of five masses", one_calibration),
+            ("quad, two load cells of five masses", two_calibrations),
+            ("quad, three load cells of five masses", three_calibrations),
+        )
     ),
 )

@@ -15,13 +15,21 @@ from scipy.stats import binom
 
 from benchtool.data.run.read import read_points
 from tests.truth.benches import drawn, visited
-from tests.truth.cells import CELLS, Sweep, quad_sweep, single_sweep, whole_quad_sweep
+from tests.truth.cells import (
+    CELLS,
+    Sweep,
+    quad_sweep,
+    single_sweep,
+    two_calibrations,
+    wandering_sweep,
+    whole_quad_sweep,
+)
 from tests.truth.count import LEVELS, Held, Trial, counted, faults, run_trial, table, trials_of
 
 SAMPLE = range(1000, 1006)
 
 
-@pytest.mark.parametrize("sweep", [quad_sweep, single_sweep])
+@pytest.mark.parametrize("sweep", [quad_sweep, single_sweep, wandering_sweep, two_calibrations])
 def test_a_sample_of_sweeps_holds_the_truth(sweep: Sweep) -> None:
     """Counts that right intervals give with a chance above 1 in 1000, in every cell."""
     trials = [run_trial(sweep, "least_squares", seed) for seed in SAMPLE]
