@@ -23,6 +23,9 @@ BudgetMethod = Literal["propagation", "mc"]
 COVERAGE = 0.95
 """Probability of the expanded interval."""
 
+ZERO = 0.01
+"""A value below this part of its standard uncertainty counts as 0: percent of it say nothing."""
+
 END_SCATTER = 2.67
 """Standard error of an end of the central 95 % interval of n normal draws, times root n over their
 standard deviation: sqrt(0.025 0.975) over the density there."""
@@ -120,10 +123,15 @@ class Budget:
         return self.coverage_factor * self.combined
 
     @cached_property
+    def one_percent(self) -> Array:
+        """A hundredth of each value (n,); nan for a value of 0 within a hundredth of its error."""
+        size = np.abs(self.values)
+        return np.where(size > ZERO * self.combined, 0.01 * size, np.nan)
+
+    @cached_property
     def percent(self) -> Array:
         """Contributions (sources, n) in percent of the quantity's value; nan for a value of 0."""
-        size = np.abs(np.broadcast_to(self.values, self.parts.shape))
-        percent: Array = 100.0 * self.parts / np.where(size > 0.0, size, np.nan)
+        percent: Array = self.parts / self.one_percent
         return percent
 
     @cached_property

@@ -39,20 +39,21 @@ def shown_lines(budget: Budget, quantities: Sequence[int]) -> list[int]:
 
 
 def budget_table(budget: Budget, *, short: bool = False) -> Table:
-    """List what each source adds to each quantity in percent; `short` leaves small ones out."""
+    """List what each source adds to each quantity; `short` leaves small ones out.
+
+    In percent of the value, or in its unit where that is 0.
+    """
     places = shown_quantities(budget)[: 3 if short else None]
     lines = shown_lines(budget, places) if short else range(len(budget.lines))
-    rows = [
-        (_name(budget, row), _stated(budget, row), *_percents(budget.percent[row, places]))
-        for row in lines
-    ]
-    size = np.abs(budget.values)
+    size = np.nan_to_num(budget.one_percent, nan=1.0)
+
+    def shares(numbers: object) -> list[str]:
+        return [numeral(float(one), ".2g") for one in (np.asarray(numbers) / size)[places]]
+
+    rows = [(_name(budget, row), _stated(budget, row), *shares(budget.parts[row])) for row in lines]
 
     def total(name: str, numbers: object) -> None:
-        of_value = np.divide(
-            100.0 * np.asarray(numbers, float), size, out=np.full(len(size), np.nan), where=size > 0
-        )
-        rows.append((name, "", *_percents(of_value[places])))
+        rows.append((name, "", *shares(numbers)))
 
     total("without *", budget.fit_sd)
     total("combined", budget.combined)
@@ -68,7 +69,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     rest = f" {left_out} smaller sources are left out." if left_out else ""
     return Table(
         f"Uncertainty budget: standard uncertainties in percent of the value.{rest}",
-        ("source", "standard uncertainty", *(f"{budget.names[place]} [%]" for place in places)),
+        ("source", "standard uncertainty", *(_header(budget, place) for place in places)),
         rows,
         text_columns=2,
     )
@@ -84,8 +85,10 @@ def _stated(budget: Budget, row: int) -> str:
     return with_unit(f"{line.kind}: {line.sd:.2g}", line.unit)
 
 
-def _percents(numbers: object) -> list[str]:
-    return [numeral(float(number), ".2g") for number in np.asarray(numbers)]
+def _header(budget: Budget, place: int) -> str:
+    is_zero = np.isnan(budget.one_percent[place])
+    unit = unit_for_people(budget.units[place]) if is_zero else "%"
+    return f"{budget.names[place]} [{unit}]"
 
 
 def budget_sentence(budget: Budget) -> str:
@@ -169,11 +172,13 @@ def draw_budget(figure: Figure, budget: Budget) -> None:
     panels = figure.subplots(1, len(places), sharey=True, squeeze=False)[0]
     colors = [BLUE if budget.lines[row].in_fit else ORANGE for row in lines]
     for axes, place in zip(panels, places, strict=True):
-        axes.barh(range(len(lines)), budget.percent[lines, place], color=colors, height=0.7)
-        total = 100.0 * budget.combined[place] / abs(budget.values[place])
-        axes.axvline(total, color=BLACK, linestyle="--", linewidth=1.0)
+        size = np.nan_to_num(budget.one_percent[place], nan=1.0)
+        axes.barh(range(len(lines)), budget.parts[lines, place] / size, color=colors, height=0.7)
+        axes.axvline(budget.combined[place] / size, color=BLACK, linestyle="--", linewidth=1.0)
         axes.set_title(fill(budget.names[place], 22))
-        axes.set_xlabel("percent of value")
+        is_zero = np.isnan(budget.one_percent[place])
+        unit = unit_for_people(budget.units[place])
+        axes.set_xlabel(f"uncertainty [{unit}]" if is_zero else "percent of value")
     panels[0].set_yticks(range(len(lines)), [budget.lines[row].name for row in lines])
     panels[0].invert_yaxis()
     handles = [Patch(color=BLUE, label="in the errors"), Patch(color=ORANGE, label="beside them")]
@@ -181,5 +186,5 @@ def draw_budget(figure: Figure, budget: Budget) -> None:
 
 
 def _drawn(budget: Budget) -> tuple[list[int], list[int]]:
-    places = [p for p in shown_quantities(budget) if budget.values[p] != 0.0][:4]
+    places = shown_quantities(budget)[:4]
     return places, shown_lines(budget, places)

@@ -26,6 +26,7 @@ from benchtool.fit.uncertainty.propagation import Propagation, budget_of, propag
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
+from benchtool.report.fit.budget import budget_table
 from tests.unit.fit.cases import (
     X,
     calibrated_line,
@@ -261,3 +262,13 @@ def test_k_is_given_at_the_standard_density_as_well(tmp_path: Path) -> None:
     bare = run_recipe(replace(recipe, air=Air()))
     assert bare.budget is not None
     assert "k_standard_air" not in bare.budget.names
+
+
+def test_a_value_of_nothing_has_contributions_in_its_own_unit() -> None:
+    way = carried(weighted_mean())
+    nothing = replace(way.items[0], value=1e-22)
+    budget = budget_of(replace(way, items=(nothing,)))
+    assert np.isnan(budget.percent).all()
+    table = budget_table(budget)
+    assert table.header[2] == "mu [–]"
+    assert table.rows[0][2] == f"{budget.combined[0]:.2g}"
