@@ -2,8 +2,8 @@
 
 Shape parameters and noise are solved in turn: for a noise value the shape is fitted anew, and the
 noise is moved until chi2 = dof (Mandel and Paule, Anal. Chem. 42, 1970, for `noise.sd`; for
-`noise.scale` without priors or unscaled sources this is the usual sqrt(chi2/dof) in one step). Its
-interval ends where chi2 meets its own quantiles.
+`noise.scale` without priors, unscaled sources or a fixed `noise.sd` this is the usual
+sqrt(chi2/dof) in one step). Its interval ends where chi2 meets its own quantiles.
 """
 
 from __future__ import annotations
@@ -45,7 +45,9 @@ def fit_noise(
             f"{name} beside {counted(len(problem.shape_names), 'parameter')}; measure more points "
             f"or fix {name}"
         )
-    one_factor = not len(problem.priors) and all(one.scaled for one in problem.error_sources)
+    # A fixed `noise.sd` is what is left of the errors at a scale of 0.
+    one_factor = all(one.scaled for one in problem.error_sources) and not problem.sigma(0.0).any()
+    one_factor = one_factor and not len(problem.priors)
     if name == NOISE_SCALE and (robust or one_factor):
         return _scale(problem, first, refit, robust)
     if name == NOISE_PLACE:

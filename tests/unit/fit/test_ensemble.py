@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from benchtool.core.errors import EstimationError, InputError, NotConverged
 from benchtool.fit.diagnose import refusal
 from benchtool.fit.ensemble import convergence_of, fit_ensemble, split_rhat
+from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import NOISE_SCALE, Problem, function_problem
 from benchtool.fit.sampling import IslandDifference, log_probability
 from tests.unit.fit.cases import SMALL, X, free, line_problem, scaled_line
@@ -62,6 +63,10 @@ def test_a_scale_beside_a_fixed_scatter_weighs_points_apart() -> None:
     np.testing.assert_allclose(log_probability(both)(walkers), expected, rtol=1e-12)
     np.testing.assert_allclose(both.sigma(1.5), sigma[0])
     assert both.noise_name == NOISE_SCALE
+    # Least squares finds the scale at which all errors together leave chi2 at its mean.
+    found = fit_least_squares(both)
+    rows = both.whitening(found["noise.scale"].value)(both.residuals(found.values))
+    assert rows @ rows == pytest.approx(both.dof, rel=1e-8)
 
 
 def test_nothing_is_probable_outside_the_bounds_or_without_a_value() -> None:
