@@ -21,12 +21,12 @@ PARALLEL := -n logical --dist worksteal
 RESULTS := build/tests
 
 test: $(TESTING)
-	$(PYTEST) $(PARALLEL) -m "not slow and not soak" --junitxml $(RESULTS)/test.xml
+	$(PYTEST) $(PARALLEL) -m "not slow" --junitxml $(RESULTS)/test.xml
 
 # What talks to something in real time runs alone: on a busy machine it could only say so.
 test-all: test
-	$(PYTEST) $(PARALLEL) -m "slow and not alone and not soak" --junitxml $(RESULTS)/slow.xml
-	$(PYTEST) -m "slow and alone and not soak" --junitxml $(RESULTS)/alone.xml
+	$(PYTEST) $(PARALLEL) -m "slow and not alone" --junitxml $(RESULTS)/slow.xml
+	$(PYTEST) -m "slow and alone" --junitxml $(RESULTS)/alone.xml
 
 lint: $(TESTING)
 	$(BIN)/ruff check .
