@@ -18,6 +18,9 @@ from benchtool.physics.model_file import LoadedModel, model_to_toml
 MODEL = "model.toml"
 """Name of the new model's file in the folder of an answer."""
 
+NEAREST = "model_nearest.toml"
+"""Name of the file of a model with the effect that comes nearest to something unknown."""
+
 NOTHING = 1e-15
 """What an optimiser leaves of a zero, in any unit; a choice."""
 
@@ -51,6 +54,18 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
         plate_slide_s=loaded.plate_slide_s,
     )
     return model_to_toml(new, rig or loaded.rig_name or None)
+
+
+def as_nearest(answer: Answer) -> Answer | None:
+    """Return the answer as if the nearest effect of something unknown were the one; None without.
+
+    Its model is the best that the library has, for a simulation meanwhile.
+    """
+    verdict, near = answer.verdict, answer.verdict.nearest
+    if near is None or near.effect is None:
+        return None
+    only = replace(verdict, kind="effect", effects=(near.effect,), parameters=near.parameters)
+    return replace(answer, explanation=replace(answer.explanation, verdict=only))
 
 
 def updated_model(answer: Answer) -> Model:
@@ -145,7 +160,10 @@ def _provenance(answer: Answer, named: tuple[NamedEffect, ...]) -> dict[str, str
         "made_by": f"benchtool {__version__}, benchtool explain, seed {answer.seed}",
         "parent": f"{answer.request.loaded.model.name} ({answer.request.model_file})",
         "parent_sha256": answer.request.model_sha256,
-        "verdict": verdict.sentence,
+        "verdict": verdict.sentence
+        if verdict.nearest is None
+        else f"unknown; {verdict.nearest.phrase} is only the nearest, and closes "
+        f"{100.0 * verdict.nearest.share_closed:.0f} % of the gap",
     }
     for effect in named:
         facts[f"evidence.{effect.name}"] = (

@@ -27,7 +27,7 @@ from benchtool.explain.recordings import (
 )
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.data_rig import rig_for_data
-from benchtool.physics.catalogue import own_effects
+from benchtool.physics.catalogue import EFFECTS, own_effects
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
@@ -51,6 +51,11 @@ class Answer:
     def simulated(self) -> bool:
         """Whether any recording says that no physical bench made it."""
         return any(source.simulated for source in self.request.sources)
+
+    def title_of(self, name: str) -> str:
+        """Return an effect's title, or an explanation without one ("none") as it is."""
+        known = {**EFFECTS, **{effect.name: effect for effect in self.request.own}}
+        return known[name].title if name in known else name
 
     @property
     def has_model(self) -> bool:

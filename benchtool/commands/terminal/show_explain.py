@@ -65,7 +65,7 @@ def print_answer(answer: Answer) -> None:
     print_table(console, short_gap_table(answer))
     print_table(console, tolerances_table(answer))
     for name in verdict.not_judged:
-        console.say(f"Not judged: {name} {unjudged_sentence(answer, name)}")
+        console.say(f"Not judged: {answer.title_of(name)} {unjudged_sentence(answer, name)}")
     console.say(*(f"! {line}" for line in answer.remarks))
     console.say(f"It took {answer.seconds:.1f} s.")
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
+from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis, p_value
+from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.engine.subject import EARLY, LATE, RowGroups, Subject
-from benchtool.explain.engine.verdict import FoundParameter, WhereShown
+from benchtool.explain.engine.verdict import FoundParameter, NamedEffect, Nearest, WhereShown
 from benchtool.physics.effects.effect import Effect, Subsystem
 
 SIGMA_95 = 1.959964
@@ -79,6 +80,32 @@ def found_parameters(
             )
         )
     return tuple(out)
+
+
+def fitted_nearest(
+    nearest: Nearest,
+    subject: Subject,
+    hypotheses: Hypotheses,
+    base: Hypothesis,
+    one: Hypothesis,
+    after: Mapping[str, float],
+) -> Nearest:
+    """Return the nearest effect with the numbers of a hypothesis that opens it, and what it leaves.
+
+    Args:
+        base: the hypothesis without it.
+        after: by channel, the error on the check recordings under the hypothesis.
+    """
+    effect = effect_of(subject, nearest.name)
+    named = NamedEffect(
+        name=effect.name, title=effect.title, phrase=effect.phrase, stage=effect.subsystem,
+        probability=0.0, parameters=found_parameters(subject, hypotheses, one, effect.name),
+        log_likelihood_ratio=0.5 * (base.cost - one.cost),
+        p_value=p_value(hypotheses, base, one, 0, np.random.default_rng(0)),
+    )  # fmt: skip
+    evidence = subject.evidence
+    parameters = parameters_at(evidence.model.parameters, evidence.parameters, one.at)
+    return replace(nearest, effect=named, parameters=parameters, after=after)
 
 
 def where_shown(

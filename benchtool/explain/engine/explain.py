@@ -12,6 +12,7 @@ from benchtool.explain.engine.describe import (
     Disagreement,
     disagreements,
     effect_of,
+    fitted_nearest,
     found_parameters,
     leftover,
     where_shown,
@@ -129,6 +130,11 @@ def explain(
         effect = effect_of(subject, search.trials[0].name)
         share = max(0.0, worst.share_closed)
         nearest = Nearest(name=effect.name, phrase=effect.phrase, share_closed=share)
+        near = best if best.opened else search.trials[0].tried[0]
+        missed = subject.errors(near.at[None])
+        after_it = {name: float(np.sqrt(np.mean(one.squares))) for name, one in missed.items()}
+        base = search.trials[0].base
+        nearest = fitted_nearest(nearest, subject, hypotheses, base, near, after_it)
     if not effects:
         after, best = before, null
         gaps = tuple(

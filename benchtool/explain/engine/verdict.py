@@ -138,11 +138,20 @@ class ChannelGap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nearest:
-    """Say which named effect comes nearest to something unknown, and how much it explains."""
+    """Say which named effect comes nearest to something unknown, and how much it explains.
+
+    Attributes:
+        effect: with the numbers that it would have; None where it was not fitted.
+        parameters: of the model with it.
+        after: by channel, the prediction error that it would leave on the check recordings.
+    """
 
     name: str
     phrase: str
     share_closed: float
+    effect: NamedEffect | None = None
+    parameters: Parameters = field(default_factory=lambda: Parameters(()))
+    after: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

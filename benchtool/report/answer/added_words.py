@@ -7,8 +7,8 @@ from math import isclose
 from pathlib import Path
 
 from benchtool.core.parameter import Parameter
-from benchtool.explain.added_model import MODEL, NOTHING, added_effects, updated_model
-from benchtool.explain.answer import Answer
+from benchtool.explain.added_model import MODEL, NEAREST, NOTHING, added_effects, updated_model
+from benchtool.explain.answer import Answer, channel_words
 from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Table
 
@@ -79,13 +79,29 @@ def changes_table(answer: Answer) -> Table:
     )
 
 
+def nearest_sentence(answer: Answer, folder: str) -> str:
+    """Say what the nearest effect of something unknown would leave, and where its model is."""
+    near = answer.verdict.nearest
+    if near is None or near.effect is None:
+        return ""
+    left = []
+    for gap in answer.verdict.gaps:
+        words = channel_words(gap.channel, gap.unit)
+        errors = (gap.before, near.after[gap.channel], gap.floor)
+        shown = [f"{words.factor * error:.3g}" for error in errors]
+        left.append(f"{words.title} {shown[0]} → {shown[1]} {words.unit} (floor {shown[2]})")
+    file = f" {Path(folder) / NEAREST} has it, for simulations meanwhile." if folder else ""
+    return f" With {near.phrase}, the nearest, the gap would be: {', '.join(left)}.{file}"
+
+
 def added_sentence(answer: Answer, folder: str = "") -> str:
     """Say what was added, and to which file of a folder; empty where nothing is written."""
     kind = answer.verdict.kind
     old = answer.request.loaded.model.name
     if not answer.has_model:
         why = "nothing is missing" if kind == "none" else "no effect is named"
-        return f"No new model: {why}, so {old} stays as it is."
+        beside = nearest_sentence(answer, folder)
+        return f"No new model: {why}, so {old} stays as it is.{beside}"
     names = " and ".join(effect.phrase for effect in added_effects(answer))
     guess = ", the likeliest of the class," if kind == "class" else ""
     if not folder:

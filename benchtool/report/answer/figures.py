@@ -54,13 +54,16 @@ def _marked(answer: Answer, item: Disagreement) -> str:
 def shown_regimes(
     before: Mapping[str, float], after: Mapping[str, float], marked: str
 ) -> list[str]:
-    """Return the regimes that are drawn, the marked one always among them.
+    """Return the regimes that are drawn: what stands above noise, and always the marked one.
 
-    First come those whose mean square the addition took most from; the worst without one.
+    First come those whose mean square the addition took most from; the worst without one. Where
+    nothing stands above noise, one row says so.
     """
     ranked = sorted(
         before, key=lambda name: before[name] ** 2 - after.get(name, 0.0) ** 2, reverse=True
     )
+    above = [name for name in ranked if before[name] > 1.0 or name == marked]
+    ranked = above or [max(before, key=lambda name: before[name])]
     shown = ranked[:MOST_REGIMES]
     if marked in ranked[MOST_REGIMES:]:
         shown[-1] = marked
@@ -77,7 +80,8 @@ def _regimes(answer: Answer, item: Disagreement) -> list[str]:
     name="where",
     title="Where the model disagrees",
     caption="Size of the residuals in each part of the recordings, over the noise that the model "
-    "states; first those that the addition made smaller by most. What the verdict names is bold.",
+    "states, where they stand above it; first those that the addition made smaller by most. Bold: "
+    "what the verdict names.",
     when=lambda answer: bool(_disagreements(answer)),
     height_in=lambda answer: (
         1.1 + sum(0.42 + 0.3 * len(_regimes(answer, item)) for item in _disagreements(answer))
@@ -119,7 +123,7 @@ def _rivals(answer: Answer) -> dict[str, Rivals]:
 
 def _which_title(answer: Answer, place: Rivals) -> str:
     if answer.verdict.kind == "several":
-        return f"What may stand in the place of {place.effect}"
+        return f"What may stand in the place of: {answer.title_of(place.effect)}"
     return "How likely each explanation is"
 
 
@@ -173,15 +177,15 @@ def which(figure: Figure, answer: Answer, place: Rivals) -> None:
     axes.barh(range(len(shown)), list(shown.values()), height=0.64, color=colors)
     for y, value in enumerate(shown.values()):
         axes.text(value + 0.012, y, percentage(value), va="center", fontsize=8.6, color=BLACK)
-    named_rows(axes, list(shown), named)
-    axes.set_xlim(0.0, 1.12)
+    named_rows(axes, list(map(answer.title_of, shown)), map(answer.title_of, named))
+    axes.set_xlim(0.0, 1.18)
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
     axes.set_xlabel("probability")
 
 
 def _parameters(answer: Answer) -> dict[str, FoundParameter]:
     return {
-        f"{effect.name}\n{item.name}": item
+        f"{effect.title}\n{item.name}": item
         for effect in answer.verdict.effects
         for item in effect.parameters
     }

@@ -10,7 +10,7 @@ from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.rig_file import rig_beside
 from benchtool.data.atomic import json_ready, replace_json, replace_text
-from benchtool.explain.added_model import MODEL, added_model, own_names
+from benchtool.explain.added_model import MODEL, NEAREST, added_model, as_nearest, own_names
 from benchtool.explain.answer import Answer
 from benchtool.explain.next_steps import next_file
 from benchtool.report.answer.page import answer_page
@@ -47,20 +47,13 @@ def write_folder(
     """
     known = called or folder
     folder.mkdir(parents=True, exist_ok=True)
-    model = ""
-    if answer.has_model:
-        own = effects_file if own_names(answer) else None
-        if own is not None:
-            write_whole(folder / own.name, own.read_bytes())
-        rig, rig_text = rig_beside(answer.request.loaded.model.rig)
-        if rig_text:
-            replace_text(folder / rig, rig_text)
-        replace_text(folder / MODEL, added_model(answer, rig, own.name if own is not None else ""))
-        model = str(known / MODEL)
+    model = _write_model(folder, MODEL, answer if answer.has_model else None, effects_file)
+    nearest = _write_model(folder, NEAREST, as_nearest(answer), effects_file)
     name, text = next_file(answer)
     if name:
         replace_text(folder / name, text)
-    written = Written(model=model, schedule=str(known / name) if name else "")
+    model, schedule, nearest = (str(known / one) if one else "" for one in (model, name, nearest))
+    written = Written(model=model, schedule=schedule, nearest=nearest)
     figures = drawn("answer", answer)
     for stem, block in figures.items():
         save_figure(block.figure, folder / stem, replace=True)
@@ -68,6 +61,20 @@ def write_folder(
     write_report(folder / PAGE, page, replace=True)
     write_json(folder / ANSWER, answer, written)
     return written
+
+
+def _write_model(folder: Path, name: str, answer: Answer | None, effects_file: Path | None) -> str:
+    """Write an answer's model with what it needs beside it; return its name, empty without one."""
+    if answer is None:
+        return ""
+    own = effects_file if own_names(answer) else None
+    if own is not None:
+        write_whole(folder / own.name, own.read_bytes())
+    rig, rig_text = rig_beside(answer.request.loaded.model.rig)
+    if rig_text:
+        replace_text(folder / rig, rig_text)
+    replace_text(folder / name, added_model(answer, rig, own.name if own is not None else ""))
+    return name
 
 
 def write_json(path: Path, answer: Answer, written: Written) -> None:
@@ -86,6 +93,7 @@ class Written:
 
     model: str = ""
     schedule: str = ""
+    nearest: str = ""
 
 
 def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
@@ -118,7 +126,8 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
             ) | _fields(gap, "as_given", "share_closed")
             for gap in verdict.gaps
         },
-        "nearest": _fields(verdict.nearest, "name", "share_closed"),
+        "nearest": _fields(verdict.nearest, "name", "share_closed", "after")
+        | {"model": written.nearest or None},
         "tolerances": dict(verdict.tolerances),
         "not_judged": {
             name: {

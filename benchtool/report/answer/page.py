@@ -88,7 +88,8 @@ def _not_judged(answer: Answer) -> list[Block]:
     names = answer.verdict.not_judged
     blocks: list[Block] = [Warnings(answer.remarks)] if answer.remarks else []
     if names:
-        blocks.append(Facts({name: unjudged_sentence(answer, name) for name in names}))
+        sentences = {answer.title_of(name): unjudged_sentence(answer, name) for name in names}
+        blocks.append(Facts(sentences))
     return blocks or [Paragraph("Every effect of this kind of bench was judged.")]
 
 
@@ -110,7 +111,7 @@ def _facts(answer: Answer) -> Block:
 def _highlights(answer: Answer) -> dict[str, str]:
     verdict = answer.verdict
     shown = {
-        f"{effect.name}: {item.name}": parameter_text(item)
+        f"{effect.title}: {item.name}": parameter_text(item)
         for effect in verdict.effects[:2]
         for item in effect.parameters[:2]
     }

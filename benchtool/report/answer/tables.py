@@ -45,7 +45,7 @@ def _effects_caption(answer: Answer, more: str = "") -> str:
 
 
 def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tuple[str, ...]:
-    head = (effect.name, STAGES[effect.stage])
+    head = (effect.title, STAGES[effect.stage])
     evidence = (
         percentage(effect.probability),
         f"{effect.log_likelihood_ratio:.1f}",

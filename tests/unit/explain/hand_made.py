@@ -130,7 +130,8 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
             gap("rpm", "rpm", 31.0, 30.0 if named else 31.0, 29.0),
         ),
         nearest=Nearest(
-            name="coulomb_friction", phrase="Coulomb friction", share_closed=0.61
+            name="coulomb_friction", phrase="Coulomb friction", share_closed=0.61, effect=FRICTION,
+            parameters=known, after={"theta_rad": 0.011, "gyro_rad_s": 0.045, "rpm": 31.0},
         ) if kind == "unknown" else None,
         tolerances=tolerances(model, "pitch"),
         not_judged={"partial_coverage": NotJudged(reason="too_weak", size=4.2)},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,6 +130,21 @@ def test_a_rig_beside_the_parent_goes_with_the_model(tmp_path: Path) -> None:
     out = tmp_path / "out"
     write_folder(out, answer(loaded=load_model(parent)))
     assert load_model(out / "model.toml").model.rig.name == "mine"
+
+
+def test_something_unknown_has_a_model_of_the_nearest_and_its_gap(tmp_path: Path) -> None:
+    given = answer("unknown")
+    written = write_folder(tmp_path / "out", given)
+    assert written.model == ""
+    assert Path(written.nearest).name == "model_nearest.toml"
+    loaded = load_model(written.nearest)
+    assert loaded.model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
+    assert "only the nearest, and closes 61 % of the gap" in loaded.model.provenance["verdict"]
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "With Coulomb friction, the nearest, the gap would be: pitch 0.917 → 0.63 deg" in text
+    near = json.loads((tmp_path / "out" / "answer.json").read_text(encoding="utf-8"))["nearest"]
+    assert near["after"]["theta_rad"] == 0.011
+    assert near["model"] == written.nearest
 
 
 def test_nothing_missing_writes_no_model(tmp_path: Path) -> None:

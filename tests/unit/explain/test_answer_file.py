@@ -38,7 +38,7 @@ def test_every_promised_key_is_there_whatever_the_verdict(kind: Kind) -> None:
     assert found["version"] == 2
     assert found["verdict"] == kind
     assert set(found["where"]) >= {"stage", "regime"}
-    assert set(found["nearest"]) == {"name", "share_closed"}
+    assert set(found["nearest"]) == {"name", "share_closed", "after", "model"}
     assert set(found["gap"]) == {"theta_rad", "gyro_rad_s", "rpm"}
     assert all({"unit", "before", "after", "floor"} <= set(one) for one in found["gap"].values())
     assert found["tolerances"]["coulomb_friction.torque_Nm"] == 0.002
@@ -81,8 +81,11 @@ def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path
 
 
 def test_an_unknown_tells_the_nearest_effect() -> None:
-    found = tables("unknown")
-    assert found["nearest"] == {"name": "coulomb_friction", "share_closed": 0.61}
+    found = tables("unknown", Written(nearest="out/model_nearest.toml"))
+    near = found["nearest"]
+    assert (near["name"], near["share_closed"]) == ("coulomb_friction", 0.61)
+    assert near["after"] == {"theta_rad": 0.011, "gyro_rad_s": 0.045, "rpm": 31.0}
+    assert near["model"] == "out/model_nearest.toml"
     assert found["effects"] == found["class"] == []
 
 

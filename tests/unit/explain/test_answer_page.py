@@ -8,6 +8,7 @@ import pytest
 
 from benchtool.explain.engine.verdict import EVERYWHERE, KINDS, Kind, NotJudged, WhereShown
 from benchtool.explain.next_steps import next_sentence
+from benchtool.report.answer.figures import shown_regimes
 from benchtool.report.answer.overlay import OVERLAY, overlay_caption
 from benchtool.report.answer.page import answer_page, where_sentence
 from benchtool.report.figure import drawn
@@ -34,7 +35,23 @@ def test_several_effects_have_a_figure_each() -> None:
     assert {"which_coulomb_friction", "which_cog_offset"} <= set(figures)
     assert "which" not in figures
     text = render_report(answer_page(given, figures))
-    assert "What may stand in the place of cog_offset" in text
+    assert "What may stand in the place of: Centre-of-gravity offset" in text
+
+
+def test_where_shows_what_stands_above_noise_and_titles_name_effects() -> None:
+    before = {"at rest": 0.9, "fast motion": 2.0, "plate in": 0.8, "everywhere": 1.2}
+    assert shown_regimes(before, {}, "") == ["fast motion", "everywhere"]
+    assert shown_regimes(before, {}, "plate in") == ["fast motion", "everywhere", "plate in"]
+    assert shown_regimes(dict.fromkeys(before, 0.7), {}, "") == ["at rest"]
+    given = answer("class")
+    labels = [
+        label.get_text()
+        for name in ("which", "parameters")
+        for label in drawn("answer", given)[name].figure.axes[0].get_yticklabels()
+    ]
+    assert labels[0] == "Coulomb friction"
+    assert "Centre-of-gravity offset\nx_m" in labels
+    assert not any("_friction" in label or "_offset" in label for label in labels)
 
 
 def test_a_disagreement_without_a_place_of_its_own_reads_so() -> None:

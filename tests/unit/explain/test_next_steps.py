@@ -40,7 +40,7 @@ def test_of_a_class_the_likeliest_is_added_and_told_to_be_a_guess() -> None:
 )
 def test_without_a_named_effect_there_is_no_new_model(kind: Kind, why: str) -> None:
     said = added_sentence(answer(kind), "found")
-    assert said == f"No new model: {why}, so pitch_bench stays as it is."
+    assert said.startswith(f"No new model: {why}, so pitch_bench stays as it is.")
     assert changes(answer(kind)) == ()
 
 
