@@ -25,7 +25,13 @@ from benchtool.explain.pitch.clock import (
     even_rows,
     on_its_way,
 )
-from benchtool.explain.pitch.sanity_checks import refuse_inconsistent, standing_still
+from benchtool.explain.pitch.sanity_checks import (
+    refuse_inconsistent,
+    rotors_in_order,
+    standing_still,
+)
+from benchtool.explain.pitch.timing import in_time
+from benchtool.explain.recording_checks import mended_readings
 from benchtool.physics.rotor_count import refuse_other_rotors
 from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.filter_log import PARKED_FROM_M, LoggedPitch
@@ -44,6 +50,9 @@ QUICK_S = 0.012
 
 SLOWER = 0.1
 """Pulses may come so much more seldom than the angle is read without a remark: clocks differ."""
+
+THINNED = 0.02
+"""A log is thinned if so nearly a whole number of readings of the angle fall on each row."""
 
 EXACT_RAD = 1e-4
 """An encoder whose noise and quantum are below this shows what pulses between two rows did; one of
@@ -93,6 +102,7 @@ def pitch_log(
             f"theta_rad of {name} is {known[0]:g} in every row: a dead channel, or a beam that "
             f"is held; mend the sensor or let the beam turn, and record again"
         )
+    recording, mended = mended_readings(recording, rig, name)
     rows = even_rows(recording, name)
     pulsed = _drive(recording, rig, "pwm{}_us")
     measured = _drive(recording, rig, "rpm{}")
@@ -103,7 +113,7 @@ def pitch_log(
             f"the plant cannot be driven; map pwm1_us... or rpm1... in the model's [columns]"
         )
     drive = pulsed or measured
-    remarks = [*rows.remarks, *_sparse(recording, drive, rig, name)]
+    remarks = [*mended, *rows.remarks, *_sparse(recording, drive, rig, name)]
     rows = _followed(rows, drive, name, plate_slide_s, remarks)
     recording, mode, rate_Hz = rows.recording, rows.mode, rows.rate_Hz
     n = len(recording)
@@ -145,7 +155,10 @@ def pitch_log(
         mode=mode,
         from_speeds=not pulsed,
     )
+    logged, exchanged = rotors_in_order(logged, rig)
     refuse_inconsistent(logged, rig, name)
+    logged, late = in_time(logged, rig, name)
+    remarks += (*exchanged, *late)
     remarks += filter(None, [standing_still(logged, rig)])
     return PitchLog(logged=logged, name=name, remarks=tuple(remarks))
 
@@ -179,15 +192,19 @@ def _sparse(recording: Recording, drive: tuple[str, ...], rig: Rig, name: str) -
                 f"{1000.0 * step_s:.0f} ms goes unseen; record it 100 times a second"
             )
         sensor = rig.sensors.get("theta_rad")
-        if sensor is None or hypot(sensor.noise, sensor.quantum) > EXACT_RAD:
+        if sensor is None or not drive[0].startswith("pwm"):
             continue
-        if drive[0].startswith("pwm") and step_s * sensor.rate_Hz > 1.0 + SLOWER:
+        times = step_s * sensor.rate_Hz
+        exact = hypot(sensor.noise, sensor.quantum) <= EXACT_RAD
+        thinned = times > 1.5 and abs(times - round(times)) < THINNED
+        if (exact and times > 1.0 + SLOWER) or thinned:
+            shows = "So exact an encoder shows that as a gap that no effect explains"
             out.append(
                 f"{channel} comes {1.0 / step_s:.3g} times a second, and the beam of rig "
                 f"{rig.name} is read {sensor.rate_Hz:g} times: pulses that a faster loop gave in "
-                f"between turned the beam and are not in the recording. So exact an encoder shows "
-                f"that as a gap that no effect explains; record outputs and attitude as fast as "
-                f"the loop runs, {sensor.rate_Hz:g} times a second here"
+                f"between turned the beam and are not in the recording. "
+                f"{shows if exact else 'That reads as lag'}; record outputs and attitude as fast "
+                f"as the loop runs, {sensor.rate_Hz:g} times a second here"
             )
     return out
 

@@ -6,6 +6,8 @@ mend, before anything is named.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.signal import savgol_filter
 
@@ -30,6 +32,10 @@ FACTOR = 3.0
 FOLLOWS = 0.4
 """Correlation from which the beam is taken to follow the rotors' thrusts: noise alone, over the
 thousand rows of the shortest recording, stays below 0.15. A choice."""
+
+EXCHANGED = 0.8
+"""Correlation of a speed with its pulses from which columns may be exchanged; each with the wrong
+ones must be lower by `FOLLOWS`. A choice."""
 
 ALIKE = 0.75
 """Cosine between the turning effects that rotors show and those that their places give. One rotor
@@ -85,6 +91,33 @@ def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
             f"the sign of theta_rad are not as rig {rig.name!r} has them; exchange the columns of "
             f"the rotors or change the sign in the model's [columns]"
         )
+
+
+def rotors_in_order(logged: LoggedPitch, rig: Rig) -> tuple[LoggedPitch, list[str]]:
+    """Return the log with each speed under the pulses that it follows, and what was exchanged.
+
+    Rotors whose pulses go alike, or that follow none, say nothing.
+    """
+    sent, seen = np.sqrt(_thrusts(logged, rig)), logged.speed_rad_s
+    if rig.n_discs < 2 or logged.from_speeds or np.isfinite(seen).mean(axis=1).min() < 0.5:
+        return logged, []
+    sent, seen = sent - sent.mean(axis=0), seen - seen.mean(axis=0)
+    alike = np.array([[_correlation(pulse, speed) for speed in seen] for pulse in sent])
+    order = np.argmax(alike, axis=1)
+    if len(set(order.tolist())) < rig.n_discs:
+        return logged, []
+    own, best = np.diag(alike), alike[np.arange(rig.n_discs), order]
+    moved = np.flatnonzero(order != np.arange(rig.n_discs))
+    if not len(moved) or (best < EXCHANGED).any() or (own[moved] > EXCHANGED - FOLLOWS).any():
+        return logged, []
+    words = ", ".join(
+        f"rpm{1 + rig.first_rotors[order[disc]]} follows pwm{1 + rig.first_rotors[disc]}_us "
+        f"(correlation {best[disc]:.2f}, with its own {alike[order[disc], order[disc]]:.2f})"
+        for disc in moved
+    )
+    return replace(logged, speed_rad_s=logged.speed_rad_s[order]), [
+        f"{words}: columns of speed were exchanged, each put to its pulses; mend the logger"
+    ]
 
 
 def _followed(logged: LoggedPitch, rig: Rig, acceleration: Array) -> tuple[float, int, int]:

@@ -18,6 +18,8 @@ from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.gap import OVERLAP, UNITS, Windows, predicted_channels, read_channels
 from benchtool.explain.pitch.log import PitchLog, pitch_log
+from benchtool.explain.pitch.timing import bench_numbers
+from benchtool.explain.recording_checks import refuse_other_bench
 from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
@@ -77,6 +79,9 @@ class PitchSubject(Subject):
         extra: Sequence[Effect] = (),
     ) -> None:
         self.learn, self.check = tuple(learn), tuple(check)
+        refuse_other_bench(
+            [(log.name, bench_numbers(log.logged, model.rig)) for log in (*learn, *check)]
+        )
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
         self._check = PitchEvidence(model, [log.logged for log in check], extra)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import code_of
 from benchtool.data.run.ratios import thrust_error
 from benchtool.explain.engine.subject import EARLY, LATE
+from benchtool.explain.recording_checks import mended_readings, refuse_other_bench
 from benchtool.explain.sweep.power import Power, power_of
 from benchtool.fit.uncertainty.bench_errors import Visits
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
@@ -69,6 +71,7 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
             f"the model"
         )
     refuse_other_rotors(recording, rig, label)
+    recording, mended = mended_readings(recording, rig, label)
     if "time_s" in recording:
         recording = recording.select(np.argsort(recording.column("time_s"), kind="stable"))
     conditions = Conditions.from_recording(recording, rig)
@@ -93,7 +96,11 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
         visits=Visits.of(recording.select(whole), whole_rows, rig),
         power=power,
         name=label,
-        remarks=(*assumed, *_lacks(recording, whole_rows, tare[whole], power, int((~whole).sum()))),
+        remarks=(
+            *mended,
+            *assumed,
+            *_lacks(recording, whole_rows, tare[whole], power, int((~whole).sum())),
+        ),
     )
 
 
@@ -149,6 +156,24 @@ def _lacks(
         out.append("no rpm: what is between pulse and speed shows in thrust alone")
     elif power is None:
         out.append("no pulses beside the speeds: battery sag cannot be judged")
+    return out
+
+
+def refuse_other_sweeps(logs: Sequence[SweepLog]) -> None:
+    """Refuse sweeps of different benches: by thrust over squared speed, and speed at a pulse."""
+    refuse_other_bench([(log.name, _bench_numbers(log)) for log in logs])
+
+
+def _bench_numbers(log: SweepLog) -> dict[str, float]:
+    squares = np.sum(log.conditions.speed_rad_s**2, axis=0)
+    far = ~log.tare & (squares > 0.0)
+    far &= log.conditions.plate_z_m >= np.quantile(log.conditions.plate_z_m[far], 0.75)
+    out = {}
+    if log.conditions.speed_measured:
+        out["thrust over squared speed"] = float(np.median(log.thrust_N[far] / squares[far]))
+    if log.power is not None:
+        middle = np.argsort(log.power.pulse_us)[len(log.power.pulse_us) // 2]
+        out["speed over pulse"] = float(log.power.speed_rad_s[middle] / log.power.pulse_us[middle])
     return out
 
 

@@ -19,7 +19,7 @@ from benchtool.core.recording import Recording
 from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
-from benchtool.explain.sweep.log import SweepLog, sweep_log
+from benchtool.explain.sweep.log import SweepLog, refuse_other_sweeps, sweep_log
 from benchtool.explain.sweep.next_experiment import next_sweep_experiment
 from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
@@ -72,6 +72,7 @@ class SweepSubject(Subject):
         extra: Sequence[Effect] = (),
     ) -> None:
         logs = [sweep_log(one, model.rig) for one in (*learn, *check)]
+        refuse_other_sweeps(logs)
         powers = [log.power for log in logs[: len(learn)] if log.power is not None]
         if powers:  # the supply's load is counted alike in all sweeps
             logs = [

@@ -1,0 +1,354 @@
+"""Look for readings that no bench gave: wrong units, spikes, sensors that hang or end their range.
+
+Each check takes a recording and returns what it mends, with a sentence. A false alarm costs more
+than a fault that is missed here, which still shows as a gap: every check needs a second channel, or
+a limit that no bench comes near.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from benchtool.core.array import Array
+from benchtool.core.counted import counted
+from benchtool.core.errors import InputError
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig, Sensor
+
+Mask = NDArray[np.bool_]
+Mended = tuple[Mapping[str, Array], list[str]]
+"""Columns in their new values (n,), and what was done."""
+
+RPM_PER_RAD_S = 30.0 / np.pi
+
+UNIT_SHARE = 0.15
+"""A speed within this share of one in rad/s, told by the rig's map or thrust, is in rad/s."""
+
+SPIKE = 30.0
+"""A reading so many standard deviations beside the median of five is a spike; a beam that is
+thrown about comes to 20."""
+
+CURVE = np.array([-0.4, 0.9, 0.0, 0.0, 0.0, 0.9, -0.4])
+"""Weights of readings two and three rows away that give the value of a cubic between them."""
+
+FEW = 0.02
+"""More rows than this share are no spikes but how the sensor is."""
+
+HUNG_S = 0.2
+"""A reading that stays exactly the same for so long may hang; a choice."""
+
+UNUSUAL = 5.0
+"""It hangs if it does so for this many times longer than readings of the channel usually stay."""
+
+
+def mended_readings(recording: Recording, rig: Rig, name: str) -> tuple[Recording, list[str]]:
+    """Return a recording with what can be mended mended, and what was done.
+
+    Args:
+        recording: of a pitch bench, or the points of a sweep.
+        rig: of the bench.
+        name: what messages call it.
+
+    Raises:
+        InputError: plate distances that no unit makes the rig's.
+    """
+    remarks: list[str] = []
+    kinds = PITCH if "theta_rad" in recording else SWEEP
+    for check in kinds:
+        columns, said = check(recording, rig, name)
+        remarks += said
+        recording = Recording.from_columns(
+            [
+                (channel, columns.get(channel.name, recording.column(channel.name)))
+                for channel in recording.channels
+            ],
+            recording.provenance,
+            recording.simulated,
+        )
+    return recording, remarks
+
+
+def rotor_columns(recording: Recording, what: str = "rpm{}") -> list[str]:
+    """Return the channels of one kind, by rotor."""
+    pattern = re.compile(re.escape(what).replace(r"\{\}", r"\d+"))
+    return [name for name in recording.names if pattern.fullmatch(name)]
+
+
+def speeds_in_rpm(recording: Recording, rig: Rig, name: str) -> Mended:
+    """Mend speeds in rad/s: by the rig's map from pulse to speed, else by the thrust they make."""
+    columns = rotor_columns(recording)
+    if not columns:
+        return {}, []
+    p, speeds = rig.propulsion, np.array([recording.si(column) for column in columns])
+    pulses = [column.replace("rpm", "pwm") + "_us" for column in columns]
+    turning = np.nan_to_num(speeds) > 0.0
+    if all(pulse in recording for pulse in pulses):
+        sent = np.array([recording.si(pulse) for pulse in pulses]) - p.pwm_start_us
+        known = turning & (sent > 0.0)
+        share = speeds[known] / (p.speed_per_us_rad_s * sent[known])
+    else:
+        carried = recording.si("thrust_N") if "thrust_N" in recording else np.full(
+            len(recording), 9.81 * rig.body.mass_kg
+        )  # fmt: skip
+        known = turning.all(axis=0)
+        makes = p.thrust_coefficient_N_s2 * rig.n_rotors * np.mean(speeds[:, known] ** 2, axis=0)
+        share = np.sqrt(makes / np.maximum(carried[known], 1e-9))
+    if not len(share) or abs(np.median(share) * RPM_PER_RAD_S - 1.0) > UNIT_SHARE:
+        return {}, []
+    many = [*columns, *rotor_columns(recording, "rpm{}_se")]
+    return {column: RPM_PER_RAD_S * recording.column(column) for column in many}, [
+        f"{', '.join(columns)}: {float(np.median(share)):.3f} of the speed that rig {rig.name} has "
+        f"at these pulses (1 in rpm, {1.0 / RPM_PER_RAD_S:.3f} in rad/s): taken for rad/s; state "
+        f'unit = "rad/s" in the model\'s [columns]'
+    ]
+
+
+def plate_in_metres(recording: Recording, rig: Rig, name: str) -> Mended:
+    """Mend plate distances in millimetres or centimetres.
+
+    Raises:
+        InputError: distances beyond the plate's travel in every unit.
+    """
+    if "plate_z_m" not in recording:
+        return {}, []
+    known = recording.si("plate_z_m")
+    known = known[np.isfinite(known)]
+    if not len(known) or known.min() < 5.0 * rig.plate.z_max_m or known.min() > 0.6 * known.max():
+        return {}, []
+    nearest = float(known.min())
+    fits = {
+        unit: factor
+        for unit, factor in (("mm", 1e-3), ("cm", 1e-2))
+        if 0.5 * rig.plate.z_min_m <= factor * nearest
+        and factor * known.max() <= 1.3 * rig.plate.z_max_m
+    }
+    if len(fits) != 1:
+        raise InputError(
+            f"plate_z_m of {name} is never below {nearest:.4g} m, and the plate of rig {rig.name} "
+            f"travels from {rig.plate.z_min_m:g} to {rig.plate.z_max_m:g} m; state the column's "
+            f"unit in the model's [columns]"
+        )
+    ((unit, factor),) = fits.items()
+    return {"plate_z_m": factor * recording.column("plate_z_m")}, [
+        f"plate_z_m is never below {nearest:.4g} m and the plate travels to {rig.plate.z_max_m:g} "
+        f'm: taken for {unit}; state unit = "{unit}" in the model\'s [columns]'
+    ]
+
+
+def spikes_of_a_beam(recording: Recording, rig: Rig, name: str) -> Mended:
+    """Blank single readings far beside those before and after."""
+    columns, said = {}, []
+    for channel in _read_at_moments(recording):
+        values, known = _known(recording, channel)
+        if len(values) < 50:
+            continue
+        # An extreme of a smooth curve lies beside its median, a spike beside its curve, too.
+        beside = np.abs(values - median_filter(values, 5, mode="nearest"))
+        beside = np.minimum(
+            beside, np.abs(values - np.convolve(np.pad(values, 3, mode="edge"), CURVE, "valid"))
+        )
+        usual = max(1.4826 * float(np.median(beside)), _noise(recording, rig, channel))
+        spike = beside > SPIKE * usual
+        if spike.any() and spike.mean() <= FEW:
+            columns[channel] = _blanked(recording, channel, known[spike])
+            said.append(
+                f"{counted(int(spike.sum()), 'spike')} of {channel}, the greatest "
+                f"{float(beside.max()) / usual:.0f} standard deviations beside its neighbours "
+                f"(limit {SPIKE:g}): left out"
+            )
+    return columns, said
+
+
+def hung_sensors(recording: Recording, rig: Rig, name: str) -> Mended:
+    """Blank readings that stay the same while another channel shows that they cannot."""
+    columns, said = {}, []
+    time_s = recording.si("time_s")
+    for channel in _read_at_moments(recording):
+        values, known = _known(recording, channel)
+        if len(values) < 50:
+            continue
+        step_s = float(np.nanmedian(np.diff(time_s[known])))
+        starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+        lengths = np.diff([*starts, len(values)])
+        usual = float(np.quantile(np.repeat(lengths, lengths), 0.5))
+        hung = np.zeros(len(values), bool)
+        ends = (values == values.max()) | (values == values.min())
+        long = (lengths * step_s > HUNG_S) & (lengths > UNUSUAL * usual)
+        clipped = (lengths >= 3) & ends[starts] & (usual < 2.0)
+        for first, rows in zip(starts[long | clipped], lengths[long | clipped], strict=True):
+            span = slice(first, first + rows)
+            hung[span] = _moves(recording, channel, known[span], rig)
+        at_end = hung & ends
+        if hung.sum() * step_s < HUNG_S / 4.0:
+            continue
+        columns[channel] = _blanked(recording, channel, known[hung])
+        what = "ends its range" if at_end.sum() > 0.5 * hung.sum() else "hangs"
+        said.append(
+            f"{channel} {what} at {values[hung][0]:.4g} for {hung.sum() * step_s:.2f} s in all, "
+            f"first at {time_s[known[hung][0]]:.3f} s, while the beam or the pulses move: left out"
+        )
+    return columns, said
+
+
+def _moves(recording: Recording, channel: str, rows: NDArray[np.intp], rig: Rig) -> bool:
+    """Whether another channel shows in some rows that a constant reading is wrong."""
+    theta, gyro = (
+        recording.si(one) if one in recording else np.full(len(recording), np.nan)
+        for one in ("theta_rad", "gyro_rad_s")
+    )
+    time_s = recording.si("time_s")
+    if channel == "theta_rad":
+        turned = gyro[rows][np.isfinite(gyro[rows])]
+        if len(turned) < 3:
+            return False
+        return bool(
+            abs(np.median(turned)) > 0.5 * np.nanstd(gyro)
+            or np.ptp(_smooth(turned)) > np.nanstd(gyro)
+        )
+    if channel == "gyro_rad_s":
+        seen = np.isfinite(theta[rows])
+        if seen.sum() < 3:
+            return False
+        at, angle = time_s[rows][seen], theta[rows][seen]
+        missed = angle - angle[0] - gyro[rows[0]] * (at - at[0])
+        limit = 10.0 * _noise(recording, rig, "theta_rad") + 0.1 * abs(gyro[rows[0]]) * (
+            at[-1] - at[0]
+        )
+        return bool(np.abs(missed).max() > limit)
+    pulse = channel.replace("rpm", "pwm") + "_us"
+    if pulse not in recording:
+        return False
+    p = rig.propulsion
+    sent = recording.si(pulse)[rows] - p.pwm_start_us
+    sent = _smooth(sent[np.isfinite(sent)])
+    return len(sent) > 20 and bool(np.ptp(sent) > 0.05 * np.median(sent))
+
+
+def _smooth(values: Array) -> Array:
+    width = min(len(values), 25)
+    return np.convolve(values, np.ones(width) / width, "valid")
+
+
+def _read_at_moments(recording: Recording) -> Iterable[str]:
+    beam = [name for name in ("theta_rad", "gyro_rad_s") if name in recording]
+    return [*beam, *rotor_columns(recording)]
+
+
+def _known(recording: Recording, channel: str) -> tuple[Array, NDArray[np.intp]]:
+    """Return the readings of a channel, in its own unit, and their rows."""
+    values = recording.column(channel)
+    rows = np.flatnonzero(np.isfinite(values))
+    return values[rows], rows
+
+
+def _blanked(recording: Recording, channel: str, rows: NDArray[np.intp]) -> Array:
+    values = recording.column(channel).copy()
+    values[rows] = np.nan
+    return values
+
+
+def _noise(recording: Recording, rig: Rig, channel: str) -> float:
+    """Return the noise of one reading, its quantum included; never quite 0."""
+    sensor = rig.sensors.get("rpm" if channel.startswith("rpm") else channel, Sensor())
+    return float(max(np.hypot(sensor.noise, sensor.quantum), 1e-6))
+
+
+SAME = 0.15
+"""A point whose thrust over squared speed is so far off all others of its place is a spike."""
+
+
+def spikes_of_a_sweep(recording: Recording, rig: Rig, name: str) -> Mended:
+    """Blank points whose thrust no other point of the same place comes near."""
+    share, running = _thrust_shares(recording)
+    if "plate_z_m" not in recording or running.sum() < 8:
+        return {}, []
+    columns = [one for one in ("plate_z_m", "plate_x_m", "plate_y_m") if one in recording]
+    places = np.round(np.nan_to_num([recording.si(column) for column in columns]), 4)
+    number = np.unique(places, axis=1, return_inverse=True)[1].reshape(-1)
+    spike = np.zeros(len(recording), bool)
+    for one in np.unique(number[running]):
+        rows = np.flatnonzero(running & (number == one))
+        middle = np.median(share[rows])
+        beside = np.abs(share[rows] / middle - 1.0)
+        if len(rows) >= 4 and (beside > SAME).sum() == 1 and beside.max() > 5.0 * np.median(beside):
+            spike[rows[int(np.argmax(beside))]] = True
+    if not spike.any() or spike.sum() > max(1.0, FEW * running.sum()):
+        return {}, []
+    at = np.flatnonzero(spike)
+    return {"thrust_N": _blanked(recording, "thrust_N", at)}, [
+        f"{counted(len(at), 'spike')} of thrust_N, more than {100.0 * SAME:g} % beside every other "
+        f"point of its place (the first in row {1 + at[0]}): left out"
+    ]
+
+
+def hung_load_cell(recording: Recording, rig: Rig, name: str) -> Mended:
+    """Blank thrusts that are exactly alike while speeds are not: a cell that hangs or is full."""
+    _, running = _thrust_shares(recording)
+    rows = np.flatnonzero(running)
+    if len(rows) < 8:
+        return {}, []
+    thrust = recording.column("thrust_N")[rows]
+    squares = np.sum([recording.si(one)[rows] ** 2 for one in rotor_columns(recording)], axis=0)
+    hung = np.zeros(len(rows), bool)
+    for value in np.unique(thrust):
+        alike = thrust == value
+        if alike.sum() >= 3 and np.ptp(squares[alike]) > 0.1 * squares[alike].mean():
+            hung |= alike
+    if not hung.any():
+        return {}, []
+    what = "ends its range" if (thrust[hung] == thrust.max()).all() else "hangs"
+    return {"thrust_N": _blanked(recording, "thrust_N", rows[hung])}, [
+        f"thrust_N {what} at {thrust[hung][0]:.4g} N in {counted(int(hung.sum()), 'point')} whose "
+        f"speeds differ by more than 5 %: left out"
+    ]
+
+
+def _thrust_shares(recording: Recording) -> tuple[Array, Mask]:
+    """Return thrust over the sum of squared speeds (n,), and which rows have both."""
+    columns = rotor_columns(recording)
+    if not columns or "thrust_N" not in recording:
+        return np.zeros(len(recording)), np.zeros(len(recording), bool)
+    squares = np.sum([recording.si(one) ** 2 for one in columns], axis=0)
+    thrust = recording.si("thrust_N")
+    running = np.isfinite(squares) & np.isfinite(thrust) & (np.nan_to_num(squares) > 0.0)
+    return thrust / np.where(running, squares, 1.0), running
+
+
+Check = Callable[[Recording, Rig, str], Mended]
+
+PITCH: tuple[Check, ...] = (plate_in_metres, speeds_in_rpm, hung_sensors, spikes_of_a_beam)
+SWEEP: tuple[Check, ...] = (plate_in_metres, speeds_in_rpm, hung_load_cell, spikes_of_a_sweep)
+"""What is looked for, in order: units before what is judged by size."""
+
+
+ANOTHER = {"speed over pulse": 1.25}
+"""Recordings of one bench never differ by these factors: a full battery against an empty one."""
+
+USUALLY = 1.2
+"""The same of everything else; good pairs of recordings differ by 1 %."""
+
+
+def refuse_other_bench(benches: Iterable[tuple[str, Mapping[str, float]]]) -> None:
+    """Refuse recordings of different benches.
+
+    Args:
+        benches: name of each recording with what is the bench's own in it, by what it is.
+
+    Raises:
+        InputError: a number that differs from that of the first by more than a bench's does.
+    """
+    (first, own), *others = benches
+    for name, numbers in others:
+        for what in (one for one in own if one in numbers):
+            ratio, most = numbers[what] / own[what], ANOTHER.get(what, USUALLY)
+            if not 1.0 / most < ratio < most:
+                raise InputError(
+                    f"{what} in {name} is {ratio:.2f} times that in {first}, and on one bench it "
+                    f"stays within {1.0 / most:.2f} to {most:.2f} times; name recordings of "
+                    f"one bench, with the same rotors and rig"
+                )

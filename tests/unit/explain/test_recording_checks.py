@@ -1,0 +1,257 @@
+"""Faults put into good recordings are found and mended or refused; good ones are left alone."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from benchtool.core.errors import InputError
+from benchtool.core.recording import Recording
+from benchtool.data.columns import KINDS
+from benchtool.data.run.read import read_points
+from benchtool.data.table import read_table
+from benchtool.explain.pitch.log import pitch_log
+from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.explain.recording_checks import mended_readings
+from benchtool.explain.sweep.log import refuse_other_sweeps, sweep_log
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
+from tests.unit.explain.pitch_made import changed, recorded, without
+
+Fault = Callable[[Recording], Recording]
+DATASETS = Path(__file__).parents[3] / "datasets"
+
+
+def late(channel: str, rows: int) -> Fault:
+    """Return a fault: channels that begin with a word come so many rows late."""
+
+    def put(good: Recording) -> Recording:
+        columns = {
+            name: np.concatenate(
+                [np.repeat(good.column(name)[:1], rows), good.column(name)[:-rows]]
+            )
+            for name in good.names
+            if name.startswith(channel)
+        }
+        return changed(good, **columns)
+
+    return put
+
+
+def scaled(channel: str, factor: float) -> Fault:
+    def put(good: Recording) -> Recording:
+        found = {n: factor * good.column(n) for n in good.names if n.startswith(channel)}
+        return changed(good, **found)
+
+    return put
+
+
+def spikes(channel: str, size: float) -> Fault:
+    def put(good: Recording) -> Recording:
+        values = good.column(channel).copy()
+        values[100::701] += size
+        return changed(good, **{channel: values})
+
+    return put
+
+
+def hung(channel: str, first: int, rows: int) -> Fault:
+    def put(good: Recording) -> Recording:
+        values = good.column(channel).copy()
+        values[first : first + rows] = values[first]
+        return changed(good, **{channel: values})
+
+    return put
+
+
+def clipped(channel: str, share: float) -> Fault:
+    def put(good: Recording) -> Recording:
+        values = good.column(channel)
+        most = float(np.quantile(np.abs(values), share))
+        return changed(good, **{channel: np.clip(values, -most, most)})
+
+    return put
+
+
+def exchanged(good: Recording) -> Recording:
+    return changed(good, rpm1=good.column("rpm2"), rpm2=good.column("rpm1"))
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    return load_model("pitch_beam").model
+
+
+@pytest.fixture(scope="module")
+def good(model: Model) -> Recording:
+    return recorded(model, 5, seconds=20.0)
+
+
+MENDED: dict[str, tuple[Fault, str]] = {
+    "angle 12 ms late": (late("theta_rad", 3), "theta_rad comes 1[12]"),
+    "angle 40 ms late": (late("theta_rad", 10), "theta_rad comes (39|40)"),
+    "rate 12 ms late": (late("gyro_rad_s", 3), "gyro_rad_s comes 1[12]"),
+    "rate 24 ms late": (late("gyro_rad_s", 6), "gyro_rad_s comes 2[345]"),
+    "speeds 12 ms late": (late("rpm", 3), "rpm comes 1[123]"),
+    "speeds 40 ms late": (late("rpm", 10), "rpm comes (39|40)"),
+    "pulses 12 ms late": (late("pwm", 3), "pwm_us comes 1[123]"),
+    "pulses 40 ms late": (late("pwm", 10), "pwm_us comes (39|40)"),
+    "speeds in rad/s": (scaled("rpm", np.pi / 30.0), "taken for rad/s"),
+    "plate in mm": (scaled("plate_z_m", 1000.0), "taken for mm"),
+    "plate in cm": (scaled("plate_z_m", 100.0), "taken for cm"),
+    "speeds exchanged": (exchanged, "columns of speed were exchanged"),
+    "spikes of the angle": (spikes("theta_rad", 0.3), "7 spikes of theta_rad"),
+    "spikes of the rate": (spikes("gyro_rad_s", -2.0), "7 spikes of gyro_rad_s"),
+    "spikes of a speed": (spikes("rpm1", -3000.0), "7 spikes of rpm1"),
+    "angle hangs": (hung("theta_rad", 600, 200), "theta_rad hangs"),
+    "rate hangs": (hung("gyro_rad_s", 600, 400), "gyro_rad_s hangs"),
+    "speed hangs": (hung("rpm2", 600, 1500), "rpm2 hangs"),
+    "rate ends its range": (clipped("gyro_rad_s", 0.9), "gyro_rad_s ends its range"),
+    "angle ends its range": (clipped("theta_rad", 0.9), "theta_rad ends its range"),
+}
+
+
+@pytest.mark.parametrize("fault", MENDED)
+def test_a_fault_in_a_pitch_recording_is_mended_with_a_sentence(
+    model: Model, good: Recording, fault: str
+) -> None:
+    put, words = MENDED[fault]
+    log = pitch_log(put(good), model.rig)
+    assert len([line for line in log.remarks if "judged in parts" not in line]) == 1
+    assert re.search(words, log.remarks[0])
+
+
+def test_angle_and_rate_that_both_come_late_are_refused(model: Model, good: Recording) -> None:
+    wrong = late("gyro_rad_s", 6)(late("theta_rad", 6)(good))
+    with pytest.raises(InputError, match=r"answers 2[345].* ms after the rotors' thrust"):
+        pitch_log(wrong, model.rig)
+
+
+def test_a_loop_logged_at_half_its_rate_is_said(model: Model, good: Recording) -> None:
+    (said,) = pitch_log(good.select(np.arange(0, len(good), 2)), model.rig).remarks
+    assert "pwm1_us comes 125 times a second, and the beam of rig beam is read 250" in said
+
+
+def test_a_filtered_rate_is_said_and_not_shifted(model: Model, good: Recording) -> None:
+    slow = lfilter([0.18], [1.0, -0.82], good.column("gyro_rad_s"))
+    log = pitch_log(changed(good, gyro_rad_s=slow), model.rig)
+    assert len(log.remarks) == 1
+    assert "as through a low-pass filter" in log.remarks[0]
+    np.testing.assert_array_equal(log.logged.gyro_rad_s, slow)
+
+
+def test_what_was_shifted_stands_where_it_stood(model: Model, good: Recording) -> None:
+    before, after = (pitch_log(one, model.rig).logged for one in (good, late("rpm", 5)(good)))
+    missed = (after.speed_rad_s - before.speed_rad_s)[:, 50:-50]
+    assert np.sqrt(np.mean(missed**2)) < 0.5 * np.sqrt(np.mean(np.diff(before.speed_rad_s) ** 2))
+
+
+@pytest.mark.parametrize("name", ["pitch_beam", "pitch_pquad"])
+@pytest.mark.parametrize("schedule", ["identify", "steps", "triangle", "chirp", "plate"])
+def test_of_good_pitch_recordings_nothing_is_claimed(name: str, schedule: str) -> None:
+    """Two benches and three seeds; all channels, and each kind of them missing."""
+    model = load_model(name).model
+    inertia = 0.0305 if name == "pitch_beam" else model.rig.body.inertia_yy_kgm2
+    for seed in (10, 11, 12):
+        good = recorded(model, seed, seconds=20.0, inertia=inertia, schedule=schedule)
+        for missing in ("nothing", "gyro_rad_s", r"rpm\d", r"pwm\d_us"):
+            remarks = pitch_log(without(good, missing), model.rig).remarks
+            assert [line for line in remarks if not line.startswith("no ")] == []
+
+
+def test_recordings_of_two_pitch_benches_are_refused(model: Model, good: Recording) -> None:
+    logs = [
+        pitch_log(recorded(model, 6, seconds=20.0, inertia=inertia), model.rig, name)
+        for name, inertia in (("learn", 0.0305), ("check", 0.045))
+    ]
+    with pytest.raises(InputError, match=r"acceleration over thrust in check is 0.6"):
+        PitchSubject(model, logs[:1], logs[1:])
+    faster = changed(good, **{f"rpm{k}": 1.4 * good.column(f"rpm{k}") for k in (1, 2)})
+    with pytest.raises(InputError, match=r"speed over pulse in check is 1.4"):
+        PitchSubject(model, logs[:1], [pitch_log(faster, model.rig, "check")])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [100, 105])
+@pytest.mark.parametrize("family", ["pitch", "sweeps"])
+def test_of_good_foreign_recordings_nothing_is_claimed(
+    family: str, first: int, reference_data: Path, tmp_path: Path
+) -> None:
+    """Ten recordings of each family at a time, made by physics of others."""
+    generator = reference_data.parent / "foreign" / f"{family}.py"
+    if not generator.exists():
+        pytest.skip("no generator of foreign benches beside the reference data")
+    for seed in range(first, first + 5):
+        command = [sys.executable, str(generator), "--seed", str(seed), "--out", str(tmp_path)]
+        subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
+        folder = tmp_path / f"{family}-none-{seed}"
+        model = load_model(str(folder / "model.toml")).model
+        for part in ("learn", "check"):
+            recording = read_table(folder / f"{part}.csv", {}, [])
+            log = (
+                pitch_log(recording, model.rig, plate_slide_s=0.0)
+                if family == "pitch"
+                else sweep_log(recording, model.rig)
+            )
+            assert log.remarks == ()
+
+
+@pytest.fixture(scope="module")
+def swept() -> Recording:
+    return read_points(DATASETS / "quad" / "run", KINDS)
+
+
+def spike_of_thrust(good: Recording) -> Recording:
+    thrust = good.column("thrust_N").copy()
+    thrust[np.flatnonzero(good.column("kind") == KINDS.index("measure"))[5]] *= 1.5
+    return changed(good, thrust_N=thrust)
+
+
+def full_cell(good: Recording) -> Recording:
+    return changed(good, thrust_N=np.minimum(good.column("thrust_N"), 9.0))
+
+
+SWEPT: dict[str, tuple[Fault, str]] = {
+    "plate in mm": (scaled("plate_z_m", 1000.0), "taken for mm"),
+    "speeds in rad/s": (scaled("rpm", np.pi / 30.0), "taken for rad/s"),
+    "spike": (spike_of_thrust, "1 spike of thrust_N"),
+    "full cell": (full_cell, "thrust_N ends its range at 9 N"),
+}
+
+
+@pytest.mark.parametrize("fault", SWEPT)
+def test_a_fault_in_a_sweep_is_mended_with_a_sentence(swept: Recording, fault: str) -> None:
+    put, words = SWEPT[fault]
+    rig = load_model("quad").model.rig
+    before, after = (sweep_log(one, rig, "points") for one in (swept, put(swept)))
+    added = [line for line in after.remarks if line not in before.remarks]
+    assert words in added[0]
+    for channel in ("plate_z_m", "speed_rad_s"):
+        if len(after) == len(before):
+            np.testing.assert_allclose(
+                getattr(after.conditions, channel), getattr(before.conditions, channel)
+            )
+
+
+@pytest.mark.parametrize("name", ["quad", "single_rotor"])
+def test_of_good_sweeps_nothing_is_claimed(name: str) -> None:
+    points = read_points(DATASETS / name / "run", KINDS)
+    repaired = mended_readings(
+        points, load_model("quad" if name == "quad" else "single").model.rig, name
+    )
+    assert repaired[1] == []
+
+
+def test_sweeps_of_two_benches_are_refused(swept: Recording) -> None:
+    rig = load_model("quad").model.rig
+    other = changed(swept, thrust_N=1.4 * swept.column("thrust_N"))
+    logs = [sweep_log(one, rig, name) for one, name in ((swept, "learn"), (other, "check"))]
+    with pytest.raises(InputError, match=r"thrust over squared speed in check is 1.40 times"):
+        refuse_other_sweeps(logs)
