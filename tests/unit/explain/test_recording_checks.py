@@ -153,6 +153,7 @@ def test_what_was_shifted_stands_where_it_stood(model: Model, good: Recording) -
     assert np.sqrt(np.mean(missed**2)) < 0.5 * np.sqrt(np.mean(np.diff(before.speed_rad_s) ** 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pitch_beam", "pitch_pquad"])
 @pytest.mark.parametrize("schedule", ["identify", "steps", "triangle", "chirp", "plate"])
 def test_of_good_pitch_recordings_nothing_is_claimed(name: str, schedule: str) -> None:
@@ -178,7 +179,7 @@ def test_recordings_of_two_pitch_benches_are_refused(model: Model, good: Recordi
         PitchSubject(model, logs[:1], [pitch_log(faster, model.rig, "check")])
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("first", [100, 105])
 @pytest.mark.parametrize("family", ["pitch", "sweeps"])
 def test_of_good_foreign_recordings_nothing_is_claimed(
