@@ -257,22 +257,22 @@ class Model:
         found: Plane = plate_plane(conditions.plate_z_m, conditions.plate_x_m, tilt_rad)
         return found
 
-    @property
+    @cached_property
     def lag_s(self) -> float:
         """Time constant with which rotor speed follows its command; 0 without a lag: s."""
         return sum(float(x) for x in self._of_whole("lag_s", at_most_one=True))
 
-    @property
+    @cached_property
     def delay_s(self) -> float:
         """Time between a command and its arrival at the motors: s."""
         return sum(float(x) for x in self._of_whole("delay_s"))
 
-    @property
+    @cached_property
     def random_torque(self) -> tuple[float, float] | None:
         """Standard deviation (N m) and correlation time (s) of a random torque; None without."""
         return next(iter(self._of_whole("random_torque", at_most_one=True)), None)
 
-    @property
+    @cached_property
     def play_N(self) -> float:
         """Half width of the play that a simulated load cell's reading stays behind: N."""
         return sum(float(x) for x in self._of_whole("play_N"))
@@ -318,7 +318,7 @@ class Model:
         x_m, y_m = self.rig.disc_positions_m.T
         return body_images(x_m, y_m, self.body_distance, self.rig.body.half_diagonal_m)
 
-    @property
+    @cached_property
     def image_rules(self) -> ImageRules:
         """How images are summed."""
         return ImageRules(self.wake_rule, self.tilt_rule, len(self.body_images.arm_m))

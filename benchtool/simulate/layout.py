@@ -8,7 +8,7 @@ one array.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -69,6 +69,7 @@ def rows_in(slot: Slot, path: str) -> slice:
     return slice(first, first + len(numbers_of(like)))
 
 
+@lru_cache(maxsize=256)
 def zeroed(record: Any) -> Any:
     """Return a record of the same type with zeros for numbers."""
     if not isinstance(record, tuple):

@@ -17,12 +17,12 @@ from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects
 from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
-from benchtool.simulate.layout import lent, rows_in, zeroed
+from benchtool.simulate.layout import Layout, lent, rows_in, zeroed
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
 from benchtool.simulate.pitch.filter_ticks import FilterGains
-from benchtool.simulate.pitch.loops import pitch_loops
+from benchtool.simulate.pitch.loops import PitchLoops, pitch_loops
 from benchtool.simulate.pitch.pack import geometry_of, pack
 from benchtool.simulate.pitch.result import LOGGED
 
@@ -90,30 +90,12 @@ class PitchLoop:
         neutral_too: bool = False,
         log: Array | None = None,
     ) -> None:
-        first, each = jobs[0], {id(job): job for job in jobs}
-        for other in each.values():
-            if other is not first and shared_key(other) != shared_key(first):
-                raise InputError(
-                    "runs side by side must share rig, rates, delays, and what observer and "
-                    "feedforward know; simulate the others apart"
-                )
-        bench, model = first.bench, first.bench.model
+        first, each = jobs[0], tuple(dict.fromkeys(jobs))
+        bench, control = first.bench, first.control
         self.lanes, self.schedule = len(jobs), schedule
-        self.n_discs = model.rig.n_discs
-        models = [at for job in each.values() for at in (job.bench.model, job.nominal_model)]
-        effects = loop_effects(*models, neutral_too=neutral_too)
-        control, law = first.control, first.control.law
-        n_numbers = sum(len(effect.parameters) for effect in effects)
-        like = law.numbers(control, PitchPlant(1.0, 1.0))
-        self.layout = r.layout_for(self.n_discs, n_numbers, zeroed(like), law.state)
-        self.loops = pitch_loops(
-            effects, self.layout, self.n_discs, self.lanes, model.image_rules, law
-        )
-        packed = {
-            key: pack(job.bench, job.control, job.nominal_model, effects, self.layout)
-            for key, job in each.items()
-        }
-        columns = [packed[id(job)] for job in jobs]
+        self.n_discs = bench.model.rig.n_discs
+        self.layout, self.loops, self.geometry, packed = prepared(each, self.lanes, neutral_too)
+        columns = [packed[job] for job in jobs]
         self.substeps = substeps_of(bench, schedule.rate_Hz)
         ticks = len(schedule)
         delays = np.concatenate(
@@ -132,7 +114,6 @@ class PitchLoop:
         )
         rates_Hz = (bench.sensors.get(name, PitchSensor()).rate_Hz for name in SENSOR_NAMES)
         self.fresh = fresh_flags(tuple(rates_Hz), len(schedule), schedule.rate_Hz)
-        self.geometry = geometry_of(model, 1.0 / bench.plant_rate_Hz)
         late = [sensor_delay(bench, name, schedule.rate_Hz) for name in SENSOR_NAMES[:3]]
         on_old = [self.view(f"motion.{half}")[1] for half in ("first", "second")]
         delayed = delays.any() or np.any(on_old)
@@ -215,6 +196,37 @@ class PitchLoop:
         """
         self._stepped = self.arrays()
         return partial(self.loops.run, lent(self.loops.run, self._stepped), self.plan)
+
+
+@lru_cache(maxsize=64)
+def prepared(
+    jobs: tuple[PitchJob, ...], lanes: int, neutral_too: bool
+) -> tuple[Layout, PitchLoops, Array, dict[PitchJob, Array]]:
+    """Return what follows from jobs alone, for any seed and schedule: where records stand, the
+    loops, the geometry, and each job's column of the work space.
+
+    Args:
+        jobs: each once.
+        lanes: how many of them, or of their repetitions, run side by side.
+        neutral_too: see `loop_effects`.
+    """
+    first, shared = jobs[0], shared_key(jobs[0])
+    if any(shared_key(other) != shared for other in jobs[1:]):
+        raise InputError(
+            "runs side by side must share rig, rates, delays, and what observer and "
+            "feedforward know; simulate the others apart"
+        )
+    bench, model, law = first.bench, first.bench.model, first.control.law
+    models = [at for job in jobs for at in (job.bench.model, job.nominal_model)]
+    effects = loop_effects(*models, neutral_too=neutral_too)
+    n_discs, n_numbers = model.rig.n_discs, sum(len(effect.parameters) for effect in effects)
+    like = zeroed(law.numbers(first.control, PitchPlant(1.0, 1.0)))
+    layout = r.layout_for(n_discs, n_numbers, like, law.state)
+    loops = pitch_loops(effects, layout, n_discs, lanes, model.image_rules, law)
+    columns = {
+        job: pack(job.bench, job.control, job.nominal_model, effects, layout) for job in jobs
+    }
+    return layout, loops, geometry_of(model, 1.0 / bench.plant_rate_Hz), columns
 
 
 def substeps_of(bench: PitchBench, rate_Hz: float) -> int:
