@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from benchtool.core.errors import InputError
 from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.distance_law import nearest_z_over_R
-from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow
+from benchtool.physics.effects.effect import N_BEFORE_RATE, N_STAYING, NO_FLOW, Effect, Flow
 from benchtool.physics.expression import expression
 from benchtool.physics.fold import Hook, Own, added, chained, each, multiplied, selected, summed
 from benchtool.physics.images import clamped_height, partial_factor, thrust_factor
@@ -162,30 +162,15 @@ def disc_thrust(
         )
         share = share_of(axis_cosine(plane))
         return Flow(
-            flow.radius_m,
-            flow.position_x_m,
-            flow.position_y_m,
+            *flow[:N_STAYING],
             z,
             area,
-            flow.active,
-            flow.speed_rad_s,
             counted(neighbours(source, z, distances), share),
             counted(bodies(z, plane, body_at, flow.radius_m), share),
             weight(source),
-            flow.voltage_V,
-            flow.elapsed_s,
-            flow.time_s,
-            flow.pitch_rad,
-            flow.rate_rad_s,
-            flow.cos_pitch,
-            flow.weight_N,
-            flow.thrust_N,
-            flow.load_direction,
-            flow.plate_x_m,
             plane,
             share,
-            flow.airspeed_m_s,
-            flow.acceleration_rad_s2,
+            *flow[N_BEFORE_RATE:],
         )
 
     return DiscThrust(

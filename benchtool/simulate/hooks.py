@@ -9,7 +9,7 @@ from typing import Any
 from benchtool.core.errors import InputError
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.disc_thrust import ImageRules, disc_thrust, owned
-from benchtool.physics.effects.effect import HOOKS, Effect, Flow
+from benchtool.physics.effects.effect import HOOKS, N_BEFORE_RATE, Effect, Flow
 from benchtool.physics.expression import expression, replaced
 from benchtool.physics.fold import chained, identity, summed
 from benchtool.physics.model import Model
@@ -17,7 +17,7 @@ from benchtool.physics.tilt import LEVEL
 
 LoopHooks = namedtuple(
     "LoopHooks",
-    "bare tilt with_images image_factors scaled drags factors speeds at_airspeed with_thrust "
+    "bare tilt with_images image_factors scaled drags factors speeds with_thrust "
     "torque dry_friction dry_width dry_give gyro followed nearest_z_over_R",
 )
 """Hold the joined functions of a set of effects over so many discs.
@@ -26,7 +26,6 @@ Attributes:
     bare: a Flow of given heights and coverages, without images.
     tilt: tilt(p) -> lean of the plate beyond what was commanded: rad.
     with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
-    at_airspeed: at_airspeed(flow, airspeed) -> the Flow at a horizontal speed through the air.
     with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
     torque, dry_friction, dry_width, dry_give: f(i, flow, p), of the hinge, summed over effects.
     gyro: gyro(time, pitch, rate, acceleration, p) -> the gyro's reading, changed by effects.
@@ -49,22 +48,13 @@ def joined_hooks(
 
     @expression
     def bare(
-        radius_m: Any,
-        x_m: Any,
-        y_m: Any,
-        plane: Any,
-        height: Any,
-        coverage: Any,
-        speed: Any,
-        time_s: Any,
-        pitch: Any,
-        rate: Any,
-        cosine: Any,
-        weight_N: Any,
-    ) -> Flow:
+        radius_m: Any, x_m: Any, y_m: Any, plane: Any, height: Any, coverage: Any, speed: Any,
+        time_s: Any = 0.0, pitch: Any = 0.0, rate: Any = 0.0, cosine: Any = 1.0,
+        weight_N: Any = 0.0, airspeed: Any = 0.0, acceleration: Any = 0.0,
+    ) -> Flow:  # fmt: skip
         return Flow(
-            radius_m, x_m, y_m, height, coverage, ones, speed, zeros, zeros, 0.0, 0.0, 0.0, time_s,
-            pitch, rate, cosine, weight_N, zeros, 0.0, 0.0, plane, 1.0, 0.0, 0.0,
+            radius_m, x_m, y_m, ones, speed, 0.0, 0.0, time_s, pitch, cosine, weight_N, 0.0, 0.0,
+            airspeed, acceleration, height, coverage, zeros, zeros, 0.0, plane, 1.0, rate, zeros,
         )  # fmt: skip
 
     @expression
@@ -72,27 +62,8 @@ def joined_hooks(
         speed, thrusts = flow.speed_rad_s, factor
         for i in range(n_discs):
             thrusts = replaced(thrusts, i, k * speed[i] * speed[i] * factor[i])
-        return Flow(
-            flow.radius_m, flow.position_x_m, flow.position_y_m, flow.height_m, flow.coverage,
-            flow.active, flow.speed_rad_s, flow.neighbour_images, flow.body_images,
-            flow.body_weight, 0.0, 0.0, flow.time_s, flow.pitch_rad, rate, flow.cos_pitch,
-            flow.weight_N, thrusts, 0.0, 0.0, flow.plane, flow.axial_share, flow.airspeed_m_s,
-            0.0,
-        )  # fmt: skip
+        return Flow(*flow[:N_BEFORE_RATE], rate, thrusts)
 
-    @expression
-    def at_airspeed(flow: Flow, airspeed_m_s: Any) -> Flow:
-        return Flow(
-            flow.radius_m, flow.position_x_m, flow.position_y_m, flow.height_m, flow.coverage,
-            flow.active, flow.speed_rad_s, flow.neighbour_images, flow.body_images,
-            flow.body_weight, 0.0, 0.0, flow.time_s, flow.pitch_rad, flow.rate_rad_s,
-            flow.cos_pitch, flow.weight_N, flow.thrust_N, 0.0, 0.0, flow.plane, flow.axial_share,
-            airspeed_m_s, 0.0,
-        )  # fmt: skip
-
-    tilt, with_images = thrust.tilt, thrust.with_images
-    factors, speeds = thrust.factors, thrust.speeds
-    image_factors, scaled, drags = thrust.image_factors, thrust.scaled, thrust.drags
     torque, dry_friction, dry_width, dry_give = (
         summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width", "dry_give")
     )
@@ -101,46 +72,28 @@ def joined_hooks(
     speed_after = chained(following)
 
     @expression
-    def apart(speeds: Any, time_s: Any, pitch: Any, rate: Any, acceleration: Any) -> Flow:
-        return Flow(
-            0.0, zeros, zeros, zeros, zeros, ones, speeds, zeros, zeros, 0.0, 0.0, 0.0, time_s,
-            pitch, rate, 1.0, 0.0, zeros, 0.0, 0.0, LEVEL, 1.0, 0.0, acceleration,
-        )  # fmt: skip
-
-    @expression
     def gyro(time_s: Any, pitch: Any, rate: Any, acceleration: Any, p: Any) -> Any:
-        return reading(0, rate, apart(zeros, time_s, pitch, rate, acceleration), p)
+        flow = bare(
+            0.0, zeros, zeros, LEVEL, zeros, zeros, zeros, time_s, pitch, rate,
+            acceleration=acceleration,
+        )  # fmt: skip
+        return reading(0, rate, flow, p)
 
     @expression
     def each_followed(before: Any, after: Any, p: Any) -> Any:
-        out, flow = after, apart(before, 0.0, 0.0, 0.0, 0.0)
+        out, flow = after, bare(0.0, zeros, zeros, LEVEL, zeros, zeros, before)
         for i in range(n_discs):
             out = replaced(out, i, speed_after(i, after[i], flow, p))
         return out
 
     followed = each_followed if following else expression(lambda before, after, p: after)
-    nearest = thrust.nearest_z_over_R
+    tilt, speeds, with_images, image_factors, scaled, drags, factors, nearest = thrust
     return expression(
         lambda: LoopHooks(
-            bare,
-            tilt,
-            with_images,
-            image_factors,
-            scaled,
-            drags,
-            factors,
-            speeds,
-            at_airspeed,
-            with_thrust,
-            torque,
-            dry_friction,
-            dry_width,
-            dry_give,
-            gyro,
-            followed,
-            nearest,
+            bare, tilt, with_images, image_factors, scaled, drags, factors, speeds, with_thrust,
+            torque, dry_friction, dry_width, dry_give, gyro, followed, nearest,
         )
-    )
+    )  # fmt: skip
 
 
 def loop_effects(

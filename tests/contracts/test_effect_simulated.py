@@ -128,10 +128,8 @@ def test_settled_it_is_on_a_hinge_and_in_flight_what_a_sweep_shows(
     same, places, p = (550.0,) * n, RIG.disc_positions_m, loop_numbers(model, effects)
     plane = plate_plane(z_m, 0.0, hooks.tilt(p))
     heights = tuple(height_over(plane, *place) for place in places)
-    flow = hooks.bare(
-        model.parameters["R_m"].value, *places.T, plane, heights, (1.0,) * n, same, 0.0, 0.0, 0.0,
-        1.0, 0.0,
-    )  # fmt: skip
+    radius_m = model.parameters["R_m"].value
+    flow = hooks.bare(radius_m, *places.T, plane, heights, (1.0,) * n, same)
     flow = hooks.with_images(flow, RIG.disc_distances_m, model.body_images, p)
     np.testing.assert_allclose(hooks.factors(flow, p), swept, rtol=1e-13)
     below = look_below(FlightVehicle(model=model), FLOOR, (0.0, 0.0, z_m))
@@ -160,7 +158,7 @@ def test_a_tilt_is_the_same_in_a_sweep_on_a_hinge_and_in_flight(
     plane = plane_below(z_m, pitch_rad, hooks.tilt(p))
     flow = hooks.bare(
         RIG.propulsion.radius_m, x, y, plane, heights_over(plane, tuple(x), y), (1.0,) * n,
-        (550.0,) * n, 0.0, pitch_rad, 0.0, 1.0, 0.0,
+        (550.0,) * n, pitch=pitch_rad,
     )  # fmt: skip
     flow = hooks.with_images(flow, RIG.disc_distances_m, model.body_images, p)
     np.testing.assert_allclose(hooks.factors(flow, p), swept, rtol=1e-9)

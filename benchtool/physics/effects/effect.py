@@ -44,66 +44,72 @@ truth without it, 96 % with it, 97 % with twice as much."""
 class Flow(NamedTuple):
     """What a hook may see of the bench at one instant, or at many.
 
+    First what stays; from `height_m` on what effects on heights and the images change; then what
+    changes within a step.
+
     Attributes:
         radius_m: effective rotor radius R: m.
         position_x_m, position_y_m: disc centres (n,): m.
-        height_m: distance of each disc to the surface (n, ...): m.
-        coverage: fraction of each disc over the surface (n, ...).
         active: 1 where a disc's rotors turn, else 0 (n, ...).
         speed_rad_s: rotor speed (n, ...); the root of the summed squares on a coaxial disc.
+        voltage_V: battery voltage over nominal is what speed follows (...).
+        elapsed_s: time since the last tare (...).
+        time_s: time since the run began (...).
+        pitch_rad: attitude about the y axis (...): rad; zero on a bench that is held.
+        cos_pitch: share of `weight_N` along the body's own vertical (...): the cosine of the pitch
+            on a hinge, 1 in flight.
+        weight_N: weight that the hinge carries (...), in flight the rotors' thrust, which carries
+            it along the body's own vertical; zero where nothing turns.
+        load_direction: +1 where the load cell's load was approached from below, -1 from above, 0
+            where nobody knows (...).
+        plate_x_m: lateral position of the plate's centre (...).
+        airspeed_m_s: horizontal speed of the rotors through the air (...): m/s.
+        acceleration_rad_s2: of the pitch, where a gyro is read (...).
+        height_m: distance of each disc to the surface (n, ...): m.
+        coverage: fraction of each disc over the surface (n, ...).
         neighbour_images: velocity against each disc's inflow from the neighbours' images, per R^2
             and own induced velocity (n, ...): 1/m2 (eq. 3).
         body_images: the same from all images, at the body's centre (n, ...): 1/m2 (eq. 4); one
             number for all discs, unless the tilt rule has it at each rotor's height.
         body_weight: share of the body lift that the wake rule grants (...).
-        voltage_V: battery voltage over nominal is what speed follows (...).
-        elapsed_s: time since the last tare (...).
-        time_s: time since the run began (...).
-        pitch_rad, rate_rad_s: attitude and rate about the y axis (...): rad, rad/s; zero on a bench
-            that is held.
-        cos_pitch: share of `weight_N` along the body's own vertical (...): the cosine of the pitch
-            on a hinge, 1 in flight.
-        weight_N: weight that the hinge carries (...), in flight the rotors' thrust, which carries
-            it along the body's own vertical; zero where nothing turns.
-        thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
-        load_direction: +1 where the load cell's load was approached from below, -1 from above, 0
-            where nobody knows (...).
-        plate_x_m: lateral position of the plate's centre (...).
         plane: the surface under the rotor plane, a `Plane` (...).
         axial_share: what counts of the velocity from a rotor's own image (...): the cosine of the
             angle between the rotor axis and the surface's normal, or 1 (`tilt`). The term of
             a law of thrust against distance is multiplied with it in the sum.
-        airspeed_m_s: horizontal speed of the rotors through the air (...): m/s.
-        acceleration_rad_s2: of the pitch, where a gyro is read (...).
+        rate_rad_s: rate about the y axis (...): rad/s; zero on a bench that is held.
+        thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
     """
 
-    radius_m: Quantity
-    position_x_m: Quantity
-    position_y_m: Quantity
-    height_m: Quantity
-    coverage: Quantity
-    active: Quantity
-    speed_rad_s: Quantity
-    neighbour_images: Quantity
-    body_images: Quantity
-    body_weight: Quantity
-    voltage_V: Quantity
-    elapsed_s: Quantity
-    time_s: Quantity
+    radius_m: Quantity = 0.0
+    position_x_m: Quantity = 0.0
+    position_y_m: Quantity = 0.0
+    active: Quantity = 0.0
+    speed_rad_s: Quantity = 0.0
+    voltage_V: Quantity = 0.0
+    elapsed_s: Quantity = 0.0
+    time_s: Quantity = 0.0
     pitch_rad: Quantity = 0.0
-    rate_rad_s: Quantity = 0.0
     cos_pitch: Quantity = 1.0
     weight_N: Quantity = 0.0
-    thrust_N: Quantity = ()
     load_direction: Quantity = 0.0
     plate_x_m: Quantity = 0.0
-    plane: Quantity = LEVEL
-    axial_share: Quantity = 1.0
     airspeed_m_s: Quantity = 0.0
     acceleration_rad_s2: Quantity = 0.0
+    height_m: Quantity = 0.0
+    coverage: Quantity = 0.0
+    neighbour_images: Quantity = 0.0
+    body_images: Quantity = 0.0
+    body_weight: Quantity = 0.0
+    plane: Quantity = LEVEL
+    axial_share: Quantity = 1.0
+    rate_rad_s: Quantity = 0.0
+    thrust_N: Quantity = ()
 
 
-NO_FLOW = Flow(*([0.0] * 13))
+N_STAYING, N_BEFORE_RATE = map(Flow._fields.index, ("height_m", "rate_rad_s"))
+"""How many fields of a Flow stay, and how many stand before what changes within a step."""
+
+NO_FLOW = Flow()
 """For hooks that depend on the effect's numbers alone, such as a lag."""
 
 Hook = Callable[..., Any]

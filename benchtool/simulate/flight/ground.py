@@ -281,9 +281,9 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
             share = shares(scratch)
             flow = parts.bare(
                 craft.effective_radius_m, discs.x_m, discs.y_m, plane, heights(scratch), share,
-                speed, time_s, pitch_rad, body.q_rad_s, 1.0, 0.0,
+                speed, time_s, pitch_rad, body.q_rad_s,
+                airspeed=np.hypot(body.vx_m_s, body.vy_m_s),
             )  # fmt: skip
-            flow = parts.at_airspeed(flow, np.hypot(body.vx_m_s, body.vy_m_s))
             flow = parts.with_images(flow, discs.distances_m, discs.body, p)
             given = parts.image_factors(flow, p)
             for i in range(n):
@@ -308,7 +308,7 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
             seen = replaced(seen, i, min(height[i], FAR_AWAY_M))
         flow = parts.bare(
             craft.effective_radius_m, discs.x_m, discs.y_m, LEVEL, seen, over_all, speed, time_s,
-            pitch_rad, body.q_rad_s, 1.0, 0.0,
+            pitch_rad, body.q_rad_s,
         )  # fmt: skip
         drag, factor = parts.drags(factor, flow, p), parts.scaled(factor, flow, p)
         return Below(factor, coverage, height, drag, nearest, touching, held), flow

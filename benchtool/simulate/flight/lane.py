@@ -78,9 +78,8 @@ def mix_vehicle(
         speed = min(speed_from_thrust(wanted_N, craft.k_N_s2), craft.top_speed_rad_s)
         speeds = replaced(speeds, i, speed)
     flow = hooks.bare(
-        craft.effective_radius_m, craft.x_m, craft.y_m, LEVEL, speeds, speeds, speeds, now.time_s,
-        0.0, 0.0, 1.0, 0.0,
-    )  # fmt: skip
+        craft.effective_radius_m, craft.x_m, craft.y_m, LEVEL, speeds, speeds, speeds, now.time_s
+    )
     given = rotor_speeds(flow, p)
     write_record(w, to.targets, 0, 1, Targets(given, given, given))
     if now.tick == 0:  # it hovers when it begins, with no other command on its way
@@ -175,7 +174,7 @@ def move_vehicle(
     rate, share = body.q_rad_s, dt_s / craft.inertia_kgm2[1]
     flow = hooks.bare(
         craft.effective_radius_m, discs.x_m, discs.y_m, flow.plane, flow.height_m, flow.coverage,
-        speed, time_s, pitch, rate, 1.0, lift,
+        speed, time_s, pitch, rate, weight_N=lift,
     )  # fmt: skip
     flow = hooks.with_thrust(flow, rate, craft.k_N_s2, found.factor)
     middle = rate + 0.5 * share * (pitching + hooks.torque(0, flow, p))

@@ -63,7 +63,7 @@ def expect_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> No
     areas = scaled(body.covered, wanted.nominal_share)
     flow = hooks.bare(
         nominal.radius_m, discs.x_m, discs.y_m, plane, heights, areas, heights, now.time_s,
-        seen.theta_rad, 0.0, 1.0, 0.0,
+        seen.theta_rad,
     )  # fmt: skip
     factor = hooks.factors(hooks.with_images(flow, discs.distances_m, discs.body, p), p)
     for i in range(len(factor)):
@@ -102,9 +102,6 @@ def turn_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> None
     for i in range(len(settled)):
         speed = speed_from_pwm(command.pwm_us[i], slope, start, 1.0, 1.0)
         settled = replaced(settled, i, speed)
-    flow = hooks.bare(
-        body.radius_m, discs.x_m, discs.y_m, LEVEL, settled, settled, settled, time_s,
-        0.0, 0.0, 1.0, 0.0,
-    )  # fmt: skip
+    flow = hooks.bare(body.radius_m, discs.x_m, discs.y_m, LEVEL, settled, settled, settled, time_s)
     given = hooks.speeds(flow, read_record(w, to.effects, lane, at))
     write_record(w, to.targets, lane, at, Targets(given, given, given))
