@@ -6,26 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.effects.laws.law import (
-    DistanceLaw,
-    Flow,
-    Quantity,
-    amplitude,
-    expression,
-    law_effect,
-    term_of,
-    z_over_R,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return s (1 - 1/G), G = (1 + sqrt(1 + (R/z)^2/8))/2, z to the ceiling."""
-    x = z_over_R(i, flow)
-    return p.strength * term_of(0.5 + 0.5 * np.sqrt(1.0 + 0.125 / (x * x)))
+    x = law.z_over_R(i, flow)
+    return p.strength * law.term_of(0.5 + 0.5 * np.sqrt(1.0 + 0.125 / (x * x)))
 
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="ceiling_momentum",
     title="Ceiling by momentum theory",
     description=(
@@ -34,11 +25,11 @@ EFFECT = law_effect(
     ),
     formula="(1 + sqrt(1 + R^2/(8 z^2)))/2, z to the ceiling",
     parameters=(
-        amplitude("strength", 1.0, "share of the term 1 - 1/G that acts", "1: as found", 5.0),
+        law.amplitude("strength", 1.0, "share of the term 1 - 1/G that acts", "1: as found", 5.0),
     ),
     denominator=denominator,
     source="momentum theory, as in public code for a Crazyflie",
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="not stated",
         tested="range not seen; 1.37 at z/R 0.25, 1.11 at 0.5",
         seen="XinLong-Li/cf-frimware-2022-12 src/modules/src/lxl_proximity_effects.c",

@@ -4,24 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchtool.physics.effects.laws.law import (
-    DistanceLaw,
-    Flow,
-    Quantity,
-    amplitude,
-    expression,
-    law_effect,
-    own_image,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return (R_e/4z)^2."""
-    return own_image(i, flow, p.R_e_over_R)
+    return law.own_image(i, flow, p.R_e_over_R)
 
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="cheeseman_bennett",
     title="Cheeseman and Bennett 1955",
     proper_noun=True,
@@ -31,11 +23,11 @@ EFFECT = law_effect(
     ),
     formula="1/(1 - (R_e/4z)^2)",
     parameters=(
-        amplitude("R_e_over_R", 1.0, "effective over rotor radius", "1: as published", 3.0),
+        law.amplitude("R_e_over_R", 1.0, "effective over rotor radius", "1: as published", 3.0),
     ),
     denominator=denominator,
     source="Cheeseman and Bennett 1955, ARC R&M 3021; Sanchez-Cuevas et al. 2017, eq. (2)",
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="equal induced power",
         tested="z/R 0.5 to 2, helicopters and single rotors",
         seen=(

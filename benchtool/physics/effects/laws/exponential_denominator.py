@@ -6,27 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.effects.laws.law import (
-    NEAR_EQ_2,
-    DistanceLaw,
-    Flow,
-    Quantity,
-    amplitude,
-    decay,
-    expression,
-    law_effect,
-    unverified,
-    z_over_R,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return Ca exp(-Cb z/R)."""
-    return p.Ca * np.exp(-p.Cb * z_over_R(i, flow))
+    return p.Ca * np.exp(-p.Cb * law.z_over_R(i, flow))
 
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="exponential_denominator",
     title="Exponential in the denominator",
     description=(
@@ -35,12 +24,14 @@ EFFECT = law_effect(
     ),
     formula="1/(1 - Ca exp(-Cb z/R)), Ca < 1",
     parameters=(
-        unverified(amplitude("Ca", 0.9, "share of the inflow lost at contact", NEAR_EQ_2, 0.999)),
-        unverified(decay(2.6, NEAR_EQ_2)),
+        law.unverified(
+            law.amplitude("Ca", 0.9, "share of the inflow lost at contact", law.NEAR_EQ_2, 0.999)
+        ),
+        law.unverified(law.decay(2.6, law.NEAR_EQ_2)),
     ),
     denominator=denominator,
     source="unverified: from memory, no source seen",
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="equal induced power",
         tested="not known",
         seen="nothing; the bound Ca < 1, which keeps it finite at contact, is ours",

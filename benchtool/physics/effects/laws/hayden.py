@@ -6,27 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.effects.laws.law import (
-    DistanceLaw,
-    Flow,
-    Quantity,
-    amplitude,
-    expression,
-    law_effect,
-    term_of,
-    z_over_R,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return s (1 - 1/G), G = max(1, (0.9926 + 0.03794 (2R/z)^2)^(2/3))."""
-    x = z_over_R(i, flow)
+    x = law.z_over_R(i, flow)
     power = np.maximum(0.9926 + 0.15176 / (x * x), 1.0)
-    return p.strength * term_of(power ** (2.0 / 3.0))
+    return p.strength * law.term_of(power ** (2.0 / 3.0))
 
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="hayden",
     title="Hayden 1976",
     proper_noun=True,
@@ -37,11 +28,13 @@ EFFECT = law_effect(
     ),
     formula="max(1, 0.9926 + 0.03794 (2R/z)^2)^(2/3)",
     parameters=(
-        amplitude("strength", 1.0, "share of the term 1 - 1/G that acts", "1: as published", 5.0),
+        law.amplitude(
+            "strength", 1.0, "share of the term 1 - 1/G that acts", "1: as published", 5.0
+        ),
     ),
     denominator=denominator,
     source="Hayden 1976, as in public code",
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="equal induced power",
         far="1: clipped beyond z/R 4.528, where the printed curve falls below 1, to 0.9951",
         tested="z/R 0.5 to 4.5, full-size helicopters",

@@ -6,27 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.effects.laws.law import (
-    NEAR_EQ_2,
-    DistanceLaw,
-    Flow,
-    Quantity,
-    amplitude,
-    decay,
-    expression,
-    law_effect,
-    z_over_R,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return 1 - kappa^(2/3), kappa = 1 - Ca exp(-Cb z/R)."""
-    kappa = 1.0 - p.Ca * np.exp(-p.Cb * z_over_R(i, flow))
+    kappa = 1.0 - p.Ca * np.exp(-p.Cb * law.z_over_R(i, flow))
     return 1.0 - kappa ** (2.0 / 3.0)
 
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="inflow_exponential",
     title="Inflow exponential",
     description=(
@@ -35,12 +25,12 @@ EFFECT = law_effect(
     ),
     formula="(1 - Ca exp(-Cb z/R))^(-2/3), Ca < 1",
     parameters=(
-        amplitude("Ca", 0.95, "share of the inflow lost at contact", NEAR_EQ_2, 0.999),
-        decay(2.1, NEAR_EQ_2),
+        law.amplitude("Ca", 0.95, "share of the inflow lost at contact", law.NEAR_EQ_2, 0.999),
+        law.decay(2.1, law.NEAR_EQ_2),
     ),
     denominator=denominator,
     source="Talbot and Corliss 1977, NASA TM-73254, as in public code; T ratio: ours",
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="equal induced power",
         tested="helicopters; range not seen",
         seen="the velocity ratio in Synetic-Labs/SkyFlow-Dynamics, not the report",

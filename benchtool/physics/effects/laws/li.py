@@ -4,24 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchtool.physics.effects.laws.law import (
-    DistanceLaw,
-    Flow,
-    Quantity,
-    amplitude,
-    expression,
-    law_effect,
-    own_image,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return c (R/4z)^2."""
-    return p.c * own_image(i, flow, 1.0)
+    return p.c * law.own_image(i, flow, 1.0)
 
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="li",
     title="Li 2015",
     proper_noun=True,
@@ -30,10 +22,10 @@ EFFECT = law_effect(
         "and body are in c. c = 8.6 (Li), 3.4 as fitted again by Kan et al. 2019."
     ),
     formula="1/(1 - c (R/4z)^2)",
-    parameters=(amplitude("c", 8.6, "factor c of the own image", "8.6: Li et al. 2015", 25.0),),
+    parameters=(law.amplitude("c", 8.6, "factor c of the own image", "8.6: Li et al. 2015", 25.0),),
     denominator=denominator,
     source="Li (Danjun) et al. 2015, 34th Chinese Control Conference, as in public code",
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="equal commanded thrust",
         tested="quadrotors; range not seen",
         seen=(

@@ -10,27 +10,16 @@ import numpy as np
 
 from benchtool.core.errors import InputError
 from benchtool.physics.effects.effect import all_in_order
-from benchtool.physics.effects.laws.law import (
-    DistanceLaw,
-    Effect,
-    Flow,
-    Quantity,
-    amplitude,
-    expression,
-    law_effect,
-    number,
-    term_of,
-    z_over_R,
-)
+from benchtool.physics.effects.laws import law
 
 KNOTS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
 """z/R of the knots where nobody states any: closer where laws bend; a choice."""
 
 
-@expression
-def denominator(p: tuple[Quantity, ...], i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: tuple[law.Quantity, ...], i: int, flow: law.Flow) -> law.Quantity:
     """Return 1 - 1/G, G = 1 + sum_k c_k (1 - I_k(z/R)), I_k integrated hats over the knots."""
-    x, n, ratio = z_over_R(i, flow), len(p) // 2, 1.0
+    x, n, ratio = law.z_over_R(i, flow), len(p) // 2, 1.0
     for k in range(n):
         ratio = ratio + p[k]
     for k in range(n - 1):
@@ -39,10 +28,10 @@ def denominator(p: tuple[Quantity, ...], i: int, flow: Flow) -> Quantity:
         falls = (width * width - (high - within) ** 2) / (high - p[n + max(k - 1, 0)])
         rises = (within - low) ** 2 / (p[n + min(k + 2, n - 1)] - low)
         ratio = ratio - (p[k] * falls + p[k + 1] * rises) / width
-    return term_of(ratio)
+    return law.term_of(ratio)
 
 
-def with_knots(knots: Sequence[float]) -> Effect:
+def with_knots(knots: Sequence[float]) -> law.Effect:
     """Return the law with its knots at these increasing z/R."""
     if len(knots) < 2 or knots[0] < 0.0 or any(b - a < 1e-3 for a, b in pairwise(knots)):
         raise InputError(
@@ -50,14 +39,16 @@ def with_knots(knots: Sequence[float]) -> Effect:
             f"leave out doubles"
         )
     steps = [
-        amplitude(f"step_{k}", 0.0, f"fall of the ratio around z/R {x:.3g}", "neutral value", 5.0)
+        law.amplitude(
+            f"step_{k}", 0.0, f"fall of the ratio around z/R {x:.3g}", "neutral value", 5.0
+        )
         for k, x in enumerate(knots, 1)
     ]
     places = [
-        number(f"knot_{k}", "1", x, "z/R of the knot", within=(0.0, 1e3), source="as stated")
+        law.number(f"knot_{k}", "1", x, "z/R of the knot", within=(0.0, 1e3), source="as stated")
         for k, x in enumerate(knots, 1)
     ]
-    return law_effect(
+    return law.law_effect(
         name="monotone_table",
         title="Monotone table",
         description=(
@@ -69,7 +60,7 @@ def with_knots(knots: Sequence[float]) -> Effect:
         parameters=(*steps, *places),
         denominator=denominator,
         source="Ramsay 1988, Statistical Science 3(4): monotone regression splines",
-        distance_law=DistanceLaw(
+        distance_law=law.DistanceLaw(
             basis="not stated",
             far="1 beyond the last knot",
             tested="where its data lie",
@@ -82,7 +73,7 @@ def with_knots(knots: Sequence[float]) -> Effect:
     )
 
 
-def configured(settings: Mapping[str, Any]) -> Effect:
+def configured(settings: Mapping[str, Any]) -> law.Effect:
     """Return the law for the settings of a model file: `z_over_R = [...]`."""
     if unknown := set(settings) - {"z_over_R"}:
         raise InputError(f"monotone_table has no setting {min(unknown)!r}; it has: z_over_R")

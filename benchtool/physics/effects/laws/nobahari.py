@@ -4,24 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchtool.physics.effects.laws.law import (
-    DistanceLaw,
-    Flow,
-    Quantity,
-    amplitude,
-    expression,
-    law_effect,
-    own_image,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return (R_e/4z)^2."""
-    return own_image(i, flow, p.R_e_over_R)
+    return law.own_image(i, flow, p.R_e_over_R)
 
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="nobahari",
     title="Nobahari 2014",
     proper_noun=True,
@@ -31,11 +23,11 @@ EFFECT = law_effect(
     ),
     formula="1/(1 - (R_e/4z)^2), R_e = 2.5 R",
     parameters=(
-        amplitude("R_e_over_R", 2.5, "effective over rotor radius", "2.5: as published", 5.0),
+        law.amplitude("R_e_over_R", 2.5, "effective over rotor radius", "2.5: as published", 5.0),
     ),
     denominator=denominator,
     source="Nobahari et al. 2014, as in public code",
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="not stated",
         tested="a quadrotor; range not seen",
         seen="aurelappius/offboard app_quad_control/src/compensators.cpp",

@@ -6,37 +6,29 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.effects.laws.law import (
-    DistanceLaw,
-    Flow,
-    Quantity,
-    amplitude,
-    expression,
-    law_effect,
-    number,
-    term_of,
-    z_over_R,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return 1 - 1/G, G = 1 + a (z/R)^-p."""
-    return term_of(1.0 + p.a * np.exp(-p.p * np.log(z_over_R(i, flow))))
+    return law.term_of(1.0 + p.a * np.exp(-p.p * np.log(law.z_over_R(i, flow))))
 
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="power_law",
     title="Power law",
     description="An increment like a power of the distance, which is free. A form of ours.",
     formula="1 + a (z/R)^-p",
     parameters=(
-        amplitude("a", 0.0625, "increment at z/R 1", "1/16: eq. (2) to first order"),
-        number("p", "1", 2.0, "exponent p", within=(0.25, 8.0), source="2: eq. (2) to first order"),
+        law.amplitude("a", 0.0625, "increment at z/R 1", "1/16: eq. (2) to first order"),
+        law.number(
+            "p", "1", 2.0, "exponent p", within=(0.25, 8.0), source="2: eq. (2) to first order"
+        ),
     ),
     denominator=denominator,
     source="none found: ours",
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="not stated",
         tested="nowhere",
         seen="p = 2 stands in Synetic-Labs/SkyFlow-Dynamics spec/ground_effect.py",

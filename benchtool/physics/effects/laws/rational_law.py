@@ -4,29 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchtool.physics.effects.laws.law import (
-    NEAR_EQ_2,
-    DistanceLaw,
-    Flow,
-    Quantity,
-    amplitude,
-    expression,
-    law_effect,
-    number,
-    term_of,
-    unverified,
-    z_over_R,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return 1 - 1/G, G = 1 + g2/((z/R)^2 + g1)."""
-    x = z_over_R(i, flow)
-    return term_of(1.0 + p.g2 / (x * x + p.g1))
+    x = law.z_over_R(i, flow)
+    return law.term_of(1.0 + p.g2 / (x * x + p.g1))
 
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="rational_law",
     title="Rational law",
     description=(
@@ -35,21 +23,21 @@ EFFECT = law_effect(
     ),
     formula="1 + g2/((z/R)^2 + g1)",
     parameters=(
-        unverified(amplitude("g2", 0.1, "strength g2, in R^2", NEAR_EQ_2)),
-        unverified(
-            number(
+        law.unverified(law.amplitude("g2", 0.1, "strength g2, in R^2", law.NEAR_EQ_2)),
+        law.unverified(
+            law.number(
                 "g1",
                 "1",
                 0.05,
                 "distance g1 within which it levels off, in R^2",
                 within=(1e-3, 10.0),
-                source=NEAR_EQ_2,
+                source=law.NEAR_EQ_2,
             )
         ),
     ),
     denominator=denominator,
     source="after Yang et al. 2025, arXiv:2506.19424, as in public code",
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="not stated",
         tested="z near 0, multirotors",
         seen=(

@@ -6,29 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.effects.laws.law import (
-    DistanceLaw,
-    Flow,
-    Quantity,
-    decay,
-    expression,
-    law_effect,
-    number,
-    term_of,
-    unverified,
-    z_over_R,
-)
+from benchtool.physics.effects.laws import law
 
 
-@expression
-def denominator(p: Any, i: int, flow: Flow) -> Quantity:
+@law.expression
+def denominator(p: Any, i: int, flow: law.Flow) -> law.Quantity:
     """Return 1 - 1/G, G = 1 + Ca exp(-Cb z/R), z from the rotor's axis to the wall."""
-    return term_of(1.0 + p.Ca * np.exp(-p.Cb * z_over_R(i, flow)))
+    return law.term_of(1.0 + p.Ca * np.exp(-p.Cb * law.z_over_R(i, flow)))
 
 
 GUESS = "a guess; free"
 
-EFFECT = law_effect(
+EFFECT = law.law_effect(
     name="wall",
     title="Wall beside the rotors",
     description=(
@@ -37,8 +26,8 @@ EFFECT = law_effect(
     ),
     formula="1 + Ca exp(-Cb z/R), z from the rotor's axis to the wall",
     parameters=(
-        unverified(
-            number(
+        law.unverified(
+            law.number(
                 "Ca",
                 "1",
                 0.0,
@@ -49,14 +38,14 @@ EFFECT = law_effect(
                 source=GUESS,
             )
         ),
-        unverified(decay(1.0, GUESS)),
+        law.unverified(law.decay(1.0, GUESS)),
     ),
     denominator=denominator,
     source=(
         "a guess; that walls act on small multirotors: Experimental evaluation of wall effect for "
         "multi-rotors (unibz, abstract alone seen)"
     ),
-    distance_law=DistanceLaw(
+    distance_law=law.DistanceLaw(
         basis="not stated",
         tested="nowhere",
         seen="no formula",
