@@ -20,11 +20,7 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Flow, Quantity
 from benchtool.physics.model import Model
-from benchtool.physics.motor import (
-    drawn_W,
-    held_by_pulse_Nm,
-    speed_under_pulse,
-)
+from benchtool.physics.motor import drawn_W, held_by_pulse_Nm, speed_under_pulse
 
 POWER_STEPS = 16
 """Steps to the speed at equal electrical power. That goes with w^2.7 to w^3.3 (shaft power with

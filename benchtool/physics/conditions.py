@@ -224,11 +224,7 @@ def _speeds(recording: Recording, rig: Rig, voltage_V: Array) -> Array:
             p = rig.propulsion
             stack = np.asarray(
                 speed_from_pwm(
-                    stack,
-                    p.speed_per_us_rad_s,
-                    p.pwm_start_us,
-                    voltage_V,
-                    p.voltage_nominal_V,
+                    stack, p.speed_per_us_rad_s, p.pwm_start_us, voltage_V, p.voltage_nominal_V
                 )
             )
         return np.broadcast_to(stack, (n, len(recording))).copy()

@@ -98,11 +98,7 @@ def _held_at(nearest_z_over_R: float) -> Hook:
 
 @lru_cache(maxsize=256)
 def disc_thrust(
-    effects: tuple[Effect, ...],
-    n_discs: int,
-    rules: ImageRules,
-    *,
-    clamped: bool = False,
+    effects: tuple[Effect, ...], n_discs: int, rules: ImageRules, *, clamped: bool = False
 ) -> DiscThrust:
     """Return the joined functions of effects for a number of discs.
 
@@ -149,8 +145,7 @@ def disc_thrust(
         ),
     )
     scale = each(
-        n,
-        expression(lambda i, first, flow, p: factor(i, response(i, first[i], flow, p), flow, p)),
+        n, expression(lambda i, first, flow, p: factor(i, response(i, first[i], flow, p), flow, p))
     )
 
     @expression

@@ -13,13 +13,7 @@ from annotated_types import Ge, Gt
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.packaged import packaged_names, read_named
 from benchtool.core.parsed_text import parse_toml
-from benchtool.core.toml_text import (
-    FiniteTable,
-    Sources,
-    build,
-    require_sources,
-    unwrap_quantities,
-)
+from benchtool.core.toml_text import FiniteTable, Sources, build, require_sources, unwrap_quantities
 
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]

@@ -7,13 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.expression import (
-    expression,
-    loop_part,
-    read_record,
-    replaced,
-    write_record,
-)
+from benchtool.physics.expression import expression, loop_part, read_record, replaced, write_record
 from benchtool.physics.model import Model
 
 Rotors = namedtuple("Rotors", "speed_rad_s")

@@ -143,10 +143,7 @@ def speed_change(truth: Model) -> SpeedChange | None:
 
     def changed(speed_rad_s: Array, voltage_V: float, time_s: float) -> Array:
         flow = NO_FLOW._replace(
-            position_x_m=places[:, 0],
-            position_y_m=places[:, 1],
-            voltage_V=voltage_V,
-            time_s=time_s,
+            position_x_m=places[:, 0], position_y_m=places[:, 1], voltage_V=voltage_V, time_s=time_s
         )
         return np.array([change(i, speed, flow, p) for i, speed in enumerate(speed_rad_s)])
 

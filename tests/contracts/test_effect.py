@@ -331,10 +331,7 @@ def test_scalars_arrays_and_complex_steps_agree(
 def test_a_prepared_model_predicts_the_same(name: str, rig: Rig, conditions: Conditions) -> None:
     model = acting(rig, name).freed("k", "R_m")
     prepared = Prepared(model, conditions)
-    walkers = {
-        "k": np.array([[0.9e-5], [1.1e-5]]),
-        "R_m": np.array([[0.11], [0.13]]),
-    }
+    walkers = {"k": np.array([[0.9e-5], [1.1e-5]]), "R_m": np.array([[0.11], [0.13]])}
     values = [walkers.get(name, item.value) for name, item in model.parameters.items()]
     got = prepared.thrust_N(values)
     assert got.shape == (2, len(conditions))

@@ -142,10 +142,7 @@ def _plate(case: FlightCase, z_m: float, speed_m_s: float) -> FlightCase:
     places = case.vehicle.rig.disc_positions_m
     below = plate_under_front(case.vehicle.rig.propulsion.radius_m, float(places[:, 0].max()))
     return replace(
-        case,
-        below=below,
-        goals=(Goal(x_m=0.0, z_m=z_m, speed_m_s=speed_m_s),),
-        duration_s=60.0,
+        case, below=below, goals=(Goal(x_m=0.0, z_m=z_m, speed_m_s=speed_m_s),), duration_s=60.0
     )
 
 

@@ -35,9 +35,7 @@ from benchtool.simulate.flight.rigid_body import forward, leftward
 from benchtool.simulate.hooks import LoopHooks
 
 Below = namedtuple(
-    "Below",
-    "factor coverage height_m drag nearest_m touching held",
-    defaults=(np.inf, 0.0, 0.0),
+    "Below", "factor coverage height_m drag nearest_m touching held", defaults=(np.inf, 0.0, 0.0)
 )
 """What is below: per disc T_IGE/T_OGE, the fraction over blocks and grid, the height over what
 covers most of it (m, infinite over nothing, held where the formulae end), and the drag torque
@@ -48,9 +46,7 @@ and `held` are 1 where a disc touches something and where a height was held.
 """
 
 DiscBelow = namedtuple(
-    "DiscBelow",
-    "x_m y_m z_m share height_m rest",
-    defaults=(0.0, 0.0, 0.0, 0.0, 1.0, 1.0),
+    "DiscBelow", "x_m y_m z_m share height_m rest", defaults=(0.0, 0.0, 0.0, 0.0, 1.0, 1.0)
 )
 """A disc over one surface: its centre in the world (m), the share of it over the surface, its
 height over that (m); and the share that no surface covers yet.

@@ -7,13 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.expression import (
-    expression,
-    loop_part,
-    read_record,
-    replaced,
-    write_record,
-)
+from benchtool.physics.expression import expression, loop_part, read_record, replaced, write_record
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N, speed_from_thrust
 from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.controller import FlightCommand, FlightMeasurement

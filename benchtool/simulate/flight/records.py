@@ -78,9 +78,7 @@ GyroNoise = namedtuple("GyroNoise", "p_rad_s q_rad_s r_rad_s", defaults=(0.0, 0.
 """What is added to the gyro's reading in a control period: rad/s."""
 
 FlightOutcome = namedtuple(
-    "FlightOutcome",
-    "ending held_steps nearest_m",
-    defaults=(GOING, 0.0, float("inf")),
+    "FlightOutcome", "ending held_steps nearest_m", defaults=(GOING, 0.0, float("inf"))
 )
 """How a flight stands, plant steps with a height held, least height over anything (m)."""
 

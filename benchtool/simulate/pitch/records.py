@@ -36,9 +36,7 @@ SensorReadings = namedtuple("SensorReadings", "theta_rad gyro_rad_s plate_z_m sp
 """What the sensors showed last: rad, rad/s, m, and rad/s per disc."""
 
 Setpoint = namedtuple(
-    "Setpoint",
-    "reference_rad collective_N plate_z_m plate_share",
-    defaults=(0.0, 0.0, 0.0, 0.0),
+    "Setpoint", "reference_rad collective_N plate_z_m plate_share", defaults=(0.0, 0.0, 0.0, 0.0)
 )
 """What the schedule gives at a tick: attitude (rad), collective (N per rotor), the plate's true
 distance with the body level (m), and how far it is in (0 to 1).
@@ -76,8 +74,7 @@ much of the expected ground effect is compensated.
 """
 
 Tick = namedtuple(
-    "Tick",
-    "setpoint nominal_plate_z_m nominal_share observer feedforward dither_us pwm_us",
+    "Tick", "setpoint nominal_plate_z_m nominal_share observer feedforward dither_us pwm_us"
 )
 """One column of the schedule.
 

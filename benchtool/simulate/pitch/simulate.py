@@ -105,10 +105,7 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
         for number, planned in enumerate(references):
             time_s = (before + number) / rate_Hz
             read = readings.tolist()
-            measured = new(
-                PitchMeasurement,
-                (time_s, read[0], read[1], read[2], tuple(read[3:])),
-            )
+            measured = new(PitchMeasurement, (time_s, read[0], read[1], read[2], tuple(read[3:])))
             try:
                 command = step(measured, new(PitchReference, planned), dt_s)
             except (Exception, SystemExit) as error:

@@ -66,10 +66,7 @@ def answers(radius_m: float, z_m: float) -> tuple[float, float]:
     """Return thrust and torque ratio at equal speed of eq. (2)."""
     kappa = inflow_at_equal_thrust(single_rotor_factor(radius_m, z_m))
     m = inflow_response(BLADE)
-    return (
-        thrust_at_equal_speed(kappa, m),
-        torque_at_equal_speed(kappa, m, profile_share(BLADE)),
-    )
+    return (thrust_at_equal_speed(kappa, m), torque_at_equal_speed(kappa, m, profile_share(BLADE)))
 
 
 def measured(basis: Basis, radius_m: float, parked_m: float, rig: Rig) -> NDArray[np.float64]:

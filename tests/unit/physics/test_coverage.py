@@ -7,11 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from benchtool.physics.coverage import (
-    half_plane_coverage,
-    plate_coverages,
-    rectangle_coverage,
-)
+from benchtool.physics.coverage import half_plane_coverage, plate_coverages, rectangle_coverage
 
 INF = float("inf")
 lengths = st.floats(-3.0, 3.0)

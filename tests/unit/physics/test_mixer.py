@@ -21,12 +21,7 @@ def matrix_of(layout: RotorLayout) -> np.ndarray:
 def test_the_plus_mixer_is_equation_9_entry_by_entry() -> None:
     layout = plus_layout(ARM)
     assert layout.names == ("front", "left", "rear", "right")
-    printed = [
-        [K, K, K, K],
-        [0, K * ARM, 0, -K * ARM],
-        [-K * ARM, 0, K * ARM, 0],
-        [-C, C, -C, C],
-    ]
+    printed = [[K, K, K, K], [0, K * ARM, 0, -K * ARM], [-K * ARM, 0, K * ARM, 0], [-C, C, -C, C]]
     np.testing.assert_allclose(matrix_of(layout), printed, rtol=1e-15, atol=0)
 
 

@@ -82,11 +82,7 @@ def test_how_long_a_plate_slides_survives_the_file() -> None:
             FileFormatError,
             "unknown unit 'newton'",
         ),
-        (
-            HEAD + "[columns]\nthrust_N = { unit = 'N' }",
-            FileFormatError,
-            "needs either column",
-        ),
+        (HEAD + "[columns]\nthrust_N = { unit = 'N' }", FileFormatError, "needs either column"),
         (
             HEAD + "[effects.partial_coverage.settings]\ncoverages = [0.5, 0.5]",
             FileFormatError,

@@ -26,10 +26,7 @@ def test_the_published_numbers() -> None:
         )
         for set_ in (s3, s1a)
     ]
-    assert shown == [
-        (1.1, 1.5, 0.60, 0.58, 2.9, 7.4, 10.0),
-        (0.33, 1.7, 0.55, 0.43, 1.8, 8.5, 6.0),
-    ]
+    assert shown == [(1.1, 1.5, 0.60, 0.58, 2.9, 7.4, 10.0), (0.33, 1.7, 0.55, 0.43, 1.8, 8.5, 6.0)]
     assert (stiff.attitude.k_theta_per_s, stiff.attitude.k_q_per_s) == (5.0, 12.0)
     assert stiff.attitude.k_i_q_per_s2 > 0.0
     assert s3.attitude.k_i_q_per_s2 == s3.attitude.k_i_theta_per_s2 == 0.0
