@@ -54,10 +54,6 @@ def laws_of(surface: Surface) -> tuple[Effect, ...]:
 def own_effects(file_or_module: str, permit: CodePermit = refuse_code) -> tuple[Effect, ...]:
     """Return the effects that a Python file, or a module found from the present folder, holds.
 
-    Args:
-        file_or_module: as the user wrote it.
-        permit: called with the file before it is run.
-
     Raises:
         InputError: it may not be run, cannot be imported, holds no effect, or one whose name is
             taken or whose parameters cannot be judged.

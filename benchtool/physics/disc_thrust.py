@@ -69,13 +69,7 @@ UNCHANGED = expression(lambda i, first, flow, p: 1.0)
 def owned(
     effects: Iterable[Effect], hook: str, of: Callable[[Effect], bool] = lambda effect: True
 ) -> tuple[Own, ...]:
-    """Return one hook of every effect that has it, with the place of the effect's numbers.
-
-    Args:
-        effects: all that act, in order.
-        hook: its name.
-        of: which of the effects.
-    """
+    """Return one hook of every effect that has it, with the place of the effect's numbers."""
     all_effects = tuple(effects)
     ends = accumulate((len(effect.parameters) for effect in all_effects), initial=0)
     return tuple(

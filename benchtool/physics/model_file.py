@@ -296,12 +296,6 @@ def _for_rig(rig: Rig, name: str, tables: Mapping[str, Any], where: str) -> dict
     The baseline (k, R_m, inertia) belongs to a vehicle. Where the two rigs differ in one of these
     numbers, the rig's own replaces a start value and a number that only repeats the file's rig.
 
-    Args:
-        rig: of the data.
-        name: of the file's rig, or its path beside the file.
-        tables: of parameters by full name.
-        where: the model file.
-
     Raises:
         InputError: a number held, or a prior stated, for another vehicle.
     """

@@ -16,13 +16,7 @@ ROTOR = re.compile(r"(?:rpm|pwm)(\d+)(?:_us)?")
 def refuse_other_rotors(
     recording: Recording, rig: Rig, name: str, *, lacking: bool = False
 ) -> None:
-    """Refuse a recording in which more rotors turn than a rig has.
-
-    Args:
-        recording: channels by our names.
-        rig: of the model.
-        name: of the recording, for people.
-        lacking: refuse one of fewer rotors, too.
+    """Refuse a recording in which more rotors turn than a rig has, or fewer with `lacking`.
 
     Raises:
         InputError: another number, with both.

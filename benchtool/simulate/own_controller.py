@@ -46,15 +46,7 @@ def raised(controller: Any, error: BaseException, time_s: float) -> InputError:
 
 
 def unusable(controller: Any, what: str, value: Any, time_s: float, instead: str) -> InputError:
-    """Return one sentence about what a controller returned.
-
-    Args:
-        controller: of the user's own.
-        what: the field, or that all of it is meant.
-        value: what came.
-        time_s: when.
-        instead: what to return.
-    """
+    """Return one sentence about what a controller returned."""
     shown = " ".join(repr(value).split())
     return InputError(
         f"controller {type(controller).__name__} returned {what} = {shown[:80]} at {time_s:g} s"
@@ -80,11 +72,6 @@ def controller_class(
     named: str, known: Iterable[str], permit: CodePermit = refuse_code
 ) -> type[Any]:
     """Return the class that `module:Class` names; modules are found in the present folder too.
-
-    Args:
-        named: as the user wrote it.
-        known: the built-in controllers, for somebody who meant one of these.
-        permit: called with the module's file before it is run.
 
     Raises:
         InputError: the module cannot be imported, or has no such class with `step`.

@@ -326,13 +326,8 @@ def schedule_of(
 ) -> Array:
     """Return what is wanted in every control period, a `FlightTick` per column (n_numbers, ticks).
 
-    Args:
-        goals: the first is where the flight begins.
-        ticks: control periods.
-        rate_Hz: of control.
-        ramp: lead the place to steer to along from goal to goal, at the goal's speed.
-        yaw_rad: heading to hold.
-        hover_N: thrust that carries the weight.
+    The first goal is where the flight begins; a ramp leads the place to steer to along from goal to
+    goal, at the goal's speed. `hover_N` carries the weight.
     """
     x, y, z, speed, issued = (
         np.array([getattr(goal, name) for goal in goals], float)

@@ -43,15 +43,7 @@ def flight_loops(
     rules: ImageRules,
     step: Any,
 ) -> FlightLoops:
-    """Return the loops of these effects and this law.
-
-    Args:
-        effects: whose hooks are called.
-        layout: where records stand.
-        disc_of: on which disc each rotor is (n_rotors,).
-        rules: how images are summed.
-        step: of the law that controls.
-    """
+    """Return the loops of these effects and this law."""
     n, to = max(disc_of) + 1, layout.places
     ones, n_rotors, like = (1.0,) * n, len(disc_of), FlightArrays()
     hooks = joined_hooks(effects, n, rules)

@@ -28,11 +28,6 @@ def fly_own(case: FlightCase, controller: FlightController, name: str) -> Flight
     The map that it sees is the case's, with its errors; gains and control of the case do not act,
     but for the gains' control rate.
 
-    Args:
-        case: what is flown.
-        controller: a new one for every flight.
-        name: for tables and figures.
-
     Raises:
         InputError: as `fly`; or the controller raised, or returned what is no command.
     """

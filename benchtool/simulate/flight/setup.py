@@ -24,9 +24,10 @@ VEHICLE_NUMBERS = (
 MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
 GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
 CONTROL_HZ = (1.0, 1e5)
+"""Rates of control: from slower than any to a thousandfold of an autopilot's (a guess)."""
+
 FARTHEST_M = 1000.0
 """Farthest goal and offset of a map. A choice."""
-"""Rates of control: from slower than any to a thousandfold of an autopilot's (a guess)."""
 
 USUAL_STEP_S, LEAST_STEP_S = 0.001, 1e-6
 """Longest step of the plant unless another is asked for, and the least that can be."""

@@ -59,16 +59,7 @@ def pitch_loops(
     rules: ImageRules,
     law: ControlLaw,
 ) -> PitchLoops:
-    """Return the loops of these effects and this law.
-
-    Args:
-        effects: whose hooks are called, from `loop_effects`.
-        layout: where records stand.
-        n_discs: of the rig.
-        lanes: how many benches run side by side.
-        rules: how images are summed.
-        law: what controls.
-    """
+    """Return the loops of these effects and this law."""
     to, ones, build = layout.places, (1.0,) * n_discs, Build(tuple(range(lanes)), layout.places)
     planned, logged = tick_slot(n_discs), logged_slot(n_discs)
     slot, like = geometry_slot(n_discs, rules.n_body), PitchArrays()

@@ -49,15 +49,7 @@ def pack(
     effects: Sequence[Effect],
     layout: Layout,
 ) -> Array:
-    """Return one lane's column of the work space (n_rows,).
-
-    Args:
-        bench: the plant.
-        control: its controller.
-        nominal: the model that feedforward and mixer take for true.
-        effects: from `loop_effects`.
-        layout: where records stand.
-    """
+    """Return one lane's column of the work space (n_rows,)."""
     model = bench.model
     discs = (0.0,) * model.rig.n_discs
     values, sensors = model.parameters, bench.sensors
