@@ -27,13 +27,15 @@ from benchtool.physics.wake_rules import wake_rule
 
 
 class ImageRules(NamedTuple):
-    """Name how images are summed: wake rule (`wake_rules`), tilt rule (`tilt`), and how many
-    sources the body term has.
+    """Name how images are summed: wake rule (`wake_rules`), tilt rule (`tilt`), how many sources
+    the body term has, and for each the first that it equals where nothing slopes along y; () for
+    planes that do. What is equal is worked out once in a compiled loop.
     """
 
     wake: str
     tilt: str
     n_body: int
+    body_like: tuple[int, ...] = ()
 
 
 class DiscThrust(NamedTuple):
@@ -214,7 +216,8 @@ def _neighbour(i: int, j: int, image: Hook) -> Hook:
 def _bodies(n: int, rules: ImageRules, held: Hook) -> Hook:
     """Return f(z, plane, body_at, radius): for each disc the images of all at the body (eq. 4)."""
     rule = tilt_rule(rules.tilt)
-    body = added(tuple(_body_image(j, rule.image, held) for j in range(rules.n_body)))
+    sources = rules.body_like or range(rules.n_body)
+    body = added(tuple(_body_image(j, rule.image, held) for j in sources))
     if not rule.one_body:
         return each(n, expression(lambda i, z, *where: body(z[i], *where)))
     for_each = each(n, expression(lambda i, found: found))

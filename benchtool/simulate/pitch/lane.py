@@ -92,7 +92,7 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     factor = hooks.factors(flow, p)
     flow = hooks.with_thrust(flow, rate, body.k, factor)
     pushed = pitch_moment_Nm(flow.thrust_N, x) + hinge.wake_Nm
-    share = dt_s / body.inertia_kgm2
+    share = body.step_over_inertia
     middle = rate + 0.5 * share * (pushed + hooks.torque(0, flow, p))
     flow = hooks.with_thrust(flow, middle, body.k, factor)
     slipping = rate + share * (pushed + hooks.torque(0, flow, p))

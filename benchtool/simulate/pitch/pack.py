@@ -8,6 +8,7 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
+from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.controller import PitchPlant
@@ -20,6 +21,13 @@ from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBenc
 
 MAX_DISCS = 8
 """What a loop takes: beyond, it compiles for minutes."""
+
+
+def rules_of(model: Model) -> ImageRules:
+    """Return a model's rules of images for a plate that leans about the hinge alone."""
+    x_m, _, arm_m = (part.tolist() for part in model.body_images)
+    places = list(zip(x_m, arm_m, strict=True))
+    return model.image_rules._replace(body_like=tuple(map(places.index, places)))
 
 
 def geometry_of(model: Model, dt_s: float) -> Array:
@@ -50,7 +58,7 @@ def pack(
     layout: Layout,
 ) -> Array:
     """Return one lane's column of the work space (n_rows,)."""
-    model = bench.model
+    model, dt_s = bench.model, 1.0 / bench.plant_rate_Hz
     discs = (0.0,) * model.rig.n_discs
     values, sensors = model.parameters, bench.sensors
     shown = [
@@ -62,12 +70,12 @@ def pack(
     return layout.column(
         command=r.Command(0.0, 0.0, tuple(1.0 for _ in discs), discs),
         body=r.HingedBody(
-            bench.inertia_kgm2, model.rig.body.mass_kg * GRAVITY_M_S2, values["k"].value,
+            dt_s / bench.inertia_kgm2, model.rig.body.mass_kg * GRAVITY_M_S2, values["k"].value,
             values["R_m"].value, bench.stop_rad, tuple(bench.covered),
         ),
         pulses=_pulse_map(model),
         limits=r.PulseLimits(bench.pwm_min_us, bench.pwm_max_us, bench.pwm_quantum_us),
-        motion=motion_of(model, 1.0 / bench.plant_rate_Hz),
+        motion=motion_of(model, dt_s),
         sensors=r.Sensors(*shown),
         nominal=r.Nominal(
             nominal.parameters["k"].value, nominal.parameters["R_m"].value, _pulse_map(nominal),

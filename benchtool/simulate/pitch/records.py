@@ -47,9 +47,10 @@ Command = namedtuple("Command", "torque_Nm difference_us factor pwm_us")
 the factor that the feedforward divides by, and the pulse (us).
 """
 
-HingedBody = namedtuple("HingedBody", "inertia_kgm2 weight_N k radius_m stop_rad covered")
-"""Numbers of hinge and rotors: inertia (kg m2), weight (N), k (N/(rad/s)2), effective radius
-(m), end stop (rad), and per disc the share over the plate when it is all the way in.
+HingedBody = namedtuple("HingedBody", "step_over_inertia weight_N k radius_m stop_rad covered")
+"""Numbers of hinge and rotors: plant step over inertia (s/(kg m2)), weight (N), k (N/(rad/s)2),
+effective radius (m), end stop (rad), and per disc the share over the plate when it is all the way
+in.
 """
 
 PulseMap = namedtuple("PulseMap", "slope_rad_s_per_us start_us", defaults=(0.0, 0.0))

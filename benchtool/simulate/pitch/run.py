@@ -23,7 +23,7 @@ from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import SENSOR_NAMES, PitchBench, PitchSensor
 from benchtool.simulate.pitch.filter_ticks import FilterGains
 from benchtool.simulate.pitch.loops import PitchLoops, pitch_loops
-from benchtool.simulate.pitch.pack import geometry_of, pack
+from benchtool.simulate.pitch.pack import geometry_of, pack, rules_of
 from benchtool.simulate.pitch.result import LOGGED
 
 
@@ -222,7 +222,7 @@ def prepared(
     n_discs, n_numbers = model.rig.n_discs, sum(len(effect.parameters) for effect in effects)
     like = zeroed(law.numbers(first.control, PitchPlant(1.0, 1.0)))
     layout = r.layout_for(n_discs, n_numbers, like, law.state)
-    loops = pitch_loops(effects, layout, n_discs, lanes, model.image_rules, law)
+    loops = pitch_loops(effects, layout, n_discs, lanes, rules_of(model), law)
     columns = {
         job: pack(job.bench, job.control, job.nominal_model, effects, layout) for job in jobs
     }
