@@ -11,6 +11,9 @@ A 2^32 - 1 and A 2^31 - 1 are prime, so that all arithmetic stays within signed 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,10 +67,12 @@ def normal(first: Quantity, second: Quantity) -> Quantity:
     return u * (0.964411898034138 + v * (0.0006142831514005867 + v * stretched))
 
 
-def lane_states(seed: int, runs: range | list[int]) -> NDArray[np.int64]:
+def lane_states(seed: int, runs: Iterable[int]) -> NDArray[np.int64]:
     """Return a starting state for each run of a seed (n_runs,); run 3 of seed 7 is always it."""
-    states = np.empty(len(runs), np.int64)
-    for position, run in enumerate(runs):
-        low, high = np.random.SeedSequence([seed, run]).generate_state(2, np.uint32)
-        states[position] = (int(high) % (MULTIPLIER - 2) + 1) * 2**32 + int(low)
-    return states
+    return np.array([_state(seed, run) for run in runs], np.int64)
+
+
+@lru_cache(maxsize=4096)
+def _state(seed: int, run: int) -> int:
+    low, high = np.random.SeedSequence([seed, run]).generate_state(2, np.uint32)
+    return (int(high) % (MULTIPLIER - 2) + 1) * 2**32 + int(low)

@@ -103,7 +103,7 @@ class PitchLoop:
         )
         self.ring = int(delays.max()) // self.substeps + 3
         self.w = np.stack(columns, axis=1).reshape(-1)
-        self.states = lane_states(seed, list(runs))
+        self.states = lane_states(seed, runs)
         self.sent = np.zeros((self.n_discs, self.ring, self.lanes))
         self.past = np.zeros((3, r.PAST, self.lanes))
         self.rows = self.layout.row_numbers(LOGGED)
