@@ -15,9 +15,6 @@ import math
 from collections import namedtuple
 from typing import Any
 
-import numpy as np
-
-from benchtool.core.array import Array
 from benchtool.physics.expression import expression, loop_part
 
 GRAVITY_M_S2 = 9.81
@@ -41,33 +38,6 @@ A vehicle's simulation adds the random torque about its pitch axis (N m).
 def at_rest(position_m: tuple[float, float, float], yaw_rad: float = 0.0) -> FreeBody:
     """Return a body that stands level at a place."""
     return FreeBody(*position_m, qw=math.cos(0.5 * yaw_rad), qz=math.sin(0.5 * yaw_rad))
-
-
-def from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
-    """Return the quaternion (4,) of yaw, then pitch, then roll."""
-    cr, sr = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
-    cp, sp = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
-    cy, sy = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
-    return np.array(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ]
-    )
-
-
-def rotation_matrix(quaternion: Array) -> Array:
-    """Return the matrix (3, 3) that turns body vectors into world vectors."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
 
 
 @loop_part

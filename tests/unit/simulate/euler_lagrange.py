@@ -12,9 +12,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchtool.core.array import Array
-from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2, from_euler, rotation_matrix
+from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
+
+
+def from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
+    """Return the quaternion (4,), real part first, of yaw, then pitch, then roll."""
+    turned = Rotation.from_euler("ZYX", (yaw_rad, pitch_rad, roll_rad))
+    return np.asarray(turned.as_quat(scalar_first=True))
+
+
+def rotation_matrix(quaternion: Array) -> Array:
+    """Return the matrix (3, 3) that turns body vectors into world vectors."""
+    return np.asarray(Rotation.from_quat(quaternion, scalar_first=True).as_matrix())
 
 
 def rate_matrix(roll_rad: float, pitch_rad: float) -> Array:
@@ -76,13 +88,7 @@ def acceleration(
 ) -> Array:
     """Return the second derivative of q (6,) for a force and a torque in body axes (eq. 11).
 
-    Args:
-        mass_kg: mass.
-        inertia_kgm2: principal moments (3,).
-        q: position (m) and roll, pitch, yaw (rad) (6,).
-        q_dot: its rate (6,).
-        force_N: of the rotors, ground effect included, without weight (3,).
-        torque_Nm: the same (3,).
+    Positions and angles q (6,), their rate, and principal moments of inertia (3,).
     """
     angles, rates = q[3:], q_dot[3:]
     right: Array = generalized_force(angles, force_N, torque_Nm) - gravity_vector(mass_kg)

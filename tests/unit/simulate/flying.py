@@ -14,9 +14,10 @@ from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import Flight, FlightCase, FlightLoop, fly
 from benchtool.simulate.flight.ground import Below
 from benchtool.simulate.flight.records import geometry_slot
-from benchtool.simulate.flight.rigid_body import at_rest, from_euler
+from benchtool.simulate.flight.rigid_body import at_rest
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
+from tests.unit.simulate.euler_lagrange import from_euler
 
 PQUAD = FlightVehicle.of_rig(rig_named("pquad"))
 

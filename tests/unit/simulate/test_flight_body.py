@@ -10,16 +10,15 @@ from benchtool.simulate.flight.rigid_body import (
     GRAVITY_M_S2,
     FreeBody,
     drift,
-    from_euler,
     kicked,
     kicked_rates,
     pitch_of,
     roll_of,
-    rotation_matrix,
     upward,
     yaw_of,
 )
 from tests.unit.simulate import euler_lagrange
+from tests.unit.simulate.euler_lagrange import from_euler, rotation_matrix
 
 INERTIA = np.array([0.018, 0.025, 0.036])
 MASS = 1.4
