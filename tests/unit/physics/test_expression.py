@@ -91,16 +91,9 @@ def test_compiled_loops_and_arrays_give_the_same_numbers(rng: np.random.Generato
         compiled(heights[:, k].copy(), coverages[:, k].copy(), DISTANCES, ARMS, pwm[k], alone[:, k])
     assert np.ptp(whole) > 1.0
     np.testing.assert_allclose(alone, whole, rtol=1e-14, atol=1e-14)
-
-
-def test_compiled_areas_and_arrays_give_the_same_numbers(rng: np.random.Generator) -> None:
-    numba = pytest.importorskip("numba")
-    compile_expressions()
     x, y = rng.uniform(-0.4, 0.4, (2, 80))
-    whole = np.empty((2, 80))
+    whole, alone, compiled = np.empty((2, 80)), np.empty((2, 80)), numba.njit(areas)
     areas(x, y, whole)
-    compiled = numba.njit(areas)
-    alone = np.empty((2, 80))
     for k in range(80):
         compiled(x[k], y[k], alone[:, k])
     np.testing.assert_allclose(alone, whole, rtol=0, atol=1e-14)
@@ -235,14 +228,6 @@ def test_compiled_loops_are_kept_by_their_sources(
         assert compiled_folder().name != first.name
     finally:
         compiled_folder.cache_clear()
-
-
-def test_without_numba_a_loop_runs_as_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse() -> None:
-        raise MissingLibrary("numba", "a compiled simulation", "fast")
-
-    monkeypatch.setattr(module, "compile_expressions", refuse)
-    assert compiled_closure(summed, "a test")(np.array([1.0, 0.1]), 0.5) == 0.6
 
 
 class Two(NamedTuple):
