@@ -152,7 +152,7 @@ def disc_thrust(
             flow.plane.centre_m + mean_change(free, flow), flow.plane.slope_x, flow.plane.slope_y
         )
         share = share_of(axis_cosine(plane))
-        return Flow(
+        return Flow(  # type: ignore[call-arg]  # mypy takes the first star for all fields
             *flow[:N_STAYING],
             z,
             area,

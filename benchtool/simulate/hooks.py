@@ -62,7 +62,7 @@ def joined_hooks(
         speed, thrusts = flow.speed_rad_s, factor
         for i in range(n_discs):
             thrusts = replaced(thrusts, i, k * speed[i] * speed[i] * factor[i])
-        return Flow(*flow[:N_BEFORE_RATE], rate, thrusts)
+        return Flow(*flow[:N_BEFORE_RATE], rate, thrusts)  # type: ignore[call-arg]
 
     torque, dry_friction, dry_width, dry_give = (
         summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width", "dry_give")
