@@ -108,6 +108,15 @@ class Whitening:
             self._change = 1.0 / np.sqrt(1.0 + size**2) - 1.0
             self.log_root_excess = 0.5 * float(np.log1p(size**2).sum())
 
+    @property
+    def shrinkage(self) -> Array:
+        """Share of each observation's variance (m,) that its independent error is."""
+        if not self._directions.size:
+            return np.ones(len(self.sigma))
+        shares = 1.0 - (1.0 + self._change) ** 2
+        left: Array = 1.0 - np.sum(self._directions**2 * shares, axis=1)
+        return left
+
     def __call__(self, rows: Array) -> Array:
         """Return whitened rows (m,) or (m, n)."""
         own = (rows.T / self.sigma).T

@@ -13,7 +13,7 @@ from benchtool.core.errors import InputError, MissingColumn
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.data.atomic import file_hash
 from benchtool.explain.engine.explain import Explanation, explain
-from benchtool.explain.engine.search import Progress
+from benchtool.explain.engine.judgement import Progress
 from benchtool.explain.engine.subject import Subject
 from benchtool.explain.engine.verdict import Verdict
 from benchtool.explain.pitch.log import PitchLog, pitch_log

@@ -66,6 +66,16 @@ class Linearised:
     gradient: Array  # (n,) J^T r
     curvature: Array  # (n, n) J^T J
 
+    @classmethod
+    def of(cls, at: Array, rows: Array, jacobian: Array) -> Linearised:
+        """Return it from residuals (n_rows,) and their slopes (n_rows, n)."""
+        return cls(
+            at=np.array(at),
+            cost=float(rows @ rows),
+            gradient=jacobian.T @ rows,
+            curvature=jacobian.T @ jacobian,
+        )
+
     def step(self, region: Region) -> tuple[Array, float]:
         """Return the best point of a region, as far as the neighbourhood shows, and its cost."""
         weights = region.penalty**2
@@ -106,26 +116,30 @@ class BoundedSearch:
     """Search minima of one sum of squares in many different regions.
 
     Args:
-        residuals: of the data, many sets at once.
-        limits: lower and upper (n,) that finite differences may not leave.
+        costs: sums of squares (n_sets,) of sets (n_sets, n).
+        linearised: neighbourhood of a point (n,).
     """
 
-    def __init__(self, residuals: Residuals, limits: tuple[Array, Array]) -> None:
-        self._residuals = residuals
-        self._upper = limits[1]
+    def __init__(
+        self, costs: Callable[[Array], Array], linearised: Callable[[Array], Linearised]
+    ) -> None:
+        self._costs = costs
+        self.linearised = linearised
 
-    def linearised(self, at: Array) -> Linearised:
-        """Return the neighbourhood of a point, by differences that stay within the limits."""
-        steps = np.where(at + STEP <= self._upper, STEP, -STEP)
-        rows = self._residuals(np.vstack([at, at + np.diag(steps)]))
-        jacobian = (rows[:, 1:] - rows[:, :1]) / steps
-        jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)  # no value, no slope
-        return Linearised(
-            at=np.array(at),
-            cost=float(rows[:, 0] @ rows[:, 0]),
-            gradient=jacobian.T @ rows[:, 0],
-            curvature=jacobian.T @ jacobian,
-        )
+    @classmethod
+    def of(cls, residuals: Residuals, limits: tuple[Array, Array]) -> BoundedSearch:
+        """Return the search for residuals, many sets at once.
+
+        Args:
+            residuals: of the data.
+            limits: lower and upper (n,) that finite differences may not leave.
+        """
+
+        def costs(sets: Array) -> Array:
+            rows = residuals(sets)
+            return np.asarray(np.einsum("ij,ij->j", rows, rows), float)
+
+        return cls(costs, lambda at: Linearised.of(at, *slopes(residuals, at, limits[1])))
 
     def minimum(
         self,
@@ -158,8 +172,7 @@ class BoundedSearch:
                 return best
             inside = region.clipped(here.at)
             sets = np.array([inside + part * (aim - inside) for part in LENGTHS])
-            rows = self._residuals(sets)
-            costs = np.einsum("ij,ij->j", rows, rows)
+            costs = self._costs(sets)
             costs = np.where(np.isfinite(costs), costs, np.inf) + region.cost_of(sets)
             winner = int(np.argmin(costs))
             gain = best.cost - float(costs[winner])
@@ -170,3 +183,11 @@ class BoundedSearch:
             if step < most_steps:
                 here = self.linearised(best.at)
         return best
+
+
+def slopes(residuals: Residuals, at: Array, upper: Array) -> tuple[Array, Array]:
+    """Return residuals (n_rows,) and their slopes (n_rows, n) at a point, no step above `upper`."""
+    steps = np.where(at + STEP <= upper, STEP, -STEP)
+    rows = residuals(np.vstack([at, at + np.diag(steps)]))
+    jacobian = (rows[:, 1:] - rows[:, :1]) / steps
+    return rows[:, 0], np.where(np.isfinite(jacobian), jacobian, 0.0)  # no value, no slope

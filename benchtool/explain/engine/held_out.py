@@ -8,6 +8,7 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
+from benchtool.explain.engine.learned import Learned
 from benchtool.explain.engine.subject import ChannelErrors, Subject
 from benchtool.explain.engine.verdict import ChannelGap
 
@@ -19,7 +20,7 @@ RESAMPLES = 1000
 
 
 DOUBT_DRAWS = 64
-"""Draws behind the quantile that decides whether a gap is noise."""
+"""Draws of a floor with uncertain numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -47,14 +48,20 @@ class HeldOut:
         draws: int,
     ) -> HeldOut:
         """Predict with the numbers before (`null`) and after (`best`)."""
+        learned = Learned(hypotheses, subject.all_evidence)
         sets = np.vstack([np.zeros(len(null.at)), null.at, best.at])
-        first = second = dict(subject.floor(null.at, rng, DOUBT_DRAWS, hypotheses.spread(null)))
-        if best is not null:
-            second = dict(subject.floor(best.at, rng, DOUBT_DRAWS, hypotheses.spread(best)))
+        before = learned.mean(null)
+        changes = np.stack([np.zeros_like(before), before, learned.mean(best)], axis=1)
+
+        def doubted(one: Hypothesis) -> dict[str, Array]:
+            drawn = learned.drawn(one, rng, DOUBT_DRAWS)
+            return dict(subject.floor(one.at, drawn, rng, hypotheses.spread(one)))
+
+        first = doubted(null)
         return cls(
-            errors=dict(subject.errors(sets)),
-            floor=dict(subject.floor(best.at, rng, draws)),
-            doubt=(first, second),
+            errors=dict(subject.errors(sets, changes)),
+            doubt=(first, first if best is null else doubted(best)),
+            floor=dict(subject.floor(best.at, learned.drawn(best, rng, draws), rng)),
         )
 
     def ratio(self, place: int) -> float:
@@ -66,20 +73,6 @@ class HeldOut:
             )
             for name, found in self.errors.items()
         )
-
-    @property
-    def closed(self) -> float:
-        """Share of the gap that is closed, in the channel where it is least.
-
-        Root mean square over the floor's median; channels within the noise do not count.
-        """
-        shares = [1.0]
-        for name, found in self.errors.items():
-            floor = float(np.median(self.floor[name]))
-            before, after = np.sqrt(np.mean(found.squares[:, 1:3], axis=0))
-            if after > np.quantile(self.floor[name], UPPER):
-                shares.append(float((before - after) / max(before - floor, 1e-12)))
-        return min(shares)
 
     def gaps(self, rng: np.random.Generator) -> tuple[ChannelGap, ...]:
         """Return the gap of each channel."""

@@ -8,17 +8,20 @@ is missing; a test against exactly zero would name one of them on every record.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy.stats import chi2
 
 from benchtool.core.array import Array
+from benchtool.explain.engine.shared_errors import AMPLITUDES, BEYOND, SharedErrors
 from benchtool.explain.engine.subject import Evidence
-from benchtool.fit.bounded import BoundedSearch, Linearised, Minimum, Region
+from benchtool.fit.bounded import Linearised, Minimum, Region
 from benchtool.fit.identifiability import evidence_against
+
+NOTHING: Mapping[str, float] = MappingProxyType({})
 
 SMALL = 1.0 / 3.0
 """Standard deviation of an effect that is there within its tolerance, in tolerances: what is said
@@ -27,8 +30,9 @@ to be too small to matter reaches to three of them. A choice, not a fit."""
 REACH = 2.0
 """How many standard errors a number that the owner knows roughly may be off."""
 
-UNSEEN = 3.0
-"""An effect that would have to be this many tolerances large to show is called not judged."""
+UNSEEN, UNSEEN_BESIDE = 3.0, 2.0
+"""An effect that would have to be this many tolerances large to show is called not judged; beside
+discrepancies, which hide some that thresholds would find, the second."""
 
 FIRST_STEPS = 1
 """Steps that every candidate gets, from the base's own neighbourhood; only the best go on."""
@@ -47,20 +51,25 @@ gets a fit of its own."""
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Hypothesis:
-    """Hold a set of effects that may break their tolerances, and the best numbers under it.
+    """Hold a set of effects and discrepancies that may break their tolerances, and its best fit.
 
     Attributes:
-        opened: names of those effects, in the order in which they were added; none for the null.
+        opened: names of those, in the order in which they were added; none for the null.
     """
 
     opened: tuple[str, ...]
     at: Array  # (n_parameters,) the best numbers, in scales
+    about: Array  # (n_parameters,) where the neighbourhood is known that its evidence comes from
     cost: float  # sum of squares there, penalties included
     converged: bool  # whether the search came to rest
+    widened: Mapping[str, float]  # how many times its usual size each discrepancy may be
 
 
 class Hypotheses:
-    """Fit hypotheses to evidence."""
+    """Fit hypotheses to evidence.
+
+    Residuals are independent but for discrepancies, a low-rank addition to their covariance.
+    """
 
     def __init__(self, evidence: Evidence) -> None:
         self.evidence = evidence
@@ -69,11 +78,27 @@ class Hypotheses:
             np.array([parameter.least for parameter in parameters]),
             np.array([parameter.most for parameter in parameters]),
         )
-        self._search = BoundedSearch(evidence.residuals, self._limits)
         self.effects = tuple(
             dict.fromkeys(parameter.effect for parameter in parameters if parameter.effect)
         )
-        self._near: dict[bytes, Linearised] = {}
+        self.errors = SharedErrors(evidence)
+        self.discrepancies = self.errors.discrepancies
+        # Without discrepancies, what breaks its tolerance pays by a threshold instead of a prior.
+        self._beyond = 1.0 / BEYOND if self.discrepancies else 0.0
+
+    @property
+    def noise(self) -> Array:
+        """How large the noise of each row is over the stated one (n_rows,), 1 at least."""
+        return self.errors.noise
+
+    @property
+    def n_rows(self) -> int:
+        """How many residuals there are."""
+        return self.errors.n_rows
+
+    def near(self, at: Array, widened: Mapping[str, float]) -> Linearised:
+        """Return the neighbourhood of a point; the same one is worked out once."""
+        return self.errors.near(at, widened)
 
     def region(self, opened: Iterable[str]) -> Region:
         """Return bounds and penalties under which only some effects may break their tolerance."""
@@ -86,17 +111,29 @@ class Hypotheses:
         return Region(
             lower=np.asarray(np.maximum(self._limits[0], -reach), float),
             upper=np.asarray(np.minimum(self._limits[1], reach), float),
-            penalty=np.asarray(np.where(wide, 0.0, np.where(held, 1.0, 1.0 / SMALL)), float),
+            penalty=np.asarray(
+                np.where(wide, self._beyond, np.where(held, 1.0, 1.0 / SMALL)), float
+            ),
         )
 
     def dispersion(self, one: Hypothesis) -> float:
         """Return how much larger residuals are than the stated noise, 1 at least (a variance)."""
+        if self.discrepancies:  # the noise is estimated beside them
+            return 1.0
         return max(1.0, one.cost / self.n_rows)
 
-    @cached_property
-    def n_rows(self) -> int:
-        """How many residuals there are."""
-        return len(self.evidence.residuals(np.zeros((1, len(self.evidence.parameters)))))
+    def log_evidence(self, one: Hypothesis) -> float:
+        """Return the log marginal likelihood of a hypothesis, up to what all of them share.
+
+        Laplace's approximation about its best numbers, exact where the model is linear.
+        """
+        penalty = self.region(one.opened).penalty
+        curvature = self.near(one.about, one.widened).curvature / self.dispersion(one)
+        ridge = 1e-9 * np.eye(len(curvature))
+        _, log_total = np.linalg.slogdet(curvature + np.diag(penalty**2) + ridge)
+        log_occam = np.sum(np.log(penalty)) - 0.5 * log_total
+        log_noise = self.errors.log_root(one.widened)
+        return float(-0.5 * one.cost / self.dispersion(one) + log_occam - log_noise)
 
     def spread(self, one: Hypothesis) -> Array:
         """Return the covariance of all parameters at a hypothesis, in scales.
@@ -105,7 +142,7 @@ class Hypotheses:
         and the penalties; a parameter at the end of its tolerance counts as if it could move on.
         """
         region = self.region(one.opened)
-        curvature = self.near(one.at).curvature / self.dispersion(one)
+        curvature = self.near(one.about, one.widened).curvature / self.dispersion(one)
         ridge = 1e-9 * np.eye(len(curvature))
         return np.asarray(np.linalg.inv(curvature + np.diag(region.penalty**2) + ridge), float)
 
@@ -115,7 +152,7 @@ class Hypotheses:
         Its tolerance and three standard deviations of the parameter that shows best, if that is
         more than `UNSEEN`.
         """
-        curvature = self.near(one.at).curvature / self.dispersion(one)
+        curvature = self.near(one.about, one.widened).curvature / self.dispersion(one)
         out = {}
         for name in self.effects:
             penalty = self.region((*one.opened, name)).penalty
@@ -123,7 +160,7 @@ class Hypotheses:
             spread = np.sqrt(np.diag(np.linalg.inv(total)))
             own = [parameter.effect == name for parameter in self.evidence.parameters]
             needed = 1.0 + 3.0 * np.min(spread[own])
-            if needed > UNSEEN:
+            if needed > (UNSEEN_BESIDE if self.discrepancies else UNSEEN):
                 out[name] = float(needed)
         return out
 
@@ -134,29 +171,50 @@ class Hypotheses:
         effect whose place it is lies within its tolerance, as all others do.
         """
         region = self.region((*one.opened[:-1], rival))
-        matrix = self.near(one.at).curvature / self.dispersion(one)
+        matrix = self.near(one.about, one.widened).curvature / self.dispersion(one)
         return evidence_against(matrix, one.at, region.lower, region.upper)
 
-    def near(self, at: Array) -> Linearised:
-        """Return the neighbourhood of a point; the same one is worked out once."""
-        key = at.tobytes()
-        if key not in self._near:
-            self._near[key] = self._search.linearised(at)
-        return self._near[key]
-
     def null(self) -> Hypothesis:
-        """Return the best numbers with no effect open, from the model as given."""
-        return self.fitted((), np.array([one.first for one in self.evidence.parameters]))
+        """Return the best numbers with nothing open, from the model as given."""
+        return self.fitted((), self.errors.null_start)
 
-    def fitted(self, opened: tuple[str, ...], start: Array) -> Hypothesis:
-        """Return the best numbers with those effects open, from given ones (n_parameters,) on."""
+    def fitted(
+        self, opened: tuple[str, ...], start: Array, widened: Mapping[str, float] = NOTHING
+    ) -> Hypothesis:
+        """Return the best numbers with those open, from given ones (n_parameters,) on."""
         region = self.region(opened)
-        near = self.near(region.clipped(start))
-        return _of(opened, self._search.minimum(start, region, known=near))
+        near = self.near(region.clipped(start), widened)
+        found = self.errors.search(widened).minimum(start, region, known=near)
+        return _of(opened, found, widened)
+
+    def without(self, one: Hypothesis, name: str) -> Hypothesis:
+        """Return the best fit without one of a hypothesis' members."""
+        rest = tuple(other for other in one.opened if other != name)
+        widened = {
+            key: value
+            for key, value in one.widened.items()
+            if key != name and not key.startswith(f"{name}: law")
+        }
+        return self.fitted(rest, one.at, widened)
+
+    def taken_up(self, one: Hypothesis, name: str) -> tuple[Array, Array]:
+        """Return what a discrepancy takes up at a hypothesis: of residuals, as a share of readings.
+
+        (n_rows,) each, the mean of its posterior.
+        """
+        discrepancy, factor = self.discrepancies[name], one.widened.get(name, 1.0)
+        draws = factor**2 * (discrepancy.columns.T @ self.errors.left(one.at, one.widened))
+        return discrepancy.columns @ draws, discrepancy.shares @ draws
+
+    def contribution(self, one: Hypothesis, names: Collection[str]) -> Array:
+        """Return what named effects change in the residuals (n_rows,) of a hypothesis."""
+        own = np.array([parameter.effect in names for parameter in self.evidence.parameters])
+        rows = self.errors.rows(np.vstack([one.at, np.where(own, 0.0, one.at)]))
+        return np.asarray(rows[:, 0] - rows[:, 1], float)
 
     def with_one_more(self, base: Hypothesis) -> list[Hypothesis]:
-        """Return the base with each other effect opened in turn, best first."""
-        near = self.near(base.at)
+        """Return the base with each other effect and discrepancy opened in turn, best first."""
+        near, search = self.near(base.at, base.widened), self.errors.search(base.widened)
         out = []
         for name in self.effects:
             if name in base.opened:
@@ -165,18 +223,66 @@ class Hypotheses:
             region = self.region(opened)
             _, promised = near.step(region)
             if base.cost - promised < WORTH_A_FIT:
-                out.append(Hypothesis(opened=opened, at=base.at, cost=base.cost, converged=True))
+                out.append(replace(base, opened=opened))
                 continue
-            found = self._search.minimum(base.at, region, known=near, most_steps=FIRST_STEPS)
-            out.append(_of(opened, found))
+            found = search.minimum(base.at, region, known=near, most_steps=FIRST_STEPS)
+            out.append(_of(opened, found, base.widened, base.at))
         out.sort(key=lambda item: item.cost)
         above = np.inf
         for place, one in enumerate(out[:FINISHED]):
             if not one.converged:
                 region = self.region(one.opened)
-                out[place] = _of(one.opened, self._search.minimum(one.at, region, above=above))
+                found = search.minimum(one.at, region, above=above)
+                out[place] = _of(one.opened, found, base.widened, base.at)
             above = min(above, out[place].cost + BEHIND * self.dispersion(out[place]))
-        return sorted(out, key=lambda item: item.cost)
+        if not self.discrepancies:
+            return sorted(out, key=lambda item: item.cost)
+        out += [self._widened(base, name) for name in self.discrepancies if name not in base.opened]
+        return sorted(out, key=self.log_evidence, reverse=True)
+
+    def with_laws(self, tried: Sequence[Hypothesis]) -> list[Hypothesis]:
+        """Return hypotheses whose last effects follow their laws only roughly.
+
+        What the laws may be off by is known from what each effect does at its best numbers.
+        """
+        laws = []
+        for one in tried:
+            name = one.opened[-1]
+            law = f"{name}: law {self.errors.n_columns}"
+            changes = self.contribution(one, [name]) * self.noise
+            self.errors.add(law, self.evidence.varied(changes) / self.noise[:, None])
+            laws.append(law)
+        out = []
+        for one, law in zip(tried, laws, strict=True):
+            widened, region = {**one.widened, law: 1.0}, self.region(one.opened)
+            at, cost = self.near(one.at, widened).step(region)
+            out.append(replace(one, at=at, about=one.at, cost=cost, widened=widened))
+        return out
+
+    def near_fit(self, one: Hypothesis) -> Hypothesis:
+        """Return a hypothesis about other rows fitted to these, by one neighbourhood.
+
+        Laws are taken to be exact.
+        """
+        widened = {name: size for name, size in one.widened.items() if name in self.discrepancies}
+        at, cost = self.near(one.at, widened).step(self.region(one.opened))
+        return replace(one, at=at, about=one.at, cost=cost, widened=widened)
+
+    def settled(self, one: Hypothesis) -> Hypothesis:
+        """Return a hypothesis whose best numbers were followed to the end."""
+        return self.fitted(one.opened, one.at, one.widened)
+
+    def _widened(self, base: Hypothesis, name: str) -> Hypothesis:
+        """Return the base with a discrepancy beyond tolerance, as large as suits it best."""
+        region, tried = self.region(base.opened), []
+        for factor in AMPLITUDES:
+            widened = {**base.widened, name: factor}
+            at, cost = self.near(base.at, widened).step(region)
+            opened = (*base.opened, name)
+            tried.append(
+                replace(base, opened=opened, at=at, about=base.at, cost=cost, widened=widened)
+            )
+        return max(tried, key=self.log_evidence)
 
     def secured(self, base: Hypothesis, others: Iterable[Hypothesis]) -> Hypothesis:
         """Return the base refitted from others' optima, so that it is not above a feasible one.
@@ -184,14 +290,15 @@ class Hypotheses:
         A candidate whose optimum lies inside its tolerance is itself a point of the base; one
         outside, moved back to the tolerance's edge, is a start that the base may not have seen.
         """
-        region = self.region(base.opened)
+        region, search = self.region(base.opened), self.errors.search(base.widened)
         best = base
         above = base.cost + BEHIND * self.dispersion(base)
         for other in others:
             start = region.clipped(other.at)
-            found = self._search.minimum(start, region, above=above)
+            near = self.near(start, base.widened)
+            found = search.minimum(start, region, known=near, above=above)
             if found.cost < best.cost:
-                best = _of(base.opened, found)
+                best = _of(base.opened, found, base.widened)
         return best
 
     def null_gains(self, base: Hypothesis, draws: int, rng: np.random.Generator) -> Array:
@@ -200,7 +307,7 @@ class Hypotheses:
         White residuals drawn about the base move the gradient of its neighbourhood; there every
         candidate's bounded problem is solved exactly. Gains are in units of the dispersion.
         """
-        near = self.near(base.at)
+        near = self.near(base.at, base.widened)
         spread = self.dispersion(base)
         curvature = near.curvature / spread
         root = np.linalg.cholesky(curvature + 1e-9 * np.eye(len(curvature)))
@@ -227,8 +334,20 @@ def ratio_of(evidence: Evidence, rivals: Sequence[tuple[str, Array]]) -> float:
     return 0.5 * float(second - first)
 
 
-def _of(opened: tuple[str, ...], found: Minimum) -> Hypothesis:
-    return Hypothesis(opened=opened, at=found.at, cost=found.cost, converged=found.converged)
+def _of(
+    opened: tuple[str, ...],
+    found: Minimum,
+    widened: Mapping[str, float],
+    about: Array | None = None,
+) -> Hypothesis:
+    return Hypothesis(
+        opened=opened,
+        at=found.at,
+        about=found.at if about is None else about,
+        cost=found.cost,
+        converged=found.converged,
+        widened=widened,
+    )
 
 
 def p_value(

@@ -63,6 +63,24 @@ class RowGroups:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Discrepancy:
+    """Describe one way in which data may depart from every law in the model, smoothly.
+
+    It enters residuals linearly with a Gaussian prior (Kennedy and O'Hagan, J. R. Stat. Soc. B 63,
+    2001): a low-rank addition to their covariance. Within its tolerance it is part of every
+    hypothesis, as effects within theirs are; beyond, it competes with them as what has no name.
+    """
+
+    name: str
+    stage: Subsystem  # link of the chain that departs
+    phrase: str  # what it means where it is beyond its tolerance, within a sentence
+    columns: Array  # (n_rows, r) change of the whitened residuals by each of r independent draws
+    shares: Array  # (n_rows, r) the same of the readings, as parts of them
+    readings: Array | None = None  # (n_rows, r) the same of the readings; None where it is unknown
+    always: bool = True  # whether it is there within its tolerance, else only beyond
+
+
 class Evidence(Protocol):
     """Say how well a model's numbers fit data."""
 
@@ -75,6 +93,14 @@ class Evidence(Protocol):
 
     def groups(self) -> RowGroups:
         """Return labels of the rows."""
+        ...
+
+    def discrepancies(self) -> tuple[Discrepancy, ...]:
+        """Return the ways in which the data may depart from the model's laws."""
+        ...
+
+    def varied(self, changes: Array) -> Array:
+        """Return smooth variations (n_rows, r) of what an effect changes in residuals (n_rows,)."""
         ...
 
 
@@ -113,16 +139,13 @@ class Subject(ABC):
 
     Attributes:
         learn, check: recordings to learn from and to verify on.
-        closed_enough: share of a gap from which an effect counts as its cause, whatever is left;
-            inf: never.
     """
 
     kind: BenchKind  # which bench it is
     learn: Sequence[Log]
     check: Sequence[Log]
     evidence: Evidence  # what the recordings to learn from say
-    closed_enough: float
-    temperature: float  # divides differences of log-likelihood before they become probabilities
+    all_evidence: Evidence  # what those and the check recordings say together
 
     @property
     def window_s(self) -> float:
@@ -150,14 +173,19 @@ class Subject(ABC):
         return 0.0
 
     @abstractmethod
-    def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
-        """Return errors on the check recordings by channel, for sets (n_sets, n_parameters)."""
+    def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
+        """Return errors on the check recordings by channel, for sets (n_sets, n_parameters).
+
+        Readings are expected to be changed by (n_check_rows, n_sets), where that is known.
+        """
 
     @abstractmethod
     def floor(
-        self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
+        self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
     ) -> Mapping[str, Array]:
         """Return errors (draws,) of a true model `at` (n_parameters,), by channel, rms.
+
+        Readings of each draw are changed by (n_check_rows, draws), where that is known.
 
         With `spread` (n_parameters, n_parameters) the truth of each draw lies as far from the model
         that predicts as its parameters are uncertain.

@@ -42,6 +42,9 @@ EVERYWHERE = "everywhere"
 SURE, LIKELY = 0.9, 0.7
 """Probabilities from which a model lacks an effect, and probably lacks it; choices."""
 
+BLIND = 3.0
+"""Data are blind for an effect that would have to be more than this many tolerances large."""
+
 NEVER = 100.0
 """An effect that would have to be this many tolerances large is said to leave no trace."""
 
@@ -155,6 +158,27 @@ class Nearest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Unnamed:
+    """Describe something beyond tolerance that no effect explains."""
+
+    name: str
+    stage: Subsystem  # of the chain
+    phrase: str  # what it depends on
+    probability: float
+    share: float  # how large it becomes, over the reading
+    tolerances: float  # the same in tolerances
+    weight: float  # sum of squares that it takes up
+
+    @property
+    def text(self) -> str:
+        """What it is and how large."""
+        return (
+            f"{self.phrase}, up to {100.0 * self.share:.2g} % of the reading "
+            f"({self.tolerances:.1f} tolerances)"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NotJudged:
     """Say that data cannot show an effect."""
 
@@ -247,6 +271,7 @@ class Verdict:
     gaps: tuple[ChannelGap, ...]  # of the check recordings, one per channel
     nearest: Nearest | None  # for an unknown, the named effect that comes nearest
     tolerances: Mapping[str, float]  # what does not matter, by parameter's full name
+    unnamed: tuple[Unnamed, ...]  # what has no name, in any stage, the largest first
     not_judged: Mapping[str, NotJudged]  # effects that this data cannot show, by name
     remarks: tuple[str, ...]  # what was repaired in the recordings, and what they lack
     next: NextExperiment | None  # the next experiment, for a class or an unknown
@@ -255,10 +280,22 @@ class Verdict:
     draws: int = field(default=0)  # draws behind the floor
 
     @property
+    def stages(self) -> Mapping[Subsystem, str]:
+        """What is missing in each stage in which anything is, in words."""
+        found: dict[Subsystem, list[str]] = {}
+        for effect in self.effects:
+            shown = f"{effect.phrase}, probability {effect.probability:.2f}"
+            found.setdefault(effect.stage, []).append(shown)
+        for one in self.unnamed:
+            found.setdefault(one.stage, []).append(one.text)
+        return {stage: "; ".join(parts) for stage, parts in found.items()}
+
+    @property
     def tried_and_blind(self) -> tuple[int, int]:
         """How many effects were tried, and how many of those could not be judged."""
         tried = {name.partition(".")[0] for name in self.tolerances}
-        return len(tried), len(tried & set(self.not_judged))
+        blind = {name for name, one in self.not_judged.items() if one.size > BLIND}
+        return len(tried), len(tried & blind)
 
     @property
     def mostly_blind(self) -> bool:
@@ -338,7 +375,8 @@ def _unknown(verdict: Verdict) -> str:
     if (near := verdict.nearest) is not None:
         share = f"{100.0 * near.share_closed:.0f} % of the gap"
         nearest = f"; the nearest is {near.phrase}, which closes {share}"
-    return f"Something is missing{place} that no named effect explains{nearest}."
+    shown = f": {verdict.unnamed[0].text}" if verdict.unnamed else ""
+    return f"Something is missing{place} that no named effect explains{shown}{nearest}."
 
 
 _SENTENCES = {

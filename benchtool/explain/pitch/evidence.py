@@ -19,7 +19,7 @@ from benchtool.explain.engine.parameters import (
     parameters_at,
     with_every_effect,
 )
-from benchtool.explain.engine.subject import EARLY, LATE, RowGroups
+from benchtool.explain.engine.subject import EARLY, LATE, Discrepancy, RowGroups
 from benchtool.explain.pitch.filter import PitchFilter, pitch_filter
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.effects.effect import Effect
@@ -125,6 +125,14 @@ class PitchEvidence:
             benches = [self.bench(one, log.logged.rate_Hz) for one in np.atleast_2d(scaled)]
             rows += self.whitened(log, filter_log(benches, log.logged, log.filter.gains))
         return np.concatenate(rows)
+
+    def discrepancies(self) -> tuple[Discrepancy, ...]:
+        """Return none: what a recording of a hinge departs by is judged by its gap."""
+        return ()
+
+    def varied(self, changes: Array) -> Array:
+        """Return no variations (n_rows, 0): an effect's law errs by its own `law_error`."""
+        return np.empty((len(changes), 0))
 
     def groups(self) -> RowGroups:
         """Return labels of the rows: which stage they show, which part of the recording."""

@@ -12,7 +12,6 @@ from benchtool.core.array import Array
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.explain.engine.hypotheses import ratio_of
 from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.engine.search import TEMPERATURE
 from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.pitch.evidence import PitchEvidence
@@ -68,8 +67,6 @@ class PitchSubject(Subject):
 
     kind = "pitch"
     evidence: PitchEvidence
-    closed_enough = float("inf")
-    temperature = TEMPERATURE
 
     def __init__(
         self,
@@ -84,6 +81,7 @@ class PitchSubject(Subject):
         )
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
         self._check = PitchEvidence(model, [log.logged for log in check], extra)
+        self.all_evidence = PitchEvidence(model, [log.logged for log in (*learn, *check)], extra)
 
     @cached_property
     def window_s(self) -> float:
@@ -104,7 +102,7 @@ class PitchSubject(Subject):
     def law_error(self, effect: Effect) -> float:
         return effect.law_error
 
-    def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
+    def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
         """Return errors in each block of the check recordings, by channel."""
         found: dict[str, list[Array]] = {}
         for log in self._check.logs:
@@ -118,9 +116,9 @@ class PitchSubject(Subject):
         }
 
     def floor(
-        self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
+        self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
     ) -> Mapping[str, Array]:
-        return self._floor(self.window_s, at, rng, draws, spread)
+        return self._floor(self.window_s, at, rng, changes.shape[1], spread)
 
     def _floor(
         self,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,14 @@ from benchtool.explain.engine.parameters import (
     owner_parameter,
     with_every_effect,
 )
-from benchtool.explain.engine.subject import RowGroups
+from benchtool.explain.engine.subject import Discrepancy, RowGroups
+from benchtool.explain.sweep.discrepancies import (
+    Process,
+    discrepancies,
+    of_speed,
+    of_thrust,
+    variations,
+)
 from benchtool.explain.sweep.log import SweepLog, sweep_regimes
 from benchtool.fit.uncertainty.bench_errors import bench_errors
 from benchtool.physics.bases import speed_gains
@@ -27,14 +35,19 @@ from benchtool.physics.model import Model
 
 DROP = "supply.drop"
 CURVE = "supply.curve"
+FOLLOWS = "supply.followed"
 SUPPLY_PARAMETERS = (
     ScaledParameter(
         name=DROP, unit="1", effect="", start=0.02, scale=0.02, lower=0.0, upper=0.3, held=True
     ),
     ScaledParameter(name=CURVE, unit="1", effect="", start=0.0, scale=0.1, held=True),
+    ScaledParameter(
+        name=FOLLOWS, unit="1", effect="", start=1.0, scale=0.5, lower=0.0, upper=1.2, held=True
+    ),
 )  # fmt: skip
-"""Share of the open voltage that full load takes, and how far a discharge is from a straight line;
-guesses for lithium polymer packs."""
+"""Share of the open voltage that full load takes, how far a discharge is from a straight line, and
+the power of the supply with which speed at a pulse goes: 1 of an ideal motor, less of one under
+load, 0 where the ESC governs the speed; guesses for lithium polymer packs."""
 
 SUPPLY_LOSSES = tuple(
     f"{effect.name}.{effect.supply_loss}" for effect in candidates("sweep") if effect.supply_loss
@@ -119,6 +132,7 @@ class SweepEvidence:
         """
         assert log.power is not None
         supply, model = self.supply(log, scaled)[None], self._acting
+        supply = supply ** self._values(FOLLOWS, scaled)
         if model.motor_slope_Nm_s is None:
             return supply
         values = self._at(scaled)
@@ -137,11 +151,13 @@ class SweepEvidence:
         assert log.power is not None
         return log.power.speeds(self.drive(log, scaled))
 
-    def predicted(self, log: SweepLog, scaled: Array) -> Array:
-        """Return each rotor's speeds as earlier visits predict them (n, m, n_sets): rad/s."""
-        power = log.power
-        assert power is not None
-        return power.predicted(self.drive(log, scaled), power.rotor_rad_s[:, :, None])
+    def predicted(self, log: SweepLog, scaled: Array, read: Array) -> Array:
+        """Return each rotor's speeds as `read` ones of earlier visits predict them, in rad/s.
+
+        (n, m, n_sets) or (n, m, 1) each.
+        """
+        assert log.power is not None
+        return log.power.predicted(self.drive(log, scaled), read)
 
     def voltages(self, log: SweepLog, scaled: Array) -> Array:
         """Return voltages (m, n_sets), the open one fitted: V."""
@@ -181,6 +197,60 @@ class SweepEvidence:
                     missed = power.voltage_V[read, None] - self.voltages(log, sets)[read]
                     rows.append(missed / power.voltage_se)
         return np.concatenate(rows)
+
+    def discrepancies(self) -> tuple[Discrepancy, ...]:
+        """Return the ways in which thrusts, speeds and voltages may depart from every law."""
+        found = discrepancies(list(self._processes()), self._n_rows)
+        return tuple(replace(one, columns=self._white_changes(one.columns)) for one in found)
+
+    def varied(self, changes: Array) -> Array:
+        """Return smooth variations (n_rows, r) of what an effect changes in thrusts."""
+        rows = self._thrust_rows
+        functions = variations(self.logs, self.model.rig.propulsion.radius_m)
+        parts = np.split(changes[rows], np.cumsum([len(log) for log in self.logs])[:-1])
+        roots = zip(self.noise_roots, parts, strict=True)
+        changed = np.concatenate([root @ part for root, part in roots])
+        out = np.zeros((len(changes), functions.shape[1]))
+        out[rows] = changed[:, None] * functions
+        return self._white_changes(out)
+
+    @property
+    def _thrust_rows(self) -> NDArray[np.intp]:
+        """Numbers of the rows that are thrusts."""
+        first, rows = 0, []
+        for log in self.logs:
+            rows.append(first + np.arange(len(log)))
+            first += len(log) + (log.power.n_rows if log.power else 0)
+        return np.concatenate(rows)
+
+    def _processes(self) -> Iterator[Process]:
+        """Return the processes of every log, rows numbered as those of `residuals`."""
+        radius_m, first = self.model.rig.propulsion.radius_m, 0
+        for sweep, log in enumerate(self.logs):
+            parts = [(of_thrust, len(log))]
+            if log.power is not None:
+                parts.append((of_speed, log.power.n_rows))
+            for of, count in parts:
+                for one in of(log, sweep, radius_m):
+                    yield replace(one, rows=first + one.rows)
+                first += count
+
+    @property
+    def _n_rows(self) -> int:
+        return sum(len(log) + (log.power.n_rows if log.power else 0) for log in self.logs)
+
+    def _white_changes(self, changes: Array) -> Array:
+        """Return changes of readings (n_rows, r) as those of whitened residuals."""
+        out, first = np.empty_like(changes), 0
+        for log, whitener in zip(self.logs, self._whiteners, strict=True):
+            last = first + len(log)
+            out[first:last] = whitener @ changes[first:last]
+            power = log.power
+            if power is not None:
+                first, last = last, last + power.n_rows
+                out[first:last] = power.white_changes(changes[first:last])
+            first = last
+        return out
 
     def groups(self) -> RowGroups:
         """Return labels of the rows: which stage they show, which part of the sweep."""

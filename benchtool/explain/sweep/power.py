@@ -106,6 +106,29 @@ class Power:
             out[rows] = ((weights * self.speed_rad_s[rows]) @ shape) / (weights @ shape**2) * shape
         return out
 
+    @property
+    def n_rows(self) -> int:
+        """How many speeds and voltages there are."""
+        return len(self.time_s) + int(np.isfinite(self.voltage_V).sum())
+
+    def white_changes(self, changes: Array) -> Array:
+        """Return changes of speeds and voltages (n_rows, r) over their errors.
+
+        Without what each level's own scale, and the open voltage, take up.
+        """
+        out, m = changes.copy(), len(self.time_s)
+        for level in np.unique(self.level):
+            rows = np.flatnonzero(self.level == level)
+            shape = self.speed_rad_s[rows]
+            weights = shape / self.speed_se[rows] ** 2
+            out[rows] -= shape[:, None] * ((weights @ changes[rows]) / (weights @ shape))
+        out[:m] /= self.speed_se[:, None]
+        shape = self.voltage_V[np.isfinite(self.voltage_V)]
+        if len(shape):
+            out[m:] -= shape[:, None] * (shape @ changes[m:]) / (shape @ shape)
+            out[m:] /= self.voltage_se
+        return out
+
     def predicted(self, drive: Array, read: Array) -> Array:
         """Return what each visit is predicted to show from the earlier ones of its level.
 

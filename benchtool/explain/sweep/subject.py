@@ -8,7 +8,7 @@ from what the sweeps to learn from leave of them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,16 +28,6 @@ RPM = 30.0 / np.pi
 
 STEP = 0.05
 """Finite difference, in scales of the parameters."""
-
-CLOSED_ENOUGH = 0.8
-"""An effect whose law is a little off leaves more than noise of a great gap; one that is not the
-cause closes less of it. On development records the least a true effect closed was 0.88, the most
-that any named one closed of something from outside 0.45."""
-
-TEMPERATURE = 1.0
-"""Divides differences of log-likelihood: stated noise and the shape parameters of the laws account
-for what development records leave, so that likelihoods count in full. With 1.0 the expected
-calibration error on 279 of them was 0.03, with 3.0 it was 0.08."""
 
 SAME_LOAD = 0.02
 """Squared speeds within this share of each other are one level, for the picture; a choice."""
@@ -61,8 +51,7 @@ class SweepSubject(Subject):
 
     kind = "sweep"
     evidence: SweepEvidence
-    closed_enough = CLOSED_ENOUGH
-    temperature = TEMPERATURE
+    check: Sequence[SweepLog]
 
     def __init__(
         self,
@@ -81,39 +70,54 @@ class SweepSubject(Subject):
         self.learn, self.check = logs[: len(learn)], logs[len(learn) :]
         self.evidence = SweepEvidence(model, logs[: len(learn)], extra)
         self._check = SweepEvidence(model, logs[len(learn) :], extra)
+        self.all_evidence = SweepEvidence(model, logs, extra)
 
-    def errors(self, sets: Array) -> Mapping[str, ChannelErrors]:
+    def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
         check = self._check
         thrust, speed = [], []
-        for log in check.logs:
-            missed = log.thrust_N[:, None] - check.thrusts(log.conditions, sets)
+        for log, of_thrust, of_speed in self._by_log(changes):
+            missed = log.thrust_N[:, None] - check.thrusts(log.conditions, sets) - of_thrust
             thrust.append(_by_stay(missed, log.stay))
             if log.power is not None:
-                read = log.power.rotor_rad_s[:, :, None]
-                speed.append(_of_speeds(log, read - check.predicted(log, sets)))
+                read = log.power.rotor_rad_s[:, :, None] - of_speed
+                speed.append(_of_speeds(log, read - check.predicted(log, sets, read)))
         out = {"thrust_N": ChannelErrors(unit="N", squares=np.concatenate(thrust))}
         if speed:
             out["rpm"] = ChannelErrors(unit="rpm", squares=np.concatenate(speed))
         return out
 
+    def _by_log(self, changes: Array) -> Iterator[tuple[SweepLog, Array, Array]]:
+        """Return check sweeps with changes of their thrusts and speeds, (m, n_sets) each."""
+        first = 0
+        for log in self.check:
+            speeds = first + len(log)
+            last = speeds + (log.power.n_rows if log.power is not None else 0)
+            running = int((~log.tare).sum())
+            yield log, changes[first:speeds], changes[speeds : min(last, speeds + running)]
+            first = last
+
     def floor(
-        self, at: Array, rng: np.random.Generator, draws: int, spread: Array | None = None
+        self, at: Array, changes: Array, rng: np.random.Generator, spread: Array | None = None
     ) -> Mapping[str, Array]:
-        check, n = self._check, len(at)
+        check, n, draws = self._check, len(at), changes.shape[1]
         off = np.zeros((n, draws))
         if spread is not None:
             off = np.linalg.cholesky(spread) @ rng.standard_normal((n, draws))
         sets = np.vstack([at, at + STEP * np.eye(n)])
         thrust, speed = [], []
-        for log, root in zip(check.logs, check.noise_roots, strict=True):
-            missed = _moved(check.thrusts(log.conditions, sets), off)
+        for (log, of_thrust, of_speed), root in zip(
+            self._by_log(changes), check.noise_roots, strict=True
+        ):
+            missed = of_thrust + _moved(check.thrusts(log.conditions, sets), off)
             missed += root @ rng.standard_normal((len(log), draws))
             thrust.append(_by_stay(missed, log.stay))
             power = log.power
             if power is not None:
                 shape = power.rotor_rad_s.shape
-                read = power.rotor_se[:, :, None] * rng.standard_normal((*shape, draws))
-                wrong = _moved(check.predicted(log, sets), off) + read
+                read = power.rotor_se[:, :, None] * rng.standard_normal((*shape, draws)) + of_speed
+                wrong = (
+                    _moved(check.predicted(log, sets, power.rotor_rad_s[:, :, None]), off) + read
+                )
                 wrong -= power.predicted(check.drive(log, sets[:1]), read)
                 speed.append(_of_speeds(log, wrong))
         out = {"thrust_N": np.sqrt(np.mean(np.concatenate(thrust), axis=0))}
@@ -137,7 +141,7 @@ class SweepSubject(Subject):
         out = [_overlay("thrust_N", "N", "z_over_R", level, rows)]
         power = log.power
         if power is not None:
-            shown = check.predicted(log, sets).mean(axis=0)
+            shown = check.predicted(log, sets, power.rotor_rad_s[:, :, None]).mean(axis=0)
             rows = np.column_stack([power.time_s, RPM * power.speed_rad_s, RPM * shown])
             late = power.late
             out.append(_overlay("rpm", "rpm", "time_s", power.level[late], rows[late]))

@@ -118,6 +118,11 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
         "class": list(verdict.names) if verdict.kind == "class" else [],
         "probabilities": dict(verdict.probabilities),
         "places": [_fields(place, "effect", "probabilities") for place in verdict.places],
+        "stages": dict(verdict.stages),
+        "unnamed": [
+            _fields(one, "name", "phrase", "stage", "probability", "share", "tolerances")
+            for one in verdict.unnamed
+        ],
         "where": _fields(verdict.where, "stage", "regime", "size", "share"),
         "gap": {
             gap.channel: _fields(

@@ -134,6 +134,7 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
             parameters=known, after={"theta_rad": 0.011, "gyro_rad_s": 0.045, "rpm": 31.0},
         ) if kind == "unknown" else None,
         tolerances=tolerances(model, "pitch"),
+        unnamed=(),
         not_judged={"partial_coverage": NotJudged(reason="too_weak", size=4.2)},
         remarks=("learn.csv: 2 gaps in time, the first at 3.100 s; judged in parts",),
         next=NEXT if kind in ("class", "unknown") else None,

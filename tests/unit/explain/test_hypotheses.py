@@ -12,8 +12,8 @@ import pytest
 from benchtool.explain.engine.describe import found_parameters
 from benchtool.explain.engine.hypotheses import Hypotheses, p_value
 from benchtool.explain.engine.parameters import ScaledParameter
-from benchtool.explain.engine.search import Search, closing, searched
-from benchtool.explain.engine.subject import ChannelErrors, Subject
+from benchtool.explain.engine.subject import ChannelErrors, Discrepancy, Subject
+from benchtool.explain.engine.thresholds import Search, closing, gains, searched
 
 
 def names_of(truth: list[float], seed: int = 1) -> tuple[str, ...]:
@@ -33,7 +33,7 @@ def test_two_effects_are_both_named() -> None:
     found = searched(Hypotheses(Linear(np.array([4.0, 5.0, 0.0, 0.0]), 3)), quiet)
     assert set(found.best.opened) == {"a", "b"}
     assert {trial.name for trial in found.trials} == {"a", "b"}
-    rivals = next(trial for trial in found.trials if trial.name == "b").gains
+    rivals = gains(next(trial for trial in found.trials if trial.name == "b"))
     assert 0.8 * rivals["b"] < rivals["c"] < rivals["b"]
 
 
@@ -65,7 +65,7 @@ def test_what_such_data_say_against_a_rival_is_what_they_say_on_average() -> Non
         trial = searched(hypotheses, quiet).trials[0]
         right = next(one for one in trial.tried if one.opened == ("b",))
         expected.append(hypotheses.evidence_against(right, "c"))
-        found.append(trial.gains["b"] - trial.gains["c"])
+        found.append(gains(trial)["b"] - gains(trial)["c"])
     assert np.mean(found) == pytest.approx(np.mean(expected), rel=0.25)
 
 
@@ -123,7 +123,7 @@ class Checked:
 
     check: Linear
 
-    def errors(self, sets: Array) -> dict[str, ChannelErrors]:
+    def errors(self, sets: Array, changes: Array) -> dict[str, ChannelErrors]:
         """Return mean squares of each block."""
         rows = self.check.residuals(sets)
         squares = np.mean(rows.reshape(20, 20, -1) ** 2, axis=1)
@@ -183,6 +183,10 @@ class Linear:
         data = self.design @ self.truth + self.noise
         rows: Array = data[:, None] - self.design @ scaled.T
         return rows
+
+    def discrepancies(self) -> tuple[Discrepancy, ...]:
+        """Return none."""
+        return ()
 
 
 def quiet(what: str, share: float) -> None:

@@ -179,17 +179,17 @@ def test_recordings_of_two_pitch_benches_are_refused(model: Model, good: Recordi
         PitchSubject(model, logs[:1], [pitch_log(faster, model.rig, "check")])
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("first", [100, 105])
-@pytest.mark.parametrize("family", ["pitch", "sweeps"])
+@pytest.mark.slow
+@pytest.mark.parametrize(("family", "needs"), [("pitch", "mujoco"), ("sweeps", "scipy")])
 def test_of_good_foreign_recordings_nothing_is_claimed(
-    family: str, first: int, reference_data: Path, tmp_path: Path
+    family: str, needs: str, reference_data: Path, tmp_path: Path
 ) -> None:
-    """Ten recordings of each family at a time, made by physics of others."""
+    """Four recordings of each family, made by physics of others."""
+    pytest.importorskip(needs)
     generator = reference_data.parent / "foreign" / f"{family}.py"
     if not generator.exists():
         pytest.skip("no generator of foreign benches beside the reference data")
-    for seed in range(first, first + 5):
+    for seed in (100, 101):
         command = [sys.executable, str(generator), "--seed", str(seed), "--out", str(tmp_path)]
         subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
         folder = tmp_path / f"{family}-none-{seed}"

@@ -153,7 +153,8 @@ def test_blades_and_motor_predict_the_speed_at_a_pulse_against_the_plate() -> No
         power = evidence.logs[0].power
         assert power is not None
         late = power.late
-        shown = evidence.predicted(evidence.logs[0], scaled)[0, late, 0]
+        read = power.rotor_rad_s[:, :, None]
+        shown = evidence.predicted(evidence.logs[0], scaled, read)[0, late, 0]
         missed[share] = np.abs(shown / power.speed_rad_s[late] - 1.0)
     assert missed[1.0].max() < 1e-9
     assert 0.002 < missed[0.0].max() < 0.006

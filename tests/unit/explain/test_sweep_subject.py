@@ -60,7 +60,7 @@ def test_the_quadrotor_lacks_the_body_lift_of_the_paper(story: Explanation) -> N
     truth = load_model("virtual_pquad").model.parameters["body_lift.K_b"].value
     assert found.low < truth < found.high
     assert found.value == pytest.approx(2.0, abs=0.3)
-    assert found.std < 0.15
+    assert 0.1 < found.std < 0.3  # most of it is the law's own, a tenth of what it does
     assert verdict.effects[0].probability > 0.95
 
 
@@ -182,20 +182,22 @@ def test_one_explanation_alone_needs_no_experiment() -> None:
     assert next_sweep_experiment(subject.evidence, rivals(subject, "plate_tilt")) is None
 
 
-def test_a_measured_rotor_pair_is_more_than_one_rotor(reference_data: Path) -> None:
+def test_a_measured_rotor_pair_follows_another_law(reference_data: Path) -> None:
     """As one disc it lacks something at z/R of 1 to 3, where the other rotor's image acts.
 
     There is one coplanar series, so it is checked on what it learned from. No effect of a single
-    disc is the truth; the one that is named closes only a part of the gap.
+    disc is the truth: nothing is named, and what departs is said with its size.
     """
     loaded = load_model(DATASETS / "rotor_pair" / "model.toml")
     path = reference_data / "ground_effect" / "rotor_pairs.csv"
     points = read_table(path, loaded.columns, ["series=Fz0"])
     verdict = explain(SweepSubject(loaded.model, [points], [points])).verdict
-    assert verdict.probabilities["none"] < 0.1
-    assert verdict.probabilities["unknown"] > 0.02
+    assert verdict.kind == "unknown"
+    assert verdict.probabilities["unknown"] > 0.9
+    assert verdict.unnamed[0].name == "thrust: distance"
+    assert 0.02 < verdict.unnamed[0].share < 0.05
+    assert "a different law of thrust against distance" in verdict.sentence
     (gap,) = verdict.gaps
-    assert gap.before > 4.0 * gap.floor
     assert gap.after > 2.0 * gap.floor
     assert "body_lift" in verdict.not_judged
     assert any("no time_s" in remark for remark in verdict.remarks)

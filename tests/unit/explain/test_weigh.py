@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchtool.explain.engine.describe import where_shown
-from benchtool.explain.engine.search import accepted, weighed
 from benchtool.explain.engine.subject import EARLY, LATE, RowGroups
+from benchtool.explain.engine.thresholds import accepted, weighed
 
 GOOD = accepted(ratio=0.9, leftover=0.75)
 OPEN = accepted(ratio=3.0, leftover=0.75)

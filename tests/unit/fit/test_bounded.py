@@ -36,7 +36,7 @@ def region(lower: list[float], upper: list[float], penalty: float = 0.0) -> Regi
     ],
 )
 def test_it_finds_what_scipy_finds(lower: list[float], upper: list[float]) -> None:
-    search = BoundedSearch(curved, WIDE)
+    search = BoundedSearch.of(curved, WIDE)
     found = search.minimum(np.zeros(3), region(lower, upper), enough=1e-9, most_steps=40)
     theirs = least_squares(
         lambda x: curved(x[None])[:, 0], np.full(3, 0.05), bounds=(lower, upper), xtol=1e-12,
@@ -48,7 +48,7 @@ def test_it_finds_what_scipy_finds(lower: list[float], upper: list[float]) -> No
 
 def test_a_penalty_is_a_prior() -> None:
     """One residual (x - 3) beside a prior of width 1/2 about 0: the mean is 3 / (1 + 4)."""
-    search = BoundedSearch(lambda sets: sets.T - 3.0, (np.array([-9.0]), np.array([9.0])))
+    search = BoundedSearch.of(lambda sets: sets.T - 3.0, (np.array([-9.0]), np.array([9.0])))
     found = search.minimum(
         np.zeros(1),
         Region(lower=np.array([-9.0]), upper=np.array([9.0]), penalty=np.array([2.0])),
@@ -59,7 +59,7 @@ def test_a_penalty_is_a_prior() -> None:
 
 
 def test_a_known_neighbourhood_outside_the_region_is_only_a_direction() -> None:
-    search = BoundedSearch(curved, WIDE)
+    search = BoundedSearch.of(curved, WIDE)
     outside = search.linearised(np.array([3.0, 0.0, 0.0]))
     inside = region([-0.5, -1.0, -1.0], [0.5, 2.0, 2.0])
     found = search.minimum(np.zeros(3), inside, known=outside)
@@ -69,7 +69,7 @@ def test_a_known_neighbourhood_outside_the_region_is_only_a_direction() -> None:
 
 
 def test_what_is_no_number_costs_without_end() -> None:
-    search = BoundedSearch(lambda sets: np.where(sets.T > 1.0, np.nan, sets.T - 2.0),
+    search = BoundedSearch.of(lambda sets: np.where(sets.T > 1.0, np.nan, sets.T - 2.0),
                            (np.array([-9.0]), np.array([9.0])))  # fmt: skip
     found = search.minimum(
         np.zeros(1),
@@ -87,12 +87,12 @@ def test_a_search_gives_up_where_nothing_good_enough_is_promised() -> None:
         evaluated[-1] += len(sets)
         return curved(sets)
 
-    best = BoundedSearch(counted, WIDE).minimum(np.zeros(3), wide)
+    best = BoundedSearch.of(counted, WIDE).minimum(np.zeros(3), wide)
     evaluated.append(0)
-    short = BoundedSearch(counted, WIDE)
+    short = BoundedSearch.of(counted, WIDE)
     left = short.minimum(np.zeros(3), region([-0.2] * 3, [0.2] * 3), above=best.cost + 1.0)
     assert not left.converged
     assert left.cost > best.cost + 1.0
     assert evaluated[1] < evaluated[0]
-    same = BoundedSearch(curved, WIDE).minimum(np.zeros(3), wide, above=best.cost + 1.0)
+    same = BoundedSearch.of(curved, WIDE).minimum(np.zeros(3), wide, above=best.cost + 1.0)
     assert same.cost == pytest.approx(best.cost)

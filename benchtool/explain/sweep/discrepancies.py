@@ -1,0 +1,174 @@
+"""How sweeps may depart from every law: smooth functions of distance, speed, time and place.
+
+Each is a Gaussian process over what it depends on, as large as its tolerance says, and stands as
+the columns of a root of its covariance. What depends on the plate or on speed is one function for
+all sweeps of a bench; what depends on time or on the visit is another one in each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.array import Array
+from benchtool.explain.engine.subject import Discrepancy
+from benchtool.explain.sweep.log import SweepLog
+
+THRUST = 0.005
+"""Departure of thrust from every law that does not matter, as a share of it."""
+
+SPEED = 0.001
+"""The same of rotor speed at a pulse, over time."""
+
+ANSWERS = 0.01
+"""The same of rotor speed by the plate: where the ESC sets a voltage, speed at a pulse answers to
+the blades' torque, by half a per cent at z/R 0.5 (blade-element momentum theory)."""
+
+SUPPLY = 0.005
+"""The same of a battery's voltage: none empties along the curve of another."""
+
+WITHIN = 1.0 / 3.0
+"""Standard deviation over tolerance, as that of effects within theirs."""
+
+NEAR = 3.0
+"""Distance over radius at which half of a departure by the plate is left; a choice."""
+
+DISTANCE, FASTER, TIME, ASIDE = 0.5, 0.12, 0.25, 0.5
+"""Over what change a departure looks different: of the logarithms of distance and of speed, of the
+sweep's duration, of radii."""
+
+SHOWN = 1e-4
+"""Directions below this share of the largest variance are left out."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Process:
+    """Hold a smooth process on some rows: where they are, counted in its lengths, and its size."""
+
+    name: str  # the channel that departs, and what its departure depends on
+    sweep: int  # number of the sweep where it is another one in each, else -1
+    rows: NDArray[np.intp]  # (m,) numbers of the rows
+    at: Array  # (m, d) places
+    size: Array  # (m,) standard deviation, in that of the rows' noise
+    share: Array  # (m,) the same over the reading
+
+
+def of_thrust(log: SweepLog, sweep: int, radius_m: float) -> Iterator[Process]:
+    """Return processes of a sweep's thrusts, in N."""
+    c, turning = log.conditions, ~log.tare
+    rows = np.arange(len(log))
+    share = np.where(turning, WITHIN * THRUST, 0.0)
+    near = share * np.mean(c.coverage, axis=0) / (1.0 + (c.plate_z_m / radius_m / NEAR) ** 2)
+    distance = np.log(c.plate_z_m / radius_m) / DISTANCE
+    faster = np.log(np.maximum(np.sqrt(np.mean(c.speed_rad_s**2, axis=0)), 1.0)) / FASTER
+    thrust = np.abs(log.thrust_N)
+    typical = float(np.median(thrust[turning]))
+
+    def process(name: str, number: int, share: Array, *at: Array) -> Process:
+        return Process(f"thrust: {name}", number, rows, np.stack(at, 1), share * thrust, share)
+
+    yield process("distance", -1, near, distance)
+    yield process("speed", -1, share, faster)
+    yield process("distance and speed", -1, near, distance, faster)
+    yield process("time", sweep, share, _part_of(c.time_s) / TIME)
+    if np.ptp(c.plate_x_m[turning]) > 0.1 * radius_m:
+        near = share / (1.0 + (c.plate_z_m / radius_m / NEAR) ** 2)
+        yield process("lateral position", -1, near, c.plate_x_m / (ASIDE * radius_m))
+    if len(np.unique(log.stay)) > 3:
+        share = np.full(len(log), WITHIN * THRUST)
+        places = 10.0 * log.stay[:, None].astype(float)
+        yield Process("thrust: visit", sweep, rows, places, share * typical, share)
+
+
+def of_speed(log: SweepLog, sweep: int, radius_m: float) -> Iterator[Process]:
+    """Return processes of a sweep's speeds and voltages, in rad/s and V, one after the other."""
+    power = log.power
+    assert power is not None
+    c = log.conditions.select(~log.tare)
+    rows = np.arange(len(c))
+    ratio = c.plate_z_m / radius_m
+    near = WITHIN * ANSWERS * np.mean(c.coverage, axis=0) / (1.0 + (ratio / NEAR) ** 2)
+    places = np.stack([np.log(ratio) / DISTANCE, np.log(power.speed_rad_s) / FASTER], 1)
+    speed = power.speed_rad_s
+    yield Process("speed: distance", -1, rows, places, near * speed, near)
+    time = _part_of(c.time_s)[:, None] / TIME
+    share = np.full(len(c), WITHIN * SPEED)
+    yield Process("speed: time", sweep, rows, time, share * speed, share)
+    known = np.flatnonzero(np.isfinite(power.voltage_V))
+    both = np.concatenate([rows, len(rows) + np.arange(len(known))])
+    read = np.concatenate([speed, power.voltage_V[known]])
+    share = np.full(len(both), WITHIN * SUPPLY)
+    time = np.concatenate([time, time[known]])
+    yield Process("speed: supply over time", sweep, both, time, share * read, share)
+
+
+LAW = 0.1
+"""How far an effect's own law may be off, one standard deviation, as a part of what it does."""
+
+
+def variations(logs: Sequence[SweepLog], radius_m: float) -> Array:
+    """Return smooth functions (m, r) of distance and of speed over the thrusts of all sweeps."""
+    c = [log.conditions for log in logs]
+    distance = np.concatenate([np.log(one.plate_z_m / radius_m) for one in c])
+    speed = np.concatenate([np.sqrt(np.mean(one.speed_rad_s**2, axis=0)) for one in c])
+    faster = np.log(np.maximum(speed, 1.0))
+    roots = [smooth_root(distance[:, None] / DISTANCE), smooth_root(faster[:, None] / FASTER)]
+    return np.hstack([LAW / np.sqrt(2.0) * root for root in roots])
+
+
+PHRASES = {
+    "thrust: distance": "a different law of thrust against distance",
+    "thrust: visit": "something that changes from visit to visit",
+}
+"""What a departure beyond tolerance means; of others: something that depends on it."""
+
+
+def discrepancies(processes: Sequence[Process], n_rows: int) -> list[Discrepancy]:
+    """Return discrepancies of processes whose rows are numbered within the whole evidence."""
+    found = []
+    ordered = sorted(processes, key=lambda one: (one.name, one.sweep))
+    for name, parts in groupby(ordered, key=lambda one: one.name):
+        columns = [_columns(list(same), n_rows) for _, same in groupby(parts, lambda p: p.sweep)]
+        channel, _, depends = name.partition(": ")
+        found.append(
+            Discrepancy(
+                name=name,
+                stage="rpm_to_thrust" if channel == "thrust" else "pwm_to_rpm",
+                phrase=PHRASES.get(name, f"something in {channel} that depends on {depends}"),
+                columns=np.hstack([one for one, _ in columns]),
+                shares=np.hstack([one for _, one in columns]),
+                readings=np.hstack([one for one, _ in columns]),
+                always=name != "thrust: visit",
+            )
+        )
+    return found
+
+
+def _columns(parts: Sequence[Process], n_rows: int) -> tuple[Array, Array]:
+    """Return the root of a process' covariance (n_rows, r), and the same as shares of readings."""
+    root = smooth_root(np.concatenate([part.at for part in parts]))
+    rows = np.concatenate([part.rows for part in parts])
+    columns, shares = np.zeros((2, n_rows, root.shape[1]))
+    columns[rows] = np.concatenate([part.size for part in parts])[:, None] * root
+    shares[rows] = np.concatenate([part.share for part in parts])[:, None] * root
+    return columns, shares
+
+
+def smooth_root(places: Array) -> Array:
+    """Return the root (m, r) of the covariance of a smooth process of size 1 at places (m, d)."""
+    unique, rows = np.unique(np.round(np.nan_to_num(places), 2), axis=0, return_inverse=True)
+    squares = np.sum((unique[:, None] - unique[None]) ** 2, axis=2)
+    size, axes = np.linalg.eigh(np.exp(-0.5 * squares))
+    shown = size > SHOWN * size[-1]
+    root: Array = (axes[:, shown] * np.sqrt(size[shown]))[rows.reshape(-1)]
+    return root
+
+
+def _part_of(time_s: Array) -> Array:
+    """Return times as parts of the whole duration."""
+    span = float(np.ptp(time_s))
+    return (time_s - time_s.min()) / span if span > 0.0 else np.zeros_like(time_s)
