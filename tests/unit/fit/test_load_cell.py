@@ -20,7 +20,7 @@ from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.profile import with_profile
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.fit.uncertainty.load_cell import ScaleError, load_cells, with_scale_errors
+from benchtool.fit.uncertainty.load_cell import ScaleError, load_cells, pooled, with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from benchtool.fit.uncertainty.propagation import budget_of, propagation
 from benchtool.fit.uncertainty.run_budget import run_budget
@@ -202,3 +202,33 @@ def test_a_calibration_stands_in_the_budgets_of_fit_and_run(tmp_path: Path) -> N
     (line,) = (one for one in fitted.lines if one.name == "calibration cell: gravity")
     place = fitted.names.index("k")
     assert line.contribution[place] == pytest.approx(0.01 * fitted.values[place], rel=0.01)
+
+
+def calibrated(scatter_N: float, dof: int = 3) -> dict[str, object]:
+    """Return what pooling asks of a calibration."""
+    repeat = {"name": "repeat", "sd": scatter_N, "relative_sd": 0.1 * scatter_N, "dof": dof}
+    mass = {"name": "masses", "sd": 1e-3, "relative_sd": 3e-4, "dof": None}
+    total = float(np.hypot(0.1 * scatter_N, 3e-4))
+    return {"residual_sd_N": scatter_N, "relative_sd": total, "components": [repeat, mass]}
+
+
+def test_a_line_that_came_out_straight_by_luck_weighs_no_more() -> None:
+    found = pooled([calibrated(0.0001), calibrated(0.03), calibrated(0.04)])
+    repeats = [one["components"][0] for one in found]
+    assert [one["dof"] for one in repeats] == [9.0] * 3
+    together = np.sqrt((0.0001**2 + 0.03**2 + 0.04**2) / 3.0)
+    assert [one["relative_sd"] for one in repeats] == pytest.approx([0.1 * together] * 3)
+    assert found[0]["relative_sd"] == pytest.approx(np.hypot(0.1 * together, 3e-4))
+    assert found[0]["components"][1] == calibrated(0.0001)["components"][1]
+
+
+def test_a_cell_that_scatters_clearly_more_keeps_its_own() -> None:
+    *alike, loose = pooled([calibrated(0.03, 9), calibrated(0.04, 9), calibrated(0.4, 9)])
+    assert loose == calibrated(0.4, 9)
+    assert {one["components"][0]["dof"] for one in alike} == {18.0}
+
+
+def test_one_calibration_or_one_without_its_scatter_stays_as_it_is() -> None:
+    assert pooled([calibrated(0.03)]) == [calibrated(0.03)]
+    both = [calibrated(0.03), {**calibrated(0.03), "residual_sd_N": None}]
+    assert pooled(both) == both
