@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NoReturn
 
 import pytest
 
-from benchtool.commands import fit
 from benchtool.commands.app import main
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import changed, make, words
 from benchtool.core.parameter import full_name
+from benchtool.fit import run_recipe
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.recipe import FitInputs, Recipe
-from benchtool.fit.run_recipe import run_recipe
+from benchtool.report.fit import page
 
 QUAD = str(Path(__file__).parents[3] / "datasets" / "quad" / "run")
 
@@ -57,15 +58,15 @@ def test_a_parameter_is_not_named_twice(named: Mapping[str, object]) -> None:
 
 
 def test_noise_that_is_named_by_itself_is_heeded() -> None:
-    held = run_recipe(quad(fix={"noise.scale": 2.0}))
+    held = run_recipe.run_recipe(quad(fix={"noise.scale": 2.0}))
     assert held.problem.noise_name is None
     assert held.problem.sigma() == pytest.approx(2.0 * held.problem.standard_error)
-    freed = run_recipe(quad(noise="stated", free=("noise.scale",)))
+    freed = run_recipe.run_recipe(quad(noise="stated", free=("noise.scale",)))
     assert freed.problem.noise_name == "noise.scale"
 
 
 def test_a_result_is_asked_by_last_parts_too() -> None:
-    result = run_recipe(quad(noise="stated")).results[0]
+    result = run_recipe.run_recipe(quad(noise="stated")).results[0]
     assert result["K_b"] is result["body_lift.K_b"]
 
 
@@ -93,13 +94,27 @@ FULL = Recipe(
 
 @pytest.mark.parametrize("recipe", [PLAIN, FULL, replace(PLAIN, methods=("emcee",), columns="m")])
 def test_the_words_ask_for_the_same_recipe(recipe: Recipe, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-    monkeypatch.setattr(fit, "_run", lambda *given: asked.append(given))
+    asked, outs = captured(monkeypatch), []
+    monkeypatch.setattr(page, "refuse_full", outs.append)
     more = {"out": "fits/new", "profile": recipe.seed == 7}
     with pytest.raises(SystemExit):
         main(["fit", *words(FitInputs, changed(recipe) | more)])
-    inputs = FitInputs(recipe=recipe, out=Path("fits/new"), profile=recipe.seed == 7)
-    assert asked == [(inputs, announce_code)]
+    ((given, options),) = asked
+    assert given == recipe
+    assert (options["profile"], options["permit"]) == (recipe.seed == 7, announce_code)
+    assert outs == [Path("fits/new")]
+
+
+def captured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Recipe, dict[str, Any]]]:
+    """Return a list that the recipe of a fit goes to, which is then not run."""
+    asked: list[tuple[Recipe, dict[str, Any]]] = []
+
+    def run(recipe: Recipe, report: object, **options: Any) -> NoReturn:
+        asked.append((recipe, options))
+        raise SystemExit(0)
+
+    monkeypatch.setattr(run_recipe, "run_recipe", run)
+    return asked
 
 
 def test_what_is_usual_is_left_out() -> None:
@@ -117,9 +132,8 @@ def test_options_go_over_a_recipe_file(tmp_path: Path, monkeypatch: pytest.Monke
     (tmp_path / "recipe.toml").write_text(
         "[recipe]\nname = 'a'\ndata = ['r']\nmodel = 'quad'\nseed = 4\nwalkers = 40\n", "utf-8"
     )
-    asked: list[Recipe] = []
-    monkeypatch.setattr(fit, "_run", lambda inputs, *rest: asked.append(inputs.recipe))
+    asked = captured(monkeypatch)
     with pytest.raises(SystemExit):
         main(["fit", "--recipe", str(tmp_path), "--seed", "5", "--fix", "K_b=2", "--fix", "R_m"])
-    (recipe,) = asked
+    ((recipe, _),) = asked
     assert (recipe.seed, recipe.walkers, recipe.fix, recipe.hold) == (5, 40, {"K_b": 2.0}, ("R_m",))
