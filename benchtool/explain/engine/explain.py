@@ -148,6 +148,9 @@ def explain(
             if name not in {effect.name for effect in effects}
         },
         unnamed=tuple(judgement.unnamed),
+        beside={
+            effect_of(subject, name).phrase: probability for name, probability in judgement.beside
+        },
         remarks=subject.remarks,
         next=subject.next_experiment(rivals, rng, refused) if rivals and propose else None,
         parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.at),

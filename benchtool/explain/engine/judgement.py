@@ -51,3 +51,4 @@ class Judgement:
     members: Sequence[tuple[int, str]]
     unknown: float  # probability that something without a name is missing
     unnamed: Sequence[Unnamed] = ()
+    beside: Sequence[tuple[str, float]] = ()  # effects with their probabilities beside an unknown

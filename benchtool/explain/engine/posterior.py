@@ -15,6 +15,7 @@ from math import exp, log
 import numpy as np
 
 from benchtool.core.errors import EstimationError
+from benchtool.explain.engine.describe import effect_of
 from benchtool.explain.engine.held_out import HeldOut
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.judgement import CLASS_FROM, Judgement, Progress, Trial
@@ -76,7 +77,22 @@ def judged(
         members=members,
         unknown=max(unknown) if kind == "unknown" else min(unknown),
         unnamed=unnamed,
+        beside=_beside(subject, hypotheses, search, unnamed) if kind == "unknown" else (),
     )
+
+
+def _beside(
+    subject: Subject, hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[Unnamed]
+) -> list[tuple[str, float]]:
+    """Return the effects of other stages that are there beside what has no name."""
+    stages = {one.stage for one in unnamed}
+    return [
+        (trial.name, 1.0 - probabilities(trial)["none"])
+        for trial in search.trials
+        if trial.name in hypotheses.effects
+        and trial.name in search.best.opened
+        and effect_of(subject, trial.name).subsystem not in stages
+    ]
 
 
 def probabilities(trial: Trial) -> dict[str, float]:

@@ -272,6 +272,7 @@ class Verdict:
     nearest: Nearest | None  # for an unknown, the named effect that comes nearest
     tolerances: Mapping[str, float]  # what does not matter, by parameter's full name
     unnamed: tuple[Unnamed, ...]  # what has no name, in any stage, the largest first
+    beside: Mapping[str, float]  # phrases of effects that are there beside an unknown, how likely
     not_judged: Mapping[str, NotJudged]  # effects that this data cannot show, by name
     remarks: tuple[str, ...]  # what was repaired in the recordings, and what they lack
     next: NextExperiment | None  # the next experiment, for a class or an unknown
@@ -329,6 +330,11 @@ def _effect(effect: NamedEffect) -> str:
     return f"{effect.phrase}: {', '.join(numbers)}"
 
 
+def _shown(probability: float) -> str:
+    shown = f"{probability:.2f}"
+    return "above 0.99" if shown == "1.00" else shown
+
+
 def _lacks(probability: float) -> str:
     if probability >= SURE:
         return "lacks"
@@ -339,8 +345,7 @@ def _named(verdict: Verdict) -> str:
     """State each effect with its probability; the verb once for those as sure."""
     before, parts = "", list[str]()
     for one in verdict.effects:
-        shown, verb = f"{one.probability:.2f}", _lacks(one.probability)
-        shown = "above 0.99" if shown == "1.00" else shown
+        shown, verb = _shown(one.probability), _lacks(one.probability)
         stated = f"{'' if verb == before else f'{verb} '}{_effect(one)}, probability {shown}"
         parts.append(stated)
         before = verb
@@ -376,6 +381,8 @@ def _unknown(verdict: Verdict) -> str:
         share = f"{100.0 * near.share_closed:.0f} % of the gap"
         nearest = f"; the nearest is {near.phrase}, which closes {share}"
     shown = f": {verdict.unnamed[0].text}" if verdict.unnamed else ""
+    for phrase, probability in verdict.beside.items():
+        nearest += f"; beside it {phrase}, probability {_shown(probability)}"
     return f"Something is missing{place} that no named effect explains{shown}{nearest}."
 
 

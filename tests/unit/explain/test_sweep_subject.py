@@ -203,6 +203,37 @@ def test_a_measured_rotor_pair_follows_another_law(reference_data: Path) -> None
     assert any("no time_s" in remark for remark in verdict.remarks)
 
 
+def lab_sweep(path: Path, seed: int, distances: Sequence[float]) -> Recording:
+    """Sweep a bench whose thrust goes as 1 + 0.09 (z/R)^-1.6, on a cell of 12 mN hysteresis."""
+    model, rng = load_model("single").model, np.random.default_rng(seed)
+    p, k = model.rig.propulsion, model.parameters["k"].value
+    rows = ["point,time_s,elapsed_s,kind,pwm1_us,rpm1,plate_z_m,thrust_N,thrust_se_N"]
+    for place, ratio in enumerate((*distances, *distances[::-1])):
+        began, z_m = 60.0 * place, ratio * p.radius_m
+        zero = 0.001 * rng.standard_normal()
+        rows.append(f"{len(rows)},{began},0,tare,1000,0,{z_m},{zero},0.001")
+        for visit, pulse in enumerate((1400, 1500, 1600, 1500, 1400)):
+            speed = p.speed_per_us_rad_s * (pulse - p.pwm_start_us)
+            force = k * speed**2 * (1.0 + 0.09 * ratio**-1.6) + 0.001 * rng.standard_normal()
+            force += 0.012 if visit > 2 else -0.012
+            rpm, after = 30.0 / np.pi * speed + rng.standard_normal(), 8.0 * (visit + 1)
+            rows.append(
+                f"{len(rows)},{began + after},{after},measure,{pulse},{rpm},{z_m},{force},0.001"
+            )
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return read_table(path, {}, [])
+
+
+def test_a_lab_bench_of_another_law_is_said_to_be_that(tmp_path: Path) -> None:
+    learn = lab_sweep(tmp_path / "learn.csv", 1, (0.6, 0.8, 1.0, 1.3, 1.8, 2.5, 3.5, 6.0))
+    check = lab_sweep(tmp_path / "check.csv", 2, (0.7, 0.9, 1.2, 1.6, 2.2, 3.0, 5.0))
+    subject = SweepSubject(load_model("single").model, [learn], [check])
+    verdict = explain(subject, propose=False).verdict
+    assert verdict.kind == "unknown"
+    assert "a different law of thrust against distance, up to 2" in verdict.sentence
+    assert "beside it load-cell hysteresis, probability above 0.99" in verdict.sentence
+
+
 MINE = """
 from benchtool.physics.effects.effect import Effect, Hooks, expression, number
 
