@@ -160,7 +160,8 @@ static struct rotor {
 static avr_cycle_count_t rotor_turned(avr_t *cpu, avr_cycle_count_t when, void *param)
 {
     struct rotor *rotor = param;
-    if (rotor->rpm < 1.0)
+    /* A slower one counts as standing: its next edge would be due long after it spun up again. */
+    if (rotor->rpm < 100.0)
         return when + avr_usec_to_cycles(cpu, 1000);
     rotor->high = !rotor->high;
     drive(rotor->pin, rotor->high);
