@@ -82,7 +82,8 @@ def _gaps_truly(record: HiddenRecord, verdict: Verdict) -> dict[str, float]:
     if subject.window_s != verdict.window_s:
         return {}
     as_given = np.zeros(len(subject.evidence.parameters))
-    floors = subject.floor(as_given, np.random.default_rng(0), verdict.draws)
+    nothing = np.zeros((1, verdict.draws))
+    floors = subject.floor(as_given, nothing, np.random.default_rng(0))
     return {gap.channel: gap.after / float(np.median(floors[gap.channel])) for gap in verdict.gaps}
 
 

@@ -122,7 +122,7 @@ _ALL = (
     Named("load_cell_drift", "rate_N_per_s", "drift_N_per_s", _of_weight(1e-4)),
     Named("tare_offset", "thrust_N", "tare_N", _of_weight(0.02)),
     Named("load_cell_hysteresis", "half_width_N", "hysteresis_N", _of_weight(0.02), most_below=0.0),
-    Named("wall_blockage", "share", "blockage", _plain(0.01)),
+    Named("wall_blockage", "share", "blockage", _plain(0.01), most_below=0.0),
 )
 
 NAMED: dict[str, Named] = {effect.name: effect for effect in _ALL}
