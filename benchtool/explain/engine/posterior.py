@@ -1,4 +1,4 @@
-"""Posterior for what must break its tolerance, effect or discrepancy, and weigh what was tried.
+"""Search for what must break its tolerance, effect or discrepancy, and weigh what was tried.
 
 One marginal likelihood decides. An effect's size has a prior of two parts, within its tolerance
 and beyond; a discrepancy within its tolerance is part of every hypothesis, and beyond it is what
@@ -43,7 +43,7 @@ own departures stay below, and something larger could be all of it."""
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Posterior:
-    """Hold what a search found."""
+    """Hold what a search by marginal likelihood found."""
 
     null: Hypothesis  # nothing beyond tolerance
     best: Hypothesis  # the hypothesis whose members are all worth having; the null when none is
