@@ -6,11 +6,15 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
+from benchtool.explain.engine.shared_errors import solved
 from benchtool.explain.engine.subject import Evidence
 
 
 class Learned:
     """Predict departures within tolerance where they were not learned from.
+
+    In the basis of all recordings, which the learned ones alone need not share: roots of a
+    covariance are cut off, and predictions of speed feel where.
 
     Args:
         hypotheses: about the recordings to learn from.
@@ -18,7 +22,7 @@ class Learned:
     """
 
     def __init__(self, hypotheses: Hypotheses, every: Evidence) -> None:
-        self._hypotheses = hypotheses
+        self._errors = hypotheses.errors
         self._parts = [one for one in every.discrepancies() if one.readings is not None]
         self._learned = hypotheses.n_rows
 
@@ -41,27 +45,21 @@ class Learned:
 
     def drawn(self, one: Hypothesis, rng: np.random.Generator, draws: int) -> Array:
         """Return changes (n_rows, draws) as uncertain as they are, about the expected ones."""
-        columns, every = self._known(one), self._every(one)
-        inner = np.eye(every.shape[1]) + every.T @ every
-        noise = self._hypotheses.noise[:, None]
-        mixed = every.T @ (columns / noise)
-        sure = (columns / noise).T @ (columns / noise) - mixed.T @ np.linalg.solve(inner, mixed)
+        columns = self._known(one) / self._errors.noise[:, None]
+        sure = columns.T @ solved(self._every(one), columns)
         size, axes = np.linalg.eigh(np.eye(len(sure)) - sure)
-        root = axes * np.sqrt(np.maximum(size, 0.0))
+        root = axes * np.sqrt(np.maximum(size, 0.0)) @ axes.T  # the one that rounding leaves alone
         drawn: Array = self._readings(one) @ (root @ rng.standard_normal((len(size), draws)))
         return drawn
 
     def _every(self, one: Hypothesis) -> Array:
         """Return the columns of all that is there over the noise, laws of effects among them."""
-        laws = [self._hypotheses.errors.law(name) for name in one.widened if ": law" in name]
-        return np.hstack([self._known(one) / self._hypotheses.noise[:, None], *laws])
+        laws = [self._errors.law(name) for name in one.widened if ": law" in name]
+        return np.hstack([self._known(one) / self._errors.noise[:, None], *laws])
 
     def _left(self, one: Hypothesis) -> Array:
         """Return V^-1 r (n_learned,) of what a hypothesis leaves."""
-        rows, every = self._hypotheses.errors.rows(one.at)[:, 0], self._every(one)
-        inner = np.eye(every.shape[1]) + every.T @ every
-        left = rows - every @ np.linalg.solve(inner, every.T @ rows)
-        return np.asarray(left / self._hypotheses.noise, float)
+        return solved(self._every(one), self._errors.rows(one.at)[:, 0]) / self._errors.noise
 
     def _factors(self, one: Hypothesis) -> list[float]:
         return [one.widened.get(part.name, float(part.always)) for part in self._parts]

@@ -159,10 +159,7 @@ class SharedErrors:
 
     def left(self, at: Array, widened: Mapping[str, float]) -> Array:
         """Return what is left at a point (n_rows,), over its covariance: V^-1 r."""
-        rows, columns = self.rows(at)[:, 0], self.columns(widened)
-        inner = np.eye(columns.shape[1]) + columns.T @ columns
-        left = rows - columns @ np.linalg.solve(inner, columns.T @ rows)
-        return np.asarray(left / self.noise, float)
+        return solved(self.columns(widened), self.rows(at)[:, 0]) / self.noise
 
     def law(self, name: str) -> Array:
         """Return how an effect's own law may be off (n_rows, r), over the noise."""
@@ -176,3 +173,10 @@ class SharedErrors:
     def log_root(self, widened: Mapping[str, float]) -> float:
         """Return half of the log determinant of the covariance over the noise."""
         return self._shared(widened)[2]
+
+
+def solved(columns: Array, rows: Array) -> Array:
+    """Return V^-1 rows (n_rows, ...) for V = 1 + columns columns^T."""
+    inner = np.eye(columns.shape[1]) + columns.T @ columns
+    found: Array = rows - columns @ np.linalg.solve(inner, columns.T @ rows)
+    return found
