@@ -34,6 +34,8 @@ class ErrorSource:
             scatter of the same kind, such as that of reference points.
         origin: who states or assumes it, for an uncertainty budget.
         parameter: the noise parameter that stands for `sd` where it is free; empty without.
+        scatter: name of the scatter that `sd` was estimated from, where other sources have theirs
+            from the same; empty where it is the source's own.
     """
 
     name: str
@@ -46,6 +48,7 @@ class ErrorSource:
     scaled: bool = False
     origin: str = ""
     parameter: str = ""
+    scatter: str = ""
 
     def of(self, rows: NDArray[np.intp]) -> ErrorSource:
         """Return the source of only those observations."""
@@ -67,15 +70,22 @@ def joined(parts: Sequence[Sequence[ErrorSource]]) -> tuple[ErrorSource, ...]:
     )
 
 
-def effective_dof(contributions: Array, dof: Array) -> float:
+def effective_dof(contributions: Array, dof: Array, scatters: Sequence[str] = ()) -> float:
     """Return the degrees of freedom of a combined uncertainty (Welch-Satterthwaite, GUM G.2b).
 
     Args:
         contributions: (s,) of independent sources.
         dof: (s,) of each; inf where its uncertainty is stated.
+        scatters: (s,) names of the scatters that they were estimated from: those of one name
+            share its degrees of freedom, and are too small or too large together; empty where
+            each has its own.
     """
-    spent = float(np.sum(contributions**4 / dof))
-    return float(np.sum(contributions**2)) ** 2 / spent if spent > 0.0 else np.inf
+    variances, same = contributions**2, np.eye(len(contributions))
+    for place, name in enumerate(scatters):
+        if name:
+            same[place] = [other == name for other in scatters]
+    spent = float(variances @ same @ (variances / dof))
+    return float(variances.sum()) ** 2 / spent if spent > 0.0 else np.inf
 
 
 class Whitening:

@@ -50,6 +50,15 @@ class PriorRows:
         known = [np.array([part.dof for part in row]) for row in self.parts]
         return np.array([effective_dof(*row) for row in zip(shares, known, strict=True)])
 
+    @cached_property
+    def estimated(self) -> tuple[Array, ...]:
+        """Numbers of the rows of finite `dof`, together where one scatter made their variances."""
+        groups: dict[str, list[int]] = {}
+        for row in np.flatnonzero(np.isfinite(self.dof)):
+            name = next((part.scatter for part in self.parts[row] if part.scatter), f"row {row}")
+            groups.setdefault(name, []).append(int(row))
+        return tuple(np.array(rows) for rows in groups.values())
+
     def __len__(self) -> int:
         return int(self.matrix.shape[0])
 

@@ -155,8 +155,9 @@ def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
         if len(rows):
             whitened = matrix @ (shape - mean)
             value -= 0.5 * np.einsum("qw,qw->w", whitened[normal_rows], whitened[normal_rows])
-            for z, dof in zip(whitened[~normal_rows], rows.dof[~normal_rows], strict=True):
-                value -= 0.5 * (dof + 1.0) * np.log1p(z * z / dof)
+            for some in rows.estimated:
+                dof, squares = rows.dof[some[0]], np.sum(whitened[some] ** 2, axis=0)
+                value -= 0.5 * (dof + len(some)) * np.log1p(squares / dof)
         if in_log:
             value -= np.log(columns[position])
         elif normal is not None:

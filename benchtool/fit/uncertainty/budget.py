@@ -38,6 +38,7 @@ class BudgetLine:
     Attributes:
         sd: standard uncertainty in `unit`; typical where it differs from point to point.
         dof: degrees of freedom of `sd`; inf where it is stated.
+        scatter: name of the scatter behind `sd`, where several lines have theirs from it.
         correlation: which points share one draw of it, in words.
         origin: who states or assumes it.
         in_fit: whether the fit's own intervals hold it already.
@@ -57,6 +58,7 @@ class BudgetLine:
     in_fit: bool
     contribution: tuple[float, ...]
     sensitivity: tuple[float, ...]
+    scatter: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +112,8 @@ class Budget:
     def dof(self) -> Array:
         """Effective degrees of freedom (n,)."""
         known = np.array([line.dof for line in self.lines], float)
-        return np.array([effective_dof(column, known) for column in self.parts.T])
+        scatters = [line.scatter for line in self.lines]
+        return np.array([effective_dof(column, known, scatters) for column in self.parts.T])
 
     @cached_property
     def coverage_factor(self) -> Array:
@@ -197,7 +200,7 @@ def budget_from(tables: Mapping[str, Any]) -> Budget:
 
     lines = []
     for source in tables["sources"]:
-        own = {item.name: source[item.name] for item in fields(BudgetLine)}
+        own = {item.name: source[item.name] for item in fields(BudgetLine) if item.name in source}
         own |= {key: tuple(source[key][name] for name in names) for key in _EACH}
         lines.append(BudgetLine(**own | {"dof": inf if own["dof"] is None else own["dof"]}))
     drawn = tables["monte_carlo"]

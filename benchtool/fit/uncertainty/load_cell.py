@@ -92,8 +92,13 @@ def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | No
     return LoadCells(errors=errors, warnings=tuple(warnings))
 
 
-UNLIKE = 0.01
-"""p-value below which a calibration scatters more than the others; a choice."""
+UNLIKE = 0.001
+"""p-value below which a calibration scatters more than the others; a choice. A mean of lines pooled
+wrongly still has the variance that the pooled scatter says; of lines not pooled, one that is
+straight by luck takes all the weight."""
+
+POOLED = "scatter of the calibrations"
+"""Name of the estimate that alike calibrations share."""
 
 
 def pooled(calibrations: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
@@ -123,7 +128,8 @@ def pooled(calibrations: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]
         factor = together / own
         parts = [
             {**part, "sd": factor * part["sd"], "relative_sd": factor * part["relative_sd"],
-             "dof": float(dof[alike].sum())} if part["name"] == "repeat" else part
+             "dof": float(dof[alike].sum()), "scatter": POOLED}
+            if part["name"] == "repeat" else part
             for part in known["components"]
         ]  # fmt: skip
         total = float(np.sqrt(sum(part["relative_sd"] ** 2 for part in parts)))
@@ -186,6 +192,7 @@ def _parts(known: Mapping[str, Any]) -> tuple[ErrorSource, ...]:
             distribution=part.get("distribution", "normal"),
             dof=np.inf if part["dof"] is None else float(part["dof"]),
             origin=traceability(known),
+            scatter=part.get("scatter", ""),
         )
         for part in known.get("components") or of_line
         if part["relative_sd"] > 0.0

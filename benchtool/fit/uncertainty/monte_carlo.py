@@ -48,12 +48,13 @@ def monte_carlo(
         if problem.noise_name is not None:
             factor = float(np.sqrt(problem.dof / rng.chisquare(problem.dof)))
         error = factor * way.whitening.sigma * rng.standard_normal(m)
+        scales: dict[str, float] = {}
         for one, begin, end in zip(problem.error_sources, at[:-1], at[1:], strict=True):
             error += (factor if one.scaled else 1.0) * (shared[:, begin:end] @ drawn(one, rng))
         for one in outside:
             error += one.columns @ drawn(one, rng)
         priors = [
-            sum((one.columns @ drawn(one, rng)).item() for one in parts)
+            sum((one.columns @ drawn(one, rng, scales)).item() for one in parts)
             if parts
             else rng.standard_normal()
             for parts in problem.priors.parts
@@ -78,8 +79,14 @@ def monte_carlo(
     )
 
 
-def drawn(source: ErrorSource, rng: np.random.Generator) -> Array:
-    """Return one draw (r,) of a source, of standard uncertainty 1 (JCGM 101, 6.4)."""
+def drawn(
+    source: ErrorSource, rng: np.random.Generator, scales: dict[str, float] | None = None
+) -> Array:
+    """Return one draw (r,) of a source, of standard uncertainty 1 (JCGM 101, 6.4).
+
+    Args:
+        scales: how far off scatters are in this draw that several sources share; gains new ones.
+    """
     r, scale = source.columns.shape[1], 1.0
     if source.distribution == "uniform":
         draw = rng.uniform(-np.sqrt(3.0), np.sqrt(3.0), r)
@@ -88,6 +95,8 @@ def drawn(source: ErrorSource, rng: np.random.Generator) -> Array:
     else:
         if source.distribution == "student_t" and np.isfinite(source.dof):
             scale = float(np.sqrt(source.dof / rng.chisquare(source.dof)))
+            if source.scatter and scales is not None:
+                scale = scales.setdefault(source.scatter, scale)
         draw = scale * rng.standard_normal(r)
     return np.asarray(draw, float)
 

@@ -29,19 +29,24 @@ def parameter_dof(
     base = np.inf if problem.noise_name is None else float(problem.dof)
     sources = [one for one in problem.error_sources if np.isfinite(one.dof) and not one.scaled]
     priors = problem.priors
-    rows = np.flatnonzero(np.isfinite(priors.dof))
-    if not sources and not len(rows):
+    groups = priors.estimated
+    if not sources and not groups:
         return np.full(len(covariance), base), np.ones(len(covariance))
     known = np.where(np.isfinite(covariance), covariance, 0.0)  # others have no interval
     m, gain = len(problem), known @ jacobian.T
     sd = [np.linalg.norm(gain[:, :m] @ whitening(one.columns), axis=1) for one in sources]
-    sd += [np.abs(gain[:, m + row]) for row in rows]
+    for row in (row for rows in groups for row in rows):
+        sources += priors.parts[row]
+        sd += [np.abs(gain[:, m + row]) * one.columns.item() for one in priors.parts[row]]
     rest = np.sqrt(np.maximum(np.diag(known) - np.sum(np.square(sd), axis=0), 0.0))
-    dof = np.array([*(one.dof for one in sources), *priors.dof[rows], base])
-    effective = np.array([effective_dof(column, dof) for column in np.array([*sd, rest]).T])
+    dof = np.array([*(one.dof for one in sources), base])
+    scatters = [*(one.scatter for one in sources), ""]
+    effective = [effective_dof(one, dof, scatters) for one in np.array([*sd, rest]).T]
     variance, growth = np.diag(known), np.ones(len(known))
-    for row in rows:
-        left = 1.0 - float(jacobian[m + row] @ gain[:, m + row])  # variance of its own residual
-        share = np.divide(gain[:, m + row] ** 2, variance, np.zeros(len(known)), where=variance > 0)
-        growth += 4.0 / priors.dof[row] * max(left, 0.0) * share
-    return effective, np.sqrt(growth)
+    for rows in groups:
+        of_rows = gain[:, m + rows]
+        left = np.eye(len(rows)) - jacobian[m + rows] @ of_rows  # covariance of their residuals
+        moved = np.maximum(np.einsum("nq,qp,np->n", of_rows, left, of_rows), 0.0)
+        share = np.divide(moved, variance, np.zeros(len(known)), where=variance > 0)
+        growth += 4.0 / priors.dof[rows[0]] * share
+    return np.array(effective), np.sqrt(growth)

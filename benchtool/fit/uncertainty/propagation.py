@@ -147,6 +147,7 @@ def _line(
         sd=source.sd,
         distribution=source.distribution,
         dof=source.dof,
+        scatter=source.scatter,
         correlation=correlation or ("all points share it" if draws == 1 else f"{draws} draws"),
         origin=source.origin or ORIGINS[source.kind],
         in_fit=in_fit,

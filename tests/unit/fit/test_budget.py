@@ -103,6 +103,18 @@ def test_the_end_gauge_of_the_gum() -> None:
     assert effective_dof(parts, np.full(4, np.inf)) == np.inf
 
 
+def test_sources_of_one_scatter_have_its_degrees_of_freedom() -> None:
+    """Equal sources whose variance is one estimate of 6 degrees of freedom have 6, not 12."""
+    parts, dof = np.full(2, 3.0), np.full(2, 6.0)
+    assert effective_dof(parts, dof, ["", ""]) == pytest.approx(12.0)
+    assert effective_dof(parts, dof, ["cells", "cells"]) == pytest.approx(6.0)
+    # With something exactly known beside them: (2 x 9 + 7)^2 / (18^2 / 6).
+    known = effective_dof(
+        np.array([3.0, 3.0, 7.0**0.5]), np.array([6.0, 6.0, np.inf]), ["c"] * 2 + [""]
+    )
+    assert known == pytest.approx(25.0**2 * 6.0 / 18.0**2)
+
+
 @pytest.mark.parametrize("make", [line_problem, scaled_line, decay_problem, calibrated_line])
 def test_sources_of_a_fit_make_its_covariance(make: Callable[[], Problem]) -> None:
     problem = make()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -118,25 +119,57 @@ def test_cells_that_compete_are_weighted_by_estimates(
     """Without the correction two such cells hold k in 57 and 88 %, three in 51 and 84 %."""
     held = np.zeros(2)
     for seed in range(600):
-        rng = np.random.default_rng([7, seed, cells])
-        problem = function_problem(
-            "mean",
-            {"k": Parameter("k", "1", 1.0, free=True)},
-            lambda values: values[0] * np.ones(3 * cells),
-            np.repeat(1.0 + 0.01 * rng.normal(size=cells), 3),
-            np.full(3 * cells, 1e-5),
-        )
-        errors = [
-            ScaleError(
-                known={**CALIBRATION, "id": str(cell), "masses_kg": [0.0] * 5, "relative_sd": sd},
-                rows=np.arange(3 * cells) // 3 == cell,
-            )
-            for cell, sd in enumerate(0.01 * np.sqrt(rng.chisquare(3.0, cells) / 3.0))
-        ]
-        k = fit_least_squares(with_scale_errors(problem, errors))["k"]
+        k = fit_least_squares(competing(seed, cells))["k"]
         held += [low <= 1.0 <= high for low, high in (k.interval_68, k.interval_95)]
     for count, p in zip(held, expected, strict=True):
         assert binom.ppf(5e-4, 600, p) <= count <= binom.ppf(1.0 - 5e-4, 600, p), (p, count / 600)
+
+
+def competing(seed: int, cells: int, *, pools: bool = False, se: float = 1e-5) -> Problem:
+    """Return the problem of a mean of 1 seen through cells of three degrees of freedom each."""
+    rng = np.random.default_rng([7, seed, cells])
+    problem = function_problem(
+        "mean",
+        {"k": Parameter("k", "1", 1.0, free=True)},
+        lambda values: values[0] * np.ones(3 * cells),
+        np.repeat(1.0 + 0.01 * rng.normal(size=cells), 3),
+        np.full(3 * cells, se),
+    )
+    known: list[Mapping[str, object]] = []
+    for cell, sd in enumerate(0.01 * np.sqrt(rng.chisquare(3.0, cells) / 3.0)):
+        of_line = {"name": "repeat", "kind": "A", "unit": "1", "sd": sd, "relative_sd": sd}
+        of_line |= {"distribution": "student_t", "dof": 3.0}
+        stated = {"residual_sd_N": sd, "components": [of_line]} if pools else {}
+        facts = {"id": str(cell), "masses_kg": [0.0] * 5, "relative_sd": sd, **stated}
+        known.append({**CALIBRATION, **facts})
+    errors = [
+        ScaleError(known=one, rows=np.arange(3 * cells) // 3 == cell)
+        for cell, one in enumerate(pooled(known))
+    ]
+    return with_scale_errors(problem, errors)
+
+
+@pytest.mark.parametrize("cells", [2, 3])
+def test_cells_that_share_their_scatter_hold_what_they_state(cells: int) -> None:
+    """With degrees of freedom as of independent estimates two held 66 and 92 %: 12 for 6."""
+    held = np.zeros(2)
+    for seed in range(600):
+        k = fit_least_squares(competing(seed, cells, pools=True))["k"]
+        held += [low <= 1.0 <= high for low, high in (k.interval_68, k.interval_95)]
+    for count, p in zip(held, (0.6827, 0.95), strict=True):
+        assert binom.ppf(5e-4, 600, p) <= count <= binom.ppf(1.0 - 5e-4, 600, p), (p, count / 600)
+    problem = competing(0, cells, pools=True, se=1e-3)
+    k = fit_least_squares(problem)["k"]
+    for p, (low, high) in ((0.6827, k.interval_68), (0.95, k.interval_95)):
+        half = t.ppf(0.5 + 0.5 * p, 3.0 * cells)
+        assert (high - low) / (2.0 * k.sd) == pytest.approx(half, rel=0.01)
+    # Given what the cells say of each other, Student's t of nu + cells - 1 degrees of freedom.
+    nu, slopes, scatter = 3.0 * cells, problem.observed[::3], k.sd * np.sqrt(cells)
+    between = float(np.sum((slopes - slopes.mean()) ** 2)) / scatter**2
+    dof = nu + cells - 1.0
+    expected = t.ppf(0.975, dof) * k.sd * np.sqrt((nu + between) / dof)
+    low, high = fit_ensemble(problem, walkers=32, max_steps=8000, seed=3)["k"].interval_95
+    assert 0.5 * (high - low) == pytest.approx(expected, rel=0.1)
 
 
 def test_both_estimators_and_the_profile_give_students_t() -> None:
