@@ -101,7 +101,7 @@ def _true_gaps(record: HiddenSweep, verdict: Verdict) -> dict[str, float]:
     rotors = range(1, bench.layout.rotors + 1)
     speed = part.drive.speed_rad_s.copy()
     speed[:, part.kept] = np.array([table[f"rpm{i}"].to_numpy() for i in rotors]) / RPM
-    shown = cell_N(bench, rows, thrust_N(bench, rows, speed, np.zeros(len(rows.z_m))))
+    shown = cell_N(bench, rows, thrust_N(bench, rows, speed, np.zeros(len(rows.z_m))), speed)
     missed = table["thrust_N"].to_numpy() - shown[part.kept]
     wrong = RPM * (speed - part.drive.speed_rad_s)[:, rows.turning]
     stay = np.array([2 * visit.stay + (visit.kind == "tare") for visit in part.plan.visits])

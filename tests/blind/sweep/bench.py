@@ -54,6 +54,14 @@ class Bench:
     room_s: float = 30.0  # time in which it does
     flutter_rad_s: float = 0.0  # speed above which the blades flutter; 0: never
     flutter_jump: float = 0.0  # relative change of thrust there
+    creep_share: float = 0.0  # of a load that the cell's reading gains late
+    creep_s: float = 60.0  # time in which it does
+    shaking_rad_s: float = 0.0  # speed at which the stand resonates; 0: nowhere
+    shaking_share: float = 0.0  # of thrust that the reading loses there
+    shaking_damping: float = 0.06  # of the stand, over the critical one
+    warm_loss: float = 0.0  # share of the thrust coefficient that warm blades and motors lose
+    warm_s: float = 90.0  # time in which they warm up and cool down
+    plate_yield_m: float = 0.0  # by which the wash at hover bends the nearest plate away
 
     def departures(self) -> dict[str, object]:
         """Return every number that is not the data sheet's."""

@@ -50,12 +50,13 @@ def without_hidden(truth: Truth) -> Bench:
 def gap(part: Part, truth: Truth) -> Gap:
     """Return what leaving out the hidden thing costs on one part."""
     bench = without_hidden(truth)
+    speed = part.drive.speed_rad_s
 
     def shown(model: Bench) -> Array:
-        force = thrust_N(model, part.rows, part.drive.speed_rad_s, part.scatter_m)
-        return (cell_N(model, part.rows, force) / part.se_N)[part.kept]
+        force = thrust_N(model, part.rows, speed, part.scatter_m)
+        return (cell_N(model, part.rows, force, speed) / part.se_N)[part.kept]
 
-    true = (cell_N(truth.bench, part.rows, part.force_N) / part.se_N)[part.kept]
+    true = (cell_N(truth.bench, part.rows, part.force_N, speed) / part.se_N)[part.kept]
     slopes = [_slope(shown, bench, field, 1e-4) for field in ("k_ratio", "radius_ratio")]
     free = np.column_stack(slopes)
     left = _without(true - shown(bench), free)
@@ -71,8 +72,8 @@ def gap(part: Part, truth: Truth) -> Gap:
     that_day = replace(bench, full_V=part.bench.full_V)
     there = part.drive.speed_rad_s[:, part.rows.turning]
     pulse = driven(that_day, part.rows).speed_rad_s[:, part.rows.turning]
-    speed = float(np.sqrt(np.mean((there - pulse) ** 2))) * RPM / RPM_SE
-    return Gap(thrust=whole, speed=speed, closed=closed)
+    missed = float(np.sqrt(np.mean((there - pulse) ** 2))) * RPM / RPM_SE
+    return Gap(thrust=whole, speed=missed, closed=closed)
 
 
 def _slope(shown: Callable[[Bench], Array], bench: Bench, field: str, step: float) -> Array:

@@ -80,7 +80,7 @@ def information(part: Part, truth: Bench) -> Information:
 def _shown(part: Part, bench: Bench) -> Array:
     """Return what the instruments would show, each row over its noise."""
     force = thrust_N(bench, part.rows, part.drive.speed_rad_s, part.scatter_m)
-    reading = (cell_N(bench, part.rows, force) / part.se_N)[part.kept]
+    reading = (cell_N(bench, part.rows, force, part.drive.speed_rad_s) / part.se_N)[part.kept]
     that_day = replace(bench, full_V=part.bench.full_V)
     speed = driven(that_day, part.rows).speed_rad_s[:, part.rows.turning]
     return np.concatenate([reading, (RPM * speed / RPM_SE).ravel()])

@@ -52,8 +52,56 @@ def cell_saturation(rng: np.random.Generator, bench: Bench, scale: float) -> Ben
     return replace(bench, saturation_N=reach * bench.layout.hover_N)
 
 
+def cell_creep(rng: np.random.Generator, bench: Bench, scale: float) -> Bench:
+    """Let the load cell follow a part of the load late, as glue and metal do."""
+    return replace(
+        bench,
+        creep_share=scale * float(rng.uniform(0.04, 0.08)),
+        creep_s=float(np.exp(rng.uniform(np.log(20.0), np.log(90.0)))),
+    )
+
+
+def stand_resonance(rng: np.random.Generator, bench: Bench, scale: float) -> Bench:
+    """Let the stand shake near one rotor speed, and the cell's mean lose with the square of it."""
+    sheet = bench.layout
+    pulse_us = float(rng.uniform(1420.0, 1560.0))
+    return replace(
+        bench,
+        shaking_rad_s=sheet.gain_rad_s_us
+        * (pulse_us - sheet.pwm_start_us)
+        * 11.9
+        / sheet.nominal_V,
+        shaking_share=scale * float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.05, 0.1)),
+        shaking_damping=float(rng.uniform(0.05, 0.1)),
+    )
+
+
+def warming_blades(rng: np.random.Generator, bench: Bench, scale: float) -> Bench:
+    """Let blades and motors warm up with the power through them, and the coefficient fall."""
+    return replace(
+        bench,
+        warm_loss=scale * float(rng.uniform(0.04, 0.08)),
+        warm_s=float(np.exp(rng.uniform(np.log(60.0), np.log(300.0)))),
+    )
+
+
+def bending_plate(rng: np.random.Generator, bench: Bench, scale: float) -> Bench:
+    """Let a thin plate give way under the wash, the more the nearer and the harder it blows."""
+    return replace(bench, plate_yield_m=scale * float(rng.uniform(0.015, 0.025)))
+
+
 OUTSIDE: dict[str, Outside] = {
-    draw.__name__: draw for draw in (recirculation, flutter_step, stage_backlash, cell_saturation)
+    draw.__name__: draw
+    for draw in (
+        recirculation,
+        flutter_step,
+        stage_backlash,
+        cell_saturation,
+        cell_creep,
+        stand_resonance,
+        warming_blades,
+        bending_plate,
+    )
 }
 
 
@@ -64,4 +112,14 @@ def put_outside(name: str, rng: np.random.Generator, bench: Bench, strength: Str
 
 def without_outside(bench: Bench) -> Bench:
     """Return the bench as a library could at best describe it."""
-    return replace(bench, room_loss=0.0, flutter_jump=0.0, stage_play_m=0.0, saturation_N=0.0)
+    return replace(
+        bench,
+        room_loss=0.0,
+        flutter_jump=0.0,
+        stage_play_m=0.0,
+        saturation_N=0.0,
+        creep_share=0.0,
+        shaking_share=0.0,
+        warm_loss=0.0,
+        plate_yield_m=0.0,
+    )

@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 
 QUARTER_OF_AN_HOUR_S = 900.0
 
+HOT_RAD_S = 500.0
+"""Speed at which warm blades and motors are as warm as their full loss says."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Columns:
@@ -93,6 +96,10 @@ def thrust_N(bench: Bench, rows: Columns, speed_rad_s: Array, scatter_m: Array) 
     play = 0.5 * bench.stage_play_m * np.sign(rows.up_m)
     centre = rows.z_m + bench.plate_dz_m - play + scatter_m
     ahead = x_m[:, None] - plate_x
+    if bench.plate_yield_m:
+        # The dynamic pressure of the wash, which has spread where the plate is far.
+        wash = np.sum(speed_rad_s**2, axis=0) * sheet.k_N_s2 / sheet.hover_N
+        centre = centre + bench.plate_yield_m * wash / (1.0 + (centre / sheet.radius_m) ** 2)
     height = centre * np.cos(bench.plate_tilt_rad) - ahead * np.sin(bench.plate_tilt_rad)
     height = np.maximum(height, 0.2 * sheet.radius_m)
     half = 0.5 * sheet.plate_m
@@ -117,6 +124,9 @@ def thrust_N(bench: Bench, rows: Columns, speed_rad_s: Array, scatter_m: Array) 
         over = 1.0 / (1.0 + np.exp(-(speed_rad_s - bench.flutter_rad_s) / 1.5))
         k = k * (1.0 + bench.flutter_jump * over)
     total = np.sum(k * speed_rad_s**2 * factor, axis=0)
+    if bench.warm_loss:
+        power = (np.mean(speed_rad_s, axis=0) / HOT_RAD_S) ** 3
+        total = total * (1.0 - bench.warm_loss * _followed(rows, power, bench.warm_s))
     total = total * (1.0 - bench.density_loss_per_s * rows.middle_s)
     out: Array = total * (1.0 - bench.room_loss * _come_round(bench, rows, total))
     return out
@@ -137,23 +147,45 @@ def _come_round(bench: Bench, rows: Columns, thrust: Array) -> Array:
 
     It follows the wake's velocity with a lag, and calms down while the motors stand still.
     """
-    out = np.zeros(len(thrust))
     if not bench.room_loss:
-        return out
-    moving = 0.0
-    for row in range(len(out)):
-        moving *= np.exp(-rows.still_s[row] / bench.room_s)
-        wanted = np.sqrt(max(thrust[row], 0.0) / bench.layout.hover_N)
+        return np.zeros(len(thrust))
+    wanted = np.sqrt(np.maximum(thrust, 0.0) / bench.layout.hover_N)
+    return _followed(rows, wanted, bench.room_s)
+
+
+def _followed(rows: Columns, wanted: Array, time_s: float) -> Array:
+    """Return what follows a quantity (m,) with a lag: 0 at the start, towards 0 while all stands.
+
+    In the middle of each row's samples; a second of the same goes on behind it.
+    """
+    out, here = np.zeros(len(wanted)), 0.0
+    for row, goal in enumerate(wanted):
+        here *= np.exp(-rows.still_s[row] / time_s)
         span_s = rows.middle_s[row] - rows.start_s[row]
-        moving = wanted + (moving - wanted) * np.exp(-span_s / bench.room_s)
-        out[row] = moving
-        moving = wanted + (moving - wanted) * np.exp(-1.0 / bench.room_s)
+        here = goal + (here - goal) * np.exp(-span_s / time_s)
+        out[row] = here
+        here = goal + (here - goal) * np.exp(-1.0 / time_s)
     return out
 
 
-def cell_N(bench: Bench, rows: Columns, force_N: Array) -> Array:
-    """Return the load cell's reading (m,): N, of true forces (m,) in the order of the sweep."""
+def cell_N(bench: Bench, rows: Columns, force_N: Array, speed_rad_s: Array) -> Array:
+    """Return the load cell's reading (m,): N, of true forces (m,) in the order of the sweep.
+
+    Args:
+        speed_rad_s: of the rotors (n, m), which shake the stand.
+    """
     sheet = bench.layout
+    if bench.shaking_share:
+        # Forced by an imbalance, over its value at resonance; the cell's mean goes with the square.
+        ratio = speed_rad_s / bench.shaking_rad_s
+        twice = 2.0 * bench.shaking_damping
+        swing = twice**2 * ratio**4 / ((1.0 - ratio**2) ** 2 + (twice * ratio) ** 2)
+        force_N = force_N * (1.0 - bench.shaking_share * np.mean(swing, axis=0))
+    if bench.creep_share:
+        late = _followed(rows, force_N, bench.creep_s)
+        crept = force_N + bench.creep_share * (late - force_N)
+        tares = np.maximum.accumulate(np.where(rows.turning, 0, np.arange(len(force_N))))
+        force_N = crept - crept[tares]
     half = force_N / sheet.full_scale_N
     strained = force_N + 4.0 * bench.bow_N * half * (1.0 - half)
     if bench.hysteresis_N:

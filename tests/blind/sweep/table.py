@@ -45,7 +45,7 @@ def swept(bench: Bench, plan: Programme, rng: np.random.Generator) -> Part:
     m = len(rows.z_m)
     scatter = bench.plate_scatter_m * rng.standard_normal(m)
     force = thrust_N(bench, rows, drive.speed_rad_s, scatter)
-    reading = cell_N(bench, rows, force)
+    reading = cell_N(bench, rows, force, drive.speed_rad_s)
     se = bench.noise_ratio * bench.layout.se_N * (0.5 + 0.5 * force / bench.layout.hover_N)
     shown = reading + se * rng.standard_normal(m)
     told = se * np.sqrt(rng.chisquare(DEGREES_OF_SE, m) / DEGREES_OF_SE)

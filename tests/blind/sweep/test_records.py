@@ -159,8 +159,9 @@ def test_covered_fractions_are_areas() -> None:
 def readings(bench: Bench, rng: np.random.Generator) -> tuple[Columns, np.ndarray, np.ndarray]:
     """Return rows, true force and reading of a rich sweep on a bench."""
     rows = Columns.of(programme(rng, bench.layout, "rich", 0))
-    force = thrust_N(bench, rows, driven(bench, rows).speed_rad_s, np.zeros(len(rows.z_m)))
-    return rows, force, cell_N(bench, rows, force)
+    speed = driven(bench, rows).speed_rad_s
+    force = thrust_N(bench, rows, speed, np.zeros(len(rows.z_m)))
+    return rows, force, cell_N(bench, rows, force, speed)
 
 
 @EACH_LAYOUT
@@ -196,6 +197,41 @@ def test_a_tare_leaves_its_offset_and_the_zero_creeps_until_the_next(
     rows, force, reading = readings(bench, rng)
     assert reading - force == pytest.approx(0.05 + 1e-3 * (rows.middle_s - rows.tared_s))
     assert reading[~rows.turning] == pytest.approx(0.05, abs=1e-3)
+
+
+def test_a_creeping_cell_reads_less_at_first_and_leaves_its_creep_on_the_zero(
+    rng: np.random.Generator,
+) -> None:
+    bench = Bench(layout=SINGLE, creep_share=0.05, creep_s=40.0)
+    rows, force, reading = readings(bench, rng)
+    late = (reading - force)[rows.turning] / force[rows.turning]
+    assert late[0] < -0.035
+    assert (np.abs(late) < 0.08).all()
+    assert reading[~rows.turning] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_stand_shakes_near_its_resonance_alone(rng: np.random.Generator) -> None:
+    rows, force, _ = readings(Bench(layout=SINGLE), rng)
+    bench = Bench(layout=SINGLE, shaking_rad_s=400.0, shaking_share=0.1, shaking_damping=0.05)
+    speed = np.full((1, len(force)), 400.0)
+    for ratio, share in ((1.0, 0.1), (0.5, 0.0), (2.0, 0.0)):
+        lost = 1.0 - cell_N(bench, rows, force, ratio * speed)[rows.turning] / force[rows.turning]
+        assert lost == pytest.approx(share, abs=0.003)
+
+
+def test_warm_blades_and_a_bent_plate_take_thrust(rng: np.random.Generator) -> None:
+    rows = Columns.of(programme(rng, SINGLE, "rich", 0))
+    speed, still = driven(Bench(layout=SINGLE), rows).speed_rad_s, np.zeros(len(rows.z_m))
+    full = thrust_N(Bench(layout=SINGLE), rows, speed, still)
+    warm = thrust_N(Bench(layout=SINGLE, warm_loss=0.05, warm_s=60.0), rows, speed, still)
+    lost = (1.0 - warm / np.where(rows.turning, full, 1.0))[rows.turning]
+    assert lost[0] < 0.005
+    assert 0.01 < lost[-40:].mean() < 0.05
+    bent = thrust_N(Bench(layout=SINGLE, plate_yield_m=0.02), rows, speed, still)
+    near = rows.turning & (rows.z_m < 0.15) & (rows.x_m == 0.0)
+    assert (bent[near] < full[near]).all()
+    parked = rows.turning & (rows.z_m == SINGLE.park_m)
+    assert bent[parked] == pytest.approx(full[parked], rel=1e-4)
 
 
 def test_an_amplifier_passes_no_more_than_its_limit(rng: np.random.Generator) -> None:
@@ -270,7 +306,7 @@ def test_nothing_hidden_leaves_no_gap(null: HiddenSweep) -> None:
 
 def test_the_noise_is_what_the_table_says(null: HiddenSweep) -> None:
     part = null.parts[0]
-    true = cell_N(null.truth.bench, part.rows, part.force_N)[part.kept]
+    true = cell_N(null.truth.bench, part.rows, part.force_N, part.drive.speed_rad_s)[part.kept]
     scores = (null.learn["thrust_N"] - true) / null.learn["thrust_se_N"]
     assert 0.85 < np.std(scores) < 1.2
 
