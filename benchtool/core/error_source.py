@@ -99,12 +99,14 @@ class Whitening:
     Attributes:
         sigma: (m,) the independent errors.
         log_root_excess: log of the root of det V less the sum of log sigma; 0 without columns.
+        shared: (m, r) change of rows divided by `sigma` by independent standard normal draws, as
+            few as make the covariance of `columns`.
     """
 
     def __init__(self, sigma: Array, columns: Array) -> None:
         self.sigma = sigma
         self.log_root_excess = 0.0
-        self._directions = columns / sigma[:, None]
+        self._directions, size = columns / sigma[:, None], np.zeros(columns.shape[1])
         if columns.size:
             # By the smaller of the two products: draws are fewer than points, mostly.
             if columns.shape[1] < columns.shape[0]:
@@ -117,6 +119,12 @@ class Whitening:
                 self._directions, size, _ = np.linalg.svd(self._directions, full_matrices=False)
             self._change = 1.0 / np.sqrt(1.0 + size**2) - 1.0
             self.log_root_excess = 0.5 * float(np.log1p(size**2).sum())
+        self.shared: Array = self._directions * size
+
+    @property
+    def own(self) -> Whitening:
+        """Division by the independent errors alone."""
+        return Whitening(self.sigma, np.empty((len(self.sigma), 0)))
 
     @property
     def shrinkage(self) -> Array:

@@ -18,7 +18,8 @@ from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.identifiability import Confusion, confusions
 from benchtool.fit.problem import NOISE_SCALE, Problem
-from benchtool.fit.robust import MAD_EFFICIENCY, MAD_TO_SD
+from benchtool.fit.robust import LOSSES, MAD_EFFICIENCY, MAD_TO_SD, Loss
+from benchtool.fit.solve import solve
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
 
@@ -54,11 +55,15 @@ class Diagnosis:
 
 def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     """Look at a result of a problem, from either estimator."""
-    _, noise = problem.split(result.values)
-    rows = problem.whitening(noise)(problem.residuals(result.values))
+    shape, noise = problem.split(result.values)
+    loss: Loss = next(one for one in LOSSES if one == result.facts.get("loss", "linear"))
+    whitening = problem.whitening(noise)
+    rows = whitening(problem.residuals(result.values))
+    if loss != "linear":  # what is left in a point's own error, so that each outlier is one point
+        rows = -solve(problem, whitening, shape, loss=loss).rows[: len(problem)]
     rows_alone = rows * np.sqrt(len(problem) / result.dof) if result.dof > 0 else rows
     # Under a robust loss chi2 stands for fewer degrees of freedom (`robust_chi2`).
-    share = 1.0 if result.facts.get("loss", "linear") == "linear" else MAD_EFFICIENCY
+    share = 1.0 if loss == "linear" else MAD_EFFICIENCY
     chance = float("nan")
     if result.dof > 0:
         chance = float(chdtrc(share * result.dof, share * result.chi2))

@@ -33,8 +33,8 @@ def fit_least_squares(
 
     Args:
         problem: what to fit.
-        loss: "linear", or "soft_l1" and "huber" that count distant points less: on whitened
-            residuals, so that what points share is no outlier, and only a point's own error is.
+        loss: "linear", or "soft_l1" and "huber" that count distant points less: on what
+            is left in a point's own error after the draws that points share.
         max_evaluations: of the prediction; 200 for each parameter by default.
     """
     if loss not in LOSSES:
@@ -49,16 +49,20 @@ def fit_least_squares(
             return solve(problem, problem.whitening(value), near.shape, loss=loss, way=near.way)
 
         noise, best = fit_noise(problem, best, refit, robust=loss != "linear")
-    spread = spread_of(best.jacobian, best.way)
-    covariance = spread.covariance * robust_inflation(
-        best.rows[: len(problem)],
-        len(problem.shape_names),
-        loss,
-        stated=problem.noise_name is None,
-    )
+    m, n_shape, value = len(problem), len(best.shape), None if noise is None else noise.value
+    whitening, jacobian, points_dof, factor = problem.whitening(value), best.jacobian, 0.0, 1.0
+    if loss != "linear":
+        points_dof = best.points_dof(m)
+        inflation = robust_inflation(best.rows[:m], points_dof, loss, stated=noise is None)
+        factor = float(np.sqrt(inflation))
+        whitening, jacobian = problem.whitening(value, factor).own, jacobian.copy()
+        jacobian[:m] /= factor
+    spread = spread_of(jacobian, best.way)
+    covariance = spread.covariance[:n_shape, :n_shape]
     sd = np.sqrt(np.diag(covariance))
-    whitening = problem.whitening(None if noise is None else noise.value)
-    dof, growth = parameter_dof(problem, best.jacobian, spread.covariance, whitening)
+    dof, growth = (
+        one[:n_shape] for one in parameter_dof(problem, jacobian, spread.covariance, whitening)
+    )
     by_name = {
         name: around(name, problem.parameters[name], value, deviation, half_widths(float(own)))
         for name, value, deviation, own in zip(
@@ -77,7 +81,8 @@ def fit_least_squares(
     values = np.array([item.value for item in estimates])
     chi2, log_likelihood = problem.quality(values)
     if loss != "linear":
-        chi2 = robust_chi2(problem.stated_rows(values), problem.dof)
+        stated = problem.sigma(value) / problem.sigma(problem.stated_noise)
+        chi2 = robust_chi2(best.rows[:m] * stated, points_dof)
     return FitResult(
         method="least_squares",
         basis=problem.basis,
@@ -85,7 +90,7 @@ def fit_least_squares(
         estimates=estimates,
         covariance=covariance,
         chi2=chi2,
-        dof=problem.dof,
+        dof=problem.dof if loss == "linear" else round(points_dof),
         log_likelihood=log_likelihood,
         outcome=_outcome(best, [problem.shape_names[i] for i in spread.undetermined]),
         warnings=tuple(
@@ -102,6 +107,7 @@ def fit_least_squares(
             "derivatives": best.way,
             "condition": spread.condition,
             "loss": loss,
+            "loss_factor": factor,
             "starts": 1,  # keys of result.json
             "starts_agreeing": 1,
         },

@@ -72,8 +72,10 @@ def _place(problem: Problem, first: Solution, refit: Refit) -> tuple[Estimate, S
         nonlocal latest
         latest = refit(float(np.exp(log_place)), latest)
         determinant = np.linalg.slogdet(latest.jacobian.T @ latest.jacobian)[1]
-        whitening = problem.whitening(float(np.exp(log_place)))
-        return 0.5 * (latest.chi2 + float(determinant)) + whitening.log_root_excess
+        value = 0.5 * (latest.chi2 + float(determinant))
+        if latest.jacobian.shape[1] > len(latest.shape):
+            return value  # the determinant of shape and draws holds that of V
+        return value + problem.whitening(float(np.exp(log_place))).log_root_excess
 
     found = minimize_scalar(loss, bounds=(low, high), method="bounded", options={"xatol": 1e-4})
     best, least = float(found.x), float(found.fun)
@@ -97,11 +99,12 @@ def _scale(
     problem: Problem, first: Solution, refit: Refit, robust: bool
 ) -> tuple[Estimate, Solution]:
     """Return the scale in closed form, or by the median absolute residual under a robust loss."""
-    item = problem.parameters[NOISE_SCALE]
+    item, dof = problem.parameters[NOISE_SCALE], float(problem.dof)
     value, solution = item.value, first
     if robust:
         for _ in range(20):
-            factor = max(robust_scale(solution.rows[: len(problem)], problem.dof), 1e-300)
+            dof = solution.points_dof(len(problem))
+            factor = max(robust_scale(solution.rows[: len(problem)], dof), 1e-300)
             value *= factor
             solution = refit(value, solution)
             if abs(factor - 1.0) < 1e-6:
@@ -115,7 +118,7 @@ def _scale(
             jacobian=solution.jacobian * factor,
             cost=solution.cost * factor**2,
         )
-    dof = MAD_EFFICIENCY * problem.dof if robust else problem.dof
+    dof *= MAD_EFFICIENCY if robust else 1.0
     one, two = (
         (value * float(np.sqrt(dof / high)), value * float(np.sqrt(dof / low)))
         for low, high in chi2_limits(dof)

@@ -192,9 +192,12 @@ class Problem:
             columns.append(one.columns * factor)
         return np.concatenate([np.empty((len(self), 0)), *columns], axis=1)
 
-    def whitening(self, noise: float | None = None) -> Whitening:
-        """Return what makes residuals independent at a value of the free noise parameter."""
-        return Whitening(self.sigma(noise), self.shared(noise))
+    def whitening(self, noise: float | None = None, factor: float = 1.0) -> Whitening:
+        """Return what makes residuals independent at a value of the free noise parameter.
+
+        The points' own errors count `factor` times.
+        """
+        return Whitening(factor * self.sigma(noise), self.shared(noise))
 
     def split(self, values: Array) -> tuple[Array, float | None]:
         """Return shape values (n_shape,) and noise of all free values (n_free,)."""
@@ -208,10 +211,14 @@ class Problem:
 
     def stated_rows(self, values: Array) -> Array:
         """Return residuals (m,) at all free values (n_free,), whitened by the stated errors."""
-        stated = 1.0 if self.noise_name == NOISE_SCALE else 0.0
+        return self.whitening(self.stated_noise)(self.residuals(values))
+
+    @property
+    def stated_noise(self) -> float:
+        """Value of the free noise parameter at which errors are the stated ones."""
         if self.noise_name == NOISE_PLACE:
-            stated = self.parameters[NOISE_PLACE].value
-        return self.whitening(stated)(self.residuals(values))
+            return self.parameters[NOISE_PLACE].value
+        return 1.0 if self.noise_name == NOISE_SCALE else 0.0
 
     def quality(self, values: Array) -> tuple[float, float]:
         """Return chi-square at the stated errors and log likelihood at the fitted ones (n_free,).

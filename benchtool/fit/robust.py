@@ -27,22 +27,22 @@ MAD_EFFICIENCY = 0.37
 so many degrees of freedom less (Rousseeuw and Croux, J. Am. Stat. Assoc. 88, 1993, p. 1273)."""
 
 
-def robust_scale(rows: Array, dof: int) -> float:
+def robust_scale(rows: Array, dof: float) -> float:
     """Return by how much residuals (m,) scatter in their errors, far ones not counted by size."""
     return MAD_TO_SD * float(np.median(np.abs(rows))) * float(np.sqrt(len(rows) / max(dof, 1)))
 
 
-def robust_chi2(rows: Array, dof: int) -> float:
+def robust_chi2(rows: Array, dof: float) -> float:
     """Return the chi-square that residuals (m,) would have without those far out.
 
     It is distributed as chi-square of `MAD_EFFICIENCY` times the degrees of freedom is, stretched:
     on 600 simulated fits of 10 to 100 points, 0.6 to 1.0 % lie beyond the quantile of 1 %.
     """
-    return max(dof, 0) * robust_scale(rows, dof) ** 2
+    return max(dof, 0.0) * robust_scale(rows, dof) ** 2
 
 
 def loss_of_points(loss: Loss, m: int) -> Callable[[Array], Array]:
-    """Return rho (3, rows) of the squared rows: robust for points, linear for priors.
+    """Return rho (3, rows) of the squared rows: robust for m points, linear for the others.
 
     Both losses as scipy defines them, with the change from quadratic to linear at one standard
     error for soft_l1 and at `HUBER_LIMIT` for huber.
@@ -69,14 +69,14 @@ def loss_of_points(loss: Loss, m: int) -> Callable[[Array], Array]:
     return rho
 
 
-def robust_inflation(rows: Array, n_shape: int, loss: Loss, *, stated: bool) -> float:
-    """Return the factor on the covariance for the points that a robust loss counts less.
+def robust_inflation(rows: Array, dof: float, loss: Loss, *, stated: bool) -> float:
+    """Return the factor on the points' own variances where a robust loss counts some less.
 
     mean(psi^2) / mean(psi')^2 of the residuals (Huber, Robust Statistics, 1981, ch. 7).
 
     Args:
-        rows: (m,) residuals in their errors.
-        n_shape: parameters fitted to them.
+        rows: (m,) residuals in their own errors.
+        dof: degrees of freedom that they have.
         loss: the one that was fitted with.
         stated: whether the errors are stated, not fitted: the factor is then not below that of
             normal residuals.
@@ -89,6 +89,5 @@ def robust_inflation(rows: Array, n_shape: int, loss: Loss, *, stated: bool) -> 
     else:
         psi = np.clip(rows, -HUBER_LIMIT, HUBER_LIMIT)
         slope = (np.abs(rows) <= HUBER_LIMIT).astype(float)
-    left = max(len(rows) - n_shape, 1)
-    ratio = float(np.sum(psi**2) / left / max(float(np.mean(slope)), 1e-3) ** 2)
+    ratio = float(np.sum(psi**2) / max(dof, 1.0) / max(float(np.mean(slope)), 1e-3) ** 2)
     return max(ratio, NORMAL_INFLATION[loss]) if stated else ratio

@@ -28,11 +28,15 @@ POLISH_STEPS = 12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Hold one minimum."""
+    """Hold one minimum.
+
+    Under a robust loss rows are residuals in the points' own errors, after the r draws of all
+    shared errors; the draws follow, as rows and as parameters.
+    """
 
     shape: Array  # (n_shape,) values
-    rows: Array  # (m + q,) whitened residuals there
-    jacobian: Array  # (m + q, n_shape) of the rows, plain (no loss in it)
+    rows: Array  # (m + q [+ r],) whitened residuals there
+    jacobian: Array  # (m + q [+ r], n_shape [+ r]) of the rows, plain (no loss in it)
     cost: float  # half the sum of squares, after the loss
     finished: bool  # whether a tolerance was met
     evaluations: int  # of the prediction, its derivatives counted as one each
@@ -42,6 +46,10 @@ class Solution:
     def chi2(self) -> float:
         """Sum of squared rows."""
         return float(self.rows @ self.rows)
+
+    def points_dof(self, m: int) -> float:
+        """Degrees of freedom that the rows of the m points have: m less their leverages."""
+        return m - float(np.sum(np.linalg.qr(self.jacobian)[0][:m] ** 2))
 
 
 def row_jacobian(problem: Problem, way: Way) -> Callable[[Array, Whitening], Array]:
@@ -75,7 +83,9 @@ def solve(
         problem: what to fit.
         whitening: by all errors.
         start: where to begin; Gauss-Newton steps are tried first from a minimum nearby.
-        loss: how far whitened rows of points count less; rows of priors always count in full.
+        loss: how far rows of points count less; rows of priors always count in full. Under a
+            robust one each shared draw is a parameter with the prior N(0, 1), so that one point
+            far out does not move the rows of those that share a draw with it.
         way: how to take derivatives; found out when left out.
         max_evaluations: of the prediction.
     """
@@ -92,12 +102,29 @@ def solve(
             near = _polished(problem, whitening, near, jacobian)
             if near.finished:
                 return near
+        n, draws = len(begin), np.zeros(0 if loss == "linear" else whitening.shared.shape[1])
+        own = whitening if loss == "linear" else whitening.own
+        lift = np.zeros((len(first) + len(draws), len(draws)))
+        if len(draws):
+            lift[: len(problem)], lift[len(first) :] = whitening.shared, np.eye(len(draws))
+
+        def rows(point: Array) -> Array:
+            data = np.concatenate([problem.rows(point[:n], own), np.zeros(len(draws))])
+            return np.asarray(data + lift @ point[n:])
+
+        def slopes(point: Array) -> Array:
+            data = np.pad(jacobian(point[:n], own), ((0, len(draws)), (0, 0)))
+            return np.concatenate([data, lift], axis=1)
+
         counted: Any = loss if loss == "linear" else loss_of_points(loss, len(problem))
         found: Any = least_squares(
-            problem.rows,
-            begin,
-            jac=jacobian,
-            bounds=(lower, upper),
+            rows,
+            np.concatenate([begin, draws]),
+            jac=slopes,
+            bounds=(
+                np.concatenate([lower, draws - np.inf]),
+                np.concatenate([upper, draws + np.inf]),
+            ),
             method="trf",
             x_scale="jac",
             ftol=TOLERANCE,
@@ -105,14 +132,11 @@ def solve(
             gtol=None,
             loss=counted,
             max_nfev=max_evaluations or 200 * len(begin),
-            args=(whitening,),
         )
-        shape, rows = np.asarray(found.x, float), np.asarray(found.fun, float)
-        plain = np.asarray(found.jac) if loss == "linear" else jacobian(shape, whitening)
         solution = Solution(
-            shape=shape,
-            rows=rows,
-            jacobian=plain,
+            shape=np.asarray(found.x[:n], float),
+            rows=np.asarray(found.fun, float),
+            jacobian=np.asarray(found.jac) if loss == "linear" else slopes(found.x),
             cost=float(found.cost),
             finished=found.status > 0,
             evaluations=int(found.nfev) + int(found.njev),

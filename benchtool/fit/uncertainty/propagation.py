@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -77,7 +76,8 @@ def propagation(
 ) -> Propagation | None:
     """Return how errors reach a result's quantities; None where the data leave one open."""
     shape, noise = problem.split(result.values)
-    whitening = problem.whitening(noise)
+    # By so much a robust loss counts the points' own errors larger.
+    whitening = problem.whitening(noise, float(result.facts.get("loss_factor") or 1.0))
     derivatives = way_for(problem.predict, shape, len(problem), *problem.shape_bounds)
     jacobian = row_jacobian(problem, derivatives)(shape, whitening)
     spread = spread_of(jacobian, derivatives)
@@ -85,9 +85,6 @@ def propagation(
         return None
     places = problem.shape_index
     slopes = np.stack([*np.eye(len(shape)), *(gradient_of(one, result)[places] for one in derived)])
-    grown = 1.0
-    if result.method == "least_squares":  # a robust loss says by how much its covariance grows
-        grown = sqrt(result.covariance[places[0], places[0]] / spread.covariance[0, 0])
     return Propagation(
         problem=problem,
         items=(*(result.estimates[i] for i in places), *(result[one.name] for one in derived)),
@@ -98,7 +95,7 @@ def propagation(
         whitening=whitening,
         derivatives=derivatives,
         slopes=slopes,
-        gain=grown * slopes @ spread.covariance @ jacobian.T,
+        gain=slopes @ spread.covariance @ jacobian.T,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,13 +16,15 @@ from benchtool.fit.diagnose import diagnose
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.identifiability import gain_matrix
 from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import Problem
+from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.profile import with_profile
 from benchtool.fit.sampling import log_probability
+from benchtool.fit.uncertainty.propagation import budget_of, propagation
 from tests.unit.fit.cases import (
     Array,
     X,
     calibrated_line,
+    free,
     line_problem,
     scaled_line,
     scattered_line,
@@ -210,3 +213,76 @@ def test_intervals_hold_the_truth_where_independent_ones_do_not() -> None:
         alone += low <= 1.0 <= high
     assert 117 <= inside <= 155  # 68.27 % of 200, 99.9 % limits
     assert alone < 100
+
+
+def spoiled_line(seed: int, size: float, draws: int, sd: float = 0.2) -> tuple[Problem, Array]:
+    """Return a line of 48 points, four of them 5 to 15 errors off, and which those are.
+
+    Twelve draws are those of stays of four points each, four those of references, each under
+    ratios at all distances.
+    """
+    rng = np.random.default_rng([5, seed])
+    near = np.arange(48) // (48 // draws)
+    x = np.linspace(0.0, 1.0, 12)[np.arange(48) // 4 if draws == 12 else np.arange(48) % 12]
+    columns = size * np.eye(draws)[near]
+    observed = 1.0 + 2.0 * x + sd * rng.standard_normal(48) + columns @ rng.standard_normal(draws)
+    bad = rng.choice(48, 4, replace=False)
+    observed[bad] += rng.choice([-1.0, 1.0], 4) * rng.uniform(5.0, 15.0, 4) * sd
+    parameters = {"a": free("a", 0.5), "b": free("b", 0.5)}
+    problem = function_problem(
+        "line", parameters, lambda v: v[0] + v[1] * x, observed, np.full(48, sd)
+    )
+    return replace(problem, error_sources=(source(columns, scaled=draws == 4),)), bad
+
+
+@pytest.mark.parametrize("size", [0.2, 1.0])
+@pytest.mark.parametrize("draws", [12, 4])
+def test_a_robust_loss_holds_the_truth_where_points_share_errors(size: float, draws: int) -> None:
+    one, two = np.zeros(2), np.zeros(2)
+    for seed in range(200):
+        result = fit_least_squares(spoiled_line(seed, size, draws)[0], loss="huber")
+        for place, (name, truth) in enumerate((("a", 1.0), ("b", 2.0))):
+            low, high = result[name].interval_68
+            one[place] += low <= truth <= high
+            low, high = result[name].interval_95
+            two[place] += low <= truth <= high
+    # 99.9 % of binomial counts of 200 at 68.3 % and at 95 %.
+    assert np.all((one >= 114) & (one <= 158)), one
+    assert np.all(two >= 179), two
+
+
+@pytest.mark.parametrize("draws", [12, 4])
+def test_an_outlier_costs_a_robust_fit_little_where_points_share_errors(draws: int) -> None:
+    """Whitening by all errors would carry a point far out into those that share a draw with it."""
+    errors, widths, found, wrong = [], [], 0, 0
+    for seed in range(60):
+        problem, bad = spoiled_line(seed, 1.0, draws)
+        result = fit_least_squares(problem, loss="huber")
+        clean = fit_least_squares(problem.subset(np.setdiff1d(np.arange(48), bad)))
+        errors.append(np.abs(result.values - clean.values) / np.sqrt(np.diag(clean.covariance)))
+        widths.append(np.sqrt(np.diag(result.covariance) / np.diag(clean.covariance)))
+        far = np.isin(diagnose(problem, result).outliers, bad)
+        found, wrong = found + int(far.sum()), wrong + int((~far).sum())
+    assert np.mean(errors) < 0.3
+    assert np.mean(widths) < 1.1
+    assert found > 0.95 * 60 * 4
+    assert wrong < 0.01 * 60 * 44
+
+
+@pytest.mark.parametrize("made", [line_problem, scaled_line])
+def test_the_covariance_of_a_robust_fit_widens_only_what_is_a_points_own(
+    made: Callable[[], Problem],
+) -> None:
+    problem = with_errors(made())
+    problem.observed[3] += 3.0
+    result = fit_least_squares(problem, loss="huber")
+    factor = float(result.facts["loss_factor"] or 0.0)
+    scale = result["noise.scale"].value if problem.noise_name else 1.0
+    v = covariance_of(problem, scale) + np.diag((scale * problem.standard_error) ** 2) * (
+        factor**2 - 1.0
+    )
+    assert factor > 1.0
+    np.testing.assert_allclose(result.covariance[:2, :2], line_by_algebra(problem, v)[1], rtol=1e-7)
+    way = propagation(problem, result)
+    assert way is not None
+    assert budget_of(way).combined == pytest.approx(budget_of(way).fit_sd, rel=1e-6)
