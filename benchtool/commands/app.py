@@ -17,8 +17,10 @@ import typer
 from typer.core import TyperGroup
 
 from benchtool import __version__
+from benchtool.commands.declared import help_of
 from benchtool.commands.terminal.messages import exhaustion_behind, flush_output, say_error
 from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice
+from benchtool.core.inputs import items
 from benchtool.core.user_file import shown_name
 
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -98,7 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         flush_output()
         sys.exit(code if isinstance(code, int) else 0)
     except typer.TyperException as error:
-        say_error(_describe_misuse(error))
+        say_error(_describe_misuse(error, words))
         sys.exit(error.exit_code)
     except typer.Abort:
         say_error("aborted; nothing was answered")
@@ -221,14 +223,24 @@ def _unloaded() -> None:
     """Stand in for a command that was not requested."""
 
 
-def _describe_misuse(error: typer.TyperException) -> str:
+def _describe_misuse(error: typer.TyperException, words: Sequence[str]) -> str:
     """Join what typer says about wrong words into one sentence with the value and a next step."""
     problem = " ".join(error.format_message().split()).rstrip(".?")
     details = getattr(error.__cause__, "errors", None)  # a ValidationError holds what was given
     given = f" (given: {details()[0]['input']!r})" if callable(details) else ""
     context = getattr(error, "ctx", None)
-    command = context.command_path if context is not None else "benchtool"
-    return f"{problem}{given}; see {command} --help"
+    if context is not None:
+        return f"{problem}{given}; see {context.command_path} --help"
+    # The parser of words knows neither the command nor what an option without a value takes.
+    named = [word for word in words if not word.startswith("-")]
+    known = [one for one in COMMANDS if one.split() == named[: one.count(" ") + 1]]
+    name = max(known, key=len, default="")
+    option = getattr(error, "option_name", "")
+    if "requires an argument" in problem and COMMANDS.get(name, ("",))[0]:
+        called = getattr(import_module(module_of(name)), COMMANDS[name][0].partition(":")[2])
+        about = [help_of(one).rstrip(".") for one in items(called.inputs) if one.option == option]
+        problem = f"{option} needs a value{''.join(f' ({one})' for one in about)}"
+    return f"{problem}; see {' '.join(['benchtool', *name.split()])} --help"
 
 
 def _describe_fault(error: Exception) -> str:

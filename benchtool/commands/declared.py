@@ -51,7 +51,7 @@ def _parameter(name: str, item: Item, required: bool) -> inspect.Parameter:
     kind: Any = str if item.many else item.kind
     if item.kind is Mapping or (item.many and item.kind in (str, Path)):
         kind = list[str]
-    options: dict[str, Any] = {"help": _help(item), "show_default": False}
+    options: dict[str, Any] = {"help": help_of(item), "show_default": False}
     if item.about.argument:
         option: Any = typer.Argument(metavar=item.about.argument, **options)
     elif item.kind is bool and item.default is True:
@@ -67,7 +67,7 @@ def _parameter(name: str, item: Item, required: bool) -> inspect.Parameter:
     )
 
 
-def _help(item: Item) -> str:
+def help_of(item: Item) -> str:
     """Return the help of an input: sentence, range with unit or choices, and default."""
     about = item.about
     notes = [f"{item.range} {about.unit}".strip(), ", ".join(item.choices)]

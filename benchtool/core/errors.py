@@ -74,7 +74,10 @@ class UnknownChoice(InputError):
         self.name = name
         self.known = tuple(sorted(known))
         name = name[: 4 * MOST_SHOWN]
-        folded = {each.casefold(): each for each in self.known if len(each) > 1}
+        # A parameter is also known by what stands behind the dot.
+        parts = {each.rpartition(".")[2].casefold(): each for each in self.known if "." in each}
+        folded = parts | {each.casefold(): each for each in self.known}
+        folded = {each: full for each, full in folded.items() if len(each) > 1}
         close = get_close_matches(name.casefold(), folded, n=1)
         begun = [each for each in sorted(folded, key=len) if each.startswith(name.casefold())]
         close = close or begun[: len(name) > 1]

@@ -118,6 +118,17 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         InputError: data that lack what the basis needs, or of which nothing is left.
     """
     hashes = _hashes(recipe.data)
+    of_tables = {
+        "columns": recipe.columns,
+        "calibration": recipe.calibration,
+        "where": recipe.where,
+    }
+    given = [f"--{name}" for name, value in of_tables.items() if value]
+    if given and all(map(is_run, recipe.data)):
+        raise InputError(
+            f"{' and '.join(given)} can be given for a CSV table only: {recipe.data[0]} is a run, "
+            f"whose columns and calibration are its own and whose points all count; leave it out"
+        )
     parts = [_read_one(path, recipe, loaded) for path in recipe.data]
     rig = loaded.model.rig
     parts = [with_zero_walk(part, path, rig) for part, path in zip(parts, recipe.data, strict=True)]

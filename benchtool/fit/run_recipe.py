@@ -10,7 +10,7 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.error_source import ErrorSource
-from benchtool.core.errors import EstimationError
+from benchtool.core.errors import EstimationError, UnknownChoice
 from benchtool.core.fit_result import FitResult
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.fit.compare import Comparison, compare
@@ -111,6 +111,7 @@ def run_recipe(
     loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
+    others = _others(recipe, loaded.model, permit)
     problem = recipe_problem(loaded.model, recipe, data)
     estimates = (_estimate(problem, recipe, one, progress, profile) for one in recipe.methods)
     density = density_of(recipe.air, recipe.data)
@@ -118,13 +119,9 @@ def run_recipe(
         _named(loaded.model, data, problem, one, loaded.notes, density) for one in estimates
     )
     comparison, laws = None, None
-    named = [name for name in dict.fromkeys(recipe.compare) if name != LAWS]
-    if named:
-        model, problems = loaded.model, [problem]
-        for name in named:
-            if name != recipe.model:
-                other = load_model(name, model.rig, permit=permit).model
-                problems.append(recipe_problem(_as_compared(other, model, recipe), recipe, data))
+    if set(recipe.compare) - {LAWS}:
+        models = [_as_compared(other, loaded.model, recipe) for other in others]
+        problems = [problem, *(recipe_problem(model, recipe, data) for model in models)]
         comparison = compare(problems, seed=recipe.seed)
     if LAWS in recipe.compare:
         progress("laws", 0, 1)
@@ -144,6 +141,17 @@ def run_recipe(
         density=density,
     )
     return replace(output, budget=_budget(output, budget == "mc", progress))
+
+
+def _others(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
+    """Return the models that the recipe's own is compared with, of the same rig."""
+    names = [name for name in dict.fromkeys(recipe.compare) if name not in (LAWS, recipe.model)]
+    try:
+        return [load_model(name, model.rig, permit=permit).model for name in names]
+    except UnknownChoice as unknown:
+        if unknown.name in names:
+            raise UnknownChoice(unknown.kind, unknown.name, (*unknown.known, LAWS)) from None
+        raise
 
 
 def propagated(output: FitOutput, data: FitData | None = None) -> Propagated | None:

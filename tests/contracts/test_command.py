@@ -39,7 +39,10 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "recalibrate": [("nowhere", "nowhere")],
     "import": [("a.csv --near-m -1", "--near-m is -1 m, allowed is 0 to 100,000 m")],
     "fit": [("a.csv --model quad --loss hubre", "unknown --loss 'hubre'; did you mean 'huber'?")],
-    "plan": [("a.csv --model quad --for R", "--for is 'R', but a quantity and a number")],
+    "plan": [
+        ("a.csv --model quad --for R", "--for is 'R', but a quantity and a number"),
+        ("--for", "--for needs a value (Quantity and target standard uncertainty: R="),
+    ],
     "explain": [("a.csv --draws 3", "--draws is 3, allowed is 20 to 100,000")],
     "report": [("a.csv --motors 0,1", "--motors names 0, allowed is 1 or more")],
     "simulate pitch": [
@@ -161,7 +164,13 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     ],
     "ports": [("--baud 0", "--baud is 0, allowed is 1 to 100,000,000")],
     "doctor": [("--udevrule", "--udevrule")],
-    "flow table": [("--spacing-R 1", "--spacing-R is 1, allowed is 2 to 1,000")],
+    "flow table": [
+        ("--spacing-R 1", "--spacing-R is 1, allowed is 2 to 1,000"),
+        (
+            "--spacing-R",
+            "--spacing-R needs a value (",
+        ),
+    ],
     "flow picture": [("--z-over-r nan", "--z-over-r is nan, allowed is 0.5 to 1,000")],
     "rigs": [("pqad", "did you mean 'pquad'")],
     "models": [("sngle", "did you mean 'single'")],

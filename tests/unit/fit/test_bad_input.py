@@ -82,6 +82,14 @@ def test_distances_in_the_wrong_unit_are_noticed(lab: Path) -> None:
         (("lab.csv", "--model", "lab.toml", "--basis", "equal_pwm"), "kind 'reference'"),
         (("lab.csv", "--model", "lab.toml", "--free", "K_b"), "unknown parameter 'K_b'"),
         (("lab.csv", "--model", "lab.toml", "--fix", "k=x"), "--fix got 'k=x'; write NAME=NUMBER"),
+        (
+            ("lab.csv", "--model", "lab.toml", "--compare", "lws"),
+            "did you mean 'laws'. known: .*laws",
+        ),
+        (
+            (str(QUAD), "--model", "quad", "--where", "a=1", "--columns", "c.toml"),
+            "--columns and --where can be given for a CSV table only: .* is a run",
+        ),
         (("lab.csv", "lab.csv", "--model", "lab.toml"), "the same data as lab.csv"),
         ((str(QUAD.parent), "--model", "quad"), "neither a file nor a run folder"),
         (("lab.csv", "--model", "lab.toml", "--min-z-over-r", "99"), "none of 7 points"),

@@ -40,7 +40,7 @@ def test_a_last_part_of_several_names_is_refused_with_them() -> None:
     assert full_name("k", known) == "k"
     with pytest.raises(UnknownChoice, match=r"known: other\.thrust_N, tare_offset\.thrust_N$"):
         full_name("thrust_N", known)
-    with pytest.raises(UnknownChoice, match="unknown parameter 'K_c'"):
+    with pytest.raises(UnknownChoice, match=r"'K_c'; did you mean 'body_lift\.K_b'"):
         recipe_model(quad(free=("K_c",)))
 
 
