@@ -50,6 +50,19 @@ def test_help_imports_nothing_heavy(command: str) -> None:
     assert modules.isdisjoint(others)
 
 
+def test_the_numbers_of_a_table_are_read_without_pandas() -> None:
+    """Arrow's conversion to NumPy imports it where a cell is blank, and for no use."""
+    program = """
+import sys
+from benchtool.data.csv_text import lay_out
+from benchtool.data.repairs.numbers import numbers_of
+table = lay_out(b"a,b\\n1,2.5\\n,3\\n4,5\\n", "x.csv")
+print(numbers_of(table, (0, 1)).columns.tolist(), "pandas" in sys.modules)
+"""
+    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert answer.stdout == "[[1.0, nan, 4.0], [2.5, 3.0, 5.0]] False\n", answer.stderr
+
+
 def test_help_lists_every_command_with_its_line() -> None:
     printed, _, _ = ask_for_help([])
     plain = " ".join(printed.split())
