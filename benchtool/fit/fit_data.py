@@ -14,14 +14,14 @@ from benchtool.core.array import Array
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.counted import counted
 from benchtool.core.error_source import ErrorSource, joined
-from benchtool.core.errors import InputError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.parameter import full_name
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash
 from benchtool.data.columns import code_of
 from benchtool.data.run.ratios import ratios, thrust_error
-from benchtool.data.run.read import is_run, read_points
+from benchtool.data.run.read import is_pitch_run, is_run, read_points
 from benchtool.data.table import read_table
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import Recipe
@@ -229,6 +229,12 @@ def _hashes(paths: Sequence[str]) -> dict[str, str]:
 
 def _read_one(path: str, recipe: Recipe, loaded: LoadedModel) -> Recording:
     if is_run(path):
+        if is_pitch_run(path):
+            raise FileFormatError(
+                path,
+                "this is a pitch run, from which nothing is fitted; show it with benchtool report, "
+                "or find what its model lacks with benchtool explain",
+            )
         return read_points(path)
     columns: Mapping[str, ColumnSource] = dict(loaded.columns)
     if recipe.columns is not None:

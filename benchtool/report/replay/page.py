@@ -13,7 +13,7 @@ from benchtool.explain.pitch.replayed import Beside, Replay, replayed
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.report.figure import Page
 from benchtool.report.numbers import numeral
-from benchtool.report.page import Report, Table, Warnings
+from benchtool.report.page import Paragraph, Report, Table, Warnings
 from benchtool.report.replay.figures import ReplayedLog
 from benchtool.report.replay.recorded import read_recorded, sections_behind
 from benchtool.report.replay.stand import STAND
@@ -146,12 +146,23 @@ def _highlights(log: ReplayedLog) -> dict[str, str]:
     return shown
 
 
+NO_BUDGET = Paragraph(
+    "Nothing is fitted from a pitch recording on this page, so it has no uncertainty budget. "
+    "benchtool explain fits what a model lacks to it and states its standard uncertainty."
+)
+
 REPLAY = Page(
     "replay",
     [
         (
             "The log and its simulated run",
-            [lambda log: Warnings(log.warnings), "log", "closer", visits_table],
+            [
+                lambda log: Warnings(log.warnings),
+                "log",
+                "closer",
+                visits_table,
+                lambda _: NO_BUDGET,
+            ],
         ),
         lambda log: sections_behind(log.recorded),
     ],

@@ -275,7 +275,9 @@ def test_the_controller_is_taken_from_the_recording_only_where_benchtool_has_it(
         known_control({}, Beside(controller="pdi", gains="s3"))
 
 
-def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(tmp_path: Path) -> None:
+def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     run = tmp_path / "hinge"
     words = ["sim:pquad?mode=pitch&seed=3", "--seconds", "12", "--yes", "--out", str(run)]
     assert call("record", *words) == 0
@@ -285,6 +287,10 @@ def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(tmp_path: 
     check_self_contained(page)
     facts, text = facts_of(page), words_of(page)
     assert kind_of(run) == "pitch"
+    assert "Nothing is fitted from a pitch recording on this page, so it has no uncertain" in text
+    for words in (["fit"], ["plan", "--for", "k=1%"]):
+        assert call(*words, str(run), "--model", MODEL) == 2
+        assert "this is a pitch run, from which nothing is fitted" in capsys.readouterr().err
     assert "closed loop: controller pid with gains s3" in text
     assert facts["sha256 of the run's data (points and samples)"] == data_hash(run)
     assert facts["rig"].startswith("pquad: ")
