@@ -93,12 +93,15 @@ def environment_map(figure: Figure, flights: Flies) -> None:
         above.text(place, 0.12, name, color="white", fontweight="bold")
     above.set_ylabel("$y$ [m]")
     above.grid(False)
-    figure.colorbar(shading, ax=above, label="height [m]", pad=0.01)
+    figure.colorbar(shading, ax=above, label="height over the obstacle [m]", pad=0.01)
     middle = height_m[:, len(y_m) // 2]
     side.fill_between(x_m, middle, float(middle.min()) - 0.15, color=SOLID, step="mid")
     side.plot(path_m, (z_m, z_m), color=VERMILION, linewidth=2.0)
+    side.text(path_m[0], z_m + 0.04, "path of the rotors from A to B", color=VERMILION)
+    side.text(4.0, -0.3, "obstacle", ha="center", va="center")
     side.set_xlabel("$x$ [m]")
-    side.set_ylabel("height [m]")
+    side.set_ylabel("height over the\nobstacle [m]")
+    side.set_ylim(top=z_m + 0.2)
     side.set_xlim(float(x_m[0]), float(x_m[-1]))
 
 

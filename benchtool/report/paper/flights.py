@@ -28,8 +28,8 @@ from benchtool.simulate.flight.study import Flown
 from benchtool.simulate.pitch.setup import PitchSetup, changed, pitch_setup
 
 STICTION = (
-    "Steps, and the line that stands exactly still: the hinge's dry friction, a fifth of the\n"
-    "plate's moment, holds against the wakes' random torque, a twentieth."
+    "Steps and flat lines: dry friction in the hinge, 1/5 of the plate's moment, holds the\n"
+    "vehicle still; the wakes' random torque, 1/20, does not move it alone."
 )
 
 UNTIL_S = 60.0
