@@ -78,10 +78,10 @@ class ExplainInputs(Inputs):
 def explain(inputs: ExplainInputs) -> None:
     """Name the effect that a model lacks, and show the gap shrink
 
-    The first line printed is the verdict: an effect, several, a class that this data cannot tell
-    apart, none, or unknown. The last lines say what was added to which file and what to type next:
-    after a named effect, to ask again with the new model, to fit and to simulate with it; after a
-    class or an unknown, the experiment that separates what is likely.
+    The first line printed is the verdict: an effect, several, a class that this data cannot
+    separate, none, or unknown. The last lines say what was added to which file and what to type
+    next: after a named effect, to ask again with the new model, to fit and to simulate with it;
+    after a class or an unknown, the experiment that separates what is likely.
     """
     import shlex
     import sys

@@ -248,7 +248,7 @@ def _judged(tried: _Tried, best: _Tried, distances: int) -> LawScore:
         lost = best.density - tried.density
         behind = float(lost.mean())
         se = float(lost.std(ddof=1) * np.sqrt(1.0 / distances + 1.0 / (distances - 1)))
-    verdict: Verdict = "not told apart"
+    verdict: Verdict = "indistinguishable"
     if not tried.applied:
         verdict = "not applied"
     elif tried.refused or tried.density is None:

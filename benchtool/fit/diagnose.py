@@ -48,7 +48,7 @@ class Diagnosis:
 
     verdict: Verdict
     chance: float  # of a chi2 at least this large, were model and stated errors right
-    confusions: tuple[Confusion, ...]  # parameters that cannot be told apart
+    confusions: tuple[Confusion, ...]  # parameters that this data cannot separate
     outliers: tuple[int, ...]  # (k,) points far out
     sentences: tuple[str, ...]  # all of it that a user should read
 

@@ -229,7 +229,7 @@ def _outcome(
     return Outcome(
         "not_converged",
         f"{reason}; allow more than {max_steps} steps, or fix a parameter or state a prior where "
-        f"least squares says that parameters cannot be told apart",
+        f"least squares says that parameters cannot be separated",
         evaluations,
     )
 

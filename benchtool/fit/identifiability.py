@@ -1,4 +1,4 @@
-"""What data can tell apart: parameters of one fit, and a model from its rival."""
+"""What data can separate: parameters of one fit, and a model from its rival."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def separated_by() -> dict[frozenset[str], str]:
 
 @dataclass(frozen=True, slots=True)
 class Confusion:
-    """Name parameters that cannot be told apart."""
+    """Name parameters that the data cannot separate."""
 
     names: tuple[str, ...]  # two or more, the most involved first
     inflation: float  # how many times larger their standard deviation is because of each other
@@ -59,12 +59,12 @@ class Confusion:
         listed = " and ".join([", ".join(self.names[:-1]), self.names[-1]])
         if not self.open_directions:
             return (
-                f"{listed} can hardly be told apart (uncertainty {self.inflation:.0f} times larger "
+                f"{listed} can hardly be separated (uncertainty {self.inflation:.0f} times larger "
                 f"than with the others known); fix one, or {self.remedy}"
             )
         known = len(self.names) - self.open_directions
         return (
-            f"{listed} cannot be told apart by these data, which determine only {known} "
+            f"{listed} cannot be separated by these data, which determine only {known} "
             f"combination{'s' if known > 1 else ''} of these {len(self.names)}; fix "
             f"{self.open_directions}, or {self.remedy}"
         )
@@ -179,7 +179,7 @@ def evidence_against(matrix: Array, sizes: Array, low: Array, high: Array) -> fl
     """Return twice the log-likelihood ratio that the truth has on average, to second order.
 
     It is taken over the best model within bounds: of rivals that are free, of everything else, the
-    true effects too, within its tolerance. Below some units nobody could tell the two apart.
+    true effects too, within its tolerance. Below some units the two cannot be distinguished.
 
     Args:
         matrix: (k, k) Fisher information, each number in tolerances of its own.

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchtool.physics.catalogue import EFFECTS
 
-Verdict = Literal["best", "not told apart", "behind", "refused", "not applied"]
+Verdict = Literal["best", "indistinguishable", "behind", "refused", "not applied"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,16 +42,16 @@ class LawComparison:
 
     @property
     def sentence(self) -> str:
-        """Say which law the bench follows, which are refused and which cannot be told apart."""
+        """Say which law the bench follows, which are refused and which are indistinguishable."""
         near, far = self.distances[0], self.distances[-1]
         where = f"At these {len(self.distances)} distances (z/R {near:.3g} to {far:.3g})"
-        leading = self.named("best", "not told apart")
+        leading = self.named("best", "indistinguishable")
         if not leading:
             nearest = self.scores[0].law
             return f"{where} the bench follows none of the laws: {nearest} comes nearest"
         best, *others = leading
         if others:
-            said = f"{best} predicts best; {_listed(others)} cannot be told apart from it"
+            said = f"{best} predicts best; {_listed(others)} cannot be distinguished from it"
         elif best in TABLES:
             said = f"the bench follows no law with a formula; {best} describes it"
         else:

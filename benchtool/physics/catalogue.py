@@ -116,5 +116,5 @@ def _check(effect: Effect, where: str) -> None:
         if item.neutral is not None and item.tolerance is None:
             raise InputError(
                 f"parameter {item.name} of effect {effect.name!r} in {where} has no tolerance, so "
-                f"nothing tells when it matters; add tolerance=... in {item.unit}"
+                f"it is not known when it matters; add tolerance=... in {item.unit}"
             )

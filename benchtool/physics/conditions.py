@@ -155,7 +155,7 @@ class Conditions:
         Uses rpm1.. when it has them, else pwm1_us.. through the rig's map; one speed column stands
         for all rotors. Missing plate columns mean that there is no plate; an empty cell in a
         column that is there stays nan, and its row is for a fit to leave out. Without a column
-        load_direction, the visits of a run tell it by their order (`load_direction`).
+        load_direction, the order of a run's visits gives it (`load_direction`).
         """
         m = len(recording)
         zeros = np.zeros(m)
@@ -229,7 +229,7 @@ def _speeds(recording: Recording, rig: Rig, voltage_V: Array) -> Array:
             )
         return np.broadcast_to(stack, (n, len(recording))).copy()
     raise InputError(
-        "the recording tells neither rotor speed nor pulse width; map a column to rpm1 or pwm1_us "
+        "the recording states neither rotor speed nor pulse width; map a column to rpm1 or pwm1_us "
         "in the model's [columns] (a constant will do: rpm1 = { constant = 6300, unit = 'rpm' })"
     )
 

@@ -76,7 +76,7 @@ class Prepared:
 
 
 def mergeable(model: Model) -> bool:
-    """Whether no present effect tells one disc from another by its own speed."""
+    """Whether no present effect treats discs differently by their own speed."""
     return all(effect.hooks.factor is None for effect in model.present_effects)
 
 

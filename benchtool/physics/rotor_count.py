@@ -1,4 +1,4 @@
-"""Count the rotors that a recording tells of, and refuse a model that has another number."""
+"""Count the rotors of a recording, and refuse a model that has another number."""
 
 from __future__ import annotations
 

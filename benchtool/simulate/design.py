@@ -128,7 +128,7 @@ class Design:
             yield {each.name: float(rng.uniform(each.lower, each.upper)) for each in self.varied}
 
     def probes(self) -> Iterator[dict[str, float]]:
-        """Yield few points that tell whether all can be run: corners, and every single value."""
+        """Yield few points that show whether all can be run: corners, and every single value."""
         ends = [sorted({each.lower, each.upper}) for each in self.varied]
         for values in product(*ends):
             yield dict(zip(self.names, values, strict=True))

@@ -141,10 +141,10 @@ def loop_numbers(model: Model, effects: Sequence[Effect]) -> tuple[float, ...]:
 
 
 def identities(effects: Sequence[Effect]) -> list[Any]:
-    """Return what tells the hooks of effects from all others, for the key of a compiled loop.
+    """Return what distinguishes the hooks of effects from all others, to key a compiled loop.
 
     Raises:
-        InputError: a hook is a function that its name and file do not tell from others.
+        InputError: a hook is a function that its name and file do not distinguish from others.
     """
     hooks = [[getattr(effect.hooks, name) for name in HOOKS] for effect in effects]
     for hook in (hook for own in hooks for hook in own if hook is not None):

@@ -153,7 +153,7 @@ def arrange(page: Page, tab: str) -> None:
 
 
 def whole(page: Page, tab: str, folder: Path) -> None:
-    """Take a whole tab in every size, and tell where it is wider than the screen."""
+    """Take a whole tab in every size, and say where it is wider than the screen."""
     for width, scheme in product(WIDTHS, SCHEMES):
         page.emulate_media(color_scheme=scheme)
         page.set_viewport_size({"width": width, "height": HEIGHT})

@@ -51,7 +51,7 @@ def remember(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
 
 
 def remembered(kind: str) -> dict[str, str]:
-    """Return the files of one kind of thing and their devices, as their names tell them."""
+    """Return the files of one kind of thing and their devices, by their names."""
     return {str(path): path.stem for path in sorted((state_folder() / kind).glob("*.json"))}
 
 

@@ -213,7 +213,7 @@ class Effect:
         shows: where it shows in data.
         source: paper and equation, data sheet, or that it is a guess.
         confused_with: names of effects that look alike, with what separates them.
-        separated_by: what to measure so that a fit can tell the effect's first parameter from
+        separated_by: what to measure so that a fit can separate the effect's first parameter from
             another, by the other's full name ("R_m").
         trends_over: columns over which residuals trend where the effect is missing.
         law_error: standard error of what it does over its departure from neutral.

@@ -11,7 +11,7 @@ from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 from benchtool.physics.size import scaled, weight_scale
 
-GROWTH_KNOWN = Prior("normal", 0.0, 0.15, "assumed: data sheets tell one width, at full load")
+GROWTH_KNOWN = Prior("normal", 0.0, 0.15, "assumed: data sheets state one width, at full load")
 
 
 @expression

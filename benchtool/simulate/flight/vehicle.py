@@ -115,7 +115,7 @@ class FlightVehicle:
 
     @property
     def identity(self) -> tuple[Any, ...]:
-        """What tells the vehicle from others, as something that can be compared."""
+        """What distinguishes the vehicle from others, as something that can be compared."""
         values = {name: item.value for name, item in self.model.parameters.items()}
         places = self.rig.disc_positions_m.tolist()
         own = [getattr(self, item.name) for item in fields(self)[1:]]

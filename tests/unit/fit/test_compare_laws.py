@@ -69,15 +69,15 @@ def test_the_law_that_made_the_data_is_the_one_that_the_bench_follows(
     assert len(told_apart) >= 6
     assert (
         f"(z/R 0.5 to 8) the bench follows {law}" in found.sentence
-        or "cannot be told apart" in (found.sentence)
+        or "cannot be distinguished" in (found.sentence)
     )
 
 
 def test_what_the_scatter_hides_is_not_told_apart() -> None:
     found = compared(asked(), sd=0.01, at=(1.0, 1.5, 2.0, 3.0, 5.0))
     assert found.named("refused") == []
-    assert len(found.named("not told apart")) >= 5
-    assert "cannot be told apart from it" in found.sentence
+    assert len(found.named("indistinguishable")) >= 5
+    assert "cannot be distinguished from it" in found.sentence
 
 
 def test_a_bench_that_follows_no_formula_follows_the_table_or_none() -> None:
@@ -132,5 +132,5 @@ def test_the_true_law_is_seldom_called_behind_or_refused() -> None:
     wrong = []
     for seed in range(40):
         found = compared(asked(), sd=2e-3, seed=seed)
-        wrong.append("rotor_images" not in found.named("best", "not told apart"))
+        wrong.append("rotor_images" not in found.named("best", "indistinguishable"))
     assert sum(wrong) <= 5
