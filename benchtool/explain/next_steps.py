@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchtool.core.rig_file import rig_beside
 from benchtool.core.schedule_file import schedule_to_toml
 from benchtool.explain.added_model import MODEL, own_names
 from benchtool.explain.answer import Answer
+from benchtool.explain.found.draft import FOUND
 from benchtool.explain.recordings import Source
 from benchtool.physics.effects.effect import BenchKind
 
@@ -72,8 +73,20 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
         what = " and ".join(part for part, there in parts.items() if there)
         return (Step(f"write {what}", _explain(answer, answer.request.model_given, out="found")),)
     new = str(Path(folder) / MODEL)
+    found = answer.verdict.depends
+    drafted: tuple[Step, ...] = ()
+    if found is not None and found.law is not None:
+        file = str(Path(folder) / f"{FOUND}.py")
+        why = f"read {file}, name it after its cause, and ask again with it"
+        asked = _explain(
+            replace(answer, request=replace(answer.request, effects_given=file)),
+            answer.request.model_given, out=f"{folder}-again",
+        )  # fmt: skip
+        drafted = (Step(why, asked),)
     if name:
-        return _experiment(answer, str(Path(folder) / name), new, folder)
+        return (*drafted, *_experiment(answer, str(Path(folder) / name), new, folder))
+    if drafted:
+        return drafted
     if not answer.has_model:
         return ()
     command = _explain(answer, new, out=f"{folder}-again", own=not own_names(answer))

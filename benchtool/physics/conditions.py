@@ -12,6 +12,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.physics.coverage import plate_coverages
+from benchtool.physics.effects.effect import PAST_S
 from benchtool.physics.rotor import speed_from_pwm
 
 FAR_AWAY_M = 1e6
@@ -42,6 +43,9 @@ class Conditions:
             nobody knows.
         plate_x_m: (m,) lateral position of the plate's centre.
         airspeed_m_s: (m,) speed of the air along the plate, as in a wind tunnel.
+        moved_s: (m,) time since the plate last moved; 0 where nobody knows.
+        moved_direction: (m,) +1 where the plate came to its distance from nearer, -1 from farther.
+        past_load, past_wash: (4, m) means over the past, see `Flow`.
         speed_measured: whether the speeds were read from the rotors; else they follow from pulse
             widths, and effects between pulse and speed act on them.
     """
@@ -56,6 +60,10 @@ class Conditions:
     load_direction: Array
     plate_x_m: Array
     airspeed_m_s: Array
+    moved_s: Array
+    moved_direction: Array
+    past_load: Array
+    past_wash: Array
     speed_measured: bool = True
 
     def __len__(self) -> int:
@@ -84,6 +92,10 @@ class Conditions:
             load_direction=self.load_direction[rows],
             plate_x_m=self.plate_x_m[rows],
             airspeed_m_s=self.airspeed_m_s[rows],
+            moved_s=self.moved_s[rows],
+            moved_direction=self.moved_direction[rows],
+            past_load=self.past_load[:, rows],
+            past_wash=self.past_wash[:, rows],
             speed_measured=self.speed_measured,
         )
 
@@ -145,6 +157,10 @@ class Conditions:
             load_direction=full(load_direction),
             plate_x_m=full(plate_x_m),
             airspeed_m_s=full(airspeed_m_s),
+            moved_s=np.zeros(m),
+            moved_direction=np.zeros(m),
+            past_load=np.zeros((len(PAST_S), m)),
+            past_wash=np.zeros((len(PAST_S), m)),
             speed_measured=speed_measured,
         )
 
@@ -177,9 +193,17 @@ class Conditions:
         tilt = optional("plate_tilt_deg", zeros)
         speed = _speeds(recording, rig, voltage)
         direction = np.nan_to_num(optional("load_direction", zeros))
-        if {"point", "time_s"} <= set(recording.names) and "load_direction" not in recording:
-            place = np.array([z, plate_x, tilt])
-            direction = load_directions(time, elapsed, place, np.sum(speed**2, axis=0))
+        moved_s, moved = zeros, zeros
+        past_load = past_wash = np.zeros((len(PAST_S), m))
+        if {"point", "time_s"} <= set(recording.names):
+            place, load = np.array([z, plate_x, tilt]), np.sum(speed**2, axis=0)
+            if "load_direction" not in recording:
+                direction = load_directions(time, elapsed, place, load)
+            moved_s, moved = moves(time, place)
+            share = np.nan_to_num(load) / max(float(np.nanmax(load, initial=0.0)), 1e-300)
+            meets = np.mean(coverage, axis=0) / (1.0 + (z / rig.propulsion.radius_m) ** 2)
+            past_load = past_means(time, moved_s, share)
+            past_wash = past_means(time, moved_s, share * np.nan_to_num(meets))
         return cls(
             speed_rad_s=speed,
             plate_z_m=z,
@@ -191,6 +215,10 @@ class Conditions:
             load_direction=direction,
             plate_x_m=plate_x,
             airspeed_m_s=np.nan_to_num(optional("airspeed_m_s", zeros)),
+            moved_s=moved_s,
+            moved_direction=moved,
+            past_load=past_load,
+            past_wash=past_wash,
             speed_measured="rpm1" in recording,
         )
 
@@ -265,3 +293,56 @@ def load_directions(time_s: Array, elapsed_s: Array, place: Array, load: Array) 
             directions[here] = np.sign(load[here] - load[before])
         before = int(here)
     return directions
+
+
+def moves(time_s: Array, place: Array) -> tuple[Array, Array]:
+    """Return the time since the plate last moved, and the side that it came from, (m,) each.
+
+    The side is +1 where it came to its distance from nearer, -1 from farther. A visit without a
+    known place, as a tare may be, is at that of the one before it. The plate moves between two
+    visits; when is not known, and taken to be half way.
+
+    Args:
+        time_s: (m,) time since the run began; visits may stand in any order.
+        place: (3, m) distance, lateral position (m) and tilt (rad) of the plate.
+    """
+    since, side = np.zeros(len(time_s)), np.zeros(len(time_s))
+    order = np.argsort(time_s, kind="stable")
+    if not len(order):
+        return since, side
+    moved_at_s, direction, before = time_s[order[0]], 0.0, order[0]
+    at = place[:, before]
+    for here in order:
+        if np.isfinite(place[:, here]).all():
+            change = place[:, here] - at
+            if np.any(np.abs(change) > SAME_PLACE):
+                moved_at_s = 0.5 * (time_s[here] + time_s[before])
+                if abs(change[0]) > SAME_PLACE:
+                    direction = float(np.sign(change[0]))
+            at = place[:, here]
+        since[here], side[here], before = time_s[here] - moved_at_s, direction, here
+    return since, side
+
+
+def past_means(time_s: Array, moved_s: Array, here: Array) -> Array:
+    """Return means over the past (4, m) of what visits have, which forget within `PAST_S`.
+
+    Motors stand still while the plate moves; levels at one place follow each other without a stop.
+
+    Args:
+        time_s: (m,) time since the run began; visits may stand in any order.
+        moved_s: (m,) time since the plate last moved.
+        here: (m,) of each visit; 0 with every rotor still.
+    """
+    past_s, out = np.array(PAST_S), np.zeros((len(PAST_S), len(time_s)))
+    order = np.argsort(time_s, kind="stable")
+    stay_s = np.diff(time_s[order])[np.diff(moved_s[order]) > 0.0]
+    usual_s = float(np.median(stay_s)) if len(stay_s) else 0.0
+    state, before_s = np.zeros(len(PAST_S)), time_s[order[0]] if len(order) else 0.0
+    for row in order:
+        passed_s = time_s[row] - before_s
+        turning_s = min(passed_s, usual_s)
+        state = state * np.exp(-(passed_s - turning_s) / past_s)
+        state = here[row] + (state - here[row]) * np.exp(-turning_s / past_s)
+        out[:, row], before_s = state, time_s[row]
+    return out

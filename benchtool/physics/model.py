@@ -228,6 +228,10 @@ class Model:
             plate_x_m=conditions.plate_x_m,
             airspeed_m_s=conditions.airspeed_m_s,
             plane=plane,
+            moved_s=conditions.moved_s,
+            moved_direction=conditions.moved_direction,
+            past_load=tuple(conditions.past_load),
+            past_wash=tuple(conditions.past_wash),
         )
         if not conditions.speed_measured:
             flow = flow._replace(speed_rad_s=self._discs.speeds(flow, p))

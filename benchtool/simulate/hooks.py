@@ -55,6 +55,7 @@ def joined_hooks(
         return Flow(
             radius_m, x_m, y_m, ones, speed, 0.0, 0.0, time_s, pitch, cosine, weight_N, 0.0, 0.0,
             airspeed, acceleration, height, coverage, zeros, zeros, 0.0, plane, 1.0, rate, zeros,
+            0.0, 0.0, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0),
         )  # fmt: skip
 
     @expression
@@ -62,7 +63,7 @@ def joined_hooks(
         speed, thrusts = flow.speed_rad_s, factor
         for i in range(n_discs):
             thrusts = replaced(thrusts, i, k * speed[i] * speed[i] * factor[i])
-        return Flow(*flow[:N_BEFORE_RATE], rate, thrusts)  # type: ignore[call-arg]
+        return Flow(*flow[:N_BEFORE_RATE], rate, thrusts, *flow[N_BEFORE_RATE + 2 :])  # type: ignore[call-arg]
 
     torque, dry_friction, dry_width, dry_give = (
         summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width", "dry_give")

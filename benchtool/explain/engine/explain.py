@@ -28,6 +28,7 @@ from benchtool.explain.engine.verdict import (
     Rivals,
     Verdict,
 )
+from benchtool.explain.found.search import dependence
 
 NO_EFFECT = ("none", "unknown")
 """Explanations that name no effect."""
@@ -118,6 +119,11 @@ def explain(
                 shown,
                 {gap.channel: gap.after for gap in gaps},
             )
+    found = None
+    if kind == "unknown" and any(one.stage != "pwm_to_rpm" for one in judgement.unnamed):
+        progress("looking for what it depends on", 0.92)
+        missed = subject.missed(null.at, [name for name, _ in judgement.beside])
+        found = None if missed is None else dependence(missed)
     best = judgement.best
     if not effects:
         after, best = before, null
@@ -151,6 +157,7 @@ def explain(
         beside={
             effect_of(subject, name).phrase: probability for name, probability in judgement.beside
         },
+        depends=found,
         remarks=subject.remarks,
         next=subject.next_experiment(rivals, rng, refused) if rivals and propose else None,
         parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.at),

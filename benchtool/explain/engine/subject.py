@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.explain.engine.parameters import ScaledParameter
 from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.found.search import Missed
 from benchtool.physics.effects.effect import BenchKind, Effect, Subsystem
 from benchtool.physics.model import Model
 
@@ -171,6 +172,13 @@ class Subject(ABC):
         It joins what the data leave open in the intervals of the effect's parameters.
         """
         return 0.0
+
+    def missed(self, at: Array, opened: Sequence[str]) -> Missed | None:
+        """Return what readings miss about parameters (n_parameters,), and what it may depend on.
+
+        With `opened` effects as large as they like; None where a bench does not say.
+        """
+        return None
 
     @abstractmethod
     def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:

@@ -10,6 +10,7 @@ from typing import Literal
 from benchtool.core.array import Array
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import Schedule
+from benchtool.explain.found.law import Dependence
 from benchtool.physics.effects.effect import BenchKind, Subsystem
 
 STAGES: dict[Subsystem, str] = {
@@ -279,6 +280,7 @@ class Verdict:
     parameters: Parameters  # of the model with the named effects in it
     window_s: float  # length of a prediction window
     draws: int = field(default=0)  # draws behind the floor
+    depends: Dependence | None = None  # what an unknown depends on, where that was found
 
     @property
     def stages(self) -> Mapping[Subsystem, str]:
@@ -383,7 +385,8 @@ def _unknown(verdict: Verdict) -> str:
     shown = f": {verdict.unnamed[0].text}" if verdict.unnamed else ""
     for phrase, probability in verdict.beside.items():
         nearest += f"; beside it {phrase}, probability {_shown(probability)}"
-    return f"Something is missing{place} that no named effect explains{shown}{nearest}."
+    depends = f"; it {verdict.depends.text}" if verdict.depends is not None else ""
+    return f"Something is missing{place} that no named effect explains{shown}{depends}{nearest}."
 
 
 _SENTENCES = {

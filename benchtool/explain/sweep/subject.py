@@ -18,6 +18,8 @@ from benchtool.core.array import Array
 from benchtool.core.recording import Recording
 from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.found.search import Missed
+from benchtool.explain.sweep.dependences import missed_thrusts
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog, refuse_other_sweeps, sweep_log
 from benchtool.explain.sweep.next_experiment import next_sweep_experiment
@@ -51,6 +53,7 @@ class SweepSubject(Subject):
 
     kind = "sweep"
     evidence: SweepEvidence
+    all_evidence: SweepEvidence
     check: Sequence[SweepLog]
 
     def __init__(
@@ -124,6 +127,9 @@ class SweepSubject(Subject):
         if speed:
             out["rpm"] = np.sqrt(np.mean(np.concatenate(speed), axis=0))
         return out
+
+    def missed(self, at: Array, opened: Sequence[str]) -> Missed:
+        return missed_thrusts(self.all_evidence, at, opened)
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first check sweep: thrust over plate distance, speeds over time.

@@ -78,6 +78,13 @@ class Flow(NamedTuple):
             a law of thrust against distance is multiplied with it in the sum.
         rate_rad_s: rate about the y axis (...): rad/s; zero on a bench that is held.
         thrust_N: thrust of each disc (n, ...), for torque hooks; empty elsewhere.
+        moved_s: time since the plate last moved (...); 0 where nobody knows.
+        moved_direction: +1 where the plate came to its distance from nearer, -1 from farther, 0
+            where nobody knows (...).
+        past_load: summed squared speed over the greatest of the run, as a mean over the past that
+            forgets within each of `PAST_S` (4, ...); 0 where nobody knows.
+        past_wash: the same of the load times what of the wash meets the plate: the covered
+            fraction over 1 + (z/R)^2.
     """
 
     radius_m: Quantity = 0.0
@@ -104,10 +111,17 @@ class Flow(NamedTuple):
     axial_share: Quantity = 1.0
     rate_rad_s: Quantity = 0.0
     thrust_N: Quantity = ()
+    moved_s: Quantity = 0.0
+    moved_direction: Quantity = 0.0
+    past_load: Quantity = (0.0, 0.0, 0.0, 0.0)
+    past_wash: Quantity = (0.0, 0.0, 0.0, 0.0)
 
 
 N_STAYING, N_BEFORE_RATE = map(Flow._fields.index, ("height_m", "rate_rad_s"))
 """How many fields of a Flow stay, and how many stand before what changes within a step."""
+
+PAST_S = (10.0, 30.0, 100.0, 300.0)
+"""Times within which the means of `Flow.past_load` and `past_wash` forget."""
 
 NO_FLOW = Flow()
 """For hooks that depend on the effect's numbers alone, such as a lag."""

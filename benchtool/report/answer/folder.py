@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from benchtool.core.rig_file import rig_beside
 from benchtool.data.atomic import json_ready, replace_json, replace_text
 from benchtool.explain.added_model import MODEL, NEAREST, added_model, as_nearest, own_names
 from benchtool.explain.answer import Answer
+from benchtool.explain.found.draft import FOUND, draft
+from benchtool.explain.found.law import Dependence
 from benchtool.explain.next_steps import next_file
 from benchtool.report.answer.page import answer_page
 from benchtool.report.answer.tables import unjudged_sentence
@@ -52,8 +55,11 @@ def write_folder(
     name, text = next_file(answer)
     if name:
         replace_text(folder / name, text)
-    model, schedule, nearest = (str(known / one) if one else "" for one in (model, name, nearest))
-    written = Written(model=model, schedule=schedule, nearest=nearest)
+    found = _write_draft(folder, answer)
+    model, schedule, nearest, found = (
+        str(known / one) if one else "" for one in (model, name, nearest, found)
+    )
+    written = Written(model=model, schedule=schedule, nearest=nearest, draft=found)
     figures = drawn("answer", answer)
     for stem, block in figures.items():
         save_figure(block.figure, folder / stem, replace=True)
@@ -61,6 +67,17 @@ def write_folder(
     write_report(folder / PAGE, page, replace=True)
     write_json(folder / ANSWER, answer, written)
     return written
+
+
+def _write_draft(folder: Path, answer: Answer) -> str:
+    """Write what was drafted of something unknown, beside what may be there; return its name."""
+    depends = answer.verdict.depends
+    if depends is None or depends.law is None:
+        return ""
+    names = (f"{FOUND}{'' if k == 1 else f'_{k}'}.py" for k in count(1))
+    name = next(name for name in names if not (folder / name).exists())
+    replace_text(folder / name, draft(depends))
+    return name
 
 
 def _write_model(folder: Path, name: str, answer: Answer | None, effects_file: Path | None) -> str:
@@ -94,6 +111,7 @@ class Written:
     model: str = ""
     schedule: str = ""
     nearest: str = ""
+    draft: str = ""
 
 
 def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
@@ -133,6 +151,7 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
         },
         "nearest": _fields(verdict.nearest, "name", "share_closed", "after")
         | {"model": written.nearest or None},
+        "depends": _depends(verdict.depends, written.draft),
         "tolerances": dict(verdict.tolerances),
         "not_judged": {
             name: {
@@ -157,6 +176,18 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
     }  # fmt: skip
     cleaned: dict[str, Any] = json_ready(tables)
     return cleaned
+
+
+def _depends(found: Dependence | None, file: str) -> dict[str, Any]:
+    """Return what something unknown depends on, and the law that was drafted of it."""
+    law = None if found is None else found.law
+    return {
+        "on": None if found is None else found.phrase,
+        **_fields(found, "probability", "candidates", "closed"),
+        "law": None if found is None else found.formula or None,
+        "numbers": {} if law is None else law.values,
+        "file": file or None,
+    }
 
 
 def _fields(item: Any, *names: str, **spans: str) -> dict[str, Any]:

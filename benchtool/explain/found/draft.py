@@ -1,0 +1,132 @@
+"""A law as an ordinary effect file, for a person to read and to rename."""
+
+from __future__ import annotations
+
+from textwrap import fill
+
+from benchtool import __version__
+from benchtool.explain.found.law import Dependence
+
+FOUND = "found_effect"
+"""Name of a drafted effect and of its file."""
+
+TOLERANCE = 0.005
+"""Departure of thrust that does not matter, as a share of it, where a law is greatest."""
+
+_FORM = '''"""Drafted by benchtool explain {version}: read it, and name it after its cause.
+
+{words}
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from benchtool.core.parameter import Prior
+from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
+from benchtool.physics.effects.laws.shapes import {functions}
+
+
+@expression
+def {hook}(p: Any, i: int, flow: Flow{taken}) -> Quantity:
+    """Return {returns}."""
+    return {code}
+
+
+EFFECT = Effect(
+    name="{name}",
+    title="Found effect",
+    description={description!r},
+    subsystem="{subsystem}",
+    order=90,
+    law={formula!r},
+    parameters=(
+{numbers}
+    ),
+    hooks=Hooks({hook}={hook}),
+    shows={shows!r},
+    source="benchtool explain {version}: fitted, not derived",
+    confused_with={{}},
+    benches=frozenset({{"sweep"}}),
+    acts_in_flight=False,
+)
+'''
+
+
+def draft(found: Dependence) -> str:
+    """Return the text of an effect file for a dependence with a law."""
+    law, variable, form = found.law, found.variable, found.form
+    assert law is not None
+    greatest = max(abs(law.family(variable.values, law.numbers)).max(), 1e-9)
+    tolerance = TOLERANCE / greatest
+    bound = max(20.0 * abs(law.amplitude), 10.0 * tolerance)
+    # Another reading of the same recordings may put its numbers elsewhere.
+    lines = [
+        _number(
+            "a", "1", law.amplitude, "size of the law", neutral=0.0, within=(-bound, bound),
+            tolerance=tolerance,
+        )
+    ]  # fmt: skip
+    for name, value, sd in zip(law.family.numbers, law.numbers, law.sds, strict=True):
+        held = min(max(sd, 1e-4 * abs(value)), 0.25 * abs(value) + 0.05)
+        positive = name in ("width", "length")
+        lines.append(
+            _number(
+                name, "1", value, "shape of the law",
+                within=(0.1 * value, 10.0 * value) if positive else None,
+                prior=f'Prior("normal", {value:.6g}, {held:.3g}, "benchtool explain")',
+            )
+        )  # fmt: skip
+    code = form.code + variable.code
+    if "p.reference" in code:
+        lines.append(_number("reference", variable.unit, variable.reference, "reference"))
+    if "p.radius_m" in code:
+        lines.append(_number("radius_m", "m", found.radius_m, "radius R of the rotors"))
+    if "p.typical_N" in code:
+        lines.append(_number("typical_N", "N", float(form.weights[0]), "thrust that a counts in"))
+    numbers = ", ".join(f"p.{name}" for name in law.family.numbers)
+    shape = f"{law.family.name}({variable.code}, {numbers})"
+    reading = form.hook == "thrust_reading"
+    used = {law.family.name} | ({"power"} if "power(" in form.code else set())
+    described = f"Something that depends on {found.phrase}; nobody has said what it is."
+    return _FORM.format(
+        name=FOUND,
+        version=__version__,
+        words=fill(f"It {found.text}. {_with(found)}", 99),
+        functions=", ".join(sorted(used)),
+        hook=form.hook,
+        taken=", reading: Quantity" if reading else "",
+        returns="the reading with the law added: N" if reading else "a factor of the thrust",
+        code=form.code.format(f=shape),
+        description=described,
+        subsystem="sensor" if reading else "rpm_to_thrust",
+        formula=found.formula,
+        numbers="\n".join(lines),
+        shows=f"where this differs: {found.phrase}",
+    )
+
+
+def _with(found: Dependence) -> str:
+    law, variable = found.law, found.variable
+    assert law is not None
+    shown = ", ".join(f"{name} = {value:.4g}" for name, value in law.values.items())
+    if variable.unit == "1":
+        return f"There {shown}."
+    return f"There {shown}; the reference is {variable.reference:.4g} {variable.unit}."
+
+
+def _number(
+    name: str, unit: str, value: float, words: str, *, neutral: float | None = None,
+    within: tuple[float, float] | None = None, tolerance: float | None = None, prior: str = "",
+) -> str:  # fmt: skip
+    """Return the line of a number in an effect file."""
+    parts = [f'"{name}", "{unit}", {value:.6g}, "{words}"']
+    if neutral is not None:
+        parts.append(f"neutral={neutral:g}")
+    if within is not None:
+        parts.append(f"within=({within[0]:.6g}, {within[1]:.6g})")
+    if tolerance is not None:
+        parts.append(f"tolerance={tolerance:.3g}")
+    if prior:
+        parts.append(f"prior={prior}")
+    return f'        number({", ".join(parts)}, source="benchtool explain"),'

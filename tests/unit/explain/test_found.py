@@ -1,0 +1,137 @@
+"""From what readings miss to what it depends on, a law, and an effect file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.rig_file import rig_named
+from benchtool.explain.found.draft import FOUND, draft
+from benchtool.explain.found.families import FAMILIES, Family
+from benchtool.explain.found.law import Dependence, Form, Variable
+from benchtool.explain.found.search import Missed, dependence
+from benchtool.physics.catalogue import EFFECTS, own_effects
+from benchtool.physics.conditions import Conditions
+from tests.contracts import test_effect as contract
+
+NOISE_N = 0.004
+
+SPEED = "flow.speed_rad_s[i] / p.reference"
+PLACES = np.repeat(np.arange(30), 5)
+
+
+def shown(law: np.ndarray, rng: np.random.Generator, speed: np.ndarray) -> Missed:
+    """Return 150 thrusts of 3 N that miss a law of rotor speed, which no nuisance takes up."""
+    n = len(speed)
+    thrust = np.full(n, 3.0)
+    level, other = np.ones((n, 1)), rng.uniform(0.6, 4.0, n)
+    covariance = np.diag(np.full(n, NOISE_N**2)) + 1.0 * level @ level.T
+    precision = np.linalg.inv(covariance)
+    pull = precision @ (thrust * law + NOISE_N * rng.standard_normal(n))
+    half = {"forms": ("factor",)}
+    time = np.arange(n) / n
+    return Missed(
+        precision=precision, pull=pull, bare_precision=precision, bare_pull=pull, places=PLACES,
+        variables=(
+            Variable(phrase="rotor speed", symbol="w/w_ref", code=SPEED, reference=500.0,
+                     unit="rad/s", values=speed, **half),
+            Variable(phrase="plate distance", symbol="z/R", values=other, **half),
+            Variable(phrase="time", symbol="t", values=time, scale="time", **half),
+            Variable(phrase="the visit", symbol="visit", values=PLACES.astype(float),
+                     blocks=True, **half),
+        ),
+        forms=(
+            Form(name="factor", hook="factor", weights=thrust, formula="1 + {f}",
+                 code="1.0 + p.a * {f}"),
+        ),
+    )  # fmt: skip
+
+
+LAWS = {
+    "line": lambda u: 0.04 * (u - 1.0) / 0.2,
+    "power": lambda u: 0.02 * u**-4.0,
+    "step": lambda u: 0.03 / (1.0 + np.exp(-(u - 0.95) / 0.01)),
+    "saturation": lambda u: -0.3 * np.maximum(u - 1.1, 0.0),
+    "resonance": lambda u: -0.04 / (1.0 + ((u - 0.93) / 0.05) ** 2),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_a_law_is_found_with_its_variable_and_closes_the_gap(
+    name: str, rng: np.random.Generator
+) -> None:
+    speed = rng.uniform(0.7, 1.3, 150)
+    law = LAWS[name](speed)
+    found = dependence(shown(law, rng, speed))
+    assert found is not None
+    assert found.variable.phrase == "rotor speed"
+    assert found.probability > 0.9
+    assert found.closed > 0.9
+    assert found.law is not None
+    left = law - found.law.amplitude * found.law.family(speed, found.law.numbers)
+    assert np.std(left) < 0.15 * np.std(law)
+    assert found.text.startswith("depends on rotor speed; closes ")
+    assert np.ptp(found.curve.mean) == pytest.approx(np.ptp(law), rel=0.5)
+
+
+def test_what_is_another_at_every_visit_has_a_variable_and_no_law(
+    rng: np.random.Generator,
+) -> None:
+    each = 0.02 * rng.standard_normal(30)
+    found = dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)))
+    assert found is not None
+    assert (found.phrase, found.law, found.text) == ("the visit", None, "depends on the visit")
+
+
+def test_noise_depends_on_nothing(rng: np.random.Generator) -> None:
+    found = [dependence(shown(np.zeros(150), rng, rng.uniform(0.7, 1.3, 150))) for _ in range(50)]
+    assert found == [None] * 50
+
+
+def drafted(family: Family, folder: Path, rng: np.random.Generator) -> Dependence:
+    """Return a dependence whose law is of a family."""
+    speed = rng.uniform(0.7, 1.3, 150)
+    found = dependence(shown(LAWS["line"](speed), rng, speed))
+    assert found is not None
+    assert found.law is not None
+    grid = family.grid(speed)
+    numbers = tuple(float(one) for one in grid[:, grid.shape[1] // 2])
+    law = replace(found.law, family=family, numbers=numbers, sds=(0.01,) * len(numbers))
+    return replace(found, law=law)
+
+
+@pytest.mark.parametrize("hook", ["factor", "thrust_reading"])
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda one: one.name)
+def test_a_draft_keeps_the_contract_of_effects(
+    family: Family, hook: str, tmp_path: Path, rng: np.random.Generator,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    found = drafted(family, tmp_path, rng)
+    if hook == "thrust_reading":
+        code = "reading + p.a * p.typical_N * {f}"
+        load = replace(found.variable, code="reading / p.reference", reference=10.5, unit="N")
+        found = replace(found, variable=load, form=replace(found.form, hook=hook, code=code))
+    path = tmp_path / f"{FOUND}.py"
+    path.write_text(draft(found), encoding="utf-8")
+    (effect,) = own_effects(str(path), lambda _: None)
+    monkeypatch.setitem(EFFECTS, FOUND, effect)
+    monkeypatch.setitem(contract.TWO_SIDED, f"{FOUND}.a", "nobody knows its cause")
+    rig = rig_named("pquad")
+    conditions = Conditions.of(
+        rig, speed_rad_s=np.array([[460.0], [470.0], [480.0], [590.0]]),
+        plate_z_m=np.array([0.1, 0.15, 0.2, 0.1, 0.3, 0.6]),
+        plate_x_m=np.array([0.0, 0.0, 0.0, 0.6, 0.6, 0.0]), elapsed_s=60.0, time_s=60.0,
+    )  # fmt: skip
+    contract.test_it_describes_itself(FOUND)
+    contract.test_it_says_what_does_not_matter_on_any_vehicle(FOUND, "sweep", "pquad")
+    contract.test_physics_bounds_every_number_that_may_be_named(FOUND)
+    contract.test_at_its_neutral_value_it_is_exactly_absent(FOUND, rig, conditions)
+    contract.test_its_hooks_at_neutral_change_nothing_when_they_are_called(FOUND, rig, conditions)
+    contract.test_at_neutral_a_hinge_is_left_exactly_alone(FOUND, 0.5)
+    contract.test_away_from_neutral_it_shows_somewhere(FOUND, rig, conditions)
+    contract.test_scalars_arrays_and_complex_steps_agree(FOUND, rig, conditions)
+    contract.test_its_hooks_branch_nowhere(FOUND)
+    assert effect.phrase == "found effect"
