@@ -15,7 +15,7 @@ from benchtool.data.atomic import file_hash
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.judgement import Progress
 from benchtool.explain.engine.subject import Subject
-from benchtool.explain.engine.verdict import Verdict
+from benchtool.explain.engine.verdict import SURE, Verdict
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.recordings import (
@@ -113,6 +113,8 @@ def answer_request(
     seed: int = 0,
     draws: int = 128,
     bootstrap: int = 0,
+    sure: float = SURE,
+    minutes: float | None = None,
     progress: Progress = lambda what, share: None,
 ) -> Answer:
     """Return the answer to a request; whoever has a clock sets how long it took.
@@ -120,10 +122,16 @@ def answer_request(
     Args:
         request: everything read that it names.
         commands: as they were typed.
-        seed, draws, bootstrap, progress: see `explain`.
+        seed, draws, bootstrap, sure, minutes, progress: see `explain`.
     """
     found = explain(
-        request.subject(), seed=seed, draws=draws, bootstrap=bootstrap, progress=progress
+        request.subject(),
+        seed=seed,
+        draws=draws,
+        bootstrap=bootstrap,
+        sure=sure,
+        minutes=minutes,
+        progress=progress,
     )
     return Answer(
         explanation=found, request=request, seed=seed, seconds=0.0, commands=tuple(commands)

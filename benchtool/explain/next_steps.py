@@ -40,7 +40,7 @@ class Step:
 def next_file(answer: Answer) -> tuple[str, str]:
     """Return name and text of the next experiment's file; empty where there is none."""
     experiment = answer.verdict.next
-    if experiment is None:
+    if experiment is None or not experiment.decides:
         return "", ""
     if experiment.schedule is not None:
         return "next_schedule.toml", schedule_to_toml(experiment.schedule)
@@ -53,6 +53,11 @@ def next_sentence(answer: Answer) -> str:
     if experiment is None:
         poor = answer.verdict.mostly_blind and not answer.verdict.is_sure
         return RICHER[answer.verdict.bench] if poor else ""
+    if not experiment.decides:
+        return (
+            f"No experiment within reach decides: {experiment.title[:1].lower()}"
+            f"{experiment.title[1:]} is the best one, and only {experiment.reason}."
+        )
     return (
         f"Record next: {experiment.title}. {experiment.reason[:1].upper()}{experiment.reason[1:]}."
     )

@@ -17,11 +17,13 @@ from benchtool.explain.engine.describe import (
     found_parameters,
     where_shown,
 )
+from benchtool.explain.engine.design import rivals
 from benchtool.explain.engine.hypotheses import Hypotheses, p_value
 from benchtool.explain.engine.judgement import Judgement, Progress
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.engine.subject import Overlay, Subject
 from benchtool.explain.engine.verdict import (
+    SURE,
     NamedEffect,
     Nearest,
     NotJudged,
@@ -62,6 +64,8 @@ def explain(
     draws: int = 128,
     bootstrap: int = 0,
     propose: bool = True,
+    sure: float = SURE,
+    minutes: float | None = None,
     progress: Progress = lambda what, share: None,
 ) -> Explanation:
     """Return what is missing from a subject's model, and what the check recordings say to it.
@@ -71,7 +75,9 @@ def explain(
         seed: of the noise behind floors and intervals.
         draws: of the noise behind the floor, 100 at least for a report.
         bootstrap: records drawn from the null for p-values; asymptotic ones when 0.
-        propose: whether to work out the next experiment, which takes as long as all the rest.
+        propose: whether to design the next experiment, which takes as long as all the rest.
+        sure: probability of the answer from which no experiment is needed, but for an unknown.
+        minutes: that the next experiment may take; a usual time when None.
         progress: called with what is being done.
     """
     rng = np.random.default_rng(seed)
@@ -133,7 +139,6 @@ def explain(
             )
             for gap in gaps
         )  # fmt: skip
-    rivals = _rivals(judgement)
     refused = where.stage if kind == "unknown" and where is not None else None
     verdict = Verdict(
         kind=kind,
@@ -159,11 +164,15 @@ def explain(
         },
         depends=found,
         remarks=subject.remarks,
-        next=subject.next_experiment(rivals, rng, refused) if rivals and propose else None,
+        next=None,
         parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.at),
         window_s=subject.window_s,
         draws=draws,
     )
+    if propose and (kind == "unknown" or not verdict.holds(sure)):
+        progress("designing the next experiment", 0.95)
+        among = rivals(hypotheses, judgement)
+        verdict = replace(verdict, next=subject.next_experiment(among, rng, refused, minutes))
     progress("done", 1.0)
     return Explanation(
         verdict=verdict,
@@ -183,16 +192,3 @@ def _probabilities(judgement: Judgement) -> dict[str, float]:
         "none": min(one["none"] for one in weights),
         "unknown": judgement.unknown,
     }
-
-
-def _rivals(judgement: Judgement) -> list[tuple[str, Array]]:
-    """Return the hypotheses that a next experiment should separate."""
-    effects = set(judgement.weights[0])
-    if judgement.kind == "class":
-        place, names = judgement.members[0][0], {name for _, name in judgement.members}
-        tried = judgement.trials[place].tried
-        return [(one.opened[-1], one.at) for one in tried if one.opened[-1] in names]
-    if judgement.kind == "unknown":
-        own = [one for one in judgement.trials[0].tried if one.opened[-1] in effects]
-        return [(one.opened[-1], one.at) for one in own[:2]]
-    return []

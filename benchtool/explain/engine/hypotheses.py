@@ -324,16 +324,6 @@ class Hypotheses:
         return out
 
 
-def ratio_of(evidence: Evidence, rivals: Sequence[tuple[str, Array]]) -> float:
-    """Return the log-likelihood ratio of the first of two rivals over the second.
-
-    Each is an effect with the parameters (n_parameters,) that its fit begins with.
-    """
-    hypotheses = Hypotheses(evidence)
-    first, second = (hypotheses.fitted((name,), at).cost for name, at in rivals[:2])
-    return 0.5 * float(second - first)
-
-
 def _of(
     opened: tuple[str, ...],
     found: Minimum,

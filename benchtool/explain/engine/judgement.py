@@ -32,6 +32,16 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Rival:
+    """Hold one explanation that an experiment is to tell from others."""
+
+    name: str  # an effect, "none" or "unknown"
+    phrase: str  # as it stands within a sentence
+    fit: Hypothesis
+    probability: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Judgement:
     """Hold what was found, and how likely it is.
 

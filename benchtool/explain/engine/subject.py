@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.found.search import Missed
 from benchtool.physics.effects.effect import BenchKind, Effect, Subsystem
 from benchtool.physics.model import Model
+
+if TYPE_CHECKING:
+    from benchtool.explain.engine.judgement import Rival
 
 LATE, EARLY = "late in the run", "early in the run"
 """Regimes of the clock: they say less of a cause than where the plate was, or how fast it went."""
@@ -206,14 +209,16 @@ class Subject(ABC):
     @abstractmethod
     def next_experiment(
         self,
-        rivals: Sequence[tuple[str, Array]],
+        rivals: Sequence[Rival],
         rng: np.random.Generator,
         refused: Subsystem | None = None,
+        minutes: float | None = None,
     ) -> NextExperiment | None:
-        """Return the experiment that separates hypotheses best, each with its (n_parameters,).
+        """Return the experiment that is expected to tell rivals apart; None of fewer than two.
 
         Args:
             rivals: likeliest first.
             rng: of simulated noise.
             refused: the stage in which nothing in the library explains what is there.
+            minutes: that it may take; a usual time when None.
         """

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
 from typing import Literal
 
-from benchtool.core.array import Array
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import Schedule
 from benchtool.explain.found.law import Dependence
@@ -48,6 +47,10 @@ BLIND = 3.0
 
 NEVER = 100.0
 """An effect that would have to be this many tolerances large is said to leave no trace."""
+
+
+DECIDES = 1.0
+"""An experiment with a smaller expected log evidence ratio decides nothing; a choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,58 +202,22 @@ class NextExperiment:
     """Say what to record next.
 
     Attributes:
-        expected: expected log-likelihood ratio between the nearest pair of candidates, by option
-            that was considered, the chosen one first.
+        expected: log evidence ratio that it is expected to bring between the likeliest candidate
+            and each other one, by that one, the nearest first.
     """
 
-    candidates: tuple[str, ...]  # the effects that it is to separate
+    candidates: tuple[str, ...]  # the explanations that it is to separate, likeliest first
     title: str  # what to do, one line
     reason: str  # why that separates them
     schedule: Schedule | None  # commands of a pitch experiment; None for a sweep
     plan_toml: str  # a sweep's plan; "" for a pitch experiment
     expected: Mapping[str, float]
+    minutes: float = 0.0  # how long it takes
 
-    @classmethod
-    def of_speeds(
-        cls, rivals: Sequence[tuple[str, Array]], title: str, expected: float, *,
-        schedule: Schedule | None = None, plan_toml: str = "",
-    ) -> NextExperiment:  # fmt: skip
-        """Return a ladder of pulses, for what is unknown between pulse and speed."""
-        name = schedule.name if schedule is not None else "next_pulse_ladder"
-        return cls(
-            candidates=tuple(name for name, _ in rivals),
-            title=title,
-            reason=(
-                "speed at a pulse answers to the pulse, the plate and the supply, which a ladder "
-                "near and far tells apart; write down the ESC's mode as well: governed, it holds "
-                "the speed against plate and supply; else it sets a voltage, and the speed gives"
-            ),
-            schedule=schedule,
-            plan_toml=plan_toml,
-            expected={name: expected},
-        )
-
-    @classmethod
-    def between(
-        cls,
-        rivals: Sequence[tuple[str, Array]],
-        expected: Mapping[str, float],
-        title: str,
-        reason: str,
-        *,
-        schedule: Schedule | None = None,
-        plan_toml: str = "",
-    ) -> NextExperiment:
-        """Return the one that is to separate rivals, likeliest first."""
-        names = tuple(name for name, _ in rivals)
-        return cls(
-            candidates=names,
-            title=title,
-            reason=f"{reason}; expected to tell {names[0]} from {names[1]}",
-            schedule=schedule,
-            plan_toml=plan_toml,
-            expected=dict(sorted(expected.items(), key=lambda item: -item[1])),
-        )
+    @property
+    def decides(self) -> bool:
+        """Whether it can be expected to tell the likeliest candidate from every other one."""
+        return min(self.expected.values()) >= DECIDES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -312,6 +279,12 @@ class Verdict:
         return self.kind in ("effect", "several") and all(
             one.probability >= SURE for one in self.effects
         )
+
+    def holds(self, probability: float) -> bool:
+        """Whether the whole answer is so likely; never one that is a class."""
+        if self.kind in ("none", "unknown"):
+            return self.probabilities[self.kind] >= probability
+        return self.kind != "class" and all(one.probability >= probability for one in self.effects)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.explain.engine.hypotheses import ratio_of
-from benchtool.explain.engine.parameters import parameters_at
+from benchtool.explain.engine.judgement import Rival
 from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.gap import OVERLAP, UNITS, Windows, predicted_channels, read_channels
-from benchtool.explain.pitch.log import PitchLog, pitch_log
+from benchtool.explain.pitch.log import PitchLog
+from benchtool.explain.pitch.next_experiment import next_pitch
 from benchtool.explain.pitch.timing import bench_numbers
 from benchtool.explain.recording_checks import refuse_other_bench
 from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
-from benchtool.simulate.controllers.pitch import PitchControl
-from benchtool.simulate.gain_file import gains_named
-from benchtool.simulate.pitch.bench import PitchBench
-from benchtool.simulate.pitch.run import PitchJob
-from benchtool.simulate.pitch.simulate import simulate_pitch
 
 WINDOWS_S = (0.25, 0.5, 1.0)
 """Lengths that a prediction may have, the shortest first. The plant is predictable over a window
@@ -67,6 +60,7 @@ class PitchSubject(Subject):
 
     kind = "pitch"
     evidence: PitchEvidence
+    all_evidence: PitchEvidence
 
     def __init__(
         self,
@@ -181,114 +175,9 @@ class PitchSubject(Subject):
 
     def next_experiment(
         self,
-        rivals: Sequence[tuple[str, Array]],
+        rivals: Sequence[Rival],
         rng: np.random.Generator,
         refused: Subsystem | None = None,
+        minutes: float | None = None,
     ) -> NextExperiment | None:
-        seed = int(rng.integers(2**31))
-        return next_pitch_experiment(rivals, self.evidence, seed, refused)
-
-
-RATE_HZ = 250.0
-LENGTH_S = 30.0
-
-STEPS = Signal(shape="steps", levels=(0.0, 10.0, -10.0, 5.0, -12.0, 12.0), every_s=2.5)
-SLOW = Signal(shape="triangle", level=8.0, period_s=10.0)
-QUICK = Signal(shape="chirp", level=5.0, start_Hz=0.2, end_Hz=2.5)
-COLLECTIVES = Signal(shape="steps", levels=(0.0, 0.15, -0.15), every_s=5.0)
-DITHER = Signal(shape="prbs", level=15.0, bit_s=0.04, seed=1)
-DISTANCES = (
-    PlateVisit(z_over_R=2.0, in_s=3.0, out_s=9.0),
-    PlateVisit(z_over_R=1.3, in_s=11.0, out_s=18.0),
-    PlateVisit(z_over_R=0.9, in_s=20.0, out_s=28.0),
-)
-
-OPTIONS: tuple[tuple[Schedule, str], ...] = (
-    (
-        Schedule(
-            name="next_slow_reversals", title="Slow triangle with steps of the collective",
-            duration_s=LENGTH_S, reference_deg=(SLOW,), collective=(COLLECTIVES,),
-        ),
-        "slow reversals show what the hinge holds, at several collectives",
-    ),
-    (
-        Schedule(
-            name="next_quick_motion", title="Chirp with dither and steps of the collective",
-            duration_s=LENGTH_S, reference_deg=(QUICK,), collective=(COLLECTIVES,),
-            dither_us=(DITHER,),
-        ),
-        "quick motion shows lag against delay and damping against friction",
-    ),
-    (
-        Schedule(
-            name="next_collectives", title="Attitude steps at three collectives, no plate",
-            duration_s=LENGTH_S, reference_deg=(STEPS,), collective=(COLLECTIVES,),
-            dither_us=(DITHER,),
-        ),
-        "a torque that grows with the collective comes from the rotors, one that does not from "
-        "the hinge or the weight",
-    ),
-    (
-        Schedule(
-            name="next_distances", title="Attitude steps over a plate at three distances",
-            duration_s=LENGTH_S, reference_deg=(STEPS,), collective=(COLLECTIVES,),
-            dither_us=(DITHER,), plate=DISTANCES,
-        ),
-        "plate offset, coverage, body lift and the coefficient grow differently towards the plate",
-    ),
-)  # fmt: skip
-"""What is weighed, with why it helps."""
-
-
-LADDER = Schedule(
-    name="next_pulse_ladder", title="A ladder of the collective, the plate away and near",
-    duration_s=LENGTH_S,
-    collective=(
-        Signal(shape="steps", every_s=2.0, levels=(-0.2, -0.1, 0.0, 0.1, 0.2, 0.1, 0.0, -0.1)),
-    ),
-    dither_us=(DITHER,), plate=(PlateVisit(z_over_R=1.0, in_s=16.0, out_s=29.0),),
-)  # fmt: skip
-"""For what is unknown between pulse and speed, where attitudes tell little."""
-
-
-def next_pitch_experiment(
-    rivals: Sequence[tuple[str, Array]],
-    evidence: PitchEvidence,
-    seed: int,
-    refused: Subsystem | None = None,
-) -> NextExperiment | None:
-    """Return the option in which the two likeliest rivals differ most.
-
-    Args:
-        rivals: effects with the parameters (n_parameters,) of their best fits, likeliest first.
-        evidence: that the parameters belong to.
-        seed: of the simulated noise.
-        refused: the stage in which nothing in the library explains what is there.
-    """
-    if len(rivals) < 2:
-        return None
-    if refused == "pwm_to_rpm":
-        ratio = ratio_of(_evidence(evidence, rivals[0][1], LADDER, seed), rivals)
-        return NextExperiment.of_speeds(
-            rivals, f"{LADDER.title}, {LADDER.duration_s:g} s", ratio, schedule=LADDER
-        )
-    expected = {
-        schedule.name: ratio_of(_evidence(evidence, rivals[0][1], schedule, seed), rivals)
-        for schedule, _ in OPTIONS
-    }
-    chosen, reason = max(OPTIONS, key=lambda option: expected[option[0].name])
-    names = " from ".join(name for name, _ in rivals)
-    schedule = replace(chosen, title=f"{chosen.title}: to tell {names}")
-    title = f"{chosen.title}, {chosen.duration_s:g} s"
-    return NextExperiment.between(rivals, expected, title, reason, schedule=schedule)
-
-
-def _evidence(evidence: PitchEvidence, at: Array, schedule: Schedule, seed: int) -> PitchEvidence:
-    """Return what a bench at those parameters (n_parameters,) would log along a schedule."""
-    model = evidence.model
-    truth = model.at(parameters_at(model.parameters, evidence.parameters, at))
-    control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
-    sampled = schedule.sampled(RATE_HZ, model.rig.propulsion.radius_m)
-    run = simulate_pitch(PitchJob(PitchBench.of(truth), control), sampled, seed)
-    log = pitch_log(run.recording(model.rig), model.rig, schedule.name)
-    return PitchEvidence(model, [log.logged])
+        return next_pitch(self.all_evidence, rivals, rng, refused, minutes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -85,7 +86,7 @@ class SweepEvidence:
             *(k.name for k in self.parameters if k.name in self._places)
         )
         self.noise_roots = tuple(self._noise_root(log) for log in self.logs)
-        self._whiteners = tuple(np.linalg.inv(root) for root in self.noise_roots)
+        self.whiteners = tuple(np.linalg.inv(root) for root in self.noise_roots)
 
     # --- parameters ----------------------------------------------------------------------------
 
@@ -169,6 +170,14 @@ class SweepEvidence:
         model, extra = self._given
         return SweepEvidence(model, [log], extra)
 
+    def with_other(self, other: SweepEvidence) -> SweepEvidence:
+        """Return the evidence of these sweeps and, behind them, of others about the same model."""
+        both = copy(self)
+        both.logs = (*self.logs, *other.logs)
+        both.noise_roots = (*self.noise_roots, *other.noise_roots)
+        both.whiteners = (*self.whiteners, *other.whiteners)
+        return both
+
     def _noise_root(self, log: SweepLog) -> Array:
         """Return the root (m, m) of the covariance of the sweep's thrusts: N."""
         items = self.model.parameters
@@ -185,7 +194,7 @@ class SweepEvidence:
         """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
         sets = np.atleast_2d(scaled)
         rows = []
-        for log, whitener in zip(self.logs, self._whiteners, strict=True):
+        for log, whitener in zip(self.logs, self.whiteners, strict=True):
             shown = self.thrusts(log.conditions, sets)
             rows.append(whitener @ (log.thrust_N[:, None] - shown))
             power = log.power
@@ -247,7 +256,7 @@ class SweepEvidence:
     def _white_changes(self, changes: Array) -> Array:
         """Return changes of readings (n_rows, r) as those of whitened residuals."""
         out, first = np.empty_like(changes), 0
-        for log, whitener in zip(self.logs, self._whiteners, strict=True):
+        for log, whitener in zip(self.logs, self.whiteners, strict=True):
             last = first + len(log)
             out[first:last] = whitener @ changes[first:last]
             power = log.power

@@ -1,8 +1,7 @@
-"""Choose the next plate sweep: the one in which rival explanations differ most.
+"""Design the next plate sweep: the one that is expected to say most between rival explanations.
 
-The points of each option are worked out with one rival taken for true, and the other is fitted to
-them with everything within its tolerance free. What remains in the sum of squares is what the sweep
-is expected to show.
+Distances, lateral positions, pulses, repeats, tares and order are added one after the other, each
+time what lowers the expected confusion most for its minutes, within the limits of the rig.
 """
 
 from __future__ import annotations
@@ -16,7 +15,8 @@ import tomli_w
 
 from benchtool.core.array import Array
 from benchtool.core.rig import Rig
-from benchtool.explain.engine.hypotheses import ratio_of
+from benchtool.explain.engine.design import Expected, Forecast, chosen, proposal
+from benchtool.explain.engine.judgement import Rival
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
@@ -32,93 +32,93 @@ LEAST_SPAN = 0.25
 """Levels are spread over at least this share of the greatest pulse past the start; a choice."""
 
 ROOM = 0.9
-"""Share of the limit on thrust that a proposed sweep goes to; a choice."""
+"""Share of the limits on thrust and speed that a proposed sweep goes to; a choice."""
+
+Z_OVER_R = (0.5, 0.6, 0.7, 0.85, 1.0, 1.25, 1.6, 2.1, 2.8, 4.0, 6.0)
+ASIDE_OVER_R = 2.0
+INSIDE_OVER_R = (-0.4, 0.0, 0.4)
+LEVELS = 5
+REPEATS = (2, 4, 6, 8, 12, 16, 24)
+TARE_MINUTES = (0.0, 4.0, 2.0)
+"""What a design is chosen from: distances; lateral positions, the discs still over the plate or its
+edge so far within the middle discs' axes; pulse levels; visits of each setting; minutes between
+tares, 0 for one at the start. Choices."""
+
+MINUTES = 15.0
+"""Longest sweep that is proposed; a choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SweepOption:
+class SweepDesign:
     """Describe a sweep in the terms of a plan.
 
-    Every second repeat goes backwards, so that levels and distances are approached from both sides.
-
-    Attributes:
-        inside_over_R: how far the plate's edge lies within the middle discs' axes, on both sides.
-        distances_m, lateral_m, pwm_us: the same in a rig's own numbers, once it is `proposed`.
+    Every second repeat of a counterbalanced one goes backwards, so that levels and distances are
+    approached from both sides.
     """
 
-    name: str  # of the plan
-    title: str  # what to do
-    reason: str  # why it distinguishes explanations
-    z_over_R: tuple[float, ...]  # distances
-    aside_over_R: tuple[float, ...] = (0.0,)  # lateral positions of the plate, discs still over it
-    inside_over_R: tuple[float, ...] = ()
-    levels: int = 2  # how many pulse levels
-    repeats: int = 2  # visits of each setting
+    distances_m: tuple[float, ...]
+    lateral_m: tuple[float, ...]
+    pwm_us: tuple[float, ...]
+    repeats: int = 2
     tare_minutes: float = 0.0  # between tares; 0 for one at the start
-    distances_m: tuple[float, ...] = ()
-    lateral_m: tuple[float, ...] = ()
-    pwm_us: tuple[float, ...] = ()
+    counterbalanced: bool = True
 
     def toml(self) -> str:
         """Return the plan that `benchtool sweep --plan` reads."""
         return tomli_w.dumps(
             {
-                "name": self.name,
+                "name": "next_sweep",
                 "repeats": self.repeats,
                 "plate": {"distances_m": self.distances_m, "lateral_m": self.lateral_m},
                 "throttle": {"pwm_us": self.pwm_us},
-                "order": {"kind": "counterbalanced", "references": True, "anchor_every": 0},
+                "order": {
+                    "kind": "counterbalanced" if self.counterbalanced else "as_given",
+                    "references": True,
+                    "anchor_every": 0,
+                },
                 "tare": {"every_minutes": self.tare_minutes},
             }
         )
 
+    def duration_s(self, rig: Rig) -> float:
+        """Return how long it takes."""
+        return float(self.visits(rig)[-1, 3])
 
-def proposed(option: SweepOption, evidence: SweepEvidence) -> SweepOption:
-    """Return an option in the numbers of the rig, within its limits."""
-    rig = evidence.model.rig
-    radius_m = rig.propulsion.radius_m
-    distances = [
-        round(ratio * radius_m, 4)
-        for ratio in option.z_over_R
-        if rig.plate.z_min_m <= ratio * radius_m < rig.plate.z_park_m
-    ]
-    aside = [ratio * radius_m for ratio in option.aside_over_R]
-    edges = [0.5 * rig.plate.size_x_m - inside * radius_m for inside in option.inside_over_R]
-    lateral = [*aside, *edges, *(-edge for edge in edges)]
-    # Pulse levels over the range that was swept, widened where it was narrow.
-    p = rig.propulsion
-    seen = [log.power.pulse_us for log in evidence.logs if log.power is not None]
-    if seen:
-        pulses = np.concatenate(seen)
-        low, high = float(pulses.min()), float(pulses.max())
-    else:
-        span = min(p.pwm_max_us, rig.limits.pwm_us) - p.pwm_start_us
-        low, high = p.pwm_start_us + 0.4 * span, p.pwm_start_us + 0.6 * span
-    low = min(low, high - LEAST_SPAN * (high - p.pwm_start_us))
-    sweep = replace(
-        option,
-        distances_m=tuple(distances) or (round(2.0 * rig.plate.z_min_m, 4),),
-        lateral_m=tuple(
-            dict.fromkeys(round(x_m, 4) for x_m in lateral if abs(x_m) <= rig.plate_x_max_m)
-        ),
-        pwm_us=tuple(float(round(level)) for level in np.linspace(low, high, option.levels)),
-    )
-    limit_N = ROOM * min(rig.limits.thrust_N, rig.limits.load_cell_rating_N)
-    here = np.zeros((1, len(evidence.parameters)))
-    while True:
-        most_N = float(evidence.thrusts(points_of(sweep, evidence).conditions, here).max())
-        if most_N <= limit_N:
-            return sweep
-        less = tuple(
-            round(p.pwm_start_us + 0.95 * (pulse - p.pwm_start_us)) for pulse in sweep.pwm_us
-        )
-        sweep = replace(sweep, pwm_us=tuple(dict.fromkeys(float(pulse) for pulse in less)))
+    def visits(self, rig: Rig) -> Array:
+        """Return pulse, distance, lateral position, time and time since the tare (m, 5)."""
+        places = [(z_m, x_m) for x_m, z_m in product(self.lateral_m, self.distances_m)]
+        stays = [(place, self.pwm_us) for place in (*places, (rig.plate.z_park_m, 0.0))]
+        backwards = [(place, levels[::-1]) for place, levels in reversed(stays)]
+        rows: list[tuple[float, ...]] = []
+        clock_s = tared_s = 0.0
+        for repeat in range(self.repeats):
+            for (z_m, x_m), levels in backwards if repeat % 2 and self.counterbalanced else stays:
+                every_s = 60.0 * self.tare_minutes
+                if not rows or (every_s and clock_s - tared_s > every_s):
+                    clock_s += TARE_S
+                    tared_s = clock_s
+                    rows.append((0.0, FAR_AWAY_M, 0.0, clock_s, 0.0))
+                clock_s += MOVE_S
+                for level in levels:
+                    clock_s += VISIT_S
+                    rows.append((level, z_m, x_m, clock_s, clock_s - tared_s))
+        return np.array(rows)
+
+    def text(self, radius_m: float) -> str:
+        """Say what is done."""
+        ratios = ", ".join(f"{z_m / radius_m:.2g}" for z_m in self.distances_m)
+        aside = ", ".join(f"{1e3 * x_m:.0f}" for x_m in self.lateral_m)
+        pulses = ", ".join(f"{pulse:g}" for pulse in self.pwm_us)
+        moved = f", the plate at {aside} mm" if len(self.lateral_m) > 1 else ""
+        tares = f", a tare every {self.tare_minutes:g} minutes" if self.tare_minutes else ""
+        back = ", every second time backwards" if self.counterbalanced else ""
+        return f"A sweep at z/R {ratios}{moved}, {pulses} us, {self.repeats} times{back}{tares}"
 
 
-def points_of(sweep: SweepOption, evidence: SweepEvidence) -> SweepLog:
+def points_of(design: SweepDesign, evidence: SweepEvidence) -> SweepLog:
     """Return the points that a sweep would visit, thrust and speeds still those of the model."""
     rig = evidence.model.rig
-    rows = _visits(sweep, rig)
+    rows = design.visits(rig)
     tare = rows[:, 0] == 0.0
     pulse, z_m, x_m, time, elapsed = rows.T
     speed = speed_at(pulse, rig)
@@ -150,7 +150,7 @@ def points_of(sweep: SweepOption, evidence: SweepEvidence) -> SweepLog:
             tare=tare,
         ),
         power=power,
-        name=sweep.name,
+        name="the next sweep",
         remarks=(),
     )
 
@@ -163,116 +163,6 @@ def speed_at(pulse_us: Array, rig: Rig) -> Array:
     return np.where(pulse_us > p.pwm_start_us, np.asarray(speed, float), 0.0)
 
 
-def _visits(sweep: SweepOption, rig: Rig) -> Array:
-    """Return pulse, distance, lateral position, time and time since the tare of each row (m, 5)."""
-    places = [(z_m, x_m) for x_m, z_m in product(sweep.lateral_m, sweep.distances_m)]
-    stays = [(place, sweep.pwm_us) for place in (*places, (rig.plate.z_park_m, 0.0))]
-    backwards = [(place, levels[::-1]) for place, levels in reversed(stays)]
-    rows: list[tuple[float, ...]] = []
-    clock_s = tared_s = 0.0
-    for repeat in range(sweep.repeats):
-        for (z_m, x_m), levels in backwards if repeat % 2 else stays:
-            every_s = 60.0 * sweep.tare_minutes
-            if not rows or (every_s and clock_s - tared_s > every_s):
-                clock_s += TARE_S
-                tared_s = clock_s
-                rows.append((0.0, FAR_AWAY_M, 0.0, clock_s, 0.0))
-            clock_s += MOVE_S
-            for level in levels:
-                clock_s += VISIT_S
-                rows.append((level, z_m, x_m, clock_s, clock_s - tared_s))
-    return np.array(rows)
-
-
-OPTIONS = (
-    SweepOption(
-        name="next_distances",
-        title="Near and far distances together, two levels",
-        reason="offset, neighbours, body lift, blockage and the coefficient grow differently "
-        "towards the plate",
-        z_over_R=(0.5, 0.65, 0.85, 1.2, 1.7, 2.5, 4.0, 6.5),
-        repeats=4,
-        tare_minutes=4.0,
-    ),
-    SweepOption(
-        name="next_levels",
-        title="Four levels up and down at a near and a far place, a tare every two minutes",
-        reason="the zero, its creep, the cell's hysteresis and the exponent differ in how they go "
-        "with the level, its order and the time since a tare",
-        z_over_R=(1.0, 3.0),
-        levels=4,
-        repeats=6,
-        tare_minutes=2.0,
-    ),
-    SweepOption(
-        name="next_aside",
-        title="The plate aside at two distances, discs still over it",
-        reason="a tilted plate comes nearer on one side, an offset on both alike",
-        z_over_R=(0.75, 1.5),
-        aside_over_R=(0.0, 2.0, -2.0),
-        repeats=4,
-        tare_minutes=4.0,
-    ),
-    SweepOption(
-        name="next_edges",
-        title="The plate's edge under the discs at one near distance",
-        reason="area factors show where a disc is partly covered, and nowhere else",
-        z_over_R=(0.6, 0.9),
-        inside_over_R=(-0.4, 0.0, 0.4),
-        repeats=2,
-        tare_minutes=4.0,
-    ),
-    SweepOption(
-        name="next_long",
-        title="Two levels at one place again and again for ten minutes, one tare",
-        reason="a battery, a creeping zero and warm air go with the clock and with nothing else",
-        z_over_R=(1.0,),
-        repeats=24,
-    ),
-)
-"""What is weighed. Distances in both directions and levels up and down in all of them."""
-
-
-LADDER = SweepOption(
-    name="next_pulse_ladder",
-    title="A ladder of eight pulses up and down, at a near place and at a far one",
-    reason="",
-    z_over_R=(0.7, 4.0),
-    levels=8,
-    repeats=4,
-    tare_minutes=4.0,
-)
-"""For what is unknown between pulse and speed, where places of the plate tell little."""
-
-
-def next_sweep_experiment(
-    evidence: SweepEvidence,
-    rivals: Sequence[tuple[str, Array]],
-    refused: Subsystem | None = None,
-) -> NextExperiment | None:
-    """Return the sweep in which the two likeliest rivals differ most.
-
-    Args:
-        evidence: that the parameters belong to.
-        rivals: effects with the parameters (n_parameters,) of their best fits, likeliest first.
-        refused: the stage in which nothing in the library explains what is there.
-    """
-    if len(rivals) < 2:
-        return None
-    ladder = refused == "pwm_to_rpm"
-    expected: dict[str, float] = {}
-    sweeps = {o.name: proposed(o, evidence) for o in ((LADDER,) if ladder else OPTIONS)}
-    for name, sweep in sweeps.items():
-        log = as_read(points_of(sweep, evidence), evidence, rivals[0][1])
-        expected[name] = ratio_of(evidence.of(log), rivals)
-    if ladder:
-        return NextExperiment.of_speeds(
-            rivals, LADDER.title, expected[LADDER.name], plan_toml=sweeps[LADDER.name].toml()
-        )
-    best = sweeps[max(expected, key=expected.__getitem__)]
-    return NextExperiment.between(rivals, expected, best.title, best.reason, plan_toml=best.toml())
-
-
 def as_read(log: SweepLog, evidence: SweepEvidence, at: Array) -> SweepLog:
     """Return points with what a bench at those parameters (n_parameters,) would read, no noise."""
     sets = at[None, :]
@@ -283,3 +173,132 @@ def as_read(log: SweepLog, evidence: SweepEvidence, at: Array) -> SweepLog:
             evidence.supply(log, sets)[:, 0], evidence.drive(log, sets)[:, :, 0]
         )
     return replace(log, thrust_N=thrust, power=power)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Reach:
+    """Hold what a design on a rig is chosen from."""
+
+    distances_m: tuple[float, ...]
+    lateral_m: tuple[tuple[float, ...], ...]  # each set of positions is added as one
+    pwm_us: tuple[float, ...]
+
+    @classmethod
+    def of(cls, evidence: SweepEvidence) -> _Reach:
+        """Return what the rig's limits allow, pulses over the range that was swept."""
+        rig = evidence.model.rig
+        p, radius_m = rig.propulsion, rig.propulsion.radius_m
+        distances = [
+            round(ratio * radius_m, 4)
+            for ratio in Z_OVER_R
+            if rig.plate.z_min_m <= ratio * radius_m < rig.plate.z_park_m
+        ]
+        sides = [ASIDE_OVER_R * radius_m]
+        sides += [0.5 * rig.plate.size_x_m - inside * radius_m for inside in INSIDE_OVER_R]
+        lateral = [round(x_m, 4) for x_m in sides if 0.0 < x_m <= rig.plate_x_max_m]
+        seen = [one.power.pulse_us for one in evidence.logs if one.power is not None]
+        if seen:
+            pulses = np.concatenate(seen)
+            low, high = float(pulses.min()), float(pulses.max())
+        else:
+            span = min(p.pwm_max_us, rig.limits.pwm_us) - p.pwm_start_us
+            low, high = p.pwm_start_us + 0.4 * span, p.pwm_start_us + 0.6 * span
+        reach = cls(
+            distances_m=tuple(distances) or (round(2.0 * rig.plate.z_min_m, 4),),
+            lateral_m=tuple((x_m, -x_m) for x_m in dict.fromkeys(lateral)),
+            pwm_us=(),
+        )
+        limit_N = ROOM * min(rig.limits.thrust_N, rig.limits.load_cell_rating_N)
+        limit_rad_s = ROOM * rig.limits.rpm * np.pi / 30.0
+        here = np.zeros((1, len(evidence.parameters)))
+        high = min(high, rig.limits.pwm_us)
+        while True:
+            full = points_of(reach.whole(high), evidence).conditions
+            most_N = float(evidence.thrusts(full, here).max())
+            if most_N <= limit_N and float(full.speed_rad_s.max()) <= limit_rad_s:
+                break
+            high = p.pwm_start_us + 0.95 * (high - p.pwm_start_us)
+        low = min(low, high - LEAST_SPAN * (high - p.pwm_start_us))
+        levels = np.linspace(low, high, LEVELS).round()
+        return replace(reach, pwm_us=tuple(float(one) for one in dict.fromkeys(levels)))
+
+    def whole(self, pulse_us: float) -> SweepDesign:
+        """Return every place at one pulse, once."""
+        return SweepDesign(
+            distances_m=self.distances_m, lateral_m=(0.0,), pwm_us=(pulse_us,), repeats=1
+        )
+
+    def first(self, *, ladder: bool) -> SweepDesign:
+        """Return the design that others begin with: two distances, two levels or all of them."""
+        near, far = self.distances_m[0], self.distances_m[-2 if len(self.distances_m) > 1 else -1]
+        return SweepDesign(
+            distances_m=tuple(dict.fromkeys((near, far))),
+            lateral_m=(0.0,),
+            pwm_us=self.pwm_us if ladder else (self.pwm_us[0], self.pwm_us[-1]),
+        )
+
+    def more(self, design: SweepDesign) -> dict[str, SweepDesign]:
+        """Return every design with one thing more, or changed in how it is ordered, by that."""
+        found = {}
+        for z_m in set(self.distances_m) - set(design.distances_m):
+            distances = tuple(sorted((*design.distances_m, z_m)))
+            found[f"distance {z_m}"] = replace(design, distances_m=distances)
+        for sides in self.lateral_m:
+            if sides[0] not in design.lateral_m:
+                lateral = (*design.lateral_m, *sides)
+                found[f"aside {sides[0]}"] = replace(design, lateral_m=lateral)
+        for pulse in set(self.pwm_us) - set(design.pwm_us):
+            pulses = tuple(sorted((*design.pwm_us, pulse)))
+            found[f"pulse {pulse}"] = replace(design, pwm_us=pulses)
+        for repeats in REPEATS:
+            if repeats > design.repeats:
+                found["repeats"] = replace(design, repeats=repeats)
+                break
+        for minutes in set(TARE_MINUTES) - {design.tare_minutes}:
+            found[f"tare {minutes}"] = replace(design, tare_minutes=minutes)
+        found["order"] = replace(design, counterbalanced=not design.counterbalanced)
+        return found
+
+
+def next_sweep(
+    evidence: SweepEvidence,
+    rivals: Sequence[Rival],
+    rng: np.random.Generator,
+    refused: Subsystem | None = None,
+    minutes: float | None = None,
+) -> NextExperiment | None:
+    """Return the sweep that is expected to tell rivals apart; None where there is but one.
+
+    Args:
+        evidence: of all sweeps so far.
+        rivals: likeliest first.
+        rng: of simulated sweeps.
+        refused: the stage in which nothing in the library explains what is there.
+        minutes: that the sweep may take.
+    """
+    if len({one.name for one in rivals}) < 2:
+        return None
+    forecast = Forecast(evidence, rivals)
+    rig = evidence.model.rig
+
+    def weighed(design: SweepDesign, drawn: np.random.Generator | None = None) -> Expected:
+        log = as_read(points_of(design, evidence), evidence, forecast.rivals[0].fit.at)
+        new = evidence.of(log)
+        return forecast.expected(new, evidence.with_other(new), drawn)
+
+    reach = _Reach.of(evidence)
+    best = chosen(
+        reach.first(ladder=refused == "pwm_to_rpm"),
+        reach.more,
+        weighed,
+        lambda design: design.duration_s(rig),
+        60.0 * min(minutes or MINUTES, MINUTES),
+    )
+    return proposal(
+        forecast.rivals,
+        weighed(best, rng),
+        best.text(rig.propulsion.radius_m),
+        best.duration_s(rig),
+        refused,
+        plan_toml=best.toml(),
+    )

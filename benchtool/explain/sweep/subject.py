@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.recording import Recording
+from benchtool.explain.engine.judgement import Rival
 from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.found.search import Missed
 from benchtool.explain.sweep.dependences import missed_thrusts
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog, refuse_other_sweeps, sweep_log
-from benchtool.explain.sweep.next_experiment import next_sweep_experiment
+from benchtool.explain.sweep.next_experiment import next_sweep
 from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
 
@@ -155,11 +156,12 @@ class SweepSubject(Subject):
 
     def next_experiment(
         self,
-        rivals: Sequence[tuple[str, Array]],
+        rivals: Sequence[Rival],
         rng: np.random.Generator,
         refused: Subsystem | None = None,
+        minutes: float | None = None,
     ) -> NextExperiment | None:
-        return next_sweep_experiment(self.evidence, rivals, refused)
+        return next_sweep(self.all_evidence, rivals, rng, refused, minutes)
 
 
 def _moved(shown: Array, off: Array) -> Array:

@@ -208,5 +208,5 @@ def _next(answer: Answer, path: str) -> dict[str, Any]:
         "kind": kind,
         "file": path or None,
         "text": None if experiment is None else next_file(answer)[1],
-        **_fields(experiment, "expected"),
+        **_fields(experiment, "expected", "minutes"),
     }

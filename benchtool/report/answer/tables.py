@@ -165,11 +165,12 @@ def tolerances_table(answer: Answer) -> Table:
 
 
 def next_table(answer: Answer) -> Table:
-    """List the experiments that were weighed, the best first."""
+    """List what the next experiment is expected to tell the likeliest explanation from."""
     experiment = answer.verdict.next
     expected = experiment.expected if experiment is not None else {}
+    first = answer.title_of(experiment.candidates[0]) if experiment is not None else ""
     return Table(
-        "Experiments that were weighed: expected log-likelihood ratio between the likeliest two.",
-        ("experiment", "expected evidence"),
-        [(name, f"{value:.1f}") for name, value in expected.items()],
+        f"What it is expected to tell {first} from: log evidence ratio, on average.",
+        ("rival", "expected evidence"),
+        [(answer.title_of(name), f"{value:.1f}") for name, value in expected.items()],
     )

@@ -15,7 +15,9 @@ from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.explain.answer import Answer, Request
 from benchtool.explain.engine.describe import Disagreement
 from benchtool.explain.engine.explain import Explanation
-from benchtool.explain.engine.subject import Overlay
+from benchtool.explain.engine.hypotheses import Hypothesis
+from benchtool.explain.engine.judgement import Rival
+from benchtool.explain.engine.subject import Evidence, Overlay
 from benchtool.explain.engine.verdict import (
     ChannelGap,
     FoundParameter,
@@ -87,7 +89,8 @@ NEXT = NextExperiment(
         plate=(PlateVisit(z_over_R=2.0, in_s=4.0, out_s=9.0),),
     ),
     plan_toml="",
-    expected={"next_collectives": 40.0, "next_slow": 3.0},
+    expected={"cog_offset": 40.0},
+    minutes=0.3,
 )
 
 
@@ -178,6 +181,13 @@ def explanation(kind: Kind = "effect") -> Explanation:
             ),
         ),
     )  # fmt: skip
+
+
+def far_off(evidence: Evidence, name: str, tolerances: float) -> Rival:
+    """Make a rival in which an effect's numbers are so many tolerances from neutral."""
+    at = np.array([tolerances * (one.effect == name) for one in evidence.parameters])
+    fit = Hypothesis(opened=(name,), at=at, about=at, cost=0.0, converged=True, widened={})
+    return Rival(name=name, phrase=EFFECTS[name].phrase, fit=fit, probability=0.5)
 
 
 def source(path: str, sha256: str) -> Source:

@@ -74,7 +74,7 @@ def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path
     experiment = found["next_experiment"]
     assert experiment["kind"] == "schedule"
     assert experiment["file"] == "out/next_schedule.toml"
-    assert experiment["expected"]["next_collectives"] == 40.0
+    assert experiment["expected"] == {"cog_offset": 40.0}
     path = tmp_path / "next.toml"
     path.write_text(experiment["text"], encoding="utf-8")
     assert schedule_named(path) == NEXT.schedule

@@ -10,26 +10,23 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.check_plan import check_plan
-from benchtool.acquire.plan import plan_from_toml
+from benchtool.acquire.order import expected_duration_s, visits_of
+from benchtool.acquire.plan import Plan, plan_from_toml
 from benchtool.core.recording import Recording
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
 from benchtool.data.table import read_table
 from benchtool.explain.added_model import added_model
 from benchtool.explain.engine.explain import Explanation, explain
-from benchtool.explain.sweep.next_experiment import (
-    LADDER,
-    OPTIONS,
-    next_sweep_experiment,
-    points_of,
-    proposed,
-)
+from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.sweep.next_experiment import MINUTES
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.catalogue import own_effects
+from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.model_file import load_model
-from tests.unit.explain.hand_made import answer
+from tests.unit.explain.hand_made import answer, far_off
 
 DATASETS = Path(__file__).parents[3] / "datasets"
 
@@ -115,71 +112,65 @@ def test_one_rotor_needs_no_body() -> None:
     assert "body_lift" in verdict.not_judged
 
 
-def rivals(subject: SweepSubject, *names: str) -> Sequence[tuple[str, np.ndarray]]:
-    """Return effects at five tolerances each."""
-    out = []
-    for name in names:
-        at = np.zeros(len(subject.evidence.parameters))
-        for place, parameter in enumerate(subject.evidence.parameters):
-            if parameter.effect == name:
-                at[place] = 5.0
-        out.append((name, at))
-    return out
+def proposed(
+    name: str, first: str, second: str, refused: Subsystem | None = None
+) -> tuple[NextExperiment, Plan]:
+    """Return the sweep that shall tell two effects of five tolerances apart, and its plan."""
+    learn, check = halves(name)
+    subject = SweepSubject(load_model(MODELS[name]).model, [learn], [check])
+    pair = [far_off(subject.evidence, name, 5.0) for name in (first, second)]
+    found = subject.next_experiment(pair, np.random.default_rng(0), refused)
+    assert found is not None
+    return found, plan_from_toml(found.plan_toml, "next").resolved(subject.evidence.model.rig)
 
 
-@pytest.mark.parametrize("name", ["quad", "single_rotor"])
-def test_every_plan_is_one_that_a_sweep_accepts(name: str) -> None:
-    model = load_model("quad" if name == "quad" else "single").model
-    subject = SweepSubject(model, [halves(name)[0]], [halves(name)[1]])
-    for option in (*OPTIONS, LADDER):
-        sweep = proposed(option, subject.evidence)
-        plan = plan_from_toml(sweep.toml(), option.name)
-        check_plan(plan.resolved(model.rig), model.rig)
-        visits = points_of(sweep, subject.evidence)
-        places = len(sweep.distances_m) * len(sweep.lateral_m) + 1
-        assert (~visits.tare).sum() == places * len(sweep.pwm_us) * option.repeats
-        assert {-1.0, 1.0} <= set(visits.conditions.load_direction.tolist())
+MODELS = {"quad": "quad", "single_rotor": "single"}
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "wanted"),
-    [
-        ("plate_tilt", "plate_offset", {"next_aside", "next_edges"}),
-        ("neighbour_images", "body_lift", {"next_distances"}),
-        ("load_cell_drift", "tare_offset", {"next_levels", "next_long"}),
-    ],
+    ("first", "second"),
+    [("plate_tilt", "plate_offset"), ("neighbour_images", "body_lift")],
 )
-def test_the_next_sweep_is_the_one_that_tells_rivals_apart(
-    first: str, second: str, wanted: set[str]
-) -> None:
-    learn, check = halves("quad")
-    subject = SweepSubject(load_model("quad").model, [learn], [check])
-    chosen = next_sweep_experiment(subject.evidence, rivals(subject, first, second))
-    assert chosen is not None
-    assert next(iter(chosen.expected)) in wanted
-    values = list(chosen.expected.values())
-    assert values == sorted(values, reverse=True)
-    assert values[0] > 10.0
+def test_the_next_sweep_is_one_that_a_bench_accepts_and_decides(first: str, second: str) -> None:
+    chosen, plan = proposed("quad", first, second)
+    rig = load_model("quad").model.rig
+    check_plan(plan, rig)
+    minutes = expected_duration_s(plan, rig, visits_of(plan, rig)) / 60.0
+    assert minutes == pytest.approx(chosen.minutes, rel=0.4)
+    assert chosen.minutes <= MINUTES
     assert chosen.candidates == (first, second)
+    assert chosen.expected[second] > 3.0
+    assert chosen.decides
     assert chosen.schedule is None
 
 
+@pytest.mark.parametrize(("effect", "over_the_edge"), [("plate_tilt", 0), ("partial_coverage", 2)])
+def test_the_plate_goes_aside_for_what_shows_only_there(effect: str, over_the_edge: int) -> None:
+    """One rotor over the middle of a plate: a tilt turns about it, and all of the disc is over it."""
+    _, plan = proposed("single_rotor", effect, "tare_offset")
+    rig = load_model("single").model.rig
+    within_m = 0.5 * rig.plate.size_x_m - rig.propulsion.radius_m
+    assert len(plan.plate.lateral_m) == 3
+    assert sum(abs(x_m) > within_m for x_m in plan.plate.lateral_m) == over_the_edge
+
+
+def test_what_no_sweep_can_tell_apart_is_said_not_to_be_decided() -> None:
+    chosen, _ = proposed("single_rotor", "load_cell_hysteresis", "tare_offset")
+    assert not chosen.decides
+
+
 def test_what_is_unknown_between_pulse_and_speed_asks_for_a_ladder_of_pulses() -> None:
-    learn, check = halves("quad")
-    subject = SweepSubject(load_model("quad").model, [learn], [check])
-    pair = rivals(subject, "battery_sag", "plate_offset")
-    chosen = subject.next_experiment(pair, np.random.default_rng(0), "pwm_to_rpm")
-    assert chosen is not None
+    chosen, plan = proposed("quad", "battery_sag", "plate_offset", "pwm_to_rpm")
     assert "the ESC's mode" in chosen.reason
-    plan = plan_from_toml(chosen.plan_toml, "next")
-    assert len(plan.throttle.pwm_us) == 8
-    assert len(plan.plate.distances_m) == 2
+    assert len(plan.throttle.pwm_us) == 5
+    assert len(plan.plate.distances_m) >= 2
 
 
 def test_one_explanation_alone_needs_no_experiment() -> None:
     learn, check = halves("quad")
     subject = SweepSubject(load_model("quad").model, [learn], [check])
-    assert next_sweep_experiment(subject.evidence, rivals(subject, "plate_tilt")) is None
+    alone = [far_off(subject.evidence, "plate_tilt", 5.0)]
+    assert subject.next_experiment(alone, np.random.default_rng(0)) is None
 
 
 def test_a_measured_rotor_pair_follows_another_law(reference_data: Path) -> None:

@@ -1,0 +1,332 @@
+"""What an experiment is expected to say between rival explanations, before it is made.
+
+Each rival predicts the readings of an experiment from its own numbers and from how uncertain the
+recordings so far leave them: a Gaussian whose covariance has the noise, what rows share, and the
+discrepancies of all recordings together. The log evidence ratio of one rival over another that the
+experiment is expected to bring, were the first one true, is the divergence between two of these
+(Kullback and Leibler, Ann. Math. Stat. 22, 1951).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import exp, inf, log, sqrt
+from typing import TypeVar
+
+import numpy as np
+
+from benchtool.core.array import Array
+from benchtool.core.schedule import Schedule
+from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
+from benchtool.explain.engine.judgement import CLASS_FROM, Judgement, Rival
+from benchtool.explain.engine.posterior import probabilities
+from benchtool.explain.engine.subject import Evidence
+from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.fit.bounded import Linearised, Region, slopes
+from benchtool.physics.effects.effect import Subsystem
+
+NONE = "nothing beyond tolerance"
+
+ESC_MODE = (
+    "speed at a pulse answers to the pulse, the plate and the supply, which pulses near and far "
+    "tell apart; write down the ESC's mode as well: governed, it holds the speed against plate and "
+    "supply; else it sets a voltage, and the speed gives"
+)
+"""For what is unknown between pulse and speed."""
+
+CLEAR = 0.01
+"""Expected confusion at which nothing more is added to a design; a choice."""
+
+WORTH = 0.02
+"""What is added lowers the logarithm of the expected confusion by so much at least; a choice."""
+
+DRAWS = 64
+"""Simulated experiments behind what is stated of the chosen one."""
+
+LEAST_S = 20.0
+"""Time that an addition counts as at least; a choice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Outlook:
+    """Hold what one rival predicts of new rows: mean + slopes u, u of a known precision."""
+
+    mean: Array  # (n,) over the noise
+    slopes: Array  # (n, q)
+    known: Array  # (q, q) precision of u, from the recordings so far
+    room: tuple[Array, Array]  # how far the first of u may go, down and up: what bounds leave
+
+    def drawn(self, count: int, rng: np.random.Generator) -> Array:
+        """Return rows (n, count) as they may come out, were this rival true."""
+        u = np.linalg.solve(
+            np.linalg.cholesky(self.known).T, rng.standard_normal((len(self.known), count))
+        )
+        free = len(self.room[0])
+        u[:free] = np.clip(u[:free], *(side[:, None] for side in self.room))
+        noise = rng.standard_normal((len(self.mean), count))
+        return np.asarray(self.mean[:, None] + self.slopes @ u + noise, float)
+
+    def gains(self, rows: Array) -> Array:
+        """Return the log evidence (count,) that rows (n, count) add, less what all rivals share."""
+        free = len(self.room[0])
+        missed = rows - self.mean[:, None]
+        after, seen = self.known + self.slopes.T @ self.slopes, self.slopes.T @ missed
+        taken = np.linalg.solve(
+            after[free:, free:], np.column_stack([seen, after[:, :free]])[free:]
+        )
+        curvature = after[:free, :free] - after[:free, free:] @ taken[:, rows.shape[1] :]
+        gradient = after[:free, free:] @ taken[:, : rows.shape[1]] - seen[:free]
+        cost = np.sum(missed**2, axis=0) - np.sum(seen[free:] * taken[:, : rows.shape[1]], axis=0)
+        at, within = (
+            np.zeros(free),
+            Region(lower=self.room[0], upper=self.room[1], penalty=np.zeros(free)),
+        )
+        costs = [
+            Linearised(at, one, slope, curvature).step(within)[1]
+            for one, slope in zip(cost, gradient.T, strict=True)
+        ]
+        return -0.5 * np.array(costs) - 0.5 * self._learned(self.slopes.T @ self.slopes)
+
+    def over(self, other: Outlook, rng: np.random.Generator | None) -> float:
+        """Return the expected log evidence ratio over another one, were this one true."""
+        if rng is None:
+            return self._divergence(other)
+        rows = self.drawn(DRAWS, rng)
+        return float(np.mean(self.gains(rows) - other.gains(rows)))
+
+    def _divergence(self, other: Outlook) -> float:
+        missed, a, b = self.mean - other.mean, self.slopes, other.slopes
+        after = other.known + b.T @ b
+        seen, cross, own = b.T @ missed, b.T @ a, a.T @ a
+        spread = np.linalg.inv(self.known)
+        square = missed @ missed - seen @ np.linalg.solve(after, seen)
+        wider = np.trace(spread @ own) - np.trace(
+            np.linalg.solve(after, after - other.known + cross @ spread @ cross.T)
+        )
+        return float(0.5 * (square + wider + other._learned(b.T @ b) - self._learned(own)))
+
+    def _learned(self, seen: Array) -> float:
+        """Return the log determinant of the covariance of the new rows."""
+        return float(np.linalg.slogdet(self.known + seen)[1] - np.linalg.slogdet(self.known)[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """Hold what an experiment is expected to say between each pair of rivals."""
+
+    pairs: Mapping[tuple[str, str], float]  # log evidence ratios, on average over which is true
+    confusion: float  # bound on the probability that the likeliest afterwards is not the true one
+
+
+D = TypeVar("D")
+
+
+def chosen(
+    first: D,
+    more: Callable[[D], Mapping[str, D]],
+    weighed: Callable[[D], Expected],
+    seconds: Callable[[D], float],
+    most_s: float,
+) -> D:
+    """Return the design that lowers the expected confusion most for its time, step by step.
+
+    Args:
+        first: where to begin.
+        more: designs that differ from one in a single thing, by that thing.
+        weighed: what a design is expected to say.
+        seconds: how long it takes.
+        most_s: how long it may take.
+    """
+    best, expected, rates = first, weighed(first), dict[str, float]()
+    while expected.confusion > CLEAR:
+        options = {what: one for what, one in more(best).items() if seconds(one) <= most_s}
+        fresh = dict[str, Expected]()
+        what = ""
+        while options and what not in fresh:
+            # What a thing gains shrinks with what is there already: old rates bound new ones.
+            what = max(options, key=lambda one: rates.get(one, inf))
+            if what not in fresh:
+                fresh[what] = weighed(options[what])
+                gained = log(expected.confusion / fresh[what].confusion)
+                taken_s = max(LEAST_S, seconds(options[what]) - seconds(best))
+                rates[what] = gained / taken_s if gained > WORTH else 0.0
+                what = max(options, key=lambda one: rates.get(one, inf))
+        if not options or rates[what] <= 0.0:
+            break
+        best, expected = options[what], fresh[what]
+    return best
+
+
+def rivals(hypotheses: Hypotheses, judgement: Judgement) -> list[Rival]:
+    """Return the explanations that an experiment should separate, likeliest first.
+
+    All that are likely enough in the place that is least sure; two at least where there are two.
+    """
+    place = min(range(len(judgement.trials)), key=lambda one: max(judgement.weights[one].values()))
+    trial = judgement.trials[place]
+    chances = probabilities(trial) if trial.log_odds else judgement.weights[place]
+    phrases = {one.name: one.phrase for one in hypotheses.evidence.model.effects}
+    phrases |= {name: one.phrase for name, one in hypotheses.discrepancies.items()}
+    found = [Rival(name="none", phrase=NONE, fit=trial.base, probability=chances["none"])]
+    for one in trial.tried:
+        name = one.opened[-1]
+        chance = chances.get(name, 0.0)
+        found.append(Rival(name=name, phrase=phrases[name], fit=one, probability=chance))
+    found.sort(key=lambda one: -one.probability)
+    likely = sum(one.probability > CLASS_FROM for one in found)
+    found = [
+        replace(one, probability=max(one.probability, CLASS_FROM))
+        for one in found[: max(2, likely)]
+    ]
+    named = [one for one in found if one.name not in hypotheses.discrepancies]
+    if not named:
+        return found
+    return [one if one in named else replace(one, name="unknown") for one in found]
+
+
+def proposal(
+    among: Sequence[Rival],
+    expected: Expected,
+    title: str,
+    seconds: float,
+    refused: Subsystem | None,
+    *,
+    schedule: Schedule | None = None,
+    plan_toml: str = "",
+) -> NextExperiment:
+    """Return an experiment in words, with what it is expected to say.
+
+    Args:
+        among: rivals, likeliest first.
+        expected: what it would say.
+        title: what is done.
+        seconds: how long it takes.
+        refused: the stage in which nothing in the library explains what is there.
+        schedule: commands of a pitch experiment.
+        plan_toml: a sweep's plan.
+    """
+    by_name = {one.name: one for one in reversed(among)}
+    first = among[0].name
+    ratios = {
+        other: ratio
+        for pair, ratio in expected.pairs.items()
+        if first in pair
+        for other in set(pair) - {first}
+    }
+    ratios = dict(sorted(ratios.items(), key=lambda item: item[1]))
+    nearest = next(iter(ratios))
+    reason = (
+        f"expected to tell {by_name[first].phrase} from {by_name[nearest].phrase} by a log "
+        f"evidence ratio of {ratios[nearest]:.1f}"
+    )
+    if refused == "pwm_to_rpm":
+        reason = f"{ESC_MODE}; {reason}"
+    return NextExperiment(
+        candidates=tuple(dict.fromkeys(one.name for one in among)),
+        title=title,
+        reason=reason,
+        schedule=schedule,
+        plan_toml=plan_toml,
+        expected=ratios,
+        minutes=seconds / 60.0,
+    )
+
+
+class Forecast:
+    """Work out what experiments would say between rivals, given all recordings so far.
+
+    Args:
+        evidence: of all recordings so far.
+        rivals: two or more.
+    """
+
+    def __init__(self, evidence: Evidence, rivals: Sequence[Rival]) -> None:
+        self._about = Hypotheses(evidence)
+        self._evidence = evidence
+        about, self._upper = self._about, np.array([one.most for one in evidence.parameters])
+        fits = [about.near_fit(one.fit) for one in rivals]
+        fits = [about.fitted(one.opened, one.at, one.widened) for one in fits]
+        self.rivals = [replace(one, fit=fit) for one, fit in zip(rivals, fits, strict=True)]
+        self._before = [slopes(evidence.residuals, one.at, self._upper) for one in fits]
+        masks = evidence.groups().stages
+        self._noise = {stage: float(about.noise[mask][0]) for stage, mask in masks.items()}
+
+    def expected(
+        self, new: Evidence, both: Evidence, rng: np.random.Generator | None = None
+    ) -> Expected:
+        """Return what an experiment is expected to say.
+
+        Args:
+            new, both: as of `outlooks`.
+            rng: of simulated experiments, each weighed within bounds; without it rivals are taken
+                for Gaussians without bounds, which is quick and good enough to compare designs.
+        """
+        pairs, confusion = dict[tuple[str, str], float](), 0.0
+        views = zip(self.rivals, self.outlooks(new, both), strict=True)
+        for (a, of_a), (b, of_b) in combinations(views, 2):
+            if a.name == b.name:  # both without a name
+                continue
+            ratio = (
+                a.probability * of_a.over(of_b, rng) + b.probability * of_b.over(of_a, rng)
+            ) / (a.probability + b.probability)
+            pairs[a.name, b.name] = min(ratio, pairs.get((a.name, b.name), inf))
+            confusion += sqrt(a.probability * b.probability) * exp(-0.25 * ratio)
+        return Expected(pairs, confusion)
+
+    def outlooks(self, new: Evidence, both: Evidence) -> list[Outlook]:
+        """Return what each rival predicts of an experiment.
+
+        Args:
+            new: of the experiment, read without noise as any one bench would.
+            both: of the recordings so far and, behind them, of the experiment.
+        """
+        masks = new.groups().stages
+        noise = np.ones(len(next(iter(masks.values()))))
+        for stage, mask in masks.items():
+            noise[mask] = self._noise.get(stage, 1.0)
+        noise = np.concatenate([self._about.noise, noise])
+        noise = noise * sqrt(self._about.dispersion(self.rivals[0].fit))
+        columns = {one.name: one.columns for one in both.discrepancies()}
+        return [
+            self._outlook(one.fit, before, slopes(new.residuals, one.fit.at, self._upper),
+                          both, columns, noise)
+            for one, before in zip(self.rivals, self._before, strict=True)
+        ]  # fmt: skip
+
+    def _outlook(
+        self,
+        fit: Hypothesis,
+        before: tuple[Array, Array],
+        new: tuple[Array, Array],
+        both: Evidence,
+        columns: Mapping[str, Array],
+        noise: Array,
+    ) -> Outlook:
+        """Return what a rival predicts, from residuals and their slopes before and in the new."""
+        region = self._about.region(fit.opened)
+        free = (fit.at > region.lower + 1e-9) & (fit.at < region.upper - 1e-9)
+        rows, jacobian = (np.concatenate(pair) for pair in zip(before, new, strict=True))
+        factors = self._about.errors.factors(fit.widened)
+        shared = [factor * columns[name] for name, factor in factors.items()]
+        for name in fit.opened:
+            if name in self._about.effects and columns:
+                own = np.array([one.effect == name for one in both.parameters])
+                both_ways = np.vstack([fit.at, np.where(own, 0.0, fit.at)])
+                done = both.residuals(both_ways)
+                shared.append(both.varied(done[:, 0] - done[:, 1]))
+        known = len(before[0])
+        every = np.hstack([-jacobian[:, free], *shared]) / noise[:, None]
+        rows = rows / noise
+        prior = np.concatenate([region.penalty[free] ** 2, np.ones(every.shape[1] - free.sum())])
+        precision = every[:known].T @ every[:known] + np.diag(prior + 1e-9)
+        # Numbers are at their best; what discrepancies take up follows from what is left of rows.
+        taken = slice(int(free.sum()), None)
+        weights = np.linalg.solve(precision[taken, taken], every[:known, taken].T @ rows[:known])
+        return Outlook(
+            mean=every[known:, taken] @ weights - rows[known:],
+            slopes=every[known:],
+            known=precision,
+            room=((region.lower - fit.at)[free], (region.upper - fit.at)[free]),
+        )
