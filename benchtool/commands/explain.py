@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le, Lt
 from typer.core import TyperCommand
 
 from benchtool.commands.declared import declared
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.inputs import Input, Inputs
+
+if TYPE_CHECKING:
+    from benchtool.explain.answer import Answer, Request
 
 CHECK = "--check"
 
@@ -72,6 +75,20 @@ class ExplainInputs(Inputs):
         int, Ge(0), Input("Simulated records behind p-values; asymptotic ones without.")
     ] = 0
     overwrite: Annotated[bool, Input("Replace an earlier answer's files.")] = False
+    bench: Annotated[
+        str | None, Input("Address of the bench: record next experiments on it, each armed anew.")
+    ] = None
+    until: Annotated[
+        float, Gt(0.5), Lt(1.0), Input("With --bench: how probable the answer shall become.")
+    ] = 0.95
+    most_experiments: Annotated[int, Ge(1), Le(20), Input("With --bench: experiments at most.")] = 3
+    most_minutes: Annotated[
+        float, Gt(0.0), Le(600.0), Input("With --bench: minutes of experiments at most.", "min")
+    ] = 30.0
+    stage: Annotated[
+        str | None,
+        Input("With --bench: what moves the plate, as of benchtool sweep.", empty="as rig says"),
+    ] = None
 
 
 @declared(ExplainInputs)
@@ -79,10 +96,44 @@ def explain(inputs: ExplainInputs) -> None:
     """Name the effect that a model lacks, and show the gap shrink
 
     The first line printed is the verdict: an effect, several, a class that this data cannot
-    separate, none, or unknown. The last lines say what was added to which file and what to type
-    next: after a named effect, to ask again with the new model, to fit and to simulate with it;
-    after a class or an unknown, the experiment that separates what is likely.
+    separate, none, or unknown. The last lines say what was added to which file and what to type next:
+    after a named effect, to ask again with the new model, to fit and to simulate with it; after a
+    class or an unknown, the experiment that separates what is likely. With --bench it is recorded,
+    armed by hand each time, and everything is explained anew until the answer is sure.
     """
+    from benchtool.commands.terminal.experiments import bench_for, record_next, why_no_more
+    from benchtool.report.answer.folder import refuse_taken
+
+    question = _question(inputs, inputs.recordings)
+    stands = bench_for(inputs.bench, question, inputs.out) if inputs.bench is not None else None
+    if not inputs.overwrite:
+        refuse_taken(inputs.out, inputs.json)
+    left_min, made = inputs.most_minutes, 0
+    answer = _answered(inputs, question, left_min)
+    if inputs.bench is None or stands is None or inputs.out is None:
+        return
+    while not (ended := why_no_more(answer, inputs, made, left_min)):
+        experiment, made = answer.verdict.next, made + 1
+        assert experiment is not None
+        print(f"\nExperiment {made} of {inputs.most_experiments} at most: {experiment.title}")
+        run = record_next(answer, experiment, inputs, stands)
+        left_min -= experiment.minutes
+        learned = (*(source.path for source in answer.request.learn), str(run.path))
+        answer = _answered(inputs, _question(inputs, learned), left_min)
+    print(ended)
+
+
+def _question(inputs: ExplainInputs, learn: tuple[str, ...]) -> Request:
+    """Read the recordings to learn from, with everything else that was named."""
+    from benchtool.explain.answer import read_request
+
+    return read_request(
+        learn, inputs.check, inputs.model, inputs.effects, announce_code, inputs.rig
+    )
+
+
+def _answered(inputs: ExplainInputs, question: Request, minutes: float) -> Answer:
+    """Answer a question, write the answer and print it."""
     import shlex
     import sys
     import time
@@ -94,31 +145,29 @@ def explain(inputs: ExplainInputs) -> None:
         print_next,
         working,
     )
-    from benchtool.explain.answer import answer_request, read_request
-    from benchtool.report.answer.folder import Written, refuse_taken, write_folder, write_json
+    from benchtool.explain.answer import answer_request
+    from benchtool.explain.engine.verdict import SURE
+    from benchtool.report.answer.folder import Written, write_folder, write_json
 
     began = time.monotonic()
-    learned, checked, out, json_file = inputs.recordings, inputs.check, inputs.out, inputs.json
-    question = read_request(
-        learned, checked, inputs.model, inputs.effects, announce_code, inputs.rig
-    )
-    if not inputs.overwrite:
-        refuse_taken(out, json_file)
-    with working(", ".join([*learned, *checked])) as report:
+    with working(", ".join(source.path for source in question.sources)) as report:
         answer = answer_request(
             question,
             commands=[shlex.join(["benchtool", *sys.argv[1:]])],
             seed=inputs.seed,
             draws=inputs.draws,
             bootstrap=inputs.bootstrap,
+            sure=SURE if inputs.bench is None else inputs.until,
+            minutes=None if inputs.bench is None else minutes,
             progress=report,
         )
     answer = replace(answer, seconds=time.monotonic() - began)
     written = Written()
-    if out is not None:
-        written = write_folder(out, answer, question.effects_file)
-    if json_file is not None:
-        write_json(json_file, answer, written)
+    if inputs.out is not None:
+        written = write_folder(inputs.out, answer, question.effects_file)
+    if inputs.json is not None:
+        write_json(inputs.json, answer, written)
     with for_a_reader():
         print_answer(answer)
-        print_next(answer, out, json_file)
+        print_next(answer, inputs.out, inputs.json)
+    return answer

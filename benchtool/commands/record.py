@@ -62,24 +62,29 @@ class RecordInputs(Inputs):
 def record(inputs: RecordInputs) -> None:
     """Record a pitch experiment from a bench into a run folder."""
     from benchtool.acquire.inputs import rig_for
+
+    record_experiment(inputs, rig_for(inputs.address, inputs.rig))
+
+
+def record_experiment(inputs: RecordInputs, stands: Rig) -> Run | None:
+    """Check an experiment on a rig, arm and record it; return the run, None of a dry one."""
     from benchtool.acquire.pitch_experiment import arming_text, check_experiment
     from benchtool.acquire.pitch_record import summary_line
     from benchtool.bench.drivers import open_bench
     from benchtool.data.run.run import refuse_taken
 
-    address = inputs.address
-    stands = rig_for(address, inputs.rig)
     experiment = experiment_of(inputs, stands)
     expected = check_experiment(experiment, stands)
     if inputs.out is not None:
         refuse_taken(inputs.out)
     if inputs.dry_run:
-        open_bench(address, announce_code)  # refuses what it names wrongly; opens nothing yet
+        open_bench(inputs.address, announce_code)  # refuses a wrong name; opens nothing yet
         print(arming_text(experiment, stands, expected))
         print("dry run: nothing was opened, nothing spins")
-        return
+        return None
     run, summary, simulated = _record(inputs, stands, experiment)
     print(f"{summary_line(summary)}{' (simulated)' if simulated else ''}; in {run.path}")
+    return run
 
 
 def experiment_of(inputs: RecordInputs, rig: Rig) -> PitchExperiment:

@@ -16,7 +16,7 @@ from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to, arm, s
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import items
-from benchtool.core.own_code import refuse_code
+from benchtool.core.own_code import CodePermit, refuse_code
 
 if TYPE_CHECKING:
     from benchtool.acquire.check_plan import Expected
@@ -43,11 +43,8 @@ def _base(given: dict[str, Any]) -> SweepInputs:
 @declared(SweepInputs, _base)
 def sweep(inputs: SweepInputs) -> None:
     """Sweep plate distance and throttle into a run folder."""
-    from benchtool.acquire.check_plan import check_plan
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.resume import prepare, unfinished
-    from benchtool.bench.drivers import open_bench
-    from benchtool.data.calibration import read_calibration
     from benchtool.data.run.run import Run, check_run_name, refuse_taken
 
     address = inputs.address
@@ -68,18 +65,40 @@ def sweep(inputs: SweepInputs) -> None:
         if inputs.out is not None:
             refuse_taken(inputs.out)
         check_run_name(resolved.name)
+    record_sweep(replace(inputs, address=address, plan=resolved), stands, rest, permit)
+
+
+def record_sweep(
+    inputs: SweepInputs,
+    stands: Rig,
+    rest: Unfinished | None = None,
+    permit: CodePermit = announce_code,
+) -> Run | None:
+    """Show a plan, arm and sweep; return the run, None of a dry one.
+
+    Args:
+        inputs: with address and a resolved plan.
+        stands: the rig on the bench.
+        rest: a run to go on with.
+        permit: called with Python files that the address names.
+    """
+    from benchtool.acquire.check_plan import check_plan
+    from benchtool.acquire.resume import prepare
+    from benchtool.bench.drivers import open_bench
+    from benchtool.data.calibration import read_calibration
+
     # Everything that was typed is looked at before anything is printed or opened.
     check_stage(inputs.stage, stands)
     if inputs.calibration not in (None, "none"):
         read_calibration(Path(str(inputs.calibration)))
-    bench = open_bench(address, permit)
-    expected = check_plan(resolved, stands)
-    _show_plan(resolved, stands, expected, rest)
+    bench = open_bench(inputs.address, permit)
+    expected = check_plan(inputs.plan, stands)
+    _show_plan(inputs.plan, stands, expected, rest)
     if inputs.dry_run:
         print("dry run: nothing was opened, nothing spins")
-        return
+        return None
     start = prepare(rest) if rest else None
-    _sweep(bench, replace(inputs, plan=resolved), stands, rest, start)
+    return _sweep(bench, inputs, stands, rest, start)
 
 
 def _show_plan(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None) -> None:
@@ -113,7 +132,7 @@ def _list(numbers: tuple[float, ...]) -> str:
 
 def _sweep(
     device: Bench, inputs: SweepInputs, rig: Rig, rest: Unfinished | None, start: Start | None
-) -> None:
+) -> Run:
     """Open the bench, arm, sweep, and close the run whatever happened."""
     from benchtool.acquire.arming import arming_text
     from benchtool.acquire.calibration import calibration_for
@@ -177,3 +196,4 @@ def _sweep(
         run.close()
     simulated = " (simulated)" if identity.simulated else ""
     print(f"{summary.text(simulated)}; in {run.path}")
+    return run
