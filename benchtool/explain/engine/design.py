@@ -31,7 +31,7 @@ NONE = "nothing beyond tolerance"
 
 ESC_MODE = (
     "speed at a pulse answers to the pulse, the plate and the supply, which pulses near and far "
-    "tell apart; write down the ESC's mode as well: governed, it holds the speed against plate and "
+    "separate; write down the ESC's mode as well: governed, it holds the speed against plate and "
     "supply; else it sets a voltage, and the speed gives"
 )
 """For what is unknown between pulse and speed."""
@@ -218,7 +218,7 @@ def proposal(
     ratios = dict(sorted(ratios.items(), key=lambda item: item[1]))
     nearest = next(iter(ratios))
     reason = (
-        f"expected to tell {by_name[first].phrase} from {by_name[nearest].phrase} by a log "
+        f"expected to separate {by_name[first].phrase} from {by_name[nearest].phrase} by a log "
         f"evidence ratio of {ratios[nearest]:.1f}"
     )
     if refused == "pwm_to_rpm":

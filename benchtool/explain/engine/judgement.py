@@ -33,7 +33,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Rival:
-    """Hold one explanation that an experiment is to tell from others."""
+    """Hold one explanation that an experiment is to separate from others."""
 
     name: str  # an effect, "none" or "unknown"
     phrase: str  # as it stands within a sentence

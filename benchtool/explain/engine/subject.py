@@ -214,7 +214,7 @@ class Subject(ABC):
         refused: Subsystem | None = None,
         minutes: float | None = None,
     ) -> NextExperiment | None:
-        """Return the experiment that is expected to tell rivals apart; None of fewer than two.
+        """Return the experiment that is expected to separate rivals; None of fewer than two.
 
         Args:
             rivals: likeliest first.

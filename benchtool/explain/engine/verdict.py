@@ -216,7 +216,7 @@ class NextExperiment:
 
     @property
     def decides(self) -> bool:
-        """Whether it can be expected to tell the likeliest candidate from every other one."""
+        """Whether it can be expected to separate the likeliest candidate from every other one."""
         return min(self.expected.values()) >= DECIDES
 
 

@@ -115,7 +115,7 @@ def next_pitch(
     refused: Subsystem | None = None,
     minutes: float | None = None,
 ) -> NextExperiment | None:
-    """Return the experiment that is expected to tell rivals apart; None where there is but one.
+    """Return the experiment that is expected to separate rivals; None where there is but one.
 
     Args:
         evidence: of all recordings so far.

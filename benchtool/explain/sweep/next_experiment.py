@@ -267,7 +267,7 @@ def next_sweep(
     refused: Subsystem | None = None,
     minutes: float | None = None,
 ) -> NextExperiment | None:
-    """Return the sweep that is expected to tell rivals apart; None where there is but one.
+    """Return the sweep that is expected to separate rivals; None where there is but one.
 
     Args:
         evidence: of all sweeps so far.

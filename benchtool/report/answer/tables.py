@@ -165,12 +165,12 @@ def tolerances_table(answer: Answer) -> Table:
 
 
 def next_table(answer: Answer) -> Table:
-    """List what the next experiment is expected to tell the likeliest explanation from."""
+    """List what the next experiment is expected to separate the likeliest explanation from."""
     experiment = answer.verdict.next
     expected = experiment.expected if experiment is not None else {}
     first = answer.title_of(experiment.candidates[0]) if experiment is not None else ""
     return Table(
-        f"What it is expected to tell {first} from: log evidence ratio, on average.",
+        f"What it is expected to separate {first} from: log evidence ratio, on average.",
         ("rival", "expected evidence"),
         [(answer.title_of(name), f"{value:.1f}") for name, value in expected.items()],
     )
