@@ -96,10 +96,10 @@ def explain(inputs: ExplainInputs) -> None:
     """Name the effect that a model lacks, and show the gap shrink
 
     The first line printed is the verdict: an effect, several, a class that this data cannot
-    separate, none, or unknown. The last lines say what was added to which file and what to type next:
-    after a named effect, to ask again with the new model, to fit and to simulate with it; after a
-    class or an unknown, the experiment that separates what is likely. With --bench it is recorded,
-    armed by hand each time, and everything is explained anew until the answer is sure.
+    separate, none, or unknown. The last lines say what was added to which file and what to type
+    next: after a named effect, to ask again with the new model, to fit and to simulate with it;
+    where the answer is not sure, the experiment that separates what is likely. With --bench it is
+    recorded, armed by hand each time, and explained with the others until the answer is sure.
     """
     from benchtool.commands.terminal.experiments import bench_for, record_next, why_no_more
     from benchtool.report.answer.folder import refuse_taken

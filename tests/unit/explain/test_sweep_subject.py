@@ -146,7 +146,7 @@ def test_the_next_sweep_is_one_that_a_bench_accepts_and_decides(first: str, seco
 
 @pytest.mark.parametrize(("effect", "over_the_edge"), [("plate_tilt", 0), ("partial_coverage", 2)])
 def test_the_plate_goes_aside_for_what_shows_only_there(effect: str, over_the_edge: int) -> None:
-    """One rotor over the middle of a plate: a tilt turns about it, and all of the disc is over it."""
+    """One rotor over the middle of a plate: a tilt turns about it, the disc is all over it."""
     _, plan = proposed("single_rotor", effect, "tare_offset")
     rig = load_model("single").model.rig
     within_m = 0.5 * rig.plate.size_x_m - rig.propulsion.radius_m
