@@ -37,7 +37,7 @@ ESC_MODE = (
 """For what is unknown between pulse and speed."""
 
 CLEAR = 0.01
-"""Expected confusion at which nothing more is added to a design; a choice."""
+"""Prospect confusion at which nothing more is added to a design; a choice."""
 
 WORTH = 0.02
 """What is added lowers the logarithm of the expected confusion by so much at least; a choice."""
@@ -113,7 +113,7 @@ class Outlook:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Expected:
+class Prospect:
     """Hold what an experiment is expected to say between each pair of rivals."""
 
     pairs: Mapping[tuple[str, str], float]  # log evidence ratios, on average over which is true
@@ -126,7 +126,7 @@ D = TypeVar("D")
 def chosen(
     first: D,
     more: Callable[[D], Mapping[str, D]],
-    weighed: Callable[[D], Expected],
+    weighed: Callable[[D], Prospect],
     seconds: Callable[[D], float],
     most_s: float,
 ) -> D:
@@ -142,7 +142,7 @@ def chosen(
     best, expected, rates = first, weighed(first), dict[str, float]()
     while expected.confusion > CLEAR:
         options = {what: one for what, one in more(best).items() if seconds(one) <= most_s}
-        fresh = dict[str, Expected]()
+        fresh = dict[str, Prospect]()
         what = ""
         while options and what not in fresh:
             # What a thing gains shrinks with what is there already: old rates bound new ones.
@@ -188,7 +188,7 @@ def rivals(hypotheses: Hypotheses, judgement: Judgement) -> list[Rival]:
 
 def proposal(
     among: Sequence[Rival],
-    expected: Expected,
+    expected: Prospect,
     title: str,
     seconds: float,
     refused: Subsystem | None,
@@ -255,7 +255,7 @@ class Forecast:
 
     def expected(
         self, new: Evidence, both: Evidence, rng: np.random.Generator | None = None
-    ) -> Expected:
+    ) -> Prospect:
         """Return what an experiment is expected to say.
 
         Args:
@@ -273,7 +273,7 @@ class Forecast:
             ) / (a.probability + b.probability)
             pairs[a.name, b.name] = min(ratio, pairs.get((a.name, b.name), inf))
             confusion += sqrt(a.probability * b.probability) * exp(-0.25 * ratio)
-        return Expected(pairs, confusion)
+        return Prospect(pairs, confusion)
 
     def outlooks(self, new: Evidence, both: Evidence) -> list[Outlook]:
         """Return what each rival predicts of an experiment.

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.explain.engine.design import Expected, Forecast, chosen, proposal
+from benchtool.explain.engine.design import Forecast, Prospect, chosen, proposal
 from benchtool.explain.engine.judgement import Rival
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.engine.verdict import NextExperiment
@@ -133,7 +133,7 @@ def next_pitch(
 
     seed = int(rng.integers(2**31))
 
-    def weighed(design: PitchDesign, drawn: np.random.Generator | None = None) -> Expected:
+    def weighed(design: PitchDesign, drawn: np.random.Generator | None = None) -> Prospect:
         sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
         recording = simulate_pitch(job, sampled, seed).recording(model.rig)
         new = PitchEvidence(model, [pitch_log(recording, model.rig, "the next one").logged])

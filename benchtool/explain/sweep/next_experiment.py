@@ -15,7 +15,7 @@ import tomli_w
 
 from benchtool.core.array import Array
 from benchtool.core.rig import Rig
-from benchtool.explain.engine.design import Expected, Forecast, chosen, proposal
+from benchtool.explain.engine.design import Forecast, Prospect, chosen, proposal
 from benchtool.explain.engine.judgement import Rival
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
@@ -281,7 +281,7 @@ def next_sweep(
     forecast = Forecast(evidence, rivals)
     rig = evidence.model.rig
 
-    def weighed(design: SweepDesign, drawn: np.random.Generator | None = None) -> Expected:
+    def weighed(design: SweepDesign, drawn: np.random.Generator | None = None) -> Prospect:
         log = as_read(points_of(design, evidence), evidence, forecast.rivals[0].fit.at)
         new = evidence.of(log)
         return forecast.expected(new, evidence.with_other(new), drawn)
