@@ -8,6 +8,7 @@ from benchtool.core.errors import CommandRefused, DeviceStopped, InputError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model import Model
 from benchtool.virtual.simulated import SimulatedBench
+from tests.unit.commands.command_line import run
 
 
 @pytest.fixture
@@ -84,14 +85,14 @@ def test_a_new_rate_holds_from_the_next_sample(bench):
 
 
 def test_equal_seeds_give_equal_runs():
-    def run(seed):
+    def read(seed):
         with open_bench(f"sim:pquad_single?seed={seed}") as bench:
             bench.tare()
             bench.set_pwm(np.full(bench.identity.n_rotors, 1600.0))
             return bench.read(3.0).values
 
-    assert np.array_equal(run(7), run(7), equal_nan=True)
-    assert not np.array_equal(run(7), run(8), equal_nan=True)
+    assert np.array_equal(read(7), read(7), equal_nan=True)
+    assert not np.array_equal(read(7), read(8), equal_nan=True)
 
 
 def test_a_plate_nearer_than_the_formulae_reach_is_reported_once(bench):
@@ -110,3 +111,11 @@ def test_a_law_that_is_finite_at_contact_reaches_to_contact():
         bench.set_pwm(np.full(4, 1300.0))
         said = [message for _ in range(3) for message in bench.read(0.5).messages]
     assert [message.split(":")[0] for message in said] == ["arrived"]
+
+
+@pytest.mark.parametrize("name", ["pquad", "amuse", "pquad_single"])
+def test_no_channel_of_a_shipped_bench_counts_as_frozen(name, tmp_path):
+    """The reaction torques of a balanced vehicle cancel: without noise the sensor showed 0."""
+    words = ["--z-over-r", "2", "--pwm", "1500,1600", "--repeats", "1", "--yes"]
+    assert run("sweep", f"sim:{name}", *words, "--out", str(tmp_path / "run")) == 0
+    assert '"frozen"' not in (tmp_path / "run" / "events.jsonl").read_text("utf-8")
