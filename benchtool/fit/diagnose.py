@@ -161,6 +161,9 @@ def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str
         return (f"{message}: {much}; {narrow if lacks_something(result) else carried}",)
     if verdict == "errors_too_large":
         advice = "state them anew" if noise_is_free else "free noise.scale or state them anew"
+        for item in result.estimates:
+            if item.name == NOISE_SCALE:
+                advice = f"the intervals take {item.value:.2g} times those ({NOISE_SCALE})"
         return (f"{message}: the stated standard errors are larger than the scatter; {advice}",)
     return ()
 

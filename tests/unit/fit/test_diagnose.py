@@ -108,7 +108,11 @@ def test_errors_stated_too_large_are_told() -> None:
         fit_least_squares(modest),
     )
     assert found.verdict == "errors_too_large"
-    assert "larger than the scatter" in found.sentences[0]
+    assert found.sentences[0].endswith("the scatter; free noise.scale or state them anew")
+    scaled = replace(scaled_line(), standard_error=np.full(25, 3.0))
+    result = fit_least_squares(scaled)
+    words = f"the intervals take {result['noise.scale'].value:.2g} times those (noise.scale)"
+    assert diagnose(scaled, result).sentences[0].endswith(words)
 
 
 def test_a_free_scale_takes_up_some_scatter_but_not_a_missing_effect() -> None:
