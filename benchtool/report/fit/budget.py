@@ -8,6 +8,7 @@ from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from benchtool.fit.run_recipe import FitOutput
@@ -181,8 +182,12 @@ def draw_budget(figure: Figure, budget: Budget) -> None:
         axes.set_xlabel(f"uncertainty [{unit}]" if is_zero else "percent of value")
     panels[0].set_yticks(range(len(lines)), [budget.lines[row].name for row in lines])
     panels[0].invert_yaxis()
-    handles = [Patch(color=BLUE, label="in the errors"), Patch(color=ORANGE, label="beside them")]
-    figure.legend(handles=handles, loc="outside lower right", ncols=2)
+    handles = [
+        Patch(color=BLUE, label="in the fit's standard error"),
+        Patch(color=ORANGE, label="not in it (* in the table)"),
+        Line2D([], [], color=BLACK, linestyle="--", linewidth=1.0, label="combined"),
+    ]
+    figure.legend(handles=handles, loc="outside lower right", ncols=3)
 
 
 def _drawn(budget: Budget) -> tuple[list[int], list[int]]:

@@ -37,5 +37,5 @@ def laws(figure: Figure, fit: FitOutput) -> None:
     axes.set_yticks(rows, [f"{score.law}\n{score.verdict}" for score in scores])
     axes.invert_yaxis()
     axes.set_xscale("symlog", linthresh=1.0)
-    axes.set_xlabel("log score lost per distance [–]")
-    axes.set_ylabel("law [–]")
+    axes.set_xlabel("log score lost per distance [–], bars of two standard errors")
+    axes.set_ylabel("law")
