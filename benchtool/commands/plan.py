@@ -66,6 +66,11 @@ def plan(inputs: PlanInputs) -> None:
     ]
     heads = ("single step", "resulting uncertainty", "sufficient")
     print_table(console, Table("Predicted from the sensitivities of this fit:", heads, rows))
+    if any(one.sd > found.sd for one in found.single):
+        console.say(
+            "Where a step increases it, the fit leans more on what it holds fixed "
+            "(* in the budget of benchtool fit); determine that first."
+        )
     reached = "reaches" if found.reached else "comes closest with"
     console.say(
         f"combined: {_words(found.together, output) or 'nothing'} {reached} "

@@ -35,6 +35,14 @@ def test_the_printed_sweep_of_a_run_works(capsys: pytest.CaptureFixture[str]) ->
     assert "repeats" in capsys.readouterr().out
 
 
+def test_a_step_that_increases_the_uncertainty_is_explained(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = planned(capsys, RUN, "--model", "quad_bench", "--for", "R=0.2%")
+    assert "no: it increases" in out
+    assert "leans more on what it holds fixed (* in the budget of benchtool fit)" in out
+
+
 def test_a_table_gets_a_dry_run_of_its_rig(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
