@@ -10,7 +10,7 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.error_source import ErrorSource
-from benchtool.core.errors import EstimationError, UnknownChoice
+from benchtool.core.errors import EstimationError, InputError, UnknownChoice
 from benchtool.core.fit_result import FitResult
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.fit.compare import Comparison, compare
@@ -108,6 +108,11 @@ def run_recipe(
         InputError: the data or the model do not allow the fit.
         EstimationError: no estimate can be given.
     """
+    if profile and (recipe.loss != "linear" or "least_squares" not in recipe.methods):
+        raise InputError(
+            "--profile is of least squares with --loss linear; leave --profile out, or take "
+            "--method least_squares --loss linear"
+        )
     loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))
@@ -279,13 +284,17 @@ def _estimate(
         progress("least squares", 0, 1)
         result = fit_least_squares(problem, loss=recipe.loss)
         return with_profile(problem, result) if profile else result
-    return fit_ensemble(
+    result = fit_ensemble(
         problem,
         walkers=recipe.walkers,
         max_steps=recipe.max_steps,
         seed=recipe.seed,
         progress=partial(progress, "emcee"),
     )
+    if recipe.loss == "linear":
+        return result
+    note = f"emcee counts every point in full: --loss {recipe.loss} acts on least squares alone"
+    return replace(result, warnings=(*result.warnings, note))
 
 
 FAR_FROM_RIG = 3.0

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from benchtool.core.counted import counted
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.fit.uncertainty.budget import COVERAGE, Budget
 from benchtool.report.figure import figure
@@ -67,7 +68,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
         total(f"Monte Carlo, {INTERVAL}: lower end", drawn.low)
         total("upper end", drawn.high)
     left_out = len(budget.lines) - len(lines)
-    rest = f" {left_out} smaller sources are left out." if left_out else ""
+    rest = f" {counted(left_out, 'smaller source')} left out." if left_out else ""
     return Table(
         f"Uncertainty budget: standard uncertainties in percent of the value.{rest}",
         ("source", "standard uncertainty", *(_header(budget, place) for place in places)),

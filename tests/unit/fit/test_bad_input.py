@@ -65,6 +65,15 @@ def test_distances_in_the_wrong_unit_are_noticed(lab: Path) -> None:
     assert any("check the unit of plate_z_m" in item for item in output.results[0].warnings)
 
 
+def test_a_loss_that_emcee_does_not_know_is_named(lab: Path) -> None:
+    given = {"walkers": 8, "max_steps": 100, "loss": "huber"}
+    output = run_recipe(
+        Recipe(name="lab", data=("lab.csv",), model="lab.toml", methods=("emcee",), **given)
+    )
+    note = "emcee counts every point in full: --loss huber acts on least squares alone"
+    assert note in output.results[0].warnings
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -89,6 +98,14 @@ def test_distances_in_the_wrong_unit_are_noticed(lab: Path) -> None:
         (
             (str(QUAD), "--model", "quad", "--where", "a=1", "--columns", "c.toml"),
             "--columns and --where can be given for a CSV table only: .* is a run",
+        ),
+        (
+            ("lab.csv", "--model", "lab.toml", "--profile", "--loss", "huber"),
+            "--profile is of least squares with --loss linear; leave --profile out",
+        ),
+        (
+            ("lab.csv", "--model", "lab.toml", "--profile", "--method", "emcee"),
+            "--profile is of least squares with --loss linear; leave --profile out",
         ),
         (("lab.csv", "lab.csv", "--model", "lab.toml"), "the same data as lab.csv"),
         ((str(QUAD.parent), "--model", "quad"), "neither a file nor a run folder"),
