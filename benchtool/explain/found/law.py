@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from benchtool.core.array import Array
 from benchtool.explain.found.families import Family, Scale
 
@@ -41,6 +43,11 @@ class Form:
     formula: str  # with {f} for a f(u)
     code: str  # of the hook's result, with {f} for f(u)
     phrase: str = ""  # where it acts, as a sentence says it
+
+    def seen(self, variable: Variable) -> Array:
+        """Return the values of a variable over the readings that the form changes."""
+        found: Array = variable.values[np.abs(self.weights) > 0.02 * np.abs(self.weights).max()]
+        return found
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -79,7 +79,7 @@ def dependence(missed: Missed) -> Dependence | None:
         (variable, form)
         for variable in missed.variables
         for form in missed.forms
-        if form.name in variable.forms and np.ptp(variable.values) > 0.0
+        if form.name in variable.forms and np.ptp(form.seen(variable)) > 1e-6
     ]
     tried = [_tried(missed, *pair) for pair in pairs]
     every = [one for group in tried for one in group]
@@ -124,7 +124,7 @@ def _tried(missed: Missed, variable: Variable, form: Form) -> list[_Shapes]:
     if variable.blocks:
         return []
     suits = [family for family in FAMILIES if variable.scale in family.scales]
-    every = [_shapes(missed, variable, form, one, one.grid(variable.values)) for one in suits]
+    every = [_shapes(missed, variable, form, one, one.grid(form.seen(variable))) for one in suits]
     return [one for one in every if one.columns.shape[1]]
 
 
@@ -161,7 +161,7 @@ def _centred(variable: Variable, form: Form, law: Array) -> Array:
 def _log_odds(missed: Missed, pair: tuple[Variable, Form], tried: Sequence[_Shapes]) -> float:
     """Return the log Bayes factor of a dependence over none: laws and smooth functions alike."""
     variable, form = pair
-    rooted = form.weights[:, None] * _centred(variable, form, root(variable))
+    rooted = form.weights[:, None] * _centred(variable, form, root(variable, form))
     found = [_smooth(missed, size * rooted) for size in SMOOTH]
     parts = [float(np.logaddexp.reduce(found)) - np.log(len(found))]
     parts += [_of_family(missed, one) for one in tried]
@@ -186,18 +186,29 @@ def _gains(pull: Array, weight: Array) -> Array:
     return gains
 
 
-def root(variable: Variable, more: Array | None = None) -> Array:
-    """Return the root of the covariance of a smooth function of a variable (m + n_more, r)."""
+def root(variable: Variable, form: Form, more: Array | None = None) -> Array:
+    """Return the root of the covariance of a smooth function of a variable (m + n_more, r).
+
+    Over the logarithm of what is well above 0.
+    """
     values = variable.values if more is None else np.concatenate([variable.values, more])
     if variable.blocks:
         found: Array = (values[:, None] == np.unique(values)).astype(float)
         return found
-    unique, rows = np.unique(np.round(values / np.ptp(values), 3), return_inverse=True)
+    seen = form.seen(variable)
+    values = np.clip(values, seen.min(), seen.max())
+    if _logarithmic(variable, seen):
+        values, seen = np.log(values), np.log(seen)
+    unique, rows = np.unique(np.round(values / np.ptp(seen), 2), return_inverse=True)
     squares = ((unique[:, None] - unique) / BENDS) ** 2
     size, axes = np.linalg.eigh(np.exp(-0.5 * squares))
     shown = size > 1e-6 * size[-1]
     smooth: Array = (axes[:, shown] * np.sqrt(size[shown]))[rows.reshape(-1)]
     return smooth
+
+
+def _logarithmic(variable: Variable, seen: Array) -> bool:
+    return variable.scale == "positive" and bool(seen.min() > 0.02 * seen.max())
 
 
 def _closed(missed: Missed, every: Sequence[_Shapes]) -> float:
@@ -240,7 +251,7 @@ def _law(missed: Missed, one: _Shapes) -> Law:
     gains = _gains(one.columns.T @ missed.pull, np.sum(one.columns * one.pulled, axis=0))
     u, weights = one.variable.values, one.form.weights
     numbers = one.numbers[:, int(np.argmax(gains))]
-    if one.family.name != "line":
+    if len(numbers) and one.family.name != "line":
         zoom = [0.4 * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])] * len(numbers)
         around = np.array(np.meshgrid(*zoom)).reshape(len(numbers), -1)
         size = np.maximum(np.abs(numbers), 0.05)
@@ -271,9 +282,11 @@ def _law(missed: Missed, one: _Shapes) -> Law:
 
 def _curve(missed: Missed, variable: Variable, form: Form, law: Law | None) -> LawCurve:
     """Return the smooth function of the variable that the misses ask for, and the law."""
-    at = np.linspace(variable.values.min(), variable.values.max(), 80)
+    seen = form.seen(variable)
+    spaced = np.geomspace if _logarithmic(variable, seen) else np.linspace
+    at = np.asarray(spaced(seen.min(), seen.max(), 80), float)
     m = len(variable.values)
-    both = max(SMOOTH) * root(variable, None if variable.blocks else at)
+    both = max(SMOOTH) * root(variable, form, None if variable.blocks else at)
     columns = form.weights[:, None] * both[:m]
     spread = np.linalg.inv(np.eye(both.shape[1]) + columns.T @ missed.precision @ columns)
     draws = spread @ (columns.T @ missed.pull)
@@ -283,12 +296,12 @@ def _curve(missed: Missed, variable: Variable, form: Form, law: Law | None) -> L
         shown = both[m:]
     mean = shown @ draws
     sd = np.sqrt(np.sum((shown @ spread) * shown, axis=1))
-    seen = np.abs(form.weights) > 0.05 * np.abs(form.weights).max()
+    acts = np.abs(form.weights) > 0.05 * np.abs(form.weights).max()
     # What one reading misses beside the smooth function, by its own weight in the precision.
     own = (missed.pull - missed.precision @ (columns @ draws)) / np.diag(missed.precision)
-    shares = both[:m][seen] @ draws + own[seen] / form.weights[seen]
+    shares = both[:m][acts] @ draws + own[acts] / form.weights[acts]
     drawn = np.empty(0) if law is None else law.amplitude * law.family(at, law.numbers)
     return LawCurve(
         at=at, mean=mean, low=mean - 1.96 * sd, high=mean + 1.96 * sd, law=drawn,
-        points=variable.values[seen], shares=shares,
+        points=variable.values[acts], shares=shares,
     )  # fmt: skip

@@ -13,6 +13,7 @@ from benchtool.explain.engine.held_out import UPPER
 from benchtool.explain.engine.verdict import EVERYWHERE, PLACES
 from benchtool.explain.next_steps import lines, next_sentence, next_steps
 from benchtool.report.answer.added_words import added_sentence, changes_table
+from benchtool.report.answer.depends import depends_sentence
 from benchtool.report.answer.figures import gap_numbers, parameter_text
 from benchtool.report.answer.tables import (
     effects_table,
@@ -121,6 +122,11 @@ def _highlights(answer: Answer) -> dict[str, str]:
     return shown
 
 
+def _depends(answer: Answer) -> Block | None:
+    text = depends_sentence(answer)
+    return None if text is None else Paragraph(text)
+
+
 FLOOR = (
     "The floor is never taken from these residuals: the model, taken for true, is held against "
     "data that it simulated itself, median of {0.verdict.draws} draws of the stated sensor and "
@@ -139,6 +145,7 @@ ANSWER = Page(
                 *("parameters", "which"),
             ],
         ),
+        ("What it depends on", [_depends, "depends"]),
         ("The gap", [gap_table, lambda answer: Paragraph(FLOOR.format(answer)), "gap", "overlay"]),
         ("Tolerances", [tolerances_table]),
         ("What was not judged", [_not_judged]),
