@@ -13,6 +13,10 @@ FOUND = "found_effect"
 TOLERANCE = 0.005
 """Departure of thrust that does not matter, as a share of it, where a law is greatest."""
 
+HELD = 0.3
+"""How far a shape may be moved, one standard deviation: of a place in widths, of others in parts of
+the value. What levels that were not visited leave open is not left to the next fit."""
+
 _FORM = '''"""Drafted by benchtool explain {version}: read it, and name it after its cause.
 
 {words}
@@ -60,7 +64,6 @@ def draft(found: Dependence) -> str:
     greatest = max(abs(law.family(variable.values, law.numbers)).max(), 1e-9)
     tolerance = TOLERANCE / greatest
     bound = max(20.0 * abs(law.amplitude), 10.0 * tolerance)
-    # Another reading of the same recordings may put its numbers elsewhere.
     lines = [
         _number(
             "a", "1", law.amplitude, "size of the law", neutral=0.0, within=(-bound, bound),
@@ -68,8 +71,9 @@ def draft(found: Dependence) -> str:
         )
     ]  # fmt: skip
     for name, value, sd in zip(law.family.numbers, law.numbers, law.sds, strict=True):
-        held = min(max(sd, 1e-4 * abs(value)), 0.25 * abs(value) + 0.05)
         positive = name in ("width", "length")
+        reach = HELD * law.values.get("width", 0.5) if name == "at" else HELD * abs(value)
+        held = max(min(sd, reach), 1e-4)
         lines.append(
             _number(
                 name, "1", value, "shape of the law",

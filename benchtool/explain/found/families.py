@@ -11,11 +11,12 @@ import numpy as np
 from benchtool.core.array import Array
 from benchtool.physics.effects.laws import shapes
 
-Scale = Literal["positive", "time", "signed", "side"]
-"""Of a variable: above 0, above 0 and counted from a beginning, on both sides of 0, or
-one of two sides."""
+Scale = Literal["positive", "time", "signed", "side", "distance"]
+"""Of a variable: above 0, above 0 and counted from a beginning, on both sides of 0,
+one of two sides, or a distance over which everything falls off to nothing."""
 
 
+DISTANCE: tuple[Scale, ...] = ("distance",)
 NUMBERS: tuple[Scale, ...] = ("positive", "time", "signed")
 
 
@@ -55,6 +56,14 @@ def _none(u: Array) -> Array:
     return np.empty((0, 1))
 
 
+LESS = np.array([0.0, 0.06, 0.12, 0.25, 0.4, 0.6, 0.8, 1.0])
+"""Parts of a law near z/R = 1 that replace what the model's own law has there."""
+
+
+def _widths(u: Array) -> Array:
+    return np.array([[0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0]])
+
+
 def _middle(u: Array) -> Array:
     return np.array([[float(np.mean(u))], [max(float(np.std(u)), 1e-9)]])
 
@@ -75,11 +84,14 @@ def _exponents(u: Array) -> Array:
     return np.array([[-4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.5, 2.0, 3.0, 4.0]])
 
 
-def _crossings(u: Array) -> Array:
-    low = max(float(u.min()), 1e-3)
-    at = np.geomspace(0.5 * low, low + 0.3 * float(np.ptp(u)), 10)
-    pairs = np.meshgrid(np.array([-4.0, -3.0, -2.0, -1.5, -1.0, -0.5]), at, indexing="ij")
-    return np.array([one.ravel() for one in pairs])
+def _instead(shapes_tried: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """Return shapes with how much of 1 / u^2 they replace."""
+
+    def grid(u: Array) -> Array:
+        pairs = np.meshgrid(shapes_tried(u)[0], LESS, indexing="ij")
+        return np.array([one.ravel() for one in pairs])
+
+    return grid
 
 
 def _lengths(u: Array) -> Array:
@@ -96,8 +108,17 @@ FAMILIES = (
         ("positive", "time"),
     ),
     Family(
-        "crossing", shapes.crossing, "a (1 - at / ({u})) ({u})^exponent", ("exponent", "at"),
-        _crossings, ("positive",),
+        "power_instead", shapes.power_instead, "a (({u})^exponent - less / ({u})^2)",
+        ("exponent", "less"), _instead(_exponents), DISTANCE,
+    ),
+    Family(
+        "rational_instead", shapes.rational_instead,
+        "a (1 / (1 + ({u} / width)^2) - less / ({u})^2)", ("width", "less"),
+        _instead(_widths), DISTANCE,
+    ),
+    Family(
+        "approach_instead", shapes.approach_instead, "a (exp(-({u}) / length) - less / ({u})^2)",
+        ("length", "less"), _instead(_widths), DISTANCE,
     ),
     Family(
         "step", shapes.step, "a / (1 + exp(-({u} - at) / width))", ("at", "width"),

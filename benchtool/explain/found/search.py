@@ -28,7 +28,7 @@ SURE = 5.0
 WORTH = 0.3
 """Least share of the held-out gap that a law closes to be drafted."""
 
-FOLDS = 5
+FOLDS = 10
 """Parts of the readings, whole places of the plate each, that are held out in turn."""
 
 BENDS = 0.3
@@ -208,7 +208,7 @@ def root(variable: Variable, form: Form, more: Array | None = None) -> Array:
 
 
 def _logarithmic(variable: Variable, seen: Array) -> bool:
-    return variable.scale == "positive" and bool(seen.min() > 0.02 * seen.max())
+    return variable.scale in ("positive", "distance") and bool(seen.min() > 0.02 * seen.max())
 
 
 def _closed(missed: Missed, every: Sequence[_Shapes]) -> float:
@@ -235,11 +235,11 @@ def _closed(missed: Missed, every: Sequence[_Shapes]) -> float:
             worth = float(np.logaddexp.reduce(gains)) - float(np.log(len(gains)))
             if worth > best:
                 k, best = int(np.argmax(gains)), worth
-                law = float(pull[k] / (weight[k] + SIZE**-2)) * one.columns[:, k]
-        own = bare[np.ix_(out, out)]
-        here, left = (
-            np.linalg.solve(own, (bare_pull - bare @ change)[out]) for change in (0.0 * law, law)
-        )
+                law = one.columns[:, k]
+        own, pulled = bare[np.ix_(out, out)], bare @ law
+        here, held = np.linalg.solve(own, np.stack([bare_pull[out], pulled[out]], axis=1)).T
+        weight = law @ pulled - pulled[out] @ held + SIZE**-2
+        left = here - float((law @ bare_pull - pulled[out] @ here) / weight) * held
         before += float(here @ own @ here)
         after += float(left @ own @ left)
         rows += len(here)

@@ -42,7 +42,8 @@ def sweep_variables(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array)
     out = [
         Variable(
             phrase="plate distance", symbol="z/R", code=DISTANCE, reference=radius_m, unit="m",
-            values=np.minimum(joined("plate_z_m") / radius_m, FARTHEST), forms=("covered",),
+            values=np.minimum(joined("plate_z_m") / radius_m, FARTHEST), scale="distance",
+            forms=("covered",),
         ),
         Variable(
             phrase="rotor speed", symbol="w/w_ref", code="flow.speed_rad_s[i] / p.reference",
@@ -65,11 +66,14 @@ def sweep_variables(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array)
             phrase="lateral position", symbol="x/R", code="flow.plate_x_m / p.reference",
             reference=radius_m, unit="m", values=joined("plate_x_m") / radius_m, scale="signed",
         ),
-        Variable(
-            phrase="the visit", symbol="visit", values=stays.astype(float), blocks=True,
-            forms=("reading", "near"),
-        ),
     ]  # fmt: skip
+    if any(len(np.unique(log.stay)) > len(np.unique(places_of((log,)))) for log in logs):
+        out.append(
+            Variable(
+                phrase="the visit", symbol="visit", values=stays.astype(float), blocks=True,
+                forms=("reading", "near"),
+            )
+        )  # fmt: skip
     for phrase, symbol, code, values in (
         ("time since the run began", "t/t_ref", "flow.time_s", time),
         ("time since the tare", "s/t_ref", "flow.elapsed_s", tare_s),

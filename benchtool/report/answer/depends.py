@@ -56,7 +56,7 @@ def depends(figure: Figure, answer: Answer) -> None:
         law = 100.0 * (curve.law + shift)
         axes.plot(curve.at, law, "--", color=ORANGE, label="the law")
         axes.legend(loc="best")
-    if found.variable.scale == "positive" and 0.0 < 4.0 * curve.at[0] < curve.at[-1]:
+    if found.variable.scale in ("positive", "distance") and 0.0 < 4.0 * curve.at[0] < curve.at[-1]:
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
     axes.set_xlabel(f"{found.variable.phrase}, {found.variable.symbol} [–]")

@@ -26,9 +26,24 @@ def power(u: Quantity, exponent: Quantity) -> Quantity:
 
 
 @expression
-def crossing(u: Quantity, exponent: Quantity, at: Quantity) -> Quantity:
-    """Return (1 - at / u) u^exponent: below 0 for u below `at`, above 0 beyond."""
-    return (1.0 - at / np.maximum(u, 1e-3)) * np.exp(exponent * np.log(np.maximum(u, 1e-3)))
+def power_instead(u: Quantity, exponent: Quantity, less: Quantity) -> Quantity:
+    """Return u^exponent - less / u^2: a law beside one that goes as 1 / u^2 and is too large."""
+    u = np.maximum(u, 1e-3)
+    return np.exp(exponent * np.log(u)) - less / (u * u)
+
+
+@expression
+def rational_instead(u: Quantity, width: Quantity, less: Quantity) -> Quantity:
+    """Return 1 / (1 + (u / width)^2) - less / u^2."""
+    x, u = u / width, np.maximum(u, 1e-3)
+    return 1.0 / (1.0 + x * x) - less / (u * u)
+
+
+@expression
+def approach_instead(u: Quantity, length: Quantity, less: Quantity) -> Quantity:
+    """Return exp(-u / length) - less / u^2."""
+    u = np.maximum(u, 1e-3)
+    return np.exp(-u / length) - less / (u * u)
 
 
 @expression
