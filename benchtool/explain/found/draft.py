@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from json import dumps
 from textwrap import fill
 
 from benchtool import __version__
@@ -40,15 +41,15 @@ def {hook}(p: Any, i: int, flow: Flow{taken}) -> Quantity:
 EFFECT = Effect(
     name="{name}",
     title="Found effect",
-    description={description!r},
+    description={description},
     subsystem="{subsystem}",
     order=90,
-    law={formula!r},
+    law={formula},
     parameters=(
 {numbers}
     ),
     hooks=Hooks({hook}={hook}),
-    shows={shows!r},
+    shows={shows},
     source="benchtool explain {version}: fitted, not derived",
     confused_with={{}},
     benches=frozenset({{"sweep"}}),
@@ -102,11 +103,11 @@ def draft(found: Dependence) -> str:
         taken=", reading: Quantity" if reading else "",
         returns="the reading with the law added: N" if reading else "a factor of the thrust",
         code=form.code.format(f=shape),
-        description=described,
+        description=dumps(described),
         subsystem="sensor" if reading else "rpm_to_thrust",
-        formula=found.formula,
+        formula=dumps(found.formula),
         numbers="\n".join(lines),
-        shows=f"where this differs: {found.phrase}",
+        shows=dumps(f"where this differs: {found.phrase}"),
     )
 
 
@@ -124,7 +125,7 @@ def _number(
     within: tuple[float, float] | None = None, tolerance: float | None = None, prior: str = "",
 ) -> str:  # fmt: skip
     """Return the line of a number in an effect file."""
-    parts = [f'"{name}", "{unit}", {value:.6g}, "{words}"']
+    parts = [dumps(name), dumps(unit), f"{value:.6g}", dumps(words)]
     if neutral is not None:
         parts.append(f"neutral={neutral:g}")
     if within is not None:
@@ -133,4 +134,6 @@ def _number(
         parts.append(f"tolerance={tolerance:.3g}")
     if prior:
         parts.append(f"prior={prior}")
-    return f'        number({", ".join(parts)}, source="benchtool explain"),'
+    parts.append('source="benchtool explain"')
+    lines = "".join(f"            {part},\n" for part in parts)
+    return f"        number(\n{lines}        ),"

@@ -9,6 +9,7 @@ from pathlib import Path
 from benchtool.core.parameter import Parameter
 from benchtool.explain.added_model import MODEL, NEAREST, NOTHING, added_effects, updated_model
 from benchtool.explain.answer import Answer, channel_words
+from benchtool.explain.found.draft import FOUND
 from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Table
 
@@ -94,6 +95,16 @@ def nearest_sentence(answer: Answer, folder: str) -> str:
     return f" With {near.phrase}, the nearest, the gap would be: {', '.join(left)}.{file}"
 
 
+def _draft(answer: Answer, folder: str) -> str:
+    """Say where the law of something unknown is drafted."""
+    found = answer.verdict.depends
+    if found is None or found.law is None:
+        return ""
+    if not folder:
+        return " A law of it can be drafted as an effect file: add --out FOLDER."
+    return f" A law of it is drafted as an effect: {Path(folder) / FOUND}.py."
+
+
 def added_sentence(answer: Answer, folder: str = "") -> str:
     """Say what was added, and to which file of a folder; empty where nothing is written."""
     kind = answer.verdict.kind
@@ -101,7 +112,7 @@ def added_sentence(answer: Answer, folder: str = "") -> str:
     if not answer.has_model:
         why = "nothing is missing" if kind == "none" else "no effect is named"
         beside = nearest_sentence(answer, folder)
-        return f"No new model: {why}, so {old} stays as it is.{beside}"
+        return f"No new model: {why}, so {old} stays as it is.{_draft(answer, folder)}{beside}"
     names = " and ".join(effect.phrase for effect in added_effects(answer))
     guess = ", the likeliest of the class," if kind == "class" else ""
     if not folder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +10,17 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import rig_named
+from benchtool.explain.answer import Answer
 from benchtool.explain.found.draft import FOUND, draft
 from benchtool.explain.found.families import FAMILIES, Family
 from benchtool.explain.found.law import Dependence, Form, Variable
 from benchtool.explain.found.search import Missed, dependence
+from benchtool.explain.next_steps import next_steps
 from benchtool.physics.catalogue import EFFECTS, own_effects
 from benchtool.physics.conditions import Conditions
+from benchtool.report.answer.folder import write_folder
 from tests.contracts import test_effect as contract
+from tests.unit.explain.hand_made import answer
 
 NOISE_N = 0.004
 
@@ -135,3 +140,43 @@ def test_a_draft_keeps_the_contract_of_effects(
     contract.test_scalars_arrays_and_complex_steps_agree(FOUND, rig, conditions)
     contract.test_its_hooks_branch_nowhere(FOUND)
     assert effect.phrase == "found effect"
+
+
+def unknown(found: Dependence) -> Answer:
+    """Return an answer that says unknown, and what it depends on."""
+    made = answer("unknown")
+    verdict = replace(made.verdict, depends=found)
+    return replace(made, explanation=replace(made.explanation, verdict=verdict))
+
+
+def test_a_draft_is_written_once_and_told_of(tmp_path: Path, rng: np.random.Generator) -> None:
+    speed = rng.uniform(0.7, 1.3, 150)
+    found = dependence(shown(LAWS["resonance"](speed), rng, speed))
+    assert found is not None
+    made, folder = unknown(found), tmp_path / "found"
+    assert "; it depends on rotor speed; closes " in made.verdict.sentence
+    written = [write_folder(folder, made) for _ in range(2)]
+    names = ("found_effect.py", "found_effect_2.py")
+    assert [one.draft for one in written] == [str(folder / name) for name in names]
+    mine = "a person has named it"
+    (folder / names[0]).write_text(mine, encoding="utf-8")
+    write_folder(folder, made)
+    assert (folder / names[0]).read_text("utf-8") == mine
+    depends = json.loads((folder / "answer.json").read_text("utf-8"))["depends"]
+    assert depends["on"] == "rotor speed"
+    assert depends["law"] == "1 + a / (1 + ((w/w_ref - at) / width)^2)"
+    assert depends["numbers"]["at"] == pytest.approx(0.93, abs=0.01)
+    page = (folder / "report.html").read_text("utf-8")
+    assert "What it depends on" in page
+    assert "drafted as an effect" in page
+    assert any("found_effect.py" in step.command for step in next_steps(made, str(folder)))
+
+
+def test_without_a_law_nothing_is_drafted(tmp_path: Path, rng: np.random.Generator) -> None:
+    each = 0.02 * rng.standard_normal(30)
+    found = dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)))
+    assert found is not None
+    for made in (unknown(found), answer("unknown"), answer("none")):
+        folder = tmp_path / f"{made.verdict.kind}_{made.verdict.depends is None}"
+        assert write_folder(folder, made).draft == ""
+        assert list(folder.glob("*.py")) == []
