@@ -5,6 +5,8 @@ from __future__ import annotations
 from json import dumps
 from textwrap import fill
 
+import numpy as np
+
 from benchtool import __version__
 from benchtool.explain.found.law import Dependence
 
@@ -13,6 +15,9 @@ FOUND = "found_effect"
 
 TOLERANCE = 0.005
 """Departure of thrust that does not matter, as a share of it, where a law is greatest."""
+
+OWN = 0.1
+"""Part of a law that does not matter either: no law is better known."""
 
 HELD = 0.3
 """How far a shape may be moved, one standard deviation: of a place in widths, of others in parts of
@@ -62,8 +67,9 @@ def draft(found: Dependence) -> str:
     """Return the text of an effect file for a dependence with a law."""
     law, variable, form = found.law, found.variable, found.form
     assert law is not None
-    greatest = max(abs(law.family(variable.values, law.numbers)).max(), 1e-9)
-    tolerance = TOLERANCE / greatest
+    changes = form.weights * law.family(variable.values, law.numbers)
+    tolerance = TOLERANCE * found.thrust_N / float(np.abs(changes).max())
+    tolerance = max(tolerance, OWN * abs(law.amplitude))
     bound = max(20.0 * abs(law.amplitude), 10.0 * tolerance)
     lines = [
         _number(

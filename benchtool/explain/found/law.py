@@ -105,7 +105,8 @@ class Dependence:
     law: Law | None
     closed: float
     curve: LawCurve
-    radius_m: float = 1.0  # R of the rotors
+    radius_m: float  # R of the rotors
+    thrust_N: float  # the median of what the cell should read
 
     @property
     def phrase(self) -> str:

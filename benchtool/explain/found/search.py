@@ -58,7 +58,8 @@ class Missed:
     places: NDArray[np.intp]
     variables: Sequence[Variable]
     forms: Sequence[Form]
-    radius_m: float = 1.0  # R of the rotors
+    radius_m: float  # R of the rotors
+    thrust_N: float  # the median of what the cell should read
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,6 +118,7 @@ def dependence(missed: Missed) -> Dependence | None:
         closed=closed,
         curve=_curve(missed, variable, form, law),
         radius_m=missed.radius_m,
+        thrust_N=missed.thrust_N,
     )
 
 

@@ -170,6 +170,7 @@ def missed_thrusts(evidence: SweepEvidence, at: Array, opened: Sequence[str]) ->
         variables=sweep_variables(evidence.logs, radius_m, shown),
         forms=sweep_forms(evidence.logs, radius_m, shown),
         radius_m=radius_m,
+        thrust_N=float(np.median(shown[np.concatenate([~log.tare for log in evidence.logs])])),
     )
 
 
