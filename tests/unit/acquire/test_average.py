@@ -30,6 +30,22 @@ def test_the_standard_error_is_the_scatter_of_means(rho: float) -> None:
     assert stated == pytest.approx(scatter, rel=0.12)
 
 
+@pytest.mark.parametrize("rho", [0.0, 0.6])
+@pytest.mark.parametrize("lines", [1, 4])
+def test_vibrations_do_not_count_as_errors_of_the_mean(lines: int, rho: float) -> None:
+    rng = np.random.default_rng(12)
+    values = autoregressive(rng, (400, 160), rho)
+    time_s = np.arange(160) / 80.0
+    for _ in range(lines):
+        frequency_Hz, phase = 10.5 + rng.uniform(-0.5, 0.5, 400), rng.uniform(0.0, 2 * np.pi, 400)
+        turns = 2 * np.pi * frequency_Hz[:, None] * time_s
+        values += 1.1 / np.sqrt(lines) * 2.0 * np.cos(turns + phase[:, None])
+    scatter = values.mean(axis=1).std(ddof=1)
+    found = [average(row) for row in values]
+    assert np.sqrt(np.mean([one.se**2 for one in found])) == pytest.approx(scatter, rel=0.2)
+    assert np.mean([one.sd for one in found]) > 1.5
+
+
 def test_inefficiency_of_a_first_order_process() -> None:
     values = autoregressive(np.random.default_rng(6), (1, 200_000), 0.6)[0]
     # (1 + rho)/(1 - rho) for an AR(1) process.
