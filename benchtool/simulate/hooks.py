@@ -9,7 +9,7 @@ from typing import Any
 from benchtool.core.errors import InputError
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.disc_thrust import ImageRules, disc_thrust, owned
-from benchtool.physics.effects.effect import HOOKS, N_BEFORE_RATE, Effect, Flow
+from benchtool.physics.effects.effect import HOOKS, N_BEFORE_RATE, N_WITH_THRUST, Effect, Flow
 from benchtool.physics.expression import expression, replaced
 from benchtool.physics.fold import chained, identity, summed
 from benchtool.physics.model import Model
@@ -63,7 +63,7 @@ def joined_hooks(
         speed, thrusts = flow.speed_rad_s, factor
         for i in range(n_discs):
             thrusts = replaced(thrusts, i, k * speed[i] * speed[i] * factor[i])
-        return Flow(*flow[:N_BEFORE_RATE], rate, thrusts, *flow[N_BEFORE_RATE + 2 :])  # type: ignore[call-arg]
+        return Flow(*flow[:N_BEFORE_RATE], rate, thrusts, *flow[N_WITH_THRUST:])  # type: ignore[call-arg]
 
     torque, dry_friction, dry_width, dry_give = (
         summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width", "dry_give")

@@ -120,6 +120,9 @@ class Flow(NamedTuple):
 N_STAYING, N_BEFORE_RATE = map(Flow._fields.index, ("height_m", "rate_rad_s"))
 """How many fields of a Flow stay, and how many stand before what changes within a step."""
 
+N_WITH_THRUST = N_BEFORE_RATE + 2
+"""How many stand up to the thrusts; compiled code slices by a constant, not by a sum."""
+
 PAST_S = (10.0, 30.0, 100.0, 300.0)
 """Times within which the means of `Flow.past_load` and `past_wash` forget."""
 
