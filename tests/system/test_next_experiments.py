@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import signal
 from io import StringIO
 from pathlib import Path
 
 import pytest
 
-from benchtool.data.run.read import read_points
+from benchtool.commands.terminal.sweep_display import PlainDisplay
+from benchtool.data.run.append import read_events
+from benchtool.data.run.points import Point
+from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run import Run
 from tests.unit.commands.command_line import run as call
 from tests.unit.commands.command_line import said
 
@@ -28,17 +33,20 @@ R_m.prior = {{ kind = "normal", mean = 0.12, sd = 0.003, source = "a guess" }}
 own_strength = 1.0
 {more}
 """
-HIDDEN = "[effects.{}]\n{}"
 BENCH = "sim:pquad_single?truth=truth.toml&seed={}"
+
+
+def truth(effect: str, value: str) -> str:
+    return MODEL.format(more=f"[effects.{effect}]\n{value}")
 
 
 @pytest.fixture(autouse=True)
 def _poor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Sweep a bench that hides an offset of its plate so poorly that nothing can be said."""
+    """Sweep a bench that hides a tilt of its plate so poorly that nothing can be said."""
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
     Path("model.toml").write_text(MODEL.format(more=""))
-    Path("truth.toml").write_text(MODEL.format(more=HIDDEN.format("plate_offset", "dz_m = 0.012")))
+    Path("truth.toml").write_text(truth("plate_tilt", "angle_rad = 0.03"))
     for name, seed, distances in (("learn", 31, "1,1.5"), ("check", 33, "1.2,3")):
         words = ["--z-over-r", distances, "--pwm", "1500,1600", "--repeats", "2", "--yes"]
         assert call("sweep", BENCH.format(seed), *words, "--out", name) == 0
@@ -66,5 +74,73 @@ def test_experiments_are_recorded_until_the_answer_is_sure(
     assert len(read_points("found/experiment-1")) >= 8
     found = json.loads(Path("found.json").read_text())
     assert "experiment-1" in " ".join(found["data"]["learn"])
-    assert "plate_offset" in [effect["name"] for effect in found["effects"]]
+    assert "plate_tilt" in [effect["name"] for effect in found["effects"]]
     assert out.rstrip().splitlines()[-1].startswith("The answer is as sure as --until 0.95 after ")
+
+
+def test_each_experiment_is_armed_by_hand_and_not_by_yes(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed(monkeypatch, "yes\n")
+    code, _, err = said(capsys, *EXPLAIN, "--bench", BENCH.format(35))
+    assert code == 5
+    assert "not armed: ARM was not typed; nothing was spun" in err
+    assert not Path("found/experiment-1").exists()
+    assert Path("found/answer.json").is_file()
+    assert said(capsys, *EXPLAIN, "--bench", BENCH.format(35), "--yes")[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["--bench", "sim:beam", "--out", "new"], "sim:beam is another rig than that of the rec"),
+        (["--bench", "sim:nowhere", "--out", "new"], "nowhere"),
+        (["--bench", BENCH.format(35)], "give --out FOLDER"),
+    ],
+)
+def test_a_bench_that_will_not_do_is_refused_at_once(
+    capsys: pytest.CaptureFixture[str], words: list[str], why: str
+) -> None:
+    code, _, err = said(capsys, *EXPLAIN[:-2], *words)
+    assert code == 2
+    assert why in err
+    assert not Path("new").exists()
+
+
+def test_minutes_bound_what_is_recorded(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed(monkeypatch, "")
+    words = ["--bench", BENCH.format(35), "--most-minutes", "0.5"]
+    code, out, _ = said(capsys, *EXPLAIN, *words)
+    assert code == 0
+    last = out.rstrip().splitlines()[-1]
+    assert last.startswith("The answer is not as sure as --until 0.95. No experiment within reach")
+
+
+def test_ctrl_c_in_the_second_experiment_leaves_motors_at_zero_and_the_answer(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The signal comes for real, when the second sweep has measured three points."""
+    typed(monkeypatch, "ARM\nARM\n")
+    measured = PlainDisplay.measured
+
+    def interrupted(display: PlainDisplay, point: Point, remaining_s: float) -> None:
+        measured(display, point, remaining_s)
+        if point.point == 3 and Path("found/experiment-2").exists():
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(PlainDisplay, "measured", interrupted)
+    Path("truth.toml").write_text(truth("plate_offset", "dz_m = 0.012"))
+    words = ["--bench", BENCH.format(35), "--until", "0.9999"]
+    code, out, err = said(capsys, *EXPLAIN, *words)
+    assert code == 5
+    assert "stopped by Ctrl-C; zero was commanded" in err
+    assert "benchtool sweep --resume found/experiment-2" in out
+    run = Path("found/experiment-2")
+    assert Run.open(run).metadata["state"] == "stopped"
+    assert read_events(run / "events.jsonl")[-1].event == "stopped"
+    assert read_samples(run).column("pwm1_us")[-1] <= 1000.0
+    assert read_samples(run).column("pwm1_us").max() > 1400.0
+    answer = json.loads(Path("found/answer.json").read_text())
+    assert list(answer["data"]["learn"]) == ["learn", "experiment-1"]

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from math import exp, inf, log, sqrt
 from typing import TypeVar
 
@@ -23,7 +22,7 @@ from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
 from benchtool.explain.engine.judgement import CLASS_FROM, Judgement, Rival
 from benchtool.explain.engine.posterior import probabilities
 from benchtool.explain.engine.subject import Evidence
-from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.engine.verdict import DECIDES, NextExperiment
 from benchtool.fit.bounded import Linearised, Region, slopes
 from benchtool.physics.effects.effect import Subsystem
 
@@ -36,14 +35,23 @@ ESC_MODE = (
 )
 """For what is unknown between pulse and speed."""
 
+MOST_RIVALS = 6
+"""So many explanations an experiment is designed for at most."""
+
+LEAST_CHANCE = 0.01
+"""What a rival counts as at least, once it is one."""
+
 CLEAR = 0.01
 """Prospect confusion at which nothing more is added to a design; a choice."""
 
-WORTH = 0.02
+WORTH = 0.01
 """What is added lowers the logarithm of the expected confusion by so much at least; a choice."""
 
 DRAWS = 64
 """Simulated experiments behind what is stated of the chosen one."""
+
+SHOWN = 100.0
+"""A larger expected log evidence ratio is not stated: it rests on few draws far out."""
 
 LEAST_S = 20.0
 """Time that an addition counts as at least; a choice."""
@@ -114,9 +122,9 @@ class Outlook:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prospect:
-    """Hold what an experiment is expected to say between each pair of rivals."""
+    """Hold what an experiment is expected to say between the likeliest rival and each other."""
 
-    pairs: Mapping[tuple[str, str], float]  # log evidence ratios, on average over which is true
+    ratios: Mapping[str, float]  # log evidence ratios by the other, on average over which is true
     confusion: float  # bound on the probability that the likeliest afterwards is not the true one
 
 
@@ -162,7 +170,7 @@ def chosen(
 def rivals(hypotheses: Hypotheses, judgement: Judgement) -> list[Rival]:
     """Return the explanations that an experiment should separate, likeliest first.
 
-    All that are likely enough in the place that is least sure; two at least where there are two.
+    Those that leave less than 5 % to others, in the place that is least sure; two at least.
     """
     place = min(range(len(judgement.trials)), key=lambda one: max(judgement.weights[one].values()))
     trial = judgement.trials[place]
@@ -175,11 +183,11 @@ def rivals(hypotheses: Hypotheses, judgement: Judgement) -> list[Rival]:
         chance = chances.get(name, 0.0)
         found.append(Rival(name=name, phrase=phrases[name], fit=one, probability=chance))
     found.sort(key=lambda one: -one.probability)
-    likely = sum(one.probability > CLASS_FROM for one in found)
-    found = [
-        replace(one, probability=max(one.probability, CLASS_FROM))
-        for one in found[: max(2, likely)]
-    ]
+    count, left = 0, 1.0
+    while count < MOST_RIVALS and (count < 2 or left > CLASS_FROM) and count < len(found):
+        left -= found[count].probability
+        count += 1
+    found = [replace(one, probability=max(one.probability, LEAST_CHANCE)) for one in found[:count]]
     named = [one for one in found if one.name not in hypotheses.discrepancies]
     if not named:
         return found
@@ -209,18 +217,16 @@ def proposal(
     """
     by_name = {one.name: one for one in reversed(among)}
     first = among[0].name
-    ratios = {
-        other: ratio
-        for pair, ratio in expected.pairs.items()
-        if first in pair
-        for other in set(pair) - {first}
-    }
-    ratios = dict(sorted(ratios.items(), key=lambda item: item[1]))
-    nearest = next(iter(ratios))
+    ratios = expected.ratios
+    apart = [name for name, ratio in ratios.items() if ratio >= DECIDES]
+    shown = next(iter(apart or ratios))
+    said = "above 100" if ratios[shown] > SHOWN else f"of {ratios[shown]:.1f}"
     reason = (
-        f"expected to separate {by_name[first].phrase} from {by_name[nearest].phrase} by a log "
-        f"evidence ratio of {ratios[nearest]:.1f}"
+        f"expected to separate {by_name[first].phrase} from {by_name[shown].phrase} by a log "
+        f"evidence ratio {said}"
     )
+    if apart and (beyond := [by_name[name].phrase for name in ratios if name not in apart]):
+        reason = f"{reason}, but not from {', '.join(beyond)}"
     if refused == "pwm_to_rpm":
         reason = f"{ESC_MODE}; {reason}"
     return NextExperiment(
@@ -263,17 +269,18 @@ class Forecast:
             rng: of simulated experiments, each weighed within bounds; without it rivals are taken
                 for Gaussians without bounds, which is quick and good enough to compare designs.
         """
-        pairs, confusion = dict[tuple[str, str], float](), 0.0
-        views = zip(self.rivals, self.outlooks(new, both), strict=True)
-        for (a, of_a), (b, of_b) in combinations(views, 2):
+        first, *others = zip(self.rivals, self.outlooks(new, both), strict=True)
+        a, of_a = first
+        ratios, confusion = dict[str, float](), 0.0
+        for b, of_b in others:
             if a.name == b.name:  # both without a name
                 continue
             ratio = (
                 a.probability * of_a.over(of_b, rng) + b.probability * of_b.over(of_a, rng)
             ) / (a.probability + b.probability)
-            pairs[a.name, b.name] = min(ratio, pairs.get((a.name, b.name), inf))
+            ratios[b.name] = min(ratio, ratios.get(b.name, inf))
             confusion += sqrt(a.probability * b.probability) * exp(-0.25 * ratio)
-        return Prospect(pairs, confusion)
+        return Prospect(ratios, confusion)
 
     def outlooks(self, new: Evidence, both: Evidence) -> list[Outlook]:
         """Return what each rival predicts of an experiment.

@@ -203,7 +203,7 @@ class NextExperiment:
 
     Attributes:
         expected: log evidence ratio that it is expected to bring between the likeliest candidate
-            and each other one, by that one, the nearest first.
+            and each other one, by that one, the likeliest first.
     """
 
     candidates: tuple[str, ...]  # the explanations that it is to separate, likeliest first
@@ -216,8 +216,8 @@ class NextExperiment:
 
     @property
     def decides(self) -> bool:
-        """Whether it can be expected to separate the likeliest candidate from every other one."""
-        return min(self.expected.values()) >= DECIDES
+        """Whether it is expected to separate the likeliest candidate from any other one."""
+        return max(self.expected.values()) >= DECIDES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import groupby
 
 import numpy as np
@@ -161,10 +162,18 @@ def _columns(parts: Sequence[Process], n_rows: int) -> tuple[Array, Array]:
 def smooth_root(places: Array) -> Array:
     """Return the root (m, r) of the covariance of a smooth process of size 1 at places (m, d)."""
     unique, rows = np.unique(np.round(np.nan_to_num(places), 2), axis=0, return_inverse=True)
+    found: Array = _root(unique.tobytes(), unique.shape[1])[rows.reshape(-1)]
+    return found
+
+
+@lru_cache(maxsize=64)
+def _root(places: bytes, width: int) -> Array:
+    """Return the root (n, r) at places (n, width); the same ones come again with every design."""
+    unique = np.frombuffer(places).reshape(-1, width)
     squares = np.sum((unique[:, None] - unique[None]) ** 2, axis=2)
     size, axes = np.linalg.eigh(np.exp(-0.5 * squares))
     shown = size > SHOWN * size[-1]
-    root: Array = (axes[:, shown] * np.sqrt(size[shown]))[rows.reshape(-1)]
+    root: Array = axes[:, shown] * np.sqrt(size[shown])
     return root
 
 

@@ -34,13 +34,15 @@ LEAST_SPAN = 0.25
 ROOM = 0.9
 """Share of the limits on thrust and speed that a proposed sweep goes to; a choice."""
 
-Z_OVER_R = (0.5, 0.6, 0.7, 0.85, 1.0, 1.25, 1.6, 2.1, 2.8, 4.0, 6.0)
+Z_OVER_R = (0.5, 0.6, 0.72, 0.9, 1.2, 1.7, 2.5, 4.0, 6.0)
+NEAR_Z_OVER_R = 0.6
 ASIDE_OVER_R = 2.0
 INSIDE_OVER_R = (-0.4, 0.0, 0.4)
-LEVELS = 5
+LEVELS = 4
 REPEATS = (2, 4, 6, 8, 12, 16, 24)
 TARE_MINUTES = (0.0, 4.0, 2.0)
-"""What a design is chosen from: distances; lateral positions, the discs still over the plate or its
+"""What a design is chosen from: distances, those below the second only where a sweep was as near
+before, since laws are least sure there; lateral positions, the discs still over the plate or its
 edge so far within the middle discs' axes; pulse levels; visits of each setting; minutes between
 tares, 0 for one at the start. Choices."""
 
@@ -188,10 +190,12 @@ class _Reach:
         """Return what the rig's limits allow, pulses over the range that was swept."""
         rig = evidence.model.rig
         p, radius_m = rig.propulsion, rig.propulsion.radius_m
+        nearest_m = min(float(one.conditions.plate_z_m.min()) for one in evidence.logs)
+        nearest_m = max(rig.plate.z_min_m, min(nearest_m, NEAR_Z_OVER_R * radius_m))
         distances = [
             round(ratio * radius_m, 4)
             for ratio in Z_OVER_R
-            if rig.plate.z_min_m <= ratio * radius_m < rig.plate.z_park_m
+            if nearest_m <= ratio * radius_m < rig.plate.z_park_m
         ]
         sides = [ASIDE_OVER_R * radius_m]
         sides += [0.5 * rig.plate.size_x_m - inside * radius_m for inside in INSIDE_OVER_R]
