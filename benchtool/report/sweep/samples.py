@@ -180,7 +180,7 @@ def _raw_thrust(run: SweepRun) -> tuple[Array, Array] | None:
     caption=lambda run: (
         "Raw samples of each visit beside their mean: nothing is filtered but by "
         "averaging over the shaded stretches above. Standard errors count the samples' "
-        "autocorrelation (initial positive sequence, Geyer 1992)."
+        "autocorrelation (initial positive sequence, Geyer 1992) and leave vibrations out."
         + (
             " Raw counts are shown through the calibration's slope."
             if run.metadata.get("calibration")
