@@ -1,0 +1,89 @@
+"""What an experiment is expected to say between rivals, held against dense Gaussians."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from benchtool.core.array import Array
+from benchtool.explain.engine.design import CLEAR, Outlook, Prospect, chosen
+
+ROWS, NUMBERS, BENCHES = 12, 4, 40
+FAR = np.full(NUMBERS - 1, 1e3)
+
+
+def outlook(rng: np.random.Generator, room: Array = FAR) -> Outlook:
+    """Make a rival with some numbers that bounds may hold, and a discrepancy behind them."""
+    root = rng.standard_normal((NUMBERS, NUMBERS))
+    return Outlook(
+        mean=rng.standard_normal(ROWS),
+        slopes=0.5 * rng.standard_normal((ROWS, NUMBERS)),
+        known=root @ root.T + np.eye(NUMBERS),
+        room=(-room, room),
+    )
+
+
+def density(one: Outlook) -> multivariate_normal:
+    """Return the same as a dense Gaussian."""
+    spread = one.slopes @ np.linalg.inv(one.known) @ one.slopes.T
+    return multivariate_normal(one.mean, np.eye(ROWS) + spread)
+
+
+def test_gains_are_differences_of_log_densities() -> None:
+    rng = np.random.default_rng(0)
+    one, other = outlook(rng), outlook(rng)
+    rows = one.drawn(5, rng)
+    expected = density(one).logpdf(rows.T) - density(other).logpdf(rows.T)
+    assert one.gains(rows) - other.gains(rows) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_quick_figure_is_the_divergence_of_dense_gaussians() -> None:
+    rng = np.random.default_rng(1)
+    one, other = outlook(rng), outlook(rng)
+    a, b = density(one), density(other)
+    inverse, missed = np.linalg.inv(b.cov), a.mean - b.mean
+    dense = np.trace(inverse @ a.cov) - ROWS + missed @ inverse @ missed
+    dense += np.linalg.slogdet(b.cov)[1] - np.linalg.slogdet(a.cov)[1]
+    assert one.over(other, None) == pytest.approx(0.5 * dense, rel=1e-9)
+
+
+def test_stated_and_found_evidence_agree_over_simulated_benches() -> None:
+    """Each bench is drawn from one of its rivals, and found is what dense Gaussians say of it."""
+    rng = np.random.default_rng(2)
+    stated, found = [], []
+    for _ in range(BENCHES):
+        one, other = outlook(rng), outlook(rng)
+        stated.append(one.over(other, rng))
+        rows = one.drawn(1, rng)[:, 0]
+        found.append(density(one).logpdf(rows) - density(other).logpdf(rows))
+    assert np.mean(found) == pytest.approx(np.mean(stated), rel=0.2)
+
+
+def test_a_rival_at_its_bound_cannot_follow() -> None:
+    """Bounds cost what is predicted beyond them, and nothing where they are far."""
+    rng = np.random.default_rng(3)
+    one = outlook(rng)
+    free, held = (
+        Outlook(mean=one.mean + 3.0, slopes=one.slopes, known=one.known, room=(-room, room))
+        for room in (FAR, 0.01 * np.ones(NUMBERS - 1))
+    )
+    assert one.over(held, rng) > one.over(free, rng) > 0.0
+
+
+def test_a_design_grows_by_what_gains_most_for_its_time_and_stays_within_it() -> None:
+    worth = {"a": 1.0, "b": 6.0, "c": 2.0}
+    takes_s = {"a": 30.0, "b": 60.0, "c": 60.0}
+
+    def more(design: str) -> dict[str, str]:
+        return {name: design + name for name in worth if name not in design}
+
+    def weighed(design: str) -> Prospect:
+        return Prospect({}, float(np.exp(-0.25 * sum(worth[name] for name in design))))
+
+    def seconds(design: str) -> float:
+        return sum(takes_s[name] for name in design)
+
+    assert chosen("", more, weighed, seconds, 100.0) == "ba"
+    assert set(chosen("", more, weighed, seconds, 1000.0)) == {"a", "b", "c"}
+    assert chosen("", more, lambda design: Prospect({}, CLEAR), seconds, 1000.0) == ""
