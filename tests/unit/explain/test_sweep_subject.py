@@ -162,7 +162,7 @@ def test_what_no_sweep_can_tell_apart_is_said_not_to_be_decided() -> None:
 def test_what_is_unknown_between_pulse_and_speed_asks_for_a_ladder_of_pulses() -> None:
     chosen, plan = proposed("quad", "battery_sag", "plate_offset", "pwm_to_rpm")
     assert "the ESC's mode" in chosen.reason
-    assert len(plan.throttle.pwm_us) == 5
+    assert len(plan.throttle.pwm_us) == 4
     assert len(plan.plate.distances_m) >= 2
 
 
