@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis, p_value
 from benchtool.explain.engine.parameters import parameters_at
+from benchtool.explain.engine.shared_errors import BEYOND
 from benchtool.explain.engine.subject import EARLY, LATE, RowGroups, Subject
 from benchtool.explain.engine.verdict import FoundParameter, NamedEffect, Nearest, WhereShown
 from benchtool.physics.effects.effect import Effect, Subsystem
 
 SIGMA_95 = 1.959964
 """Half of a 95 % interval in standard deviations."""
+
+NO_BETTER = 0.7
+"""A number whose error is this part of its prior's, or more, is what the prior says."""
 
 CLOCK_FACTOR = 1.1
 """How much denser residuals must be in a part of the run than in any regime of plate, speed or
@@ -48,8 +52,8 @@ def found_parameters(
 ) -> tuple[FoundParameter, ...]:
     """Return an effect's numbers under a hypothesis that opens it.
 
-    Their errors are what the data leave open, everything else free within its tolerance, and what
-    a bench departs from the effect's law. A number whose interval covers the whole range that
+    Their errors are what the data leave open, everything else free within its tolerance, the
+    effect's law among it. A number of which the data say no more than its prior or the range that
     physics leaves it is not determined; its error is then that of anywhere in the range.
     """
     spread = np.sqrt(np.diag(hypotheses.spread(one)))
@@ -63,15 +67,18 @@ def found_parameters(
         own = parameter.name.partition(".")[2]
         stated = neutral[own]
         rest = parameter.start if stated is None else stated
-        std = float(np.hypot(std, subject.law_error(effect) * (value - rest)))
         low, high = value - SIGMA_95 * std, value + SIGMA_95 * std
-        determined = low > parameter.lower or high < parameter.upper
+        within = low > parameter.lower or high < parameter.upper
+        determined = within and float(sd) < NO_BETTER * BEYOND
+        if not determined and np.isfinite(parameter.upper - parameter.lower):
+            low, high = parameter.lower, parameter.upper
+            std = (high - low) / sqrt(12.0)
         out.append(
             FoundParameter(
                 name=own,
                 unit=parameter.unit,
                 value=value,
-                std=std if determined else (parameter.upper - parameter.lower) / sqrt(12.0),
+                std=std,
                 low=max(low, parameter.lower),
                 high=min(high, parameter.upper),
                 tolerance=parameter.scale,
@@ -150,11 +157,6 @@ def loudest(groups: RowGroups, residuals: Array) -> Subsystem:
     """Return the stage whose rows stand out most."""
     sizes: dict[Subsystem, float] = {name: _rms(residuals[m]) for name, m in groups.stages.items()}
     return max(sizes, key=lambda name: sizes[name])
-
-
-def leftover(groups: RowGroups, residuals: Array) -> float:
-    """Return the variance of the residuals (n_rows,) of the stage that stands out most."""
-    return max(_rms(residuals[mask]) ** 2 for mask in groups.stages.values())
 
 
 def disagreements(groups: RowGroups, before: Array, after: Array) -> tuple[Disagreement, ...]:

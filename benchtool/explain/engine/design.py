@@ -294,7 +294,6 @@ class Forecast:
         for stage, mask in masks.items():
             noise[mask] = self._noise.get(stage, 1.0)
         noise = np.concatenate([self._about.noise, noise])
-        noise = noise * sqrt(self._about.dispersion(self.rivals[0].fit))
         columns = {one.name: one.columns for one in both.discrepancies()}
         return [
             self._outlook(one.fit, before, slopes(new.residuals, one.fit.at, self._upper),

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.explain.engine import posterior, thresholds
 from benchtool.explain.engine.describe import (
     Disagreement,
     disagreements,
@@ -21,6 +20,7 @@ from benchtool.explain.engine.design import rivals
 from benchtool.explain.engine.hypotheses import Hypotheses, p_value
 from benchtool.explain.engine.judgement import Judgement, Progress
 from benchtool.explain.engine.parameters import parameters_at
+from benchtool.explain.engine.posterior import judged
 from benchtool.explain.engine.subject import Overlay, Subject
 from benchtool.explain.engine.verdict import (
     SURE,
@@ -84,8 +84,7 @@ def explain(
     evidence = subject.evidence
     hypotheses = Hypotheses(evidence)
     groups = evidence.groups()
-    judge = posterior.judged if hypotheses.discrepancies else thresholds.judged
-    judgement = judge(subject, hypotheses, rng, draws, progress)
+    judgement = judged(subject, hypotheses, rng, draws, progress)
     kind, trials, weights = judgement.kind, judgement.trials, judgement.weights
     null, shown, held = judgement.null, judgement.shown, judgement.held
     before, after = evidence.residuals(np.vstack([null.at, shown.at])).T
@@ -94,6 +93,9 @@ def explain(
     for place, name in judgement.members:
         trial, effect = trials[place], effect_of(subject, name)
         one = next(tried for tried in trial.tried if tried.opened[-1] == name)
+        rough = one
+        if not any(key.startswith(f"{name}: law") for key in one.widened):
+            (rough,) = hypotheses.with_laws([one])
         effects.append(
             NamedEffect(
                 name=name,
@@ -101,7 +103,7 @@ def explain(
                 phrase=effect.phrase,
                 stage=effect.subsystem,
                 probability=weights[place][name],
-                parameters=found_parameters(subject, hypotheses, one, name),
+                parameters=found_parameters(subject, hypotheses, rough, name),
                 log_likelihood_ratio=0.5 * (trial.base.cost - one.cost),
                 p_value=p_value(hypotheses, trial.base, one, bootstrap, rng),
             )
@@ -113,7 +115,7 @@ def explain(
         if judgement.unnamed and not effects:
             stage = judgement.unnamed[0].stage
         where = where_shown(groups, before, after, stage)
-    if kind == "unknown" and shown is not null:
+    if kind == "unknown" and shown is not null and shown.opened[-1] in hypotheses.effects:
         worst = max(gaps, key=lambda gap: gap.before / gap.floor)
         effect, share = effect_of(subject, shown.opened[-1]), max(0.0, worst.share_closed)
         if share > CLOSES:
@@ -179,7 +181,7 @@ def explain(
         overlays=subject.overlays(null.at, best.at),
         disagreements=disagreements(groups, before, after),
         floors=held.floor,
-        floors_as_learned=held.doubt[1],
+        floors_as_learned=held.doubt,
     )
 
 

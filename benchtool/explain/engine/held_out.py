@@ -30,12 +30,12 @@ class HeldOut:
     Attributes:
         errors: by channel; columns are the model as given, before, after.
         floor: (draws,) by channel, of the model with the named effects taken for true.
-        doubt: the same for the model before and after, its numbers as uncertain as they are.
+        doubt: the same, the model's numbers as uncertain as they are.
     """
 
     errors: dict[str, ChannelErrors]
     floor: dict[str, Array]
-    doubt: tuple[dict[str, Array], dict[str, Array]]
+    doubt: dict[str, Array]
 
     @classmethod
     def of(
@@ -53,24 +53,18 @@ class HeldOut:
         before = learned.mean(null)
         changes = np.stack([np.zeros_like(before), before, learned.mean(best)], axis=1)
 
-        def doubted(one: Hypothesis) -> dict[str, Array]:
-            drawn = learned.drawn(one, rng, DOUBT_DRAWS)
-            return dict(subject.floor(one.at, drawn, rng, hypotheses.spread(one)))
-
-        first = doubted(null)
+        drawn = learned.drawn(best, rng, DOUBT_DRAWS)
         return cls(
             errors=dict(subject.errors(sets, changes)),
-            doubt=(first, first if best is null else doubted(best)),
+            doubt=dict(subject.floor(best.at, drawn, rng, hypotheses.spread(best))),
             floor=dict(subject.floor(best.at, learned.drawn(best, rng, draws), rng)),
         )
 
-    def ratio(self, place: int) -> float:
-        """Return the largest error over the upper noise quantile, before (0) or after (1)."""
+    @property
+    def left(self) -> float:
+        """The largest error that is left, over the median of its floor."""
         return max(
-            float(
-                np.sqrt(np.mean(found.squares[:, 1 + place]))
-                / np.quantile(self.doubt[place][name], UPPER)
-            )
+            float(np.sqrt(np.mean(found.squares[:, 2])) / np.median(self.floor[name]))
             for name, found in self.errors.items()
         )
 

@@ -30,9 +30,8 @@ to be too small to matter reaches to three of them. A choice, not a fit."""
 REACH = 2.0
 """How many standard errors a number that the owner knows roughly may be off."""
 
-UNSEEN, UNSEEN_BESIDE = 3.0, 2.0
-"""An effect that would have to be this many tolerances large to show is called not judged; beside
-discrepancies, which hide some that thresholds would find, the second."""
+UNSEEN = 2.0
+"""An effect that would have to be this many tolerances large to show is called not judged."""
 
 FIRST_STEPS = 1
 """Steps that every candidate gets, from the base's own neighbourhood; only the best go on."""
@@ -83,8 +82,6 @@ class Hypotheses:
         )
         self.errors = SharedErrors(evidence)
         self.discrepancies = self.errors.discrepancies
-        # Without discrepancies, what breaks its tolerance pays by a threshold instead of a prior.
-        self._beyond = 1.0 / BEYOND if self.discrepancies else 0.0
 
     @property
     def noise(self) -> Array:
@@ -112,15 +109,9 @@ class Hypotheses:
             lower=np.asarray(np.maximum(self._limits[0], -reach), float),
             upper=np.asarray(np.minimum(self._limits[1], reach), float),
             penalty=np.asarray(
-                np.where(wide, self._beyond, np.where(held, 1.0, 1.0 / SMALL)), float
+                np.where(wide, 1.0 / BEYOND, np.where(held, 1.0, 1.0 / SMALL)), float
             ),
         )
-
-    def dispersion(self, one: Hypothesis) -> float:
-        """Return how much larger residuals are than the stated noise, 1 at least (a variance)."""
-        if self.discrepancies:  # the noise is estimated beside them
-            return 1.0
-        return max(1.0, one.cost / self.n_rows)
 
     def log_evidence(self, one: Hypothesis) -> float:
         """Return the log marginal likelihood of a hypothesis, up to what all of them share.
@@ -128,12 +119,12 @@ class Hypotheses:
         Laplace's approximation about its best numbers, exact where the model is linear.
         """
         penalty = self.region(one.opened).penalty
-        curvature = self.near(one.about, one.widened).curvature / self.dispersion(one)
+        curvature = self.near(one.about, one.widened).curvature
         ridge = 1e-9 * np.eye(len(curvature))
         _, log_total = np.linalg.slogdet(curvature + np.diag(penalty**2) + ridge)
         log_occam = np.sum(np.log(penalty)) - 0.5 * log_total
         log_noise = self.errors.log_root(one.widened)
-        return float(-0.5 * one.cost / self.dispersion(one) + log_occam - log_noise)
+        return float(-0.5 * one.cost + log_occam - log_noise)
 
     def spread(self, one: Hypothesis) -> Array:
         """Return the covariance of all parameters at a hypothesis, in scales.
@@ -142,7 +133,7 @@ class Hypotheses:
         and the penalties; a parameter at the end of its tolerance counts as if it could move on.
         """
         region = self.region(one.opened)
-        curvature = self.near(one.about, one.widened).curvature / self.dispersion(one)
+        curvature = self.near(one.about, one.widened).curvature
         ridge = 1e-9 * np.eye(len(curvature))
         return np.asarray(np.linalg.inv(curvature + np.diag(region.penalty**2) + ridge), float)
 
@@ -152,15 +143,15 @@ class Hypotheses:
         Its tolerance and three standard deviations of the parameter that shows best, if that is
         more than `UNSEEN`.
         """
-        curvature = self.near(one.about, one.widened).curvature / self.dispersion(one)
+        curvature = self.near(one.about, one.widened).curvature
         out = {}
         for name in self.effects:
-            penalty = self.region((*one.opened, name)).penalty
+            own = [parameter.effect == name for parameter in self.evidence.parameters]
+            penalty = np.where(own, 0.0, self.region(one.opened).penalty)  # data alone
             total = curvature + np.diag(penalty**2) + 1e-9 * np.eye(len(curvature))
             spread = np.sqrt(np.diag(np.linalg.inv(total)))
-            own = [parameter.effect == name for parameter in self.evidence.parameters]
             needed = 1.0 + 3.0 * np.min(spread[own])
-            if needed > (UNSEEN_BESIDE if self.discrepancies else UNSEEN):
+            if needed > UNSEEN:
                 out[name] = float(needed)
         return out
 
@@ -171,7 +162,7 @@ class Hypotheses:
         effect whose place it is lies within its tolerance, as all others do.
         """
         region = self.region((*one.opened[:-1], rival))
-        matrix = self.near(one.about, one.widened).curvature / self.dispersion(one)
+        matrix = self.near(one.about, one.widened).curvature
         return evidence_against(matrix, one.at, region.lower, region.upper)
 
     def null(self) -> Hypothesis:
@@ -234,9 +225,7 @@ class Hypotheses:
                 region = self.region(one.opened)
                 found = search.minimum(one.at, region, above=above)
                 out[place] = _of(one.opened, found, base.widened, base.at)
-            above = min(above, out[place].cost + BEHIND * self.dispersion(out[place]))
-        if not self.discrepancies:
-            return sorted(out, key=lambda item: item.cost)
+            above = min(above, out[place].cost + BEHIND)
         out += [self._widened(base, name) for name in self.discrepancies if name not in base.opened]
         return sorted(out, key=self.log_evidence, reverse=True)
 
@@ -292,7 +281,7 @@ class Hypotheses:
         """
         region, search = self.region(base.opened), self.errors.search(base.widened)
         best = base
-        above = base.cost + BEHIND * self.dispersion(base)
+        above = base.cost + BEHIND
         for other in others:
             start = region.clipped(other.at)
             near = self.near(start, base.widened)
@@ -304,12 +293,11 @@ class Hypotheses:
     def null_gains(self, base: Hypothesis, draws: int, rng: np.random.Generator) -> Array:
         """Return the largest gain of any candidate (draws,) when the base is the truth.
 
-        White residuals drawn about the base move the gradient of its neighbourhood; there every
-        candidate's bounded problem is solved exactly. Gains are in units of the dispersion.
+        Errors drawn about the base, the shared ones among them, move the gradient of its
+        neighbourhood; there every candidate's bounded problem is solved exactly.
         """
         near = self.near(base.at, base.widened)
-        spread = self.dispersion(base)
-        curvature = near.curvature / spread
+        curvature = near.curvature
         root = np.linalg.cholesky(curvature + 1e-9 * np.eye(len(curvature)))
         regions = [self.region((*base.opened, e)) for e in self.effects if e not in base.opened]
         own = self.region(base.opened)
@@ -349,12 +337,12 @@ def p_value(
 ) -> float:
     """Return the p-value of a candidate's gain over its base, for the largest of all candidates.
 
-    Asymptotic: a chi-squared law of as many degrees of freedom as the effect has numbers, the gain
-    divided by the dispersion, times the number of candidates (Bonferroni); the tolerance makes it
-    conservative. With `bootstrap` draws it is counted: white residuals are drawn about the base,
-    and every candidate is fitted to each by the base's own neighbourhood.
+    Asymptotic: a chi-squared law of as many degrees of freedom as the effect has numbers, times the
+    number of candidates (Bonferroni); the tolerance makes it conservative. With `bootstrap` draws
+    it is counted: residuals with all their errors are drawn about the base, and every candidate is
+    fitted to each by the base's own neighbourhood.
     """
-    gain = (base.cost - one.cost) / hypotheses.dispersion(one)
+    gain = base.cost - one.cost
     name = one.opened[-1]
     numbers = sum(parameter.effect == name for parameter in hypotheses.evidence.parameters)
     if bootstrap <= 0:

@@ -8,7 +8,7 @@ everything else in it, and what its likeliest member gains on the check recordin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp, log
 
@@ -36,6 +36,13 @@ MOST_NAMES = 5
 CONTENDERS, BEHIND = 4, 12.0
 """So many of a place are held against the check recordings, none further behind in log odds."""
 
+MATTERS, NAMED_STILL = 1.5, 0.05
+"""What is left of an explanation on the check recordings, in floors, from which on something that
+matters is missing, whatever was named; and the part that names then keep of their probability."""
+
+AS_WELL = 0.15
+"""An effect and a discrepancy that are both likelier than this for the one place make a class."""
+
 OVERSHADOWED = 0.2
 """What has no name goes before the names of its stage from this part of their squares on: a law's
 own departures stay below, and something larger could be all of it."""
@@ -61,17 +68,26 @@ def judged(
     search = searched(hypotheses, Hypotheses(subject.all_evidence), progress)
     unnamed = _unnamed(hypotheses, search)
     kind, members = _decided(hypotheses, search, unnamed)
+    if (rivals := _inseparable(hypotheses, search)) is not None:
+        effect, other = rivals
+        search = replace(search, best=hypotheses.settled(effect))
+        kind, members = "class", [(0, effect.opened[-1])]
+        unnamed = [_described(hypotheses, other, search.trials[0])]
     near = _nearest(subject, search, unnamed) if kind == "unknown" else None
     shown = search.best if members else near or search.null
     progress("predicting the check recordings", 0.8)
+    held = HeldOut.of(subject, hypotheses, search.null, shown, rng, draws)
     weights = [_weights(hypotheses, trial) for trial in search.trials]
+    if members and held.left > MATTERS:
+        kind, members = "unknown", []
+        weights = [_refused(one) for one in weights]
     unknown = [one["unknown"] for one in weights]
     return Judgement(
         kind=kind,
         null=search.null,
         best=search.best,
         shown=shown,
-        held=HeldOut.of(subject, hypotheses, search.null, shown, rng, draws),
+        held=held,
         trials=search.trials,
         weights=weights,
         members=members,
@@ -79,6 +95,12 @@ def judged(
         unnamed=unnamed,
         beside=_beside(subject, hypotheses, search, unnamed) if kind == "unknown" else (),
     )
+
+
+def _refused(weights: Mapping[str, float]) -> dict[str, float]:
+    """Return probabilities for one place where something larger than what is named is left."""
+    halved = {name: NAMED_STILL * chance for name, chance in weights.items()}
+    return {**halved, "unknown": 1.0 - sum(halved[name] for name in halved if name != "unknown")}
 
 
 def _beside(
@@ -106,26 +128,41 @@ def probabilities(trial: Trial) -> dict[str, float]:
 
 def _unnamed(hypotheses: Hypotheses, search: Posterior) -> list[Unnamed]:
     """Return what departs beyond tolerance and has no name, the largest first."""
-    found = []
-    for trial in search.trials:
-        if trial.name not in hypotheses.discrepancies or trial.name not in search.best.opened:
-            continue
-        one = hypotheses.discrepancies[trial.name]
-        rows, shares = hypotheses.taken_up(search.best, trial.name)
-        usual = np.sqrt(np.sum(one.shares**2, axis=1)) / SMALL
-        acts = usual > 0.0
-        found.append(
-            Unnamed(
-                name=one.name,
-                stage=one.stage,
-                phrase=one.phrase,
-                probability=1.0 - probabilities(trial)["none"],
-                share=float(np.max(np.abs(shares[acts]))),
-                tolerances=float(np.max(np.abs(shares[acts]) / usual[acts])),
-                weight=float(rows @ rows),
-            )
-        )
+    found = [
+        _described(hypotheses, replace(search.best, opened=(trial.name,)), trial)
+        for trial in search.trials
+        if trial.name in hypotheses.discrepancies and trial.name in search.best.opened
+    ]
     return sorted(found, key=lambda one: -one.weight)
+
+
+def _described(hypotheses: Hypotheses, one: Hypothesis, trial: Trial) -> Unnamed:
+    """Describe the discrepancy that a hypothesis opens last."""
+    name = one.opened[-1]
+    discrepancy = hypotheses.discrepancies[name]
+    rows, shares = hypotheses.taken_up(one, name)
+    usual = np.sqrt(np.sum(discrepancy.shares**2, axis=1)) / SMALL
+    acts = usual > 0.0
+    return Unnamed(
+        name=name,
+        stage=discrepancy.stage,
+        phrase=discrepancy.phrase,
+        probability=1.0 - probabilities(trial)["none"],
+        share=float(np.max(np.abs(shares[acts]))),
+        tolerances=float(np.max(np.abs(shares[acts]) / usual[acts])),
+        weight=float(rows @ rows),
+    )
+
+
+def _inseparable(hypotheses: Hypotheses, search: Posterior) -> tuple[Hypothesis, Hypothesis] | None:
+    """Return the likeliest effect and the discrepancy that may as well be all there is."""
+    if len(search.trials) != 1 or not search.best.opened:
+        return None
+    chances = probabilities(search.trials[0])
+    likely = [one for one in search.trials[0].tried if chances[one.opened[-1]] > AS_WELL]
+    effects = [one for one in likely if one.opened[-1] in hypotheses.effects]
+    others = [one for one in likely if one.opened[-1] in hypotheses.discrepancies]
+    return (effects[0], others[0]) if effects and others else None
 
 
 def _decided(
@@ -247,9 +284,9 @@ def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
         for one in tried[:CONTENDERS]
         if one.opened[-1] in hypotheses.effects and hypotheses.log_evidence(one) > least
     ]
-    if hypotheses.discrepancies:
-        rough = {one.opened[-1]: one for one in hypotheses.with_laws(likely)}
-        tried = [rough.get(one.opened[-1], one) for one in tried]
+    # A law is exact or off by its tolerance, each as likely before: the better of both stands.
+    rough = {one.opened[-1]: one for one in hypotheses.with_laws(likely)}
+    tried = [max(one, rough.get(one.opened[-1], one), key=hypotheses.log_evidence) for one in tried]
     without = hypotheses.log_evidence(base)
     odds = {
         one.opened[-1]: hypotheses.log_evidence(one) - without + prior(hypotheses, one.opened[-1])

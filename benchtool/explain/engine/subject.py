@@ -14,7 +14,7 @@ from benchtool.core.array import Array
 from benchtool.explain.engine.parameters import ScaledParameter
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.found.search import Missed
-from benchtool.physics.effects.effect import BenchKind, Effect, Subsystem
+from benchtool.physics.effects.effect import BenchKind, Subsystem
 from benchtool.physics.model import Model
 
 if TYPE_CHECKING:
@@ -161,20 +161,6 @@ class Subject(ABC):
         """What was repaired in the recordings, and what they lack."""
         logs = (*self.learn, *self.check)
         return tuple(dict.fromkeys(f"{log.name}: {line}" for log in logs for line in log.remarks))
-
-    def allowed_leftover(self, at: Array, rng: np.random.Generator) -> float:
-        """Return what variance whitened residuals of a stage may have `at` (n_parameters,).
-
-        What a true model would leave, and what small imperfections add; inf where it says nothing.
-        """
-        return float("inf")
-
-    def law_error(self, effect: Effect) -> float:
-        """Return the standard error of an effect's law, over the effect's departure from neutral.
-
-        It joins what the data leave open in the intervals of the effect's parameters.
-        """
-        return 0.0
 
     def missed(self, at: Array, opened: Sequence[str]) -> Missed | None:
         """Return what readings miss about parameters (n_parameters,), and what it may depend on.

@@ -329,10 +329,13 @@ def _named(verdict: Verdict) -> str:
 
 def _class(verdict: Verdict) -> str:
     together = sum(one.probability for one in verdict.effects)
-    members = ", ".join(one.phrase for one in verdict.effects)
+    members = [one.phrase for one in verdict.effects]
+    if verdict.unnamed:  # something without a name that may as well be all there is
+        together = max(one.probability for one in verdict.unnamed)
+        members.append(verdict.unnamed[0].text)
     return (
-        f"The model {_lacks(together)} one of {members}; this data cannot tell them apart; most "
-        f"likely is {_effect(verdict.effects[0])}."
+        f"The model {_lacks(together)} one of {', '.join(members)}; this data cannot separate "
+        f"them; of the named the likeliest is {_effect(verdict.effects[0])}."
     )
 
 

@@ -22,9 +22,6 @@ from benchtool.explain.found.law import Dependence, Form, Law, LawCurve, Variabl
 SIZE = 0.03
 """Standard deviation of what a law changes, root mean square over the weights; a choice."""
 
-SMALL = 1.0 / 3.0
-"""Standard deviation of a departure over its tolerance, as hypotheses have it."""
-
 SURE = 5.0
 """Least log odds of a dependence over none, the look around paid for."""
 
@@ -50,13 +47,14 @@ class Missed:
 
     Attributes:
         precision, pull: Q (m, m) and Q z (m,).
-        departures: roots (m, r) of the covariance of each departure from all laws, in Q as well.
+        bare_precision, bare_pull: the same, no departure from any law taken into Q.
         places: number of each reading's place, held out as one.
     """
 
     precision: Array
     pull: Array
-    departures: Sequence[Array]
+    bare_precision: Array
+    bare_pull: Array
     places: NDArray[np.intp]
     variables: Sequence[Variable]
     forms: Sequence[Form]
@@ -217,45 +215,37 @@ def _logarithmic(variable: Variable, seen: Array) -> bool:
 
 def _closed(missed: Missed, every: Sequence[_Shapes]) -> float:
     """Return the share of the gap that laws close on places that they were not chosen by."""
+    rng = np.random.default_rng(0)
     numbers = np.unique(missed.places)
-    part = np.random.default_rng(0).permutation(len(numbers)) % FOLDS
+    part = rng.permutation(len(numbers)) % FOLDS
     before = after = rows = 0.0
-    for fold in range(min(FOLDS, len(numbers))):
+    bare, bare_pull = missed.bare_precision, missed.bare_pull
+    for fold in range(FOLDS):
         out = np.isin(missed.places, numbers[part == fold])
+        if not out.any():
+            continue
         own = missed.precision[np.ix_(out, out)]
         here = np.linalg.solve(own, missed.pull[out])
         best, law = -np.inf, np.zeros(len(out))
         for one in every:
-            pulled = one.pulled[out]
-            pull = one.columns.T @ missed.pull - pulled.T @ here
-            weight = np.sum(one.columns * one.pulled, axis=0)
-            weight -= np.sum(pulled * np.linalg.solve(own, pulled), axis=0)
+            held = np.linalg.solve(own, one.pulled[out])
+            pull = one.columns.T @ missed.pull - one.pulled[out].T @ here
+            weight = np.sum(one.columns * one.pulled, axis=0) - np.sum(
+                one.pulled[out] * held, axis=0
+            )
             gains = _gains(pull, weight)
             worth = float(np.logaddexp.reduce(gains)) - float(np.log(len(gains)))
             if worth > best:
                 k, best = int(np.argmax(gains)), worth
-                law = float(pull[k] / (weight[k] + SIZE**-2)) * one.columns[:, k]
-        for_none = _left(missed, out, missed.pull)
-        left = _left(missed, out, missed.pull - missed.precision @ law)
-        before += float(for_none @ own @ for_none)
+                law = one.columns[:, k]
+        own, pulled = bare[np.ix_(out, out)], bare @ law
+        here, held = np.linalg.solve(own, np.stack([bare_pull[out], pulled[out]], axis=1)).T
+        weight = law @ pulled - pulled[out] @ held + SIZE**-2
+        left = here - float((law @ bare_pull - pulled[out] @ here) / weight) * held
+        before += float(here @ own @ here)
         after += float(left @ own @ left)
-        rows += float(out.sum())
+        rows += len(here)
     return float(np.clip((before - after) / max(before - rows, 1e-9), 0.0, 1.0))
-
-
-def _left(missed: Missed, out: NDArray[np.bool_], pull: Array) -> Array:
-    """Return what predictions from all other readings leave of those that are held out.
-
-    What was learned of departures from laws is used as far as their tolerance.
-    """
-    precision = missed.precision
-    left = np.asarray(np.linalg.solve(precision[np.ix_(out, out)], pull[out]), float)
-    known = pull[~out] - precision[np.ix_(~out, out)] @ left
-    for departure in missed.departures:
-        learned = departure[out] @ (departure[~out].T @ known)
-        most = np.sqrt(np.sum(departure[out] ** 2, axis=1)) / SMALL
-        left += learned - np.clip(learned, -most, most)
-    return left
 
 
 def _law(missed: Missed, one: _Shapes) -> Law:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,14 @@ from benchtool.explain.engine.parameters import (
     with_every_effect,
 )
 from benchtool.explain.engine.subject import EARLY, LATE, Discrepancy, RowGroups
-from benchtool.explain.pitch.filter import PitchFilter, pitch_filter
+from benchtool.explain.pitch.discrepancies import (
+    LAW,
+    Departing,
+    White,
+    discrepancies,
+    smooth,
+)
+from benchtool.explain.pitch.filter import FilteredLog, pitch_filter
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
@@ -33,17 +40,15 @@ PLANT_HZ = 500.0
 LEAST_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ
 """Shortest motor lag that is tried; a quicker one is none at these steps."""
 
+MOST_ROWS = 40000
+"""Rows of a channel in all recordings together; longer ones are averaged over as many ticks as it
+takes. Innovations are white, and what explains them changes over tens of milliseconds."""
+
+LANES = 8
+"""Sets of parameters that are run at once; each takes memory as long as the recording."""
+
 SETTLING_S = 0.3
 """What a filter needs after it began anew before its innovations count."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FilteredLog:
-    """Hold one recording with what belongs to it."""
-
-    logged: LoggedPitch
-    filter: PitchFilter
-    counted: NDArray[np.bool_]
 
 
 class PitchEvidence:
@@ -56,11 +61,16 @@ class PitchEvidence:
     """
 
     def __init__(
-        self, model: Model, logs: Sequence[LoggedPitch], extra: Sequence[Effect] = ()
+        self,
+        model: Model,
+        logs: Sequence[LoggedPitch],
+        extra: Sequence[Effect] = (),
+        together: int = 0,
     ) -> None:
         self.model = with_every_effect(model, "pitch", extra)
         self._extra = tuple(extra)
         names = {effect.name for effect in (*candidates("pitch"), *extra)}
+        self.together = together or -(-sum(len(log) for log in logs) // MOST_ROWS)
         self.logs = [self._prepared(log) for log in logs]
         self.n_discs = logs[0].n_discs
         # Below these the plant's steps cannot follow a lag.
@@ -105,7 +115,7 @@ class PitchEvidence:
         wait = round(SETTLING_S * logged.rate_Hz)
         for start in (0, *np.flatnonzero(logged.mode == 2.0)):
             counted[start : start + wait] = False
-        return FilteredLog(logged, filter_, counted)
+        return FilteredLog(logged, filter_, counted, self.together)
 
     def _bench(self, parameters: Parameters, rate_Hz: float) -> PitchBench:
         substeps = max(1, int(np.ceil(PLANT_HZ / rate_Hz)))
@@ -120,19 +130,46 @@ class PitchEvidence:
 
     def residuals(self, scaled: Array) -> Array:
         """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
+        sets = np.atleast_2d(scaled)
+        parts = [sets[first : first + LANES] for first in range(0, len(sets), LANES)]
+        return np.hstack([self._residuals(part) for part in parts])
+
+    def _residuals(self, sets: Array) -> Array:
         rows: list[Array] = []
         for log in self.logs:
-            benches = [self.bench(one, log.logged.rate_Hz) for one in np.atleast_2d(scaled)]
+            benches = [self.bench(one, log.logged.rate_Hz) for one in sets]
             rows += self.whitened(log, filter_log(benches, log.logged, log.filter.gains))
         return np.concatenate(rows)
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
-        """Return none: what a recording of a hinge departs by is judged by its gap."""
-        return ()
+        """Return the ways in which torques, speeds and readings may depart from every law."""
+        return tuple(discrepancies(self.departing()))
 
     def varied(self, changes: Array) -> Array:
-        """Return no variations (n_rows, 0): an effect's law errs by its own `law_error`."""
-        return np.empty((len(changes), 0))
+        """Return smooth variations (n_rows, r), by pulse and rate, of what an effect changes."""
+        parts = [smooth(self.departing(), name) for name in ("pulse", "rate")]
+        functions = [np.hstack(roots) for roots in zip(*filter(None, parts), strict=True)]
+        rows = [
+            np.tile(log.rows(root), (self._channels(log), 1))
+            for root, log in zip(functions, self.logs, strict=True)
+        ]
+        found: Array = LAW / np.sqrt(2.0) * changes[:, None] * np.concatenate(rows)
+        return found
+
+    def departing(self) -> list[Departing]:
+        def white(log: FilteredLog) -> White:
+            return lambda shown: np.concatenate(self._white(log, list(shown)))
+
+        over = int(np.argmax(PitchBench.of(self.model).covered))
+        return [
+            Departing(log, self.model.rig, over, number, white(log))
+            for number, log in enumerate(self.logs)
+        ]
+
+    def _channels(self, log: FilteredLog) -> int:
+        """Return how many channels of a log have rows."""
+        read = np.isfinite(log.logged.speed_rad_s[:, log.counted]).any(axis=1).sum()
+        return 1 + _has_gyro(log) + int(read)
 
     def groups(self) -> RowGroups:
         """Return labels of the rows: which stage they show, which part of the recording."""
@@ -142,26 +179,35 @@ class PitchEvidence:
             found = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
             read = np.isfinite(log.logged.speed_rad_s[:, log.counted]).any(axis=1).sum()
             for of_speed in [False] * (1 + _has_gyro(log)) + [True] * int(read):
-                speeds.append(np.full(int(log.counted.sum()), of_speed))
-                regimes.append({name: mask[log.counted] for name, mask in found.items()})
+                speeds.append(np.full(log.n_rows, of_speed))
+                regimes.append(
+                    {name: log.rows(mask.astype(float)) > 0.5 for name, mask in found.items()}
+                )
         return RowGroups.joined("hinge", speeds, regimes)
 
     def whitened(self, log: FilteredLog, found: Predictions) -> tuple[Array, ...]:
-        """Return residuals of pitch, gyro and speeds that were read, (n_counted, n_sets) each."""
-        logged, counted = log.logged, log.counted
-        pitch = (logged.theta_rad[:, None] - found.theta_rad)[counted]
-        gyro = (logged.gyro_rad_s[:, None] - found.gyro_rad_s)[counted]
+        """Return residuals of pitch, gyro and speeds that were read, (n_rows, n_sets) each."""
+        logged = log.logged
+        missed = [
+            logged.theta_rad[:, None] - found.theta_rad,
+            logged.gyro_rad_s[:, None] - found.gyro_rad_s,
+        ]
+        missed += [
+            logged.speed_rad_s[i][:, None] - found.speed_rad_s[:, i] for i in range(self.n_discs)
+        ]
+        return self._white(log, missed)
+
+    def _white(self, log: FilteredLog, missed: Sequence[Array]) -> tuple[Array, ...]:
+        """Return errors (n, r) of pitch, gyro and each disc's speed as whitened rows."""
         w = log.filter.whitener
-        rows = [np.nan_to_num(w[0, 0] * pitch)]
+        pitch = np.nan_to_num(missed[0])
+        rows = [w[0, 0] * pitch]
         if _has_gyro(log):
-            rows.append(np.nan_to_num(w[1, 0] * np.nan_to_num(pitch) + w[1, 1] * gyro))
-        for i in range(self.n_discs):
-            seen = logged.speed_rad_s[i][counted]
-            if not np.isfinite(seen).any():
-                continue
-            error = seen[:, None] - found.speed_rad_s[:, i][counted]
-            rows.append(np.nan_to_num(error / log.filter.speed_sd_rad_s))
-        return tuple(rows)
+            rows.append(np.nan_to_num(w[1, 0] * pitch + w[1, 1] * missed[1]))
+        for read, error in zip(log.logged.speed_rad_s, missed[2:], strict=True):
+            if (known := np.isfinite(read))[log.counted].any():
+                rows.append(np.where(known[:, None], error, 0.0) / log.filter.speed_sd_rad_s)
+        return tuple(np.sqrt(log.together) * log.rows(row) for row in rows)
 
 
 def _has_gyro(log: FilteredLog) -> bool:

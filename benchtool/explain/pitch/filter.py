@@ -10,10 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from benchtool.core.array import Array
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
+from benchtool.simulate.pitch.filter_log import LoggedPitch
 
 QUIET_WAKE = 1e-3
 """Standard deviation of the wake's torque over m g L where a model states none; a guess."""
@@ -34,12 +36,36 @@ class PitchFilter:
 
     Attributes:
         state_root: (3, 3) root of the covariance of pitch, rate and wake torque after a reading.
+        step: (3, 3) how pitch, rate and wake torque go on from one row to the next.
     """
 
     gains: Array  # (7,) as `simulate.pitch.filter_ticks` takes them
     whitener: Array  # (2, 2) turns innovations of pitch and gyro into white noise of unit size
     speed_sd_rad_s: float  # standard deviation of the innovation of a rotor speed
     state_root: Array
+    step: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilteredLog:
+    """Hold one recording with what belongs to it."""
+
+    logged: LoggedPitch
+    filter: PitchFilter
+    counted: NDArray[np.bool_]  # (n,) rows whose innovations say something
+    together: int = 1  # so many of those are one row of evidence
+
+    @property
+    def n_rows(self) -> int:
+        """How many rows of evidence a channel has."""
+        return int(self.counted.sum()) // self.together
+
+    def rows(self, values: Array) -> Array:
+        """Return the means (n_rows, ...) of values (n, ...) over what makes a row."""
+        taken = np.asarray(values[self.counted], float)[: self.n_rows * self.together]
+        if self.together == 1:
+            return taken
+        return np.asarray(taken.reshape(self.n_rows, self.together, *taken.shape[1:]).mean(axis=1))
 
 
 def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool) -> PitchFilter:
@@ -87,6 +113,7 @@ def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool)
         gains=np.append(gains.ravel(), SPEED_GAIN if speeds else 0.0),
         whitener=whitener,
         speed_sd_rad_s=speed_sd,
+        step=step,
         state_root=np.asarray(
             np.linalg.cholesky(0.5 * (after + after.T) + 1e-16 * scale @ scale), float
         ),

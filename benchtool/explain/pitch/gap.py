@@ -8,15 +8,15 @@ as the filter says, the stated wake torque, the stated sensor noise; never the r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.explain.pitch.evidence import SETTLING_S, FilteredLog
-from benchtool.explain.pitch.filter import reading_sd
+from benchtool.explain.pitch.evidence import SETTLING_S
+from benchtool.explain.pitch.filter import FilteredLog, reading_sd
 from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor, rig_sensors
 from benchtool.simulate.pitch.filter_log import (
@@ -147,36 +147,6 @@ class Windows:
             for name, squares in total.items():
                 parts[name].append(np.sqrt(squares / len(self.starts)))
         return {name: np.concatenate(roots) for name, roots in parts.items()}
-
-    def expected_leftover(self, bench: PitchBench, rng: np.random.Generator) -> float:
-        """Return the variance of whitened innovations of pitch and gyro that a true model leaves.
-
-        It is 1 for a smooth plant. Where dry friction lets go at random moments, a filter of
-        constant gain is surprised, by a true model too.
-        """
-        logged, filter_ = self.log.logged, self.log.filter
-        states = self._states([bench])
-        runs = self._disturbed([bench], [state + 0.0 for state in states], rng)
-        sd = sensor_sds(bench)
-        mode = np.full(self.rows, float(t.CORRECT))
-        mode[0] = t.FREE
-        leftovers = []
-        for start, state, run in zip(self.starts, states, runs, strict=True):
-            theta = run.theta_rad[:, 0] + sd["theta_rad"] * rng.standard_normal(self.rows)
-            gyro = run.gyro_rad_s[:, 0] + sd["gyro_rad_s"] * rng.standard_normal(self.rows)
-            read = replace(
-                logged.between(start, start + self.rows),
-                theta_rad=theta,
-                gyro_rad_s=gyro,
-                mode=mode,
-                speed_rad_s=np.ascontiguousarray(run.speed_rad_s[:, :, 0].T),
-            )
-            again = filter_log(
-                [bench], read, filter_.gains, start_s=start / logged.rate_Hz, states=state
-            )
-            missed = [theta - again.theta_rad[:, 0], gyro - again.gyro_rad_s[:, 0]]
-            leftovers.append(np.mean((filter_.whitener @ np.array(missed))[:, 1:] ** 2))
-        return float(np.mean(leftovers)) if leftovers else 1.0
 
     def _states(self, benches: Sequence[PitchBench]) -> list[Array]:
         """Return what the filter knows before each window (4 + n_discs, lanes).

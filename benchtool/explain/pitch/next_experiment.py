@@ -26,6 +26,9 @@ from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
 
+COARSE = 5
+"""So many rows are one where experiments are compared, which takes the time of a fifth of them."""
+
 RATE_HZ = 250.0
 
 MOTIONS = {
@@ -126,7 +129,8 @@ def next_pitch(
     """
     if len({one.name for one in rivals}) < 2:
         return None
-    forecast, model = Forecast(evidence, rivals), evidence.model
+    model, known = evidence.model, [log.logged for log in evidence.logs]
+    forecast = Forecast(PitchEvidence(model, known, together=COARSE), rivals)
     at = forecast.rivals[0].fit.at
     bench = PitchBench.of(model.at(parameters_at(model.parameters, evidence.parameters, at)))
     job = PitchJob(bench, PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ))
@@ -136,8 +140,9 @@ def next_pitch(
     def weighed(design: PitchDesign, drawn: np.random.Generator | None = None) -> Prospect:
         sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
         recording = simulate_pitch(job, sampled, seed).recording(model.rig)
-        new = PitchEvidence(model, [pitch_log(recording, model.rig, "the next one").logged])
-        return forecast.expected(new, new, drawn)
+        log = pitch_log(recording, model.rig, "the next one").logged
+        new, both = (PitchEvidence(model, some, together=COARSE) for some in ([log], [*known, log]))
+        return forecast.expected(new, both, drawn)
 
     ladder = PitchDesign(motions=(), collective="a ladder of the collective", z_over_R=(1.3,))
     first = PitchDesign(motions=("slow reversals",))

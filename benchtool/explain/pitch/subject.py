@@ -36,16 +36,8 @@ ALIKE_DRAWS = 32
 ONE_SIDED_95 = 1.645
 """Normal quantile."""
 
-LEFTOVER_WINDOW_S = 1.0
-"""Length of the parts in which a true model's own leftover is simulated."""
-
 BREAK = np.full((1, 4), np.nan)
 """Put between windows, so that lines break there."""
-
-IMPERFECTIONS = 1.5
-"""How much larger than a true model's the variance of residuals may be, as a factor: stated noise
-is seldom known to better than 20 % of its standard deviation, and laws are a little off. Whether
-what is left matters is the gap's to say; this only catches what no bench explains."""
 
 
 class PitchSubject(Subject):
@@ -93,9 +85,6 @@ class PitchSubject(Subject):
             predictable = window_s
         return predictable
 
-    def law_error(self, effect: Effect) -> float:
-        return effect.law_error
-
     def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
         """Return errors in each block of the check recordings, by channel."""
         found: dict[str, list[Array]] = {}
@@ -135,17 +124,6 @@ class PitchSubject(Subject):
                 total[name] = total.get(name, 0.0) + len(windows.starts) * roots**2
             count += len(windows.starts)
         return {name: np.sqrt(squares / max(count, 1)) for name, squares in total.items()}
-
-    def allowed_leftover(self, at: Array, rng: np.random.Generator) -> float:
-        """Return what a true model leaves in the rows of the hinge, with room for imperfections."""
-        evidence = self.evidence
-        expected = [
-            Windows.of(log, LEFTOVER_WINDOW_S).expected_leftover(
-                evidence.bench(at, log.logged.rate_Hz), rng
-            )
-            for log in evidence.logs
-        ]
-        return IMPERFECTIONS * max(1.0, float(np.mean(expected)))
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first check recording with the predictions of each window, by channel."""

@@ -158,19 +158,14 @@ def missed_thrusts(evidence: SweepEvidence, at: Array, opened: Sequence[str]) ->
         [evidence.thrusts(log.conditions, at[None])[:, 0] for log in evidence.logs]
     )
     white = evidence.white_thrusts(np.eye(len(shown))) / errors.noise[:, None]
+    both, known = np.column_stack([white, missed]), np.hstack([errors.columns({}), slope])
+    products = [white.T @ solved(columns, both) for columns in (known, slope)]
     radius_m = evidence.model.rig.propulsion.radius_m
-    known = np.hstack([errors.columns({}), slope])
-    left = white.T @ solved(known, np.column_stack([white, missed]))
-    thrusts = evidence.thrust_rows
-    departures = [
-        one.readings[thrusts]
-        for one in errors.discrepancies.values()
-        if one.always and one.readings is not None
-    ]
     return Missed(
-        precision=left[:, :-1],
-        pull=left[:, -1],
-        departures=[one for one in departures if one.any()],
+        precision=products[0][:, :-1],
+        pull=products[0][:, -1],
+        bare_precision=products[1][:, :-1],
+        bare_pull=products[1][:, -1],
         places=places_of(evidence.logs),
         variables=sweep_variables(evidence.logs, radius_m, shown),
         forms=sweep_forms(evidence.logs, radius_m, shown),

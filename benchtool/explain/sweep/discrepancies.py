@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
+from benchtool.explain.engine.smooth import smooth_root
 from benchtool.explain.engine.subject import Discrepancy
 from benchtool.explain.sweep.log import SweepLog
 
@@ -41,9 +41,6 @@ NEAR = 3.0
 DISTANCE, FASTER, TIME, ASIDE = 0.5, 0.12, 0.25, 0.5
 """Over what change a departure looks different: of the logarithms of distance and of speed, of the
 sweep's duration, of radii."""
-
-SHOWN = 1e-4
-"""Directions below this share of the largest variance are left out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,24 +154,6 @@ def _columns(parts: Sequence[Process], n_rows: int) -> tuple[Array, Array]:
     columns[rows] = np.concatenate([part.size for part in parts])[:, None] * root
     shares[rows] = np.concatenate([part.share for part in parts])[:, None] * root
     return columns, shares
-
-
-def smooth_root(places: Array) -> Array:
-    """Return the root (m, r) of the covariance of a smooth process of size 1 at places (m, d)."""
-    unique, rows = np.unique(np.round(np.nan_to_num(places), 2), axis=0, return_inverse=True)
-    found: Array = _root(unique.tobytes(), unique.shape[1])[rows.reshape(-1)]
-    return found
-
-
-@lru_cache(maxsize=64)
-def _root(places: bytes, width: int) -> Array:
-    """Return the root (n, r) at places (n, width); the same ones come again with every design."""
-    unique = np.frombuffer(places).reshape(-1, width)
-    squares = np.sum((unique[:, None] - unique[None]) ** 2, axis=2)
-    size, axes = np.linalg.eigh(np.exp(-0.5 * squares))
-    shown = size > SHOWN * size[-1]
-    root: Array = axes[:, shown] * np.sqrt(size[shown])
-    return root
 
 
 def _part_of(time_s: Array) -> Array:

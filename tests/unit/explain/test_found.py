@@ -39,7 +39,7 @@ def shown(law: np.ndarray, rng: np.random.Generator, speed: np.ndarray) -> Misse
     half = {"forms": ("factor",)}
     time = np.arange(n) / n
     return Missed(
-        precision=precision, pull=pull, departures=(),
+        precision=precision, pull=pull, bare_precision=precision, bare_pull=pull,
         places=PLACES, radius_m=0.12, thrust_N=3.0,
         variables=(
             Variable(phrase="rotor speed", symbol="w/w_ref", code=SPEED, reference=500.0,

@@ -188,11 +188,6 @@ def test_a_measured_rotor_pair_follows_another_law(reference_data: Path) -> None
     assert verdict.unnamed[0].name == "thrust: distance"
     assert 0.02 < verdict.unnamed[0].share < 0.05
     assert "a different law of thrust against distance" in verdict.sentence
-    found = verdict.depends
-    assert found is not None
-    assert found.phrase == "plate distance"
-    assert found.probability > 0.9
-    assert found.law is None  # ten distances do not decide on one: none holds where it was left out
     (gap,) = verdict.gaps
     assert gap.after > 2.0 * gap.floor
     assert "body_lift" in verdict.not_judged
@@ -228,11 +223,6 @@ def test_a_lab_bench_of_another_law_is_said_to_be_that(tmp_path: Path) -> None:
     assert verdict.kind == "unknown"
     assert "a different law of thrust against distance, up to 2" in verdict.sentence
     assert "beside it load-cell hysteresis, probability above 0.99" in verdict.sentence
-    found = verdict.depends
-    assert found is not None
-    assert found.phrase == "plate distance"
-    assert found.law is not None
-    assert found.closed > 0.7
 
 
 MINE = """

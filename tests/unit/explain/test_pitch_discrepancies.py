@@ -1,0 +1,90 @@
+"""What departures do to innovations, against the filter itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchtool.core.array import Array
+from benchtool.explain.pitch.discrepancies import Departing
+from benchtool.explain.pitch.evidence import PitchEvidence
+from benchtool.explain.pitch.log import pitch_log
+from benchtool.physics.model_file import load_model
+from tests.unit.explain.pitch_made import recorded
+
+MODEL = load_model("pitch_beam").model
+
+
+@pytest.fixture(scope="module")
+def evidence() -> PitchEvidence:
+    log = pitch_log(recorded(MODEL, 3, seconds=12.0), MODEL.rig, "made")
+    return PitchEvidence(MODEL, [log.logged])
+
+
+def rows_of(evidence: PitchEvidence, **moved: float) -> Array:
+    """Return residuals with parameters so many tolerances off."""
+    at = np.array([moved.get(item.name.replace(".", "_"), 0.0) for item in evidence.parameters])
+    return evidence.residuals(at)[:, 0]
+
+
+def departing(evidence: PitchEvidence) -> Departing:
+    return evidence.departing()[0]
+
+
+def white(evidence: PitchEvidence, innovations: Array) -> Array:
+    """Return rows of innovations (2, n, 1) of pitch and gyro."""
+    shown = np.zeros((2 + evidence.n_discs, *innovations.shape[1:]))
+    shown[:2] = innovations
+    return departing(evidence).white(shown)[:, 0]
+
+
+def test_an_error_of_a_reading_runs_through_the_filter_as_it_says(evidence: PitchEvidence) -> None:
+    logged = evidence.logs[0].logged
+    error = 0.002 * np.sin(np.arange(len(logged)) / 40.0)
+    for row, wrong in (
+        (0, replace(logged, theta_rad=logged.theta_rad + error)),
+        (1, replace(logged, gyro_rad_s=logged.gyro_rad_s + error)),
+    ):
+        real = rows_of(PitchEvidence(MODEL, [wrong])) - rows_of(evidence)
+        shown = white(evidence, departing(evidence).errors.of_reading(row, error[:, None]))
+        assert np.linalg.norm(shown - real) < 0.03 * np.linalg.norm(real)
+
+
+def test_a_torque_runs_through_the_filter_as_it_says(evidence: PitchEvidence) -> None:
+    """The centre of gravity off the hinge is a torque that hardly changes."""
+    real = rows_of(evidence) - rows_of(evidence, cog_offset_x_m=1.0)
+    item = next(one for one in evidence.parameters if one.name == "cog_offset.x_m")
+    mass_kg = MODEL.rig.body.mass_kg
+    weight_Nm = mass_kg * 9.81 * item.scale * np.cos(evidence.logs[0].logged.theta_rad)
+    shown = white(evidence, departing(evidence).errors.of_torque(weight_Nm[:, None]))
+    assert min(np.linalg.norm(real - shown), np.linalg.norm(real + shown)) < 0.1 * np.linalg.norm(
+        real
+    )
+
+
+def test_the_noise_of_a_reading_is_not_in_what_its_error_depends_on(
+    evidence: PitchEvidence,
+) -> None:
+    """Else the noise of a gyro is a part of its rate: an error of per cent on a right bench."""
+    logged = evidence.logs[0].logged
+    noise = 0.05 * np.random.default_rng(0).standard_normal(len(logged))
+    noisy = PitchEvidence(MODEL, [replace(logged, gyro_rad_s=noise)])
+    before = departing(noisy).values("rate")
+    assert abs(np.corrcoef(before, noise)[0, 1]) < 0.05
+    assert np.corrcoef(before[1:], noise[:-1])[0, 1] > 0.3
+
+
+def test_long_recordings_make_no_more_rows() -> None:
+    """Means over ticks of white innovations are white, of the same size."""
+    log = pitch_log(recorded(MODEL, 4, seconds=40.0), MODEL.rig, "made").logged
+    few = PitchEvidence(MODEL, [log, log, log, log, log])
+    assert few.logs[0].together == 2
+    rows = rows_of(few)
+    assert len(rows) < 0.51 * 5 * len(rows_of(PitchEvidence(MODEL, [log])))
+    assert np.mean(rows**2) == pytest.approx(
+        np.mean(rows_of(PitchEvidence(MODEL, [log])) ** 2), rel=0.1
+    )
+    assert {len(one.columns) for one in few.discrepancies()} == {len(rows)}
+    assert {len(mask) for mask in few.groups().stages.values()} == {len(rows)}
