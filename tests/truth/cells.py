@@ -81,6 +81,10 @@ class Cell:
     options: Mapping[str, Any] = field(default_factory=dict)  # of the recipe
     budget: bool = False  # whether intervals are those of the uncertainty budget
 
+    def counts(self, method: Method) -> bool:
+        """Whether the cell is counted with a method: budgets are of least squares alone."""
+        return method == "least_squares" or not self.budget
+
     def recipe(self, run: Path, methods: tuple[Method, ...], seed: int) -> Recipe:
         """Return the fit of a run; few walkers, for the sake of time."""
         return Recipe(
@@ -89,8 +93,7 @@ class Cell:
             model=self.model,
             methods=methods,
             seed=seed,
-            walkers=16,
-            **self.options,
+            **{"walkers": 16, **self.options},
         )
 
 
@@ -151,7 +154,13 @@ CELLS: tuple[Cell, ...] = (
         for basis in ("joint", "equal_rpm2")
     ),
     *(
-        Cell(name=name, sweep=sweep, model="quad_bench", counted=("k",), options={"rig": "pquad"})
+        Cell(
+            name=name,
+            sweep=sweep,
+            model="quad_bench",
+            counted=("k",),
+            options={"rig": "pquad", "walkers": 24},  # two for each free parameter at least
+        )
         for name, sweep in (
             ("quad, one load cell of five masses", one_calibration),
             ("quad, two load cells of five masses", two_calibrations),

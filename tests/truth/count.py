@@ -69,7 +69,7 @@ def run_trial(sweep: Sweep, method: Method, seed: int, cells: Sequence[Cell] = C
         run = Path(folder) / "run"
         truth = sweep(seed, run)
         for cell in cells:
-            if cell.sweep is not sweep or (cell.budget and method == "emcee"):
+            if cell.sweep is not sweep or not cell.counts(method):
                 continue
             output = run_recipe(cell.recipe(run, (method,), seed + 1))
             held = _of_budget if cell.budget else _of_fit
@@ -264,9 +264,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--page", type=Path, help="write the table into this page")
     asked = parser.parse_args(arguments)
     store = STORE / sources_hash()
-    sweeps = list(dict.fromkeys(cell.sweep for cell in CELLS))
     counts: list[Count] = []
     for method in asked.method or METHODS:
+        sweeps = list(dict.fromkeys(cell.sweep for cell in CELLS if cell.counts(method)))
         for first in range(0, 0 if asked.stored else asked.trials, BATCH):
             seeds = range(FIRST_SEED + first, FIRST_SEED + min(first + BATCH, asked.trials))
             for sweep in sweeps:
