@@ -41,7 +41,7 @@ FINISHED = 4
 
 BEHIND = 60.0
 """A candidate whose neighbourhood promises no better than so far behind the best, in the sum of
-squares over the dispersion, is not followed further: its probability is nothing either way."""
+squares, is not followed further: its probability is nothing either way."""
 
 WORTH_A_FIT = 2.0
 """Gain in the sum of squares that the null's own neighbourhood must promise before a candidate
