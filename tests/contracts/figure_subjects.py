@@ -16,6 +16,8 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import PlateVisit
 from benchtool.data.columns import code_of
+from benchtool.explain.answer import Answer
+from benchtool.explain.found.search import dependence
 from benchtool.explain.pitch.replay_track import pitch_track
 from benchtool.explain.pitch.replayed import Beside, Replay
 from benchtool.fit.law_scores import LawComparison, LawScore
@@ -35,6 +37,7 @@ from benchtool.simulate.flight.study import Flown, fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.setup import pitch_setup
+from tests.unit.explain.found_made import LAWS, shown
 from tests.unit.explain.hand_made import answer
 
 ROOT = Path(__file__).parents[2]
@@ -166,8 +169,17 @@ class Flights:
         return flown(2.0)
 
 
+def with_law() -> Answer:
+    """Return an unknown that depends on rotor speed."""
+    rng, made = np.random.default_rng(1), answer("unknown")
+    speed = rng.uniform(0.7, 1.3, 150)
+    depends = dependence(shown(LAWS["resonance"](speed), rng, speed))
+    verdict = replace(made.verdict, depends=depends)
+    return replace(made, explanation=replace(made.explanation, verdict=verdict))
+
+
 SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {
-    "answer": lambda: [answer(), answer("several"), answer("unknown")],
+    "answer": lambda: [answer(), answer("several"), answer("unknown"), with_law()],
     "fit": lambda: [sampled_fit(), fit("partial_area")],
     "fit.demo": lambda: [Story(fit("single_rotor"), fit("quad"), fit("quad"))],
     "fit.demo_sweeps": lambda: [{"quad": ROOT / "datasets" / "quad" / "run"}],
