@@ -15,6 +15,9 @@ from benchtool.explain.engine.verdict import ChannelGap
 UPPER = 0.95
 """Quantile of the floor's draws that counts as the upper end of noise."""
 
+MOSTLY = 0.8
+"""Part of a gap above the floor that an explanation which is right closes; a choice."""
+
 RESAMPLES = 1000
 """Draws of the block bootstrap."""
 
@@ -62,11 +65,14 @@ class HeldOut:
 
     @property
     def left(self) -> float:
-        """The largest error that is left, over the median of its floor."""
-        return max(
-            float(np.sqrt(np.mean(found.squares[:, 2])) / np.median(self.floor[name]))
-            for name, found in self.errors.items()
-        )
+        """The largest error over the median of its floor, of channels that hardly gain."""
+        left = [0.0]
+        for name, found in self.errors.items():
+            _, before, after = np.mean(found.squares, axis=0)
+            floor = float(np.median(self.floor[name])) ** 2
+            if before - after < MOSTLY * (before - floor):
+                left.append(float(np.sqrt(min(before, after) / floor)))
+        return max(left)
 
     def gaps(self, rng: np.random.Generator) -> tuple[ChannelGap, ...]:
         """Return the gap of each channel."""

@@ -36,9 +36,13 @@ MOST_NAMES = 5
 CONTENDERS, BEHIND = 4, 12.0
 """So many of a place are held against the check recordings, none further behind in log odds."""
 
-MATTERS, NAMED_STILL = 1.5, 0.05
+MATTERS, NAMED_STILL = 2.0, 0.05
 """What is left of an explanation on the check recordings, in floors, from which on something that
 matters is missing, whatever was named; and the part that names then keep of their probability."""
+
+APART = ("pwm_to_rpm", "sensor")
+"""Stages whose departures leave the names of others alone: thrust and torques are predicted from
+speeds that were read, and a reading's error is no force."""
 
 AS_WELL = 0.15
 """An effect and a discrepancy that are both likelier than this for the one place make a class."""
@@ -73,6 +77,10 @@ def judged(
         search = replace(search, best=hypotheses.settled(effect))
         kind, members = "class", [(0, effect.opened[-1])]
         unnamed = [_described(hypotheses, other, search.trials[0])]
+    named = tuple(name for _, name in members)
+    if kind in ("effect", "several") and set(search.best.opened) != set(named):
+        # Predictions are those of what is named: nothing beside it goes on without a name.
+        search = replace(search, best=hypotheses.fitted(named, search.best.at))
     near = _nearest(subject, search, unnamed) if kind == "unknown" else None
     shown = search.best if members else near or search.null
     progress("predicting the check recordings", 0.8)
@@ -183,10 +191,11 @@ def _decided(
     if not named:
         return ("unknown" if matters else "none"), []
     shown = hypotheses.contribution(search.best, [trial.name for _, trial in named])
-    main = [one for one in matters if one.stage != "pwm_to_rpm"]
+    main = [one for one in matters if one.stage not in APART]
     if sum(one.weight for one in main) > OVERSHADOWED * float(shown @ shown):
         return "unknown", []
     if len(named) > 1:
+        named.sort(key=lambda one: -one[1].log_odds[one[1].name])
         return "several", [(place, trial.name) for place, trial in named]
     ((place, trial),) = named
     chances = probabilities(trial)
