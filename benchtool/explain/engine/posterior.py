@@ -107,8 +107,8 @@ def judged(
 
 def _refused(weights: Mapping[str, float]) -> dict[str, float]:
     """Return probabilities for one place where something larger than what is named is left."""
-    halved = {name: NAMED_STILL * chance for name, chance in weights.items()}
-    return {**halved, "unknown": 1.0 - sum(halved[name] for name in halved if name != "unknown")}
+    left = {name: NAMED_STILL * one for name, one in weights.items() if name != "unknown"}
+    return {**left, "unknown": 1.0 - sum(left.values())}
 
 
 def _beside(

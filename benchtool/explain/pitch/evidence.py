@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,14 +148,18 @@ class PitchEvidence:
 
     def varied(self, changes: Array) -> Array:
         """Return smooth variations (n_rows, r), by pulse and rate, of what an effect changes."""
+        return changes[:, None] * self._variations
+
+    @cached_property
+    def _variations(self) -> Array:
+        """Smooth functions (n_rows, r) of pulse and rate, as large as a law may be off."""
         parts = [smooth(self.departing(), name) for name in ("pulse", "rate")]
         functions = [np.hstack(roots) for roots in zip(*filter(None, parts), strict=True)]
         rows = [
             np.tile(log.rows(root), (self._channels(log), 1))
             for root, log in zip(functions, self.logs, strict=True)
         ]
-        found: Array = LAW / np.sqrt(2.0) * changes[:, None] * np.concatenate(rows)
-        return found
+        return np.asarray(LAW / np.sqrt(2.0) * np.concatenate(rows), float)
 
     def departing(self) -> list[Departing]:
         def white(log: FilteredLog) -> White:
