@@ -89,15 +89,6 @@ class Scored:
         )
 
     @property
-    def in_two_or_class(self) -> bool:
-        """Whether one of the two likeliest names is right, or the truth is in a class that counts.
-
-        The likeliest two are taken from the stated probabilities, named or not.
-        """
-        ranked = sorted(self.probabilities, key=lambda name: -self.probabilities[name])
-        return self.named_first or self.in_class or any(one in self.truth for one in ranked[:2])
-
-    @property
     def honest(self) -> bool:
         """Whether the name is right, or in a class, or the effect was said not to show.
 

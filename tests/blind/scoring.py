@@ -26,7 +26,7 @@ from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SW
 from tests.blind.scorecard import Scorecard
 from tests.blind.scored import GAP_REACHED, Excitation, Kind, Scored, ScoredParameter, Strength
 
-SCORING_BLOCK = 3
+SCORING_BLOCK = 4
 """Which scoring seeds: raised whenever a threshold of the method changes, so that no version is
 counted on seeds whose counts were known when it was made."""
 
@@ -194,6 +194,11 @@ def run(
     asked: Callable[[int, float, int], Iterable[Asked]],
     scored: Callable[[Asked], Scored],
     kept: Path,
+    *,
+    seeds: tuple[int, int] = (
+        DEVELOPMENT_SEEDS.start + FIRST_DEVELOPMENT_SEED,
+        SCORING_SEEDS.start + SCORING_BLOCK * SEEDS_OF_A_BLOCK,
+    ),
 ) -> None:
     """Score what the command line asks for, print, and write the page when asked.
 
@@ -203,6 +208,7 @@ def run(
             single effects only.
         scored: makes a record and scores the verdict on it; runs in processes of its own.
         kept: file of outcomes, when the command line names none.
+        seeds: the first for development, and the first for scoring.
     """
     parser = argparse.ArgumentParser(description=title)
     parser.add_argument("--scoring", action="store_true", help="scoring seeds, not development's")
@@ -216,11 +222,9 @@ def run(
     parser.add_argument("--kept", type=Path, default=kept)
     parser.add_argument("--page", type=Path, default=None, help="Markdown file to write")
     given = parser.parse_args()
+    first = seeds[given.scoring]
     if given.scoring:
         os.environ[SCORING_SWITCH] = "1"
-        first = SCORING_SEEDS.start + SCORING_BLOCK * SEEDS_OF_A_BLOCK
-    else:
-        first = DEVELOPMENT_SEEDS.start + FIRST_DEVELOPMENT_SEED
     given.kept.parent.mkdir(parents=True, exist_ok=True)
     done = read_kept(given.kept)
     to_do = [one for one in asked(first, given.scale, given.length) if one.label not in done]

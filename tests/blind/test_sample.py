@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
-from tests.blind import score_pitch, score_sweep
+from tests.blind import score_foreign, score_pitch, score_sweep
 from tests.blind.scorecard import Scorecard
 from tests.blind.scored import Scored
 from tests.blind.scoring import Asked
@@ -72,3 +74,14 @@ def test_single_effects_of_the_usual_length_are_a_part_of_the_plan() -> None:
     assert len(single) == len(set(single)) == 220
     assert set(single) < whole
     assert not whole & {one.label for one in score_sweep.asked(2000, 1.0, 2)}
+
+
+@pytest.mark.parametrize("family", ["sweeps", "pitch"])
+def test_foreign_benches_are_scored_by_the_same_form(family: str) -> None:
+    if not os.environ.get("BENCHTOOL_REFERENCE_DATA"):
+        pytest.skip("no generator of foreign benches: BENCHTOOL_REFERENCE_DATA is not set")
+    plan = list(score_foreign.asked(family, score_foreign.SCORING.start, 1.0))
+    assert {one.seed for one in plan} <= set(score_foreign.SCORING)
+    found = score_foreign.scored(family, Asked(0, "none"))
+    assert (found.kind, found.verdict) == ("none", "none")
+    assert set(score_foreign.DEVELOPMENT).isdisjoint(score_foreign.SCORING)

@@ -1,0 +1,137 @@
+"""Score `benchtool explain` on benches that were made elsewhere, and print the scorecard.
+
+The generators stand beside the reference data, in `foreign/`: their physics, their noise and their
+owners' mistakes are not ours. `make blind` runs it on the seeds kept for scoring.
+
+python -m tests.blind.score_foreign sweeps
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import runpy
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from benchtool.explain.answer import answer_request, read_request
+from benchtool.physics.catalogue import EFFECTS
+from tests.blind.families import NONE
+from tests.blind.scored import MOST_MEMBERS, Scored, ScoredParameter
+from tests.blind.scoring import Asked, run
+
+DEVELOPMENT, SCORING = range(500), range(500, 1000)
+
+TOLERANCES = 2.0
+"""Size of every hidden effect."""
+
+NULLS, PAIRS, PARTS = 12, 3, 40
+"""Records of each kind in one part of the plan; every named and every outside effect has one."""
+
+SHAPES = {
+    "coulomb_friction": ("tanh", "dahl", "lugre", "stribeck"),
+    "motor_lag": ("plain", "updown", "second"),
+}
+"""Laws of the pitch bench for one effect, in turn."""
+
+
+def generator(family: str) -> Path:
+    """Return the generator of a family of benches."""
+    data = os.environ.get("BENCHTOOL_REFERENCE_DATA", "")
+    found = Path(data).parent / "foreign" / f"{family}.py"
+    if not data or not found.is_file():
+        raise SystemExit(f"no {found}: set BENCHTOOL_REFERENCE_DATA to the data beside foreign/")
+    return found
+
+
+def asked(family: str, first_seed: int, scale: float, _length: int = 0) -> Iterator[Asked]:
+    """Yield what is scored: every kind in each part, so that a part of it is a fair sample."""
+    known = _names(family)
+    named, outside = list(known["LIBRARY"]), list(known["OUTSIDE"])
+    seeds = SCORING if first_seed in SCORING else DEVELOPMENT
+    number = first_seed
+    for part in range(max(1, round(PARTS * scale))):
+        shaped = [
+            f"{name}:{shapes[part % len(shapes)]}" if shapes else name
+            for name in named
+            for shapes in [SHAPES.get(name, ()) if family == "pitch" else ()]
+        ]
+        pairs = [
+            f"{named[(part + 2 * k) % len(named)]}+{named[(3 * part + 5 * k + 1) % len(named)]}"
+            for k in range(PAIRS)
+        ]
+        for what in (*shaped, *outside, *pairs, *[NONE] * NULLS):
+            if len(set(what.split("+"))) == len(what.split("+")):
+                yield Asked(seeds[number % len(seeds)], what)
+            number += 1
+
+
+def _names(family: str) -> dict[str, Any]:
+    """Return what a generator's module defines."""
+    path = generator(family)
+    sys.path.insert(0, str(path.parent))
+    try:
+        return runpy.run_path(str(path))
+    finally:
+        sys.path.remove(str(path.parent))
+
+
+def scored(family: str, one: Asked) -> Scored:
+    """Make a record and score the answer that its owner gets."""
+    with TemporaryDirectory() as folder:
+        command = [
+            sys.executable, str(generator(family)), "--seed", str(one.seed),
+            "--effect", one.family, "--size", str(TOLERANCES), "--out", folder,
+        ]  # fmt: skip
+        made = subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+        record = Path(made)
+        truth = json.loads((record / "truth.json").read_text(encoding="utf-8"))
+        began = time.process_time()
+        files = (str(record / name) for name in ("learn.csv", "check.csv", "model.toml"))
+        learn, check, model = files
+        verdict = answer_request(read_request([learn], [check], model)).verdict
+        seconds = time.process_time() - began
+    names = tuple(truth["names"]) + tuple(truth.get("also_true", ()) if truth["names"] else ())
+    size = next(iter(truth["sizes"].values()), TOLERANCES)
+    hidden = truth["parameters"]
+    named = [name for name in truth["names"] if name in EFFECTS]
+    return Scored(
+        kind=truth["kind"],
+        truth=names,
+        sizes=tuple(truth["sizes"].get(name, size) for name in names),
+        stage=EFFECTS[named[0]].subsystem if truth["kind"] == "named" else "",
+        verdict=verdict.kind,
+        names=verdict.names,
+        probabilities=dict(verdict.probabilities),
+        where=verdict.where.stage if verdict.where is not None else "",
+        gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps if gap.floor},
+        seconds=seconds,
+        not_judged={name: needed.size for name, needed in verdict.not_judged.items()},
+        # Nobody has the Fisher information of a foreign bench: a class counts by its size alone.
+        confirmed=len(verdict.names) <= MOST_MEMBERS,
+        parameters=tuple(
+            ScoredParameter(
+                name=name, value=item.value, low=item.low, high=item.high, truth=hidden[name]
+            )
+            for effect in verdict.effects
+            for item in effect.parameters
+            if (name := f"{effect.name}.{item.name}") in hidden
+        ),
+        label=one.label,
+    )
+
+
+if __name__ == "__main__":
+    family = sys.argv.pop(1) if len(sys.argv) > 1 else ""
+    if family not in ("sweeps", "pitch"):
+        raise SystemExit("name the benches: sweeps or pitch")
+    run(
+        f"Foreign {family}", partial(asked, family), partial(scored, family),
+        Path(f"build/foreign_{family}.jsonl"), seeds=(DEVELOPMENT.start, SCORING.start),
+    )  # fmt: skip
