@@ -10,7 +10,7 @@ TESTING := $(VENV)/.testing-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test test-all lint bench blind coverage-truth requirements wheel clean
+.PHONY: demo test test-all lint bench blind soak coverage-truth requirements wheel clean
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
@@ -38,6 +38,11 @@ lint: $(TESTING)
 bench: $(TESTING)
 	@for script in tests/benchmarks/bench_*.py; do \
 	  echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+
+# Sweeps with random faults on every link for MINUTES; 0 rows lost, no motor without a host, no leak.
+MINUTES ?= 60
+soak: $(TESTING)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.soak.soak --minutes $(MINUTES)
 
 # How often the intervals hold the truth over 400 simulated sweeps of each kind: every basis, both
 # estimators, budgets, calibrations, places, wander (takes hours; cut short, it goes on where it was).

@@ -1,0 +1,43 @@
+"""A seeded sample of the soak; `make soak MINUTES=n` goes on for as long as it is given."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.soak.soak import slope, state_of_process, sweep, tables
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
+
+SAMPLE = [("bench", 24), ("bench", 30), ("autopilot", 22), ("stage", 23), ("pty", 3), ("tcp", 11)]
+
+
+@pytest.mark.parametrize(("kind", "seed"), SAMPLE)
+def test_no_row_is_lost_and_no_motor_turns_without_a_host(
+    tmp_path: Path, kind: str, seed: int
+) -> None:
+    outcome = sweep(kind, seed, 1.5, tmp_path)
+    assert sum(outcome.struck.values()) >= 1
+    assert outcome.turned_s > 0.2
+    assert outcome.troubles == [], outcome.said
+
+
+def test_a_process_that_grows_is_told_from_one_that_wavers(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    wavers = 100.0 + rng.normal(size=400)
+    rise, error = slope(wavers)
+    assert abs(rise) < 3.0 * error
+    rise, error = slope(wavers + 0.03 * np.arange(400))
+    assert abs(rise - 30.0) < 3.0 * error
+    outcome = vars(sweep("bench", 3, 1.0, tmp_path)) | {"said": "", "wall_s": 60.0}
+    same = state_of_process()
+    notes = tmp_path / "notes.jsonl"
+    for leaks, wrong in ((0, 0), (1, 1)):
+        grown = [{**same, "descriptors": 7 + leaks * (number // 30)} for number in range(60)]
+        notes.write_text("".join(json.dumps(outcome | state) + "\n" for state in grown))
+        assert tables(notes)[1] == wrong
