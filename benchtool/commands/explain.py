@@ -97,7 +97,7 @@ def explain(inputs: ExplainInputs) -> None:
 
     The first line printed is the verdict: an effect, several, a class that this data cannot
     separate, none, or unknown. The last lines say what was added to which file and what to type
-    next: after a named effect, to ask again with the new model, to fit and to simulate with it;
+    next: after a named effect, to explain again with the new model, to fit and to simulate with it;
     where the answer is not sure, the experiment that separates what is likely. With --bench it is
     recorded, armed by hand each time, and explained with the others until the answer is sure.
     """

@@ -97,7 +97,9 @@ def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
                 f"line {line} has {len(row)} cells, the header names {width} columns; mend the "
                 f"line or the header",
             )
-    cells = [row[:width] + [""] * (width - len(row)) for row, _ in numbered]
+    cells = [
+        row if len(row) == width else row[:width] + [""] * (width - len(row)) for row, _ in numbered
+    ]
     commas = 0
     for row in cells if delimiter == ";" else ():
         for index, cell in enumerate(row):

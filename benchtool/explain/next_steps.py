@@ -82,7 +82,7 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
     drafted: tuple[Step, ...] = ()
     if found is not None and found.law is not None:
         file = str(Path(folder) / f"{FOUND}.py")
-        why = f"read {file}, name it after its cause, and ask again with it"
+        why = f"read {file}, name it after its cause, and explain again with it"
         asked = _explain(
             replace(answer, request=replace(answer.request, effects_given=file)),
             answer.request.model_given, out=f"{folder}-again",
@@ -95,7 +95,7 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
     if not answer.has_model:
         return ()
     command = _explain(answer, new, out=f"{folder}-again", own=not own_names(answer))
-    again = Step("ask again: is anything still missing?", command)
+    again = Step("explain again: is anything still missing?", command)
     if answer.verdict.bench == "pitch":
         words = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
         return (again, Step("simulate with the new model", _typed(words)))

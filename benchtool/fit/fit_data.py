@@ -18,6 +18,7 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.parameter import full_name
 from benchtool.core.recording import Recording
+from benchtool.core.rotor_count import refuse_other_rotors
 from benchtool.data.atomic import data_hash
 from benchtool.data.columns import code_of
 from benchtool.data.run.ratios import ratios, thrust_error
@@ -31,7 +32,6 @@ from benchtool.fit.uncertainty.zero_noise import with_zero_walk
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model, read_columns
-from benchtool.physics.rotor_count import refuse_other_rotors
 
 FAR_Z_OVER_R = 9.0
 """Beyond it eq. (4) leaves less than one per cent; the tables of the literature end at 5 to 6."""

@@ -23,6 +23,7 @@ from benchtool.physics.body_lift import BodyDistance, BodyImages, body_images
 from benchtool.physics.catalogue import EFFECTS, effect_named, laws_of
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import DiscThrust, ImageRules, disc_thrust, owned
+from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
 from benchtool.physics.effects.laws.ceiling_momentum import EFFECT as CEILING_MOMENTUM
@@ -52,6 +53,7 @@ class Model:
         wake_rule: how partly covered discs share the body term (`physics.wake_rules`).
         tilt_rule: which heights enter the images under tilt (`physics.tilt`).
         body_distance: which b eq. (4) uses: half the diagonal (as derived) or all of it (printed).
+        discrepancy: how far laws and sensors may be off before it matters.
         description: one or two sentences.
         provenance: where the model came from.
     """
@@ -63,6 +65,7 @@ class Model:
     wake_rule: str = "notes"
     tilt_rule: str = "axis"
     body_distance: BodyDistance = "half_diagonal"
+    discrepancy: DiscrepancyTolerances = field(default_factory=DiscrepancyTolerances)
     description: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
 

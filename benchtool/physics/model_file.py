@@ -23,6 +23,7 @@ from benchtool.core.toml_text import FileTable, FiniteTable, build
 from benchtool.physics.bases import blade_tables, with_blades, with_blades_of_rig
 from benchtool.physics.body_lift import BodyDistance
 from benchtool.physics.catalogue import effect_named, own_effects
+from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import OWN_IMAGES, Model
@@ -57,6 +58,7 @@ class _ModelFile(FiniteTable):
     effects: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     columns: Mapping[str, ColumnSource] = field(default_factory=dict)
     where: Mapping[str, str] = field(default_factory=dict)
+    discrepancy: DiscrepancyTolerances = field(default_factory=DiscrepancyTolerances)
     imperfections: Mapping[str, float] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
 
@@ -159,6 +161,7 @@ def model_from_toml(
             wake_rule=read.model.wake_rule,
             tilt_rule=read.model.tilt_rule,
             body_distance=read.model.body_distance,
+            discrepancy=read.discrepancy,
             description=read.model.description,
             provenance=dict(read.provenance),
         )
@@ -271,8 +274,9 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
     if loaded.plate_slide_s is not None:
         data["model"]["plate_slide_s"] = loaded.plate_slide_s
     more = {
-        "columns": {name: _column_table(column) for name, column in loaded.columns.items()},
+        "columns": {name: _stated(column) for name, column in loaded.columns.items()},
         "where": dict(loaded.row_filter),
+        "discrepancy": _stated(model.discrepancy),
         "imperfections": dict(loaded.imperfections),
         "provenance": dict(model.provenance),
     }
@@ -282,7 +286,7 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
 
 def columns_to_toml(columns: Mapping[str, ColumnSource]) -> str:
     """Return a mapping file's text, which `read_columns` reads back."""
-    return tomli_w.dumps({"columns": {name: _column_table(item) for name, item in columns.items()}})
+    return tomli_w.dumps({"columns": {name: _stated(item) for name, item in columns.items()}})
 
 
 def _rig_beside(name: str, where: str) -> Rig:
@@ -373,6 +377,7 @@ def _parameter_table(item: Parameter) -> dict[str, Any]:
     return table
 
 
-def _column_table(column: ColumnSource) -> dict[str, Any]:
-    given = ((item, getattr(column, item.name)) for item in fields(column))
+def _stated(table: ColumnSource | DiscrepancyTolerances) -> dict[str, Any]:
+    """Return what differs from its default."""
+    given = ((item, getattr(table, item.name)) for item in fields(table))
     return {item.name: value for item, value in given if value != item.default}

@@ -16,31 +16,17 @@ import numpy as np
 from scipy.signal import lfilter, ss2tf
 
 from benchtool.core.array import Array
-from benchtool.core.rig import Rig
 from benchtool.explain.engine.smooth import smooth_root
 from benchtool.explain.engine.subject import Discrepancy
 from benchtool.explain.pitch.filter import FilteredLog, PitchFilter
 from benchtool.physics.effects.effect import Subsystem
+from benchtool.physics.model import Model
 from benchtool.physics.tilt import height_over
 from benchtool.simulate.pitch import filter_ticks
 from benchtool.simulate.pitch.lane import plane_below
 
-TORQUE, THRUST = 0.001, 0.005
-"""Departure of the hinge's torque that does not matter, over thrust times arm; and of the thrust of
-a rotor over the plate, over it."""
-
-SPEED = 0.001
-"""The same of a rotor's speed at a pulse, over it."""
-
-ENCODER_RAD, GYRO = 0.0035, 0.01
-"""The same of an encoder's reading, two tenths of a degree as data sheets of magnetic ones state;
-and of a gyro's, over the standard deviation of what it reads."""
-
 WITHIN = 1.0 / 3.0
 """Standard deviation over tolerance, as that of effects within theirs."""
-
-LAW = 0.1
-"""How far an effect's own law may be off, one standard deviation, as a part of what it does."""
 
 LENGTH, DISTANCE, TIME = 0.3, 0.5, 0.25
 """Over what change a departure looks different: of the range seen, of the logarithm of distance, of
@@ -58,6 +44,9 @@ APART = 100.0
 
 COARSE = 0.05
 """Places are rounded to so much of a length."""
+
+MOST_NUMBERS = 1_000_000
+"""Of smooth functions that are run through the filter at a time: half an hour in 100 MB."""
 
 DEPENDS = {
     "torque": ("angle", "rate", "thrust", "time", "distance"),
@@ -87,7 +76,7 @@ class Departing:
     """Hold what departures in one recording depend on and what they do."""
 
     log: FilteredLog
-    rig: Rig
+    model: Model
     over: int  # number of the disc over the plate
     number: int  # of the recording
     white: White
@@ -95,7 +84,7 @@ class Departing:
     @cached_property
     def speed(self) -> Array:
         """Speeds of the discs (discs, n): rad/s, from pulses where they were not read."""
-        p = self.rig.propulsion
+        p = self.model.rig.propulsion
         logged = self.log.logged
         pulsed = p.speed_per_us_rad_s * np.maximum(logged.pwm_us - p.pwm_start_us, 0.0)
         return np.where(np.isfinite(logged.speed_rad_s), logged.speed_rad_s, pulsed)
@@ -103,7 +92,7 @@ class Departing:
     @cached_property
     def thrust(self) -> Array:
         """Thrusts of the discs far from the plate (discs, n): N."""
-        return np.asarray(self.rig.propulsion.thrust_coefficient_N_s2 * self.speed**2, float)
+        return np.asarray(self.model.rig.propulsion.thrust_coefficient_N_s2 * self.speed**2, float)
 
     @cached_property
     def rate(self) -> Array:
@@ -129,49 +118,60 @@ class Departing:
             return np.asarray(logged.pwm_us.mean(axis=0), float)
         if depends == "time":
             return APART * self.number + np.arange(len(logged)) / len(logged) / TIME
-        ratio = np.maximum(self.height_m / self.rig.propulsion.radius_m, NEAREST)
+        ratio = np.maximum(self.height_m / self.model.rig.propulsion.radius_m, NEAREST)
         return np.where(logged.plate_share > 0.0, np.log(ratio) / DISTANCE, np.nan)
 
     @cached_property
     def height_m(self) -> Array:
         """Height of the disc over the plate above it (n,), as the beam tilts."""
         plane = plane_below(self.log.logged.plate_z_m, self.values("angle"), 0.0)
-        x_m, y_m = self.rig.disc_positions_m[self.over, :2]
+        x_m, y_m = self.model.rig.disc_positions_m[self.over, :2]
         return np.asarray(height_over(plane, x_m, y_m), float)
 
     def changed(self, name: str, root: Array) -> tuple[Array, Array]:
         """Return innovations (2 + discs, n, r) and shares (n, r) of smooth functions (n, r)."""
         channel, _, depends = name.partition(": ")
+        may = self.model.discrepancy
         shown = np.zeros((2 + len(self.speed), *root.shape))
         if channel == "torque":
-            arms_m, thrust_N = np.abs(self.rig.disc_positions_m[:, 0]), self.thrust
+            arms_m, thrust_N = np.abs(self.model.rig.disc_positions_m[:, 0]), self.thrust
             if depends == "distance":
-                near = (self.height_m / self.rig.propulsion.radius_m / NEAR) ** 2
+                near = (self.height_m / self.model.rig.propulsion.radius_m / NEAR) ** 2
                 root = (self.log.logged.plate_share / (1.0 + near))[:, None] * root
                 arms_m, thrust_N = arms_m[[self.over]], thrust_N[[self.over]]
-            share = WITHIN * (THRUST if depends == "distance" else TORQUE) * root
+            share = WITHIN * (may.thrust if depends == "distance" else may.torque) * root
             shown[:2] = self.errors.of_torque((arms_m @ thrust_N)[:, None] * share)
         elif channel == "speed":
-            share = WITHIN * SPEED * root
+            share = WITHIN * may.speed * root
             rate_Hz = self.log.logged.rate_Hz
-            keeps = np.exp(-1.0 / (self.rig.propulsion.lag_s * rate_Hz))
+            keeps = np.exp(-1.0 / (self.model.rig.propulsion.lag_s * rate_Hz))
             late = [0.0, 1.0 - keeps], [1.0, -keeps * (1.0 - self.log.filter.gains[6])]
             shown[2:] = lfilter(*late, self.speed[:, :, None] * share, axis=1)
         else:
             row, usual = (0, np.std(self.values("angle"))), (1, np.std(self.rate))
             place, typical = row if depends == "angle" else usual
-            size = ENCODER_RAD if depends == "angle" else GYRO * float(typical)
+            size = may.encoder_rad if depends == "angle" else may.gyro * float(typical)
             error = WITHIN * size * root
             share = error / float(typical)
             shown[:2] = self.errors.of_reading(place, error)
         return shown, share
+
+    def seen(self, name: str, root: Array) -> tuple[Array, Array]:
+        """Return whitened rows (n_rows, r), and shares of readings, of smooth functions (n, r)."""
+        shown, share = self.changed(name, root)
+        rows = self.white(shown)
+        channels = rows.reshape(-1, self.log.n_rows, rows.shape[1])
+        touched = np.asarray(channels.any(axis=(1, 2)))[:, None, None]
+        return rows, (touched * self.log.rows(share)).reshape(rows.shape)
 
     @cached_property
     def errors(self) -> FilterErrors:
         logged = self.log.logged
         edges = {0, *np.flatnonzero(logged.mode == filter_ticks.RESTART), len(logged)}
         pieces = [slice(a, b) for a, b in pairwise(sorted(edges))]
-        return FilterErrors(self.log.filter, logged.rate_Hz, self.rig.body.inertia_yy_kgm2, pieces)
+        return FilterErrors(
+            self.log.filter, logged.rate_Hz, self.model.rig.body.inertia_yy_kgm2, pieces
+        )
 
 
 class FilterErrors:
@@ -221,12 +221,10 @@ def discrepancies(logs: Sequence[Departing]) -> Iterator[Discrepancy]:
             name = f"{channel}: {depends}"
             columns, shares = [], []
             for log, root in zip(logs, roots, strict=True):
-                shown, share = log.changed(name, root)
-                rows = log.white(shown)
-                columns.append(rows)
-                channels = rows.reshape(-1, log.log.n_rows, rows.shape[1])
-                touched = np.asarray(channels.any(axis=(1, 2)))[:, None, None]
-                shares.append((touched * log.log.rows(share)).reshape(rows.shape))
+                blocks = np.array_split(root, 1 + root.size // MOST_NUMBERS, axis=1)
+                parts = [log.seen(name, block) for block in blocks]
+                columns.append(np.hstack([rows for rows, _ in parts]))
+                shares.append(np.hstack([share for _, share in parts]))
             rows = np.concatenate(columns)
             if rows.any():
                 phrase = PHRASES.get(name, f"something in the {channel} that depends on {depends}")

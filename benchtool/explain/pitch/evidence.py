@@ -22,7 +22,6 @@ from benchtool.explain.engine.parameters import (
 )
 from benchtool.explain.engine.subject import EARLY, LATE, Discrepancy, RowGroups
 from benchtool.explain.pitch.discrepancies import (
-    LAW,
     Departing,
     White,
     discrepancies,
@@ -159,7 +158,7 @@ class PitchEvidence:
             np.tile(log.rows(root), (self._channels(log), 1))
             for root, log in zip(functions, self.logs, strict=True)
         ]
-        return np.asarray(LAW / np.sqrt(2.0) * np.concatenate(rows), float)
+        return np.asarray(self.model.discrepancy.law / np.sqrt(2.0) * np.concatenate(rows), float)
 
     def departing(self) -> list[Departing]:
         def white(log: FilteredLog) -> White:
@@ -167,7 +166,7 @@ class PitchEvidence:
 
         over = int(np.argmax(PitchBench.of(self.model).covered))
         return [
-            Departing(log, self.model.rig, over, number, white(log))
+            Departing(log, self.model, over, number, white(log))
             for number, log in enumerate(self.logs)
         ]
 
@@ -182,8 +181,8 @@ class PitchEvidence:
         regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:
             found = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
-            read = np.isfinite(log.logged.speed_rad_s[:, log.counted]).any(axis=1).sum()
-            for of_speed in [False] * (1 + _has_gyro(log)) + [True] * int(read):
+            sensors = 1 + _has_gyro(log)
+            for of_speed in np.arange(self._channels(log)) >= sensors:
                 speeds.append(np.full(log.n_rows, of_speed))
                 regimes.append(
                     {name: log.rows(mask.astype(float)) > 0.5 for name, mask in found.items()}

@@ -14,6 +14,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
+from benchtool.core.rotor_count import refuse_other_rotors
 from benchtool.core.schedule import PARKED_M
 from benchtool.explain.pitch.clock import (
     HELD_S,
@@ -32,7 +33,6 @@ from benchtool.explain.pitch.sanity_checks import (
 )
 from benchtool.explain.pitch.timing import in_time
 from benchtool.explain.recording_checks import mended_readings
-from benchtool.physics.rotor_count import refuse_other_rotors
 from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.filter_log import PARKED_FROM_M, LoggedPitch
 

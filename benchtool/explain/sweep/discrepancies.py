@@ -18,19 +18,7 @@ from benchtool.core.array import Array
 from benchtool.explain.engine.smooth import smooth_root
 from benchtool.explain.engine.subject import Discrepancy
 from benchtool.explain.sweep.log import SweepLog
-
-THRUST = 0.005
-"""Departure of thrust from every law that does not matter, as a share of it."""
-
-SPEED = 0.001
-"""The same of rotor speed at a pulse, over time."""
-
-ANSWERS = 0.01
-"""The same of rotor speed by the plate: where the ESC sets a voltage, speed at a pulse answers to
-the blades' torque, by half a per cent at z/R 0.5 (blade-element momentum theory)."""
-
-SUPPLY = 0.005
-"""The same of a battery's voltage: none empties along the curve of another."""
+from benchtool.physics.model import Model
 
 WITHIN = 1.0 / 3.0
 """Standard deviation over tolerance, as that of effects within theirs."""
@@ -55,11 +43,12 @@ class Process:
     share: Array  # (m,) the same over the reading
 
 
-def of_thrust(log: SweepLog, sweep: int, radius_m: float) -> Iterator[Process]:
+def of_thrust(log: SweepLog, sweep: int, model: Model) -> Iterator[Process]:
     """Return processes of a sweep's thrusts, in N."""
     c, turning = log.conditions, ~log.tare
+    radius_m, tolerance = model.rig.propulsion.radius_m, WITHIN * model.discrepancy.thrust
     rows = np.arange(len(log))
-    share = np.where(turning, WITHIN * THRUST, 0.0)
+    share = np.where(turning, tolerance, 0.0)
     near = share * np.mean(c.coverage, axis=0) / (1.0 + (c.plate_z_m / radius_m / NEAR) ** 2)
     distance = np.log(c.plate_z_m / radius_m) / DISTANCE
     faster = np.log(np.maximum(np.sqrt(np.mean(c.speed_rad_s**2, axis=0)), 1.0)) / FASTER
@@ -77,45 +66,47 @@ def of_thrust(log: SweepLog, sweep: int, radius_m: float) -> Iterator[Process]:
         near = share / (1.0 + (c.plate_z_m / radius_m / NEAR) ** 2)
         yield process("lateral position", -1, near, c.plate_x_m / (ASIDE * radius_m))
     if len(np.unique(log.stay)) > 3:
-        share = np.full(len(log), WITHIN * THRUST)
+        share = np.full(len(log), tolerance)
         places = 10.0 * log.stay[:, None].astype(float)
         yield Process("thrust: visit", sweep, rows, places, share * typical, share)
 
 
-def of_speed(log: SweepLog, sweep: int, radius_m: float) -> Iterator[Process]:
+def of_speed(log: SweepLog, sweep: int, model: Model) -> Iterator[Process]:
     """Return processes of a sweep's speeds and voltages, in rad/s and V, one after the other."""
     power = log.power
     assert power is not None
+    tolerance = model.discrepancy
     c = log.conditions.select(~log.tare)
     rows = np.arange(len(c))
-    ratio = c.plate_z_m / radius_m
-    near = WITHIN * ANSWERS * np.mean(c.coverage, axis=0) / (1.0 + (ratio / NEAR) ** 2)
+    ratio = c.plate_z_m / model.rig.propulsion.radius_m
+    near = (
+        WITHIN
+        * tolerance.speed_by_plate
+        * np.mean(c.coverage, axis=0)
+        / (1.0 + (ratio / NEAR) ** 2)
+    )
     places = np.stack([np.log(ratio) / DISTANCE, np.log(power.speed_rad_s) / FASTER], 1)
     speed = power.speed_rad_s
     yield Process("speed: distance", -1, rows, places, near * speed, near)
     time = _part_of(c.time_s)[:, None] / TIME
-    share = np.full(len(c), WITHIN * SPEED)
+    share = np.full(len(c), WITHIN * tolerance.speed)
     yield Process("speed: time", sweep, rows, time, share * speed, share)
     known = np.flatnonzero(np.isfinite(power.voltage_V))
     both = np.concatenate([rows, len(rows) + np.arange(len(known))])
     read = np.concatenate([speed, power.voltage_V[known]])
-    share = np.full(len(both), WITHIN * SUPPLY)
+    share = np.full(len(both), WITHIN * tolerance.voltage)
     time = np.concatenate([time, time[known]])
     yield Process("speed: supply over time", sweep, both, time, share * read, share)
 
 
-LAW = 0.1
-"""How far an effect's own law may be off, one standard deviation, as a part of what it does."""
-
-
-def variations(logs: Sequence[SweepLog], radius_m: float) -> Array:
+def variations(logs: Sequence[SweepLog], model: Model) -> Array:
     """Return smooth functions (m, r) of distance and of speed over the thrusts of all sweeps."""
-    c = [log.conditions for log in logs]
+    c, radius_m = [log.conditions for log in logs], model.rig.propulsion.radius_m
     distance = np.concatenate([np.log(one.plate_z_m / radius_m) for one in c])
     speed = np.concatenate([np.sqrt(np.mean(one.speed_rad_s**2, axis=0)) for one in c])
     faster = np.log(np.maximum(speed, 1.0))
     roots = [smooth_root(distance[:, None] / DISTANCE), smooth_root(faster[:, None] / FASTER)]
-    return np.hstack([LAW / np.sqrt(2.0) * root for root in roots])
+    return np.hstack([model.discrepancy.law / np.sqrt(2.0) * root for root in roots])
 
 
 PHRASES = {

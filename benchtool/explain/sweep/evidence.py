@@ -214,7 +214,7 @@ class SweepEvidence:
 
     def varied(self, changes: Array) -> Array:
         """Return smooth variations (n_rows, r) of what an effect changes in thrusts."""
-        functions = variations(self.logs, self.model.rig.propulsion.radius_m)
+        functions = variations(self.logs, self.model)
         parts = np.split(
             changes[self._thrust_rows], np.cumsum([len(log) for log in self.logs])[:-1]
         )
@@ -239,13 +239,13 @@ class SweepEvidence:
 
     def _processes(self) -> Iterator[Process]:
         """Return the processes of every log, rows numbered as those of `residuals`."""
-        radius_m, first = self.model.rig.propulsion.radius_m, 0
+        first = 0
         for sweep, log in enumerate(self.logs):
             parts = [(of_thrust, len(log))]
             if log.power is not None:
                 parts.append((of_speed, log.power.n_rows))
             for of, count in parts:
-                for one in of(log, sweep, radius_m):
+                for one in of(log, sweep, self.model):
                     yield replace(one, rows=first + one.rows)
                 first += count
 

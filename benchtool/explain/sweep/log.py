@@ -13,6 +13,7 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
+from benchtool.core.rotor_count import refuse_other_rotors
 from benchtool.data.columns import code_of
 from benchtool.data.run.ratios import thrust_error
 from benchtool.explain.engine.subject import EARLY, LATE
@@ -21,7 +22,6 @@ from benchtool.explain.sweep.power import Power, power_of
 from benchtool.fit.uncertainty.bench_errors import Visits
 from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.model import Model
-from benchtool.physics.rotor_count import refuse_other_rotors
 
 Mask = NDArray[np.bool_]
 

@@ -157,8 +157,11 @@ def tolerances_table(answer: Answer) -> Table:
         (name, with_unit(f"{value:.3g}", items[name].unit if name in items else "1"))
         for name, value in answer.verdict.tolerances.items()
     ]
+    departures = answer.request.loaded.model.discrepancy.shown_by(answer.verdict.bench)
+    rows += [(f"[discrepancy] {name}", f"{value:.3g}") for name, value in departures.items()]
     return Table(
-        "What does not matter on this bench; an effect is named only beyond it.",
+        "What does not matter on this bench; an effect is named only beyond it, and a departure "
+        "from all laws only beyond those of the model file's [discrepancy].",
         ("parameter", "tolerance"),
         rows,
     )

@@ -52,7 +52,7 @@ def test_hidden_friction_is_named_and_everything_is_written(
     assert short[1] == lines[1]
     assert short[2].startswith(f"Written: {out / 'model.toml'}, which is pitch_bench with Coulomb")
     assert short[3].startswith("  coulomb_friction.torque_Nm = 0.01")
-    again = short.index("# ask again: is anything still missing?")
+    again = short.index("# explain again: is anything still missing?")
     assert short[again + 1] == (
         f"benchtool explain {LEARN} --model {out / 'model.toml'} --check {CHECK} --out {out}-again"
     )

@@ -12,6 +12,7 @@ from benchtool.core.parameter import Prior
 from benchtool.physics.baseline import baseline_parameters
 from benchtool.physics.bases import factor_at
 from benchtool.physics.conditions import Conditions
+from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.model_file import load_model, model_from_toml, model_names, model_to_toml
 
 HEAD = "[model]\nname = 'x'\nrig = 'pquad'\n"
@@ -63,6 +64,15 @@ def test_how_long_a_plate_slides_survives_the_file() -> None:
     assert again.plate_slide_s == 0.0
 
 
+def test_stated_discrepancies_survive_the_file_and_default_ones_are_left_out() -> None:
+    loaded = load_model("quad_body_lift")
+    assert "[discrepancy]" not in model_to_toml(loaded)
+    stated = DiscrepancyTolerances(thrust=0.02, encoder_rad=0.001)
+    text = model_to_toml(replace(loaded, model=replace(loaded.model, discrepancy=stated)))
+    assert "[discrepancy]\nthrust = 0.02\nencoder_rad = 0.001\n" in text
+    assert model_from_toml(text, "again.toml").model.discrepancy == stated
+
+
 @pytest.mark.parametrize(
     ("text", "error", "words"),
     [
@@ -75,6 +85,11 @@ def test_how_long_a_plate_slides_survives_the_file() -> None:
         (HEAD + "[parameters]\nR_m = -1", FileFormatError, r"R_m is -1 m, outside its bounds"),
         (HEAD + "wake_rule = 'no'", FileFormatError, "unknown wake rule 'no'.*notes"),
         (HEAD + "body_distance = 'no'", FileFormatError, "half_diagonal"),
+        (
+            HEAD + "[discrepancy]\nthrust = 0",
+            FileFormatError,
+            "discrepancy thrust is 0; give a number above 0 and up to 1",
+        ),
         (HEAD + "plate_slide_s = -1", FileFormatError, "plate_slide_s is -1; give seconds from 0"),
         ("[model]\nname = 'x'\nrig = 'pqad'", UnknownChoice, "did you mean 'pquad'"),
         (
