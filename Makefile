@@ -10,7 +10,7 @@ TESTING := $(VENV)/.testing-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test test-all lint bench blind soak coverage-truth requirements wheel clean
+.PHONY: demo test test-all lint bench blind soak mutants coverage-truth requirements wheel clean
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
@@ -57,6 +57,13 @@ blind: $(TESTING)
 	    --scoring --page build/scorecard-foreign-$$bench.md || exit 1; done; fi
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_pitch --scoring --page build/scorecard-pitch.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_sweep --scoring --page build/scorecard-sweep.md
+
+# Lines of the product broken one by one: which does no test notice? MODULE= a group of modules
+# (guard, limits, ...), COUNT= so many of each, SEED= which. Cut short, it goes on where it was.
+mutants: $(TESTING)
+	$(BIN)/python -c "import cosmic_ray" 2>/dev/null || $(PIP) install "cosmic-ray==8.7.0"
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m tests.mutation.run $(MODULE) \
+	  $(if $(COUNT),--count $(COUNT)) $(if $(SEED),--seed $(SEED))
 
 wheel: $(TESTING)
 	$(BIN)/python -m pip --disable-pip-version-check wheel --quiet --no-deps \

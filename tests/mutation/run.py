@@ -1,0 +1,248 @@
+"""Break the product one line at a time and count which breaks the tests notice: `make mutants`.
+
+Works in a copy of the tree. Results are written as they come, a JSON object a line, and a mutant
+that was judged before is not judged again while its module is the same; `--again` judges those
+that survived once more, after a test was written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import hashlib
+import importlib
+import json
+import os
+import random
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.mutation.groups import GROUPS, NAMED, Group, Named
+
+ROOT = Path(__file__).parents[2]
+PARTS = ("benchtool", "tests", "fits", "datasets", "docs", "pyproject.toml")
+RESULTS = ROOT / "build" / "mutants"
+LARGE = (
+    *("hypothesis", "numpy", "pyarrow.csv", "pyarrow.parquet", "pydantic", "rich.console"),
+    *("scipy.optimize", "scipy.stats", "pymavlink.dialects.v20.ardupilotmega", "typer"),
+)
+"""In memory before the tests are forked off: what they import and nobody breaks."""
+
+
+@contextmanager
+def copied_tree() -> Iterator[Path]:
+    """Give a copy of the project that may be broken."""
+    with tempfile.TemporaryDirectory(prefix="mutants-") as name:
+        for part in PARTS:
+            if (ROOT / part).is_dir():
+                ignored = shutil.ignore_patterns("__pycache__", "node_modules")
+                shutil.copytree(ROOT / part, Path(name) / part, ignore=ignored)
+            else:
+                shutil.copy(ROOT / part, name)
+        yield Path(name)
+
+
+def failure(tree: Path, tests: Sequence[str], limit_s: float, *, keep: bool = False) -> str:
+    """Run tests in a copy and return which one failed first, "" when all passed.
+
+    They run in a fork of this process, which has what is large and is never broken in memory.
+
+    Args:
+        limit_s: tests that take longer have failed.
+        keep: write bytecode, as no source is broken now.
+    """
+    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as output:
+        child = os.fork()
+        if child == 0:
+            os.setsid()
+            os.dup2(output.fileno(), 1)
+            os.dup2(output.fileno(), 2)
+            os._exit(_run(tree, tests, keep))
+        until_s = time.monotonic() + limit_s
+        while (ended := os.waitpid(child, os.WNOHANG)) == (0, 0):
+            if time.monotonic() > until_s:
+                os.killpg(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+                return "time limit"
+            time.sleep(0.02)
+        if ended[1] == 0:
+            return ""
+        output.seek(0)
+        lines = output.read().splitlines()
+    failed = [line for line in lines if line.startswith(("FAILED ", "ERROR "))]
+    return failed[0][:200] if failed else f"no report: {' '.join(lines[-3:])[:200]}"
+
+
+def _run(tree: Path, tests: Sequence[str], keep: bool) -> int:
+    """Run tests in this process, which has not imported any of the project's own modules yet."""
+    try:
+        os.chdir(tree)
+        os.environ |= {"PYTHONPATH": str(tree), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+        sys.path.insert(0, str(tree))
+        for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
+            del sys.modules[name]
+        sys.dont_write_bytecode = not keep
+        if not keep:
+            os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+        options = ["-q", "-x", "-m", "", "-p", "no:cacheprovider", "-p", "pytest_timeout"]
+        return int(pytest.main([*options, *tests]))
+    except BaseException:  # noqa: BLE001 -- nothing may go on as a second driver
+        traceback.print_exc()
+        return 1
+    finally:
+        sys.stdout.flush()
+
+
+@contextmanager
+def broken(tree: Path, module: str, source: str) -> Iterator[None]:
+    """Put a broken source in a module's place, without the bytecode of the whole one."""
+    path = tree / module
+    whole = path.read_text("utf-8")
+    for compiled in (path.parent / "__pycache__").glob(f"{path.stem}.*"):
+        compiled.unlink()
+    path.write_text(source, "utf-8")
+    try:
+        yield
+    finally:
+        path.write_text(whole, "utf-8")
+
+
+def judge_named(tree: Path, one: Named, limit_s: float = 120.0) -> str:
+    """Return which test notices a named mutant, "" where none does."""
+    source = (tree / one.module).read_text("utf-8")
+    with broken(tree, one.module, one.applied(source)):
+        return failure(tree, one.judges, limit_s)
+
+
+def judge_all_named(tree: Path, names: Sequence[str]) -> None:
+    """Judge named mutants, all of them where none is named, and print what becomes of each."""
+    killed = 0
+    chosen = [one for one in NAMED if not names or one.name in names]
+    for one in chosen:
+        noticed = judge_named(tree, one)
+        killed += bool(noticed)
+        print(f"{one.name}: {noticed or 'SURVIVED'}", flush=True)
+    print(f"named: {killed} of {len(chosen)} killed", flush=True)
+
+
+def baseline_s(tree: Path, tests: Sequence[str]) -> float:
+    """Return how long the tests of a group take on the whole product; they must pass."""
+    failure(tree, tests, 3600.0, keep=True)  # writes the bytecode
+    began_s = time.monotonic()
+    if failed := failure(tree, tests, 3600.0):
+        raise SystemExit(f"the tests fail without a mutant: {failed}")
+    return time.monotonic() - began_s
+
+
+def judge_group(
+    tree: Path, name: str, group: Group, count: int | None, seed: int, again: bool
+) -> None:
+    """Judge a seeded sample of a group's mutants, or all, and write what becomes of each."""
+    from tests.mutation.mutants import mutants_of
+
+    path = RESULTS / f"{name}.jsonl"
+    sources = {module: (tree / module).read_text("utf-8") for module in group.sampled}
+    stamps = {
+        module: hashlib.sha256(text.encode()).hexdigest()[:12] for module, text in sources.items()
+    }
+    known = {_key(row): row for row in _rows(path)}
+    chosen = [one for module, text in sources.items() for one in mutants_of(module, text)]
+    total = len(chosen)
+    random.Random(seed).shuffle(chosen)
+    chosen = chosen[:count]
+    limit_s = 3.0 * baseline_s(tree, group.tests) + 10.0
+    print(f"{name}: {len(chosen)} of {total} mutants, at most {limit_s:.0f} s each", flush=True)
+    for one in chosen:
+        row: dict[str, Any] = {**asdict(one), "source": stamps[one.module], "of": total}
+        before = known.get(_key(row))
+        if before is not None and not (again and not before["killed_by"]):
+            continue
+        text = sources[one.module]
+        changed = one.applied(text)
+        if not _compiles(changed):
+            continue
+        with broken(tree, one.module, changed):
+            row["killed_by"] = failure(tree, group.tests, limit_s)
+        row["change"] = _change(text, changed)
+        if not row["killed_by"]:
+            print(f"survived: {one.module}:{one.line} {one.operator}\n{row['change']}", flush=True)
+        with path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+    print(summary(name, path, stamps), flush=True)
+
+
+def summary(name: str, path: Path, stamps: dict[str, str]) -> str:
+    """Return the count of a group with its 95 % interval."""
+    last = {_key(row): row for row in _rows(path) if stamps.get(row["module"]) == row["source"]}
+    killed, n = sum(bool(row["killed_by"]) for row in last.values()), len(last)
+    low, high = wilson(killed, n)
+    return f"{name}: {killed} of {n} killed ({100 * low:.0f} to {100 * high:.0f} %)"
+
+
+def wilson(hits: int, n: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    if not n:
+        return 0.0, 1.0
+    z, share = 1.959964, hits / n
+    middle = share + z * z / (2 * n)
+    half = z * sqrt(share * (1 - share) / n + z * z / (4 * n * n))
+    return (middle - half) / (1 + z * z / n), (middle + half) / (1 + z * z / n)
+
+
+def _compiles(source: str) -> bool:
+    try:
+        compile(source, "mutant", "exec")
+    except SyntaxError:
+        return False
+    return True
+
+
+def _key(row: dict[str, Any]) -> tuple[Any, ...]:
+    return row["module"], row["operator"], row["occurrence"], row["source"]
+
+
+def _rows(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.open(encoding="utf-8")] if path.exists() else []
+
+
+def _change(before: str, after: str) -> str:
+    lines = difflib.unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=0)
+    return "\n".join(line for line in lines if line[:2] not in ("--", "++", "@@"))
+
+
+def main() -> None:
+    """Judge the named mutants, then a sample of each group."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("groups", nargs="*", help=f"of {', '.join(GROUPS)}; all when left out")
+    parser.add_argument("--count", type=int, help="of mutants of a group; all when left out")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--again", action="store_true", help="judge survivors once more")
+    parser.add_argument("--named", action="append", default=[], help="judge this one alone")
+    parser.add_argument("--no-named", action="store_true", help="leave the named mutants out")
+    chosen = parser.parse_args()
+    for name in LARGE:
+        importlib.import_module(name)
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    with copied_tree() as tree:
+        if not chosen.no_named:
+            judge_all_named(tree, chosen.named)
+        if chosen.named:
+            return
+        for name in chosen.groups or GROUPS:
+            judge_group(tree, name, GROUPS[name], chosen.count, chosen.seed, chosen.again)
+
+
+if __name__ == "__main__":
+    main()
