@@ -38,10 +38,15 @@ def replacing(path: Path, beside: Path) -> Iterator[BinaryIO]:
     sync_folder(path.parent)
 
 
+def replace_bytes(path: Path, data: bytes) -> None:
+    """Write bytes in place of a file in one step, on the disk before it is in place."""
+    with replacing(path, path.with_name(f".{path.name}.{os.getpid()}.new")) as file:
+        file.write(data)
+
+
 def replace_text(path: Path, text: str) -> None:
     """Write text in place of a file in one step, on the disk before it is in place."""
-    with replacing(path, path.with_name(f".{path.name}.{os.getpid()}.new")) as file:
-        file.write(text.encode())
+    replace_bytes(path, text.encode())
 
 
 def replace_json(path: Path, data: Mapping[str, Any]) -> None:
@@ -68,6 +73,14 @@ def read_json(path: Path, *, follow: bool = True) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise FileFormatError(str(path), "a JSON object is needed; restore the file from a copy")
     return data
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, and those above it that are missing; a power cut takes away none of them."""
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for made in reversed(missing):
+        sync_folder(made.parent)
 
 
 def sync_folder(folder: Path) -> None:

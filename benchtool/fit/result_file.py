@@ -11,7 +11,7 @@ import numpy as np
 from benchtool.core.errors import EstimationError, ModelRejected
 from benchtool.core.fit_result import FitResult
 from benchtool.core.rig_file import rig_beside
-from benchtool.data.atomic import json_ready, replace_json, replace_text
+from benchtool.data.atomic import json_ready, replace_json, replace_text, replacing
 from benchtool.data.run.entry import FIT_FILE, FIT_FORMAT
 from benchtool.data.run.entry import read_result as read_result
 from benchtool.fit.diagnose import refusal
@@ -78,7 +78,8 @@ def write_result(folder: Path, output: FitOutput) -> None:
         if len(result.samples):
             header = ",".join(estimate.name for estimate in result.estimates)
             path = folder / "samples.csv"
-            np.savetxt(path, result.samples, delimiter=",", header=header, comments="", fmt="%.9g")
+            with replacing(path, path.with_name(f".{path.name}.new")) as file:
+                np.savetxt(file, result.samples, "%.9g", delimiter=",", header=header, comments="")
 
 
 def _write_model(folder: Path, output: FitOutput) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, Literal
 from matplotlib.figure import Figure as Figure
 
 from benchtool.core.errors import UnknownChoice, WouldOverwrite
+from benchtool.data.atomic import make_folder, replace_bytes
 from benchtool.report.style import look
 
 Format = Literal["svg", "png", "pdf"]
@@ -64,7 +64,5 @@ def refuse_existing(paths: Sequence[Path] | dict[Path, bytes]) -> None:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Write a file so that a reader finds the old contents or the new, never half."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(content)
-    os.replace(part, path)
+    make_folder(path.parent)
+    replace_bytes(path, content)

@@ -12,7 +12,7 @@ import numpy as np
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError, WouldOverwrite
 from benchtool.core.recording import Recording
-from benchtool.data.atomic import file_hash, replace_json
+from benchtool.data.atomic import file_hash, make_folder, replace_json, replacing
 from benchtool.data.columns import channel_called
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.parquet import read_parquet, write_parquet
@@ -44,7 +44,7 @@ def write_recording(
         for target in (path, beside(path)):
             if target.exists():
                 raise WouldOverwrite(str(target))
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     if suffix == ".csv":
         _write_csv(path, recording)
     else:
@@ -109,8 +109,6 @@ def _write_csv(path: Path, recording: Recording) -> None:
         for index, mask in enumerate(masks)
     ]
     table = pa.table(columns, names=list(recording.names))
-    fresh = path.with_name(f".{path.name}.new")
-    with open(fresh, "wb") as file:
+    with replacing(path, path.with_name(f".{path.name}.new")) as file:
         file.write(f"{','.join(recording.names)}\n".encode())
         csv.write_csv(table, file, csv.WriteOptions(include_header=False, quoting_style="none"))
-    fresh.replace(path)

@@ -23,7 +23,7 @@ from benchtool.core.errors import (
 from benchtool.core.exhausted import exhausted, is_exhaustion
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import read_text
-from benchtool.data.atomic import replace_json, replace_text, sync_folder
+from benchtool.data.atomic import make_folder, replace_json, replace_text, sync_folder
 from benchtool.data.run.append import AppendFile, EventLog, SampleWriter
 from benchtool.data.run.closing import (
     LEFT_OVER,
@@ -69,7 +69,7 @@ class Run:
         refuse_taken(path)
         beside = path.with_name(f".{path.name}.{os.getpid()}.new")
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(path.parent)
             beside.mkdir()
             replace_text(beside / "plan.toml", plan_text)
             replace_json(beside / "metadata.json", {"format": RUN_FORMAT, **metadata})

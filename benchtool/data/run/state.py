@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchtool.core.errors import InputError
-from benchtool.data.atomic import read_json, replace_json
+from benchtool.data.atomic import make_folder, read_json, replace_json
 
 
 def state_folder() -> Path:
@@ -40,7 +40,7 @@ def remember(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
     """Keep facts about a device, in place of older ones."""
     path = state_file(kind, device_id)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         replace_json(path, facts)
     except OSError as error:
         raise InputError(

@@ -8,6 +8,7 @@ from pathlib import Path
 from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.fit_result import FitResult
+from benchtool.data.atomic import make_folder
 from benchtool.fit.diagnose import lacks_something, times_as_much
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput
@@ -111,7 +112,7 @@ def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Pat
         WouldOverwrite: the folder holds something already; nothing was written.
     """
     refuse_full(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     write_result(folder, fit)
     figures = drawn("fit", fit, FIT.figures)
     for name, block in figures.items():
