@@ -10,7 +10,7 @@ TESTING := $(VENV)/.testing-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test test-all lint bench blind soak mutants coverage-truth requirements wheel clean
+.PHONY: demo test test-all lint bench blind soak mutants coverage-truth kills requirements wheel clean
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
@@ -64,6 +64,10 @@ mutants: $(TESTING)
 	$(BIN)/python -c "import cosmic_ray" 2>/dev/null || $(PIP) install "cosmic-ray==8.7.0"
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m tests.mutation.run $(MODULE) \
 	  $(if $(COUNT),--count $(COUNT)) $(if $(SEED),--seed $(SEED))
+
+# A kill and power cuts before every change of the disk that each command makes.
+kills: $(TESTING)
+	$(BIN)/python -m tests.kills.count
 
 wheel: $(TESTING)
 	$(BIN)/python -m pip --disable-pip-version-check wheel --quiet --no-deps \
