@@ -40,6 +40,37 @@ def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does() ->
         assert max(made.autopilot.outputs_us) == 1000
 
 
+@pytest.mark.parametrize(
+    ("again", "lost_s", "said"),
+    [
+        (True, 0.6, "did not acknowledge an order to turn in 0.2 s"),
+        (False, 0.3, r"acknowledged no order for 0.\d s and output 3 shows 1000 us"),
+    ],
+    ids=["new order", "renewed"],
+)
+def test_an_order_that_gets_lost_starts_no_motor_that_stands_by_then(
+    again: bool, lost_s: float, said: str
+) -> None:
+    made = Bench(motor_map=PLUS)
+    with made.bench as bench:
+        bench.set_pwm(pulses(1300.0, 1000.0))
+        made.read(1.0)
+        write, until_s = made.link.write, made.link.now_s + lost_s
+        shown: list[int] = []
+
+        def carry(data: bytes) -> None:
+            shown.append(max(made.autopilot.outputs_us))
+            if made.link.now_s >= until_s:
+                write(data)
+
+        made.link.write = carry  # type: ignore[method-assign]
+        with pytest.raises(BenchError, match=said):
+            bench.set_pwm(pulses(1250.0, 1000.0)) if again else made.read(2.0)
+        made.link.pass_time(0.5)
+        carry(b"")
+        assert set(shown[shown.index(1000) :]) == {1000}
+
+
 def test_an_order_is_as_old_as_when_it_was_sent_however_late_it_was_acknowledged() -> None:
     made = Bench(motor_map=PLUS)
     with made.bench as bench:

@@ -113,6 +113,8 @@ class TestDrive(Drive):
             # The motors stand by now: an order that is sent again would start them anew.
             self.stop_renewing()
             raise HostPaused(since_s, mav.TIMEOUT_S)
+        if self._outputs.lapsed and now_s - self._acked_s > mav.TIMEOUT_S:
+            self.stop_renewing()  # `fault` says why, soon
         if self._standing and since_s >= RESEND_S:
             self._sent_s = now_s
             for order in self._standing:
@@ -173,7 +175,9 @@ class TestDrive(Drive):
             self._raise_if_paused()
             now_s = self._clock()
             silent_s = now_s - max(self._link.received_s, begun_s)
-            if silent_s > SILENT_S or now_s - begun_s > UNREPORTED_S:
+            is_over = silent_s > SILENT_S or now_s - begun_s > UNREPORTED_S
+            # An order that is sent again would start motors anew that stand by now.
+            if is_over or self._outputs.lapsed:
                 raise LinkLost(
                     f"{self._autopilot.pilot.name} did not acknowledge an order to turn in "
                     f"{now_s - begun_s:.1f} s, and its outputs do not show it; motor tests end by "
@@ -229,6 +233,7 @@ class OutputWatch:
 
     Attributes:
         shown: whether every output, as last reported, shows what was commanded.
+        lapsed: whether a motor that was seen to turn, and shall, shows its stop.
 
     Args:
         stop_us: pulse of a motor that stands; outputs without any pulse stand as well.
@@ -241,7 +246,8 @@ class OutputWatch:
         self._lately: list[tuple[float, int, float]] = []
         self._good_s: dict[int, float] = {}
         self._reported_s: float | None = None
-        self.shown = False
+        self._seen_turning: set[int] = set()
+        self.shown = self.lapsed = False
 
     def reported_since(self, time_s: float) -> bool:
         return self._reported_s is not None and self._reported_s > time_s
@@ -259,7 +265,8 @@ class OutputWatch:
                     self._lately.append((now_s, rotor, before[1]))
                 self._good_s[rotor] = max(self._good_s.get(rotor, now_s), now_s)
         self._wanted = dict(wanted)
-        self.shown = False
+        self._seen_turning &= {rotor for rotor, (_, us) in wanted.items() if us > self._stop_us}
+        self.shown = self.lapsed = False
 
     def seen(self, outputs_us: tuple[int, ...], now_s: float) -> tuple[int, int] | None:
         """Note what outputs report; a pulse commanded a moment ago is as good as the present one.
@@ -274,12 +281,15 @@ class OutputWatch:
             # A pause of the link or of the reader says nothing about the outputs.
             self._good_s = {rotor: good_s + gap_s for rotor, good_s in self._good_s.items()}
         self._lately = [item for item in self._lately if now_s - item[0] <= SEEN_S]
-        self.shown = True
+        self.shown, self.lapsed = True, False
         for rotor, (output, pulse_us) in self._wanted.items():
             # Where it is not known which output it is, the one that comes nearest.
             nearest = min(outputs_us, key=lambda us: abs(us - pulse_us))
             shown = outputs_us[output - 1] if output else nearest
             self.shown = self.shown and self._fits(shown, pulse_us)
+            if output and pulse_us > self._stop_us and not self._fits(shown, self._stop_us):
+                self._seen_turning.add(rotor)
+            self.lapsed |= rotor in self._seen_turning and self._fits(shown, self._stop_us)
             allowed = [pulse_us, *(us for _, own, us in self._lately if own == rotor)]
             if any(self._fits(shown, us) for us in allowed):
                 self._good_s[rotor] = now_s
