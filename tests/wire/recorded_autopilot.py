@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,13 @@ def folder_of(reference_data: Path) -> Path:
     if not folder.is_dir():
         pytest.skip(f"{folder} with recorded conversations is absent")
     return folder
+
+
+def names_of() -> list[str]:
+    """Return the names of the conversations; none where there are no recordings."""
+    data = os.environ.get("BENCHTOOL_REFERENCE_DATA")
+    files = Path(data).parent.glob("peers/ardupilot/*.jsonl.gz") if data else ()
+    return sorted(path.name.removesuffix(".jsonl.gz") for path in files)
 
 
 def facts_of(folder: Path) -> dict[str, Any]:
