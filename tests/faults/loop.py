@@ -1,7 +1,7 @@
 """Command line, fault proxy and virtual bench in one process on one virtual clock.
 
 The host is the command line as it is (`benchtool sweep tcp:...`), only its socket is one of ours:
-every wait of it lets the bench and the proxy run on by 2 ms. A run takes about a second of
+every wait of it lets the bench and the proxy run on by 4 ms. A run takes about a second of
 processor time on any machine and gives the same answer each time.
 
     late = Fault("delay", phase="ramping", way="device", only=",pwm,", delay_s=0.9)
@@ -23,26 +23,33 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from benchtool.bench.drivers import Address
-from benchtool.bench.serial.bench import SerialBench
 from benchtool.commands.app import main
-from benchtool.core.errors import LinkLost
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.devices import standard_truth, virtual_server
+from benchtool.virtual.devices import CarriedPlate, standard_truth, virtual_server
 from benchtool.virtual.faults import fault_from
-from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.protocol import DeviceLink
-from tests.faults.proxy import TURNING_US, Fault, Proxy, Seen
+from benchtool.virtual.firmware import Firmware, Rows
+from benchtool.virtual.links import PtyLink
+from benchtool.virtual.server import ServedDevice
+from tests.faults.dialects import TURNING_US, Seen, StageLines
+from tests.faults.links import (
+    ADDRESS,
+    LINKS,
+    STEP_S,
+    Far,
+    KernelTransport,
+    MemoryTransport,
+    Port,
+    on_the_clock,
+    stage_words,
+)
+from tests.faults.proxy import Fault, Proxy
 
-STEP_S = 0.002
-WATCHED_S = 1.5
+WATCHED_S, WATCHED_STEP_S = 1.5, 0.02
 """The device is watched for so long after the host has ended."""
 
 LONGEST_S = 600.0
 """Virtual time after which a run hangs."""
-
-ADDRESS = "tcp:127.0.0.1:1"
 
 
 class Hangs(BaseException):
@@ -50,16 +57,18 @@ class Hangs(BaseException):
 
 
 class World:
-    """A virtual bench, the proxy, and their time; it is also the link that the bench listens on.
+    """A virtual bench, the proxy before it, and their time.
 
     Attributes:
         device: speaks the protocol.
         pulses: time and highest pulse that the device itself put out, at each change.
+        rows: values that the device itself measured, by its time in us.
         left_s: when the host closed the link last.
         hooks: called at every step.
-    """
 
-    address = "loop"
+    Args:
+        link: one of `LINKS`; the proxy stands between the bench and its host, or the stage and its.
+    """
 
     def __init__(
         self,
@@ -68,99 +77,102 @@ class World:
         rig_name: str = "pquad_single",
         hooks: Sequence[Callable[[World], None]] = (),
         device_faults: Sequence[str] = (),
+        link: str = "memory",
+        now_s: float = 1000.0,
     ) -> None:
         rig = rig_named(rig_name)
-        self.now_s = 1000.0
-        self.proxy = Proxy(faults, self.clock)
+        how = LINKS[link]
+        self.now_s = now_s
+        self.proxy = Proxy([] if how.has_stage else faults, self.clock, how.dialect())
         self.pulses: list[tuple[float, float]] = []
+        self.rows: dict[int, list[float]] = {}
         self.left_s: float | None = None
         self.hooks = hooks
+        self.address, self.more = ADDRESS, []
+        self.ports: list[Port] = []
+        self._proxies = [self.proxy]
         self._deadline_s = self.now_s + LONGEST_S
+        if how.port is not None:
+            self.ports.append(Port(self.proxy, how.port()))
+            self.address = how.address(self.ports[0].link)
+        if how.has_stage:
+            self._proxies.append(Proxy(faults, self.clock, StageLines(self.proxy.seen)))
+            self.ports.append(Port(self._proxies[1], PtyLink()))
+            self.more = stage_words(self.ports[1].link, rig)
+
+        def keep(firmware: Firmware) -> ServedDevice:
+            self.device = how.speak(firmware)
+            self.channels = [channel.name for channel in firmware.hello.channels]
+            self._note_rows(firmware)
+            if how.has_stage:
+                return CarriedPlate(self.device, firmware, Far(self._proxies[1]), rig.plate)
+            return self.device
+
         truth = load_model(standard_truth(rig), rig).model
         self._server = virtual_server(
             rig,
             truth,
-            self,
+            Far(self.proxy),
             speed=speed,
             faults=[fault_from(text) for text in device_faults],
-            speak=self._keep,
+            speak=keep,
             clock=self.clock,
         )
 
-    def _keep(self, firmware: Firmware) -> DeviceLink:
-        self.device = DeviceLink(firmware)
-        return self.device
+    def _note_rows(self, firmware: Firmware) -> None:
+        advance = firmware.advance
+
+        def noted(n: int, now_s: float) -> Rows:
+            rows = advance(n, now_s)
+            times_us = rows.device_time_us.tolist()
+            self.rows |= zip(times_us, rows.values.tolist(), strict=True)
+            return rows
+
+        firmware.advance = noted  # type: ignore[method-assign]
 
     def clock(self) -> float:
         return self.now_s
 
-    def read(self) -> bytes:
-        return self.proxy.far.outgoing.take()
-
-    def write(self, data: bytes) -> int:
-        self.proxy.far.incoming.waiting += data
-        return len(data)
-
-    def unplug(self) -> None:
-        self.proxy.near.is_cut = True
-
-    def replug(self) -> None:
-        raise NotImplementedError
-
-    close = replug
-
-    def step(self) -> None:
-        self.now_s += STEP_S
+    def step(self, step_s: float = STEP_S) -> None:
+        self.now_s += step_s
         if self.now_s > self._deadline_s:
             raise Hangs
-        self.proxy.step()
+        self._carry()
         self._server.step()
-        self.proxy.step()
+        self._carry()
         highest_us = float(max(self.device.firmware.pwm_us))
         if not self.pulses or highest_us != self.pulses[-1][1]:
             self.pulses.append((self.now_s, highest_us))
         for hook in self.hooks:
             hook(self)
 
-    def wait(self, seconds: float) -> None:
+    def _carry(self) -> None:
+        for port in self.ports:
+            port.pump()
+        for proxy in self._proxies:
+            proxy.step()
+        for port in self.ports:
+            port.pump()
+
+    def wait(self, seconds: float, step_s: float = STEP_S) -> None:
         """Let time pass while the host does nothing."""
         until_s = self.now_s + seconds
         while self.now_s < until_s:
-            self.step()
+            self.step(step_s)
 
+    def wrapped(self, real: object) -> MemoryTransport | KernelTransport:
+        """Put the bench's transport on this clock; without a port it leads to the proxy itself."""
+        if not self.ports:
+            return MemoryTransport(self, self.proxy)
+        return KernelTransport(self, self.proxy, self.ports[0], real)
 
-class LoopTransport:
-    """The host's socket."""
-
-    baud = None
-
-    def __init__(self, world: World) -> None:
-        self._world = world
-        self._near = world.proxy.near
-
-    def open(self) -> None:
-        self._world.proxy.connect()
-
-    def _raise_if_cut(self) -> None:
-        if self._near.is_cut:
-            raise LinkLost(f"{ADDRESS} closed the connection; look at its power and cable")
-
-    def read(self, timeout_s: float) -> bytes:
-        until_s = self._world.now_s + max(timeout_s, STEP_S)
-        while self._world.now_s < until_s:
-            self._world.step()
-            if data := self._near.outgoing.take():
-                return data
-            self._raise_if_cut()
-        return b""
-
-    def write(self, data: bytes) -> None:
-        self._raise_if_cut()
-        self._near.incoming.waiting += data
+    def staged(self, real: object) -> KernelTransport:
+        """Put the stage's transport on this clock."""
+        return KernelTransport(self, self._proxies[1], self.ports[1], real)
 
     def close(self) -> None:
-        self._world.step()
-        self._world.left_s = self._world.now_s
+        for port in self.ports:
+            port.link.close()
 
 
 @dataclass
@@ -174,6 +186,7 @@ class Outcome:
     code: int  # exit code
     said: str  # standard output and error
     seen: Seen  # what host and device said, before any fault
+    world: World
     pulses: list[tuple[float, float]]
     left_s: float  # when the host gave the link back
     folder: Path  # where the command ran; `run` in it is the run's folder
@@ -230,21 +243,23 @@ def sweep(
     hooks: Sequence[Callable[[World], None]] = (),
 ) -> Outcome:
     """Sweep a plan into folder/run."""
+    return sweep_in(World(faults, hooks=hooks), folder, plan_text, *more)
+
+
+def sweep_in(world: World, folder: Path, plan_text: str, *more: str) -> Outcome:
+    """Sweep a plan in a world into folder/run."""
     (folder / "plan.toml").write_text(plan_text)
     words = ["--rig", "pquad_single", "--plan", "plan.toml", "--yes", "--out", "run", *more]
-    return command(["sweep", ADDRESS, *words], folder, World(faults, hooks=hooks))
+    return command(["sweep", world.address, *words, *world.more], folder, world)
 
 
 def command(words: list[str], folder: Path, world: World) -> Outcome:
     """Run `benchtool WORDS` in a folder; its address ADDRESS leads into the world."""
 
-    def open_loop(parsed: Address) -> SerialBench:
-        return SerialBench(LoopTransport(world), parsed.text, world.clock)
-
     heard, code = io.StringIO(), 0
     state = {"BENCHTOOL_STATE": str(folder / ".state"), "BENCHTOOL_DEBUG": ""}
     with (
-        mock.patch("benchtool.bench.serial.bench.open_tcp", open_loop),
+        on_the_clock(world, world.wrapped, world.staged),
         mock.patch.dict(os.environ, state),
         mock.patch("sys.stdin", io.StringIO()),
         chdir(folder),
@@ -256,11 +271,12 @@ def command(words: list[str], folder: Path, world: World) -> Outcome:
         except SystemExit as ended:
             code = ended.code if isinstance(ended.code, int) else 1
     left_s = world.now_s if world.left_s is None else world.left_s
-    world.wait(WATCHED_S)
+    world.wait(WATCHED_S, WATCHED_STEP_S)
     return Outcome(
         code,
         re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", heard.getvalue()),
         world.proxy.seen,
+        world,
         world.pulses,
         left_s,
         folder,

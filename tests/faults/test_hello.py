@@ -8,8 +8,9 @@ from unittest import mock
 import pytest
 
 from benchtool.bench.serial.hello import Hello, hello_lines
+from tests.faults.dialects import Phase
 from tests.faults.loop import ADDRESS, Outcome, World, command, plan, sweep
-from tests.faults.proxy import Fault, Kind, Phase
+from tests.faults.proxy import Fault, Kind
 from tests.wire.version_1 import VersionOne
 
 

@@ -13,8 +13,9 @@ from benchtool.commands.app import main
 from benchtool.core.channel import Channel
 from benchtool.data.run.append import read_events
 from benchtool.virtual.simulated import SimulatedBench
+from tests.faults.dialects import TURNING_US
 from tests.faults.loop import plan, sweep
-from tests.faults.proxy import TURNING_US, Fault
+from tests.faults.proxy import Fault
 
 
 @pytest.mark.parametrize("distances", ["1.36", "1.36, 1.32"])

@@ -1,0 +1,152 @@
+"""The fault matrix as one table: which fault, over which links, in which phases, ends a sweep how.
+
+    python -m tests.faults.matrix [RESULTS]
+
+runs every cell (or takes what an earlier call has written to the file RESULTS and goes on there)
+and prints the counts and stop times that stand in docs/explanation/safety.md.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+from math import isnan
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from typing import Any, get_args
+
+from tests.faults.cell import Cell, Expected, Result, run_cell
+from tests.faults.dialects import Phase
+from tests.faults.proxy import Fault
+
+PHASES: tuple[Phase, ...] = get_args(Phase)
+
+FAULTS: dict[str, dict[str, Any]] = {
+    "device silent": {"kind": "drop", "way": "host"},
+    "device silent 0.6 s": {"kind": "drop", "way": "host", "for_s": 0.6},
+    "host unheard 0.6 s": {"kind": "drop", "way": "device", "for_s": 0.6},
+    "a tenth lost": {"kind": "drop", "p": 0.1},
+    "answers lost 0.35 s": {"kind": "drop", "way": "host", "only": "answers", "for_s": 0.35},
+    "all 0.15 s late": {"kind": "delay", "delay_s": 0.15},
+    "samples twice": {"kind": "duplicate", "way": "host", "only": "samples"},
+    "commands twice": {"kind": "duplicate", "way": "device"},
+    "samples reversed": {"kind": "reorder", "way": "host", "only": "samples", "for_s": 0.6},
+    "bits turned": {"kind": "corrupt", "p": 0.05},
+    "cut short": {"kind": "truncate", "p": 0.05},
+    "stall 0.2 s": {"kind": "stall", "for_s": 0.2},
+    "stall 2 s": {"kind": "stall", "for_s": 2.0},
+    "cable pulled": {"kind": "cut"},
+    "plate frozen": {"kind": "freeze", "way": "host", "channel": "plate_z_m"},
+    "thrust frozen": {"kind": "freeze", "way": "host", "channel": "thrust_N"},
+    "acknowledged, not done": {"kind": "ignore", "way": "device"},
+}
+"""Each fault without its phase, which it begins with; `Fault` says what the words mean."""
+
+RAMPING_S = 0.1
+"""A fault in a ramp begins so long after its first order: motors turn by then."""
+
+
+def fault_of(cell: Cell) -> Fault:
+    """Return a cell's fault, not begun yet."""
+    after_s = RAMPING_S if cell.phase == "ramping" else 0.0
+    return Fault(**FAULTS[cell.fault], phase=cell.phase, after_s=after_s)
+
+
+UNSEEN = "rotor 1 was not seen to stand: no reading came after zero was commanded; cut the power"
+TURNING = "MOTORS MAY STILL TURN: rpm1 4"
+WATCHDOG = "watchdog: no line for"
+UNFIT = "that does not fit a pulse of"
+SILENT = "sent nothing for"
+NO_PULSE, NO_PLATE = "did not answer 'pwm,", "did not answer 'plate,"
+UNMOVED = "plate_z_m still reads 1.4000 m after the move"
+
+RUNS = Expected()
+"""The run goes on to its end."""
+
+
+def ends(code: int, cause: str, within_s: float | None = None) -> Expected:
+    return Expected((code,), cause, within_s)
+
+
+def row(links: str, fault: str, phases: str, expected: Expected) -> Iterator[Cell]:
+    """Return the cells of a line of the table."""
+    for link in links.split():
+        for phase in phases.split():
+            assert phase in PHASES
+            yield Cell(link, phase, fault, expected)  # type: ignore[arg-type]
+
+
+# fmt: off
+ROWS = (
+    row("tcp", "device silent 0.6 s", "moving", ends(3, NO_PLATE)),
+    row("tcp", "device silent 0.6 s", "ramping sampling", RUNS),
+    row("tcp", "device silent 0.6 s", "stopping", ends(3, NO_PULSE, 0.6)),
+    row("mavlink", "device silent", "ramping sampling", ends(8, UNSEEN, 0.6)),
+    row("mavlink", "device silent", "stopping", ends(8, UNSEEN, 0.35)),
+    row("tcp", "host unheard 0.6 s", "moving", ends(3, NO_PLATE)),
+    row("tcp", "host unheard 0.6 s", "ramping sampling", ends(4, WATCHDOG, 0.35)),
+    row("tcp", "host unheard 0.6 s", "stopping", ends(3, NO_PULSE, 0.35)),
+    row("tcp", "a tenth lost", "connect ramping sampling", RUNS),
+    row("tcp", "answers lost 0.35 s", "connect sampling", RUNS),
+    row("tcp", "all 0.15 s late", "connect ramping sampling", RUNS),
+    row("tcp", "samples twice", "connect ramping sampling", RUNS),
+    row("mavlink", "samples twice", "ramping sampling stopping", RUNS),
+    row("tcp", "commands twice", "connect ramping sampling", RUNS),
+    row("mavlink", "commands twice", "ramping sampling stopping", RUNS),
+    row("tcp", "samples reversed", "connect ramping sampling", RUNS),
+    row("tcp", "bits turned", "connect ramping sampling", RUNS),
+    row("tcp", "cut short", "connect ramping sampling", RUNS),
+    row("tcp", "stall 0.2 s", "moving ramping", RUNS),
+    row("tcp", "stall 0.2 s", "sampling stopping", ends(4, WATCHDOG, 0.35)),
+    row("tcp", "stall 2 s", "moving", ends(3, NO_PLATE)),
+    row("tcp mavlink", "stall 2 s", "ramping sampling", ends(3, SILENT, 0.35)),
+    row("tcp", "stall 2 s", "stopping", ends(3, NO_PULSE, 0.35)),
+    row("mavlink", "stall 2 s", "stopping", ends(3, "did not acknowledge an order to turn", 0.35)),
+    row("tcp", "cable pulled", "moving", ends(3, NO_PLATE)),
+    row("tcp mavlink", "cable pulled", "ramping sampling stopping", ends(8, UNSEEN, 0.35)),
+    row("tcp", "plate frozen", "connect", ends(3, UNMOVED)),
+    row("tcp", "plate frozen", "ramping sampling", RUNS),
+    row("tcp", "thrust frozen", "connect", ends(3, "on the load cell, limit")),
+    row("tcp", "thrust frozen", "ramping sampling", ends(4, "all the time", 0.8)),
+    row("tcp", "acknowledged, not done", "moving", ends(3, UNMOVED)),
+    row("tcp", "acknowledged, not done", "ramping sampling", ends(8, TURNING, 2.5)),
+    row("tcp", "acknowledged, not done", "stopping", ends(8, TURNING, 1.4)),
+)
+# fmt: on
+
+CELLS = tuple(cell for cells in ROWS for cell in cells)
+
+
+def results(path: Path) -> Iterator[tuple[Cell, Result]]:
+    """Run what a file of results lacks, add it there, and return each cell with its result."""
+    done = dict(map(json.loads, path.read_text().splitlines())) if path.exists() else {}
+    with path.open("a") as file:
+        for cell in CELLS:
+            if cell.name not in done:
+                with TemporaryDirectory() as folder:
+                    _, result = run_cell(cell, fault_of(cell), Path(folder))
+                done[cell.name] = asdict(result)
+                file.write(json.dumps([cell.name, done[cell.name]]) + "\n")
+                file.flush()
+            yield cell, Result(**done[cell.name])
+
+
+def print_table(path: Path) -> None:
+    """Print how many cells of each link ended how, and when motors stood."""
+    found = list(results(path))
+    print("| link | cells | run to their end | end early | time to zero, median | worst |")
+    print("|---|---|---|---|---|---|")
+    for link in dict.fromkeys(cell.link for cell in CELLS):
+        own = [result for cell, result in found if cell.link == link]
+        early = [result.zero_s for result in own if result.code and not isnan(result.zero_s)]
+        ran = sum(result.code == 0 for result in own)
+        times = f"{median(early):.2f} s | {max(early):.2f} s" if early else "- | -"
+        print(f"| {link} | {len(own)} | {ran} | {len(own) - ran} | {times} |")
+    print(f"\n{len(found)} cells")
+
+
+if __name__ == "__main__":
+    print_table(Path(sys.argv[1] if len(sys.argv) > 1 else "build/fault-matrix.jsonl"))
