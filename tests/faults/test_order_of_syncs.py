@@ -3,62 +3,14 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from benchtool.data.atomic import replace_text
-from benchtool.data.run.append import Event, EventLog
-from benchtool.data.run.closing import scan_samples, take_marked, write_marked
 from benchtool.data.run.run import Run
 from tests.faults.loop import plan, sweep
-from tests.unit.data.run_of import small_run
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="needs /proc")
-
-
-def mark(run: Run) -> None:
-    samples = run.path / "samples.csv"
-    write_marked(samples, scan_samples(samples, frozenset()))
-    take_marked(samples)
-
-
-def log(run: Run) -> None:
-    EventLog(run.path / "events.jsonl").append(Event(1.0, "tare", "tared"))
-
-
-@pytest.mark.parametrize(
-    ("change", "order"),
-    [
-        (lambda run: replace_text(run.path / "x", "x"), ["fsync .x", "replace .x", "fsync run"]),
-        (mark, ["fsync .samples.csv", "replace .samples.csv", "fsync run"]),
-        (log, ["fsync events.jsonl"]),
-    ],
-)
-def test_a_file_is_on_the_disk_before_its_name_and_its_folder_behind_it(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    change: Callable[[Run], None],
-    order: list[str],
-) -> None:
-    run = small_run(tmp_path / "run")
-    done: list[str] = []
-    fsync, replace = os.fsync, os.replace
-
-    def forced(handle: int) -> None:
-        done.append(f"fsync {Path(os.readlink(f'/proc/self/fd/{handle}')).name}")
-        fsync(handle)
-
-    def renamed(old: Path, new: Path) -> None:
-        done.append(f"replace {old.name}")
-        replace(old, new)
-
-    monkeypatch.setattr(os, "fsync", forced)
-    monkeypatch.setattr(os, "replace", renamed)
-    change(run)
-    assert [re.sub(r"(\.\d+|\.marked)?\.new$", "", one) for one in done] == order
 
 
 def test_points_are_forced_to_the_disk_behind_their_samples(

@@ -24,9 +24,9 @@ class Group:
 BENCH, UNIT_BENCH = "benchtool/bench", "tests/unit/bench"
 STORED = (
     "tests/unit/data/test_run.py",
+    "tests/unit/data/test_closing.py",
     "tests/unit/data/test_links.py",
-    "tests/faults/test_order_of_syncs.py",
-    "tests/faults/test_run_closed.py",
+    "tests/unit/data/test_syncs.py",
 )
 
 GROUPS = {
@@ -51,7 +51,7 @@ GROUPS = {
     "append": Group(("benchtool/data/run/append.py", "benchtool/data/atomic.py"), STORED),
     "resume": Group(
         ("benchtool/acquire/resume.py",),
-        ("tests/faults/test_run_closed.py", "tests/faults/test_sequence.py"),
+        ("tests/unit/acquire/test_resume.py",),
     ),
     "close": Group(("benchtool/data/run/closing.py",), STORED),
     "link": Group(

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import data_hash
 from benchtool.data.columns import KINDS, code_of, frame
-from benchtool.data.run.append import Event, read_events
+from benchtool.data.run.append import AppendFile, Event, read_events
 from benchtool.data.run.closing import scan_samples, take_marked, write_marked
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run, free_run_path, read_settings
@@ -155,6 +156,52 @@ def test_events_survive_a_cut_line(tmp_path: Path) -> None:
     events = read_events(run.path / "events.jsonl")
     assert [event.event for event in events] == ["tare"]
     assert events[0].wall.endswith("+00:00")
+    with open(run.path / "events.jsonl", "ab") as file:
+        file.write(b"x" * 9000)  # longer than what is appended behind it
+    log = run.event_log()
+    assert log.fragment.endswith("xx")
+    log.append(Event(3.0, "end", "ended"))
+    log.close()
+    lines = (run.path / "events.jsonl").read_text().splitlines()
+    assert [json.loads(line)["event"] for line in lines] == ["tare", "end"]
+
+
+def test_a_disk_that_fills_up_keeps_whole_rows_and_the_rest_in_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, write = tmp_path / "x", os.write
+    room = [12]
+
+    def little(handle: int, data: bytes) -> int:
+        if not room[0]:
+            raise OSError(28, "No space left on device")
+        written = write(handle, data[: min(7, room[0])])
+        room[0] -= written
+        return written
+
+    file = AppendFile(path)
+    file.write(b"first\n")
+    monkeypatch.setattr(os, "write", little)
+    with pytest.raises(OSError, match="No space"):
+        file.write(b"second row\nand third\n")
+    room[0] = 99
+    file.write(b"fourth\n")  # not behind a row that is missing
+    file.sync()
+    assert path.read_bytes() == b"first\n"
+    file.copy_to(tmp_path / "rest", whole=False)
+    assert (tmp_path / "rest").read_bytes() == b"second row\nand third\nfourth\n"
+    file.copy_to(tmp_path / "all", whole=True)
+    assert (tmp_path / "all").read_bytes() == b"first\nsecond row\nand third\nfourth\n"
+    assert file.is_in_place()
+    path.rename(tmp_path / "moved")
+    assert not file.is_in_place()
+    (tmp_path / "moved").write_bytes(b"")
+    (tmp_path / "moved").rename(path)
+    file.close()
+    file.close()
+    assert not file.is_in_place()
+    with pytest.raises(ValueError, match="is closed"):
+        file.write(b"")
 
 
 def test_the_hash_names_the_data(tmp_path: Path) -> None:

@@ -1,0 +1,147 @@
+"""Where a run goes on: what it has, what it lacks, and whether this is its bench."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.acquire.new_run import run_metadata
+from benchtool.acquire.plan import plan_from_toml, plan_to_toml
+from benchtool.acquire.record import LinkQuality
+from benchtool.acquire.resume import close_run, prepare, require_same_device, unfinished
+from benchtool.acquire.sweep import Start
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.rig_file import rig_named
+from benchtool.data.columns import code_of
+from benchtool.data.run.read import read_samples
+from benchtool.data.run.run import Run
+from benchtool.data.run.run_writer import RunWriter
+from tests.unit.acquire.fake_bench import FakeBench
+from tests.unit.data.run_of import CHANNELS, point
+
+RIG = rig_named("pquad_single")
+PLAN = plan_from_toml(
+    """
+repeats = 2
+[plate]
+distances_m = [0.1]
+[throttle]
+pwm_us = [1400.0]
+[order]
+references = false
+anchor_every = 0
+""",
+    "plan",
+).resolved(RIG)
+LINK = {"lost": 5, "corrupt": 3, "repeated": 2}
+
+
+def begun(path: Path, done: int = 1, rows: int = 4) -> Run:
+    """Return a run of two visits: with the points of some, and samples of the park and of both."""
+    facts = run_metadata(PLAN, RIG, FakeBench().identity)
+    run = Run.create(path, plan_to_toml(PLAN), facts | {"link": LINK})
+    samples = run.sample_writer(CHANNELS)
+    time_s = 0.5 * np.arange(rows)
+    for number, phase in ((0, "move"), (1, "sample"), (2, "settle")):
+        values = np.full((rows, 3), 1400.0)
+        samples.append(number, phase, time_s + 2.0 * number, 1e6 * time_s, values)
+    samples.close()
+    points = run.point_writer(1)
+    points.append(point(0, "tare", 0, 0, 0.0))
+    for number in range(1, done + 1):
+        measured = point(number, "measure", 1, number, 1.0)
+        points.append(replace(measured, settled=number != 1, suspect=number == 1))
+    points.close()
+    return run
+
+
+def test_a_run_goes_on_behind_what_it_has(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run")
+    rest = unfinished(run)
+    assert (rest.done, rest.left, rest.stage, rest.calibration) == (frozenset({1}), 1, None, None)
+    assert (rest.plan, rest.rig.name) == (PLAN, RIG.name)
+    # The last sample is at 5.5 s, and 1 s stands for the break.
+    link = LinkQuality(12, **LINK)
+    assert prepare(rest) == Start(frozenset({1}), 6.5, unsettled=1, suspect=1, tares=1, link=link)
+    RunWriter(run, CHANNELS, 1).close()
+    found = read_samples(run.path)
+    words = ["move"] * 4 + ["sample"] * 4 + ["interrupted"] * 4
+    assert found.column("phase").tolist() == [code_of("phase", word) for word in words]
+
+
+def test_a_run_of_which_nothing_was_measured_begins_anew(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run", done=0, rows=0)
+    assert prepare(unfinished(run)) == Start()
+    (run.path / "points.csv").unlink()
+    assert unfinished(run).left == 2
+
+
+def test_a_run_that_counted_no_losses_begins_with_none(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run", done=0)
+    run.update_metadata(link=None)
+    assert prepare(unfinished(run)) == Start(time_s=6.5, tares=1, link=LinkQuality(12))
+
+
+def test_where_nothing_is_left_the_run_is_closed_once(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run", done=2)
+    said = "nothing is left to resume of .*: 2 visits, and all measured already"
+    with pytest.raises(InputError, match=f"{said}; it was not closed, and is now$"):
+        prepare(unfinished(run))
+    assert run.metadata["state"] == "ended"
+    with pytest.raises(InputError, match=f"{said}$"):
+        prepare(unfinished(run))
+
+
+def test_a_visit_whose_line_was_cut_is_not_done(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run", done=2)
+    path = run.path / "points.csv"
+    path.write_bytes(path.read_bytes()[:-1])
+    assert unfinished(run).done == frozenset({1})
+
+
+@pytest.mark.parametrize("kind", ["tare", "failed"])
+def test_points_that_measured_nothing_are_no_visits(tmp_path: Path, kind: str) -> None:
+    run = begun(tmp_path / "run", done=0)
+    points = run.point_writer(1)
+    points.append(point(1, kind, 0, 0, 0.0))
+    points.close()
+    assert unfinished(run).left == 2
+
+
+def test_a_line_that_cannot_be_read_is_no_visit_to_measure_again(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run")
+    with open(run.path / "points.csv", "a") as file:
+        file.write("2,measure,x\n")
+    with pytest.raises(FileFormatError, match=r"points\.csv"):
+        unfinished(run)
+
+
+def test_another_device_is_refused(tmp_path: Path) -> None:
+    rest = unfinished(begun(tmp_path / "run"))
+    identity = FakeBench().identity
+    require_same_device(rest, identity)
+    with pytest.raises(InputError, match="was begun on device 'fake-1', but fake:1 is 'other'"):
+        require_same_device(rest, replace(identity, device_id="other"))
+
+
+@pytest.mark.parametrize(
+    ("facts", "plan", "state"),
+    [
+        ({"visits": 2}, "", "ended"),
+        ({}, plan_to_toml(PLAN), "ended"),
+        ({}, plan_to_toml(PLAN).replace("repeats = 2", "repeats = 3"), "stopped"),
+        ({"experiment": "pitch"}, "no plan of a sweep", "stopped"),
+    ],
+)
+def test_a_run_of_any_kind_is_closed(
+    tmp_path: Path, facts: dict[str, object], plan: str, state: str
+) -> None:
+    run = begun(tmp_path / "run", done=2)
+    run.update_metadata(**facts)
+    (run.path / "plan.toml").write_text(plan)
+    assert close_run(run)
+    assert run.metadata["state"] == state
+    assert not close_run(run)

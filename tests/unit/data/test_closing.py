@@ -1,0 +1,138 @@
+"""What closing adds to a run, and what it finds in samples.csv."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchtool.core.errors import FileFormatError
+from benchtool.data.run.append import Event, read_events
+from benchtool.data.run.closing import (
+    DIED,
+    has_rows,
+    remove_left_overs,
+    scan_samples,
+    take_marked,
+    write_marked,
+)
+from benchtool.data.run.read import read_samples
+from benchtool.data.run.run import Run
+from tests.unit.data.run_of import small_run
+
+ALL = "closed afterwards; all is measured: 4 visits"
+
+
+@pytest.mark.parametrize(
+    ("state", "planned", "visits", "closed", "said"),
+    [
+        ("running", 4, None, "ended", ALL),
+        ("stopped", 4, None, "ended", ALL),
+        ("running", 5, None, "stopped", f"closed afterwards; {DIED}"),
+        ("running", None, None, "stopped", f"closed afterwards; {DIED}"),
+        ("running", 5, 4, "ended", ALL),
+        ("stopped", 5, None, "stopped", None),
+        ("stopped", None, None, "stopped", None),
+        ("ended", 5, None, "ended", None),
+    ],
+)
+def test_how_a_run_ended_is_said_once(
+    tmp_path: Path, state: str, planned: int | None, visits: int | None, closed: str, said: str
+) -> None:
+    run = small_run(tmp_path / "run")
+    run.update_metadata(state=state, visits=planned)
+    with run.locked() as log:
+        log.append(Event(7.5, "tare", "tared"))
+    assert run.close(visits)
+    assert run.metadata["state"] == closed
+    died = (state, closed) == ("running", "stopped")
+    assert run.metadata.get("reason") == (DIED if died else None)
+    events = [(one.time_s, one.event, one.text) for one in read_events(run.path / "events.jsonl")]
+    assert events[1:] == ([(7.5, "closed", said)] if said else [])
+    before = {path.name: path.read_bytes() for path in run.path.iterdir()}
+    assert not run.close(visits)
+    assert {path.name: path.read_bytes() for path in run.path.iterdir()} == before
+
+
+def test_an_event_that_a_killed_close_had_written_is_not_repeated(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    run.update_metadata(state="running", visits=4)
+    with run.locked() as log:
+        log.append(Event(0.0, "closed", ALL))
+    run.close()
+    assert len(read_events(run.path / "events.jsonl")) == 1
+
+
+def test_left_overs_are_hidden_files_that_were_being_written(tmp_path: Path) -> None:
+    for name in (".metadata.json.7.new", ".x.new", "x.new", ".x.newer", ".x"):
+        (tmp_path / name).touch()
+    (tmp_path / ".folder.new").mkdir()
+    remove_left_overs(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"x.new", ".x.newer", ".x", ".folder.new"}
+
+
+@pytest.mark.parametrize("name", ["samples.csv", "samples.parquet"])
+def test_samples_are_sealed_again_where_either_file_has_changed(tmp_path: Path, name: str) -> None:
+    run = small_run(tmp_path / "run")
+    run.close()
+    with open(run.path / name, "ab") as file:
+        file.write(b"1.0,1,0,move,,,\n")
+    assert run.close()
+    assert read_samples(run.path).provenance["file"].endswith("samples.parquet")
+    assert len(read_samples(run.path)) == 10 + (name == "samples.csv")
+    (run.path / "samples.parquet").unlink()
+    assert run.close()
+    assert not run.close()
+
+
+def test_settings_that_are_missing_are_made_again(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    run.close()
+    (run.path / "settings.csv").unlink()
+    assert run.close()
+    assert (run.path / "settings.csv").is_file()
+
+
+def test_a_run_without_rows_is_closed_without_tables(tmp_path: Path) -> None:
+    run = Run.create(tmp_path / "run", "", {"state": "ended"})
+    (run.path / "points.csv").write_text("point,kind\n")
+    assert not has_rows(run.path / "points.csv")
+    assert not run.close()
+    assert {path.name for path in run.path.iterdir()} == {
+        *("plan.toml", "metadata.json", "points.csv", "events.jsonl")
+    }
+
+
+HEAD = "time_s,device_time_us,point,phase,rpm1\n"
+ROWS = ("1,10,0,move,1\n", "9,20,1,sample,2\n", "3,30,2,settle,3\n", "4,40,2,interrupted,4\n")
+
+
+def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path: Path) -> None:
+    path = tmp_path / "samples.csv"
+    cut = "5,50,2,settle"
+    path.write_text(HEAD + "".join(ROWS) + cut)
+    assert scan_samples(path, frozenset({1, 2})).from_byte is None
+    found = scan_samples(path, frozenset({1}))
+    assert (found.rows, found.last_s) == (4, 9.0)
+    assert found.from_byte == len(HEAD + ROWS[0] + ROWS[1])
+    write_marked(path, found)
+    assert path.read_text() == HEAD + "".join(ROWS) + cut
+    take_marked(path)
+    marked = ROWS[2].replace("settle", "interrupted")
+    assert path.read_text() == HEAD + ROWS[0] + ROWS[1] + marked + ROWS[3] + cut
+    take_marked(path)  # nothing was written since
+    assert scan_samples(path, frozenset({1})).from_byte is None
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("x,10,1,sample,1", "1,x,1,sample,1", "1,10,x,sample,1", "1,10,-1,sample,1", "1,10,1"),
+        *("nan,10,1,sample,1", "1e300,10,1,sample,1", "1,1e300,1,sample,1"),
+    ],
+)
+def test_a_line_that_no_writer_has_written_is_named(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "samples.csv"
+    path.write_text(HEAD + ROWS[0] + line + "\n")
+    with pytest.raises(FileFormatError, match=r"samples\.csv, line 3: it begins with '"):
+        scan_samples(path, frozenset())
