@@ -44,6 +44,7 @@ GROUPS = {
     "limits": Group(
         (f"{BENCH}/limit_check.py", f"{BENCH}/plate_check.py"),
         (
+            f"{UNIT_BENCH}/test_plate_check.py",
             f"{UNIT_BENCH}/test_limit_check.py",
             f"{UNIT_BENCH}/test_guard_talks.py",
         ),
@@ -70,7 +71,11 @@ GROUPS = {
     ),
     "verdict": Group(
         ("benchtool/explain/engine/posterior.py", "benchtool/explain/engine/verdict.py"),
-        ("tests/unit/explain/test_verdict_words.py", "tests/unit/explain/test_posterior.py"),
+        (
+            "tests/unit/explain/test_decided.py",
+            "tests/unit/explain/test_verdict_words.py",
+            "tests/unit/explain/test_posterior.py",
+        ),
     ),
 }
 

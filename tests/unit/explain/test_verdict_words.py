@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.explain.engine.verdict import KINDS, PLACES, STAGES, Kind
+from benchtool.explain.engine.verdict import KINDS, PLACES, STAGES, Kind, NotJudged, Unnamed
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import SUBSYSTEMS
-from tests.unit.explain.hand_made import FRICTION, verdict
+from tests.unit.explain.hand_made import FRICTION, NEXT, OFFSET, gap, verdict
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -62,3 +62,108 @@ def test_every_stage_and_every_effect_reads_in_a_sentence() -> None:
     assert set(STAGES) == set(SUBSYSTEMS)
     assert EFFECTS["cog_offset"].phrase == "centre-of-gravity offset"
     assert EFFECTS["coulomb_friction"].phrase == "Coulomb friction"
+
+
+CURVE = Unnamed(
+    name="curve", stage="rpm_to_thrust", phrase="thrust that depends on distance", probability=0.7,
+    share=0.052, tolerances=2.6, weight=1.0,
+)  # fmt: skip
+BLIND = {
+    "coulomb_friction.torque_Nm": 1.0, "cog_offset.x_m": 1.0, "cog_offset.y_m": 1.0,
+    "body_lift.gain": 1.0,
+}  # fmt: skip
+
+
+def test_a_class_adds_up_what_it_cannot_separate() -> None:
+    likely = replace(FRICTION, probability=0.5)
+    assert verdict("class", effects=(likely, replace(OFFSET, probability=0.4))).sentence == (
+        "The model lacks one of Coulomb friction, centre-of-gravity offset; this data cannot "
+        "separate them; of the named the likeliest is Coulomb friction: "
+        "coulomb_friction.torque_Nm = 0.0241 ± 0.0006 N m."
+    )
+    said = verdict("class", effects=(likely,), unnamed=(CURVE,)).sentence
+    assert said.startswith(
+        "The model probably lacks one of Coulomb friction, thrust that depends on distance, up to "
+        "5.2 % of the reading (2.6 tolerances); this"
+    )
+
+
+def test_nothing_missing_says_what_could_not_be_judged() -> None:
+    seen = verdict("none", tolerances=BLIND, not_judged={})
+    assert seen.sentence == "Nothing beyond the stated tolerances is missing from the model."
+    at_limit = {"cog_offset": NotJudged.below(3.0)}
+    assert verdict("none", tolerances=BLIND, not_judged=at_limit).sentence == seen.sentence
+    some = {"cog_offset": NotJudged.below(3.1), "no such effect": NotJudged.below(9.0)}
+    assert verdict("none", tolerances=BLIND, not_judged=some).sentence.endswith(
+        "from the model; 1 of 3 effects were not judged."
+    )
+    most = verdict("none", tolerances=BLIND, not_judged=some | {"body_lift": NotJudged.below(1e3)})
+    assert most.sentence.startswith("This data can show only 1 of 3 effects, and none of those")
+    half = {name: 1.0 for name in BLIND if name[:4] != "body"}
+    assert not verdict("none", tolerances=half, not_judged=some).mostly_blind
+
+
+def test_an_unknown_says_what_it_is_and_what_is_beside_it() -> None:
+    found = verdict("unknown", unnamed=(CURVE,), nearest=None, beside={"Coulomb friction": 0.96})
+    found = replace(found, where=replace(found.where, regime="everywhere"))
+    assert found.sentence == (
+        "Something is missing at the hinge that no named effect explains: thrust that depends on "
+        "distance, up to 5.2 % of the reading (2.6 tolerances); beside it Coulomb friction, "
+        "probability 0.96."
+    )
+    assert replace(found, where=None).sentence.startswith("Something is missing that no named")
+
+
+def test_each_stage_says_all_that_is_missing_there() -> None:
+    found = verdict("several", unnamed=(CURVE, replace(CURVE, stage="hinge")))
+    assert found.stages == {
+        "hinge": "Coulomb friction, probability 0.98; centre-of-gravity offset, probability 0.60; "
+        + CURVE.text,
+        "rpm_to_thrust": CURVE.text,
+    }
+    assert found.names == ("coulomb_friction", "cog_offset")
+
+
+@pytest.mark.parametrize(
+    ("kind", "probability", "holds"),
+    [
+        ("effect", 0.984, True), ("effect", 0.985, False), ("several", 0.6, True),
+        ("several", 0.61, False), ("class", 0.0, False), ("unknown", 0.012, True),
+        ("unknown", 0.013, False), ("none", 0.5, False),
+    ],
+)  # fmt: skip
+def test_the_whole_answer_is_as_likely_as_its_least_likely_part(
+    kind: Kind, probability: float, holds: bool
+) -> None:
+    assert verdict(kind).holds(probability) is holds
+
+
+@pytest.mark.parametrize(
+    ("kind", "probability", "sure"),
+    [("effect", 0.9, True), ("effect", 0.89, False), ("class", 0.99, False), ("none", 1.0, False)],
+)
+def test_only_names_that_are_likely_enough_are_sure(
+    kind: Kind, probability: float, sure: bool
+) -> None:
+    named = (replace(FRICTION, probability=probability),) if kind != "none" else ()
+    assert verdict(kind, effects=named).is_sure is sure
+    both = verdict("several", effects=(FRICTION, replace(FRICTION, probability=probability)))
+    assert both.is_sure == (probability >= 0.9)
+
+
+def test_numbers_of_a_verdict() -> None:
+    (number,) = FRICTION.parameters
+    assert replace(number, determined=False).text == "not determined (0.0229 to 0.0253)"
+    assert replace(number, unit="1").text == "0.0241 ± 0.0006"
+    whole = gap("theta_rad", "rad", 0.05, 0.03, 0.03)
+    assert whole.share_closed == pytest.approx(1.0)
+    assert replace(whole, after=0.04).share_closed == pytest.approx(9.0 / 16.0)
+    assert replace(whole, before=0.03).share_closed == 0.0
+    assert replace(whole, before=0.02).share_closed == 0.0
+    assert (NotJudged.below(100.0).reason, NotJudged.below(100.0).size) == ("too_weak", 100.0)
+    assert (NotJudged.below(101.0).reason, NotJudged.below(101.0).size) == (
+        "no_trace",
+        float("inf"),
+    )
+    assert replace(NEXT, expected={"a": 0.2, "b": 1.0}).decides
+    assert not replace(NEXT, expected={"a": 0.2, "b": 0.9}).decides
