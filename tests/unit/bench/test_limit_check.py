@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchtool.bench.limit_check import LimitCheck, unwatched_limits
+from benchtool.bench.plate_check import plate_tolerance_m
 from benchtool.bench.rpm_tracking import speeds_of
 from benchtool.core.channel import Channel
 from benchtool.core.errors import LimitExceeded
@@ -263,3 +264,66 @@ def test_limits_without_a_channel_are_named() -> None:
                                              "temperature_degC", "rpm1")]  # fmt: skip
     assert unwatched_limits(whole, 1) == ""
     assert unwatched_limits(whole, 2).startswith("no channel brings rpm2: ")
+
+
+@pytest.mark.parametrize(
+    ("rpm", "thrust_N", "stops"),
+    [
+        # Of four rotors at 2000 rpm k sum w^2 gives 1.81 N; 5 % of the cell's rating on top.
+        (2000.0, lambda expected_N, margin_N: 3.5 * expected_N + margin_N + 0.06, True),
+        (2000.0, lambda expected_N, margin_N: 3.5 * expected_N + margin_N - 0.06, False),
+        (4512.0, lambda expected_N, margin_N: 0.2 * expected_N - margin_N - 0.06, True),
+        (4512.0, lambda expected_N, margin_N: 0.2 * expected_N - margin_N + 0.06, False),
+    ],
+)
+def test_the_band_of_plausible_thrust(
+    rpm: float, thrust_N: Callable[[float, float], float], stops: bool
+) -> None:
+    square = 4.0 * (rpm * np.pi / 30.0) ** 2
+    expected_N = RIG.propulsion.thrust_coefficient_N_s2 * square
+    shown_N = thrust_N(expected_N, 0.05 * RIG.limits.load_cell_rating_N)
+    when_s, error = stopped_at_s(TOGETHER, [rpm] * 4, shown_N, 1500.0)
+    assert (error is not None) == stops
+    assert when_s < 1.0 or not stops
+
+
+PLATE_FIRST = (Channel("plate_z_m", "m"), *CHANNELS[:4])
+
+
+@pytest.mark.parametrize(
+    ("more_us", "more_m", "stops"), [(1.0, -1e-6, True), (0.0, -1e-6, False), (1.0, 1e-6, False)]
+)
+def test_a_plate_inside_the_least_gap_stops_motors_that_turn(
+    more_us: float, more_m: float, stops: bool
+) -> None:
+    check = LimitCheck(PLATE_FIRST, RIG, RIG.limits, 1.0, 0.0)
+    check.commanded(np.full(4, RIG.propulsion.pwm_stop_us + more_us), 0.0)
+    nearest_m = RIG.plate.z_min_m - plate_tolerance_m(RIG)
+    rows = np.array([[np.nan, *[0.0] * 4], [nearest_m + more_m, *[0.0] * 4]])
+    assert (check.breach(np.array([0.1, 0.2]), rows) is not None) == stops
+
+
+def test_a_load_cell_is_not_stuck_while_nobody_reads_it() -> None:
+    check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
+    check.commanded(np.full(4, 1500.0), 0.0)
+    found = []
+    for time_s in (*np.arange(0.1, 2.5, 0.1), *np.arange(9.0, 11.0, 0.1)):
+        row = np.array([[*[4512.0 + time_s] * 4, 9.2]])
+        found.append(check.breach(np.array([time_s]), row))
+    stuck = [float(number) for number, error in enumerate(found) if error is not None]
+    # 2.3 s before the pause and 0.7 s after it, each counted from the reading before.
+    assert stuck[0] == pytest.approx(24 + 7, abs=1.1)
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_a_channel_that_falls_silent_is_named(number: int) -> None:
+    check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
+    row = np.array([0.0, 0.0, 0.0, 0.0, 0.0])
+    for step in range(1, 300):
+        shown = row + 0.01 * np.sin(step)
+        shown[number] = shown[number] if step <= 100 else np.nan
+        error = check.breach(np.array([0.01 * step]), shown[None, :])
+        if error is not None:
+            break
+    assert step == 201  # a reading may be as old as 1 s
+    assert str(error).startswith(f"silence of {CHANNELS[number].name} in s read 1.01, limit 1;")

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from math import inf, nan
+from dataclasses import replace
+from math import inf, nan, pi
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from benchtool.bench.plate_check import PlateCheck, check_travel
+from benchtool.bench.bench import Readings
+from benchtool.bench.driven import SPIN_DOWN_S
+from benchtool.bench.plate_check import (
+    PlateCheck,
+    check_travel,
+    plate_tolerance_m,
+    wait_for_idle,
+)
 from benchtool.core.channel import Channel
 from benchtool.core.errors import StageError
+from benchtool.core.rig import Sensor
 from benchtool.core.rig_file import rig_named
 
 RIG = rig_named("pquad_single")
@@ -30,6 +40,8 @@ def moved(before_m: float, *read_m: float) -> PlateCheck:
 
 
 def test_the_tolerance_is_that_of_drive_and_sensor() -> None:
+    noisy = replace(RIG, sensors={"plate_z_m": Sensor(noise=0.002, quantum=0.0003)})
+    assert plate_tolerance_m(noisy) == pytest.approx(0.0013 + RIG.plate.backlash_m + 0.008)
     assert pytest.approx(0.001 + RIG.plate.backlash_m + 0.0001) == TOLERANCE_M
     assert RIG.plate.backlash_m > 0.0
 
@@ -124,3 +136,62 @@ def test_where_a_plate_may_go(z_m: float, x_m: float, tilt_rad: float, said: str
     else:
         with pytest.raises(StageError, match=said):
             check_travel(RIG, z_m, x_m, tilt_rad)
+
+
+START_US = RIG.propulsion.pwm_start_us
+SLOW_RPM = 1.5 * RIG.propulsion.speed_per_us_rad_s * 20.0 * 30.0 / pi + 60.0
+"""The limit for a device that idles 20 us above the start of the map."""
+
+
+class Idling:
+    """Be a guarded bench whose one rotor is read at some speeds, the same each time."""
+
+    def __init__(self, idle_us: float | None, pwm_us: float, *rpm: float) -> None:
+        self.identity = SimpleNamespace(pwm_idle_us=idle_us, channels=CHANNELS)
+        self.pwm_us = np.array([pwm_us])
+        self.time_s = 0.0
+        self._rpm = rpm
+
+    def now_s(self) -> float:
+        return self.time_s
+
+    def listen(self, timeout_s: float) -> Readings:
+        self.time_s += timeout_s
+        values = np.array([[nan, rpm] for rpm in self._rpm])
+        return Readings(np.full(len(values), self.time_s), np.zeros(len(values)), values)
+
+
+@pytest.mark.parametrize(
+    ("idle_us", "pwm_us", "rpm"),
+    [
+        (None, START_US, (60.0,)),
+        (START_US + 20.0, START_US + 20.0, (0.999 * SLOW_RPM,)),
+        (START_US + 20.0, START_US, (9e3, 100.0)),
+        (START_US + 20.0, START_US, (9e3, 100.0, nan)),
+    ],
+)
+def test_a_plate_moves_beside_rotors_at_idle(
+    idle_us: float | None, pwm_us: float, rpm: tuple[float, ...]
+) -> None:
+    bench = Idling(idle_us, pwm_us, *rpm)
+    wait_for_idle(bench, RIG)
+    assert bench.time_s <= 0.1
+
+
+@pytest.mark.parametrize(
+    ("idle_us", "pwm_us", "rpm", "said", "within_s"),
+    [
+        (None, START_US + 0.1, (0.0,), "motor 1 is commanded .* above idle at", 0.0),
+        (None, START_US, (61.0,), "a rotor still turns at 61 rpm 4 s after idle", SPIN_DOWN_S),
+        (START_US + 20.0, START_US, (1.001 * SLOW_RPM,), "still turns", SPIN_DOWN_S),
+        (START_US + 20.0, START_US, (100.0, 9e3), "turns at 9000 rpm", SPIN_DOWN_S),
+        (None, START_US, (nan,), "turns at nan rpm", SPIN_DOWN_S),
+    ],
+)
+def test_a_plate_does_not_move_beside_faster_ones(
+    idle_us: float | None, pwm_us: float, rpm: tuple[float, ...], said: str, within_s: float
+) -> None:
+    bench = Idling(idle_us, pwm_us, *rpm)
+    with pytest.raises(StageError, match=said):
+        wait_for_idle(bench, RIG)
+    assert within_s <= bench.time_s <= within_s + 0.11
