@@ -1,73 +1,12 @@
-"""What every closed-loop simulation takes, and what its commands say."""
+"""What the commands of closed-loop simulations say."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Annotated
-
-from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.errors import InputError
-from benchtool.core.inputs import Input, Inputs, changed, items
-
-LONGEST_S = 3600.0
-"""Longest simulation; a choice."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CampaignInputs(Inputs):
-    """What makes many runs of one."""
-
-    vary: Annotated[
-        tuple[str, ...], Input("NAME=FROM:TO:COUNT: a campaign over a grid; --out is needed.")
-    ] = ()
-    seeds: Annotated[int, Ge(1), Input("Seeds per point of a campaign.")] = 1
-    samples: Annotated[int, Ge(0), Input("Random points in place of the grid.")] = 0
-    measure: Annotated[
-        str, Input("What the map of a campaign shows; the main one when left out.")
-    ] = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StudyInputs(Inputs):
-    """What every closed-loop simulation takes."""
-
-    gains: Annotated[
-        tuple[str, ...],
-        Len(1),
-        Input("Gain set (s3, s1a, stiff), or its file; several in a campaign.", commas=True),
-    ] = ("s3",)
-    duration_s: Annotated[
-        Annotated[float, Gt(0.0), Le(LONGEST_S)] | None, Input("Length.", "s", empty="its own")
-    ] = None
-    seed: Annotated[int, Ge(0), Input("Seed of the noise.")] = 1
-    settings: Annotated[
-        Mapping[str, float],
-        Input(
-            "NAME=VALUE, as gains.attitude=1.2 (a factor) or gains.attitude.k_q_per_s=8.",
-            option="set",
-        ),
-    ] = field(default_factory=dict)
-    campaign: CampaignInputs = CampaignInputs()
-    out: Annotated[Path | None, Input("Folder for recordings or table, and figure.")] = None
-
-    def gain_set(self) -> str:
-        if len(self.gains) > 1:
-            raise InputError(
-                f"{len(self.gains)} gain sets ({', '.join(self.gains)}) are for a campaign; add "
-                f"--vary, or name one"
-            )
-        return self.gains[0]
-
-    def refuse_campaign(self) -> None:
-        if given := changed(self.campaign):
-            option = next(item.option for item in items(CampaignInputs) if item.name in given)
-            raise InputError(
-                f"{option} is for a campaign; add --vary NAME=FROM:TO:COUNT or leave it out"
-            )
 
 
 def say_if_slow(instead: str = "takes minutes", fast: str = "a second") -> None:

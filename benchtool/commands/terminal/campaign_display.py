@@ -12,7 +12,6 @@ from typing import Any
 from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
 from benchtool import __version__
-from benchtool.commands.simulate_options import StudyInputs
 from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, WouldOverwrite
@@ -23,6 +22,7 @@ from benchtool.report.files import refuse_existing, save_figure
 from benchtool.report.flight.campaign import campaign_map
 from benchtool.simulate.campaign import Campaign, measure_named, write_campaign
 from benchtool.simulate.design import Design
+from benchtool.simulate.study_inputs import StudyInputs
 
 
 def run_with_progress(campaign: Campaign, study: StudyInputs, **names: Any) -> None:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from benchtool.commands.simulate_pitch import PitchInputs
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.physics.model_file import model_names
+from benchtool.simulate.pitch.inputs import PitchInputs
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.simulate.work import Simulation, command_words, write_into, zipped
 from benchtool.web.widgets import CommandRow, open_tab, shows_errors, titled_card, today

@@ -13,8 +13,6 @@ from nicegui import background_tasks, json, ui
 from nicegui.element import Element
 from nicegui.elements.echart import EChart as EChart
 
-from benchtool.commands.simulate_flight import FlightInputs
-from benchtool.commands.simulate_pitch import PitchInputs
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.inputs import make
 from benchtool.core.rig_file import rig_named, rig_names
@@ -23,7 +21,9 @@ from benchtool.report.palette import BLUE, VERMILION
 from benchtool.report.side_view import ADDED_TIMES
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
 from benchtool.simulate.flight.cases import FLIGHTS
+from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.gain_file import gain_names
+from benchtool.simulate.pitch.inputs import PitchInputs
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.simulate.save_card import SaveCard
 from benchtool.web.tabs.simulate.sliders import (

@@ -11,16 +11,16 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 
-from benchtool.commands.simulate_flight import FlightInputs
-from benchtool.commands.simulate_flight import setup_of as flight_setup_of
-from benchtool.commands.simulate_pitch import PitchInputs
-from benchtool.commands.simulate_pitch import setup_of as pitch_setup_of
 from benchtool.core.inputs import changed, words
 from benchtool.data.run.recording_file import beside
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.preview import ChartLine, DrawnMotion, Role, SimulationPreview
 from benchtool.report.side_view import side_view_svg
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
+from benchtool.simulate.flight.inputs import FlightInputs
+from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
+from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
 from benchtool.web.jobs import written_whole
 
 Shown = dict[str, Any]

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.commands.simulate_flight import FlightInputs
-from benchtool.commands.simulate_flight import setup_of as flight_setup_of
-from benchtool.commands.simulate_pitch import PitchInputs
-from benchtool.commands.simulate_pitch import setup_of as pitch_setup_of
+from benchtool.simulate.flight.inputs import FlightInputs
+from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
+from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.inputs import make
 from benchtool.core.rig_file import rig_names

@@ -1,0 +1,122 @@
+"""What a simulated flight takes, from the command line, the page or Python."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from annotated_types import Ge, Gt, Le, Len
+
+from benchtool.core.inputs import Input, Inputs
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.simulate.study_inputs import StudyInputs
+
+if TYPE_CHECKING:
+    from benchtool.simulate.flight.setup import FlightSetup
+    from benchtool.simulate.flight.vehicle import FlightVehicle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightInputs(Inputs):
+    """What `benchtool simulate flight` takes."""
+
+    case: Annotated[str, Input("over, edge, oblique, corner, gust, ramp or plate.")] = "over"
+    rig: Annotated[str, Input("Rig that flies.")] = "pquad"
+    model: Annotated[
+        str, Input("Model whose ground effect acts, or its file.", empty="eq. (4)")
+    ] = ""
+    controllers: Annotated[
+        tuple[str, ...],
+        Len(1),
+        Input(
+            "Some of pid, observer, feedforward, both; your own as module:Class; oge (PID over "
+            "nothing) in a campaign.",
+            commas=True,
+            also="--controller",
+            empty="pid,observer,feedforward; oge,pid in a campaign",
+        ),
+    ] = ()
+    z_over_R: Annotated[
+        float,
+        Gt(0.0),
+        Le(1000.0),
+        Input("Height over the obstacle in rotor radii.", option="z-over-r"),
+    ] = 2.0
+    speed_m_s: Annotated[
+        Annotated[float, Ge(0.001), Le(50.0)] | None,
+        Input("Speed limit.", "m/s", empty="the case's own"),
+    ] = None
+    ramp: Annotated[bool, Input("Lead the reference along in place of a speed limit.")] = False
+    gyro_noise_rad_s: Annotated[
+        Annotated[float, Ge(0.0), Le(10.0)] | None,
+        Input(
+            "Standard deviation.", "rad/s", empty="none, or the paper's 0.015 under several seeds"
+        ),
+    ] = None
+    map_offset_m: Annotated[
+        tuple[float, float, float], Input("X,Y,Z of the feedforward's map; -0.05,0,0.", "m")
+    ] = (0.0, 0.0, 0.0)
+    map: Annotated[Path | None, Input("Fly over this map (TOML or CSV) instead.")] = None
+    goal_m: Annotated[tuple[float, float] | None, Input("X,Y to fly to instead.", "m")] = None
+    lag_s: Annotated[float, Ge(0.0), Le(10.0), Input("Time constant of the motors.", "s")] = 0.0
+    layout: Annotated[Literal["plus", "cross"], Input("plus, or cross: turned by 45 degrees.")] = (
+        "plus"
+    )
+    study: StudyInputs = field(default_factory=StudyInputs)
+
+
+def setup_of(
+    inputs: FlightInputs,
+    gains: str,
+    permit: CodePermit = refuse_code,
+    note: Callable[[Iterable[str]], None] = lambda notes: None,
+) -> FlightSetup:
+    """Return what flies with one gain set.
+
+    Args:
+        permit: called with the file of a model's own effects before it is run.
+        note: called with how the model's file was read.
+    """
+    from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
+    from benchtool.simulate.flight.map import read_map
+    from benchtool.simulate.flight.setup import FlightSetup, changed
+    from benchtool.simulate.gain_file import gains_named
+
+    noise_rad_s = inputs.gyro_noise_rad_s
+    if noise_rad_s is None:
+        noise_rad_s = GYRO_NOISE_RAD_S if inputs.study.campaign.seeds > 1 else 0.0
+    setup = FlightSetup(
+        case=inputs.case,
+        vehicle=_vehicle(inputs, permit, note),
+        gains=gains_named(gains),
+        z_over_R=inputs.z_over_R,
+        speed_m_s=inputs.speed_m_s,
+        duration_s=inputs.study.duration_s,
+        goal_m=inputs.goal_m,
+        below=None if inputs.map is None else read_map(inputs.map),
+        ramp=inputs.ramp,
+        gyro_noise_rad_s=noise_rad_s,
+        map_offset_m=inputs.map_offset_m,
+    )
+    return changed(setup, inputs.study.settings)
+
+
+def _vehicle(
+    inputs: FlightInputs, permit: CodePermit, note: Callable[[Iterable[str]], None]
+) -> FlightVehicle:
+    from benchtool.core.rig_file import rig_named
+    from benchtool.physics.model_file import load_model
+    from benchtool.simulate.flight.vehicle import FlightVehicle
+
+    rig = rig_named(inputs.rig)
+    vehicle = FlightVehicle.of_rig(rig)
+    if inputs.model:
+        loaded = load_model(inputs.model, rig, permit)
+        note(loaded.notes)
+        vehicle = FlightVehicle(model=loaded.model)
+    turned_deg = 45.0 if inputs.layout == "cross" else 0.0
+    if inputs.lag_s or not inputs.model:
+        vehicle = vehicle.with_numbers(lag_s=inputs.lag_s)
+    return vehicle.with_numbers(turned_deg=turned_deg)

@@ -1,0 +1,51 @@
+"""What a simulation of the pitch bench takes, from the command line, the page or Python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated
+
+from annotated_types import Len
+
+from benchtool.core.inputs import Input, Inputs
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.simulate.study_inputs import StudyInputs
+
+if TYPE_CHECKING:
+    from benchtool.simulate.pitch.setup import PitchSetup
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PitchInputs(Inputs):
+    """What `benchtool simulate pitch` takes."""
+
+    rig: Annotated[str, Input("Rig on the hinge.")] = "pquad"
+    model: Annotated[str, Input("Model or its file.", empty="the rig's pitch model")] = ""
+    controllers: Annotated[
+        tuple[str, ...],
+        Len(1),
+        Input("With commas; your own as module:Class.", commas=True, also="--controller"),
+    ] = ("pid", "feedforward", "observer")
+    schedule: Annotated[str, Input("Schedule, or its file.")] = "plate"
+    study: StudyInputs = field(default_factory=StudyInputs)
+
+
+def setup_of(inputs: PitchInputs, gains: str, permit: CodePermit = refuse_code) -> PitchSetup:
+    """Return what runs with one gain set; own code of a model is run by permit only."""
+    from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
+    from benchtool.simulate.controllers.pitch import Feedforward
+    from benchtool.simulate.pitch.setup import changed, pitch_setup
+
+    setup = pitch_setup(
+        rig=inputs.rig,
+        model=inputs.model or None,
+        gains=gains,
+        controllers=[name for name in inputs.controllers if name in PITCH_CONTROLLERS] or ["pid"],
+        schedule=inputs.schedule,
+        feedforward=Feedforward(strength=0.9),
+        permit=permit,
+    )
+    setup = changed(setup, inputs.study.settings)
+    if inputs.study.duration_s is None:
+        return setup
+    return replace(setup, schedule=setup.schedule.lasting(inputs.study.duration_s))
