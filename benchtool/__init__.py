@@ -1,3 +1,46 @@
-"""Drive rotor test benches near surfaces and fit ground-effect models to what they measure."""
+"""Drive rotor test benches near surfaces and fit ground-effect models to what they measure.
+
+`import benchtool as bt` gives what the commands do as functions: `bt.read`, `bt.fit`, `bt.explain`,
+`bt.simulate_pitch`, `bt.simulate_flight`, with `bt.Model`, `bt.Rig` and `bt.Effect`. Nothing is
+loaded before it is used; `benchtool.api` holds them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from types import ModuleType
+from typing import Any
 
 __version__ = "0.1.0"
+__all__ = [
+    "Effect", "Model", "Result", "Rig", "__version__", "explain", "fit", "load_model", "load_rig",
+    "read", "simulate_flight", "simulate_pitch",
+]  # fmt: skip
+
+
+class CallablePackage(ModuleType):
+    """A package that can be called where a public function has its name: `bt.fit(...)`.
+
+    `import benchtool.fit` sets the attribute `fit` of `benchtool` to the package, whatever stood
+    there, so the package itself must be what `bt.fit` promises.
+    """
+
+    def __call__(self, *args: Any, **options: Any) -> Any:
+        return self.__wrapped__(*args, **options)
+
+    @property
+    def __wrapped__(self) -> Any:
+        """The function, where `help` and signatures look for it."""
+        return getattr(import_module("benchtool.api"), self.__name__.rpartition(".")[2])
+
+
+def __getattr__(name: str) -> object:
+    if name in ("fit", "explain"):
+        return import_module(f"benchtool.{name}")
+    if name in __all__:
+        return getattr(import_module("benchtool.api"), name)
+    raise AttributeError(f"module 'benchtool' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

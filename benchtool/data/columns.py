@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -112,6 +112,13 @@ def code_of(column: str, word: str) -> float:
 def word_of(column: str, code: float) -> str:
     """Return the word that a number of a `Recording` stands for."""
     return WORDS[column][int(code)]
+
+
+def frame_of_rows(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
+    """Return rows, a value of each column in each, as a data frame."""
+    import pandas as pd
+
+    return pd.DataFrame.from_records(list(rows))
 
 
 def frame(recording: Recording) -> pd.DataFrame:

@@ -9,10 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.simulate.flight.inputs import FlightInputs
-from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
-from benchtool.simulate.pitch.inputs import PitchInputs
-from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.inputs import make
 from benchtool.core.rig_file import rig_names
@@ -21,6 +17,10 @@ from benchtool.data.run.entry import entry_of
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.flight.cases import FLIGHTS
+from benchtool.simulate.flight.inputs import FlightInputs
+from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
+from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
 from benchtool.web.tabs.simulate.sliders import (
     flight_sliders,
     hidden_slider,

@@ -1,0 +1,391 @@
+"""The public Python interface: what each command does, as a function that returns its result.
+
+Inputs have the names, ranges and defaults of the command's options (`benchtool fit --help`), and a
+wrong one is refused with the same sentence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.inputs import make
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.rig import Rig
+from benchtool.core.rig_file import rig_named
+from benchtool.data.columns import frame, frame_of_rows
+from benchtool.data.run.read import is_run
+from benchtool.explain.answer import Answer, answer_request, read_request
+from benchtool.fit.recipe import FitInputs, Recipe
+from benchtool.fit.run_recipe import FitOutput, run_recipe
+from benchtool.physics.effects.effect import Effect
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model as _load_model
+from benchtool.report.answer.page import ANSWER
+from benchtool.report.figure import Page, drawn
+from benchtool.report.fit.page import FIT, sentence
+from benchtool.report.flight import flight as flight_report
+from benchtool.report.flight import pitch_study as pitch_report
+from benchtool.report.html import inline_svg, write_report
+from benchtool.report.replay.recorded import Recorded, read_recorded
+from benchtool.report.replay.stand import STAND
+from benchtool.report.report_file import kind_of
+from benchtool.report.sweep.page import SWEEP
+from benchtool.report.sweep.run import SweepRun, read_sweep_run
+from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
+from benchtool.simulate.flight.inputs import FlightInputs
+from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
+from benchtool.simulate.flight.study import Flown, name_of, recording_of
+from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "Effect", "Model", "Result", "Rig", "explain", "fit", "load_model", "load_rig", "read",
+    "simulate_flight", "simulate_pitch",
+]  # fmt: skip
+
+Found = TypeVar("Found")
+Controllers = Iterable[str | type[Any]]
+"""Controllers: names of built-in ones, and classes of your own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Result(Generic[Found]):
+    """Hold what a call found, and show it: as text, figures, tables, a page.
+
+    Attributes:
+        found: everything that was worked out, as the rest of benchtool takes it.
+        path: of the run or recording that it was read from; None where there is none.
+    """
+
+    found: Found
+    path: Path | None = None
+    _page: Page
+    _summary: Callable[[Found], str]
+    _tables: Mapping[str, Callable[[Found], pd.DataFrame]] = field(default_factory=dict)
+
+    def summary(self) -> str:
+        """Return what was found, in a few sentences or lines."""
+        return self._summary(self.found)
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the tables that `to_dataframe` returns."""
+        return tuple(self._tables)
+
+    def to_dataframe(self, table: str = "") -> pd.DataFrame:
+        """Return a table by name, the first of `tables` when left out; units in `.attrs`."""
+        name = table or self.tables[0]
+        if name not in self._tables:
+            raise UnknownChoice("table", name, self._tables)
+        return self._tables[name](self.found)
+
+    def figures(self) -> dict[str, Figure]:
+        """Return every figure of the report page, by name."""
+        return {
+            name: block.figure
+            for name, block in drawn(self._page.name, self.found, self._page.figures).items()
+        }
+
+    def plot(self, figure: str = "") -> Figure:
+        """Return a figure by name, the first of the report page when left out."""
+        if figure:
+            found = drawn(self._page.name, self.found, [figure])
+            if not found:
+                raise InputError(f"there is nothing to draw in figure {figure!r} of this result")
+            return next(iter(found.values())).figure
+        for name in self._page.figures:
+            if found := drawn(self._page.name, self.found, [name]):
+                return next(iter(found.values())).figure
+        raise InputError("there is nothing to draw in this result")
+
+    def report(self, path: str | Path) -> Path:
+        """Write the report page, one self-contained HTML file, and return its path.
+
+        Raises:
+            WouldOverwrite: the file exists.
+        """
+        return write_report(Path(path), self._page.report(self.found))
+
+    def __repr__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        """Return summary, first table and first figure for a notebook."""
+        from html import escape
+
+        parts = [f"<pre style='white-space: pre-wrap'>{escape(self.summary())}</pre>"]
+        if self._tables:
+            parts.append(str(self.to_dataframe().head(12).to_html()))
+        try:
+            parts.append(inline_svg(self.plot(), f"bt{id(self)}"))
+        except InputError:
+            pass
+        return "\n".join(parts)
+
+
+def load_rig(rig: str | Path) -> Rig:
+    """Return a rig: a shipped name (`benchtool rigs`) or the path of a rig file."""
+    return rig_named(rig)
+
+
+def load_model(model: str | Path, permit: CodePermit = refuse_code) -> Model:
+    """Return a model: a shipped name (`benchtool models`) or the path of a model file.
+
+    Args:
+        permit: called with the file of own effects before it is run; refused when left out.
+    """
+    return _load_model(model, permit=permit).model
+
+
+def read(path: str | Path) -> Result[SweepRun] | Result[Recorded]:
+    """Read a run folder, or a recording of `benchtool import` or `simulate`.
+
+    Tables: `points`, `settings` and `samples` of a sweep; `samples` of anything else.
+
+    Raises:
+        FileFormatError: nothing there, or nothing that a report can be made of.
+    """
+    path = Path(path)
+    if is_run(path) and kind_of(path) == "sweep":
+        return _sweep(path)
+    recorded = read_recorded(path)
+    rows = len(recorded.recording)
+    names = ", ".join(recorded.recording.names)
+    return Result(
+        found=recorded,
+        path=path,
+        _page=STAND,
+        _summary=lambda one: f"{one.name}: {rows} rows of {names}",
+        _tables={"samples": lambda one: frame(one.recording)},
+    )
+
+
+def _sweep(path: Path) -> Result[SweepRun]:
+    tables: dict[str, Callable[[SweepRun], pd.DataFrame]] = {
+        "points": lambda run: frame(run.points),
+        "settings": lambda run: frame(run.settings),
+    }
+    run = read_sweep_run(path)
+    if (samples := run.samples) is not None:
+        tables["samples"] = lambda run: frame(samples)
+    return Result(
+        found=run, path=path, _page=SWEEP, _summary=lambda run: str(SWEEP.summary(run)),  # type: ignore[operator]
+        _tables=tables,
+    )  # fmt: skip
+
+
+Data = str | Path | Result[Any]
+"""A run folder or CSV by its path, or what `read` returned of it."""
+
+
+def _paths(data: Data | Sequence[Data]) -> tuple[str, ...]:
+    """Return the paths of one or several data."""
+    many = [data] if isinstance(data, str | Path | Result) else data
+    found = []
+    for one in many:
+        path = one.path if isinstance(one, Result) else one
+        if path is None:
+            raise InputError("this result was not read from a file; give the path of its data")
+        found.append(str(path))
+    return tuple(found)
+
+
+def fit(
+    data: Data | Sequence[Data],
+    model: str | Path,
+    *,
+    permit: CodePermit = refuse_code,
+    **options: Any,
+) -> Result[FitOutput]:
+    """Fit a ground-effect model to run folders or CSV files, as `benchtool fit` does.
+
+    Tables: `estimates` and `points`. The fitted model is `result.found.fitted`.
+
+    Args:
+        data: one or several.
+        model: shipped name or path of a model file.
+        permit: called with a model's own Python before it is run; refused when left out.
+        options: of the command by name: ``basis="equal_rpm2"``, ``free=("R_m",)``,
+            ``method=("least_squares", "emcee")``, ``profile=True``.
+
+    Raises:
+        InputError: the data or the model do not allow the fit.
+        EstimationError: no estimate can be given.
+    """
+    paths = _paths(data)
+    base = Recipe(name=Path(paths[0]).stem, data=paths, model=str(model))
+    inputs = make(FitInputs, options, base=FitInputs(recipe=base))
+    output = run_recipe(
+        inputs.recipe, profile=inputs.profile, budget=inputs.budget, permit=permit
+    )  # fmt: skip
+    return Result(
+        found=output, _page=FIT, _summary=sentence,
+        _tables={"estimates": _estimates, "points": lambda one: frame(one.data.points)},
+    )  # fmt: skip
+
+
+def _estimates(output: FitOutput) -> pd.DataFrame:
+    rows = []
+    for result in output.results:
+        for item in (*result.estimates, *result.derived):
+            (low, high), own = item.interval_95, {"method": result.method, "parameter": item.name}
+            rows.append(
+                own | {"value": item.value, "sd": item.sd, "low_95": low, "high_95": high}
+                | {"unit": item.unit, "remark": item.open or item.bound}
+            )  # fmt: skip
+    return frame_of_rows(rows)
+
+
+def explain(
+    learn: Data | Sequence[Data],
+    check: Data | Sequence[Data],
+    model: str | Path,
+    *,
+    effects: str | Path | None = None,
+    rig: str | Path | None = None,
+    seed: int = 0,
+    draws: int = 128,
+    bootstrap: int = 0,
+    permit: CodePermit = refuse_code,
+) -> Result[Answer]:
+    """Name the effect that a model lacks, as `benchtool explain` does.
+
+    Tables: `effects`, `gap` and `probabilities`. The verdict is `result.found.verdict`.
+
+    Args:
+        learn, check: recordings to learn from, and others of the same bench to check on.
+        model: shipped name or path of a model file.
+        effects: Python file or module with effects of your own.
+        rig: of CSV files; runs carry theirs.
+        seed, draws, bootstrap: as the command's options.
+        permit: called with each Python file before it is run; refused when left out.
+
+    Raises:
+        InputError: whatever is missing or cannot be read.
+    """
+    began = monotonic()
+    request = read_request(
+        _paths(learn), _paths(check), str(model), str(effects) if effects else None, permit,
+        str(rig) if rig else None,
+    )  # fmt: skip
+    answer = answer_request(request, seed=seed, draws=draws, bootstrap=bootstrap)
+    return Result(
+        found=replace(answer, seconds=monotonic() - began),
+        _page=ANSWER,
+        _summary=lambda one: f"{one.verdict.sentence} {one.caution}".strip(),
+        _tables={"effects": _effects, "gap": _gap, "probabilities": _probabilities},
+    )
+
+
+def _effects(answer: Answer) -> pd.DataFrame:
+    columns = ("value", "std", "low", "high", "tolerance", "unit")
+    return frame_of_rows(
+        [
+            {"effect": effect.name, "probability": effect.probability, "parameter": item.name}
+            | {name: getattr(item, name) for name in columns}
+            for effect in answer.verdict.effects
+            for item in effect.parameters
+        ]
+    )
+
+
+def _gap(answer: Answer) -> pd.DataFrame:
+    columns = ("channel", "unit", "as_given", "before", "after", "floor")
+    return frame_of_rows(
+        [{name: getattr(gap, name) for name in columns} for gap in answer.verdict.gaps]
+    )
+
+
+def _probabilities(answer: Answer) -> pd.DataFrame:
+    found = sorted(answer.verdict.probabilities.items(), key=lambda one: -one[1])
+    return frame_of_rows([{"explanation": name, "probability": p} for name, p in found])
+
+
+def simulate_pitch(
+    controllers: Controllers = ("pid", "feedforward", "observer"),
+    *,
+    permit: CodePermit = refuse_code,
+    **options: Any,
+) -> Result[pitch_report.PitchStudy]:
+    """Simulate the pitch bench under each controller, as `benchtool simulate pitch` does.
+
+    Tables: one of each controller.
+
+    Args:
+        controllers: built-in names, and classes of your own.
+        permit: called with a model's own Python before it is run; refused when left out.
+        options: of the command by name: ``rig="pquad"``, ``schedule="plate"``,
+            ``gains="s3"``, ``seed=3``, ``set={"body_lift.K_b": 2}``.
+    """
+    names, own = _split(controllers, PITCH_CONTROLLERS)
+    inputs = make(PitchInputs, options | {"controllers": names or ("pid",)})
+    inputs.study.refuse_campaign()
+    setup = pitch_setup_of(inputs, inputs.study.gain_set(), permit)
+    study = pitch_report.pitch_study(setup, inputs.study.seed, own, only_own=not names)
+    rig = setup.bench.model.rig
+    return Result(
+        found=study,
+        _page=pitch_report.PITCH,
+        _summary=lambda one: "\n".join(pitch_report.report_lines(one)),
+        _tables={
+            run.controller: partial(lambda run, _: frame(run.recording(rig)), run)
+            for run in study.runs
+        },
+    )
+
+
+def simulate_flight(
+    controllers: Controllers = ("pid", "observer", "feedforward"),
+    *,
+    permit: CodePermit = refuse_code,
+    **options: Any,
+) -> Result[Sequence[Flown]]:
+    """Simulate flights over an obstacle, as `benchtool simulate flight` does.
+
+    Tables: `oge` (PID over nothing) and one of each controller.
+
+    Args:
+        controllers: built-in names, and classes of your own.
+        permit: called with a model's own Python before it is run; refused when left out.
+        options: of the command by name: ``case="edge"``, ``z_over_r=1.5``, ``seed=3``.
+    """
+    names, own = _split(controllers, FLIGHT_CONTROLLERS)
+    inputs = make(FlightInputs, options)
+    inputs.study.refuse_campaign()
+    flown = flight_setup_of(inputs, inputs.study.gain_set(), permit).flown("pid", inputs.study.seed)
+    flights = flight_report.fly_each(flown, names, own)
+    titles = ["oge", *(name_of(one) for one in flights[1:])]
+    return Result(
+        found=flights,
+        _page=flight_report.FLIGHT,
+        _summary=lambda one: "\n".join(flight_report.report_lines(one)),
+        _tables={
+            title: partial(lambda one, _: frame(recording_of(one.flight)), one)
+            for title, one in zip(titles, flights, strict=True)
+        },
+    )
+
+
+def _split(
+    controllers: Controllers, known: Iterable[str]
+) -> tuple[tuple[str, ...], list[tuple[str, type[Any]]]]:
+    """Return the names of built-in controllers, and classes of the user's own with theirs."""
+    given = (controllers,) if isinstance(controllers, str | type) else tuple(controllers)
+    names = tuple(one for one in given if isinstance(one, str))
+    for name in names:
+        if name not in known:
+            raise UnknownChoice("controller", name, known)
+    called = [name if isinstance(name, str) else name.__name__ for name in given]
+    if len(set(called)) < len(called) or not called:
+        raise InputError(f"controllers are {', '.join(called) or 'none'}; name each once")
+    return names, [(one.__name__, one) for one in given if isinstance(one, type)]

@@ -1,0 +1,124 @@
+"""`import benchtool as bt`: what the commands do, as functions whose results show themselves."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import benchtool as bt
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.data.run.read import read_points
+from benchtool.fit.recipe import Recipe
+from benchtool.fit.run_recipe import run_recipe
+
+RUN = Path(__file__).parents[2] / "datasets" / "quad" / "run"
+
+
+@pytest.fixture(scope="module")
+def fitted() -> Any:
+    return bt.fit(RUN, "quad_body_lift", fix={"k": 1.0208e-5})
+
+
+def test_nothing_is_loaded_before_it_is_used() -> None:
+    code = "import sys, benchtool as bt; dir(bt); print([m for m in sys.modules if '.' in m and m.startswith('benchtool')])"  # fmt: skip # noqa: E501
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        bt.nothing  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_every_public_name_is_there_whatever_was_imported_before() -> None:
+    import benchtool.explain.engine.explain
+    import benchtool.fit.problem
+
+    for name in benchtool.__all__:
+        assert getattr(bt, name) is not None
+    assert "model" in inspect.signature(bt.fit).parameters
+    assert "check" in inspect.signature(bt.explain).parameters
+
+
+def test_a_run_shows_itself() -> None:
+    run = bt.read(RUN)
+    assert run.summary().startswith("80 visits of 16 settings on rig pquad")
+    points = run.to_dataframe()
+    assert points["thrust_N"].to_numpy() == pytest.approx(read_points(RUN).column("thrust_N"))
+    assert points.attrs["units"]["thrust_N"] == "N"
+    assert set(points["kind"]) == {"measure", "reference", "anchor"}
+    assert run.tables[:2] == ("points", "settings")
+    assert run.plot("distance").axes
+    shown = run._repr_html_()
+    assert shown.startswith("<pre")
+    assert "<svg" in shown
+    with pytest.raises(UnknownChoice, match="unknown table 'point'; did you mean 'points'"):
+        run.to_dataframe("point")
+
+
+def test_a_fit_is_that_of_the_command(fitted: Any) -> None:
+    recipe = Recipe(name="run", data=(str(RUN),), model="quad_body_lift", fix={"k": 1.0208e-5})
+    expected = run_recipe(recipe).results[0]
+    table = fitted.to_dataframe("estimates").set_index("parameter")
+    for item in expected.estimates:
+        assert table.loc[item.name, "value"] == item.value
+        assert tuple(table.loc[item.name, ["low_95", "high_95"]]) == item.interval_95
+    assert fitted.found.fitted.parameters["body_lift.K_b"].value == pytest.approx(1.9, abs=0.1)
+    assert repr(fitted) == fitted.summary()
+
+
+def test_a_fit_takes_what_was_read_and_writes_its_page(fitted: Any, tmp_path: Path) -> None:
+    again = bt.fit([bt.read(RUN)], "quad_body_lift", fix={"k": 1.0208e-5})
+    assert again.summary() == fitted.summary()
+    page = fitted.report(tmp_path / "fit.html")
+    assert "K_b" in page.read_text("utf-8")
+    with pytest.raises(InputError, match="exists already"):
+        fitted.report(page)
+    assert {"ratio", "residuals"} <= set(fitted.figures())
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"basi": "joint"}, "unknown input 'basi'; did you mean 'basis'"),
+        ({"basis": "equal"}, "unknown basis 'equal'"),
+        ({"walkers": 4}, "walkers is 4, allowed is 8 or more"),
+    ],
+)
+def test_a_wrong_option_is_refused_by_its_name(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        bt.fit(RUN, "quad_body_lift", **options)
+
+
+def test_simulations_take_a_controller_of_ones_own() -> None:
+    class Still:
+        def step(self, measurement: object, reference: object, dt_s: float) -> float:
+            return 0.0
+
+    study = bt.simulate_pitch(["pid", Still], seed=3, duration_s=1.0)
+    assert study.tables == ("pid", "Still")
+    assert len(study.to_dataframe("Still")) == 250
+    assert study.summary().startswith("SIMULATED pitch bench pquad")
+    flight = bt.simulate_flight("pid", duration_s=1.0)
+    assert flight.tables == ("oge", "PID")
+    assert np.isfinite(flight.to_dataframe()["x_m"]).all()
+    for wrong in (["pid", "pid"], []):
+        with pytest.raises(InputError, match="name each once"):
+            bt.simulate_pitch(wrong)
+
+
+def test_an_explanation_holds_the_verdict_and_its_numbers(tmp_path: Path) -> None:
+    from tests.unit.explain.test_sweep_subject import lab_sweep
+
+    for seed in (1, 2):
+        lab_sweep(tmp_path / f"{seed}.csv", seed, (0.6, 0.8, 1.0, 1.3, 1.8, 2.5, 3.5, 6.0))
+    found = bt.explain(
+        tmp_path / "1.csv", tmp_path / "2.csv", "single", rig="pquad_single", draws=20
+    )
+    assert "a different law of thrust against distance" in found.summary()
+    assert found.to_dataframe("probabilities")["probability"].is_monotonic_decreasing
+    assert set(found.to_dataframe("gap")["channel"]) == {"thrust_N", "rpm"}
+    assert found.tables == ("effects", "gap", "probabilities")
