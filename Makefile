@@ -10,7 +10,7 @@ TESTING := $(VENV)/.testing-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test test-all lint bench blind soak mutants coverage-truth kills requirements wheel clean
+.PHONY: demo test test-all lint bench blind presses soak mutants coverage-truth kills requirements wheel clean
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
@@ -38,6 +38,11 @@ lint: $(TESTING)
 bench: $(TESTING)
 	@for script in tests/benchmarks/bench_*.py; do \
 	  echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+
+# STOP on the page, PRESSES times in every way while motors turn; goes on where it was cut short.
+PRESSES ?= 1000
+presses: $(TESTING)
+	$(BIN)/python -m tests.browser.presses --presses $(PRESSES)
 
 # Sweeps with random faults on every link for MINUTES; 0 rows lost, no motor without a host, no leak.
 MINUTES ?= 60

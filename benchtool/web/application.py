@@ -50,9 +50,11 @@ def run_application(
     os.environ.pop("PYTEST_CURRENT_TEST", None)
     guarded = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     guarded.add_middleware(AccessMiddleware, access=access, cookie=f"benchtool-{port}")
+    # Quasar's bar at every request has no name for a screen reader and stands in no landmark.
+    app.config.quasar_config["loadingBar"]["skipHijack"] = True
     ui.run_with(
         guarded, title="benchtool", show_welcome_message=False,
-        reconnect_timeout=RECONNECT_S, language=None, tailwind=False,
+        reconnect_timeout=RECONNECT_S, language="en-US", tailwind=False,
         # Without a network between, packing costs more than it saves.
         gzip_middleware_factory=None if access.token is None else GZipMiddleware,
     )  # fmt: skip

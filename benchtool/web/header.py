@@ -29,7 +29,9 @@ class Header:
         self._context, self._dark = context, dark
         with ui.header().classes("q-py-xs q-px-md"):
             with ui.row(wrap=False).classes("items-center w-full gap-4"):
-                ui.label("benchtool").classes("text-h6 gt-xs")
+                ui.label("benchtool").classes("text-h6 page-name").props(
+                    "role=heading aria-level=1"
+                )
                 self._state = ui.label().classes("grow ellipsis").props("role=status")
                 self._control = ui.label().classes("soft gt-sm")
                 self._take = ui.button("Take over", on_click=self._take_over).props("outline")

@@ -173,6 +173,20 @@ def multiple_choice(label: str, changed: Callable[[], object]) -> ui.select:
     return choice.props("use-chips use-input input-debounce=0").classes("w-full")
 
 
+UPLOAD_HEAD = """
+<q-btn flat icon="add" label="LABEL" class="w-full" @click="props.pickFiles" />
+<span style="display: none"><q-uploader-add-trigger /></span>
+"""
+"""Quasar's own head puts the input into a link without a name; a screen reader finds neither."""
+
+
+def file_upload(label: str, **options: Any) -> ui.upload:
+    """Make a place where a file is dropped, or chosen by a button of that name."""
+    upload = ui.upload(auto_upload=True, **options)
+    upload.add_slot("header", UPLOAD_HEAD.replace("LABEL", label))
+    return upload
+
+
 class TableUpload:
     """Take CSV files from a browser: checked as untrusted, stored in the runs folder."""
 
@@ -181,9 +195,8 @@ class TableUpload:
     ) -> None:
         self._context, self._stored = context, stored
         self._folder = RunsFolder(context.runs)
-        self._upload = ui.upload(
-            label="Or upload a CSV file",
-            auto_upload=True,
+        self._upload = file_upload(
+            "Or upload a CSV file",
             max_file_size=MOST_BYTES,
             on_upload=self._received,
             on_rejected=self._rejected,
@@ -218,8 +231,9 @@ class TableUpload:
 @contextmanager
 def open_dialog(title: str) -> Iterator[ui.dialog]:
     """Open a dialog that is filled in the block; closed, it is gone with all that is in it."""
-    with ui.dialog() as dialog, ui.card().classes("w-96"):
-        ui.label(title).classes("card-title")
+    named = ui.dialog().props(f'aria-label="{title}"')
+    with named as dialog, ui.card().classes("w-96"):
+        ui.label(title).classes("card-title").props("role=heading aria-level=2")
         yield dialog
     dialog.on_value_change(lambda change: None if change.value else dialog.delete())
     dialog.open()

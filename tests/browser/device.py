@@ -1,4 +1,5 @@
-"""A virtual bench on a pseudo-terminal that prints, with the time of day, each order to its motors.
+"""A virtual bench on a pseudo-terminal that prints, with the time of day, each order to its motors
+and each change of its own highest pulse.
 
 Run as a script it is the device; imported it gives the fixture's end of it.
 """
@@ -43,6 +44,18 @@ class PrintingLink(DeviceLink):
     def __init__(self, firmware: Firmware) -> None:
         super().__init__(firmware)
         self._tail = b""
+        self._pulse_us = 0.0
+
+    def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
+        said = super().tick(n, now_s)
+        self._note_pulse()
+        return said
+
+    def _note_pulse(self) -> None:
+        pulse_us = float(self.firmware.pwm_us.max())
+        if pulse_us != self._pulse_us:
+            self._pulse_us = pulse_us
+            print(f"{time.time():.6f} pulse {pulse_us:.0f}", flush=True)
 
     def receive(self, data: bytes, now_s: float) -> bytes:
         if data:
@@ -54,7 +67,9 @@ class PrintingLink(DeviceLink):
                 highest = max(pulses, default=0.0)
                 print(f"{now:.6f} {match[1].decode()} {highest:.0f}", flush=True)
             self._tail = whole[end:]
-        return super().receive(data, now_s)
+        answer = super().receive(data, now_s)
+        self._note_pulse()
+        return answer
 
 
 class LoadedCell(LoadCell):
@@ -72,12 +87,14 @@ class LoadedCell(LoadCell):
 class Device:
     """Hold the address of a device and the orders to its motors: time of day, word, pulse.
 
-    `rate_Hz` is that of its samples; `hang` pulls at its load cell with a mass in kg."""
+    `pulses` are its own: time of day and highest pulse, at each change. `rate_Hz` is that of its
+    samples; `hang` pulls at its load cell with a mass in kg."""
 
     address: str
     rate_Hz: float
     hang: Callable[[float], None]
     orders: list[tuple[float, str, float]] = field(default_factory=list)
+    pulses: list[tuple[float, float]] = field(default_factory=list)
 
     def turning_us(self) -> float:
         """Return the highest pulse that was ordered last; 0 after a stop."""
@@ -91,15 +108,35 @@ class Device:
             assert time.monotonic() < deadline, f"{wanted} was not reached: {self.orders[-5:]}"
             time.sleep(0.01)
 
-    def stopped_after(self, since: float, timeout_s: float = 5.0) -> float:
-        """Return when the first stop after a time of day came, in seconds after it."""
+    def stopped_after(self, since: float, timeout_s: float = 5.0, word: str = "") -> float:
+        """Return when the first stop after a time of day came, in seconds after it.
+
+        Args:
+            word: "stop" takes that order alone, and no pulse of zero.
+        """
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
-            for at, word, highest in list(self.orders):
-                if at >= since and (word == "stop" or highest <= 1000.0):
+            for at, order, highest in list(self.orders):
+                if at >= since and (order == "stop" or (not word and highest <= 1000.0)):
                     return at - since
             time.sleep(0.005)
         raise AssertionError(f"no stop came within {timeout_s} s: {self.orders[-5:]}")
+
+    def pulse_at(self, at: float) -> float:
+        """Return its own highest pulse at a time of day."""
+        return ([highest for since, highest in list(self.pulses) if since <= at] or [0.0])[-1]
+
+    def zero_after(self, since: float, timeout_s: float = 5.0) -> float:
+        """Return after how many seconds its own pulses were zero; 0 where they were before."""
+        if self.pulse_at(since) <= 1000.0:
+            return 0.0
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            for at, highest in list(self.pulses):
+                if at >= since and highest <= 1000.0:
+                    return at - since
+            time.sleep(0.005)
+        raise AssertionError(f"its pulse was not zero within {timeout_s} s: {self.pulses[-5:]}")
 
 
 @contextmanager
@@ -126,7 +163,10 @@ def served_device(
     def note() -> None:
         for line in process.stdout or ():
             at, word, highest = line.split()
-            device.orders.append((float(at), word, float(highest)))
+            if word == "pulse":
+                device.pulses.append((float(at), float(highest)))
+            else:
+                device.orders.append((float(at), word, float(highest)))
 
     reader = threading.Thread(target=note, daemon=True)
     reader.start()

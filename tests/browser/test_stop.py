@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,88 +16,14 @@ from benchtool.core.rig_file import rig_named
 from benchtool.web.bench_process.throttle import SILENCE_S
 from tests.browser.conftest import Web, centre, connect, expect, go_to
 from tests.browser.device import Device
+from tests.browser.hands import STOPPED_S, Hands, click, drag, visible
 
 if TYPE_CHECKING:
-    from playwright.sync_api import CDPSession, Locator, Page
+    from playwright.sync_api import Page
 
-
-STOPPED_S = 1.0
-"""Whether STOP works is the question here; the processor is shared with the tool that presses, and
-how quick STOP is stands in `test_bench_page.py`."""
 
 NOWHERE = (640.0, 890.0)
 """A place of the page where nothing is."""
-
-HOLDING, STOPPING = 0, 1
-"""Fingers."""
-
-
-class Hands:
-    """Touch a page with several fingers, and press STOP in every way."""
-
-    def __init__(self, page: Page, device: Device) -> None:
-        self._page, self._device = page, device
-        self._line: CDPSession = page.context.new_cdp_session(page)
-        self._fingers: dict[int, tuple[float, float]] = {}
-
-    def touch(self, finger: int, place: tuple[float, float]) -> None:
-        self._fingers[finger] = place
-        self._send("touchStart")
-
-    def lift(self, finger: int) -> None:
-        self._fingers.pop(finger, None)
-        self._send("touchEnd")
-
-    def _send(self, kind: str) -> None:
-        points = [{"id": finger, "x": x, "y": y} for finger, (x, y) in self._fingers.items()]
-        self._line.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-
-    def stop_by(self, way: str) -> None:
-        """Press STOP once, and do not let go."""
-        place = centre(self._page.locator(".stop-button"))
-        if way == "mouse":
-            self._page.mouse.move(*place)
-            self._page.mouse.down()
-        elif way == "second mouse button":
-            self._page.mouse.move(*place)
-            self._page.mouse.down(button="right")
-        elif way == "touch":
-            self.touch(STOPPING, place)
-        else:
-            self._page.keyboard.down(way)
-
-    def let_go(self) -> None:
-        self._page.mouse.up()
-        self._page.mouse.up(button="right")
-        for finger in list(self._fingers):
-            self.lift(finger)
-        for key in ("Escape", " "):
-            self._page.keyboard.up(key)
-
-    @contextmanager
-    def turning(self) -> Iterator[None]:
-        """Hold the throttle with a finger until motors turn; lift it at the end."""
-        button = self._page.locator(".hold-button:not([disabled])")
-        button.wait_for()
-        for _ in range(6):
-            self.touch(HOLDING, centre(button))
-            deadline = time.monotonic() + 2.0
-            while time.monotonic() < deadline and self._device.turning_us() < 1100.0:
-                self._page.wait_for_timeout(20)
-            if self._device.turning_us() >= 1100.0:
-                break
-            self.lift(HOLDING)
-        assert self._device.turning_us() >= 1100.0, self._device.orders[-5:]
-        yield
-        self.let_go()
-
-    def stops(self, way: str) -> None:
-        """Press STOP, and see the device's pulse at zero, also while the fingers stay."""
-        pressed = time.time()
-        self.stop_by(way)
-        assert self._device.stopped_after(pressed) < STOPPED_S, way
-        self._page.wait_for_timeout(100)
-        assert self._device.turning_us() <= 1000.0, way
 
 
 @pytest.fixture
@@ -129,8 +54,7 @@ def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(
     page.wait_for_function(f"Number(document.querySelector('{moved}').value) < 1450")
     # In mid-drag everything on the page is without pointer events.
     for way in ("second mouse button", "Escape"):
-        pressed = time.time()
-        hands.stop_by(way)
+        pressed = hands.stop_by(way)
         assert device.stopped_after(pressed) < STOPPED_S
         hands.let_go()
         page.mouse.move(x - 60.0, y)
@@ -193,15 +117,6 @@ TABS = {"Bench": 2, "Sweep": 3, "Runs": 1, "Fit": 4, "Simulate": 9, "Explain": 3
 """Tabs, with how many lists and sliders each shows at least."""
 
 
-def visible(page: Page, selector: str) -> list[Locator]:
-    return [each for each in page.locator(selector).all() if each.is_visible()]
-
-
-def click(element: Locator) -> None:
-    """Click without a pointer: one finger is on the throttle."""
-    element.evaluate("element => element.click()")
-
-
 def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
     """Give the name of everything that lies over the page or drags, and what brings it up."""
     for tab, count in TABS.items():
@@ -229,15 +144,6 @@ def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
             for name in ("Start the sweep", "Resume a stopped run"):
                 button = page.get_by_role("button", name=name)
                 yield f"Sweep: dialog {name}", lambda button=button: click(button)
-
-
-def drag(page: Page, slider: Locator) -> None:
-    """Begin to drag a slider."""
-    slider.scroll_into_view_if_needed()
-    x, y = centre(slider)
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 8.0, y)
 
 
 WAYS = ("touch", "mouse", "Escape")

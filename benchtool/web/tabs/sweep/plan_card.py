@@ -27,6 +27,7 @@ from benchtool.web.form import InputForm
 from benchtool.web.widgets import (
     CommandRow,
     confirm_arming,
+    file_upload,
     open_dialog,
     show_facts,
     shows_errors,
@@ -147,11 +148,8 @@ class PlanCard:
             self._form.add("operator", *AIR, "calibration", "stage")
             self._form.add(*(name for name in FIELDS if name not in FIRST))
         with ui.row().classes("items-center"):
-            upload = ui.upload(
-                label="Plan file (TOML)",
-                auto_upload=True,
-                max_file_size=LARGEST_BYTES,
-                on_upload=self._load,
+            upload = file_upload(
+                "Plan file (TOML)", max_file_size=LARGEST_BYTES, on_upload=self._load
             )
             upload.props("accept=.toml flat bordered dense").classes("w-72")
             self._loaded = ui.label().classes("soft")

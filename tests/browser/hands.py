@@ -1,0 +1,120 @@
+"""Hands on the page: fingers, a mouse, keys; they hold the throttle, and press STOP."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from tests.browser.conftest import centre
+from tests.browser.device import Device
+
+if TYPE_CHECKING:
+    from playwright.sync_api import CDPSession, Locator, Page
+
+STOPPED_S = 1.0
+"""Whether STOP works is the question here; the processor is shared with the tool that presses, and
+how quick STOP is stands in `test_bench_page.py`."""
+
+HOLDING, STOPPING = 0, 1
+"""Fingers."""
+
+
+class Hands:
+    """Touch a page with several fingers, and press STOP in every way."""
+
+    def __init__(self, page: Page, device: Device) -> None:
+        self._page, self._device = page, device
+        self._line: CDPSession = page.context.new_cdp_session(page)
+        self._fingers: dict[int, tuple[float, float]] = {}
+        self._down: set[str] = set()
+
+    def touch(self, finger: int, place: tuple[float, float]) -> None:
+        self._fingers[finger] = place
+        self._send("touchStart")
+
+    def lift(self, finger: int) -> None:
+        self._fingers.pop(finger, None)
+        self._send("touchEnd")
+
+    def _send(self, kind: str) -> None:
+        points = [{"id": finger, "x": x, "y": y} for finger, (x, y) in self._fingers.items()]
+        self._line.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+
+    def stop_by(self, way: str) -> float:
+        """Press STOP once, and do not let go; return the time of day just before."""
+        place = centre(self._page.locator(".stop-button"))
+        if "mouse" in way:
+            self._page.mouse.move(*place)
+        return self.press(way, place)
+
+    def press(self, way: str, place: tuple[float, float]) -> float:
+        """Press there, where the mouse is already; return the time of day just before."""
+        self._down.add(way)
+        pressed = time.time()
+        if way == "mouse":
+            self._page.mouse.down()
+        elif way == "second mouse button":
+            self._page.mouse.down(button="right")
+        elif way == "touch":
+            self.touch(STOPPING, place)
+        else:
+            self._page.keyboard.down(way)
+        return pressed
+
+    def let_go(self) -> None:
+        """Lift every finger, button and key, also that of a mouse that drags."""
+        self._page.mouse.up()
+        for way in self._down:
+            if way == "second mouse button":
+                self._page.mouse.up(button="right")
+            elif way not in ("mouse", "touch"):
+                self._page.keyboard.up(way)
+        self._down.clear()
+        if self._fingers:
+            self._fingers.clear()
+            self._send("touchEnd")
+
+    @contextmanager
+    def turning(self) -> Iterator[None]:
+        """Hold the throttle with a finger until motors turn; lift it at the end."""
+        button = self._page.locator(".hold-button:not([disabled])")
+        for _ in range(6):
+            self.touch(HOLDING, centre(button))
+            deadline = time.monotonic() + 2.0
+            while time.monotonic() < deadline and self._device.turning_us() < 1100.0:
+                time.sleep(0.01)
+            if self._device.turning_us() >= 1100.0:
+                break
+            self.lift(HOLDING)
+        assert self._device.turning_us() >= 1100.0, self._device.orders[-5:]
+        try:
+            yield
+        finally:
+            self.let_go()
+
+    def stops(self, way: str) -> None:
+        """Press STOP, and see the device's pulse at zero, also while the fingers stay."""
+        pressed = self.stop_by(way)
+        assert self._device.stopped_after(pressed) < STOPPED_S, way
+        self._page.wait_for_timeout(100)
+        assert self._device.turning_us() <= 1000.0, way
+
+
+def drag(page: Page, slider: Locator) -> None:
+    """Begin to drag a slider."""
+    slider.scroll_into_view_if_needed()
+    x, y = centre(slider)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 8.0, y)
+
+
+def visible(page: Page, selector: str) -> list[Locator]:
+    return [each for each in page.locator(selector).all() if each.is_visible()]
+
+
+def click(element: Locator) -> None:
+    """Click without a pointer: one finger is on the throttle."""
+    element.evaluate("element => element.click()")
