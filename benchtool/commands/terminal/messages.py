@@ -42,11 +42,16 @@ def exhaustion_behind(error: BaseException) -> ResourceExhausted | None:
     return None
 
 
+def printable(text: str) -> str:
+    """Keep what a device or a file says from being orders to a terminal."""
+    return "".join(letter if letter.isprintable() or letter == "\n" else "�" for letter in text)
+
+
 def say_error(text: str) -> None:
     """Print a sentence on standard error, where that can still be written."""
     _output_error()
     with suppress(OSError, ValueError):
-        print(f"benchtool: {text}", file=sys.stderr, flush=True)
+        print(f"benchtool: {printable(text)}", file=sys.stderr, flush=True)
 
 
 def _output_error(text: str = "") -> OSError | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from benchtool.commands.terminal.messages import printable
 from benchtool.commands.terminal.tables import Output
 from benchtool.data.repairs.imported import Imported
 
@@ -49,5 +50,4 @@ def _table(read: Imported) -> Table:
 
 def _plain(text: str) -> str:
     """Keep what a foreign file says from being taken for markup, or for orders to a terminal."""
-    printable = "".join(letter if letter.isprintable() else "�" for letter in text)
-    return printable.replace("[", r"\[")
+    return printable(text).replace("[", r"\[")

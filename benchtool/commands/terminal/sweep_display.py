@@ -13,6 +13,7 @@ from rich.table import Table
 
 from benchtool.acquire.order import Visit, minutes
 from benchtool.acquire.record import RunProgress
+from benchtool.commands.terminal.messages import printable
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 
@@ -49,7 +50,7 @@ class PlainDisplay(RunProgress):
 
     def happened(self, event: Event) -> None:
         if event.event not in _QUIET:
-            print(f"{event.time_s:8.1f} s  {event.event}: {event.text}", flush=True)
+            print(printable(f"{event.time_s:8.1f} s  {event.event}: {event.text}"), flush=True)
 
 
 class LiveDisplay(RunProgress):
@@ -80,7 +81,7 @@ class LiveDisplay(RunProgress):
 
     def happened(self, event: Event) -> None:
         if event.event not in _QUIET:
-            self._event = f"{event.time_s:.1f} s  {event.event}: {event.text}"
+            self._event = printable(f"{event.time_s:.1f} s  {event.event}: {event.text}")
 
     def render(self) -> Group:
         table = Table(box=None, pad_edge=False)
