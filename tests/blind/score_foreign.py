@@ -34,6 +34,14 @@ TOLERANCES = 2.0
 NULLS, PAIRS, PARTS = 12, 3, 40
 """Records of each kind in one part of the plan; every named and every outside effect has one."""
 
+ABOUT = {
+    "sweeps": "Blade elements and smeared sources over a tilted, finite plate, written outside "
+    "this project. Seeds 0 to 127 served development; nothing was chosen on seeds 500 to 999.",
+    "pitch": "A rigid-body engine with friction, lag and ground laws in several published shapes, "
+    "written outside this project. Seeds 0 to 111 served development; nothing was chosen on seeds "
+    "500 to 999.",
+}
+
 SHAPES = {
     "coulomb_friction": ("tanh", "dahl", "lugre", "stribeck"),
     "motor_lag": ("plain", "updown", "second"),
@@ -134,4 +142,5 @@ if __name__ == "__main__":
     run(
         f"Foreign {family}", partial(asked, family), partial(scored, family),
         Path(f"build/foreign_{family}.jsonl"), seeds=(DEVELOPMENT.start, SCORING.start),
+        about=ABOUT[family],
     )  # fmt: skip

@@ -84,10 +84,11 @@ class Scorecard:
     Args:
         title: of the bench.
         records: whatever was scored, of every kind.
+        about: whose physics the records have, and what was chosen on them.
     """
 
-    def __init__(self, title: str, records: Sequence[Scored]) -> None:
-        self.title = title
+    def __init__(self, title: str, records: Sequence[Scored], about: str = "") -> None:
+        self.title, self.about = title, about
         self.records = tuple(records)
 
     def chosen(self, kind: str, strength: str = "full", excitation: str = "rich") -> list[Scored]:
@@ -229,7 +230,8 @@ class Scorecard:
         Args:
             date: on which the records were scored.
         """
-        out = [f"## {self.title}", "", f"{len(self.records)} records, scored on {date}."]
+        head = f"{len(self.records)} records, scored on {date}. {self.about}".rstrip()
+        out = [f"## {self.title}", "", head]
         for heading, columns, rows in self.tables():
             if not rows:
                 continue

@@ -132,9 +132,15 @@ class Scored:
 
     @property
     def stated(self) -> tuple[float, bool]:
-        """Return the probability of the likeliest explanation, and whether it is right."""
-        best = max(self.probabilities, key=lambda name: self.probabilities[name])
-        return self.probabilities[best], best in self.answers
+        """Return the probability of what the verdict says first, and whether it is right.
+
+        Of a class it is that of all members together. An effect may be likely beside something
+        unknown; the verdict is then unknown.
+        """
+        said = {"none": ("none",), "unknown": ("unknown",)}.get(self.verdict, self.names[:1])
+        said = self.names if self.verdict == "class" else said
+        p = sum(self.probabilities.get(name, 0.0) for name in said)
+        return min(p, 1.0), any(name in self.answers for name in said)
 
     @property
     def given_to_truth(self) -> float:

@@ -195,6 +195,7 @@ def run(
     scored: Callable[[Asked], Scored],
     kept: Path,
     *,
+    about: str,
     seeds: tuple[int, int] = (
         DEVELOPMENT_SEEDS.start + FIRST_DEVELOPMENT_SEED,
         SCORING_SEEDS.start + SCORING_BLOCK * SEEDS_OF_A_BLOCK,
@@ -208,6 +209,7 @@ def run(
             single effects only.
         scored: makes a record and scores the verdict on it; runs in processes of its own.
         kept: file of outcomes, when the command line names none.
+        about: whose physics the records have, and what was chosen on them.
         seeds: the first for development, and the first for scoring.
     """
     parser = argparse.ArgumentParser(description=title)
@@ -239,7 +241,7 @@ def run(
             file.flush()
             if count % 20 == 0:
                 print(f"{count} of {len(to_do)}", flush=True)
-    card = Scorecard(title, list(done.values()))
+    card = Scorecard(title, list(done.values()), about)
     print(card.text())
     if given.page is not None:
         today = dt.datetime.now(tz=dt.UTC).date().isoformat()

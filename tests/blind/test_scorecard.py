@@ -186,6 +186,9 @@ def test_what_counts_as_right_goes_by_size() -> None:
 def test_probabilities_are_held_against_the_truth() -> None:
     assert RIGHT.stated == (0.95, True)
     assert WRONG.stated == (0.97, False)
+    assert CLASS.stated == (0.8, True)
+    beside = replace(OUTSIDE, probabilities={"body_lift": 1.0, "unknown": 0.9})
+    assert beside.stated == (0.9, True)
     assert RIGHT.brier == pytest.approx(0.05**2 + 0.01**2 + 0.04**2)
     assert WRONG.brier == pytest.approx(0.97**2 + 0.98**2 + 0.01**2)
     assert replace(NULL, probabilities={"unknown": 1.0}).brier == pytest.approx(2.0)
@@ -195,13 +198,16 @@ def test_probabilities_are_held_against_the_truth() -> None:
 def test_a_calibrated_teller_has_a_small_error(rng: np.random.Generator) -> None:
     told = rng.uniform(0.5, 1.0, 4000)
     honest = [
-        replace(RIGHT, probabilities={"body_lift" if rng.random() < p else "none": p}) for p in told
+        replace(RIGHT, probabilities={"body_lift": p})
+        if rng.random() < p
+        else replace(RIGHT, verdict="none", names=(), probabilities={"none": p})
+        for p in told
     ]
     bins = calibration(honest)
     assert len(bins) == 10
     assert {one.count for one in bins} == {400}
     assert calibration_error(bins) < 0.03
-    boasting = [replace(one, probabilities={next(iter(one.probabilities)): 1.0}) for one in honest]
+    boasting = [replace(one, probabilities=dict.fromkeys(one.probabilities, 1.0)) for one in honest]
     assert calibration_error(calibration(boasting)) == pytest.approx(0.25, abs=0.03)
 
 
