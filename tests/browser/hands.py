@@ -80,6 +80,7 @@ class Hands:
     def turning(self) -> Iterator[None]:
         """Hold the throttle with a finger until motors turn; lift it at the end."""
         button = self._page.locator(".hold-button:not([disabled])")
+        button.wait_for()
         for _ in range(6):
             self.touch(HOLDING, centre(button))
             deadline = time.monotonic() + 2.0

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.faults.dialects import framed
 from tests.faults.loop import World, plan, sweep
-from tests.faults.proxy import framed
 
 EVIL = "\x1b]0;owned\x07\x9b2J<script>x</script>"
 """Sets a terminal's title, clears it (in 8 bits), and is an element of a page."""

@@ -40,8 +40,8 @@ from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.stage.grbl import GrblStage
 from benchtool.commands.app import main as benchtool
 from benchtool.data.run.read import read_samples
+from tests.faults.dialects import fields_in
 from tests.faults.loop import plan
-from tests.faults.proxy import fields_in
 from tests.soak.world import FAULTS, Hangs, HostEnd, World
 
 KINDS = {"bench": 3, "autopilot": 3, "stage": 3, "pty": 1, "tcp": 1}
