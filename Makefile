@@ -10,7 +10,7 @@ TESTING := $(VENV)/.testing-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test test-all lint bench blind presses soak mutants coverage-truth kills requirements wheel clean
+.PHONY: demo test test-all lint bench blind presses soak mutants coverage-truth kills fuzz requirements wheel clean
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
@@ -73,6 +73,11 @@ mutants: $(TESTING)
 # A kill and power cuts before every change of the disk that each command makes.
 kills: $(TESTING)
 	$(BIN)/python -m tests.kills.count
+
+# Hostile bytes for every parser, MINUTES=n long; counts and what was found are in build/fuzz.
+fuzz: $(TESTING)
+	$(BIN)/python -c "import atheris" 2>/dev/null || $(PIP) install "atheris==3.0.0" || true
+	$(BIN)/python -m tests.fuzz.run $(or $(MINUTES),10)
 
 wheel: $(TESTING)
 	$(BIN)/python -m pip --disable-pip-version-check wheel --quiet --no-deps \

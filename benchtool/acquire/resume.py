@@ -52,7 +52,14 @@ def unfinished(run: Run) -> Unfinished:
     facts = run.metadata
     where = str(run.path / "metadata.json")
     rig = run_rig(run.path, facts)
-    plan = plan_from_toml(run.plan_text, str(run.path / "plan.toml"))
+    plan_file = str(run.path / "plan.toml")
+    plan = plan_from_toml(run.plan_text, plan_file)
+    if not (plan.plate.distances_m and plan.throttle.pwm_us):
+        raise FileFormatError(
+            plan_file,
+            "plate.distances_m or throttle.pwm_us is missing, which the plan of a run always "
+            "states; restore it from a copy",
+        )
     calibration = facts.get("calibration")
     visits = {visit.point for visit in visits_of(plan, rig)}
     done = frozenset(_points_on_disk(run)) & visits

@@ -1,0 +1,92 @@
+"""Fuzz every target for so many minutes: `python -m tests.fuzz.run MINUTES`.
+
+Where atheris is installed it looks for inputs that reach new lines (coverage-guided); elsewhere
+seeds are changed at random. Counts and found inputs are written as they come, to build/fuzz; the
+next run goes on counting.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import subprocess
+import sys
+import time
+from importlib.util import find_spec
+from pathlib import Path
+from random import Random
+
+from tests.fuzz.engine import fuzz
+from tests.fuzz.targets import Files, targets
+
+OUT = Path("build/fuzz")
+PART_S = 5.0
+"""Each target has its turn for so long; a choice."""
+
+
+def keep(name: str, data: bytes) -> Path:
+    """Write an input that was found and return its path."""
+    path = OUT / "found" / f"{name.replace(' ', '-')}--{hashlib.sha256(data).hexdigest()[:10]}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return path
+
+
+def guided(name: str, seconds: float) -> int:
+    """Fuzz one target with atheris in a process of its own and return the inputs it tried."""
+    corpus = OUT / "corpus" / name.replace(" ", "-")
+    corpus.mkdir(parents=True, exist_ok=True)
+    words = [f"-max_total_time={max(1, round(seconds))}", "-timeout=10", "-rss_limit_mb=4096",
+             f"-artifact_prefix={OUT}/", str(corpus)]  # fmt: skip
+    line = [sys.executable, "-m", "tests.fuzz.guided", name, *words]
+    ended = subprocess.run(line, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
+    said = ended.stderr.decode("utf-8", "replace")
+    tried = re.findall(r"^(?:Done (\d+) runs|#(\d+))", said, re.MULTILINE)
+    if ended.returncode:
+        print(said[-2000:])
+    return max([0, *(int(done or seen) for done, seen in tried)])
+
+
+def main(minutes: float, with_atheris: bool) -> int:
+    """Return 1 where an input was found."""
+    until_s, seed = time.time() + 60.0 * minutes, time.time_ns()
+    record = OUT / "counts.json"
+    record.parent.mkdir(parents=True, exist_ok=True)
+    counts = json.loads(record.read_text()) if record.exists() else {}
+    on_disk, bad = Files(), 0
+    try:
+        every = targets(on_disk)
+        part_s = max(PART_S, 60.0 * minutes / len(every)) if with_atheris else PART_S
+        while time.time() < until_s:
+            for name, target in every.items():
+                if time.time() >= until_s:
+                    break
+                before_s, faults = time.process_time(), dict[str, bytes]()
+                if with_atheris:
+                    number, spent_s = guided(name, part_s), part_s
+                else:
+                    seed += 1
+                    number, faults = fuzz(target, Random(seed), seconds=part_s)
+                    spent_s = time.process_time() - before_s
+                had = counts.get(name, {"inputs": 0, "seconds": 0.0})
+                counts[name] = {"inputs": had["inputs"] + number,
+                                "seconds": had["seconds"] + spent_s}  # fmt: skip
+                record.write_text(json.dumps(counts, indent=1))
+                for fault, data in faults.items():
+                    bad += 1
+                    print(f"{name}: {fault} {keep(name, data)}", flush=True)
+    finally:
+        on_disk.close()
+    print("| target | inputs | a second |", "|---|---|---|", sep="\n")
+    for name, had in counts.items():
+        print(f"| {name} | {had['inputs']:,} | {had['inputs'] / max(had['seconds'], 1e-9):,.0f} |")
+    print(f"| all | {sum(had['inputs'] for had in counts.values()):,} | |")
+    return int(bool(bad or list(OUT.glob("found/*"))))
+
+
+if __name__ == "__main__":
+    present = find_spec("atheris") is not None
+    if not present:
+        print("atheris is not installed (pip install atheris), so seeds are changed unguided")
+    sys.exit(main(float(sys.argv[1]), present))
