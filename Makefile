@@ -10,7 +10,7 @@ TESTING := $(VENV)/.testing-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test test-all lint bench blind presses soak mutants coverage-truth kills fuzz requirements wheel clean
+.PHONY: demo test test-all lint bench blind presses soak mutants coverage-truth kills fuzz requirements wheel clean faults peers
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
@@ -48,6 +48,14 @@ presses: $(TESTING)
 MINUTES ?= 60
 soak: $(TESTING)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.soak.soak --minutes $(MINUTES)
+
+# Every cell of the fault matrix, and the table of stop times; cut short, it goes on where it was.
+faults: $(TESTING)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.faults.matrix
+
+# How to run real firmware beside the tests; builds nothing.
+peers:
+	@sed -n '/^## Beside real firmware/,$$p' docs/how-to/run-tests.md
 
 # How often the intervals hold the truth over 400 simulated sweeps of each kind: every basis, both
 # estimators, budgets, calibrations, places, wander (takes hours; cut short, it goes on where it was).

@@ -61,6 +61,7 @@ WATCHDOG = "watchdog: no line for"
 UNFIT = "that does not fit a pulse of"
 SILENT = "sent nothing for"
 NO_PULSE, NO_PLATE = "did not answer 'pwm,", "did not answer 'plate,"
+NO_ACK = "did not acknowledge an order to turn"
 UNMOVED = "plate_z_m still reads 1.4000 m after the move"
 
 RUNS = Expected()
@@ -81,39 +82,68 @@ def row(links: str, fault: str, phases: str, expected: Expected) -> Iterator[Cel
 
 # fmt: off
 ROWS = (
+    row("tcp", "device silent 0.6 s", "arming", ends(3, "did not answer 'clear")),
+    row("tcp", "device silent 0.6 s", "tare", ends(3, "did not answer 'tare")),
     row("tcp", "device silent 0.6 s", "moving", ends(3, NO_PLATE)),
     row("tcp", "device silent 0.6 s", "ramping sampling", RUNS),
     row("tcp", "device silent 0.6 s", "stopping", ends(3, NO_PULSE, 0.6)),
+    row("pty", "device silent 0.6 s", "sampling", RUNS),
     row("mavlink", "device silent", "ramping sampling", ends(8, UNSEEN, 0.6)),
     row("mavlink", "device silent", "stopping", ends(8, UNSEEN, 0.35)),
-    row("tcp", "host unheard 0.6 s", "moving", ends(3, NO_PLATE)),
-    row("tcp", "host unheard 0.6 s", "ramping sampling", ends(4, WATCHDOG, 0.35)),
-    row("tcp", "host unheard 0.6 s", "stopping", ends(3, NO_PULSE, 0.35)),
+    row("rcbudp", "device silent", "ramping sampling", ends(8, UNSEEN, 1.4)),
+    row("rcbudp", "device silent", "stopping", ends(8, UNSEEN, 0.8)),
+    row("tcp", "host unheard 0.6 s", "arming", ends(3, "did not answer 'clear")),
+    row("tcp", "host unheard 0.6 s", "tare", ends(3, "did not answer 'tare")),
+    row("tcp pty", "host unheard 0.6 s", "moving", ends(3, NO_PLATE)),
+    row("tcp pty", "host unheard 0.6 s", "ramping sampling", ends(4, WATCHDOG, 0.35)),
+    row("tcp pty", "host unheard 0.6 s", "stopping", ends(3, NO_PULSE, 0.35)),
+    row("mavlink", "host unheard 0.6 s", "ramping sampling", ends(4, UNFIT, 0.35)),
+    row("mavlink", "host unheard 0.6 s", "stopping", ends(3, NO_ACK, 0.35)),
+    row("rcbudp", "host unheard 0.6 s", "ramping sampling stopping", ends(4, WATCHDOG, 0.35)),
     row("tcp", "a tenth lost", "connect ramping sampling", RUNS),
-    row("tcp", "answers lost 0.35 s", "connect sampling", RUNS),
+    row("pty mavlink rcbudp", "a tenth lost", "ramping sampling stopping", RUNS),
+    row("tcp", "answers lost 0.35 s", "connect arming sampling", RUNS),
+    row("mavlink rcbudp", "answers lost 0.35 s", "ramping sampling stopping", RUNS),
     row("tcp", "all 0.15 s late", "connect ramping sampling", RUNS),
     row("tcp", "samples twice", "connect ramping sampling", RUNS),
     row("mavlink", "samples twice", "ramping sampling stopping", RUNS),
+    row("rcbudp", "samples twice", "ramping sampling", RUNS),
     row("tcp", "commands twice", "connect ramping sampling", RUNS),
-    row("mavlink", "commands twice", "ramping sampling stopping", RUNS),
+    row("mavlink rcbudp", "commands twice", "ramping sampling stopping", RUNS),
     row("tcp", "samples reversed", "connect ramping sampling", RUNS),
+    row("mavlink", "samples reversed", "ramping sampling stopping", RUNS),
+    row("rcbudp", "samples reversed", "ramping sampling", RUNS),
     row("tcp", "bits turned", "connect ramping sampling", RUNS),
+    row("mavlink", "bits turned", "ramping sampling stopping", RUNS),
+    row("pty", "bits turned", "sampling", RUNS),
     row("tcp", "cut short", "connect ramping sampling", RUNS),
+    row("rcbudp", "cut short", "ramping sampling stopping", RUNS),
     row("tcp", "stall 0.2 s", "moving ramping", RUNS),
     row("tcp", "stall 0.2 s", "sampling stopping", ends(4, WATCHDOG, 0.35)),
-    row("tcp", "stall 2 s", "moving", ends(3, NO_PLATE)),
-    row("tcp mavlink", "stall 2 s", "ramping sampling", ends(3, SILENT, 0.35)),
-    row("tcp", "stall 2 s", "stopping", ends(3, NO_PULSE, 0.35)),
-    row("mavlink", "stall 2 s", "stopping", ends(3, "did not acknowledge an order to turn", 0.35)),
-    row("tcp", "cable pulled", "moving", ends(3, NO_PLATE)),
-    row("tcp mavlink", "cable pulled", "ramping sampling stopping", ends(8, UNSEEN, 0.35)),
+    row("tcp", "stall 2 s", "arming", ends(3, "did not answer 'clear")),
+    row("tcp", "stall 2 s", "tare", ends(3, "did not answer 'tare")),
+    row("tcp pty", "stall 2 s", "moving", ends(3, NO_PLATE)),
+    row("tcp pty mavlink", "stall 2 s", "ramping sampling", ends(3, SILENT, 0.35)),
+    row("tcp pty", "stall 2 s", "stopping", ends(3, NO_PULSE, 0.35)),
+    row("mavlink", "stall 2 s", "stopping", ends(3, NO_ACK, 0.35)),
+    row("rcbudp", "stall 2 s", "ramping sampling", ends(3, "sent no reading for", 0.35)),
+    row("rcbudp", "stall 2 s", "stopping", ends(3, "did not answer", 0.35)),
+    row("tcp", "cable pulled", "arming", ends(3, "did not answer 'clear")),
+    row("tcp", "cable pulled", "tare", ends(3, "did not answer 'tare")),
+    row("tcp pty", "cable pulled", "moving", ends(3, NO_PLATE)),
+    row("tcp pty", "cable pulled", "ramping sampling stopping", ends(8, UNSEEN, 0.35)),
+    row("mavlink rcbudp", "cable pulled", "ramping sampling stopping", ends(8, UNSEEN, 0.35)),
+    row("grbl", "cable pulled", "sampling", ends(3, "the link to")),
     row("tcp", "plate frozen", "connect", ends(3, UNMOVED)),
     row("tcp", "plate frozen", "ramping sampling", RUNS),
     row("tcp", "thrust frozen", "connect", ends(3, "on the load cell, limit")),
     row("tcp", "thrust frozen", "ramping sampling", ends(4, "all the time", 0.8)),
-    row("tcp", "acknowledged, not done", "moving", ends(3, UNMOVED)),
-    row("tcp", "acknowledged, not done", "ramping sampling", ends(8, TURNING, 2.5)),
-    row("tcp", "acknowledged, not done", "stopping", ends(8, TURNING, 1.4)),
+    row("tcp", "acknowledged, not done", "arming tare moving", ends(3, UNMOVED)),
+    row("tcp rcbudp", "acknowledged, not done", "ramping sampling", ends(8, TURNING, 2.5)),
+    row("tcp rcbudp", "acknowledged, not done", "stopping", ends(8, TURNING, 1.4)),
+    row("mavlink", "acknowledged, not done", "ramping sampling", ends(4, UNFIT, 0.35)),
+    row("mavlink", "acknowledged, not done", "stopping", RUNS),
+    row("pty", "acknowledged, not done", "sampling", ends(8, TURNING, 2.5)),
 )
 # fmt: on
 
@@ -137,16 +167,25 @@ def results(path: Path) -> Iterator[tuple[Cell, Result]]:
 def print_table(path: Path) -> None:
     """Print how many cells of each link ended how, and when motors stood."""
     found = list(results(path))
-    print("| link | cells | run to their end | end early | time to zero, median | worst |")
-    print("|---|---|---|---|---|---|")
-    for link in dict.fromkeys(cell.link for cell in CELLS):
-        own = [result for cell, result in found if cell.link == link]
-        early = [result.zero_s for result in own if result.code and not isnan(result.zero_s)]
-        ran = sum(result.code == 0 for result in own)
-        times = f"{median(early):.2f} s | {max(early):.2f} s" if early else "- | -"
-        print(f"| {link} | {len(own)} | {ran} | {len(own) - ran} | {times} |")
-    print(f"\n{len(found)} cells")
+    print("| link | cells | measured to the end | ended early | stops | to zero, median | worst |")
+    print("|---|---|---|---|---|---|---|")
+    for link in (*dict.fromkeys(cell.link for cell in CELLS), ""):
+        own = [(cell, result) for cell, result in found if link in ("", cell.link)]
+        ran = sum(result.code == 0 for _, result in own)
+        # Motors turned when these faults began, and end for them; who lies stops when it will.
+        stops_s = [
+            result.zero_s
+            for cell, result in own
+            if cell.expected.within_s is not None
+            and not isnan(result.zero_s)
+            and cell.fault != "acknowledged, not done"
+        ]
+        times = f"{median(stops_s):.2f} s | {max(stops_s):.2f} s" if stops_s else "- | -"
+        counts = f"{len(own)} | {ran} | {len(own) - ran} | {len(stops_s)}"
+        print(f"| {link or 'all'} | {counts} | {times} |")
 
 
 if __name__ == "__main__":
-    print_table(Path(sys.argv[1] if len(sys.argv) > 1 else "build/fault-matrix.jsonl"))
+    where = Path(sys.argv[1] if len(sys.argv) > 1 else "build/fault-matrix.jsonl")
+    where.parent.mkdir(parents=True, exist_ok=True)
+    print_table(where)

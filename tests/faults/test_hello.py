@@ -10,7 +10,7 @@ import pytest
 from benchtool.bench.serial.hello import Hello, hello_lines
 from tests.faults.dialects import Phase
 from tests.faults.loop import ADDRESS, Outcome, World, command, plan, sweep
-from tests.faults.proxy import Fault, Kind
+from tests.faults.proxy import Fault
 from tests.wire.version_1 import VersionOne
 
 
@@ -34,11 +34,8 @@ def test_a_line_lost_once_leaves_the_channels_as_they_are(tmp_path: Path, name: 
 
 
 @pytest.mark.parametrize(("phase", "seed"), [("connect", 0), ("hello", 1)])
-@pytest.mark.parametrize(
-    ("kind", "p"), [("drop", 0.1), ("truncate", 0.05), ("corrupt", 0.05), ("reorder", 0.3)]
-)
-def test_noise_in_the_hello(tmp_path: Path, phase: Phase, kind: Kind, p: float, seed: int) -> None:
-    noise = Fault(kind, phase=phase, for_s=1.0, p=p, seed=seed)
+def test_a_hello_out_of_order(tmp_path: Path, phase: Phase, seed: int) -> None:
+    noise = Fault("reorder", phase=phase, for_s=1.0, p=0.3, seed=seed)
     outcome = sweep(tmp_path, plan(), [noise])
     assert noise.hit >= 3
     assert outcome.code == 0, outcome.said

@@ -19,19 +19,6 @@ def check_nothing_turned(outcome: Outcome, fault: Fault) -> None:
     assert max((us for _, us in outcome.pulses), default=1000.0) == 1000.0
 
 
-def test_a_frozen_position_channel(tmp_path: Path) -> None:
-    frozen = Fault("freeze", phase="arming", way="host", channel="plate_z_m")
-    outcome = sweep(tmp_path, NEAR, [frozen])
-    check_nothing_turned(outcome, frozen)
-    assert "plate_z_m still reads 1.4000 m after the move to 0.06" in outcome.last_line
-
-
-def test_moves_that_are_acknowledged_and_not_done(tmp_path: Path) -> None:
-    ignored = Fault("ignore", phase="tare", way="device", only="plate")
-    outcome = sweep(tmp_path, NEAR, [ignored])
-    check_nothing_turned(outcome, ignored)
-
-
 def test_a_sensor_30_mm_off(tmp_path: Path) -> None:
     off = Fault("lie", phase="connect", way="host", channel="plate_z_m", value=-0.03)
     outcome = sweep(tmp_path, plan("1.36"), [off])

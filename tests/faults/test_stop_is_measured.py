@@ -18,13 +18,10 @@ from tests.faults.loop import plan, sweep
 from tests.faults.proxy import Fault
 
 
-@pytest.mark.parametrize("distances", ["1.36", "1.36, 1.32"])
-def test_motors_that_ignore_the_stop_are_named_with_their_speed(
-    tmp_path: Path, distances: str
-) -> None:
-    """One distance: the run's own end. Two: the stop before the plate moves."""
+def test_motors_that_ignore_the_stop_are_named_with_their_speed(tmp_path: Path) -> None:
+    """The stop before the plate moves; the run's own end is a cell of the matrix."""
     fault = Fault("ignore", phase="stopping", way="device")
-    outcome = sweep(tmp_path, plan(distances), [fault])
+    outcome = sweep(tmp_path, plan("1.36, 1.32"), [fault])
     assert fault.hit > 2
     # The device really went on turning, until the host was gone and its watchdog stopped it.
     assert [us for s, us in outcome.pulses if s <= outcome.left_s][-1] >= TURNING_US
@@ -49,17 +46,6 @@ def test_a_stop_that_is_ignored_for_a_moment_is_commanded_again(tmp_path: Path) 
     standing_s = outcome.standing_at()
     assert standing_s is not None
     assert standing_s <= outcome.left_s
-
-
-def test_a_link_that_is_cut_is_never_called_a_stop(tmp_path: Path) -> None:
-    fault = Fault("cut", phase="sampling")
-    outcome = sweep(tmp_path, plan(), [fault])
-    assert fault.begun_s is not None
-    assert outcome.code == 8
-    last = outcome.said.strip().splitlines()[-1]
-    assert last.startswith("benchtool: rotor 1 was not seen to stand")
-    assert "cut the power" in last
-    assert "stopped" not in last
 
 
 @pytest.mark.parametrize("ends_early", [False, True])
