@@ -54,7 +54,10 @@ GROUPS = {
         ("benchtool/acquire/resume.py",),
         ("tests/unit/acquire/test_resume.py",),
     ),
-    "close": Group(("benchtool/data/run/closing.py",), STORED),
+    "close": Group(
+        ("benchtool/data/run/closing.py",),
+        ("tests/unit/data/test_closing.py", "tests/unit/data/test_syncs.py"),
+    ),
     "link": Group(
         (f"{BENCH}/serial/frames.py", f"{BENCH}/mavlink/frames.py"),
         (

@@ -30,6 +30,7 @@ from typing import Any
 import pytest
 
 from tests.mutation.groups import GROUPS, NAMED, Group, Named
+from tests.mutation.patched import Judge
 
 ROOT = Path(__file__).parents[2]
 PARTS = ("benchtool", "tests", "fits", "datasets", "docs", "pyproject.toml")
@@ -85,7 +86,7 @@ def failure(tree: Path, tests: Sequence[str], limit_s: float, *, keep: bool = Fa
     return failed[0][:200] if failed else f"no report: {' '.join(lines[-3:])[:200]}"
 
 
-def _run(tree: Path, tests: Sequence[str], keep: bool) -> int:
+def _run(tree: Path, tests: Sequence[str], keep: bool, judge: Judge | None = None) -> int:
     """Run tests in this process, which has not imported any of the project's own modules yet."""
     try:
         os.chdir(tree)
@@ -97,7 +98,7 @@ def _run(tree: Path, tests: Sequence[str], keep: bool) -> int:
         if not keep:
             os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
         options = ["-q", "-x", "-m", "", "-p", "no:cacheprovider", "-p", "pytest_timeout"]
-        return int(pytest.main([*options, *tests]))
+        return int(pytest.main([*options, *tests], plugins=[judge] if judge else None))
     except BaseException:  # noqa: BLE001 -- nothing may go on as a second driver
         traceback.print_exc()
         return 1
@@ -164,23 +165,58 @@ def judge_group(
     chosen = chosen[:count]
     limit_s = 3.0 * baseline_s(tree, group.tests) + 10.0
     print(f"{name}: {len(chosen)} of {total} mutants, at most {limit_s:.0f} s each", flush=True)
+    rows: list[dict[str, Any]] = []
     for one in chosen:
-        row: dict[str, Any] = {**asdict(one), "source": stamps[one.module], "of": total}
+        row = {**asdict(one), "source": stamps[one.module], "of": total}
         before = known.get(_key(row))
-        if before is not None and not (again and not before["killed_by"]):
-            continue
-        text = sources[one.module]
-        changed = one.applied(text)
-        if not _compiles(changed):
-            continue
-        with broken(tree, one.module, changed):
-            row["killed_by"] = failure(tree, group.tests, limit_s)
-        row["change"] = _change(text, changed)
-        if not row["killed_by"]:
-            print(f"survived: {one.module}:{one.line} {one.operator}\n{row['change']}", flush=True)
+        row["changed"] = one.applied(sources[one.module])
+        wanted = before is None or (again and not before["killed_by"])
+        if wanted and _compiles(row["changed"]):
+            rows.append(row)
+
+    def note(number: int, killed_by: str) -> None:
+        row = dict(rows[number])
+        text, changed = sources[row["module"]], row.pop("changed")
+        row |= {"killed_by": killed_by, "change": _change(text, changed)}
+        if not killed_by:
+            print(f"survived: {row['module']}:{row['line']}\n{row['change']}", flush=True)
         with path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
+
+    survived = []
+    for number, killed_by in _judged_together(tree, group, rows, limit_s):
+        if killed_by:
+            note(number, killed_by)
+        else:  # perhaps it could not be put in place
+            survived.append(number)
+    for number in survived:
+        with broken(tree, rows[number]["module"], rows[number]["changed"]):
+            note(number, failure(tree, group.tests, limit_s))
     print(summary(name, path, stamps), flush=True)
+
+
+def _judged_together(
+    tree: Path, group: Group, rows: list[dict[str, Any]], limit_s: float
+) -> Iterator[tuple[int, str]]:
+    """Yield what notices each mutant, "" for nothing, as `Judge` finds it in its own process."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(read)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        mutants = [
+            (number, row["module"].removesuffix(".py").replace("/", "."), row["changed"])
+            for number, row in enumerate(rows)
+        ]
+
+        def judged(number: int, killed_by: str) -> None:
+            os.write(write, json.dumps([number, killed_by]).encode() + b"\n")
+
+        os._exit(_run(tree, group.tests, False, Judge(mutants, limit_s, judged)))
+    os.close(write)
+    with open(read, encoding="utf-8") as lines:
+        yield from map(json.loads, lines)
+    os.waitpid(child, 0)
 
 
 def summary(name: str, path: Path, stamps: dict[str, str]) -> str:

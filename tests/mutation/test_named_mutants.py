@@ -6,10 +6,12 @@ import os
 import random
 import subprocess
 import sys
+from types import ModuleType
 
 import pytest
 
 from tests.mutation.groups import GROUPS, NAMED, Named
+from tests.mutation.patched import patch
 from tests.mutation.run import ROOT, wilson
 
 
@@ -18,7 +20,7 @@ from tests.mutation.run import ROOT, wilson
 def test_a_broken_line_is_noticed() -> None:
     sample = [one.name for one in random.Random(24).sample(NAMED, 6)]
     named = [word for name in sample for word in ("--named", name)]
-    told = subprocess.run(
+    ended = subprocess.run(
         [sys.executable, "-m", "tests.mutation.run", *named],
         cwd=ROOT,
         capture_output=True,
@@ -26,9 +28,9 @@ def test_a_broken_line_is_noticed() -> None:
         check=False,
     )
     # By a failed test, not by one that could not be collected.
-    assert {name: told.stdout.count(f"{name}: FAILED tests/") for name in sample} == dict.fromkeys(
+    assert {name: ended.stdout.count(f"{name}: FAILED tests/") for name in sample} == dict.fromkeys(
         sample, 1
-    ), told.stdout + told.stderr
+    ), ended.stdout + ended.stderr
 
 
 @pytest.mark.parametrize("named", NAMED, ids=lambda one: one.name)
@@ -47,3 +49,25 @@ def test_whoever_judges_is_there() -> None:
 def test_the_interval_of_a_share() -> None:
     # Wilson's own formula for 9 of 10, as tables have it.
     assert wilson(9, 10) == pytest.approx((0.5958, 0.9821), abs=1e-4)
+
+
+WHOLE = """
+LIMIT = 1
+def plain(x): return x > LIMIT
+class Owner:
+    share = 2
+    @property
+    def twice(self): return 2 * self.share
+    @staticmethod
+    def both(x, more=1): return x + more
+"""
+
+
+def test_a_broken_source_is_put_in_place_of_a_module() -> None:
+    module = ModuleType("benchtool.whole")
+    module.__file__ = "whole.py"
+    exec(WHOLE, module.__dict__)
+    plain, owner = module.plain, module.Owner()
+    broken = WHOLE.replace("LIMIT = 1", "LIMIT = 7").replace("2 * self", "3 * self")
+    patch(module, broken.replace("share = 2", "share = 5").replace("more=1", "more=4"))
+    assert (plain(2), owner.twice, owner.both(1)) == (False, 15, 5)

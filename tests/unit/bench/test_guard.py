@@ -40,6 +40,18 @@ def test_a_normal_end_ramps_down_within_a_second(fake):
     assert guard.reason is None
 
 
+def test_what_was_seen_of_rotors_is_said_before_the_guard_is_left(fake):
+    with GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(1.0)
+        assert guard.standstill is None
+        guard.stop()
+        guard.read(0.5)
+        assert guard.standstill.seen
+        guard.set_pwm(np.array([1600.0]))
+        assert guard.standstill is None
+
+
 def test_the_samples_of_a_ramp_can_be_had(fake):
     taken = []
     with GuardedBench(fake, RIG) as guard:

@@ -30,6 +30,13 @@ def test_a_signal_is_noted_and_raised_when_asked_for(signals: StopSignals) -> No
             signals.raise_if_requested()
 
 
+def test_a_signal_ends_one_scope_and_not_the_next(signals: StopSignals) -> None:
+    signal.raise_signal(signal.SIGTERM)
+    signals.restore()
+    signals.install()
+    assert signals.raise_if_requested() is None
+
+
 def test_within_the_inner_scope_it_is_raised_at_once(signals: StopSignals) -> None:
     reached = []
     with pytest.raises(RunStopped, match="stopped by Ctrl-C"), signals.interruptible():
@@ -94,13 +101,15 @@ posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
 
 @posix
 def test_signals_are_ignored_once_begun_and_told_once(capfd: pytest.CaptureFixture[str]) -> None:
-    now_s = 0.0
+    now_s = 100.0
     before = signal.getsignal(signal.SIGINT)
     with ClosingSignals(lambda: now_s) as closing:
         closing.begin()
         for number in (signal.SIGINT, signal.SIGINT, signal.SIGTERM, signal.SIGINT):
             signal.raise_signal(number)
-        now_s = PATIENCE_S
+        now_s += PATIENCE_S - 0.1
+        signal.raise_signal(signal.SIGINT)
+        now_s += 0.1
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before

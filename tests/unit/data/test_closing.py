@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.core.errors import FileFormatError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.data.run.append import Event, read_events
 from benchtool.data.run.closing import (
     DIED,
@@ -63,6 +63,12 @@ def test_an_event_that_a_killed_close_had_written_is_not_repeated(tmp_path: Path
     assert len(read_events(run.path / "events.jsonl")) == 1
 
 
+def test_a_run_that_is_measured_or_closed_by_another_is_left_alone(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    with run.locked(), pytest.raises(InputError, match="another process measures or closes"):
+        run.close()
+
+
 def test_left_overs_are_hidden_files_that_were_being_written(tmp_path: Path) -> None:
     for name in (".metadata.json.7.new", ".x.new", "x.new", ".x.newer", ".x"):
         (tmp_path / name).touch()
@@ -104,22 +110,23 @@ def test_a_run_without_rows_is_closed_without_tables(tmp_path: Path) -> None:
 
 
 HEAD = "time_s,device_time_us,point,phase,rpm1\n"
-ROWS = ("1,10,0,move,1\n", "9,20,1,sample,2\n", "3,30,2,settle,3\n", "4,40,2,interrupted,4\n")
+ROWS = ("1,10,0,move,1\n", "9,20,1,sample,2\n", "3,30,2,settle,3\n", "4,40,2,interrupted,4\n",
+        "5,45,0,end,5\n")  # fmt: skip
 
 
 def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path: Path) -> None:
     path = tmp_path / "samples.csv"
-    cut = "5,50,2,settle"
+    cut = "6,50,2,settle,6"
     path.write_text(HEAD + "".join(ROWS) + cut)
     assert scan_samples(path, frozenset({1, 2})).from_byte is None
     found = scan_samples(path, frozenset({1}))
-    assert (found.rows, found.last_s) == (4, 9.0)
+    assert (found.rows, found.last_s) == (5, 9.0)
     assert found.from_byte == len(HEAD + ROWS[0] + ROWS[1])
     write_marked(path, found)
     assert path.read_text() == HEAD + "".join(ROWS) + cut
     take_marked(path)
     marked = ROWS[2].replace("settle", "interrupted")
-    assert path.read_text() == HEAD + ROWS[0] + ROWS[1] + marked + ROWS[3] + cut
+    assert path.read_text() == HEAD + ROWS[0] + ROWS[1] + marked + ROWS[3] + ROWS[4] + cut
     take_marked(path)  # nothing was written since
     assert scan_samples(path, frozenset({1})).from_byte is None
 
