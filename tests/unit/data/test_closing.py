@@ -93,7 +93,9 @@ def test_samples_are_sealed_again_where_either_file_has_changed(tmp_path: Path, 
 
 def test_settings_that_are_missing_are_made_again(tmp_path: Path) -> None:
     run = small_run(tmp_path / "run")
+    (run.path / ".settings.csv.7.new").write_text("half")
     run.close()
+    assert not list(run.path.glob(".*"))
     (run.path / "settings.csv").unlink()
     assert run.close()
     assert (run.path / "settings.csv").is_file()
