@@ -21,9 +21,10 @@ import tempfile
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from math import sqrt
+from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
 
@@ -183,26 +184,25 @@ def judge_group(
         with path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
 
-    survived = []
     for number, killed_by in _judged_together(tree, group, rows, limit_s):
-        if killed_by:
-            note(number, killed_by)
-        else:  # perhaps it could not be put in place
-            survived.append(number)
-    for number in survived:
-        with broken(tree, rows[number]["module"], rows[number]["changed"]):
-            note(number, failure(tree, group.tests, limit_s))
+        if not killed_by:  # perhaps it could not be put in place
+            with broken(tree, rows[number]["module"], rows[number]["changed"]):
+                killed_by = failure(tree, group.tests, limit_s)
+        note(number, killed_by)
     print(summary(name, path, stamps), flush=True)
 
 
 def _judged_together(
     tree: Path, group: Group, rows: list[dict[str, Any]], limit_s: float
 ) -> Iterator[tuple[int, str]]:
-    """Yield what notices each mutant, "" for nothing, as `Judge` finds it in its own process."""
-    read, write = os.pipe()
+    """Yield what notices each mutant, "" for nothing, as `Judge` finds it in its own process.
+
+    That process waits meanwhile, so whoever is told may break the copy for a moment.
+    """
+    here, there = Pipe()
     child = os.fork()
     if child == 0:
-        os.close(read)
+        here.close()
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         mutants = [
             (number, row["module"].removesuffix(".py").replace("/", "."), row["changed"])
@@ -210,12 +210,15 @@ def _judged_together(
         ]
 
         def judged(number: int, killed_by: str) -> None:
-            os.write(write, json.dumps([number, killed_by]).encode() + b"\n")
+            there.send((number, killed_by))
+            there.recv()
 
         os._exit(_run(tree, group.tests, False, Judge(mutants, limit_s, judged)))
-    os.close(write)
-    with open(read, encoding="utf-8") as lines:
-        yield from map(json.loads, lines)
+    there.close()
+    with here, suppress(EOFError):
+        while True:
+            yield here.recv()
+            here.send(None)
     os.waitpid(child, 0)
 
 
