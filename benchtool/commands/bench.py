@@ -149,7 +149,7 @@ def _bridged(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]
             f"link {inputs.link!r} is rcbudp or rcbudp:PORT, with a load cell and without "
             f"--symlink; leave --symlink and --mode out"
         )
-    where = UdpLink(LOOPBACK, int(port), listen=True, fitting=one_line)
+    where = UdpLink(LOOPBACK, int(port), listen=True, fitting=one_line, ending=b"\n")
     # This stand answers whoever speaks, so that a host may listen on any port.
     return VirtualBridge, where, lambda: f"rcbudp:{where.place}?listen=0"
 

@@ -254,6 +254,7 @@ class UdpLink(ServerLink):
     Args:
         listen: True waits for a host; False sends to it from the start, as autopilots do.
         fitting: how many bytes of data, from an index in it, go into one datagram.
+        ending: what a datagram that came is ended with, where it does not say itself where it ends.
     """
 
     def __init__(
@@ -262,9 +263,10 @@ class UdpLink(ServerLink):
         port: int,
         listen: bool,
         fitting: Callable[[bytes, int], int] = whole_frames,
+        ending: bytes = b"",
     ) -> None:
         self._host, self._port, self._listen = host, port, listen
-        self._fitting = fitting
+        self._fitting, self._ending = fitting, ending
         self._socket: socket.socket | None = None
         self._peer: tuple[str, int] | None = None
         self.replug()
@@ -286,7 +288,7 @@ class UdpLink(ServerLink):
                 data, peer = self._socket.recvfrom(65536)
             except OSError:  # nothing there, or nobody
                 break
-            parts.append(data)
+            parts.append(data + self._ending)
             if self._listen:
                 self._peer = peer
         return b"".join(parts)

@@ -71,17 +71,6 @@ class Far(ServerLink):
         raise NotImplementedError
 
 
-class WordLink(UdpLink):
-    """Be UDP whose datagrams stay apart: each ends with a line's end for the proxy."""
-
-    def read(self) -> bytes:
-        parts = []
-        while self._socket is not None and select.select([self._socket], [], [], 0.0)[0]:
-            data, self._peer = self._socket.recvfrom(65536)
-            parts.append(data + b"\n")
-        return b"".join(parts)
-
-
 class Port:
     """The proxy's near end in the kernel: a terminal, a TCP port or a UDP port."""
 
@@ -191,7 +180,7 @@ def _tcp() -> ServerLink:
 
 
 def _words() -> ServerLink:
-    return WordLink("127.0.0.1", 0, listen=True, fitting=one_line)
+    return UdpLink("127.0.0.1", 0, listen=True, fitting=one_line, ending=b"\n")
 
 
 @dataclass(frozen=True)
