@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, WouldOverwrite
-from benchtool.data.atomic import data_hash
+from benchtool.data.atomic import data_hash, json_ready
 from benchtool.data.columns import KINDS, code_of, frame
 from benchtool.data.run.append import AppendFile, Event, read_events
 from benchtool.data.run.closing import scan_samples, take_marked, write_marked
@@ -223,6 +223,11 @@ def test_metadata_that_is_no_json_is_reported(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="not valid JSON"):
         read_points(run.path)
     assert json.loads((small_run(tmp_path / "b").path / "metadata.json").read_text())["simulated"]
+
+
+def test_numbers_that_json_has_not_become_null() -> None:
+    given = {"a": float("nan"), 1: (np.float64("inf"), np.int64(2)), "b": [1.5, "x", True]}
+    assert json_ready(given) == {"a": None, "1": [None, 2], "b": [1.5, "x", True]}
 
 
 def test_frames_speak_words_and_units(tmp_path: Path) -> None:

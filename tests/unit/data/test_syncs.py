@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.data.atomic import replace_text
+from benchtool.data.atomic import make_folder, replace_text
 from benchtool.data.run.append import Event, EventLog
 from benchtool.data.run.closing import scan_samples, take_marked, write_marked
 from benchtool.data.run.run import Run
-from tests.unit.data.run_of import small_run
+from tests.unit.data.run_of import CHANNELS, small_run
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="needs /proc")
 
@@ -28,12 +28,19 @@ def log(run: Run) -> None:
     EventLog(run.path / "events.jsonl").append(Event(1.0, "tare", "tared"))
 
 
+def folders(run: Run) -> None:
+    make_folder(run.path / "a" / "b")
+    make_folder(run.path / "a" / "b")  # nothing more to do
+
+
 @pytest.mark.parametrize(
     ("change", "order"),
     [
         (lambda run: replace_text(run.path / "x", "x"), ["fsync .x", "replace .x", "fsync run"]),
         (mark, ["fsync .samples.csv", "replace .samples.csv", "fsync run"]),
         (log, ["fsync events.jsonl"]),
+        (lambda run: run.sample_writer(CHANNELS).close(), ["fsync samples.csv"]),
+        (folders, ["fsync run", "fsync a"]),
     ],
 )
 def test_a_file_is_on_the_disk_before_its_name_and_its_folder_behind_it(
