@@ -53,7 +53,6 @@ class Judge:
             while (ended := os.waitpid(child, os.WNOHANG)) == (0, 0):
                 if time.monotonic() > until_s:
                     os.killpg(child, signal.SIGKILL)
-                    ended = os.waitpid(child, 0)
                 time.sleep(0.005)
             with open(read, "rb") as said:
                 words = said.read().decode()

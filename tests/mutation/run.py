@@ -21,7 +21,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict
 from math import sqrt
 from multiprocessing import Pipe
@@ -215,8 +215,8 @@ def _judged_together(
 
         os._exit(_run(tree, group.tests, False, Judge(mutants, limit_s, judged)))
     there.close()
-    with here, suppress(EOFError):
-        while True:
+    with here:
+        for _ in rows:
             yield here.recv()
             here.send(None)
     os.waitpid(child, 0)

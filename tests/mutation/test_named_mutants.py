@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import random
+import signal
 import subprocess
 import sys
 from types import ModuleType
+from typing import cast
 
 import pytest
 
+from tests.mutation import patched
 from tests.mutation.groups import GROUPS, NAMED, Named
-from tests.mutation.patched import patch
 from tests.mutation.run import ROOT, wilson
 
 
@@ -51,6 +53,20 @@ def test_the_interval_of_a_share() -> None:
     assert wilson(9, 10) == pytest.approx((0.5958, 0.9821), abs=1e-4)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="mutants are judged in forks")
+def test_mutants_behind_one_that_takes_too_long_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    def run(session: object, write: int, module: str, source: str) -> int:
+        signal.sigwait([signal.SIGUSR1]) if source == "endless" else os.write(write, b"noticed")
+        return len(source)
+
+    monkeypatch.setattr(patched, "_run", run)
+    judged: list[tuple[int, str]] = []
+    mutants = [(7, "m", "endless"), (8, "m", "broken"), (9, "m", "")]
+    judge = patched.Judge(mutants, 0.2, lambda *one: judged.append(one))
+    judge.pytest_runtestloop(cast("pytest.Session", None))
+    assert judged == [(7, "died or took too long"), (8, "noticed"), (9, "")]
+
+
 WHOLE = """
 LIMIT = 1
 def plain(x): return x > LIMIT
@@ -69,5 +85,5 @@ def test_a_broken_source_is_put_in_place_of_a_module() -> None:
     exec(WHOLE, module.__dict__)
     plain, owner = module.plain, module.Owner()
     broken = WHOLE.replace("LIMIT = 1", "LIMIT = 7").replace("2 * self", "3 * self")
-    patch(module, broken.replace("share = 2", "share = 5").replace("more=1", "more=4"))
+    patched.patch(module, broken.replace("share = 2", "share = 5").replace("more=1", "more=4"))
     assert (plain(2), owner.twice, owner.both(1)) == (False, 15, 5)
