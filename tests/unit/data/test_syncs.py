@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from benchtool.core.errors import FileFormatError
 from benchtool.data.atomic import make_folder, replace_text
 from benchtool.data.run.append import Event, EventLog
 from benchtool.data.run.closing import scan_samples, take_marked, write_marked
@@ -65,3 +66,14 @@ def test_a_file_is_on_the_disk_before_its_name_and_its_folder_behind_it(
     monkeypatch.setattr(os, "replace", renamed)
     change(run)
     assert [re.sub(r"(\.\d+|\.marked)?\.new$", "", one) for one in done] == order
+
+
+def test_a_file_that_is_refused_is_closed(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    os.mkfifo(run.path / "events.jsonl")
+    before = os.listdir("/proc/self/fd")
+    with pytest.raises(FileFormatError, match="streams other channels"):
+        run.sample_writer(CHANNELS[:2])
+    with pytest.raises(FileFormatError, match="no regular file"):
+        run.event_log()
+    assert os.listdir("/proc/self/fd") == before

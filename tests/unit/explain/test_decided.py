@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import log
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from benchtool.explain.engine.hypotheses import Hypothesis
+from benchtool.explain.engine import posterior
+from benchtool.explain.engine.hypotheses import SMALL, Hypothesis
 from benchtool.explain.engine.judgement import Trial
 from benchtool.explain.engine.posterior import (
     Posterior,
@@ -18,6 +20,8 @@ from benchtool.explain.engine.posterior import (
     _nearest,
     _pruned,
     _refused,
+    _trial,
+    _unnamed,
     _weights,
     prior,
     probabilities,
@@ -54,10 +58,23 @@ class Made:
     """Hypotheses of which is known what they would say."""
 
     effects = tuple(EFFECTS)
-    discrepancies = ("curve", "wave")
+    discrepancies = MappingProxyType({
+        "curve": SimpleNamespace(
+            stage="sensor", phrase="a curve", shares=np.array([[0.0, 0.0], [0.3, 0.4], [0.6, 0.8]])
+        ),
+        "wave": SimpleNamespace(
+            stage="rpm_to_thrust", phrase="a wave", shares=np.array([[0.5], [0.0], [0.0]])
+        ),
+    })  # fmt: skip
 
     def __init__(self, against: float = 1e9, shown: float = 1.0) -> None:
         self._against, self._shown = against, shown
+
+    def taken_up(self, one: Hypothesis, name: str) -> tuple[Any, Any]:
+        return {
+            "curve": (np.array([3.0, 4.0]), np.array([0.0, -3.6, 3.2])),
+            "wave": (np.array([6.0]), np.array([2.8, 0.0, 0.0])),
+        }[name]
 
     def contribution(self, best: Hypothesis, names: list[str]) -> Any:
         return np.array([self._shown * len(names)])
@@ -68,6 +85,12 @@ class Made:
 
     def log_evidence(self, one: Hypothesis) -> float:
         return {"slope": 3.0, "step": 9.0}.get(one.opened[0], 0.0) * len(one.opened)
+
+    def settled(self, one: Hypothesis) -> Hypothesis:
+        return one
+
+    def fitted(self, names: tuple[str, ...], at: Any) -> Hypothesis:
+        return opening(*names)
 
     def without(self, one: Hypothesis, name: str) -> Hypothesis:
         return opening(*(each for each in one.opened if each != name))
@@ -133,6 +156,104 @@ def test_an_effect_and_a_discrepancy_that_may_each_be_all_there_is(
     assert (both and (both[0].opened[0], both[1].opened[0])) == names
 
 
+def test_what_has_no_name_is_described_where_it_acts() -> None:
+    found = search(place(curve=9.0, slope=1.0), SURE, place(wave=4.0), best=())
+    assert _unnamed(Made(), found) == []
+    wave, curve = _unnamed(Made(), replace(found, best=opening("curve", "slope", "wave")))
+    assert (wave.name, wave.stage, wave.phrase) == ("wave", "rpm_to_thrust", "a wave")
+    assert (wave.share, wave.tolerances, wave.weight) == (2.8, pytest.approx(5.6 * SMALL), 36.0)
+    # As large as it becomes anywhere, against what is usual at that reading.
+    assert (curve.name, curve.share, curve.weight) == ("curve", 3.6, 25.0)
+    assert curve.tolerances == pytest.approx(7.2 * SMALL)
+    assert (curve.probability, wave.probability) == pytest.approx((10.0 / 11.0, 0.8))
+
+
+MODEL = SimpleNamespace(
+    model=SimpleNamespace(
+        effects=[SimpleNamespace(name=name, subsystem=where) for name, where in EFFECTS.items()]
+    )
+)
+
+
+@pytest.mark.parametrize(
+    ("found", "left", "kind", "members", "shown", "unknown", "beside"),
+    [
+        (search(place(slope=0.1), best=()), 9.0, "none", [], (), 0.0, []),
+        (search(SURE), 2.0, "effect", [(0, "slope")], ("slope",), 0.0, []),
+        # Something larger than what is named is left on the check recordings.
+        (search(SURE), 2.1, "unknown", [], ("slope",), 0.95, [("slope", 1.0)]),
+        (search(place(slope=50.0, curve=40.0)), 1.0, "class", [(0, "slope")], ("slope",),
+         40.0 / 91.0, []),
+        (search(place(curve=9.0, slope=1.5)), 1.0, "unknown", [], ("slope",), 9.0 / 11.5, []),
+        (search(place(curve=9.0, slope=0.5)), 1.0, "unknown", [], (), 9.0 / 10.5, []),
+        (search(place(wave=4.0), LAG, SURE), 1.0, "unknown", [], ("slope",), 0.8, [("lag", 1.0)]),
+        # A sensor's error leaves the name alone, and is no part of what is predicted.
+        (search(place(curve=9.0), SURE), 1.0, "effect", [(1, "slope")], ("slope",), 0.0, []),
+    ],
+)  # fmt: skip
+def test_what_is_shown_of_a_search(
+    monkeypatch: pytest.MonkeyPatch,
+    found: Posterior,
+    left: float,
+    kind: str,
+    members: list[Any],
+    shown: tuple[str, ...],
+    unknown: float,
+    beside: list[Any],
+) -> None:
+    held = SimpleNamespace(left=left)
+    monkeypatch.setattr(posterior, "Hypotheses", lambda evidence: None)
+    monkeypatch.setattr(posterior, "searched", lambda hypotheses, held_out, progress: found)
+    monkeypatch.setattr(posterior, "HeldOut", SimpleNamespace(of=lambda *given: held))
+    subject = SimpleNamespace(evidence=MODEL, all_evidence=None)
+    said = posterior.judged(subject, Made(), None, 1, lambda what, share: None)
+    assert (said.kind, said.members, said.shown.opened) == (kind, members, shown)
+    assert said.unknown == pytest.approx(unknown, abs=1e-5)
+    assert [name for name, _ in said.beside] == [name for name, _ in beside]
+    assert dict(said.beside) == pytest.approx(dict(beside), abs=1e-5)
+    assert [sum(one.values()) for one in said.weights] == pytest.approx([1.0] * len(found.trials))
+    assert [one.name for one in said.unnamed] == [
+        name for name in ("wave", "curve") if any(name in each.log_odds for each in found.trials)
+        and (name in found.best.opened or kind == "class")
+    ]  # fmt: skip
+
+
+def test_effects_that_contend_are_tried_with_a_law_that_is_off() -> None:
+    base = opening()
+    evidence = {(): 2.0, ("slope",): 30.0, ("curve",): 29.0, ("lag",): 25.0, ("step",): 18.0}
+    tried = [opening(*names) for names in list(evidence)[1:]]
+    tried[1] = replace(tried[1], widened={"curve": 3.0}, cost=5.0, at=np.ones(1))
+    tried[3] = replace(tried[3], cost=5.0, at=np.ones(1))
+    with_law, secured = [], []
+
+    def with_laws(likely: list[Hypothesis]) -> list[Hypothesis]:
+        with_law.extend(one.opened[-1] for one in likely)
+        return [replace(one, widened={"law": 1.0}) for one in likely]
+
+    def refitted(base: Hypothesis, others: list[Hypothesis]) -> Hypothesis:
+        secured.extend(one.opened[-1] for one in others)
+        return base
+
+    def gained(one: Hypothesis) -> float:
+        return {"slope": -1.0, "lag": 9.0}[one.opened[-1]] if "law" in one.widened else 0.0
+
+    made = SimpleNamespace(
+        effects=EFFECTS, discrepancies=Made.discrepancies, with_one_more=lambda base: tried,
+        secured=refitted, with_laws=with_laws,
+        log_evidence=lambda one: evidence[one.opened] + gained(one),
+    )  # fmt: skip
+    trial = _trial(made, base)
+    assert (with_law, secured) == (["slope", "lag"], ["slope", "lag"])
+    assert trial.log_odds == pytest.approx(
+        {name: by + prior(made, name) for name, by in
+         {"slope": 28.0, "curve": 27.0, "lag": 32.0, "step": 16.0}.items()}
+    )  # fmt: skip
+    assert [one.opened[-1] for one in trial.tried] == ["lag", "slope", "curve", "step"]
+    assert [one.widened for one in trial.tried] == [{"law": 1.0}, {}, {"curve": 3.0}, {}]
+    # A candidate above its base is the base; one beside a wider discrepancy may be above it.
+    assert [float(one.at[0]) for one in trial.tried] == [0.0, 0.0, 1.0, 0.0]
+
+
 def test_probabilities_are_those_of_the_odds() -> None:
     trial = place(slope=6.0, step=2.0, curve=1.0)
     assert probabilities(trial) == pytest.approx(
@@ -168,9 +289,7 @@ def test_names_share_what_a_bench_is_expected_to_lack() -> None:
 def test_the_nearest_is_the_likeliest_effect_of_that_side_of_the_speed(
     stage: str, trial: Trial, name: str | None
 ) -> None:
-    effects = [SimpleNamespace(name=name, subsystem=where) for name, where in EFFECTS.items()]
-    model = SimpleNamespace(model=SimpleNamespace(effects=effects))
-    found = _nearest(SimpleNamespace(evidence=model), search(trial), [unnamed(1.0, stage)])
+    found = _nearest(SimpleNamespace(evidence=MODEL), search(trial), [unnamed(1.0, stage)])
     assert (found and found.opened[-1]) == name
 
 

@@ -36,6 +36,13 @@ def test_an_effect_beyond_tolerance_is_named_though_its_law_is_off() -> None:
     assert names_of(lambda x: 5.0 * x * (1.0 + 0.08 * np.sin(2.0 * x))) == [("slope",)] * 12
 
 
+def test_of_two_effects_each_is_tried_beside_the_other() -> None:
+    trials = found(lambda x: 6.0 * (x + np.sign(x)), 1).trials
+    places = [(trial.name, trial.base.opened) for trial in trials]
+    assert places == [("step", ("slope",)), ("slope", ("step",))]
+    assert [set(trial.log_odds) for trial in trials] == [{"step", "curve"}, {"slope", "curve"}]
+
+
 def test_what_no_effect_describes_is_the_discrepancy() -> None:
     assert names_of(lambda x: 6.0 * np.cos(4.0 * x)) == [("curve",)] * 12
 
@@ -53,11 +60,13 @@ def test_noise_beyond_the_stated_one_is_found_in_the_rows() -> None:
 
 
 def test_a_check_that_shows_nothing_of_it_takes_a_name_back() -> None:
-    learn = Smooth(lambda x: 1.2 * x, 2, np.arange(ROWS))
-    every = Smooth(lambda x: 1.2 * x, 2, np.arange(2 * ROWS) % ROWS)
-    every.data[ROWS:] -= 1.2 * AT
-    search = searched(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
-    assert search.best.opened == ()
+    learn = Smooth(lambda x: 2.5 * x, 2, np.arange(ROWS))
+    every = Smooth(lambda x: 2.5 * x, 2, np.arange(2 * ROWS) % ROWS)
+    found = searched(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
+    assert found.best.opened == ("slope",)
+    every.data[ROWS:] -= 2.5 * AT
+    found = searched(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
+    assert found.best.opened == ()
 
 
 def parameter(name: str) -> ScaledParameter:
