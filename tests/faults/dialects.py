@@ -50,7 +50,7 @@ class Seen:
     phases: dict[str, float] = field(default_factory=dict)  # when each phase first began
     commands: list[tuple[float, str]] = field(default_factory=list)
     refused: list[tuple[float, str]] = field(default_factory=list)
-    dropped: int = 0  # samples that a fault kept from the host
+    dropped_us: list[int] = field(default_factory=list)  # samples kept from the host
 
 
 class Dialect(ABC):
@@ -81,6 +81,10 @@ class Dialect(ABC):
 
     def is_answer(self, unit: bytes) -> bool:
         return unit.startswith(self.answers)
+
+    def sample_us(self, unit: bytes) -> int:
+        """Return the device's time of a sample; 0 where it is not said in each."""
+        return 0
 
     def value(self, unit: bytes, channel: str) -> float | None:
         """Return a channel's value in a sample, None where it has none."""
@@ -166,6 +170,9 @@ class BenchLines(Dialect):
     def is_sample(self, unit: bytes) -> bool:
         return unit.startswith(b"$S,")
 
+    def sample_us(self, unit: bytes) -> int:
+        return int(fields_in(unit)[2])
+
     def value(self, unit: bytes, channel: str) -> float | None:
         text = fields_in(unit)[3 + self.seen.channels.index(channel)]
         return float(text) if text else None
@@ -216,8 +223,9 @@ class MavlinkFrames(Dialect):
     def split(self, way: Way, data: bytes) -> tuple[list[bytes], bytes]:
         frames, at = [], 0
         while len(data) - at >= 2:
-            assert data[at] == 0xFD, "a host or a device said what is no frame"
             size = self.HEADER + data[at + 1] + self.CRC
+            if data[at] != 0xFD:  # a host that tries what else may be there
+                size = len(data[at:].partition(b"\xfd")[0])
             if len(data) - at < size:
                 break
             frames.append(data[at : at + size])
@@ -230,7 +238,7 @@ class MavlinkFrames(Dialect):
         return number, unit[self.HEADER : -self.CRC].ljust(60, b"\0")
 
     def note(self, way: Way, unit: bytes, now_s: float) -> None:
-        if way == "host":
+        if way == "host" or unit[0] != 0xFD:
             return
         number, payload = self._message(unit)
         self.seen.phases.setdefault("hello", now_s)
@@ -313,6 +321,9 @@ class BridgeWords(Dialect):
 
     def is_sample(self, unit: bytes) -> bool:
         return unit.startswith(b'{"benchtool":{"n"')
+
+    def sample_us(self, unit: bytes) -> int:
+        return round(1e6 * json.loads(unit)["time"]["workingValue"])
 
     def value(self, unit: bytes, channel: str) -> float | None:
         name, scale = READINGS[channel]

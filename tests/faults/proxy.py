@@ -170,8 +170,9 @@ class Proxy:
         if not fault.takes(way, line, self.dialect):
             return [line]
         fault.hit += 1
-        if fault.kind in ("drop", "corrupt", "truncate"):
-            self.seen.dropped += way == "host" and self.dialect.is_sample(line)
+        lost = way == "host" and fault.kind in ("drop", "corrupt", "truncate")
+        if lost and self.dialect.is_sample(line):
+            self.seen.dropped_us.append(self.dialect.sample_us(line))
         match fault.kind:
             case "drop" | "cut":
                 return []

@@ -8,10 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.cell import Cell, check_folder, check_motors, check_rows, check_sentence, run_cell
+from tests.faults.cell import (
+    Cell,
+    check_folder,
+    check_lost,
+    check_motors,
+    check_rows,
+    check_sentence,
+    run_cell,
+)
 from tests.faults.matrix import CELLS, PHASES, fault_of
 
-SAMPLE = 12
+SAMPLE = 24
 """Every so many-th cell runs in `make test`; all of them in `make test-all`."""
 
 
@@ -31,6 +39,7 @@ def test_a_cell_of_the_table(tmp_path: Path, cell: Cell) -> None:
     check_motors(outcome, cell.visits)
     check_folder(outcome, cell.visits)
     check_rows(outcome, cell.link, fault)
+    check_lost(outcome, cell.link)
     limit_s = cell.expected.within_s
     if limit_s is not None and outcome.code != 0 and not isnan(result.zero_s):
         assert result.zero_s <= limit_s
@@ -38,6 +47,6 @@ def test_a_cell_of_the_table(tmp_path: Path, cell: Cell) -> None:
 
 def test_the_table_covers_what_it_says() -> None:
     names = [cell.name for cell in CELLS]
-    assert len(set(names)) == len(names) >= 140
+    assert len(set(names)) == len(names) >= 200
     assert {cell.link for cell in CELLS} == {"tcp", "pty", "mavlink", "rcbudp", "grbl"}
     assert {cell.phase for cell in CELLS} <= set(PHASES)
