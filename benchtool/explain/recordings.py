@@ -200,12 +200,18 @@ STEADY = 0.05
 
 
 def _changed_speed(recording: Recording, pulse: str) -> bool:
-    """Whether a rotor changed its speed while its pulse stands still in the recording."""
+    """Whether a rotor changed its speed while its pulse stands still in the recording.
+
+    The first and the last twentieth do not count: a rotor may still follow what came before.
+    """
     name = pulse.replace("pwm", "rpm").removesuffix("_us")
     if name not in recording:
         return False
     known = recording.column(name)[np.isfinite(recording.column(name))]
-    return len(known) > 1 and bool(np.ptp(known) > STEADY * np.abs(np.mean(known)))
+    if len(known) < 2:
+        return False
+    low, high = np.quantile(known, [0.05, 0.95])
+    return bool(high - low > STEADY * np.abs(np.mean(known)))
 
 
 def _present(

@@ -158,10 +158,10 @@ def tolerances_table(answer: Answer) -> Table:
         for name, value in answer.verdict.tolerances.items()
     ]
     departures = answer.request.loaded.model.discrepancy.shown_by(answer.verdict.bench)
-    rows += [(f"[discrepancy] {name}", f"{value:.3g}") for name, value in departures.items()]
+    rows += [(f"discrepancy.{name}", f"{value:.3g}") for name, value in departures.items()]
     return Table(
         "What does not matter on this bench; an effect is named only beyond it, and a departure "
-        "from all laws only beyond those of the model file's [discrepancy].",
+        "from all laws only beyond discrepancy of the model file.",
         ("parameter", "tolerance"),
         rows,
     )

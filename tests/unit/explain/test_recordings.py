@@ -106,6 +106,16 @@ def test_a_dead_channel_is_left_out_and_told(tmp_path: Path) -> None:
     ]
 
 
+def test_a_pulse_stands_still_while_its_rotor_settles(tmp_path: Path) -> None:
+    """Rotors beside the hinge keep their pulse; their speed still follows the arming's ramp."""
+    lines = [f"{k},0.{k},{5200 if k < 2 else 5545},{1500 + k},1599\n" for k in range(100)]
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,theta_rad,rpm2,pwm1_us,pwm2_us\n" + "".join(lines), encoding="utf-8")
+    (source,), _ = read_sources([str(path)], [csv(tmp_path, "b.csv")], loaded())
+    assert "pwm2_us" in source.recording
+    assert source.remarks[0].endswith("pwm2_us is 1599 in every row, which is taken for true")
+
+
 def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text(
