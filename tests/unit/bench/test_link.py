@@ -114,6 +114,7 @@ def test_a_line_without_end_is_not_kept() -> None:
     decoder.take_messages()
     for _ in range(100):
         assert decoder.feed(b"x" * MAX_LINE_BYTES).corrupt == 0
+        assert len(decoder._rest) <= MAX_LINE_BYTES
     batch = decoder.feed(b"x" + HEARTBEAT + HEARTBEAT)
     assert (batch.corrupt, len(decoder.take_messages())) == (1, 1)
 

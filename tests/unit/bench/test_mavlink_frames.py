@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.mavlink.frames import MODULUS, BootTime, LinkCounts, MavlinkFrames
+from benchtool.bench.mavlink.frames import (
+    MODULUS,
+    BootTime,
+    LinkCounts,
+    MavlinkFrames,
+    MavlinkQuality,
+)
 from benchtool.bench.mavlink.messages import dialect
 
 WORDS = dialect()
@@ -77,6 +83,30 @@ def test_one_that_numbers_nothing_has_lost_nothing() -> None:
     taken, counts = take(*frames)
     assert taken == [20 * step for step in range(20)]
     assert counts == LinkCounts(messages=20)
+
+
+def test_damaged_frames_count_from_the_first_whole_one_on() -> None:
+    ours = MavlinkFrames()
+    whole, damaged = frames_of(2)
+    damaged = damaged[:-1] + bytes([damaged[-1] ^ 1])
+    for frame, corrupt in ((damaged, 0), (whole, 0), (damaged, 1), (damaged, 2)):
+        ours.parse(frame)
+        assert ours.corrupt == corrupt
+    assert (ours.take_counts(1).corrupt, ours.corrupt) == (2, 0)
+
+
+def test_jitter_is_how_unevenly_steps_arrive() -> None:
+    quality = MavlinkQuality()
+    quality.counts.add(LinkCounts(messages=3, lost=2, duplicates=1, reordered=4))
+    # The third is no step: it was made when the second was.
+    for arrived_s, device_s in ((7.0, 1.0), (8.003, 2.0), (8.5, 2.0), (9.497, 3.0)):
+        quality.arrived(arrived_s, device_s)
+    assert quality.facts() == {
+        "link_lost": "2 of 5 messages",
+        "link_duplicates": "1",
+        "link_reordered": "4",
+        "link_jitter_ms": "3.00",
+    }
 
 
 def test_microseconds_of_32_bits_go_on_over_their_wrap() -> None:

@@ -58,6 +58,13 @@ def test_samples_twice_are_left_out_and_counted() -> None:
     assert (stream.lost, stream.repeated) == (0, 5)
 
 
+def test_a_steady_stream_goes_through_as_it_comes() -> None:
+    stream = Stream(10, 11)
+    assert stream.take(12, 13, 14) == [0, 1, 2]
+    assert stream.time_us == [place * PERIOD_US for place in (12, 13, 14)]
+    assert (stream.lost, stream.repeated) == (0, 0)
+
+
 def test_within_a_block_samples_are_sorted() -> None:
     stream = Stream(10, 11)
     assert stream.take(13, 12, 15, 14) == [1, 0, 3, 2]
@@ -96,6 +103,13 @@ def test_one_sample_of_a_wild_number_is_not_believed() -> None:
         assert stream.take(12 + number) == [0]
     assert stream.time_us == [14 * PERIOD_US]
     assert (stream.lost, stream.repeated) == (0, 0)
+
+
+def test_a_wild_number_is_not_confirmed_by_one_of_the_same_time() -> None:
+    stream = Stream(10, 11)
+    assert stream.take_stamps((30_000, 12 * PERIOD_US)) == []
+    assert stream.take_stamps((30_001, 12 * PERIOD_US)) == []
+    assert stream.take(12) == [0]
 
 
 def test_a_device_that_restarted_goes_on_in_time() -> None:
