@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -83,6 +84,33 @@ def test_a_run_that_counted_no_losses_begins_with_none(tmp_path: Path) -> None:
     run = begun(tmp_path / "run", done=0)
     run.update_metadata(link=None)
     assert prepare(unfinished(run)) == Start(time_s=6.5, tares=1, link=LinkQuality(12))
+
+
+def test_what_was_counted_is_that_of_the_visits_of_the_plan(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run")
+    points = run.point_writer(1)
+    points.append(replace(point(9, "measure", 1, 9, 1.0), settled=False, suspect=True))
+    points.close()
+    behind = Start(
+        frozenset({1}), 6.5, unsettled=1, suspect=1, tares=1, link=LinkQuality(12, **LINK)
+    )
+    assert prepare(unfinished(run)) == behind
+    path = run.path / "points.csv"
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    column = rows[0].index("suspect")  # which earlier versions did not write
+    path.write_text("".join(",".join(row[:column] + row[column + 1 :]) + "\n" for row in rows))
+    assert prepare(unfinished(run)) == replace(behind, suspect=0)
+    path.unlink()
+    assert prepare(unfinished(run)) == Start(time_s=6.5, link=behind.link)
+
+
+@pytest.mark.parametrize("name", ["distances_m", "pwm_us"])
+def test_a_plan_that_does_not_state_its_grid_is_refused(tmp_path: Path, name: str) -> None:
+    run = begun(tmp_path / "run")
+    plan = run.path / "plan.toml"
+    plan.write_text(re.sub(rf"(?ms)^{name} = \[.*?\]$", "", plan.read_text()))
+    with pytest.raises(FileFormatError, match=r"plan\.toml.*distances_m or throttle\.pwm_us is"):
+        unfinished(run)
 
 
 def test_where_nothing_is_left_the_run_is_closed_once(tmp_path: Path) -> None:
