@@ -91,6 +91,15 @@ def test_samples_are_sealed_again_where_either_file_has_changed(tmp_path: Path, 
     assert not run.close()
 
 
+def test_a_run_with_a_link_for_its_samples_is_not_closed(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    run.close()
+    parquet = run.path / "samples.parquet"
+    parquet.symlink_to(parquet.rename(tmp_path / "elsewhere"))
+    with pytest.raises(FileFormatError, match=r"samples\.parquet: this is a symbolic link"):
+        run.close()
+
+
 def test_settings_that_are_missing_are_made_again(tmp_path: Path) -> None:
     run = small_run(tmp_path / "run")
     (run.path / ".settings.csv.7.new").write_text("half")
@@ -111,9 +120,9 @@ def test_a_run_without_rows_is_closed_without_tables(tmp_path: Path) -> None:
     }
 
 
-HEAD = "time_s,device_time_us,point,phase,rpm1\n"
-ROWS = ("1,10,0,move,1\n", "9,20,1,sample,2\n", "3,30,2,settle,3\n", "4,40,2,interrupted,4\n",
-        "5,45,0,end,5\n")  # fmt: skip
+HEAD = "time_s,device_time_us,point,phase,rpm1,rpm2\n"
+ROWS = ("1,10,0,move,1,\n", "9,20,1,sample,2,\n", "3,30,2,settle,3,3\n", "4,40,2,interrupted,4,\n",
+        "5,45,0,end,5,\n")  # fmt: skip
 
 
 def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path: Path) -> None:
