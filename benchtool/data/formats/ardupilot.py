@@ -124,7 +124,8 @@ def _speeds(log: MessageLog, motors: dict[int, int]) -> list[Stream]:
     if log["ESC"].has("Instance", "RPM"):
         instance = log["ESC"].numbers("Instance")
         streams, taken = [], []
-        for number in sorted(set(instance[np.isfinite(instance)].astype(int).tolist())):
+        known = instance[(instance >= 0.0) & (instance < 32.0)]
+        for number in sorted(set(known.astype(int).tolist())):
             motor = motors.get(number + 1, number + 1)
             if motor in taken or not 1 <= motor <= 32:
                 continue

@@ -82,7 +82,8 @@ class Messages:
         if values.dtype.kind in "SV":
             return np.array([_number(cell) for cell in values.tolist()], float)
         divisor = self.divisors.get(name, 1.0)
-        numbers: Array = values.astype(float)
+        with np.errstate(invalid="ignore"):  # a log may hold a signalling nan
+            numbers: Array = values.astype(float)
         return numbers / divisor if divisor != 1.0 else numbers
 
     def texts(self, name: str) -> list[str]:

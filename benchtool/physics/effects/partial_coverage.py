@@ -181,7 +181,13 @@ def configured(settings: Mapping[str, Any]) -> Effect:
         raise InputError(
             f"partial_coverage has no setting {sorted(unknown)[0]!r}; it has: coverages"
         )
-    return with_knots([float(value) for value in settings.get("coverages", (0.25, 0.5, 0.75))])
+    given = settings.get("coverages", (0.25, 0.5, 0.75))
+    try:
+        return with_knots([float(value) for value in given])
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"coverages is {given!r:.80}; give a list of numbers between 0 and 1"
+        ) from error
 
 
 EFFECT = with_knots((0.25, 0.5, 0.75))
