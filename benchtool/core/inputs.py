@@ -44,7 +44,7 @@ Source = Literal["option", "keyword", "label"]
 """Where values come from: the command line, a call from Python, a form."""
 
 LARGEST = 1e300
-"""A whole number that is larger cannot be written as others are."""
+"""Beyond it a whole number cannot be written as others are."""
 
 _OF_RANGE = (
     "greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number",
@@ -196,7 +196,8 @@ class Item:
             return InputError(f"{called} is {value!r:.80}: {refused.reason}; correct it")
         allowed = f"{self.range}{unit}" if self.range else "a finite number"
         point = " (decimals take a point: 0.5, not 0,5)" if self.many and self.kind is float else ""
-        given = f"{value:g}" if abs(value) < LARGEST else f"beyond {LARGEST:g}"
+        huge = isinstance(value, int) and abs(value) > LARGEST  # no float is that large
+        given = f"beyond {LARGEST:g}" if huge else f"{value:g}"
         return InputError(
             f"{called} {'names' if self.many else 'is'} {given}{unit}, allowed is {allowed}; "
             f"correct it{point}"
