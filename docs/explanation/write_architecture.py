@@ -65,8 +65,9 @@ def layers() -> list[list[str]]:
 
 
 def first_line(package: str) -> str:
-    """Return the first line of a package's docstring."""
-    file = ROOT / "benchtool" / package / "__init__.py"
+    """Return the first line of a package's docstring, or of a module of that name."""
+    folder = ROOT / "benchtool" / package
+    file = folder / "__init__.py" if folder.is_dir() else folder.with_suffix(".py")
     return (ast.get_docstring(ast.parse(file.read_text("utf-8"))) or "").split("\n")[0]
 
 
