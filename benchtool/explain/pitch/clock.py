@@ -210,6 +210,9 @@ BLINK_S = 0.2
 def on_its_way(plate_m: Array, rate_Hz: float, reach_s: float = TRANSIT_S) -> tuple[Mask, int]:
     """Return the rows (n,) in which a plate slides in or out, and how often it does.
 
+    A plate that moves at all may also be on its way, in or out, where a recording begins or ends
+    with it over a disc.
+
     Args:
         plate_m: (n,) distance, held between readings: m.
         rate_Hz: rows per second.
@@ -222,4 +225,7 @@ def on_its_way(plate_m: Array, rate_Hz: float, reach_s: float = TRANSIT_S) -> tu
     mask = np.zeros(len(plate_m), bool)
     for row in jumps:
         mask[max(row - reach, 0) : row + reach] = True
+    if len(jumps):
+        mask[:reach] |= bool(under[0])
+        mask[len(mask) - reach :] |= bool(under[-1])
     return mask, len(jumps)

@@ -30,7 +30,8 @@ def test_rows_about_a_jump_are_on_the_way_and_a_missed_echo_is_none() -> None:
     plate_m[500:] = 0.3
     mask, times = on_its_way(plate_m, 100.0)
     assert times == 1
-    assert np.flatnonzero(mask).tolist() == list(range(440, 560))
+    assert np.flatnonzero(mask).tolist() == [*range(440, 560), *range(940, 1000)]
+    assert np.array_equal(on_its_way(plate_m[::-1], 100.0)[0], mask[::-1])
     plate_m[700:705] = 1.0
     assert on_its_way(plate_m, 100.0)[1] == 1
     assert not on_its_way(np.linspace(0.9, 0.1, 1000), 100.0)[0].any()
@@ -43,7 +44,7 @@ def test_a_plate_that_slides_untold_is_left_out_and_one_that_is_told_is_not(
     assert told.remarks == ()
     assert len(told.logged) == len(visited)
     untold = pitch_log(without(visited, "coverage1"), model.rig)
-    assert len(told.logged) - len(untold.logged) == 3 * 2 * 150
+    assert len(told.logged) - len(untold.logged) == (3 * 2 + 1) * 150
     assert [text for text in untold.remarks if "the plate slides in or out" in text]
 
 
@@ -55,7 +56,7 @@ def test_a_plate_whose_pace_is_said_loses_no_more_than_it_takes(
     assert at_once.remarks == ()
     assert len(at_once.logged) == len(visited)
     brief = pitch_log(untold, model.rig, plate_slide_s=0.1)
-    assert len(visited) - len(brief.logged) == 3 * 2 * 50
+    assert len(visited) - len(brief.logged) == (3 * 2 + 1) * 50
 
 
 @pytest.mark.slow
