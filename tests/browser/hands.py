@@ -28,7 +28,6 @@ class Hands:
         self._page, self._device = page, device
         self._line: CDPSession = page.context.new_cdp_session(page)
         self._fingers: dict[int, tuple[float, float]] = {}
-        self._down: set[str] = set()
 
     def touch(self, finger: int, place: tuple[float, float]) -> None:
         self._fingers[finger] = place
@@ -51,7 +50,6 @@ class Hands:
 
     def press(self, way: str, place: tuple[float, float]) -> float:
         """Press there, where the mouse is already; return the time of day just before."""
-        self._down.add(way)
         pressed = time.time()
         if way == "mouse":
             self._page.mouse.down()
@@ -66,15 +64,11 @@ class Hands:
     def let_go(self) -> None:
         """Lift every finger, button and key, also that of a mouse that drags."""
         self._page.mouse.up()
-        for way in self._down:
-            if way == "second mouse button":
-                self._page.mouse.up(button="right")
-            elif way not in ("mouse", "touch"):
-                self._page.keyboard.up(way)
-        self._down.clear()
-        if self._fingers:
-            self._fingers.clear()
-            self._send("touchEnd")
+        self._page.mouse.up(button="right")
+        for finger in list(self._fingers):
+            self.lift(finger)
+        for key in ("Escape", " "):
+            self._page.keyboard.up(key)
 
     @contextmanager
     def turning(self) -> Iterator[None]:
@@ -85,7 +79,7 @@ class Hands:
             self.touch(HOLDING, centre(button))
             deadline = time.monotonic() + 2.0
             while time.monotonic() < deadline and self._device.turning_us() < 1100.0:
-                time.sleep(0.01)
+                self._page.wait_for_timeout(10)
             if self._device.turning_us() >= 1100.0:
                 break
             self.lift(HOLDING)
