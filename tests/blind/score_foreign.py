@@ -23,8 +23,8 @@ from typing import Any
 from benchtool.explain.answer import answer_request, read_request
 from benchtool.physics.catalogue import EFFECTS
 from tests.blind.families import NONE
-from tests.blind.scored import MOST_MEMBERS, Scored, ScoredParameter
-from tests.blind.scoring import Asked, run
+from tests.blind.scored import MOST_MEMBERS, Scored
+from tests.blind.scoring import Asked, run, scored_parameters
 
 DEVELOPMENT, SCORING = range(500), range(500, 1000)
 
@@ -123,14 +123,7 @@ def scored(family: str, one: Asked) -> Scored:
         not_judged={name: needed.size for name, needed in verdict.not_judged.items()},
         # Nobody has the Fisher information of a foreign bench: a class counts by its size alone.
         confirmed=len(verdict.names) <= MOST_MEMBERS,
-        parameters=tuple(
-            ScoredParameter(
-                name=name, value=item.value, low=item.low, high=item.high, truth=hidden[name]
-            )
-            for effect in verdict.effects
-            for item in effect.parameters
-            if (name := f"{effect.name}.{item.name}") in hidden
-        ),
+        parameters=scored_parameters(verdict, hidden),
         label=one.label,
     )
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.explain.engine.explain import Explanation
+from benchtool.explain.engine.verdict import Verdict
 from benchtool.physics.catalogue import EFFECTS
 from tests.blind.families import NONE, PAIR
 from tests.blind.fisher import Telling, class_confirmed
@@ -173,19 +174,24 @@ def score(
         gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         by_luck=luck,
         by_learning=learning,
-        parameters=tuple(
-            ScoredParameter(
-                name=name, value=item.value, low=item.low, high=item.high, truth=hidden[name]
-            )
-            for effect in verdict.effects
-            for item in effect.parameters
-            if (name := f"{effect.name}.{item.name}") in hidden
-        ),
+        parameters=scored_parameters(verdict, hidden),
         seconds=seconds,
         strength=one.strength,
         excitation=one.excitation,
         label=one.label,
         **facts,
+    )
+
+
+def scored_parameters(verdict: Verdict, hidden: Mapping[str, float]) -> tuple[ScoredParameter, ...]:
+    """Return the numbers of named effects whose true values, `effect.parameter`, are known."""
+    return tuple(
+        ScoredParameter(
+            name=name, value=item.value, low=item.low, high=item.high, truth=hidden[name]
+        )
+        for effect in verdict.effects
+        for item in effect.parameters
+        if (name := f"{effect.name}.{item.name}") in hidden
     )
 
 
