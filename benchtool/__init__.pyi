@@ -1,3 +1,5 @@
+from types import ModuleType
+
 from benchtool.api import Effect as Effect
 from benchtool.api import Model as Model
 from benchtool.api import Result as Result
@@ -11,6 +13,5 @@ from benchtool.api import simulate_flight as simulate_flight
 from benchtool.api import simulate_pitch as simulate_pitch
 
 __version__: str
-from types import ModuleType
 
 class CallablePackage(ModuleType): ...

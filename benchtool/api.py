@@ -7,6 +7,7 @@ wrong one is refused with the same sentence.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -126,10 +127,8 @@ class Result(Generic[Found]):
         parts = [f"<pre style='white-space: pre-wrap'>{escape(self.summary())}</pre>"]
         if self._tables:
             parts.append(str(self.to_dataframe().head(12).to_html()))
-        try:
+        with suppress(InputError):  # nothing to draw
             parts.append(inline_svg(self.plot(), f"bt{id(self)}"))
-        except InputError:
-            pass
         return "\n".join(parts)
 
 

@@ -8,7 +8,7 @@ MOST_COLUMNS = 4096
 """Most columns of any table; the widest logs have some hundred. A choice."""
 
 MOST_CELLS = 6_000_000
-"""Most cells of a table that is read as text: about 0.4 GB of memory. A choice."""
+"""Most cells of a table that is read as text: about 0.6 GB of memory. A choice."""
 
 MOST_TABLE_BYTES = 1 << 28
 """Largest file of such a table."""

@@ -221,7 +221,8 @@ def discrepancies(logs: Sequence[Departing]) -> Iterator[Discrepancy]:
             name = f"{channel}: {depends}"
             columns, shares = [], []
             for log, root in zip(logs, roots, strict=True):
-                blocks = np.array_split(root, 1 + root.size // MOST_NUMBERS, axis=1)
+                count = min(root.shape[1], 1 + root.size // MOST_NUMBERS)
+                blocks = np.array_split(root, count, axis=1)
                 parts = [log.seen(name, block) for block in blocks]
                 columns.append(np.hstack([rows for rows, _ in parts]))
                 shares.append(np.hstack([share for _, share in parts]))
