@@ -16,8 +16,8 @@ import io
 import json
 import os
 import re
-from collections.abc import Callable, Sequence
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -253,19 +253,26 @@ def sweep_in(world: World, folder: Path, plan_text: str, *more: str) -> Outcome:
     return command(["sweep", world.address, *words, *world.more], folder, world)
 
 
-def command(words: list[str], folder: Path, world: World) -> Outcome:
-    """Run `benchtool WORDS` in a folder; its address ADDRESS leads into the world."""
-
-    heard, code = io.StringIO(), 0
+@contextmanager
+def typed_in(folder: Path) -> Iterator[io.StringIO]:
+    """Be in a folder with a state of its own and nobody at the keyboard; give what is printed."""
+    heard = io.StringIO()
     state = {"BENCHTOOL_STATE": str(folder / ".state"), "BENCHTOOL_DEBUG": ""}
     with (
-        on_the_clock(world, world.wrapped, world.staged),
         mock.patch.dict(os.environ, state),
         mock.patch("sys.stdin", io.StringIO()),
         chdir(folder),
         redirect_stdout(heard),
         redirect_stderr(heard),
     ):
+        yield heard
+
+
+def command(words: list[str], folder: Path, world: World) -> Outcome:
+    """Run `benchtool WORDS` in a folder; its address ADDRESS leads into the world."""
+
+    code = 0
+    with on_the_clock(world, world.wrapped, world.staged), typed_in(folder) as heard:
         try:
             main(words)
         except SystemExit as ended:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import functools
 import gc
-import io
 import json
 import os
 import random
@@ -23,7 +22,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack, chdir, contextmanager, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -41,7 +40,7 @@ from benchtool.bench.stage.grbl import GrblStage
 from benchtool.commands.app import main as benchtool
 from benchtool.data.run.read import read_samples
 from tests.faults.dialects import fields_in
-from tests.faults.loop import plan
+from tests.faults.loop import plan, typed_in
 from tests.soak.world import FAULTS, Hangs, HostEnd, World
 
 KINDS = {"bench": 3, "autopilot": 3, "stage": 3, "pty": 1, "tcp": 1}
@@ -119,16 +118,8 @@ def ends_in(world: World, handed: list[np.ndarray]) -> Iterator[None]:
 
 def command(words: list[str], folder: Path, world: World, handed: list) -> tuple[int, str]:
     """Run `benchtool WORDS` in a folder; return its exit code and what it said."""
-    heard, code = io.StringIO(), 0
-    state = {"BENCHTOOL_STATE": str(folder / ".state"), "BENCHTOOL_DEBUG": ""}
-    with (
-        ends_in(world, handed),
-        mock.patch.dict(os.environ, state),
-        mock.patch("sys.stdin", io.StringIO()),
-        chdir(folder),
-        redirect_stdout(heard),
-        redirect_stderr(heard),
-    ):
+    code = 0
+    with ends_in(world, handed), typed_in(folder) as heard:
         try:
             benchtool(words)
         except SystemExit as ended:
