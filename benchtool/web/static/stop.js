@@ -45,10 +45,12 @@
     socket.onclose = socket.onmessage = null;
     socket.close();
     setTimeout(connect, RETRY_MS);
+    // What the server last said can be older than the press.
+    const hand = held ? ` The throttle was held here, at up to ${held.dataset.pulse} us.` : "";
     release("the line to the server is lost");
     if (document.body.classList.contains("server-lost")) return;
     document.body.classList.add("server-lost");
-    const before = (sessionStorage.benchtoolLost = `at ${new Date().toLocaleTimeString()}. Last known: ${known()}`);
+    const before = (sessionStorage.benchtoolLost = `at ${new Date().toLocaleTimeString()}.${hand} Last known: ${known()}`);
     showNote(`No connection to benchtool since ${before.slice(3)} If benchtool web has ended, its bench process orders ` +
       "the motors to zero and closes the run, which can be gone on with. If only the line is cut, a run goes on without this page, and STOP " +
       "here does not reach it. Look at the motors; if they turn, cut the power.", Infinity);
