@@ -153,9 +153,12 @@ def expect(element: Locator) -> LocatorAssertions:
 
 
 def centre(element: Locator) -> tuple[float, float]:
-    """Return the middle of an element on the page."""
-    box = element.bounding_box()
-    assert box is not None
+    """Return the middle of an element on the page.
+
+    One that a tab is just being changed to has no place yet.
+    """
+    while (box := element.bounding_box()) is None:
+        element.wait_for()
     return box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
 
 
