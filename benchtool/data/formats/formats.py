@@ -15,6 +15,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Literal, Protocol
 
+import numpy as np
+
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.table_bounds import MOST_LOG_BYTES
 from benchtool.core.user_file import open_file, read_file
@@ -128,6 +130,7 @@ def import_file(path: str | Path, options: Options | None = None) -> Imported:
     return import_bytes(read_file(where, MOST_LOG_BYTES), str(path), options)
 
 
+@np.errstate(over="ignore")
 def import_files(paths: Sequence[str | Path], options: Options | None = None) -> list[Imported]:
     """Return several files, each held against the others for speeds that differ by a ratio."""
     read = [import_file(path, options) for path in paths]
@@ -137,6 +140,7 @@ def import_files(paths: Sequence[str | Path], options: Options | None = None) ->
     return [item.with_findings(compared[str(path)]) for path, item in zip(paths, read, strict=True)]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a cell may hold 1e308, a log a signalling nan
 def import_bytes(data: bytes, where: str, options: Options) -> Imported:
     """Return what the bytes of a foreign file hold; see `import_file`."""
     provenance = {

@@ -82,8 +82,7 @@ class Messages:
         if values.dtype.kind in "SV":
             return np.array([_number(cell) for cell in values.tolist()], float)
         divisor = self.divisors.get(name, 1.0)
-        with np.errstate(invalid="ignore"):  # a log may hold a signalling nan
-            numbers: Array = values.astype(float)
+        numbers: Array = values.astype(float)
         return numbers / divisor if divisor != 1.0 else numbers
 
     def texts(self, name: str) -> list[str]:

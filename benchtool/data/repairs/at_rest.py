@@ -87,8 +87,7 @@ def zero_of(recording: Recording, name: str) -> Zero | None:
         still &= recording.column(throttle) == _least(recording.column(throttle)[still])
     if still.any():
         return Zero(float(np.median(values[still])), "with rotors standing still")
-    with np.errstate(over="ignore"):  # a cell may hold 1e308
-        squared = np.sum(np.square(np.array(speeds)), axis=0)
+    squared = np.sum(np.square(np.array(speeds)), axis=0)
     rows = known & np.isfinite(squared) & np.all(np.array(speeds) > 0.0, axis=0)
     if np.count_nonzero(rows) < 5 or np.ptp(squared[rows]) < 0.5 * np.max(squared[rows]):
         return None

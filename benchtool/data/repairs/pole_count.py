@@ -72,9 +72,8 @@ def _too_efficient(recording: Recording) -> list[Finding]:
     if any(name not in recording for name in needed):
         return []
     rpm, torque, volts, amperes = (recording.column(name) for name in needed)
-    with np.errstate(over="ignore"):  # a cell may hold 1e308
-        electrical = volts * amperes
-        rows = np.isfinite(rpm * torque * electrical) & (rpm > 0.0)
+    electrical = volts * amperes
+    rows = np.isfinite(rpm * torque * electrical) & (rpm > 0.0)
     if rows.any():
         rows &= electrical > max(0.2 * float(np.max(electrical[rows])), 1e-3)
     if not rows.any():

@@ -153,9 +153,8 @@ def spikes_in(values: Array) -> Positions:
     some = known[:: max(1, rows.size // 20_000)]
     low, high = np.percentile(some, [1.0, 99.0]) if some.size > 100 else np.sort(known)[[1, -2]]
     before, here, after = known[:-2], known[1:-1], known[2:]
-    with np.errstate(over="ignore"):  # a cell may hold 1e308: infinite compares as it must
-        up, down = here - before, here - after
-        jump = np.minimum(np.abs(up), np.abs(down))
-        found = (up * down > 0.0) & (jump > SPIKE_SHARE * max(high - low, 0.0))
-        found &= (np.abs(after - before) < 0.1 * jump) & (jump > 0.2 * np.abs(before))
+    up, down = here - before, here - after
+    jump = np.minimum(np.abs(up), np.abs(down))
+    found = (up * down > 0.0) & (jump > SPIKE_SHARE * max(high - low, 0.0))
+    found &= (np.abs(after - before) < 0.1 * jump) & (jump > 0.2 * np.abs(before))
     return rows[1 + np.flatnonzero(found)]
