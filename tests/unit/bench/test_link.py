@@ -74,6 +74,14 @@ def test_a_damaged_line_is_counted_and_left_out() -> None:
     assert (len(batch.values), batch.corrupt, batch.lost) == (4, 1, 1)
 
 
+@pytest.mark.parametrize("at", range(len(HEARTBEAT) - 1))
+def test_no_byte_of_a_frame_may_be_another(at: int) -> None:
+    decoder = Decoder()
+    damaged = HEARTBEAT[:at] + b"#" + HEARTBEAT[at + 1 :]
+    assert decoder.feed(HEARTBEAT + damaged + HEARTBEAT).corrupt == 1
+    assert len(decoder.take_messages()) == 2
+
+
 @pytest.mark.parametrize(
     "payload",
     [

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from datetime import UTC, date, datetime
+from hashlib import sha256
+
 import pytest
 
 from benchtool.bench.mavlink.frames import (
@@ -43,10 +46,10 @@ def test_a_gap_is_counted_across_the_wrap() -> None:
 
 
 def test_a_frame_that_comes_twice_is_dropped_and_counted() -> None:
-    frames = frames_of(6)
-    taken, counts = take(*frames[:3], frames[2], frames[1], *frames[3:], frames[5])
-    assert taken == [0, 10, 20, 30, 40, 50]
-    assert counts == LinkCounts(messages=6, duplicates=3)
+    frames = frames_of(100)
+    taken, counts = take(*frames[:90], frames[89], frames[88], *frames[90:], frames[99])
+    assert taken == [10 * step for step in range(100)]
+    assert counts == LinkCounts(messages=100, duplicates=3)
 
 
 def test_a_frame_that_comes_late_is_not_lost() -> None:
@@ -107,12 +110,34 @@ def test_jitter_is_how_unevenly_steps_arrive() -> None:
         "link_reordered": "4",
         "link_jitter_ms": "3.00",
     }
+    assert MavlinkQuality().facts()["link_jitter_ms"] == "0.00"
+
+
+def test_a_signature_counts_from_2015_on() -> None:
+    key, now = bytes(range(32)), datetime(2020, 3, 1, 0, 0, 30, tzinfo=UTC)
+    signing = MavlinkFrames(key=key, now_s=now.timestamp())
+    made = WORDS.MAVLink_named_value_float_message(0, b"thrust", 1.0)
+    days = (date(2020, 3, 1) - date(2015, 1, 1)).days
+    for sent in range(2):
+        frame = signing.pack(made)
+        body, link, stamp, signature = frame[:-13], frame[-13:-12], frame[-12:-6], frame[-6:]
+        # Tens of microseconds since 2015-01-01, one more with every frame (MAVLink 2 signing).
+        assert int.from_bytes(stamp, "little") == (days * 86_400 + 30) * 100_000 + sent
+        assert link == b"\0"
+        assert signature == sha256(key + body + link + stamp).digest()[:6]
 
 
 def test_microseconds_of_32_bits_go_on_over_their_wrap() -> None:
     time = BootTime()
     told = [time.us32((MODULUS - 30_000 + 20_000 * step) % MODULUS) for step in range(5)]
     assert [us - told[0] for us in told] == [0, 20_000, 40_000, 60_000, 80_000]
+    assert not time.rebooted
+
+
+def test_the_first_stamp_of_32_bits_is_taken_as_it_is() -> None:
+    time = BootTime()
+    assert time.us64(1_700_000_000_000_000) == 0  # nothing is known of the boot yet
+    assert time.us32(1_200_000_000) == 1_200_000_000
     assert not time.rebooted
 
 

@@ -23,8 +23,10 @@ from benchtool.explain.engine.posterior import (
     _trial,
     _unnamed,
     _weights,
+    _with_check,
     prior,
     probabilities,
+    searched,
 )
 from benchtool.explain.engine.shared_errors import AMPLITUDES
 from benchtool.explain.engine.verdict import Unnamed
@@ -84,7 +86,7 @@ class Made:
         return self._against
 
     def log_evidence(self, one: Hypothesis) -> float:
-        return {"slope": 3.0, "step": 9.0}.get(one.opened[0], 0.0) * len(one.opened)
+        return {"slope": 3.0, "step": 9.0}.get("".join(one.opened[:1]), 0.0) * len(one.opened)
 
     def settled(self, one: Hypothesis) -> Hypothesis:
         return one
@@ -130,6 +132,10 @@ LAG = place(lag=1e9)
         (search(RIVAL), [], CANNOT_TELL, "effect", [(0, "slope")]),
         (search(SURE), [], CANNOT_TELL - 1.0, "effect", [(0, "slope")]),
         (search(place(slope=1e6, curve=2e5)), [], 0.0, "effect", [(0, "slope")]),
+        # A rival has a twentieth of what all effects of the place have together.
+        (search(place(slope=6.0, curve=5.0, step=0.33)), [], 0.0, "class",
+         [(0, "slope"), (0, "step")]),
+        (search(place(slope=6.0, curve=5.0, step=0.30)), [], 0.0, "effect", [(0, "slope")]),
     ],
 )  # fmt: skip
 def test_the_kind_of_a_verdict(
@@ -297,3 +303,58 @@ def test_members_that_later_ones_made_unnecessary_go() -> None:
     # The first gains less than its prior costs, the second more.
     assert _pruned(Made(), opening("lag", "step", "slope")).opened == ("step", "slope")
     assert _pruned(Made(), opening("step", "slope")).opened == ("step", "slope")
+
+
+@pytest.mark.parametrize(
+    ("before", "counted"),
+    [
+        ({"slope": 0.5}, ["slope"]),
+        ({"slope": -0.1}, []),
+        ({"slope": 8.0, "step": 0.1, "lag": -0.1}, ["slope", "step"]),
+        # Not further behind than 12, and the first four.
+        ({"slope": 30.0, "step": 18.1, "lag": 17.9}, ["slope", "step"]),
+        ({"slope": 9.0, "curve": 8.0, "wave": 7.0, "step": 6.0, "lag": 5.0},
+         ["slope", "curve", "wave", "step"]),
+    ],
+)  # fmt: skip
+def test_contenders_count_what_they_gain_on_the_check(
+    before: dict[str, float], counted: list[str]
+) -> None:
+    gains = {"slope": 3.0, "step": 50.0, "curve": 4.0, "wave": 5.0, "lag": 99.0}
+    held_out = SimpleNamespace(
+        near_fit=lambda one: one,
+        log_evidence=lambda one: 7.0 * len(one.opened) + gains.get("".join(one.opened), 2.0),
+    )
+    made = SimpleNamespace(log_evidence=lambda one: 7.0 * len(one.opened))
+    trial = Trial(base=opening(), tried=tuple(map(opening, before)), log_odds=before)
+    after = _with_check(made, held_out, trial)
+    want = {name: odds + (name in counted) * (gains[name] - 2.0) for name, odds in before.items()}
+    assert after.log_odds == pytest.approx(want)
+    assert [one.opened[0] for one in after.tried] == sorted(want, key=lambda name: -want[name])
+
+
+@pytest.mark.parametrize(
+    ("places", "opened"),
+    [
+        ({(): ("step", -0.1)}, ()),
+        ({(): ("step", 0.5), ("step",): ("slope", -0.1)}, ("step",)),
+        ({(): ("step", 5.0), ("step",): ("slope", 0.5), ("step", "slope"): ("lag", -0.1),
+          ("slope",): ("step", 0.5)}, ("step", "slope")),
+        # What the others have made unlikely goes again.
+        ({(): ("step", 5.0), ("step",): ("slope", 0.5), ("step", "slope"): ("lag", -0.1),
+          ("slope",): ("step", -0.1)}, ("step",)),
+    ],
+)  # fmt: skip
+def test_names_are_opened_while_they_are_likelier_than_not(
+    monkeypatch: pytest.MonkeyPatch,
+    places: dict[tuple[str, ...], tuple[str, float]],
+    opened: tuple[str, ...],
+) -> None:
+    def tried(hypotheses: Any, base: Hypothesis) -> Trial:
+        name, odds = places[base.opened]
+        return Trial(base=base, tried=(opening(*base.opened, name),), log_odds={name: odds})
+
+    made = Made()
+    made.null, made.near_fit = opening, lambda one: one
+    monkeypatch.setattr(posterior, "_trial", tried)
+    assert set(searched(made, made, lambda what, share: None).best.opened) == set(opened)
