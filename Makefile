@@ -72,7 +72,7 @@ blind: $(TESTING)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_sweep --scoring --page build/scorecard-sweep.md
 
 # Lines of the product broken one by one: which does no test notice? MODULE= a group of modules
-# (guard, limits, ...), COUNT= so many of each, SEED= which. Cut short, it goes on where it was.
+# (guard, limits, ...), COUNT= so many more of each, SEED= which. None is judged twice.
 mutants: $(TESTING)
 	$(BIN)/python -c "import cosmic_ray" 2>/dev/null || $(PIP) install "cosmic-ray==8.7.0"
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m tests.mutation.run $(MODULE) \

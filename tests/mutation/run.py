@@ -1,8 +1,8 @@
 """Break the product one line at a time and count which breaks the tests notice: `make mutants`.
 
-Works in a copy of the tree. Results are written as they come, a JSON object a line, and a mutant
-that was judged before is not judged again while its module is the same; `--again` judges those
-that survived once more, after a test was written.
+Works in a copy of the tree. Results are written as they come, a JSON object a line. A mutant that
+was judged before is not drawn again while its module is the same, so that another call judges
+others; `--again` judges those that survived once more, after a test was written.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from itertools import islice
 from math import sqrt
 from multiprocessing import Pipe
 from pathlib import Path
@@ -160,22 +161,26 @@ def judge_group(
         module: hashlib.sha256(text.encode()).hexdigest()[:12] for module, text in sources.items()
     }
     known = {_key(row): row for row in _rows(path)}
-    chosen = [one for module, text in sources.items() for one in mutants_of(module, text)]
-    total = len(chosen)
-    random.Random(seed).shuffle(chosen)
-    chosen = chosen[:count]
+    every = [one for module, text in sources.items() for one in mutants_of(module, text)]
+    random.Random(seed).shuffle(every)
+
+    def wanted() -> Iterator[dict[str, Any]]:
+        for one in every:
+            row = {**asdict(one), "source": stamps[one.module], "of": len(every)}
+            before = known.get(_key(row))
+            if before is None if not again else before is not None and not before["killed_by"]:
+                row["changed"] = one.applied(sources[one.module])
+                if _compiles(row["changed"]):
+                    yield row
+
+    rows = list(islice(wanted(), count))
     limit_s = 3.0 * baseline_s(tree, group.tests) + 10.0
-    print(f"{name}: {len(chosen)} of {total} mutants, at most {limit_s:.0f} s each", flush=True)
-    rows: list[dict[str, Any]] = []
-    for one in chosen:
-        row = {**asdict(one), "source": stamps[one.module], "of": total}
-        before = known.get(_key(row))
-        row["changed"] = one.applied(sources[one.module])
-        wanted = before is None or (again and not before["killed_by"])
-        if wanted and _compiles(row["changed"]):
-            rows.append(row)
+    print(f"{name}: {len(rows)} of {len(every)} mutants, at most {limit_s:.0f} s each", flush=True)
+
+    fresh: list[bool] = []
 
     def note(number: int, killed_by: str) -> None:
+        fresh.append(bool(killed_by))
         row = dict(rows[number])
         text, changed = sources[row["module"]], row.pop("changed")
         row |= {"killed_by": killed_by, "change": _change(text, changed)}
@@ -189,7 +194,9 @@ def judge_group(
             with broken(tree, rows[number]["module"], rows[number]["changed"]):
                 killed_by = failure(tree, group.tests, limit_s)
         note(number, killed_by)
-    print(summary(name, path, stamps), flush=True)
+    last = {_key(row): row for row in _rows(path) if stamps.get(row["module"]) == row["source"]}
+    judged = [bool(row["killed_by"]) for row in last.values()]
+    print(f"{name}: {share(fresh)}; of all so far {share(judged)}", flush=True)
 
 
 def _judged_together(
@@ -222,21 +229,19 @@ def _judged_together(
     os.waitpid(child, 0)
 
 
-def summary(name: str, path: Path, stamps: dict[str, str]) -> str:
-    """Return the count of a group with its 95 % interval."""
-    last = {_key(row): row for row in _rows(path) if stamps.get(row["module"]) == row["source"]}
-    killed, n = sum(bool(row["killed_by"]) for row in last.values()), len(last)
-    low, high = wilson(killed, n)
-    return f"{name}: {killed} of {n} killed ({100 * low:.0f} to {100 * high:.0f} %)"
+def share(killed: Sequence[bool]) -> str:
+    """Return how many were killed, with the 95 % interval."""
+    low, high = wilson(sum(killed), len(killed))
+    return f"{sum(killed)} of {len(killed)} killed ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
 def wilson(hits: int, n: int) -> tuple[float, float]:
     """Return the 95 % interval of a share (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
     if not n:
         return 0.0, 1.0
-    z, share = 1.959964, hits / n
-    middle = share + z * z / (2 * n)
-    half = z * sqrt(share * (1 - share) / n + z * z / (4 * n * n))
+    z, part = 1.959964, hits / n
+    middle = part + z * z / (2 * n)
+    half = z * sqrt(part * (1 - part) / n + z * z / (4 * n * n))
     return (middle - half) / (1 + z * z / n), (middle + half) / (1 + z * z / n)
 
 
