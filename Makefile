@@ -7,10 +7,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUNTIME := $(VENV)/.runtime-installed
 TESTING := $(VENV)/.testing-installed
+SITE := $(VENV)/.site-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test test-all lint bench blind presses soak mutants coverage-truth kills fuzz requirements wheel clean faults peers
+.PHONY: demo test test-all lint docs bench blind presses soak mutants coverage-truth kills fuzz requirements wheel clean faults peers
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
@@ -33,6 +34,10 @@ lint: $(TESTING)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+
+# These pages as a site, to be opened at build/site/index.html; a warning is an error.
+docs: $(SITE)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
 
 # Ratios measured side by side, printed; nothing here passes or fails.
 bench: $(TESTING)
@@ -91,12 +96,14 @@ wheel: $(TESTING)
 	$(BIN)/python -m pip --disable-pip-version-check wheel --quiet --no-deps \
 	  --no-build-isolation --wheel-dir dist .
 
-# Needs uv. The test set is resolved first, so that both files agree on every version.
-UV := uv pip compile pyproject.toml --quiet --universal --python-version 3.11 \
-  --generate-hashes --no-header --no-annotate --group build
+# Needs uv. The test set is resolved first, so that all files agree on every version.
+UV := uv pip compile --quiet --universal --python-version 3.11 \
+  --generate-hashes --no-header --no-annotate
+WITH := --constraints requirements-test.txt --output-file
 requirements:
-	$(UV) --extra test --output-file requirements-test.txt
-	$(UV) --extra fast --constraints requirements-test.txt --output-file requirements.txt
+	$(UV) pyproject.toml --group build --extra test --output-file requirements-test.txt
+	$(UV) pyproject.toml --group build --extra fast $(WITH) requirements.txt
+	$(UV) --group docs $(WITH) requirements-docs.txt
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
@@ -107,6 +114,10 @@ $(TESTING): $(BIN)/python requirements-test.txt $(PROJECT)
 	$(PIP) install --require-hashes --requirement requirements-test.txt
 	$(PIP) install --no-deps --no-build-isolation --editable .
 	touch $(TESTING) $(RUNTIME)
+
+$(SITE): $(TESTING) requirements-docs.txt
+	$(PIP) install --require-hashes --requirement requirements-docs.txt
+	touch $(SITE)
 
 $(RUNTIME): $(BIN)/python requirements.txt $(PROJECT)
 	@echo "Installing benchtool and what it needs into $(VENV); this takes a minute."

@@ -262,11 +262,14 @@ def explain(
     Tables: `effects`, `gap` and `probabilities`. The verdict is `result.found.verdict`.
 
     Args:
-        learn, check: recordings to learn from, and others of the same bench to check on.
+        learn: recordings to learn from.
+        check: others of the same bench, to check on.
         model: shipped name or path of a model file.
         effects: Python file or module with effects of your own.
         rig: of CSV files; runs carry theirs.
-        seed, draws, bootstrap: as the command's options.
+        seed: as the command's option.
+        draws: as the command's option.
+        bootstrap: as the command's option.
         permit: called with each Python file before it is run; refused when left out.
 
     Raises:

@@ -79,7 +79,8 @@ def page() -> str:
     for file, name, _ in CARRIERS:
         assert f"class {name}" in (ROOT / file).read_text("utf-8"), f"{name} is not in {file}"
     data = "\n".join(
-        f"{number}. `{name}` ([{file}](../../{file})): {meaning}."
+        f"{number}. [`{name}`](../reference/python.md#{file.removesuffix('.py').replace('/', '.')}"
+        f".{name}) in `{file}`: {meaning}."
         for number, (file, name, meaning) in enumerate(CARRIERS, 1)
     )
     members = "\n".join(
