@@ -60,10 +60,14 @@ TURNING = "MOTORS MAY STILL TURN: rpm1 4"
 WATCHDOG = "watchdog: no line for"
 UNFIT = "that does not fit a pulse of"
 SILENT = "sent nothing for"
+CLOSED, BROKE = "closed the connection", "the link to...broke"
 NO_PULSE, NO_PLATE = "did not answer 'pwm,", "did not answer 'plate,"
 NO_STOP = "did not answer 'stop'"
 NO_ACK = "did not acknowledge an order to turn"
 UNMOVED = "plate_z_m still reads 1.4000 m after the move"
+
+TURNS = "ramping sampling stopping closing"
+"""Phases that come after a motor's first turn."""
 
 RUNS = Expected()
 """The run goes on to its end."""
@@ -163,21 +167,15 @@ ROWS = (
     row("mavlink", "stall 2 s", "stopping", ends(3, NO_ACK, 0.35)),
     row("rcbudp", "stall 2 s", "ramping sampling", ends(3, "sent no reading for", 0.35)),
     row("rcbudp", "stall 2 s", "stopping", ends(3, "did not answer", 0.35)),
-    row("tcp pty", "cable pulled", "hello", ends(3, "nothing answered for 5 s")),
-    row("tcp", "cable pulled", "closing", ends(8, UNSEEN, 0.35)),
+    row("tcp mavlink", "cable pulled", "hello arming moving", ends(3, CLOSED)),
+    row("tcp", "cable pulled", "tare", ends(3, CLOSED)),
+    row("pty", "cable pulled", "hello arming tare moving", ends(3, BROKE)),
+    row("tcp mavlink", "cable pulled", TURNS, ends(8, f"{UNSEEN}...{CLOSED}", 0.35)),
+    row("pty", "cable pulled", TURNS, ends(8, f"{UNSEEN}...{BROKE}", 0.35)),
     row("rcbudp", "cable pulled", "hello", ends(3, "nothing came from")),
     row("rcbudp", "cable pulled", "arming tare moving", ends(3, "did not answer")),
-    row("rcbudp", "cable pulled", "closing", ends(8, UNSEEN, 0.35)),
-    row("mavlink", "cable pulled", "hello", ends(3, "nothing came for 5 s")),
-    row("mavlink", "cable pulled", "arming", ends(3, "did not acknowledge command 511")),
-    row("mavlink", "cable pulled", "moving", ends(3, SILENT)),
-    row("mavlink", "cable pulled", "closing", ends(8, UNSEEN, 0.35)),
-    row("tcp pty", "cable pulled", "arming", ends(3, "did not answer 'clear")),
-    row("tcp pty", "cable pulled", "tare", ends(3, "did not answer 'tare")),
-    row("tcp pty", "cable pulled", "moving", ends(3, NO_PLATE)),
-    row("tcp pty", "cable pulled", "ramping sampling stopping", ends(8, UNSEEN, 0.35)),
-    row("mavlink rcbudp", "cable pulled", "ramping sampling stopping", ends(8, UNSEEN, 0.35)),
-    row("grbl", "cable pulled", "ramping sampling", ends(3, "the link to")),
+    row("rcbudp", "cable pulled", TURNS, ends(8, UNSEEN, 0.35)),
+    row("grbl", "cable pulled", "ramping sampling", ends(3, BROKE)),
     row("tcp pty", "plate frozen", "connect", ends(3, UNMOVED)),
     row("tcp pty", "plate frozen", "ramping sampling", RUNS),
     row("tcp pty", "thrust frozen", "connect", ends(3, "on the load cell, limit")),

@@ -146,8 +146,8 @@ class Proxy:
         now_s = self._clock()
         self.dialect.let_pass(now_s)
         for fault in self.faults:  # a cable is pulled although nothing is said
-            if fault.kind == "cut" and fault.is_on(self.seen, now_s) and not fault.hit:
-                fault.hit = 1
+            if fault.kind == "cut" and fault.is_on(self.seen, now_s) and not self.near.is_cut:
+                fault.hit += 1
                 self.near.is_cut = True
         self._carry("device", self.near.incoming.take(), now_s)
         self._carry("host", self.far.incoming.take(), now_s)
