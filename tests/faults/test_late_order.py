@@ -29,6 +29,18 @@ def test_a_pulse_that_comes_after_the_stop_is_refused(tmp_path: Path) -> None:
     assert zero_s < stopped_s + 0.02
 
 
+def test_the_age_of_an_order_alone_refuses_it(tmp_path: Path) -> None:
+    """Every command comes late, the stop as well, and heartbeats keep the watchdog quiet."""
+    late = Fault("delay", phase="ramping", way="device", only="$C,", delay_s=0.55)
+    outcome = sweep(tmp_path, plan(), [late])
+    assert outcome.code == 3, outcome.said
+    old = [s for s, reason in outcome.seen.refused if "ms old; limit 500 ms" in reason]
+    stop_s = stops_after_turning(outcome)[0] + late.delay_s
+    assert old
+    assert old[0] < stop_s
+    assert outcome.orders_to_turn_after(0.0) == []
+
+
 @pytest.mark.parametrize("phase", ["ramping", "sampling"])
 def test_a_host_that_was_suspended_says_so(tmp_path: Path, phase: str) -> None:
     paused_s: list[float] = []
