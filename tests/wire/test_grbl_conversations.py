@@ -72,7 +72,11 @@ def turns_of(line: str, settings: bytes) -> Iterable[Turn]:
         return [
             turn if turn.sent != KNOWN.sent else Turn(turn.sent, settings) for turn in TURNS[line]
         ]
-    known = SAID | {"SETTINGS": settings, "SPOILT": settings.replace(b"$22=1", b"$2\xb2=1")}
+    known = SAID | {
+        "SETTINGS": settings,
+        "SPOILT": settings.replace(b"$22=1", b"$2\xb2=1"),
+        "SHORT": settings.replace(b"$132=1500\r\n", b""),
+    }
     said = b""
     for text in answer.strip().split(" + "):
         if found := re.fullmatch(r"\[(\w+(?::\d)?) (-?[\d.]+)\]", text):

@@ -235,6 +235,15 @@ LOCATE = 5.0
 
 HOMING_SPARE_S = 10.0
 
+NEEDED = {
+    *(INCHES, SOFT_LIMITS, HOMING, HOMING_FEED, HOMING_SEEK, HOMING_PAUSE_MS, PULL_OFF),
+    *range(STEPS_PER_MM, STEPS_PER_MM + 3),
+    *range(FASTEST, FASTEST + 3),
+    *range(ACCELERATION, ACCELERATION + 3),
+    *range(TRAVEL, TRAVEL + 3),
+}
+"""Settings that every stage lists and that are used here."""
+
 
 @dataclass(frozen=True, slots=True)
 class GrblSettings:
@@ -248,7 +257,8 @@ class GrblSettings:
             return self.values[number]
         except KeyError:
             raise StageError(
-                f"the stage lists no ${number} among its settings; it needs firmware that speaks "
+                f"the stage never listed ${number} when its settings were requested: a line was "
+                f"lost on the way (look at cable and grounding) or its firmware does not speak "
                 f"Grbl 1.1"
             ) from None
 

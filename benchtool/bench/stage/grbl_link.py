@@ -77,7 +77,7 @@ class GrblLink:
         )
 
     def settings(self, pause: Pause) -> grbl_lines.GrblSettings:
-        """Return the numbered settings; requested again where noise has eaten a line."""
+        """Return the numbered settings; requested again where noise has spoilt or eaten a line."""
         found: dict[int, float] = {}
         for tries_left in reversed(range(SETTINGS_TRIES)):
             try:
@@ -93,7 +93,8 @@ class GrblLink:
                 for word in words
                 if isinstance(word, grbl_lines.GrblSetting)
             }
-            if not any(isinstance(word, grbl_lines.Other) for word in words):
+            spoilt = any(isinstance(word, grbl_lines.Other) for word in words)
+            if not spoilt and found.keys() >= grbl_lines.NEEDED:
                 break
         return grbl_lines.GrblSettings(found)
 
