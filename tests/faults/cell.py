@@ -119,6 +119,10 @@ def check_folder(outcome: Outcome, visits: int) -> None:
     measured = [point for point in outcome.points() if point["kind"] == "measure"]
     # A run that ends early behind its last point has measured all the same.
     assert facts["state"] == ("ended" if len(measured) == visits else "stopped")
+    assert ("sweep --resume" in outcome.said) == (len(measured) < visits)
+    assert ("nothing is left to resume" in outcome.said) == (
+        outcome.code != 0 and len(measured) == visits
+    )
     assert len(measured) == visits or outcome.code != 0
     for point, plate_m in zip(measured, PLATES_M, strict=False):
         assert abs(float(point["thrust_N"]) - THRUST_N) < 0.06

@@ -33,12 +33,12 @@ def test_the_age_of_an_order_alone_refuses_it(tmp_path: Path) -> None:
     """Every command comes late, the stop as well, and heartbeats keep the watchdog quiet."""
     late = Fault("delay", phase="ramping", way="device", only="$C,", delay_s=0.55)
     outcome = sweep(tmp_path, plan(), [late])
+    assert outcome.orders_to_turn_after(0.0) == []
     assert outcome.code == 3, outcome.said
     old = [s for s, reason in outcome.seen.refused if "ms old; limit 500 ms" in reason]
     stop_s = stops_after_turning(outcome)[0] + late.delay_s
     assert old
     assert old[0] < stop_s
-    assert outcome.orders_to_turn_after(0.0) == []
 
 
 @pytest.mark.parametrize("phase", ["ramping", "sampling"])

@@ -86,9 +86,18 @@ def print_notes(notes: Iterable[str]) -> None:
 
 
 def close_stopped(run: Run, advice: str = "") -> None:
-    """Write the tables of a run that stopped and say where it is; print what prevents that."""
+    """Write the tables of a run that stopped and say where it is; print what prevents that.
+
+    Args:
+        advice: how to go on with a run that lacks points.
+    """
     try:
         run.close()
+        if advice and run.metadata["state"] == "ended":
+            advice = (
+                f"every visit is measured and stored, so nothing is left to resume; look at what "
+                f"stopped it, then go on with: benchtool fit {run.path}"
+            )
     except (BenchtoolError, OSError, MemoryError) as error:
         say_error(f"{run.path} was not closed: {error}")
         return
