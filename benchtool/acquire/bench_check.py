@@ -188,7 +188,7 @@ STEP_S = 0.05
 class Mapped(Protocol):
     """Be a bench that reports what every output shows and every ESC reads."""
 
-    def outputs_us(self) -> tuple[int, ...]:
+    def outputs_us(self) -> tuple[float, ...]:
         """Return the pulse of every output, 0 where there is none."""
         ...
 

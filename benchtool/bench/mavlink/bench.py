@@ -245,7 +245,7 @@ class MavlinkBench(StreamingBench):
             if self._cell is not None:
                 self._cell.poll()
 
-    def outputs_us(self) -> tuple[int, ...]:
+    def outputs_us(self) -> tuple[float, ...]:
         """Return the pulse of every output, 0 where there is none."""
         return self._rows.outputs_us
 

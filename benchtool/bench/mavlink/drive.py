@@ -15,7 +15,7 @@ from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, Lin
 ARM_WAIT_S = 3.0
 """After an accepted arming the heartbeat must show it within this; it comes once a second."""
 
-Outputs = tuple[int, ...]
+Outputs = tuple[float, ...]
 
 
 class Drive(ABC):

@@ -268,7 +268,7 @@ class OutputWatch:
         self._seen_turning &= {rotor for rotor, (_, us) in wanted.items() if us > self._stop_us}
         self.shown = self.lapsed = False
 
-    def seen(self, outputs_us: tuple[int, ...], now_s: float) -> tuple[int, int] | None:
+    def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
         """Note what outputs report; a pulse commanded a moment ago is as good as the present one.
 
         Returns:
@@ -300,7 +300,7 @@ class OutputWatch:
         return found
 
     def fault(
-        self, outputs_us: tuple[int, ...], now_s: float, lost_s: float = 0.0, slowest_s: float = 0.0
+        self, outputs_us: Outputs, now_s: float, lost_s: float = 0.0, slowest_s: float = 0.0
     ) -> str | None:
         """Return what is wrong in a sentence, None while nothing is.
 
@@ -316,7 +316,7 @@ class OutputWatch:
             late_s = self._reported_s - self._good_s[rotor]
             if late_s <= SEEN_S:
                 continue
-            shown = f"output {output} shows {outputs_us[output - 1]} us"
+            shown = f"output {output} shows {outputs_us[output - 1]:g} us"
             where = shown if output else "no output shows it"
             if lost_s > SEEN_S:
                 return (
@@ -336,14 +336,14 @@ class OutputWatch:
             return f"{self._name} has not reported its outputs for {unreported_s:.1f} s{late}"
         return None
 
-    def _only(self, rotor: int, outputs_us: tuple[int, ...]) -> tuple[int, int] | None:
+    def _only(self, rotor: int, outputs_us: Outputs) -> tuple[int, int] | None:
         """Return a rotor with the one output that is driven, None where several are."""
         least_us = self._stop_us + TOLERANCE_US
         driven = [output for output, shown in enumerate(outputs_us, 1) if shown > least_us]
         turning = [own for own, (_, pulse_us) in self._wanted.items() if pulse_us > self._stop_us]
         return (rotor, driven[0]) if len(driven) == 1 and turning == [rotor] else None
 
-    def _fits(self, shown: int, pulse_us: float) -> bool:
+    def _fits(self, shown: float, pulse_us: float) -> bool:
         if pulse_us <= self._stop_us:
             return shown <= self._stop_us + TOLERANCE_US
         return abs(shown - pulse_us) <= TOLERANCE_US

@@ -65,7 +65,8 @@ class MavlinkRows:
     """Turn messages into rows.
 
     Attributes:
-        outputs_us: (16,) pulse of every output as last reported, 0 where there is none.
+        outputs_us: (16,) pulse of every output as last reported, 0 where there is none, nan where
+            the autopilot says so: no stop, and nothing that was commanded.
         speeds_rpm: speed that each ESC (by its place, from 1) last reported.
 
     Args:
@@ -75,7 +76,7 @@ class MavlinkRows:
 
     def __init__(self, wiring: Wiring, idle_us: float, with_speeds: bool = True) -> None:
         self.time = BootTime()
-        self.outputs_us: tuple[int, ...] = (0,) * OUTPUTS
+        self.outputs_us: tuple[float, ...] = (0,) * OUTPUTS
         self.speeds = SpeedSources(wiring.n_rotors)
         self.idle_us = idle_us
         self._wiring, self._with_speeds = wiring, with_speeds
@@ -133,7 +134,7 @@ class MavlinkRows:
             for channel, value in VALUES[name](message).items():
                 self._put(time_us, self._at[channel], value)
         elif name == "ACTUATOR_OUTPUT_STATUS":
-            self._outputs(time(message), tuple(map(round, message.actuator[:OUTPUTS])))
+            self._outputs(time(message), tuple(message.actuator[:OUTPUTS]))
         elif name == "NAMED_VALUE_FLOAT":
             self._virtual_plate(message)
         elif name == "RANGEFINDER":
@@ -184,7 +185,7 @@ class MavlinkRows:
         self._rows.append(self._row)
         self._times_us.append(self._row_us)
 
-    def _outputs(self, time_us: int, pulses: tuple[int, ...]) -> None:
+    def _outputs(self, time_us: int, pulses: tuple[float, ...]) -> None:
         self.outputs_us = pulses
         for rotor, output in enumerate(self._outputs_of):
             # 0 is no pulse at all: the safety switch is on, or the start is not over.

@@ -5,6 +5,7 @@ import pytest
 
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.mavlink.messages import ESC_STATUS, dialect
+from benchtool.bench.mavlink.motor_test import OutputWatch
 from benchtool.bench.mavlink.rows import MavlinkRows, SpeedSources
 from benchtool.bench.mavlink.settings import ThrustSource, Wiring, channels_of
 from benchtool.bench.mavlink.side_cell import CellLines, SideCell, in_order
@@ -34,6 +35,26 @@ def test_outputs_of_the_rotors() -> None:
     told = rows_of(servo(1000, 1200, 1000, 1500, 1000))
     assert told["pwm1_us"] == [1500.0]
     assert told["pwm2_us"] == [1200.0]
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf])
+def test_an_output_that_shows_no_number_shows_no_stop(unknown: float) -> None:
+    rows, watch = MavlinkRows(Wiring(**TWO), idle_us=1100.0), OutputWatch("mav", 1000.0)
+    watch.command({1: (3, 1000.0), 2: (1, 1000.0)}, 0.0)
+    for step, shown in enumerate([1000.0, 1200.0, *[unknown] * 20]):
+        pulses = [0.0, 0.0, shown, *[0.0] * 29]
+        rows.take(W.MAVLink_actuator_output_status_message(100_000 * step, 4, pulses))
+        watch.seen(rows.outputs_us, 0.1 * step)
+        assert watch.shown == (step == 0)
+    fault = watch.fault(rows.outputs_us, 2.2)
+    assert fault is not None
+    assert (
+        f"rotor 1 was commanded 1000 us and mav acknowledged it, but output 3 shows {unknown} us"
+        in fault
+    )
+    _, values = rows.take_rows()
+    np.testing.assert_array_equal(values[:3, NAMES.index("pwm1_us")], [1000.0, 1200.0, unknown])
+    assert set(values[:, NAMES.index("pwm2_us")]) == {0.0}
 
 
 def test_messages_of_one_millisecond_are_one_row() -> None:
