@@ -4,6 +4,7 @@
 
 import os
 import signal
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from benchtool.core.errors import (
     HostPaused,
     InputError,
     LimitExceeded,
+    LinkLost,
     RunStopped,
     StandstillNotSeen,
 )
@@ -281,16 +283,60 @@ def test_late_readings_are_kept_and_blame_no_motor(fake):
     assert len(guard.take_unread()) == 10
 
 
-def test_a_command_whose_answers_get_lost_is_no_pause(fake):
+@pytest.mark.parametrize(
+    ("given", "lasts_s", "paused"),
+    [
+        # `where`, `arm` and `pwm`, each answered at its last try.
+        ({}, 3.0 * TRIES * TRY_S, False),
+        ({}, 1.74, False),
+        ({}, 1.76, True),
+        ({"longest_delay_s": 0.1}, 6.24, False),
+        ({"longest_delay_s": 0.1}, 6.26, True),
+        ({"has_loop": True}, 6.24, False),
+    ],
+)
+def test_a_command_may_take_as_long_as_its_answers(fake, given, lasts_s, paused):
+    fake.identity = replace(fake.identity, **given)
     set_pwm = fake.set_pwm
 
     def slow(pwm_us):
-        # `where`, `arm` and `pwm`, each answered at its last try.
-        fake.clock_s += 3.0 * TRIES * TRY_S
+        fake.set_pwm = set_pwm
+        fake.clock_s += lasts_s
         set_pwm(pwm_us)
 
     fake.set_pwm = slow
-    with GuardedBench(fake, RIG) as guard:
+    ends = pytest.raises(HostPaused) if paused else nullcontext()
+    with ends, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1500.0]))
-        guard.read(1.0)
-    assert guard.reason is None
+    assert fake.did[:3] == ["open", "pwm 1500", "stop" if paused else "pwm 1450"]
+
+
+@pytest.mark.parametrize("reads", [False, True])
+def test_a_host_with_an_early_answer_may_not_pause_for_the_rest(fake, reads):
+    read = fake.read
+    with (
+        pytest.raises(HostPaused, match=r"0\.3 s, limit 0\.25 s"),
+        GuardedBench(fake, RIG) as guard,
+    ):
+        guard.set_pwm(np.array([1500.0]))
+        if reads:
+            fake.read = lambda timeout_s: read(0.01)
+            guard.read(1.0)
+        fake.clock_s += 0.3
+        guard.read(0.01)
+    check_zeroed_once_then_closed(fake)
+
+
+def test_a_read_that_fails_once_does_not_end_the_look_at_the_rotors(fake):
+    read = fake.read
+
+    def once(timeout_s):
+        fake.read = read
+        raise LinkLost("gone for a moment")
+
+    with GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(0.5)
+        guard.stop()
+        fake.read = once
+    assert guard.standstill.seen
