@@ -24,6 +24,8 @@ OUT = Path("build/fuzz")
 PART_S = 5.0
 """Each target has its turn for so long; a choice."""
 
+NONE = {"inputs": 0, "seconds": 0.0}
+
 
 def keep(name: str, data: bytes) -> Path:
     """Write an input that was found and return its path."""
@@ -59,7 +61,8 @@ def main(minutes: float, with_atheris: bool) -> int:
         every = targets(on_disk)
         part_s = max(PART_S, 60.0 * minutes / len(every)) if with_atheris else PART_S
         while time.time() < until_s:
-            for name, target in every.items():
+            # Time that is too short for all begins with those that had least.
+            for name in sorted(every, key=lambda name: counts.get(name, NONE)["seconds"]):
                 if time.time() >= until_s:
                     break
                 before_s, faults = time.process_time(), dict[str, bytes]()
@@ -67,9 +70,9 @@ def main(minutes: float, with_atheris: bool) -> int:
                     number, spent_s = guided(name, part_s), part_s
                 else:
                     seed += 1
-                    number, faults = fuzz(target, Random(seed), seconds=part_s)
+                    number, faults = fuzz(every[name], Random(seed), seconds=part_s)
                     spent_s = time.process_time() - before_s
-                had = counts.get(name, {"inputs": 0, "seconds": 0.0})
+                had = counts.get(name, NONE)
                 counts[name] = {"inputs": had["inputs"] + number,
                                 "seconds": had["seconds"] + spent_s}  # fmt: skip
                 record.write_text(json.dumps(counts, indent=1))
