@@ -127,4 +127,5 @@ def kill_by_strace(folder: Path, some: int, seed: int = 0) -> int:
         killed += ended.returncode != 0
         left = read_tree(root)
         check_run(Left(root, ended.stdout, left, left, {}, power=False))
+        print(f"killed at {call} {number}: exit code {ended.returncode}", flush=True)
     return killed
