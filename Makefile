@@ -73,6 +73,8 @@ blind: $(TESTING)
 	@if [ -n "$$BENCHTOOL_REFERENCE_DATA" ]; then for bench in sweeps pitch; do \
 	  OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_foreign $$bench \
 	    --scoring --page build/scorecard-foreign-$$bench.md || exit 1; done; fi
+	@for bench in single quad pitch; do OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
+	  $(BIN)/python -m tests.blind.score_virtual $$bench --scoring --page build/scorecard-virtual-$$bench.md || exit 1; done
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_pitch --scoring --page build/scorecard-pitch.md
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_sweep --scoring --page build/scorecard-sweep.md
 

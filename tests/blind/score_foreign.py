@@ -21,10 +21,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from benchtool.explain.answer import answer_request, read_request
-from benchtool.physics.catalogue import EFFECTS
 from tests.blind.families import NONE
-from tests.blind.scored import MOST_MEMBERS, Scored
-from tests.blind.scoring import Asked, run, scored_parameters
+from tests.blind.scored import Scored
+from tests.blind.scoring import Asked, run, score_answer
 
 DEVELOPMENT, SCORING = range(500), range(500, 1000)
 
@@ -105,27 +104,9 @@ def scored(family: str, one: Asked) -> Scored:
         learn, check, model = files
         verdict = answer_request(read_request([learn], [check], model)).verdict
         seconds = time.process_time() - began
-    names = tuple(truth["names"]) + tuple(truth.get("also_true", ()) if truth["names"] else ())
-    size = next(iter(truth["sizes"].values()), TOLERANCES)
-    hidden = truth["parameters"]
-    named = [name for name in truth["names"] if name in EFFECTS]
-    return Scored(
-        kind=truth["kind"],
-        truth=names,
-        sizes=tuple(truth["sizes"].get(name, size) for name in names),
-        stage=EFFECTS[named[0]].subsystem if truth["kind"] == "named" else "",
-        verdict=verdict.kind,
-        names=verdict.names,
-        probabilities=dict(verdict.probabilities),
-        where=verdict.where.stage if verdict.where is not None else "",
-        gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps if gap.floor},
-        seconds=seconds,
-        not_judged={name: needed.size for name, needed in verdict.not_judged.items()},
-        # Nobody has the Fisher information of a foreign bench: a class counts by its size alone.
-        confirmed=len(verdict.names) <= MOST_MEMBERS,
-        parameters=scored_parameters(verdict, hidden),
-        label=one.label,
-    )
+    also_true = tuple(truth.get("also_true", ())) if truth["names"] else ()
+    sizes = {name: truth["sizes"].get(name, TOLERANCES) for name in (*truth["names"], *also_true)}
+    return score_answer(one, truth["kind"], sizes, verdict, seconds, truth["parameters"])
 
 
 if __name__ == "__main__":

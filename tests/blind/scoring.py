@@ -25,7 +25,15 @@ from tests.blind.families import NONE, PAIR
 from tests.blind.fisher import Telling, class_confirmed
 from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SWITCH
 from tests.blind.scorecard import Scorecard
-from tests.blind.scored import GAP_REACHED, Excitation, Kind, Scored, ScoredParameter, Strength
+from tests.blind.scored import (
+    GAP_REACHED,
+    MOST_MEMBERS,
+    Excitation,
+    Kind,
+    Scored,
+    ScoredParameter,
+    Strength,
+)
 
 SCORING_BLOCK = 4
 """Which scoring seeds: raised whenever a threshold of the method changes, so that no version is
@@ -180,6 +188,43 @@ def score(
         excitation=one.excitation,
         label=one.label,
         **facts,
+    )
+
+
+def score_answer(
+    one: Asked,
+    kind: Kind,
+    sizes: Mapping[str, float],
+    verdict: Verdict,
+    seconds: float,
+    hidden: Mapping[str, float],
+) -> Scored:
+    """Lay an answer beside what is true of a bench whose Fisher information nobody has.
+
+    Args:
+        one: what was asked for.
+        kind: of the truth.
+        sizes: of what is hidden in tolerances, by name; the first one's stage counts.
+        verdict: what the owner of the bench is answered.
+        seconds: that it took.
+        hidden: true values of the hidden effects' parameters, `effect.parameter`.
+    """
+    named = [name for name in sizes if name in EFFECTS]
+    return Scored(
+        kind=kind,
+        truth=tuple(sizes),
+        sizes=tuple(sizes.values()),
+        stage=EFFECTS[named[0]].subsystem if kind == "named" else "",
+        verdict=verdict.kind,
+        names=verdict.names,
+        probabilities=dict(verdict.probabilities),
+        where=verdict.where.stage if verdict.where is not None else "",
+        gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps if gap.floor},
+        seconds=seconds,
+        not_judged={name: needed.size for name, needed in verdict.not_judged.items()},
+        confirmed=len(verdict.names) <= MOST_MEMBERS,
+        parameters=scored_parameters(verdict, hidden),
+        label=one.label,
     )
 
 

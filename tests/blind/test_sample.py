@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from tests.blind import score_foreign, score_pitch, score_sweep
+from tests.blind import score_foreign, score_pitch, score_sweep, score_virtual
 from tests.blind.scorecard import Scorecard
 from tests.blind.scored import Scored
 from tests.blind.scoring import Asked
@@ -85,3 +85,11 @@ def test_foreign_benches_are_scored_by_the_same_form(family: str) -> None:
     found = score_foreign.scored(family, Asked(0, "none"))
     assert (found.kind, found.verdict) == ("none", "none")
     assert set(score_foreign.DEVELOPMENT).isdisjoint(score_foreign.SCORING)
+
+
+@pytest.mark.parametrize(
+    ("bench", "what"),
+    [("single", "none"), ("quad", "load_cell_hysteresis"), ("pitch", "cog_offset")],
+)
+def test_virtual_benches_that_ship_are_recorded_and_explained(bench: str, what: str) -> None:
+    check_sample([score_virtual.scored(bench, Asked(2, what))])

@@ -45,7 +45,8 @@ MOST_ROWS = 40000
 takes. Innovations are white, and what explains them changes over tens of milliseconds."""
 
 LANES = 8
-"""Sets of parameters that are run at once; each takes memory as long as the recording."""
+"""Sets of parameters that are run at once along a recording of up to `MOST_ROWS`; along a longer
+one they run one by one, since each takes memory as long as it, and caches hold no more."""
 
 SETTLING_S = 0.3
 """What a filter needs after it began anew before its innovations count."""
@@ -131,7 +132,8 @@ class PitchEvidence:
     def residuals(self, scaled: Array) -> Array:
         """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
         sets = np.atleast_2d(scaled)
-        parts = [sets[first : first + LANES] for first in range(0, len(sets), LANES)]
+        lanes = LANES if max(len(log.logged) for log in self.logs) <= MOST_ROWS else 1
+        parts = [sets[first : first + lanes] for first in range(0, len(sets), lanes)]
         return np.hstack([self._residuals(part) for part in parts])
 
     def _residuals(self, sets: Array) -> Array:
