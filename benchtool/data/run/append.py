@@ -132,7 +132,7 @@ class AppendFile:
         while start > 0 and b"\n" not in tail:
             start = max(0, start - 4096)
             os.lseek(handle, start, os.SEEK_SET)
-            tail = _read_exactly(handle, size - start)
+            tail = b"".join(iter(lambda: os.read(handle, 1 << 20), b""))
         whole = start + tail.rfind(b"\n") + 1
         if whole < size:
             self.fragment = tail[whole - start :].decode("utf-8", "replace")
@@ -144,14 +144,6 @@ def _no_file(path: Path, what: str) -> FileFormatError:
     return FileFormatError(
         str(path), f"this is {what}, and nothing is written through it; put the file itself there"
     )
-
-
-def _read_exactly(handle: int, count: int) -> bytes:
-    parts = []
-    while count > 0 and (part := os.read(handle, count)):
-        parts.append(part)
-        count -= len(part)
-    return b"".join(parts)
 
 
 class AppendTable(AppendFile):

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 import os
 from pathlib import Path
@@ -160,10 +161,39 @@ def test_events_survive_a_cut_line(tmp_path: Path) -> None:
         file.write(b"x" * 9000)  # longer than what is appended behind it
     log = run.event_log()
     assert log.fragment.endswith("xx")
-    log.append(Event(3.0, "end", "ended"))
+    log.append(Event(3.0, "end", "ended at 20 °C"))
     log.close()
-    lines = (run.path / "events.jsonl").read_text().splitlines()
+    lines = (run.path / "events.jsonl").read_text("utf-8").splitlines()
     assert [json.loads(line)["event"] for line in lines] == ["tare", "end"]
+    assert "20 °C" in lines[1]
+
+
+@pytest.mark.parametrize("whole", ["", "a\n"])
+@pytest.mark.parametrize("torn", ["", "b", "b" * 4095, "b" * 9001])
+def test_a_torn_line_of_any_length_is_cut_off(tmp_path: Path, whole: str, torn: str) -> None:
+    path = tmp_path / "x"
+    path.write_text(whole + torn)
+    file = AppendFile(path)
+    assert file.fragment == torn
+    file.write(b"c\n")
+    file.close()
+    assert path.read_text() == whole + "c\n"
+
+
+def test_a_drive_without_locks_locks_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fcntl = pytest.importorskip("fcntl")
+
+    def refused(handle: int, how: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refused)
+    file = AppendFile(tmp_path / "x")
+    file.lock()
+    file.write(b"row\n")
+    file.close()
+    assert (tmp_path / "x").read_bytes() == b"row\n"
 
 
 def test_a_disk_that_fills_up_keeps_whole_rows_and_the_rest_in_memory(

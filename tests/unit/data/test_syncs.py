@@ -11,7 +11,7 @@ import pytest
 
 from benchtool.core.errors import FileFormatError
 from benchtool.data.atomic import make_folder, replace_text
-from benchtool.data.run.append import Event, EventLog
+from benchtool.data.run.append import AppendFile, Event, EventLog
 from benchtool.data.run.closing import scan_samples, take_marked, write_marked
 from benchtool.data.run.run import Run
 from tests.unit.data.run_of import CHANNELS, small_run
@@ -29,6 +29,12 @@ def log(run: Run) -> None:
     EventLog(run.path / "events.jsonl").append(Event(1.0, "tare", "tared"))
 
 
+def copied(run: Run) -> None:
+    file = AppendFile(run.path / "samples.csv")
+    file.copy_to(run.path / "copy", whole=True)
+    file.close()
+
+
 def folders(run: Run) -> None:
     make_folder(run.path / "a" / "b")
     make_folder(run.path / "a" / "b")  # nothing more to do
@@ -41,6 +47,7 @@ def folders(run: Run) -> None:
         (mark, ["fsync .samples.csv", "replace .samples.csv", "fsync run"]),
         (log, ["fsync events.jsonl"]),
         (lambda run: run.sample_writer(CHANNELS).close(), ["fsync samples.csv"]),
+        (copied, ["fsync copy", "fsync samples.csv"]),
         (folders, ["fsync run", "fsync a"]),
     ],
 )
@@ -52,10 +59,13 @@ def test_a_file_is_on_the_disk_before_its_name_and_its_folder_behind_it(
 ) -> None:
     run = small_run(tmp_path / "run")
     done: list[str] = []
+    forced_bytes: dict[int, int] = {}
     fsync, replace = os.fsync, os.replace
 
     def forced(handle: int) -> None:
         done.append(f"fsync {Path(os.readlink(f'/proc/self/fd/{handle}')).name}")
+        there = os.fstat(handle)
+        forced_bytes[there.st_ino] = there.st_size
         fsync(handle)
 
     def renamed(old: Path, new: Path) -> None:
@@ -66,6 +76,8 @@ def test_a_file_is_on_the_disk_before_its_name_and_its_folder_behind_it(
     monkeypatch.setattr(os, "replace", renamed)
     change(run)
     assert [re.sub(r"(\.\d+|\.marked)?\.new$", "", one) for one in done] == order
+    for one in filter(Path.is_file, run.path.iterdir()):
+        assert forced_bytes.get(one.stat().st_ino, one.stat().st_size) == one.stat().st_size
 
 
 def test_a_file_that_is_refused_is_closed(tmp_path: Path) -> None:
