@@ -90,12 +90,14 @@ class Mutant:
 def mutants_of(module: str, source: str) -> Iterator[Mutant]:
     """Yield every mutant of a module."""
     spared, tree = list(_spared(ast.parse(source))), get_ast(source)
+    lines = source.splitlines()
     for name, operator in operators().items():
         places = (
             start for node in ast_nodes(tree) for start, _ in operator.mutation_positions(node)
         )
         for occurrence, start in enumerate(places):
-            if not any(low <= start < high for low, high in spared):
+            star = lines[start[0] - 1].startswith("*,", start[1])  # of a signature, no product
+            if not star and not any(low <= start < high for low, high in spared):
                 yield Mutant(module, name, occurrence, start[0])
 
 
