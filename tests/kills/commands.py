@@ -117,7 +117,7 @@ def check_rows(left: Left) -> list[bytes]:
     before = left.lines(f"{RUN}/samples.csv", left.before)
     assert rows == whole[: len(rows)]
     # A torn line that was not cut off has the next one behind it.
-    assert len({row.count(b",") for row in whole}) == 1
+    assert len({row.count(b",") for row in whole}) <= 1
     if not left.power:
         assert len(rows) == len(handed)
     assert len(rows) >= len(before)
