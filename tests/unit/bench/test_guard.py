@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.bench.driven import SPIN_DOWN_S
+from benchtool.bench.driven import FAILURES, SPIN_DOWN_S
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.serial.conversation import ANSWER_S as TRY_S
 from benchtool.bench.serial.conversation import TRIES
@@ -340,3 +340,38 @@ def test_a_read_that_fails_once_does_not_end_the_look_at_the_rotors(fake):
         guard.stop()
         fake.read = once
     assert guard.standstill.seen
+
+
+@pytest.mark.parametrize("good", [0, 2])
+def test_reads_that_fail_in_a_row_end_the_look_and_each_commands_zero(fake, good):
+    read, left = fake.read, [good]
+
+    def failing(timeout_s):
+        if not left[0]:
+            raise LinkLost("gone")
+        left[0] -= 1
+        return read(timeout_s)
+
+    with pytest.raises(StandstillNotSeen), GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(0.5)
+        guard.stop()
+        fake.tail_rpm, fake.read = 3000.0, failing
+    assert fake.did.count("stop") == 2 + FAILURES + 1  # at the end, and that nothing was seen
+
+
+def test_rotors_that_are_driven_are_commanded_zero_before_they_are_looked_at(fake):
+    with GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(0.5)
+        assert guard.see_standstill().seen
+        assert guard.pwm_us.tolist() == [RIG.propulsion.pwm_stop_us]
+    assert fake.did[:3] == ["open", "pwm 1600", "stop"]
+
+
+def test_a_rotor_that_runs_out_while_the_bench_is_opened_is_no_fault(fake):
+    fake.clock_s, fake.tail_rpm = 1000.0, 3000.0
+    with GuardedBench(fake, RIG) as guard:
+        guard.read(0.5)
+        fake.tail_rpm = 0.0
+        guard.read(0.5)

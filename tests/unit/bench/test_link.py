@@ -127,6 +127,12 @@ def test_a_line_without_end_is_not_kept() -> None:
     assert (batch.corrupt, len(decoder.take_messages())) == (1, 1)
 
 
+@pytest.mark.parametrize("more", [0, 1])
+def test_the_longest_line_is_searched_for_frames(more: int) -> None:
+    noise = b"x" * (MAX_LINE_BYTES - len(HEARTBEAT.rstrip()) + more)
+    assert len(messages_in(noise + HEARTBEAT)) == 1 - more
+
+
 def _cut(data: bytes, cuts: list[int]) -> list[bytes]:
     ends = sorted({min(cut, len(data)) for cut in cuts} | {0, len(data)})
     return [data[start:end] for start, end in pairwise(ends)]

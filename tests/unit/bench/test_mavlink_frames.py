@@ -10,6 +10,7 @@ import pytest
 from benchtool.bench.mavlink.frames import (
     MODULUS,
     BootTime,
+    CompanionTime,
     LinkCounts,
     MavlinkFrames,
     MavlinkQuality,
@@ -175,3 +176,10 @@ def test_datagrams_in_the_wrong_order_are_no_reboot() -> None:
     assert time.ms32(9_900) == 9_900_000
     assert time.ms32(10_020) == 10_020_000
     assert not time.rebooted
+
+
+def test_a_companion_that_starts_anew_is_laid_on_the_time_of_its_arrival() -> None:
+    time = CompanionTime()
+    arrivals = [(10_000, 50_000_000), (10_020, 50_030_000), (100, 60_000_000), (120, 60_050_000)]
+    found = [time.us(stamp_ms, arrived_us) for stamp_ms, arrived_us in arrivals]
+    assert found == [50_000_000, 50_020_000, 60_000_000, 60_020_000]
