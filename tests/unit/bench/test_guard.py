@@ -375,3 +375,4 @@ def test_a_rotor_that_runs_out_while_the_bench_is_opened_is_no_fault(fake):
         guard.read(0.5)
         fake.tail_rpm = 0.0
         guard.read(0.5)
+    assert guard.reason is None

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import BenchtoolError
-from benchtool.data.atomic import data_hash
+from benchtool.data.atomic import data_hash, file_hash, read_json
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run, read_settings
@@ -38,6 +38,13 @@ def test_no_reader_follows_a_link(
     path.symlink_to(victim)
     with pytest.raises(BenchtoolError, match=rf"{name}: this is a symbolic link"):
         read(run.path)
+
+
+def test_a_file_that_a_person_names_may_be_a_link(tmp_path: Path) -> None:
+    (tmp_path / "real").write_text("{}")
+    (tmp_path / "link").symlink_to("real")
+    assert read_json(tmp_path / "link") == {}
+    assert file_hash(tmp_path / "link") == file_hash(tmp_path / "real")
 
 
 @pytest.mark.parametrize("name", ["samples.csv", "points.csv", "events.jsonl"])
