@@ -57,8 +57,9 @@ def test_a_healthy_bench_goes_on(spread: NDArray[np.bool_]) -> None:
 
 
 @SPREADS
-def test_thrust_of_the_wrong_sign_stops_it(spread: NDArray[np.bool_]) -> None:
-    when_s, error = stopped_at_s(spread, [4512.0] * 4, -5.0, 1500.0)
+@pytest.mark.parametrize("block", [1, 5])
+def test_thrust_of_the_wrong_sign_stops_it(spread: NDArray[np.bool_], block: int) -> None:
+    when_s, error = stopped_at_s(spread, [4512.0] * 4, -5.0, 1500.0, block)
     assert error is not None
     assert error.channel == "thrust_N"
     assert when_s < 1.0
@@ -287,6 +288,35 @@ def test_the_band_of_plausible_thrust(
     assert when_s < 1.0 or not stops
 
 
+def test_one_implausible_reading_among_good_ones_is_borne() -> None:
+    check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
+    check.commanded(np.full(4, 1500.0), 0.0)
+    for step in range(200):
+        time_s = 0.05 * step + 0.01 * np.arange(1, 6)
+        rows = np.array([[*[4512.0] * 4, thrust_N] for thrust_N in (9.2, 9.2, -5.0, 9.3, 9.3)])
+        assert check.breach(time_s, rows) is None
+
+
+@pytest.mark.parametrize(("share", "limit_N"), [(1.1, 1.0), (-1.1, -1.0)])
+def test_a_reading_beyond_a_limit_names_the_limit_on_its_side(share: float, limit_N: float) -> None:
+    check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
+    rated_N = RIG.limits.thrust_N
+    error = check.breach(np.array([0.1]), np.array([[0.0] * 4 + [share * rated_N]]))
+    assert isinstance(error, LimitExceeded)
+    assert (error.value, error.limit) == (share * rated_N, limit_N * rated_N)
+
+
+def test_the_last_reading_of_a_block_is_held_against_the_pulse() -> None:
+    check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
+    check.commanded(np.full(4, 1500.0), 0.0)
+    time_s = 3.0 + 0.01 * np.arange(1, 6)
+    rows = np.array([[rpm] * 4 + [0.0] for rpm in (0.0, 0.0, 50.0, 400.0, 4512.0)])
+    assert check.breach(time_s, rows) is None
+    error = check.breach(time_s + 0.05, rows[::-1])
+    assert error is not None
+    assert error.value == 0.0
+
+
 PLATE_FIRST = (Channel("plate_z_m", "m"), *CHANNELS[:4])
 
 
@@ -313,6 +343,16 @@ def test_a_load_cell_is_not_stuck_while_nobody_reads_it() -> None:
     stuck = [float(number) for number, error in enumerate(found) if error is not None]
     # 2.3 s before the pause and 0.7 s after it, each counted from the reading before.
     assert stuck[0] == pytest.approx(24 + 7, abs=1.1)
+
+
+def test_thrust_is_not_implausible_while_nobody_reads_it() -> None:
+    check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
+    check.commanded(np.full(4, 1500.0), 0.0)
+    times_s = [*np.arange(0.1, 0.45, 0.1), *np.arange(9.0, 10.0, 0.1)]
+    row = np.array([[*[4512.0] * 4, -5.0]])
+    found = [check.breach(np.array([time_s]), row + 0.01 * time_s) for time_s in times_s]
+    # 0.6 s, of which 0.4 s were before the pause.
+    assert [error is not None for error in found].index(True) == 7
 
 
 @pytest.mark.parametrize("number", range(5))

@@ -101,7 +101,7 @@ def test_a_move_within_the_tolerance_is_not_called_frozen() -> None:
     ],
 )
 def test_a_plate_that_moves_during_a_point(mean_m: float, more_m: float, said: str | None) -> None:
-    problem = moved(0.5).crept(0.5, mean_m, more_m)
+    problem = moved(0.5).crept(0.5, mean_m, *([more_m] if more_m else []))
     assert (problem is None) == (said is None)
     if problem is not None:
         with pytest.raises(StageError, match=said):
