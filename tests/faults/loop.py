@@ -19,6 +19,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -29,6 +30,7 @@ from benchtool.physics.model_file import load_model
 from benchtool.virtual.devices import CarriedPlate, standard_truth, virtual_server
 from benchtool.virtual.faults import fault_from
 from benchtool.virtual.firmware import Firmware, Rows
+from benchtool.virtual.grbl import VirtualGrbl
 from benchtool.virtual.links import PtyLink
 from benchtool.virtual.server import ServedDevice
 from tests.faults.dialects import TURNING_US, Seen, StageLines
@@ -105,7 +107,9 @@ class World:
             self.channels = [channel.name for channel in firmware.hello.channels]
             self._note_rows(firmware)
             if how.has_stage:
-                return CarriedPlate(self.device, firmware, Far(self._proxies[1]), rig.plate)
+                carried = CarriedPlate(self.device, firmware, Far(self._proxies[1]), rig.plate)
+                self._proxies[1].happen = partial(happen_to, carried._stage)
+                return carried
             return self.device
 
         truth = load_model(standard_truth(rig), rig).model
@@ -173,6 +177,18 @@ class World:
     def close(self) -> None:
         for port in self.ports:
             port.link.close()
+
+
+def happen_to(stage: VirtualGrbl, what: str) -> None:
+    """Let a limit switch close, somebody press reset, or the power fail for a moment."""
+    if what == "limit":
+        stage.settings.values[21] = 1
+        stage.switch("Z", closed=True)
+    elif what == "reset":
+        stage.press("R")
+        stage.release()
+    else:
+        stage.restart()
 
 
 @dataclass

@@ -42,8 +42,18 @@ FAULTS: dict[str, dict[str, Any]] = {
     "plate frozen": {"kind": "freeze", "way": "host", "channel": "plate_z_m"},
     "thrust frozen": {"kind": "freeze", "way": "host", "channel": "thrust_N"},
     "acknowledged, not done": {"kind": "ignore", "way": "device"},
+    "limit switch closes": {"kind": "happen", "text": "limit", "after_s": 0.04},
+    "reset pressed": {"kind": "happen", "text": "reset", "after_s": 0.04},
+    "power fails": {"kind": "happen", "text": "power", "after_s": 0.04},
+    "answer garbled": {"kind": "corrupt", "way": "host", "times": 1},
+    "order garbled": {"kind": "corrupt", "way": "device", "only": "G1", "times": 1},
+    "order 100 mm off": {"kind": "replace", "way": "device", "only": " Z-1", "text": " Z-2"},
+    "order beyond limits": {"kind": "replace", "way": "device", "only": " Z-", "text": " Z-9"},
+    "Idle reads Check": {"kind": "replace", "way": "host", "only": "<Idle", "text": "<Check"},
 }
-"""Each fault without its phase, which it begins with; `Fault` says what the words mean."""
+"""Each fault without its phase, which it begins with; `Fault` says what the words mean. The stage
+is on its way 0.04 s after the order to move.
+"""
 
 RAMPING_S = 0.1
 """A fault in a ramp begins so long after its first order: motors turn by then."""
@@ -52,7 +62,7 @@ RAMPING_S = 0.1
 def fault_of(cell: Cell) -> Fault:
     """Return a cell's fault, not begun yet."""
     after_s = RAMPING_S if cell.phase == "ramping" else 0.0
-    return Fault(**FAULTS[cell.fault], phase=cell.phase, after_s=after_s)
+    return Fault(**{"phase": cell.phase, "after_s": after_s} | FAULTS[cell.fault])
 
 
 UNSEEN = "rotor 1 was not seen to stand: no reading came after zero was commanded; cut the power"
@@ -64,6 +74,7 @@ CLOSED, BROKE = "closed the connection", "the link to...broke"
 NO_PULSE, NO_PLATE = "did not answer 'pwm,", "did not answer 'plate,"
 NO_STOP = "did not answer 'stop'"
 NO_ACK = "did not acknowledge an order to turn"
+ANEW = "started anew...lost its position"
 UNMOVED = "plate_z_m still reads 1.4000 m after the move"
 
 TURNS = "ramping sampling stopping closing"
@@ -101,6 +112,7 @@ ROWS = (
     row("tcp", "device silent", "ramping sampling", ends(8, UNSEEN, 1.4)),
     row("tcp", "device silent", "stopping closing", ends(8, UNSEEN, 0.6)),
     row("grbl", "device silent 0.6 s", "connect hello arming moving", RUNS),
+    row("grbl", "device silent", "homing", ends(3, "answered nothing to homing")),
     row("grbl", "device silent", "moving", ends(3, "answered nothing to the move")),
     row("grbl", "device silent", "sampling", ends(3, "answered nothing to a question")),
     row("rcbudp", "device silent", "hello", ends(3, "nothing came from")),
@@ -175,7 +187,7 @@ ROWS = (
     row("rcbudp", "cable pulled", "hello", ends(3, "nothing came from")),
     row("rcbudp", "cable pulled", "arming tare moving", ends(3, "did not answer")),
     row("rcbudp", "cable pulled", TURNS, ends(8, UNSEEN, 0.35)),
-    row("grbl", "cable pulled", "ramping sampling", ends(3, BROKE)),
+    row("grbl", "cable pulled", "homing moving ramping sampling", ends(3, BROKE)),
     row("tcp pty", "plate frozen", "connect", ends(3, UNMOVED)),
     row("tcp pty", "plate frozen", "ramping sampling", RUNS),
     row("tcp pty", "thrust frozen", "connect", ends(3, "on the load cell, limit")),
@@ -185,6 +197,17 @@ ROWS = (
     row("tcp pty rcbudp", "acknowledged, not done", "stopping", ends(8, TURNING, 1.4)),
     row("mavlink", "acknowledged, not done", "ramping sampling", ends(4, UNFIT, 0.35)),
     row("mavlink", "acknowledged, not done", "stopping", RUNS),
+    row("grbl", "limit switch closes", "moving", ends(3, "the move to...ALARM:1")),
+    row("grbl", "limit switch closes", "sampling", ends(3, "ALARM:1")),
+    row("grbl", "reset pressed", "homing", ends(3, "homing...ALARM:6")),
+    row("grbl", "reset pressed", "moving", ends(3, "the move to...ALARM:3")),
+    row("grbl", "reset pressed", "sampling", ends(3, ANEW)),
+    row("grbl", "power fails", "homing moving sampling", ends(3, ANEW)),
+    row("grbl", "answer garbled", "moving", RUNS),
+    row("grbl", "order garbled", "moving", ends(3, "refused the move to 1.362 m: error:1")),
+    row("grbl", "order 100 mm off", "moving", ends(3, "was held...a digit was wrong on the line")),
+    row("grbl", "order beyond limits", "moving stopping", ends(3, "the move to...ALARM:2")),
+    row("grbl", "Idle reads Check", "moving stopping", ends(3, "was held: it says Check")),
 )
 # fmt: on
 

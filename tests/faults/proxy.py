@@ -30,6 +30,8 @@ Kind = Literal[
     "freeze",  # a channel of the samples repeats its value
     "lie",  # `value` is added to a channel of the samples
     "ignore",  # the proxy acknowledges a command that the device never gets
+    "replace",  # `only` becomes `text`
+    "happen",  # to the device itself: `text` says what
 ]
 
 
@@ -64,6 +66,7 @@ class Fault:
 
     Attributes:
         channel, value: for freeze and lie.
+        text: for replace and happen.
         begun_s, hit: when it began and how many lines it hit; a test asserts that it did.
     """
 
@@ -79,6 +82,7 @@ class Fault:
     delay_s: float = 0.3
     channel: str = "plate_z_m"
     value: float = 0.0
+    text: str = ""
     seed: int = 0
 
     begun_s: float | None = None
@@ -98,7 +102,7 @@ class Fault:
         return now_s < self.begun_s + self.for_s and self.hit < self.times
 
     def takes(self, way: Way, line: bytes, dialect: Dialect) -> bool:
-        if self.way not in (way, "both") or not self._fits(line, dialect):
+        if self.kind == "happen" or self.way not in (way, "both") or not self._fits(line, dialect):
             return False
         if self.p < 1.0 and self.random.random() >= self.p:
             return False
@@ -120,7 +124,12 @@ class Proxy:
 
     Args:
         clock: seconds; time passes with `step` only.
+
+    Attributes:
+        happen: lets something happen to the device.
     """
+
+    happen: Callable[[str], None]
 
     def __init__(
         self, faults: list[Fault], clock: Callable[[], float], dialect: Dialect | None = None
@@ -149,6 +158,9 @@ class Proxy:
             if fault.kind == "cut" and fault.is_on(self.seen, now_s) and not self.near.is_cut:
                 fault.hit += 1
                 self.near.is_cut = True
+            elif fault.kind == "happen" and fault.is_on(self.seen, now_s) and not fault.hit:
+                fault.hit = 1
+                self.happen(fault.text)
         self._carry("device", self.near.incoming.take(), now_s)
         self._carry("host", self.far.incoming.take(), now_s)
         self._release(now_s)
@@ -197,6 +209,8 @@ class Proxy:
                 return [self._falsified(fault, line)]
             case "ignore":
                 return self._ignored(fault, line)
+            case "replace":
+                return [line.replace(fault.only.encode(), fault.text.encode())]
 
     def _falsified(self, fault: Fault, line: bytes) -> bytes:
         present = None
