@@ -17,7 +17,13 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import chdir, contextmanager, redirect_stderr, redirect_stdout
+from contextlib import (
+    AbstractContextManager,
+    chdir,
+    contextmanager,
+    redirect_stderr,
+    redirect_stdout,
+)
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -67,6 +73,7 @@ class World:
         rows: values that the device itself measured, by its time in us.
         left_s: when the host closed the link last.
         hooks: called at every step.
+        proxies: the bench's, and that of a stage.
 
     Args:
         link: one of `LINKS`; the proxy stands between the bench and its host, or the stage and its.
@@ -81,6 +88,7 @@ class World:
         device_faults: Sequence[str] = (),
         link: str = "memory",
         now_s: float = 1000.0,
+        seed: int = 0,
     ) -> None:
         rig = rig_named(rig_name)
         how = LINKS[link]
@@ -92,14 +100,14 @@ class World:
         self.hooks = hooks
         self.address, self.more = ADDRESS, []
         self.ports: list[Port] = []
-        self._proxies = [self.proxy]
+        self.proxies = [self.proxy]
         self._deadline_s = self.now_s + LONGEST_S
         if how.port is not None:
             self.ports.append(Port(self.proxy, how.port()))
             self.address = how.address(self.ports[0].link)
         if how.has_stage:
-            self._proxies.append(Proxy(faults, self.clock, StageLines(self.proxy.seen)))
-            self.ports.append(Port(self._proxies[1], PtyLink()))
+            self.proxies.append(Proxy(faults, self.clock, StageLines(self.proxy.seen)))
+            self.ports.append(Port(self.proxies[1], PtyLink()))
             self.more = stage_words(self.ports[1].link, rig)
 
         def keep(firmware: Firmware) -> ServedDevice:
@@ -107,8 +115,8 @@ class World:
             self.channels = [channel.name for channel in firmware.hello.channels]
             self._note_rows(firmware)
             if how.has_stage:
-                carried = CarriedPlate(self.device, firmware, Far(self._proxies[1]), rig.plate)
-                self._proxies[1].happen = partial(happen_to, carried._stage)
+                carried = CarriedPlate(self.device, firmware, Far(self.proxies[1]), rig.plate)
+                self.proxies[1].happen = partial(happen_to, carried._stage)
                 return carried
             return self.device
 
@@ -117,6 +125,7 @@ class World:
             rig,
             truth,
             Far(self.proxy),
+            seed=seed,
             speed=speed,
             faults=[fault_from(text) for text in device_faults],
             speak=keep,
@@ -153,7 +162,7 @@ class World:
     def _carry(self) -> None:
         for port in self.ports:
             port.pump()
-        for proxy in self._proxies:
+        for proxy in self.proxies:
             proxy.step()
         for port in self.ports:
             port.pump()
@@ -172,7 +181,11 @@ class World:
 
     def staged(self, real: object) -> KernelTransport:
         """Put the stage's transport on this clock."""
-        return KernelTransport(self, self._proxies[1], self.ports[1], real)
+        return KernelTransport(self, self.proxies[1], self.ports[1], real)
+
+    def hosting(self) -> AbstractContextManager[None]:
+        """Let every driver of this process lead here and wait on this clock."""
+        return on_the_clock(self, self.wrapped, self.staged)
 
     def close(self) -> None:
         for port in self.ports:
@@ -288,7 +301,7 @@ def command(words: list[str], folder: Path, world: World) -> Outcome:
     """Run `benchtool WORDS` in a folder; its address ADDRESS leads into the world."""
 
     code = 0
-    with on_the_clock(world, world.wrapped, world.staged), typed_in(folder) as heard:
+    with world.hosting(), typed_in(folder) as heard:
         try:
             main(words)
         except SystemExit as ended:

@@ -60,6 +60,12 @@ class End:
             self.outgoing.waiting += data
 
 
+class Unit(bytes):
+    """A unit as its sender wrote it, and when; what a fault has changed is bytes."""
+
+    written_s: float
+
+
 @dataclass
 class Fault:
     """One fault: what, to which lines, when, for how long.
@@ -127,6 +133,9 @@ class Proxy:
 
     Attributes:
         happen: lets something happen to the device.
+        heard_s, written_s: when a whole unit of the host last reached the device, and when the
+            host had written it.
+        delivered: all that reached the host.
     """
 
     happen: Callable[[str], None]
@@ -137,6 +146,8 @@ class Proxy:
         self.near, self.far = End(), End()
         self.faults = faults
         self.dialect = dialect or BenchLines()
+        self.heard_s = self.written_s = -inf
+        self.delivered = bytearray()
         self._clock = clock
         self._rest: dict[Way, bytes] = {"host": b"", "device": b""}
         self._late: list[tuple[float, Way, bytes]] = []
@@ -167,10 +178,11 @@ class Proxy:
 
     def _carry(self, way: Way, data: bytes, now_s: float) -> None:
         lines, self._rest[way] = self.dialect.split(way, self._rest[way] + data)
-        for line in lines:
+        for line in map(Unit, lines):
+            line.written_s = now_s
             # First noted: a fault of a phase may hit the very line that begins it.
             self.dialect.note(way, line, now_s)
-            pieces = [line]
+            pieces: list[bytes] = [line]
             for fault in self.faults:
                 if fault.is_on(self.seen, now_s):
                     pieces = [out for one in pieces for out in self._through(fault, way, one)]
@@ -244,4 +256,8 @@ class Proxy:
                 self._send(way, line)
 
     def _send(self, way: Way, data: bytes) -> None:
+        if way == "host":
+            self.delivered += data
+        elif isinstance(data, Unit):
+            self.heard_s, self.written_s = self._clock(), data.written_s
         (self.near if way == "host" else self.far).write(data)

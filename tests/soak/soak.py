@@ -32,33 +32,21 @@ from unittest import mock
 import numpy as np
 import psutil
 
-from benchtool.bench.drivers import Address
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.settings import settings_of
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.stage.grbl import GrblStage
-from benchtool.commands.app import main as benchtool
 from benchtool.data.run.read import read_samples
 from tests.faults.dialects import fields_in
-from tests.faults.loop import plan, typed_in
-from tests.soak.world import FAULTS, Hangs, HostEnd, World
+from tests.faults.loop import Hangs, command, plan
+from tests.soak.world import FAULTS, SoakWorld
 
-KINDS = {"bench": 3, "autopilot": 3, "stage": 3, "pty": 1, "tcp": 1}
-"""Worlds, with weights."""
-
-ADDRESSES = {
-    "autopilot": "mavlink:tcp:127.0.0.1:1?rotors=1&system=1",
-    **dict.fromkeys(("bench", "stage"), "tcp:127.0.0.1:1"),
-}
+KINDS = {"memory": 3, "mavlink": 3, "grbl": 3, "pty": 1, "tcp": 1}
+"""Links, with weights."""
 
 CODES = (0, 3, 4, 5, 8)
 """Exit codes that a fault may bring; 2 is a mistake of this script, 70 one of the program."""
 
 RESUMED = 0.3
 """Share of the stopped runs that are resumed."""
-
-WATCHED_S = 2.0
-"""The device is watched for so long after the host has gone."""
 
 
 @dataclass
@@ -77,21 +65,9 @@ class Outcome:
     resumed: bool = False
 
 
-def stage_port(world: World, port: str, baud: int) -> HostEnd:
-    return HostEnd(world, "stage")
-
-
 @contextmanager
-def ends_in(world: World, handed: list[np.ndarray]) -> Iterator[None]:
-    """Let every port of benchtool lead into a world; keep the times of all rows handed over."""
-
-    def serial(parsed: Address) -> SerialBench:
-        return SerialBench(HostEnd(world, "bench"), parsed.text, world.clock)
-
-    def mavlink(parsed: Address) -> MavlinkBench:
-        return MavlinkBench(
-            HostEnd(world, "bench"), parsed.text, settings_of(parsed), clock=world.clock
-        )
+def noting_rows(handed: list[np.ndarray]) -> Iterator[None]:
+    """Keep the times of all rows that the drivers hand over."""
 
     def noting(read):
         @functools.wraps(read)
@@ -103,32 +79,21 @@ def ends_in(world: World, handed: list[np.ndarray]) -> Iterator[None]:
         return noted
 
     with ExitStack() as stack:
-        put = stack.enter_context
         for driver in (SerialBench, MavlinkBench):
-            put(mock.patch.object(driver, "read", noting(driver.read)))
-        if not world.is_real:
-            port = "benchtool.bench.transport.serial_port.SerialPort"
-            put(mock.patch("benchtool.bench.serial.bench.open_tcp", serial))
-            put(mock.patch("benchtool.bench.mavlink.bench.open_mavlink", mavlink))
-            put(mock.patch(port, functools.partial(stage_port, world)))
-            timed = functools.partial(GrblStage, clock=world.clock)
-            put(mock.patch("benchtool.bench.stage.grbl.GrblStage", timed))
+            stack.enter_context(mock.patch.object(driver, "read", noting(driver.read)))
         yield
 
 
-def command(words: list[str], folder: Path, world: World, handed: list) -> tuple[int, str]:
+def run(words: list[str], folder: Path, world: SoakWorld, handed: list) -> tuple[int, str]:
     """Run `benchtool WORDS` in a folder; return its exit code and what it said."""
-    code = 0
-    with ends_in(world, handed), typed_in(folder) as heard:
-        try:
-            benchtool(words)
-        except SystemExit as ended:
-            code = ended.code if isinstance(ended.code, int) else 1
-        except (Exception, Hangs):  # noqa: BLE001 - each is a finding
-            code = 70
-            traceback.print_exc(file=heard)
-    world.left_s = world.now_s if world.left_s is None else world.left_s
-    return code, heard.getvalue()
+    try:
+        with noting_rows(handed):
+            outcome = command(words, folder, world)
+    except (Exception, Hangs):  # noqa: BLE001 - each is a finding
+        return 70, traceback.format_exc()
+    finally:
+        world.close()
+    return outcome.code, outcome.said
 
 
 def sweep(kind: str, seed: int, every_s: float, folder: Path) -> Outcome:
@@ -137,25 +102,20 @@ def sweep(kind: str, seed: int, every_s: float, folder: Path) -> Outcome:
     distances = ", ".join(f"{rng.uniform(0.1, 1.4):.2f}" for _ in range(rng.randint(1, 3)))
     pulses = ", ".join(f"{rng.uniform(1300.0, 1700.0):.0f}.0" for _ in range(rng.randint(1, 2)))
     (folder / "plan.toml").write_text(plan(distances, rng.choice((1.0, 2.0, 4.0)), pulses))
-    world, handed = World(kind, seed, every_s), []
+    world, handed = SoakWorld(kind, seed, every_s), []
     begun_s = world.now_s
-    words = ["--rig", "pquad_single", "--plan", "plan.toml", "--yes", "--out", "run"]
-    if kind == "stage":
-        words += ["--stage", "grbl:soak?axis=Z&zero_mm=1500&direction=1"]
-    with world.serving():
-        address = ADDRESSES.get(kind) or world.links["bench"].address
-        code, said = command(["sweep", address, *words], folder, world, handed)
-        world.wait(WATCHED_S)
-    run = folder / "run"
+    words = ["--rig", "pquad_single", "--plan", "plan.toml", "--yes", "--out", "run", *world.more]
+    code, said = run(["sweep", world.address, *words], folder, world, handed)
+    where = folder / "run"
     outcome = Outcome(
         kind, seed, code, said, world.now_s - begun_s, world.turned_s, 0, world.struck
     )
     outcome.troubles += world.unsafe[:3]
     if code not in CODES:
         outcome.troubles.append(f"exit code {code}: {said[-3000:]}")
-    if (run / "samples.csv").exists():
-        outcome.rows = judge_rows(run, world, handed, outcome)
-        stopped = json.loads((run / "metadata.json").read_text())["state"] == "stopped"
+    if (where / "samples.csv").exists():
+        outcome.rows = judge_rows(where, world, handed, outcome)
+        stopped = json.loads((where / "metadata.json").read_text())["state"] == "stopped"
         if stopped and not world.is_real and rng.random() < RESUMED:
             resume(folder, outcome)
     elif code == 0:
@@ -166,9 +126,9 @@ def sweep(kind: str, seed: int, every_s: float, folder: Path) -> Outcome:
 def resume(folder: Path, outcome: Outcome) -> None:
     """Go on with a stopped run on a link without faults: it ends, and keeps what it has."""
     before = read_samples(folder / "run").column("thrust_N")
-    world = World(outcome.kind, outcome.seed, inf)
-    words = ["sweep", ADDRESSES[outcome.kind], "--resume", "run", "--yes"]
-    code, said = command(words, folder, world, [])
+    world = SoakWorld(outcome.kind, outcome.seed, inf)
+    words = ["sweep", world.address, "--resume", "run", "--yes", *world.more]
+    code, said = run(words, folder, world, [])
     outcome.resumed = True
     after = read_samples(folder / "run").column("thrust_N")
     if code != 0 or world.unsafe:
@@ -177,7 +137,7 @@ def resume(folder: Path, outcome: Outcome) -> None:
         outcome.troubles.append("resumed: rows that were stored have changed")
 
 
-def judge_rows(run: Path, world: World, handed: list[np.ndarray], outcome: Outcome) -> int:
+def judge_rows(run: Path, world: SoakWorld, handed: list[np.ndarray], outcome: Outcome) -> int:
     """Note every row that is not where it should be; return how many are stored."""
     facts = json.loads((run / "metadata.json").read_text())
     events = (run / "events.jsonl").read_text()
@@ -203,7 +163,7 @@ def judge_rows(run: Path, world: World, handed: list[np.ndarray], outcome: Outco
     read_us = np.concatenate(handed)
     if len(lost_us := missing(read_us)):
         outcome.troubles.append(f"{len(lost_us)} rows were read and not stored, {lost_us[:3]}")
-    lines = [fields_in(line) for line in bytes(world.links["bench"].delivered).split(b"\n")]
+    lines = map(fields_in, bytes(world.proxy.delivered).split(b"\n"))
     came_us = np.array([float(words[2]) for words in lines if words[:1] == ["S"]])
     # A sample that comes after later ones were handed on is left out, and counted as repeated.
     late = len(missing(came_us))

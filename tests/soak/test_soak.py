@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from tests.soak.soak import slope, state_of_process, sweep, tables
-from tests.soak.world import PORTS
+from tests.soak.world import REAL
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 
-SAMPLE = [("bench", 24), ("bench", 30), ("autopilot", 22), ("stage", 23), ("pty", 3), ("tcp", 11)]
+SAMPLE = [("memory", 24), ("memory", 30), ("mavlink", 22), ("grbl", 23), ("pty", 3), ("tcp", 11)]
 
 
 @pytest.mark.parametrize(("kind", "seed"), SAMPLE)
@@ -22,7 +22,7 @@ def test_no_row_is_lost_and_no_motor_turns_without_a_host(
     tmp_path: Path, kind: str, seed: int
 ) -> None:
     outcome = sweep(kind, seed, 1.5, tmp_path)
-    if kind not in PORTS:  # in real time a fault may end the sweep before its motors turn
+    if kind not in REAL:  # in real time a fault may end the sweep before its motors turn
         assert sum(outcome.struck.values()) >= 1
         assert outcome.turned_s > 0.2
     assert outcome.troubles == [], outcome.said
@@ -36,7 +36,7 @@ def test_a_process_that_grows_is_told_from_one_that_wavers(
     assert abs(rise) < 3.0 * error
     rise, error = slope(wavers + 0.03 * np.arange(400))
     assert abs(rise - 30.0) < 3.0 * error
-    outcome = vars(sweep("bench", 3, 1.0, tmp_path)) | {"said": "", "wall_s": 60.0}
+    outcome = vars(sweep("memory", 3, 1.0, tmp_path)) | {"said": "", "wall_s": 60.0}
     same = state_of_process()
     notes = tmp_path / "notes.jsonl"
     for leaks, wrong in ((0, 0), (1, 1)):
