@@ -129,7 +129,7 @@ class Result(Generic[Found]):
             parts.append(str(self.to_dataframe().head(12).to_html()))
         with suppress(InputError):  # nothing to draw
             parts.append(inline_svg(self.plot(), f"bt{id(self)}"))
-        return "\n".join(parts)
+        return "<div>" + "\n".join(parts) + "</div>"
 
 
 def load_rig(rig: str | Path) -> Rig:

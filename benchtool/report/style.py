@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from textwrap import wrap
 from threading import RLock
 from typing import Any, Literal
@@ -98,6 +99,16 @@ def look() -> Iterator[None]:
         yield
 
 
+class NotebookFigure(Figure):
+    """A figure that a notebook shows, also where nothing has loaded pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = BytesIO()
+        with look():
+            self.savefig(buffer, format="png", dpi=160)
+        return buffer.getvalue()
+
+
 def new_figure(
     title: str,
     *,
@@ -107,7 +118,7 @@ def new_figure(
     layout: Literal["constrained"] | None = "constrained",
 ) -> Figure:
     """Return an empty figure with its title line, stamped when the data is simulated."""
-    figure = Figure(figsize=(width_in, height_in), layout=layout)
+    figure = NotebookFigure(figsize=(width_in, height_in), layout=layout)
     room = int(TITLE_CHARACTERS * width_in / WIDTH_IN) - (len(SIMULATED) + 2) * simulated
     text = figure.suptitle(
         "\n".join(wrap(title, room)), x=0.012, ha="left", fontsize=11.5, fontweight="bold"

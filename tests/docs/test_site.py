@@ -46,7 +46,7 @@ def build(source: Path, site: Path) -> str:
     ended = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--site-dir", str(site)],
         cwd=source,
-        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1", "NOTEBOOKS": "unrun"},
         capture_output=True,
         encoding="utf-8",
         timeout=120,
@@ -66,8 +66,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_page_is_there_and_in_the_navigation(site: Path) -> None:
     index = Loaded()
     index.feed((site / "index.html").read_text("utf-8"))
-    pages = {page.relative_to(DOCS).with_suffix(".html").as_posix() for page in DOCS.rglob("*.md")}
-    pages = pages - {"README.html"}
+    sources = {*DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb")} - {DOCS / "README.md"}
+    pages = {page.relative_to(DOCS).with_suffix(".html").as_posix() for page in sources}
     assert pages <= set(index.links)
     assert [page for page in pages if not (site / page).is_file()] == []
 
@@ -95,7 +95,7 @@ def test_the_python_page_has_every_public_name_with_its_text(site: Path) -> None
 def test_a_broken_link_and_a_missing_heading_are_refused(tmp_path: Path) -> None:
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs" / "index.md").write_text("# A\n\n[b](b.md), [c](#c)\n")
-    settings = (ROOT / "mkdocs.yml").read_text("utf-8")
+    settings = (ROOT / "mkdocs.yml").read_text("utf-8").replace("hooks: [", f"hooks: [{ROOT}/")
     (tmp_path / "mkdocs.yml").write_text(settings)
     printed = build(tmp_path, tmp_path / "site")
     assert "link 'b.md'" in printed

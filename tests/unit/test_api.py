@@ -52,8 +52,10 @@ def test_a_run_shows_itself() -> None:
     assert set(points["kind"]) == {"measure", "reference", "anchor"}
     assert run.tables[:2] == ("points", "settings")
     assert run.plot("distance").axes
+    shown = run.plot("distance")._repr_png_()  # type: ignore[attr-defined]
+    assert shown.startswith(b"\x89PNG")
     shown = run._repr_html_()
-    assert shown.startswith("<pre")
+    assert shown.startswith("<div><pre")
     assert "<svg" in shown
     with pytest.raises(UnknownChoice, match="unknown table 'point'; did you mean 'points'"):
         run.to_dataframe("point")
