@@ -1,5 +1,5 @@
 # `make demo` and `make test` set everything up in .venv; nothing else needs to be installed.
-# Another interpreter: make test PYTHON=python3.13. On Windows see README.md.
+# Another interpreter: make test PYTHON=python3.13. On Windows see docs/how-to/install.md.
 FITS = import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
 PYTHON ?= $(or $(shell for p in python3 python3.13 python3.12 python3.11; do \
   $$p -c '$(FITS)' 2>/dev/null && echo $$p && break; done),python3)
