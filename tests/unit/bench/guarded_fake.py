@@ -64,7 +64,7 @@ class FakeBench:
         self.pwm_us = np.array([1000.0])
 
     def move_plate(self, z_m, x_m=0.0, tilt_rad=0.0):
-        self._do(f"plate {z_m:g}")
+        self._do(f"plate {z_m:g}" + (f" {x_m:g} {tilt_rad:g}" if x_m or tilt_rad else ""))
 
     def tare(self):
         self._do("tare")

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.bench.driven import FAILURES, SPIN_DOWN_S
+from benchtool.bench.driven import FAILURES, LATER_S, SPIN_DOWN_S
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.serial.conversation import ANSWER_S as TRY_S
 from benchtool.bench.serial.conversation import TRIES
@@ -134,6 +134,19 @@ def test_an_ignored_signal_stays_ignored(fake):
         signal.signal(signal.SIGTERM, before)
 
 
+def test_a_run_in_the_background_is_stopped_by_the_other_signals(fake):
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell leaves it behind `&`
+    try:
+        with pytest.raises(RunStopped, match="SIGTERM"), GuardedBench(fake, RIG) as guard:
+            guard.set_pwm(np.array([1600.0]))
+            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGTERM)
+            guard.read(1.0)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    check_zeroed_once_then_closed(fake)
+
+
 def test_a_motor_that_ignores_the_end_is_said_and_commanded_again(fake):
     fake.tail_rpm = 0.0
 
@@ -183,7 +196,7 @@ def test_where_orders_may_come_late_rotors_are_watched_for_longer_than_that(fake
         guard.read(0.5)
         guard.stop()
         stopped_s = fake.clock_s
-    assert fake.clock_s - stopped_s > delay_s
+    assert fake.clock_s - stopped_s == pytest.approx(delay_s + LATER_S, abs=0.01)
 
 
 def test_an_order_that_comes_after_the_stop_is_seen_and_stopped(fake):

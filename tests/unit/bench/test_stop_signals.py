@@ -5,6 +5,7 @@
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -120,3 +121,13 @@ def test_signals_are_ignored_once_begun_and_told_once(capfd: pytest.CaptureFixtu
 def test_before_there_is_a_run_signals_mean_what_they_did() -> None:
     with ClosingSignals(), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
+
+
+@posix
+def test_before_there_is_a_run_a_request_to_end_ends_the_program() -> None:
+    if not (child := os.fork()):
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        with ClosingSignals(), suppress(BaseException):
+            signal.raise_signal(signal.SIGTERM)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGTERM
