@@ -52,6 +52,9 @@ NOWHERE = (640.0, 890.0)
 STAYS_S = 0.15
 """The pulse is watched for so long after it came to zero, while the finger stays."""
 
+RESTARTS = 30
+"""A busy machine may not get to open a dialog in time; presses then go on on a new page."""
+
 
 @dataclass
 class Press:
@@ -224,13 +227,24 @@ def press_all(count: int, seed: int, notes: Path) -> list[Press]:
 
 
 def main() -> None:
+    from playwright.sync_api import TimeoutError as PlaywrightTimeoutError
+
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--presses", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--table", type=Path, default=Path("build/presses.md"))
     given = parser.parse_args()
     given.table.parent.mkdir(parents=True, exist_ok=True)
-    text = table(press_all(given.presses, given.seed, given.table.with_suffix(".jsonl")))
+    notes = given.table.with_suffix(".jsonl")
+    for restarts in range(RESTARTS):
+        try:
+            presses = press_all(given.presses, given.seed, notes)
+            break
+        except PlaywrightTimeoutError as late:  # before STOP: what was to go on did not begin
+            print(f"restart {restarts + 1}, on a new server and page: {late}", flush=True)
+    else:
+        raise SystemExit(f"given up after {RESTARTS} restarts; run it again to go on")
+    text = table(presses)
     given.table.write_text(text)
     print(text)
 
