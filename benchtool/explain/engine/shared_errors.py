@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.core.error_source import Whitening
 from benchtool.explain.engine.subject import Evidence
 from benchtool.fit.bounded import BoundedSearch, Linearised, slopes
 
@@ -27,6 +26,9 @@ AMPLITUDES = (3.0, 10.0, 30.0)
 
 STATED = 20.0
 """What the stated noise counts beside the recordings' own, in rows: known to a sixth or so."""
+
+AT_ONCE = 1_000_000
+"""Numbers of a block of rows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +50,8 @@ class SharedErrors:
         self._upper = np.array([parameter.most for parameter in evidence.parameters])
         self.discrepancies = {one.name: one for one in evidence.discrepancies()}
         self._products: dict[bytes, _Products] = {}
-        self._columns: dict[str, Array] = {}  # over the noise, by discrepancy or law
+        # Over the noise, by discrepancy or law: the most of what is held, so in single precision.
+        self._columns: dict[str, NDArray[np.float32]] = {}
         self._inner = np.empty((0, 0))  # products of the columns with each other
         self._kernels: dict[tuple[tuple[str, float], ...], _Kernel] = {}
 
@@ -62,9 +65,12 @@ class SharedErrors:
         sigma = np.ones(len(rows))
         if not self.discrepancies:
             return sigma
-        wide = [AMPLITUDES[1] * one.columns for one in self.discrepancies.values()]
-        whiten = Whitening(sigma, np.hstack([*wide, BEYOND * jacobian]))
-        left, gain = whiten(whiten(rows)), whiten.shrinkage
+        wide = np.hstack([*(one.columns for one in self.discrepancies.values()), jacobian])
+        wide *= np.repeat(
+            [AMPLITUDES[1], BEYOND], [wide.shape[1] - len(jacobian.T), len(jacobian.T)]
+        )
+        left, gain = solved(wide, rows), _own_shares(wide)
+        del wide, jacobian
         for mask in self._evidence.groups().stages.values():
             counted = float(np.sum(gain[mask]))
             variance = (STATED + float(np.sum(left[mask] * rows[mask]))) / (STATED + counted)
@@ -75,9 +81,11 @@ class SharedErrors:
 
     def add(self, name: str, columns: Array) -> None:
         """Add columns (n_rows, r) over the noise; products at points known so far go without."""
-        self._columns[name] = columns
-        every = np.hstack(list(self._columns.values()))
-        self._inner = every.T @ every
+        self._columns[name] = columns.astype(np.float32)
+        columns = self._columns[name].astype(float)
+        cross = [known.T @ columns for other, known in self._columns.items() if other != name]
+        beside = np.vstack(cross) if cross else np.empty((0, columns.shape[1]))
+        self._inner = np.block([[self._inner, beside], [beside.T, columns.T @ columns]])
         self._kernels.clear()
         self._products.clear()
 
@@ -100,7 +108,7 @@ class SharedErrors:
         """Return the columns (n_rows, r) of what is there, as large as it is, over the noise."""
         self.noise  # noqa: B018  # columns are known from then on
         parts = [factor * self._columns[name] for name, factor in self.factors(widened).items()]
-        return np.hstack(parts) if parts else np.empty((self.n_rows, 0))
+        return np.hstack([np.empty((self.n_rows, 0)), *parts])
 
     def rows(self, sets: Array) -> Array:
         """Return residuals over the noise (n_rows, n_sets)."""
@@ -163,7 +171,7 @@ class SharedErrors:
 
     def law(self, name: str) -> Array:
         """Return how an effect's own law may be off (n_rows, r), over the noise."""
-        return self._columns[name]
+        return self._columns[name].astype(float)
 
     @property
     def n_columns(self) -> int:
@@ -173,6 +181,15 @@ class SharedErrors:
     def log_root(self, widened: Mapping[str, float]) -> float:
         """Return half of the log determinant of the covariance over the noise."""
         return self._shared(widened)[2]
+
+
+def _own_shares(columns: Array) -> Array:
+    """Return the diagonal (n_rows,) of V^-1 for V = 1 + columns columns^T."""
+    inner = np.eye(columns.shape[1]) + columns.T @ columns
+    half = np.linalg.inv(np.linalg.cholesky(inner)).T
+    blocks = np.array_split(columns, 1 + columns.size // AT_ONCE)
+    taken = np.concatenate([np.sum((block @ half) ** 2, axis=1) for block in blocks])
+    return np.asarray(1.0 - taken, float)
 
 
 def solved(columns: Array, rows: Array) -> Array:

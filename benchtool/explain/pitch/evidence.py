@@ -45,8 +45,7 @@ MOST_ROWS = 40000
 takes. Innovations are white, and what explains them changes over tens of milliseconds."""
 
 LANES = 8
-"""Sets of parameters that are run at once along a recording of up to `MOST_ROWS`; along a longer
-one they run one by one, since each takes memory as long as it, and caches hold no more."""
+"""Sets of parameters that are run at once; each takes memory as long as a piece of a recording."""
 
 SETTLING_S = 0.3
 """What a filter needs after it began anew before its innovations count."""
@@ -116,7 +115,7 @@ class PitchEvidence:
         wait = round(SETTLING_S * logged.rate_Hz)
         for start in (0, *np.flatnonzero(logged.mode == 2.0)):
             counted[start : start + wait] = False
-        return FilteredLog(logged, filter_, counted, self.together)
+        return FilteredLog.of(logged, filter_, counted, self.together)
 
     def _bench(self, parameters: Parameters, rate_Hz: float) -> PitchBench:
         substeps = max(1, int(np.ceil(PLANT_HZ / rate_Hz)))
@@ -132,15 +131,21 @@ class PitchEvidence:
     def residuals(self, scaled: Array) -> Array:
         """Return whitened residuals (n_rows, n_sets) for sets (n_sets, n_parameters)."""
         sets = np.atleast_2d(scaled)
-        lanes = LANES if max(len(log.logged) for log in self.logs) <= MOST_ROWS else 1
-        parts = [sets[first : first + lanes] for first in range(0, len(sets), lanes)]
+        parts = [sets[first : first + LANES] for first in range(0, len(sets), LANES)]
         return np.hstack([self._residuals(part) for part in parts])
 
     def _residuals(self, sets: Array) -> Array:
         rows: list[Array] = []
         for log in self.logs:
             benches = [self.bench(one, log.logged.rate_Hz) for one in sets]
-            rows += self.whitened(log, filter_log(benches, log.logged, log.filter.gains))
+            lead = round(SETTLING_S * log.logged.rate_Hz)
+            pieces = [
+                self.whitened(
+                    part, filter_log(benches, part.logged, log.filter.gains, start_s=start_s)
+                )
+                for part, start_s in log.pieces(lead)
+            ]
+            rows += [np.concatenate(channel) for channel in zip(*pieces, strict=True)]
         return np.concatenate(rows)
 
     def discrepancies(self) -> tuple[Discrepancy, ...]:
@@ -174,8 +179,7 @@ class PitchEvidence:
 
     def _channels(self, log: FilteredLog) -> int:
         """Return how many channels of a log have rows."""
-        read = np.isfinite(log.logged.speed_rad_s[:, log.counted]).any(axis=1).sum()
-        return 1 + _has_gyro(log) + int(read)
+        return 1 + log.has_gyro + sum(log.has_speed)
 
     def groups(self) -> RowGroups:
         """Return labels of the rows: which stage they show, which part of the recording."""
@@ -183,7 +187,7 @@ class PitchEvidence:
         regimes: list[dict[str, NDArray[np.bool_]]] = []
         for log in self.logs:
             found = pitch_regimes(log.logged, self.model.rig.propulsion.radius_m)
-            sensors = 1 + _has_gyro(log)
+            sensors = 1 + log.has_gyro
             for of_speed in np.arange(self._channels(log)) >= sensors:
                 speeds.append(np.full(log.n_rows, of_speed))
                 regimes.append(
@@ -208,17 +212,13 @@ class PitchEvidence:
         w = log.filter.whitener
         pitch = np.nan_to_num(missed[0])
         rows = [w[0, 0] * pitch]
-        if _has_gyro(log):
+        if log.has_gyro:  # rows without any would make all others look like less than noise
             rows.append(np.nan_to_num(w[1, 0] * pitch + w[1, 1] * missed[1]))
-        for read, error in zip(log.logged.speed_rad_s, missed[2:], strict=True):
-            if (known := np.isfinite(read))[log.counted].any():
-                rows.append(np.where(known[:, None], error, 0.0) / log.filter.speed_sd_rad_s)
+        speeds = zip(log.has_speed, log.logged.speed_rad_s, missed[2:], strict=True)
+        for _, read, error in filter(lambda one: one[0], speeds):
+            known = np.isfinite(read)[:, None]
+            rows.append(np.where(known, error, 0.0) / log.filter.speed_sd_rad_s)
         return tuple(np.sqrt(log.together) * log.rows(row) for row in rows)
-
-
-def _has_gyro(log: FilteredLog) -> bool:
-    """Whether a log has rates; rows without any would make all others look like less than noise."""
-    return bool(np.isfinite(log.logged.gyro_rad_s[log.counted]).any())
 
 
 NEAR_Z_OVER_R = 2.0

@@ -7,7 +7,8 @@ a slow effect such as a centre-of-gravity offset cannot hide in the disturbance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,9 @@ thrust after some fifty readings. A larger gain feeds the readings' noise back t
 the likelihood then prefers a shorter lag that forgets it: at 0.1 a lag of 20 ms seemed to be 16 ms
 where little moved."""
 
+PIECE = 40_000
+"""Rows of a recording that are filtered at once; memory goes as their number."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchFilter:
@@ -48,24 +52,62 @@ class PitchFilter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilteredLog:
-    """Hold one recording with what belongs to it."""
+    """Hold one recording with what belongs to it.
+
+    Attributes:
+        taken: (n_rows * together,) rows whose innovations say something.
+        together: so many of those are one row of evidence.
+        has_gyro, has_speed: whether its rates and each disc's speeds were read.
+    """
 
     logged: LoggedPitch
     filter: PitchFilter
-    counted: NDArray[np.bool_]  # (n,) rows whose innovations say something
-    together: int = 1  # so many of those are one row of evidence
+    taken: NDArray[np.intp]
+    together: int
+    has_gyro: bool
+    has_speed: tuple[bool, ...]
+
+    @classmethod
+    def of(
+        cls, logged: LoggedPitch, filter_: PitchFilter, counted: NDArray[np.bool_], together: int
+    ) -> FilteredLog:
+        """Return a recording of which some rows (n,) count."""
+        taken = [
+            first + np.flatnonzero(counted[first : first + PIECE])
+            for first in range(0, len(counted), PIECE)
+        ]
+        whole = [part[: len(part) // together * together] for part in taken]
+        return cls(
+            logged=logged,
+            filter=filter_,
+            taken=np.concatenate(whole),
+            together=together,
+            has_gyro=bool(np.isfinite(logged.gyro_rad_s[counted]).any()),
+            has_speed=tuple(bool(np.isfinite(read[counted]).any()) for read in logged.speed_rad_s),
+        )
 
     @property
     def n_rows(self) -> int:
         """How many rows of evidence a channel has."""
-        return int(self.counted.sum()) // self.together
+        return len(self.taken) // self.together
 
     def rows(self, values: Array) -> Array:
         """Return the means (n_rows, ...) of values (n, ...) over what makes a row."""
-        taken = np.asarray(values[self.counted], float)[: self.n_rows * self.together]
+        taken = np.asarray(values[self.taken], float)
         if self.together == 1:
             return taken
         return np.asarray(taken.reshape(self.n_rows, self.together, *taken.shape[1:]).mean(axis=1))
+
+    def pieces(self, lead: int) -> Iterator[tuple[FilteredLog, float]]:
+        """Give pieces of the recording, each with the time of its first row: s.
+
+        Each begins so many rows before those of it that count, for a filter to settle.
+        """
+        for first in range(0, len(self.logged), PIECE):
+            start, last = max(first - lead, 0), min(first + PIECE, len(self.logged))
+            inside = self.taken[(self.taken >= first) & (self.taken < last)] - start
+            part = replace(self, logged=self.logged.between(start, last), taken=inside)
+            yield part, start / self.logged.rate_Hz
 
 
 def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool) -> PitchFilter:

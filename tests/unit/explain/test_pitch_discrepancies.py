@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.array import Array
+from benchtool.explain.pitch import filter as filter_
 from benchtool.explain.pitch.discrepancies import Departing
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
@@ -88,3 +89,23 @@ def test_long_recordings_make_no_more_rows() -> None:
     )
     assert {len(one.columns) for one in few.discrepancies()} == {len(rows)}
     assert {len(mask) for mask in few.groups().stages.values()} == {len(rows)}
+
+
+def test_a_recording_in_pieces_says_what_it_says_whole(
+    evidence: PitchEvidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A filter has settled where a piece begins to count; battery sag goes on with the time."""
+    whole = rows_of(evidence, battery_sag_rate_per_s=2.0)
+    monkeypatch.setattr(filter_, "PIECE", 1500)
+    pieces = rows_of(evidence, battery_sag_rate_per_s=2.0)
+    assert np.linalg.norm(pieces - whole) < 5e-3 * np.linalg.norm(whole)
+    assert evidence.logs[0].n_rows > 1.8 * 1500
+
+
+def test_what_makes_a_row_lies_in_one_piece(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(filter_, "PIECE", 501)
+    monkeypatch.setattr("benchtool.explain.pitch.evidence.MOST_ROWS", 1000)
+    log = pitch_log(recorded(MODEL, 4, seconds=12.0), MODEL.rig, "made").logged
+    evidence = PitchEvidence(MODEL, [log])
+    assert evidence.logs[0].together == 3
+    assert {len(mask) for mask in evidence.groups().stages.values()} == {len(rows_of(evidence))}
