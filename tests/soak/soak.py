@@ -99,8 +99,8 @@ def run(words: list[str], folder: Path, world: SoakWorld, handed: list) -> tuple
 def sweep(kind: str, seed: int, every_s: float, folder: Path) -> Outcome:
     """Sweep a plan of random size with random faults, and judge what came of it."""
     rng = random.Random(seed)
-    distances = ", ".join(f"{rng.uniform(0.1, 1.4):.2f}" for _ in range(rng.randint(1, 3)))
-    pulses = ", ".join(f"{rng.uniform(1300.0, 1700.0):.0f}.0" for _ in range(rng.randint(1, 2)))
+    distances = ", ".join(f"{n / 100:.2f}" for n in rng.sample(range(10, 140), rng.randint(1, 3)))
+    pulses = ", ".join(f"{n}.0" for n in rng.sample(range(1300, 1700), rng.randint(1, 2)))
     (folder / "plan.toml").write_text(plan(distances, rng.choice((1.0, 2.0, 4.0)), pulses))
     world, handed = SoakWorld(kind, seed, every_s), []
     begun_s = world.now_s
