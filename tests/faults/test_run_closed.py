@@ -123,6 +123,11 @@ def test_ctrl_c_behind_the_last_point_leaves_it_ended_once_closed(tmp_path: Path
     assert pressed
     assert outcome.code == 5
     assert len(outcome.points()) == 1
+    assert (
+        "nothing is left to resume; look at what stopped it, then go on with: benchtool fit run"
+        in (outcome.said)
+    )
+    assert "--resume" not in outcome.said
     closed(tmp_path / "run", "runs", "close")
     require_closed(tmp_path / "run")
 
