@@ -256,6 +256,19 @@ def test_a_host_that_slept_does_not_stop_a_loop_for_it() -> None:
             assert check.breach(time_s[rows], values) is None
 
 
+@pytest.mark.parametrize("channels", [CHANNELS[:4], LOOP_CHANNELS])
+def test_the_newest_speed_is_held_against_the_hosts_zero(channels: tuple[Channel, ...]) -> None:
+    check = LimitCheck(channels, RIG, RIG.limits, 1.0, 0.0)
+    check.expect_loop(0.0, armed_else=False)
+    check.commanded(np.full(4, RIG.propulsion.pwm_stop_us), 0.0)
+    time_s = 6.0 + 0.01 * np.arange(1, 4)
+    still_us = [RIG.propulsion.pwm_stop_us] * (len(channels) - 4)
+    rows = np.array([[rpm] * 4 + still_us for rpm in (3000.0, 3000.0, 0.0)])
+    assert check.breach(time_s, rows) is None
+    assert check.breach(time_s[:1] + 0.03, rows[2:]) is None
+    assert check.breach(time_s[:2] + 0.06, rows[[2, 0]]) is not None
+
+
 def test_limits_without_a_channel_are_named() -> None:
     told = unwatched_limits(LOOP_CHANNELS, RIG.n_rotors)
     missing = [name for name in ("voltage_V", "current_A", "temperature_degC")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -98,9 +99,23 @@ def test_no_byte_of_a_frame_may_be_another(at: int) -> None:
 )
 def test_a_sample_that_makes_no_sense_spoils_no_other(payload: bytes) -> None:
     good = SampleFramer(2).frames(np.arange(2), np.array([[1.0, 2.0], [3.0, 4.0]]))
-    batch = Decoder(2).feed(good[0] + frame(payload) + good[1])
-    np.testing.assert_array_equal(batch.values, [[1.0, 2.0], [3.0, 4.0]])
-    assert (batch.corrupt, batch.lost) == (1, 0)
+    for action in ("error", "ignore"):  # as in tests, and as when a bench is driven
+        with warnings.catch_warnings(action=action):
+            batch = Decoder(2).feed(good[0] + frame(payload) + good[1])
+        np.testing.assert_array_equal(batch.values, [[1.0, 2.0], [3.0, 4.0]])
+        assert (batch.corrupt, batch.lost) == (1, 0)
+
+
+def test_samples_before_the_hello_are_passed_over() -> None:
+    batch = Decoder().feed(_sample(3) + HEARTBEAT)
+    assert (len(batch), batch.corrupt, batch.values.shape) == (0, 0, (0, 0))
+
+
+def test_samples_are_on_the_clock_of_their_arrival() -> None:
+    decoder = Decoder(2)
+    first, second = decoder.feed(_sample(1), 7.0), decoder.feed(_sample(2) + _sample(3), 7.25)
+    assert first.time_s.tolist() == [7.0]
+    assert second.time_s == pytest.approx([7.001, 7.002], abs=1e-5)
 
 
 def test_lines_with_carriage_return_are_taken() -> None:

@@ -111,7 +111,10 @@ def test_jitter_is_how_unevenly_steps_arrive() -> None:
         "link_reordered": "4",
         "link_jitter_ms": "3.00",
     }
-    assert MavlinkQuality().facts()["link_jitter_ms"] == "0.00"
+    quality = MavlinkQuality()
+    for arrived_s, jitter_ms in ((7.0, "0.00"), (8.003, "3.00")):
+        quality.arrived(arrived_s, round(arrived_s))
+        assert quality.facts()["link_jitter_ms"] == jitter_ms
 
 
 def test_a_signature_counts_from_2015_on() -> None:
