@@ -83,6 +83,7 @@ class Made:
 
     def evidence_against(self, truth: Hypothesis, name: str) -> float:
         assert truth.opened[-1] == "slope"
+        assert name in EFFECTS
         return self._against
 
     def log_evidence(self, one: Hypothesis) -> float:
@@ -290,6 +291,7 @@ def test_names_share_what_a_bench_is_expected_to_lack() -> None:
     ("stage", "trial", "name"),
     [
         ("rpm_to_thrust", place(slope=9.0, lag=4.0), "slope"),
+        ("rpm_to_thrust", BESIDE, "slope"),
         ("sensor", place(lag=9.0, step=4.0), "step"),
         ("pwm_to_rpm", place(slope=9.0, curve=5.0, lag=4.0), "lag"),
         ("pwm_to_rpm", place(slope=9.0, lag=0.9), None),
