@@ -379,7 +379,7 @@ def test_rotors_that_are_driven_are_commanded_zero_before_they_are_looked_at(fak
         guard.read(0.5)
         assert guard.see_standstill().seen
         assert guard.pwm_us.tolist() == [RIG.propulsion.pwm_stop_us]
-    assert fake.did[:3] == ["open", "pwm 1600", "stop"]
+        assert fake.did == ["open", "pwm 1600", "stop"]
 
 
 def test_a_rotor_that_runs_out_while_the_bench_is_opened_is_no_fault(fake):
