@@ -4,6 +4,7 @@
 
 import os
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import suppress
 
@@ -131,3 +132,18 @@ def test_before_there_is_a_run_a_request_to_end_ends_the_program() -> None:
             signal.raise_signal(signal.SIGTERM)
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGTERM
+
+
+def test_outside_of_the_main_thread_a_guard_reads_without_signals(fake) -> None:
+    read: list[int] = []
+
+    def drive() -> None:
+        with GuardedBench(fake, RIG) as guard:
+            guard.set_pwm(np.array([1500.0]))
+            read.append(len(guard.read(0.1)))
+
+    thread = threading.Thread(target=drive)
+    thread.start()
+    thread.join()
+    assert read == [10]
+    assert fake.did[-1] == "close"
