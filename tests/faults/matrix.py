@@ -112,7 +112,6 @@ ROWS = (
     row("tcp", "device silent", "ramping sampling", ends(8, UNSEEN, 1.4)),
     row("tcp", "device silent", "stopping closing", ends(8, UNSEEN, 0.6)),
     row("grbl", "device silent 0.6 s", "connect hello arming moving", RUNS),
-    row("grbl", "device silent", "homing", ends(3, "answered nothing to homing")),
     row("grbl", "device silent", "moving", ends(3, "answered nothing to the move")),
     row("grbl", "device silent", "sampling", ends(3, "answered nothing to a question")),
     row("rcbudp", "device silent", "hello", ends(3, "nothing came from")),
