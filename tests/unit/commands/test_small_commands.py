@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import pytest
 
+from benchtool.commands import demo
 from benchtool.virtual.devices import LARGEST_SPEED
 from tests.unit.commands.command_line import run
 
@@ -58,3 +62,36 @@ def test_the_greatest_speed_is_that_of_the_virtual_bench(
 def test_a_dry_run_opens_nothing(address: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("record", address, "--rig", "pquad", "--dry-run") == 0
     assert "nothing was opened, nothing spins" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("codes", "speeds", "ends"),
+    [((3, 0), (20, 5), "quad-at-5"), ((5,), (20,), 5), ((4, 3, 8, 3), (20, 5, 1.25, 1), 3)],
+)
+def test_a_demo_sweeps_again_and_slower_on_a_busy_computer(
+    codes: tuple[int, ...], speeds: tuple[float, ...], ends: str | int,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    served: list[float] = []
+    left = list(codes)
+
+    @contextmanager
+    def bench(words: list[str]) -> Iterator[str]:
+        served.append(float(words[words.index("--speed") + 1]))
+        yield "serial:/dev/pts/0"
+
+    def swept(words: list[str], check: bool) -> subprocess.CompletedProcess[str]:
+        return subprocess.CompletedProcess(words, left.pop(0))
+
+    monkeypatch.setattr(demo, "_served", bench)
+    monkeypatch.setattr(demo.subprocess, "run", swept)
+    commands: list[str] = []
+    with pytest.raises(SystemExit) if left[-1] else nullcontext() as ended:
+        found = demo._swept("quad", "pquad", tmp_path / "quad", 20.0, 1, commands)
+    assert tuple(served) == speeds
+    if ended is not None:
+        assert (ended.value.code, commands) == (ends, [])
+    else:
+        assert found.name == ends
+        assert "--speed 5" in commands[0]
+        assert commands[1].endswith(ends)
