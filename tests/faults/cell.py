@@ -4,8 +4,9 @@ whatever the fault is: motors stand and stay so, the end is named, stored rows a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import nan
+import traceback
+from dataclasses import dataclass, replace
+from math import isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from tests.faults.dialects import TURNING_US, Phase
-from tests.faults.loop import Outcome, World, plan, sweep_in
+from tests.faults.loop import Hangs, Outcome, World, plan, sweep_in
 from tests.faults.proxy import Fault
 
 WATCHDOG_S = 0.25
@@ -59,31 +60,46 @@ class Cell:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a cell; `zero_s` is nan where no motor turned behind the fault's begin."""
+    """What came of a cell; `zero_s` is nan where no motor turned behind the fault's begin, `wrong`
+    empty where all holds.
+    """
 
     code: int
     last_line: str
     zero_s: float
     hit: int
+    wrong: str = ""
 
 
-def run_cell(cell: Cell, fault: Fault, folder: Path) -> tuple[Outcome, Result]:
-    """Sweep with a fault."""
+def run_cell(cell: Cell, fault: Fault, folder: Path) -> Result:
+    """Sweep with a fault, and judge what came of it."""
     world = World([fault], link=cell.link)
     try:
         distances = ", ".join(map(str, PLATES_M[: cell.visits]))
         outcome = sweep_in(world, folder, plan(distances))
+    except Hangs:
+        return Result(-1, "", nan, fault.hit, "the run does not end")
     finally:
         world.close()
     standing_s, begun_s = outcome.standing_at(), fault.begun_s
     turned = standing_s is not None and begun_s is not None and standing_s > begun_s
     turned &= any(us >= TURNING_US for _, us in outcome.pulses)
-    return outcome, Result(
-        outcome.code,
-        outcome.last_line,
-        standing_s - begun_s if turned else nan,  # type: ignore[operator]
-        fault.hit,
-    )
+    zero_s = standing_s - begun_s if turned else nan  # type: ignore[operator]
+    result = Result(outcome.code, outcome.last_line, zero_s, fault.hit)
+    try:
+        assert fault.hit > 0, "the fault met nothing"
+        check_sentence(outcome, cell.expected)
+        check_motors(outcome, cell.visits)
+        check_folder(outcome, cell.visits)
+        check_rows(outcome, cell.link, fault)
+        check_lost(outcome, cell.link, fault)
+        if cell.expected.within_s is not None and outcome.code != 0 and not isnan(zero_s):
+            assert zero_s <= cell.expected.within_s, f"zero after {zero_s:.2f} s"
+    except Exception as error:  # noqa: BLE001 - a folder that cannot be read is as wrong
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        words = f"{type(error).__name__} {error} ({where.name}: {where.line})"
+        return replace(result, wrong=words)
+    return result
 
 
 def check_motors(outcome: Outcome, visits: int) -> None:

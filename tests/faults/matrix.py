@@ -2,15 +2,16 @@
 
     python -m tests.faults.matrix [RESULTS]
 
-runs every cell (or takes what an earlier call has written to the file RESULTS and goes on there)
-and prints the counts and stop times that stand in docs/explanation/safety.md.
+runs every cell (or takes what an earlier call has written to the file RESULTS and goes on there),
+prints each that is not as the table says, and the counts and stop times that stand in
+docs/explanation/safety.md. Where RESULTS is left out, other sources have a file of their own.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from math import isnan
 from pathlib import Path
@@ -21,6 +22,7 @@ from typing import Any, get_args
 from tests.faults.cell import Cell, Expected, Result, run_cell
 from tests.faults.dialects import Phase
 from tests.faults.proxy import Fault
+from tests.long_count import LongCount, sources_hash
 
 PHASES: tuple[Phase, ...] = get_args(Phase)
 
@@ -213,23 +215,25 @@ ROWS = (
 CELLS = tuple(cell for cells in ROWS for cell in cells)
 
 
-def results(path: Path) -> Iterator[tuple[Cell, Result]]:
+def results(path: Path, cells: Sequence[Cell]) -> list[tuple[Cell, Result]]:
     """Run what a file of results lacks, add it there, and return each cell with its result."""
-    done = dict(map(json.loads, path.read_text().splitlines())) if path.exists() else {}
-    with path.open("a") as file:
-        for cell in CELLS:
+    found = []
+    with LongCount(path, len(cells), "cells") as count, TemporaryDirectory() as folder:
+        done = dict(map(json.loads, count.lines))
+        for number, cell in enumerate(cells):
             if cell.name not in done:
-                with TemporaryDirectory() as folder:
-                    _, result = run_cell(cell, fault_of(cell), Path(folder))
-                done[cell.name] = asdict(result)
-                file.write(json.dumps([cell.name, done[cell.name]]) + "\n")
-                file.flush()
-            yield cell, Result(**done[cell.name])
+                own = Path(folder) / str(number)
+                own.mkdir()
+                done[cell.name] = asdict(run_cell(cell, fault_of(cell), own))
+                count.add(json.dumps([cell.name, done[cell.name]]))
+            found.append((cell, Result(**done[cell.name])))
+            if found[-1][1].wrong:
+                print(f"wrong: {cell.name}: {found[-1][1].wrong}", flush=True)
+    return found
 
 
-def print_table(path: Path) -> None:
+def print_table(found: Sequence[tuple[Cell, Result]]) -> None:
     """Print how many cells of each link ended how, and when motors stood."""
-    found = list(results(path))
     print("| link | cells | measured to the end | ended early | stops | to zero, median | worst |")
     print("|---|---|---|---|---|---|---|")
     for link in (*dict.fromkeys(cell.link for cell in CELLS), ""):
@@ -248,7 +252,15 @@ def print_table(path: Path) -> None:
         print(f"| {link or 'all'} | {counts} | {times} |")
 
 
+def main(path: Path, cells: Sequence[Cell] = CELLS) -> int:
+    """Return 1 where a cell is not as the table says."""
+    found = results(path, cells)
+    print_table(found)
+    wrong = sum(bool(result.wrong) for _, result in found)
+    print(f"{wrong} of {len(found)} cells wrong")
+    return int(wrong > 0)
+
+
 if __name__ == "__main__":
-    where = Path(sys.argv[1] if len(sys.argv) > 1 else "build/fault-matrix.jsonl")
-    where.parent.mkdir(parents=True, exist_ok=True)
-    print_table(where)
+    own = f"build/fault-matrix-{sources_hash('benchtool', 'tests/faults')}.jsonl"
+    sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else own)))

@@ -1,0 +1,65 @@
+"""A long count ends at a signal, is resumed where it was, and has its file for itself."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.faults.matrix import CELLS
+from tests.long_count import ROOT, LongCount
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no signals for one process")
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_ends_the_program_and_no_cell(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "cells.jsonl"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.faults.matrix", str(path)],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while not path.exists() or not path.read_text():
+        assert process.poll() is None
+        time.sleep(0.02)
+    with pytest.raises(SystemExit, match="another process writes"), LongCount(path, 9, "cells"):
+        pass
+    process.send_signal(getattr(signal, name))
+    printed, said = process.communicate(timeout=60)
+    stored = path.read_text()
+    assert process.returncode == 130
+    assert printed == ""
+    done = stored.count("\n")
+    assert (
+        said == f"stopped; {done} of {len(CELLS)} cells done, in {path}; the same command resumes\n"
+    )
+    assert "stopped by" not in stored
+
+
+def test_what_swallows_a_signal_is_not_stored(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "notes.jsonl"
+    path.write_text("1\n2\n3 is to")
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(SystemExit) as ended, LongCount(path, 4, "items", every=3) as count:  # noqa: PT012
+        assert count.lines == ["1", "2"]
+        count.add("3")
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except BaseException:  # noqa: BLE001
+            pass
+        count.add("4")
+    assert ended.value.code == 130
+    assert path.read_text() == "1\n2\n3\n"
+    assert signal.getsignal(signal.SIGINT) is before
+    told = capsys.readouterr().err.splitlines()
+    assert told[0] == "3 of 4 items done"
+    assert told[1].startswith("stopped; 3 of 4 items done, in ")
