@@ -88,6 +88,11 @@ class PlateBench:
             speed_change(truth),
             rig.motor,
         )
+        self._supply_loss = sum(
+            truth.parameters[f"{effect.name}.{effect.supply_loss}"].value
+            for effect in truth.effects
+            if effect.supply_loss
+        )
         plate = rig.plate
         self._z = Axis(plate.speed_m_s, plate.z_park_m, flaws.backlash_m)
         self._x = Axis(plate.speed_m_s, 0.0)
@@ -232,7 +237,10 @@ class PlateBench:
                 self._reading("plate", z_m, white[3]),
                 x_m,
                 from_si(tilt_rad, "deg"),
-                self._reading("voltage", run.voltage_V, white[4]),
+                # Speeds lose it by the effect itself.
+                self._reading(
+                    "voltage", run.voltage_V * (1.0 - self._supply_loss * time_s), white[4]
+                ),
                 self._reading("current", run.current_A, white[5]),
                 self._reading("temperature", run.temperature_degC, white[5]),
             ]
