@@ -210,7 +210,7 @@ class Proxy:
                 return [line, back] if back else []
             case "corrupt":
                 bad = bytearray(line)
-                bad[fault.random.randrange(len(line) - 1)] ^= 1 << fault.random.randrange(7)
+                bad[fault.random.randrange(max(len(line) - 1, 1))] ^= 1 << fault.random.randrange(7)
                 return [bytes(bad)]
             case "truncate":
                 return [line[: len(line) // 2]]
