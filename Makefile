@@ -91,7 +91,8 @@ kills: $(TESTING)
 
 # Hostile bytes for every parser, MINUTES=n long; counts and what was found are in build/fuzz.
 fuzz: $(TESTING)
-	$(BIN)/python -c "import atheris" 2>/dev/null || $(PIP) install "atheris==3.0.0" || true
+	@$(BIN)/python -c "import atheris" 2>/dev/null || { echo "installing atheris into $(VENV)"; \
+	  $(PIP) install "atheris==3.0.0" || true; }
 	$(BIN)/python -m tests.fuzz.run $(or $(MINUTES),10)
 
 wheel: $(TESTING)

@@ -13,6 +13,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 from random import Random
@@ -50,8 +51,24 @@ def guided(name: str, seconds: float) -> int:
     return max([0, *(int(done or seen) for done, seen in tried)])
 
 
+def summary(counts: dict[str, dict[str, float]], names: Iterable[str]) -> str:
+    """Return the table of all targets, and how many of them have had their turn."""
+    rows = {name: counts.get(name, NONE) for name in names}
+    lines = ["| target | inputs | a second |", "|---|---|---|"]
+    for name, had in rows.items():
+        rate = had["inputs"] / max(had["seconds"], 1e-9)
+        lines.append(f"| {name} | {had['inputs']:,} | {rate:,.0f} |")
+    lines.append(f"| all | {sum(had['inputs'] for had in rows.values()):,} | |")
+    turns = sum(had["seconds"] > 0.0 for had in rows.values())
+    if turns < len(rows):
+        lines.append(f"{turns} of {len(rows)} parsers had their turn; run again to go on")
+    return "\n".join(lines)
+
+
 def main(minutes: float, with_atheris: bool) -> int:
     """Return 1 where an input was found."""
+    print("guided by the lines that an input reaches (atheris)" if with_atheris
+          else "unguided: atheris is not installed, so seeds are changed at random")  # fmt: skip
     until_s, seed = time.time() + 60.0 * minutes, time.time_ns()
     record = OUT / "counts.json"
     record.parent.mkdir(parents=True, exist_ok=True)
@@ -81,15 +98,13 @@ def main(minutes: float, with_atheris: bool) -> int:
                     print(f"{name}: {fault} {keep(name, data)}", flush=True)
     finally:
         on_disk.close()
-    print("| target | inputs | a second |", "|---|---|---|", sep="\n")
-    for name, had in counts.items():
-        print(f"| {name} | {had['inputs']:,} | {had['inputs'] / max(had['seconds'], 1e-9):,.0f} |")
-    print(f"| all | {sum(had['inputs'] for had in counts.values()):,} | |")
+    print(summary(counts, every))
     return int(bool(bad or list(OUT.glob("found/*"))))
 
 
 if __name__ == "__main__":
-    present = find_spec("atheris") is not None
-    if not present:
-        print("atheris is not installed (pip install atheris), so seeds are changed unguided")
-    sys.exit(main(float(sys.argv[1]), present))
+    try:
+        sys.exit(main(float(sys.argv[1]), find_spec("atheris") is not None))
+    except KeyboardInterrupt:
+        print(f"stopped; counts so far are in {OUT}; the same command goes on counting")
+        sys.exit(130)

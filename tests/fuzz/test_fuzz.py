@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from benchtool.core.errors import BenchtoolError
 from tests.fuzz.engine import HOSTILE, fault_of, fuzz, watched
+from tests.fuzz.run import summary
 from tests.fuzz.targets import Files, Target, targets
 
 FOUND = Path(__file__).parent / "found"
@@ -100,3 +101,15 @@ def test_a_fault_is_found() -> None:
     count, faults = fuzz(Target("broken", parse, (b"a = 1.5\n",)), Random(1), most=2000)
     assert count == 2000
     assert [fault.split(":")[0] for fault in faults] == ["ValueError"]
+
+
+def test_a_short_run_says_which_parsers_it_did_not_reach() -> None:
+    had = {"inputs": 1200, "seconds": 5.0}
+    lines = summary({"grbl": had}, ["csv", "grbl"]).splitlines()
+    assert lines[2:] == [
+        "| csv | 0 | 0 |",
+        "| grbl | 1,200 | 240 |",
+        "| all | 1,200 | |",
+        "1 of 2 parsers had their turn; run again to go on",
+    ]
+    assert "turn" not in summary({"grbl": had}, ["grbl"])
