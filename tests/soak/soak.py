@@ -37,6 +37,7 @@ from benchtool.bench.serial.bench import SerialBench
 from benchtool.data.run.read import read_samples
 from tests.faults.dialects import fields_in
 from tests.faults.loop import Hangs, command, plan
+from tests.long_count import LongCount, Stopped
 from tests.soak.world import FAULTS, SoakWorld
 
 KINDS = {"memory": 3, "mavlink": 3, "grbl": 3, "pty": 1, "tcp": 1}
@@ -57,7 +58,7 @@ class Outcome:
     seed: int
     code: int
     said: str
-    device_s: float
+    time_s: float
     turned_s: float
     rows: int
     struck: dict[str, int]
@@ -183,28 +184,34 @@ def state_of_process() -> dict[str, float]:
     }
 
 
-def soak(minutes: float, seed: int, every_s: float, notes: Path, most: int = 1 << 30) -> None:
-    """Sweep until the time is over; write a line for each sweep as it ends."""
-    rng, until_s = random.Random(seed), time.monotonic() + 60.0 * minutes
-    begun_s = time.monotonic()
-    with notes.open("w") as file:
-        for number in range(most):
-            if time.monotonic() >= until_s:
-                break
+def soak(minutes: float, seed: int, every_s: float, notes: Path) -> bool:
+    """Sweep until the time is over; write a line for each sweep as it ends.
+
+    Returns:
+        Whether it ended by itself; else somebody has stopped it.
+    """
+    rng, begun_s = random.Random(seed), time.monotonic()
+    with LongCount(notes, None, "sweeps", resumes=False) as count:
+        while time.monotonic() < begun_s + 60.0 * minutes:
             kind = rng.choices(list(KINDS), list(KINDS.values()))[0]
             folder = Path(tempfile.mkdtemp(prefix="soak-"))
-            outcome = sweep(kind, rng.randrange(1 << 30), every_s, folder)
-            line = vars(outcome) | {"said": "", "wall_s": time.monotonic() - begun_s}
-            print(json.dumps(line | state_of_process()), file=file, flush=True)
+            try:
+                outcome = sweep(kind, rng.randrange(1 << 30), every_s, folder)
+                line = vars(outcome) | {"said": "", "wall_s": time.monotonic() - begun_s}
+                count.add(json.dumps(line | state_of_process()))
+            except Stopped:
+                shutil.rmtree(folder)
+                return False
             if outcome.troubles:
-                print(f"sweep {number}, {kind}, seed {outcome.seed}: {outcome.troubles}")
+                print(f"sweep {len(count.lines)}, {kind}, seed {outcome.seed}: {outcome.troubles}")
                 print(f"its folder: {folder}", flush=True)
             else:
                 shutil.rmtree(folder)
+    return True
 
 
-BLOCKS, WARM = 20, 0.1
-"""Means of so many blocks make a slope, after that share of the sweeps."""
+BLOCKS, WARM, FEWEST = 20, 0.1, 100
+"""Means of so many blocks make a slope, after that share of the sweeps; fewest sweeps for one."""
 
 
 def slope(values: np.ndarray) -> tuple[float, float]:
@@ -222,11 +229,18 @@ def slope(values: np.ndarray) -> tuple[float, float]:
     return rise, float(np.sqrt(left @ left / max(len(y) - 2, 1) / (x @ x)))
 
 
+def shown(seconds: float) -> str:
+    """Return a time, in hours where there are some."""
+    return f"{seconds / 3600.0:.2f} h" if seconds >= 360.0 else f"{seconds:.0f} s"
+
+
 def tables(notes: Path) -> tuple[str, int]:
     """Return the tables of a soak, and how much was not as it should be."""
     lines: list[dict[str, Any]] = [json.loads(line) for line in notes.read_text().splitlines()]
+    if not lines:
+        return "no sweep has ended\n", 1
     rows = [
-        "| link | sweeps | faults | device time, h | motors turned, h | rows | exit codes "
+        "| link | sweeps | faults | time of host and links | motors turned | rows | exit codes "
         "| resumed | rows lost, unsafe or wrong |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
@@ -235,10 +249,10 @@ def tables(notes: Path) -> tuple[str, int]:
         codes = Counter(line["code"] for line in some)
         said = ", ".join(f"{code}: {count}" for code, count in sorted(codes.items()))
         faults = sum(sum(line["struck"].values()) for line in some)
-        hours = [sum(line[key] for line in some) / 3600.0 for key in ("device_s", "turned_s")]
+        times = [shown(sum(line[key] for line in some)) for key in ("time_s", "turned_s")]
         wrong = sum(map(bool, (line["troubles"] for line in some)))
         return (
-            f"| {name} | {len(some):,} | {faults:,} | {hours[0]:.2f} | {hours[1]:.2f} | "
+            f"| {name} | {len(some):,} | {faults:,} | {' | '.join(times)} | "
             f"{sum(line['rows'] for line in some):,} | {said} | "
             f"{sum(line['resumed'] for line in some)} | {wrong} |"
         )
@@ -248,19 +262,27 @@ def tables(notes: Path) -> tuple[str, int]:
     struck = {kind: sum(line["struck"][kind] for line in lines) for kind in FAULTS}
     rows += ["", "Faults: " + ", ".join(f"{count:,} {kind}" for kind, count in struck.items()), ""]
     rows += ["| of the process | first | last | slope per 1000 sweeps |", "|---|---|---|---|"]
-    grows = 0
+    wrong = [
+        f"{line['kind']}, seed {line['seed']}: {line['troubles'][0][:200]}"
+        for line in lines
+        if line["troubles"]
+    ]
     for name in state_of_process():
         values = np.array([line[name] for line in lines])
         warm = values[int(WARM * len(values)) :]
-        rise, error = slope(values)
-        rows.append(f"| {name} | {warm[0]:.1f} | {warm[-1]:.1f} | {rise:+.2f} ± {error:.2f} |")
-        # Descriptors and threads are whole: one more at the end is a leak.
-        limit = 0.05 * warm[0] if name.startswith("memory") else 0.0
-        grows += rise > 3.0 * error and warm[-1] > warm[0] + limit
-    wall_h = lines[-1]["wall_s"] / 3600.0
-    rows += ["", f"{wall_h:.2f} h of wall time, load of the machine at its end "
-             f"{', '.join(f'{load:.1f}' for load in os.getloadavg())}"]  # fmt: skip
-    return "\n".join(rows) + "\n", grows + sum(map(bool, (line["troubles"] for line in lines)))
+        said = "too few sweeps for a slope"
+        if len(lines) >= FEWEST:
+            rise, error = slope(values)
+            said = f"{rise:+.2f} ± {error:.2f}"
+            # Descriptors and threads are whole: one more at the end is a leak.
+            limit = 0.05 * warm[0] if name.startswith("memory") else 0.0
+            if rise > 3.0 * error and warm[-1] > warm[0] + limit:
+                wrong.append(f"{name}: grows by {said} per 1000 sweeps")
+        rows.append(f"| {name} | {warm[0]:.1f} | {warm[-1]:.1f} | {said} |")
+    rows += ["", f"{shown(lines[-1]['wall_s'])} of wall time, load of the machine at its end "
+             f"{', '.join(f'{load:.1f}' for load in os.getloadavg())}", ""]  # fmt: skip
+    rows += [f"wrong: {what}" for what in wrong] or ["0 rows lost, 0 unsafe"]
+    return "\n".join(rows) + "\n", len(wrong)
 
 
 def main() -> None:
@@ -272,11 +294,13 @@ def main() -> None:
     given = parser.parse_args()
     given.table.parent.mkdir(parents=True, exist_ok=True)
     notes = given.table.with_suffix(".jsonl")
-    soak(given.minutes, given.seed, given.every_s, notes)
+    ended = soak(given.minutes, given.seed, given.every_s, notes)
     text, wrong = tables(notes)
     given.table.write_text(text)
-    print(text)
-    sys.exit(min(wrong, 1))
+    print(text, end="")
+    if not ended:
+        print("stopped; the table is of the sweeps until then")
+    sys.exit(min(wrong, 1) if ended else 130)
 
 
 if __name__ == "__main__":

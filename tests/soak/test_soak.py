@@ -43,7 +43,19 @@ def test_a_process_that_grows_is_told_from_one_that_wavers(
     outcome = vars(sweep("memory", 3, 1.0, tmp_path)) | {"said": "", "wall_s": 60.0}
     same = state_of_process()
     notes = tmp_path / "notes.jsonl"
-    for leaks, wrong in ((0, 0), (1, 1)):
-        grown = [{**same, "descriptors": 7 + leaks * (number // 30)} for number in range(60)]
+    for sweeps, leaks, last in (
+        (120, 0, "0 rows lost, 0 unsafe"),
+        (120, 1, "wrong: descriptors: grows by +"),
+        (60, 0, "0 rows lost, 0 unsafe"),
+    ):
+        grown = [{**same, "descriptors": 7 + leaks * (number // 30)} for number in range(sweeps)]
         notes.write_text("".join(json.dumps(outcome | state) + "\n" for state in grown))
-        assert tables(notes)[1] == wrong
+        text, wrong = tables(notes)
+        assert wrong == leaks
+        assert text.splitlines()[-1].startswith(last)
+        assert ("too few sweeps for a slope" in text) == (sweeps < 100)
+    notes.write_text(json.dumps(outcome | same | {"troubles": ["the last row is torn"]}) + "\n")
+    text, wrong = tables(notes)
+    assert wrong == 1
+    assert text.endswith("wrong: memory, seed 3: the last row is torn\n")
+    assert "\n60 s of wall time" in text
