@@ -28,6 +28,9 @@ class LongCount:
         total: of items; None where nobody knows.
         what: the items are called.
         resumes: whether the next call goes on with this file; else it begins empty.
+
+    Attributes:
+        earlier: so many of the lines are not of these items.
     """
 
     def __init__(
@@ -36,8 +39,10 @@ class LongCount:
         self.path, self.total, self.what, self.every = path, total, what, every
         self.resumes = resumes
         self.lines: list[str] = []
+        self.earlier = 0
         self._stopped = False
         self._before: dict[int, Any] = {}
+        self._quiet = mock.patch("benchtool.bench.signals.SIGNAL_NAMES", ())
 
     def __enter__(self) -> Self:
         self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -57,8 +62,8 @@ class LongCount:
         text = text[: text.rfind("\n") + 1]  # a kill may have torn the last line
         self._file.truncate(len(text.encode()))
         self.lines = text.splitlines()
-        self._quiet = mock.patch("benchtool.bench.signals.SIGNAL_NAMES", ())
-        self._quiet.start()
+        if "benchtool.bench.signals" in sys.modules:
+            self._quiet.start()
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
             if number is not None and signal.getsignal(number) != signal.SIG_IGN:  # as by nohup
@@ -73,13 +78,15 @@ class LongCount:
         self._file.write(line + "\n")
         self._file.flush()
         self.lines.append(line)
-        if len(self.lines) % self.every == 0 or len(self.lines) == self.total:
+        number = len(self.lines) - self.earlier
+        if number % self.every == 0 or number == self.total:
             print(f"{self.done} done", file=sys.stderr, flush=True)
 
     @property
     def done(self) -> str:
         """Say how many items are done."""
-        return f"{len(self.lines)}{f' of {self.total}' if self.total else ''} {self.what}"
+        number = len(self.lines) - self.earlier
+        return f"{number}{'' if self.total is None else f' of {self.total}'} {self.what}"
 
     def _stop(self, number: int, frame: FrameType | None) -> NoReturn:
         self._stopped = True
@@ -96,7 +103,9 @@ class LongCount:
         self._file.close()
         if self._stopped and kind is not None:
             hint = "; the same command resumes" if self.resumes else ""
-            print(f"stopped; {self.done} done, in {self.path}{hint}", file=sys.stderr, flush=True)
+            here = Path.cwd()
+            path = self.path.relative_to(here) if self.path.is_relative_to(here) else self.path
+            print(f"stopped; {self.done} done, in {path}{hint}", file=sys.stderr, flush=True)
             raise SystemExit(130)
 
 

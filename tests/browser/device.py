@@ -13,7 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from unittest.mock import patch
@@ -202,7 +202,8 @@ def main(rig_name: str, speed: str, rate_Hz: str, version: str) -> None:
         )
     threading.Thread(target=read_masses, daemon=True).start()
     print(link.address, flush=True)
-    server.run(nap_s=NAP_S)
+    with suppress(KeyboardInterrupt):  # a terminal's Ctrl-C ends whoever started this, too
+        server.run(nap_s=NAP_S)
 
 
 if __name__ == "__main__":

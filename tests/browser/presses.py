@@ -33,6 +33,7 @@ from tests.browser.conftest import (
 )
 from tests.browser.device import Device, served_device
 from tests.browser.hands import Hands, click, visible
+from tests.long_count import LongCount
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -199,15 +200,14 @@ def press_all(count: int, seed: int, notes: Path) -> list[Press]:
     """Press so often, less what is noted already; note each press."""
     from playwright.sync_api import sync_playwright
 
-    lines = notes.read_text().splitlines() if notes.exists() else []
-    presses = [Press(**json.loads(line)) for line in lines]
     with (
+        LongCount(notes, count, "presses") as counted,
         tempfile.TemporaryDirectory() as folder,
         serving(Path(folder) / "runs", Path(folder) / "state") as web,
         served_device() as device,
         sync_playwright() as tool,
-        notes.open("a") as file,
     ):
+        presses = [Press(**json.loads(line)) for line in counted.lines]
         browser = tool.chromium.launch(
             executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
         )
@@ -221,7 +221,7 @@ def press_all(count: int, seed: int, notes: Path) -> list[Press]:
                 continue
             rng = random.Random(f"{seed} {number}")
             presses.append(press_stop(scene, way, going_on, rng))
-            print(json.dumps(asdict(presses[-1])), file=file, flush=True)
+            counted.add(json.dumps(asdict(presses[-1])))
         browser.close()
     return presses
 

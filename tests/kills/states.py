@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 import traceback
 from collections.abc import Iterator
 from contextlib import chdir
@@ -26,6 +27,9 @@ POWER_CUTS = {
     "some of all": (-1.0, -1.0),
 }
 """What of the changes that no `fsync` forced down is on the disk: shares of names, of bytes."""
+
+PROGRESS = 25
+"""A line is printed every so many changes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +108,8 @@ def check_all(of: Tape, some: int | None = None, seed: int = 0) -> Count:
         ends[-1]
     }
     for number, change in enumerate([*of.changes, None]):
+        if number % PROGRESS == 0 and number:
+            print(f"{count.name}: {number} of {len(of.changes)} changes", file=sys.stderr)
         if number in chosen:
             count.changes += 1
             said = of.said[: len(of.said) if change is None else change.said]

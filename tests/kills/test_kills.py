@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
@@ -101,10 +102,16 @@ def test_a_real_process_killed_by_strace_leaves_a_run_that_closes(tmp_path: Path
     assert kill_by_strace(tmp_path, 4) == 4
 
 
-def kill_by_strace(folder: Path, some: int, seed: int = 0) -> int:
+def kill_by_strace(
+    folder: Path, some: int, skip: int = 0, note: Callable[[bool], None] = lambda _: None
+) -> int:
     """Kill a sweep at system calls drawn at random from the first that names the run on.
 
     They are those of the main thread, as strace counts the calls of each thread by themselves.
+
+    Args:
+        skip: so many of them were killed before.
+        note: called with whether a process was killed.
 
     Returns:
         How many of the processes were killed; each left whole rows and a run that closes.
@@ -124,7 +131,7 @@ def kill_by_strace(folder: Path, some: int, seed: int = 0) -> int:
                 calls.append((called[1], seen[called[1]]))
     print(f"{len(calls)} system calls of {', '.join(CALLS)} from the first that names the run on")
     killed = 0
-    for call, number in Random(seed).sample(calls, some):
+    for call, number in Random(0).sample(calls, some)[skip:]:
         root = folder / f"{call}-{number}"
         inject = f"inject={call}:signal=SIGKILL:when={number}"
         ended = straced(root, "-e", f"trace={call}", "-e", inject, "-o", "/dev/null")
@@ -132,4 +139,5 @@ def kill_by_strace(folder: Path, some: int, seed: int = 0) -> int:
         left = read_tree(root)
         check_run(Left(root, ended.stdout, left, left, {}, power=False))
         print(f"{call} {number}: exit code {ended.returncode}", flush=True)
+        note(ended.returncode != 0)
     return killed
