@@ -81,7 +81,9 @@ blind: $(TESTING)
 # Lines of the product broken one by one: which does no test notice? MODULE= a group of modules
 # (guard, limits, ...), COUNT= so many more of each, SEED= which. None is judged twice.
 mutants: $(TESTING)
-	$(BIN)/python -c "import cosmic_ray" 2>/dev/null || $(PIP) install "cosmic-ray==8.7.0"
+	@$(BIN)/python -m tests.mutation.run --check $(MODULE)
+	@$(BIN)/python -c "import cosmic_ray" 2>/dev/null || { echo "installing cosmic-ray into $(VENV)"; \
+	  $(PIP) install "cosmic-ray==8.7.0"; }
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m tests.mutation.run $(MODULE) \
 	  $(if $(COUNT),--count $(COUNT)) $(if $(SEED),--seed $(SEED))
 

@@ -20,8 +20,8 @@ import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict
 from itertools import islice
 from math import sqrt
@@ -29,8 +29,10 @@ from multiprocessing import Pipe
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
+from tests.long_count import LongCount
 from tests.mutation.groups import GROUPS, NAMED, Group, Named
 from tests.mutation.patched import Judge
 
@@ -57,6 +59,21 @@ def copied_tree() -> Iterator[Path]:
         yield Path(name)
 
 
+@contextmanager
+def ended_with_us(child: int) -> Iterator[None]:
+    """End a fork and all that it has started where the block is left by an error or a signal."""
+    try:
+        yield
+    except BaseException:
+        with suppress(psutil.Error, OSError):
+            os.kill(child, signal.SIGSTOP)  # so that it starts nothing meanwhile
+            family = psutil.Process(child)
+            for one in (*family.children(recursive=True), family):
+                one.kill()
+            os.waitpid(child, 0)
+        raise
+
+
 def failure(tree: Path, tests: Sequence[str], limit_s: float, *, keep: bool = False) -> str:
     """Run tests in a copy and return which one failed first, "" when all passed.
 
@@ -74,12 +91,13 @@ def failure(tree: Path, tests: Sequence[str], limit_s: float, *, keep: bool = Fa
             os.dup2(output.fileno(), 2)
             os._exit(_run(tree, tests, keep))
         until_s = time.monotonic() + limit_s
-        while (ended := os.waitpid(child, os.WNOHANG)) == (0, 0):
-            if time.monotonic() > until_s:
-                os.killpg(child, signal.SIGKILL)
-                os.waitpid(child, 0)
-                return "time limit"
-            time.sleep(0.02)
+        with ended_with_us(child):
+            while (ended := os.waitpid(child, os.WNOHANG)) == (0, 0):
+                if time.monotonic() > until_s:
+                    os.killpg(child, signal.SIGKILL)
+                    os.waitpid(child, 0)
+                    return "time limit"
+                time.sleep(0.02)
         if ended[1] == 0:
             return ""
         output.seek(0)
@@ -90,6 +108,8 @@ def failure(tree: Path, tests: Sequence[str], limit_s: float, *, keep: bool = Fa
 
 def _run(tree: Path, tests: Sequence[str], keep: bool, judge: Judge | None = None) -> int:
     """Run tests in this process, which has not imported any of the project's own modules yet."""
+    for name in ("SIGTERM", "SIGHUP"):  # those of a long count are this program's
+        signal.signal(getattr(signal, name), signal.SIG_DFL)
     try:
         os.chdir(tree)
         os.environ |= {"PYTHONPATH": str(tree), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
@@ -133,10 +153,12 @@ def judge_all_named(tree: Path, names: Sequence[str]) -> None:
     """Judge named mutants, all of them where none is named, and print what becomes of each."""
     killed = 0
     chosen = [one for one in NAMED if not names or one.name in names]
-    for one in chosen:
-        noticed = judge_named(tree, one)
-        killed += bool(noticed)
-        print(f"{one.name}: {noticed or 'SURVIVED'}", flush=True)
+    with LongCount(RESULTS / "named.jsonl", len(chosen), "named mutants", resumes=False) as count:
+        for one in chosen:
+            noticed = judge_named(tree, one)
+            killed += bool(noticed)
+            print(f"{one.name}: {noticed or 'SURVIVED'}", flush=True)
+            count.add(json.dumps([one.name, noticed]))
     print(f"named: {killed} of {len(chosen)} killed", flush=True)
 
 
@@ -150,17 +172,17 @@ def baseline_s(tree: Path, tests: Sequence[str]) -> float:
 
 
 def judge_group(
-    tree: Path, name: str, group: Group, count: int | None, seed: int, again: bool
+    tree: Path, name: str, most: int | None, seed: int, again: bool, count: LongCount
 ) -> None:
     """Judge a seeded sample of a group's mutants, or all, and write what becomes of each."""
     from tests.mutation.mutants import mutants_of
 
-    path = RESULTS / f"{name}.jsonl"
+    group = GROUPS[name]
     sources = {module: (tree / module).read_text("utf-8") for module in group.sampled}
     stamps = {
         module: hashlib.sha256(text.encode()).hexdigest()[:12] for module, text in sources.items()
     }
-    known = {_key(row): row for row in _rows(path)}
+    known = {_key(row): row for row in map(json.loads, count.lines)}
     every = [one for module, text in sources.items() for one in mutants_of(module, text)]
     random.Random(seed).shuffle(every)
 
@@ -173,7 +195,8 @@ def judge_group(
                 if _compiles(row["changed"]):
                     yield row
 
-    rows = list(islice(wanted(), count))
+    rows = list(islice(wanted(), most))
+    count.earlier, count.total = len(count.lines), len(rows)
     limit_s = 3.0 * baseline_s(tree, group.tests) + 10.0
     print(f"{name}: {len(rows)} of {len(every)} mutants, at most {limit_s:.0f} s each", flush=True)
 
@@ -186,22 +209,23 @@ def judge_group(
         row |= {"killed_by": killed_by, "change": _change(text, changed)}
         if not killed_by:
             print(f"survived: {row['module']}:{row['line']}\n{row['change']}", flush=True)
-        with path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
+        count.add(json.dumps(row))
 
-    for number, killed_by in _judged_together(tree, group, rows, limit_s):
-        if not killed_by:  # perhaps it could not be put in place
-            with broken(tree, rows[number]["module"], rows[number]["changed"]):
-                killed_by = failure(tree, group.tests, limit_s)
-        note(number, killed_by)
-    last = {_key(row): row for row in _rows(path) if stamps.get(row["module"]) == row["source"]}
+    with closing(_judged_together(tree, group, rows, limit_s)) as judged_together:
+        for number, killed_by in judged_together:
+            if not killed_by:  # perhaps it could not be put in place
+                with broken(tree, rows[number]["module"], rows[number]["changed"]):
+                    killed_by = failure(tree, group.tests, limit_s)
+            note(number, killed_by)
+    judged_rows = map(json.loads, count.lines)
+    last = {_key(row): row for row in judged_rows if stamps.get(row["module"]) == row["source"]}
     judged = [bool(row["killed_by"]) for row in last.values()]
     print(f"{name}: {share(fresh)}; of all so far {share(judged)}", flush=True)
 
 
 def _judged_together(
     tree: Path, group: Group, rows: list[dict[str, Any]], limit_s: float
-) -> Iterator[tuple[int, str]]:
+) -> Generator[tuple[int, str]]:
     """Yield what notices each mutant, "" for nothing, as `Judge` finds it in its own process.
 
     That process waits meanwhile, so whoever is told may break the copy for a moment.
@@ -209,6 +233,7 @@ def _judged_together(
     here, there = Pipe()
     child = os.fork()
     if child == 0:
+        os.setsid()
         here.close()
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         mutants = [
@@ -222,11 +247,11 @@ def _judged_together(
 
         os._exit(_run(tree, group.tests, False, Judge(mutants, limit_s, judged)))
     there.close()
-    with here:
+    with here, ended_with_us(child):
         for _ in rows:
             yield here.recv()
             here.send(None)
-    os.waitpid(child, 0)
+        os.waitpid(child, 0)
 
 
 def share(killed: Sequence[bool]) -> str:
@@ -257,10 +282,6 @@ def _key(row: dict[str, Any]) -> tuple[Any, ...]:
     return row["module"], row["operator"], row["occurrence"], row["source"]
 
 
-def _rows(path: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in path.open(encoding="utf-8")] if path.exists() else []
-
-
 def _change(before: str, after: str) -> str:
     lines = difflib.unified_diff(before.splitlines(), after.splitlines(), lineterm="", n=0)
     return "\n".join(line for line in lines if line[:2] not in ("--", "++", "@@"))
@@ -270,22 +291,27 @@ def main() -> None:
     """Judge the named mutants, then a sample of each group."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("groups", nargs="*", help=f"of {', '.join(GROUPS)}; all when left out")
+    parser.add_argument("--check", action="store_true", help="of these words alone")
     parser.add_argument("--count", type=int, help="of mutants of a group; all when left out")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--again", action="store_true", help="judge survivors once more")
     parser.add_argument("--named", action="append", default=[], help="judge this one alone")
     parser.add_argument("--no-named", action="store_true", help="leave the named mutants out")
     chosen = parser.parse_args()
+    if unknown := [name for name in chosen.groups if name not in GROUPS]:
+        parser.error(f"no group {', '.join(unknown)}; there are {', '.join(GROUPS)}")
+    if chosen.check:
+        return
     for name in LARGE:
         importlib.import_module(name)
-    RESULTS.mkdir(parents=True, exist_ok=True)
     with copied_tree() as tree:
         if not chosen.no_named:
             judge_all_named(tree, chosen.named)
         if chosen.named:
             return
         for name in chosen.groups or GROUPS:
-            judge_group(tree, name, GROUPS[name], chosen.count, chosen.seed, chosen.again)
+            with LongCount(RESULTS / f"{name}.jsonl", 0, f"mutants of {name}") as count:
+                judge_group(tree, name, chosen.count, chosen.seed, chosen.again, count)
 
 
 if __name__ == "__main__":

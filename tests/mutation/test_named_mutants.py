@@ -10,11 +10,12 @@ import sys
 from types import ModuleType
 from typing import cast
 
+import psutil
 import pytest
 
 from tests.mutation import patched
 from tests.mutation.groups import GROUPS, NAMED, Named
-from tests.mutation.run import ROOT, wilson
+from tests.mutation.run import ROOT, ended_with_us, main, wilson
 
 
 @pytest.mark.slow
@@ -46,6 +47,37 @@ def test_whoever_judges_is_there() -> None:
         path for group in GROUPS.values() for path in (*group.sampled, *group.beside, *group.tests)
     }
     assert [path for path in sorted(paths) if not (ROOT / path).is_file()] == []
+
+
+def test_an_unknown_group_is_refused_before_anything_is_installed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for known in ([], ["guard", "link"]):
+        monkeypatch.setattr(sys, "argv", ["run", "--check", *known])
+        main()
+    monkeypatch.setattr(sys, "argv", ["run", "--check", "nosuch"])
+    with pytest.raises(SystemExit):
+        main()
+    told = capsys.readouterr().err
+    assert "nosuch" in told
+    assert all(name in told for name in GROUPS)
+    lines = (ROOT / "Makefile").read_text("utf-8").partition("\nmutants:")[2].splitlines()
+    assert "--check" in lines[1]
+    assert "PIP" not in lines[1]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="mutants are judged in forks")
+def test_a_fork_ends_with_all_that_it_started() -> None:
+    code = "import subprocess; p = subprocess.Popen(['sleep', '60'], start_new_session=True, "
+    code += "stdout=subprocess.DEVNULL); print(p.pid, flush=True); p.wait()"
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    with child.stdout:
+        started = psutil.Process(int(child.stdout.readline()))
+        with pytest.raises(KeyboardInterrupt), ended_with_us(child.pid):
+            raise KeyboardInterrupt
+    child.returncode = -signal.SIGKILL  # waited for already
+    started.wait(5)
 
 
 def test_the_interval_of_a_share() -> None:
