@@ -60,7 +60,8 @@ faults: $(TESTING)
 
 # How to run real firmware beside the tests; builds nothing.
 peers:
-	@sed -n '/^## Beside real firmware/,$$p' docs/how-to/run-tests.md
+	@sed -n '/^## Beside real firmware/,$$p' docs/how-to/run-tests.md | sed -E \
+	  -e '/^(<!--|```)/d' -e 's/^## //' -e 's/\[([^]]*)\]\([^)]*\)/\1/g' -e 's/`//g' | cat -s
 
 # How often the intervals hold the truth over 400 simulated sweeps of each kind: every basis, both
 # estimators, budgets, calibrations, places, wander (takes hours; cut short, it goes on where it was).
