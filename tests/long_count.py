@@ -28,16 +28,24 @@ class LongCount:
         total: of items; None where nobody knows.
         what: the items are called.
         resumes: whether the next call goes on with this file; else it begins empty.
+        in_process: whether commands may run in this process; where not, benchtool is not imported.
 
     Attributes:
         earlier: so many of the lines are not of these items.
     """
 
     def __init__(
-        self, path: Path, total: int | None, what: str, *, every: int = 10, resumes: bool = True
+        self,
+        path: Path,
+        total: int | None,
+        what: str,
+        *,
+        every: int = 10,
+        resumes: bool = True,
+        in_process: bool = True,
     ) -> None:
         self.path, self.total, self.what, self.every = path, total, what, every
-        self.resumes = resumes
+        self.resumes, self.in_process = resumes, in_process
         self.lines: list[str] = []
         self.earlier = 0
         self._stopped = False
@@ -62,7 +70,7 @@ class LongCount:
         text = text[: text.rfind("\n") + 1]  # a kill may have torn the last line
         self._file.truncate(len(text.encode()))
         self.lines = text.splitlines()
-        if "benchtool.bench.signals" in sys.modules:
+        if self.in_process:
             self._quiet.start()
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
@@ -98,7 +106,8 @@ class LongCount:
             signal.signal(*self._before.popitem())
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self._quiet.stop()
+        if self.in_process:
+            self._quiet.stop()
         self._restore()
         self._file.close()
         if self._stopped and kind is not None:

@@ -43,6 +43,35 @@ def test_a_signal_ends_the_program_and_no_cell(tmp_path: Path, name: str) -> Non
     assert "stopped by" not in stored
 
 
+PRESSED = """
+import signal, sys
+from pathlib import Path
+from tests.faults import loop, matrix
+
+def press(world):
+    if world.pulses[-1][1] > 1200.0 and not pressed:
+        pressed.append(signal.raise_signal(signal.SIGINT))
+
+class World(loop.World):
+    def __init__(self, *args, **words):
+        super().__init__(*args, **words, hooks=[press])
+
+pressed = []
+matrix.run_cell.__globals__["World"] = World
+cells = [cell for cell in matrix.CELLS if cell.name == "tcp-sampling-samples_twice"]
+matrix.main(Path(sys.argv[1]), cells)
+"""
+
+
+def test_a_sweep_whose_motors_turn_does_not_take_the_signal(tmp_path: Path) -> None:
+    path = tmp_path / "cells.jsonl"  # in a process that has not loaded what a sweep needs
+    line = [sys.executable, "-c", PRESSED, str(path)]
+    ended = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=False)
+    said = f"stopped; 0 of 1 cells done, in {path}; the same command resumes\n"
+    assert (ended.returncode, ended.stderr, ended.stdout) == (130, said, "")
+    assert path.read_text() == ""
+
+
 def test_what_swallows_a_signal_is_not_stored(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -153,7 +153,9 @@ def judge_all_named(tree: Path, names: Sequence[str]) -> None:
     """Judge named mutants, all of them where none is named, and print what becomes of each."""
     killed = 0
     chosen = [one for one in NAMED if not names or one.name in names]
-    with LongCount(RESULTS / "named.jsonl", len(chosen), "named mutants", resumes=False) as count:
+    with LongCount(
+        RESULTS / "named.jsonl", len(chosen), "named mutants", resumes=False, in_process=False
+    ) as count:
         for one in chosen:
             noticed = judge_named(tree, one)
             killed += bool(noticed)
@@ -310,7 +312,9 @@ def main() -> None:
         if chosen.named:
             return
         for name in chosen.groups or GROUPS:
-            with LongCount(RESULTS / f"{name}.jsonl", 0, f"mutants of {name}") as count:
+            with LongCount(
+                RESULTS / f"{name}.jsonl", 0, f"mutants of {name}", in_process=False
+            ) as count:
                 judge_group(tree, name, chosen.count, chosen.seed, chosen.again, count)
 
 
