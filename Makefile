@@ -50,9 +50,8 @@ presses: $(TESTING)
 	$(BIN)/python -m tests.browser.presses --presses $(PRESSES)
 
 # Sweeps with random faults on every link for MINUTES; 0 rows lost, no motor without a host, no leak.
-MINUTES ?= 60
 soak: $(TESTING)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.soak.soak --minutes $(MINUTES)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.soak.soak --minutes $(or $(MINUTES),60)
 
 # Every cell of the fault matrix, and the table of stop times; cut short, it goes on where it was.
 faults: $(TESTING)
