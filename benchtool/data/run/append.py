@@ -27,7 +27,13 @@ class AppendFile:
     A file whose last line was cut in an earlier process is cut back to its last whole line first;
     `fragment` holds what stood behind it, for the event log. After a write that failed, that one
     and all later ones stay in memory, for `copy_to`.
+
+    Raises:
+        InputError: another process has an exclusive file open.
     """
+
+    EXCLUSIVE = False
+    """Whether one process at a time may have the file open."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -44,15 +50,19 @@ class AppendFile:
         if not stat.S_ISREG(os.fstat(self._handle).st_mode):
             os.close(self._handle)
             raise _no_file(path, "no regular file")
-        self._cut_back(self._handle)
+        try:
+            if self.EXCLUSIVE:
+                self._lock()
+            # What another process is writing now is no line that was cut.
+            self._cut_back(self._handle)
+        except BaseException:
+            self.close()
+            raise
 
-    def lock(self) -> None:
-        """Keep other processes from locking the file, until it is closed or the process ends.
+    def _lock(self) -> None:
+        """Keep other processes from opening the file, until it is closed or the process ends.
 
         Where the system has no such locks (Windows, some network drives) nothing is locked.
-
-        Raises:
-            InputError: another one has locked it.
         """
         if sys.platform == "win32" or self._handle is None:
             return
@@ -218,7 +228,12 @@ class Event:
 
 
 class EventLog(AppendFile):
-    """Append events, a JSON object a line; each is on the disk when `append` returns."""
+    """Append events, a JSON object a line; each is on the disk when `append` returns.
+
+    Whoever has it open is the one that measures or closes the run.
+    """
+
+    EXCLUSIVE = True
 
     def append(self, event: Event) -> None:
         """Append one event, stamped with the wall clock."""

@@ -235,7 +235,6 @@ class Run:
         """
         log = self.event_log()
         try:
-            log.lock()
             yield log
         finally:
             log.close()

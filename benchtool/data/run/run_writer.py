@@ -37,7 +37,6 @@ class RunWriter:
             run.watch()
             self._events = run.event_log()
             self._files.append(self._events)
-            self._events.lock()
             run.unseal()
             take_marked(run.path / "samples.csv")
             if run.metadata.get("state") != "running":

@@ -3,6 +3,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import data_hash, json_ready
 from benchtool.data.columns import KINDS, code_of, frame
-from benchtool.data.run.append import AppendFile, Event, read_events
+from benchtool.data.run.append import AppendFile, Event, EventLog, read_events
 from benchtool.data.run.closing import scan_samples, take_marked, write_marked
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run, free_run_path, read_settings
@@ -189,8 +190,7 @@ def test_a_drive_without_locks_locks_nothing(
         raise OSError(errno.ENOLCK, "No locks available")
 
     monkeypatch.setattr(fcntl, "flock", refused)
-    file = AppendFile(tmp_path / "x")
-    file.lock()
+    file = EventLog(tmp_path / "x")
     file.write(b"row\n")
     file.close()
     assert (tmp_path / "x").read_bytes() == b"row\n"
@@ -276,3 +276,15 @@ def test_a_plan_that_somebody_wrote_into_a_folder_is_left_alone(tmp_path: Path) 
     with pytest.raises(WouldOverwrite):
         Run.create(tmp_path / "mine", "", {})
     assert (tmp_path / "mine" / "plan.toml").read_text() == "[plan]\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such locks")
+def test_a_line_that_another_process_is_writing_is_not_cut_back(tmp_path: Path) -> None:
+    path = tmp_path / "events.jsonl"
+    log = EventLog(path)
+    log.write(b'{"kind": "ta')
+    with pytest.raises(InputError, match="another process measures or closes"):
+        EventLog(path)
+    assert path.read_bytes() == b'{"kind": "ta'
+    log.close()
+    assert EventLog(path).fragment == '{"kind": "ta'
