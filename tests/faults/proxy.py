@@ -172,6 +172,7 @@ class Proxy:
             elif fault.kind == "happen" and fault.is_on(self.seen, now_s) and not fault.hit:
                 fault.hit = 1
                 self.happen(fault.text)
+        self._release(now_s)  # what was held back comes before what comes now: no link reorders
         self._carry("device", self.near.incoming.take(), now_s)
         self._carry("host", self.far.incoming.take(), now_s)
         self._release(now_s)
@@ -249,10 +250,11 @@ class Proxy:
         for item in [item for item in self._late if item[0] <= now_s]:
             self._late.remove(item)
             self._send(*item[1:])
-        stalls = [fault for fault in self.faults if fault.kind == "stall"]
-        if self._stalled and not any(fault.is_on(self.seen, now_s) for fault in stalls):
-            waiting, self._stalled = self._stalled, []
-            for way, line in waiting:
+        stalls = [one for one in self.faults if one.kind == "stall" and one.is_on(self.seen, now_s)]
+        held = {way for one in stalls for way in ("host", "device") if one.way in (way, "both")}
+        waiting, self._stalled = self._stalled, [one for one in self._stalled if one[0] in held]
+        for way, line in waiting:
+            if way not in held:
                 self._send(way, line)
 
     def _send(self, way: Way, data: bytes) -> None:
