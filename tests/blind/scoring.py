@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -165,29 +165,17 @@ def score(
         within(draws, found.floors, GAP_REACHED)
         for draws in (found.floors, found.floors_as_learned)
     )
-    facts: dict[str, Any] = {
-        "stage": EFFECTS[truth.names[0]].subsystem if truth.kind == "named" else ""
-    } | more
-    return Scored(
-        kind=truth.kind,
-        truth=truth.names,
+    # What is outside has a name and no effects with sizes.
+    known = score_answer(one, truth.kind, dict.fromkeys(truth.names, 0.0), verdict, seconds, hidden)
+    return replace(
+        known,
         sizes=tuple(effect.size for effect in truth.effects),
-        verdict=verdict.kind,
-        names=verdict.names,
-        probabilities=dict(verdict.probabilities),
-        where=verdict.where.stage if verdict.where is not None else "",
-        not_judged={name: needed.size for name, needed in verdict.not_judged.items()},
+        gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         confirmed=verdict.kind == "class"
         and class_confirmed(verdict.names, truth.names, information),
-        gaps={gap.channel: gap.after / gap.floor for gap in verdict.gaps},
         by_luck=luck,
         by_learning=learning,
-        parameters=scored_parameters(verdict, hidden),
-        seconds=seconds,
-        strength=one.strength,
-        excitation=one.excitation,
-        label=one.label,
-        **facts,
+        **more,
     )
 
 
@@ -224,6 +212,8 @@ def score_answer(
         not_judged={name: needed.size for name, needed in verdict.not_judged.items()},
         confirmed=len(verdict.names) <= MOST_MEMBERS,
         parameters=scored_parameters(verdict, hidden),
+        strength=one.strength,
+        excitation=one.excitation,
         label=one.label,
     )
 

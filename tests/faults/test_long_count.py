@@ -89,6 +89,6 @@ def test_what_swallows_a_signal_is_not_stored(
     assert ended.value.code == 130
     assert path.read_text() == "1\n2\n3\n"
     assert signal.getsignal(signal.SIGINT) is before
-    told = capsys.readouterr().err.splitlines()
-    assert told[0] == "3 of 4 items done"
-    assert told[1].startswith("stopped; 3 of 4 items done, in ")
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "3 of 4 items done"
+    assert said[1].startswith("stopped; 3 of 4 items done, in ")

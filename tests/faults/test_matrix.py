@@ -45,9 +45,9 @@ def test_the_program_prints_and_counts_what_is_not_as_the_table_says(
     bad = replace(runs, phase="arming")  # which ends with exit code 3
     path = tmp_path / "cells.jsonl"
     assert main(path, [runs, bad]) == 1
-    told = capsys.readouterr().out
-    assert f"wrong: {bad.name}: AssertionError" in told
-    assert "(check_sentence: assert outcome.code in expected.codes" in told
-    assert told.endswith("1 of 2 cells wrong\n")
+    said = capsys.readouterr().out
+    assert f"wrong: {bad.name}: AssertionError" in said
+    assert "(check_sentence: assert outcome.code in expected.codes" in said
+    assert said.endswith("1 of 2 cells wrong\n")
     assert [json.loads(line)[0] for line in path.read_text().splitlines()] == [runs.name, bad.name]
     assert main(path, [runs]) == 0

@@ -58,9 +58,9 @@ def test_an_unknown_group_is_refused_before_anything_is_installed(
     monkeypatch.setattr(sys, "argv", ["run", "--check", "nosuch"])
     with pytest.raises(SystemExit):
         main()
-    told = capsys.readouterr().err
-    assert "nosuch" in told
-    assert all(name in told for name in GROUPS)
+    said = capsys.readouterr().err
+    assert "nosuch" in said
+    assert all(name in said for name in GROUPS)
     lines = (ROOT / "Makefile").read_text("utf-8").partition("\nmutants:")[2].splitlines()
     assert "--check" in lines[1]
     assert "PIP" not in lines[1]

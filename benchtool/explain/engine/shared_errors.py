@@ -81,11 +81,12 @@ class SharedErrors:
 
     def add(self, name: str, columns: Array) -> None:
         """Add columns (n_rows, r) over the noise; products at points known so far go without."""
-        self._columns[name] = columns.astype(np.float32)
-        columns = self._columns[name].astype(float)
-        cross = [known.T @ columns for other, known in self._columns.items() if other != name]
+        single = columns.astype(np.float32)
+        columns = single.astype(float)
+        cross = [known.T @ columns for known in self._columns.values()]
         beside = np.vstack(cross) if cross else np.empty((0, columns.shape[1]))
         self._inner = np.block([[self._inner, beside], [beside.T, columns.T @ columns]])
+        self._columns[name] = single
         self._kernels.clear()
         self._products.clear()
 

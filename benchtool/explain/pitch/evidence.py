@@ -215,9 +215,10 @@ class PitchEvidence:
         if log.has_gyro:  # rows without any would make all others look like less than noise
             rows.append(np.nan_to_num(w[1, 0] * pitch + w[1, 1] * missed[1]))
         speeds = zip(log.has_speed, log.logged.speed_rad_s, missed[2:], strict=True)
-        for _, read, error in filter(lambda one: one[0], speeds):
-            known = np.isfinite(read)[:, None]
-            rows.append(np.where(known, error, 0.0) / log.filter.speed_sd_rad_s)
+        for was_read, read, error in speeds:
+            if was_read:
+                known = np.isfinite(read)[:, None]
+                rows.append(np.where(known, error, 0.0) / log.filter.speed_sd_rad_s)
         return tuple(np.sqrt(log.together) * log.rows(row) for row in rows)
 
 
