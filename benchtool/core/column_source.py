@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from benchtool.core.errors import InputError
+from benchtool.core.channel import require_known_channel
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.toml_text import FiniteTable
-from benchtool.core.units import unit_named
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,10 +18,11 @@ class ColumnSource(FiniteTable):
     Attributes:
         column: the file's column; None for a constant.
         constant: one number for all rows, in `unit`.
-        unit: unit of the file's numbers; that of our name when left out.
+        unit: unit of the file's numbers; when left out that in the column's own name, else ours.
         sign: -1 where the file counts the other way round.
         factor: multiplies the file's numbers (0.1651 turns z/R into metres for that R; 1/6 mends
             a wrong pole count).
+        reference: of `kind` only: the cell of rows that are references, far from any plate.
     """
 
     column: str | None = None
@@ -28,6 +30,7 @@ class ColumnSource(FiniteTable):
     unit: str | None = None
     sign: Literal[-1, 1] = 1
     factor: float = 1.0
+    reference: str | None = None
 
     def __post_init__(self) -> None:
         if (self.column is None) == (self.constant is None):
@@ -35,5 +38,16 @@ class ColumnSource(FiniteTable):
                 "an entry of [columns] needs either column = 'their name' or constant = number; "
                 "give exactly one of them"
             )
-        if self.unit is not None:
-            unit_named(self.unit)
+
+
+def check_channels(names: Iterable[str], where: str) -> None:
+    """Refuse a map of a channel that nothing reads.
+
+    Raises:
+        FileFormatError: with the known ones.
+    """
+    for name in names:
+        try:
+            require_known_channel(name)
+        except InputError as error:
+            raise FileFormatError(f"[columns] of {where}", str(error)) from error

@@ -21,18 +21,21 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
 from benchtool.core.table_bounds import MOST_TABLE_BYTES, check_cells, check_columns, check_decoded
 from benchtool.core.user_file import read_file
+from benchtool.data.csv_header import (
+    BYTE_ORDER_MARK,
+    START_BYTES,
+    Repairs,
+    decode,
+    delimiter_of,
+    find_header,
+    plain_rows,
+)
 from benchtool.data.repairs.imported import Finding, Kind, line_ranges
-
-BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 Positions = NDArray[np.intp]
 
-Repairs = list[tuple[str, str]]
-"""What was mended in a text: the matter, the same for every file, and a sentence."""
-
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _CELL_WITH_COMMA = re.compile(rb"(?:^|[;\t])\s*[+-]?\d+,\d")
-_START_BYTES = 1 << 16
 _PIECE_BYTES = 1 << 18
 
 
@@ -68,8 +71,14 @@ def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
     """Return the cells of CSV bytes; see `read_csv_text`."""
     mended: Repairs = []
     data = plain_text(data, where, mended)
-    text = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", mended)
+    text, first_line = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", mended), 1
     first = text.split("\n", 1)[0]
+    if not own:
+        data = plain_rows(text.encode(), mended)
+        header_line = find_header(data, mended)
+        first, first_line = header_line.text, header_line.line
+        rest = data[header_line.end :].decode()
+        text = f"{first}\n{rest}" if rest or data.endswith(b"\n") else first
     delimiter = delimiter_of(first, mended)
     repairs = [words for _, words in mended]
     check_columns(first.count(delimiter) + 1, where)
@@ -108,7 +117,8 @@ def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
                 commas += 1
     if commas:
         repairs.append(f"{commas} decimal commas read as points")
-    return CsvTable(where, tuple(header), cells, [line for _, line in numbered], tuple(repairs))
+    lines = [line + first_line - 1 for _, line in numbered]
+    return CsvTable(where, tuple(header), cells, lines, tuple(repairs))
 
 
 def _cells(text: str, delimiter: str, where: str) -> tuple[list[list[str]], list[int]]:
@@ -142,7 +152,7 @@ def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
         repairs.append(("byte order mark", "a byte order mark at the start was left out"))
     if data.startswith(b"PAR1"):
         data = _text_of_parquet(data, where)
-    begin = data[:_START_BYTES].removeprefix(BYTE_ORDER_MARK)
+    begin = data[:START_BYTES].removeprefix(BYTE_ORDER_MARK)
     if not begin.strip() and not data.removeprefix(BYTE_ORDER_MARK).strip():
         raise FileFormatError(where, "the file is empty; name a file with a header line and rows")
     if b"\0" in data[:4096]:
@@ -171,23 +181,6 @@ def _text_of_parquet(data: bytes, where: str) -> bytes:
             where, f"it cannot be read as a Parquet table of numbers and words ({problem})"
         ) from error
     return text.getvalue()
-
-
-def decode(text: bytes, what: str, repairs: Repairs) -> str:
-    """Return UTF-8 as text, or what spreadsheets write in its place; `what` names it."""
-    try:
-        return text.decode("utf-8")
-    except UnicodeDecodeError:
-        repairs.append(("encoding", f"{what} is not UTF-8; read as Windows-1252"))
-        return text.decode("cp1252", "replace")
-
-
-def delimiter_of(first: str, repairs: Repairs) -> str:
-    """Return what separates the cells of a first line."""
-    delimiter = max(",;\t", key=first.count)
-    if delimiter != ",":
-        repairs.append(("other delimiter", f"cells are separated by {delimiter!r}, not ','"))
-    return delimiter
 
 
 def no_rows(where: str, header: Sequence[str]) -> FileFormatError:
@@ -233,7 +226,9 @@ def lay_out(data: bytes, where: str) -> TextTable:
     """
     repairs: Repairs = []
     data = plain_text(data, where, repairs)
-    first, header_line, rest_at = _header_line(data, repairs)
+    data = plain_rows(data, repairs)
+    header = find_header(data, repairs)
+    first, rest_at = header.text, header.end
     delimiter = delimiter_of(first, repairs)
     body: bytes | memoryview = memoryview(data)[rest_at:]
     line_of = None
@@ -244,7 +239,7 @@ def lay_out(data: bytes, where: str) -> TextTable:
     if not any(names):
         raise FileFormatError(where, "the first line names no columns; add a header line")
     decimal = "."
-    if delimiter != "," and _CELL_WITH_COMMA.search(bytes(body[:_START_BYTES])):
+    if delimiter != "," and _CELL_WITH_COMMA.search(bytes(body[:START_BYTES])):
         decimal = ","
         repairs.append(("decimal commas", "decimal commas are read as points"))
     rows = _count(body, "\n")
@@ -254,7 +249,7 @@ def lay_out(data: bytes, where: str) -> TextTable:
         where=where,
         header=names,
         body=body,
-        lines=header_line + line_of,
+        lines=header.line + line_of,
         delimiter=delimiter,
         decimal=decimal,
         rows_in_file=rows,
@@ -266,24 +261,6 @@ def lay_out(data: bytes, where: str) -> TextTable:
     if body[-1:] == b"\n" and _count(body, delimiter) == (len(names) - 1) * rows:
         return replace(table, is_even=True)
     return evened(table)
-
-
-def _header_line(data: bytes, repairs: Repairs) -> tuple[str, int, int]:
-    """Return the header as text, its line number, and where the rows begin."""
-    at, line = len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0, 0
-    while at < len(data):
-        end = data.find(b"\n", at)
-        end = len(data) if end < 0 else end
-        line += 1
-        raw, at = data[at:end], end + 1
-        if raw.lower().startswith(b"sep="):
-            repairs.append(("spreadsheet's line", "a first line 'sep=' was left out"))
-        elif raw.strip():
-            break
-    text = decode(raw, "the header", repairs)
-    # A name may reach a terminal, and must give it no orders.
-    text = "".join(letter if letter.isprintable() or letter == "\t" else "�" for letter in text)
-    return text, line, min(at, len(data))
 
 
 def _unquoted(first: str, body: bytes, delimiter: str, where: str) -> tuple[str, bytes, Positions]:

@@ -2,31 +2,23 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel
-from benchtool.core.column_source import ColumnSource
-from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
-from benchtool.core.toml_text import build
-from benchtool.core.units import UNITS, from_si, same_dimension, to_si
 from benchtool.data.atomic import file_hash
-from benchtool.data.columns import WORDS, channel_called
+from benchtool.data.column_map import ColumnMap, MappedColumn, index_of, mapped_column
+from benchtool.data.columns import WORDS, channel_called, code_of
 from benchtool.data.csv_text import CsvTable, no_rows, read_csv_text
 
 _BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null"})
-
-
-ColumnMap = Mapping[str, ColumnSource | Mapping[str, Any] | str]
-"""Our name to where it comes from; a plain text is the file's column in our unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +65,8 @@ def read_table(
     filters = [item if isinstance(item, Where) else Where.parse(item) for item in where]
     rows = _filtered(table, filters)
     if columns:
-        pairs = [_mapped(table, rows, name, source) for name, source in columns.items()]
+        chosen = [mapped_column(table.header, table.where, *each) for each in columns.items()]
+        pairs = [_mapped(table, rows, column) for column in chosen]
         if all(np.isnan(values).all() for _, values in pairs):
             raise FileFormatError(table.where, "the mapped columns hold no numbers; check the map")
     else:
@@ -137,59 +130,17 @@ def _filtered(table: CsvTable, filters: Sequence[Where]) -> list[int]:
     return rows
 
 
-def index_of(header: Sequence[str], column: str, where: str) -> int:
-    """Return where a column stands; one that stands twice, or not at all, is refused."""
-    column = column.strip()
-    if (many := header.count(column)) > 1:
-        raise FileFormatError(
-            where, f"column {column!r} stands {many} times in the header; rename all but one"
-        )
-    if not many:
-        raise UnknownChoice(f"column of {where}", column, filter(None, header))
-    return header.index(column)
-
-
-def _mapped(
-    table: CsvTable, rows: Sequence[int], name: str, source: ColumnSource | Mapping[str, Any] | str
-) -> tuple[Channel, Array]:
-    if isinstance(source, str):
-        source = ColumnSource(column=source)
-    elif not isinstance(source, ColumnSource):
-        source = build(ColumnSource, source, f"[columns] {name}")
-    channel = channel_called(name)
-    unit = source.unit or channel.unit
-    same_dimension(unit, channel.unit)
-    if source.column is None:
-        assert source.constant is not None
-        values = np.full(len(rows), source.constant)
-    else:
-        if source.column.strip() not in table.header:
-            raise MissingColumn(table.where, source.column, table.header)
-        if source.unit is None and source.factor == 1.0:
-            _refuse_other_unit(name, source.column, channel.unit)
-        values = numbers_in(table, index_of(table.header, source.column, table.where), rows)
-    values = source.sign * source.factor * values
-    if unit != channel.unit:
-        values = np.asarray(from_si(to_si(values, unit), channel.unit), float)
-    return channel, values
-
-
-_UNIT_IN_BRACKETS = re.compile(r"[(\[]\s*([^()\[\]]+?)\s*[)\]]\s*$")
-
-_FOREIGN_UNITS = frozenset({"lb", "lbf", "oz", "ozf", "in", "inch", "ft", "mv", "ma", "kn"})
-
-
-def _refuse_other_unit(name: str, column: str, unit: str) -> None:
-    """Refuse a map without a unit for a column whose own name carries another one than ours."""
-    found = _UNIT_IN_BRACKETS.search(column)
-    theirs = found[1] if found else unit
-    known = {symbol.casefold() for symbol in UNITS} | _FOREIGN_UNITS
-    if theirs.casefold() in known and theirs.casefold() != unit.casefold():
-        raise InputError(
-            f"column {column!r} names the unit {theirs!r}, and {name} without one is read in "
-            f"{unit}; write its unit in [columns]: {name} = {{ column = {column!r}, unit = '?' }} "
-            f"(grams of a scale are gf)"
-        )
+def _mapped(table: CsvTable, rows: Sequence[int], column: MappedColumn) -> tuple[Channel, Array]:
+    channel = channel_called(column.name)
+    if column.position is None:
+        return channel, np.full(len(rows), column.constant)
+    if column.reference:
+        cells = [table.rows[row][column.position].strip() for row in rows]
+        is_reference = Where("", column.reference).holds
+        kinds = ["reference" if is_reference(cell) else "measure" for cell in cells]
+        return channel, np.array([code_of(column.name, kind) for kind in kinds])
+    values = numbers_in(table, column.position, rows)
+    return channel, column.conversion.factor * values + column.conversion.offset
 
 
 def _own_names(table: CsvTable, rows: Sequence[int]) -> list[tuple[Channel, Array]]:

@@ -20,6 +20,7 @@ from benchtool.core.parameter import full_name
 from benchtool.core.recording import Recording
 from benchtool.core.rotor_count import refuse_other_rotors
 from benchtool.data.atomic import data_hash
+from benchtool.data.column_map import read_column_map
 from benchtool.data.columns import code_of
 from benchtool.data.run.ratios import ratios, thrust_error
 from benchtool.data.run.read import is_pitch_run, is_run, read_points
@@ -31,7 +32,7 @@ from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells
 from benchtool.fit.uncertainty.zero_noise import with_zero_walk
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
-from benchtool.physics.model_file import LoadedModel, load_model, read_columns
+from benchtool.physics.model_file import LoadedModel, load_model
 
 FAR_Z_OVER_R = 9.0
 """Beyond it eq. (4) leaves less than one per cent; the tables of the literature end at 5 to 6."""
@@ -238,7 +239,7 @@ def _read_one(path: str, recipe: Recipe, loaded: LoadedModel) -> Recording:
         return read_points(path)
     columns: Mapping[str, ColumnSource] = dict(loaded.columns)
     if recipe.columns is not None:
-        columns = {**columns, **read_columns(recipe.columns)}
+        columns = {**columns, **read_column_map(recipe.columns)}
     where = [*(f"{key}={value}" for key, value in loaded.row_filter.items()), *recipe.where]
     if not columns and Path(path).name == "points.csv":
         return read_points(path)

@@ -10,8 +10,7 @@ from typing import Any
 
 import tomli_w
 
-from benchtool.core.channel import require_known_channel
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.column_source import ColumnSource, check_channels
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.packaged import packaged_names, read_named
@@ -192,7 +191,7 @@ def model_from_toml(
         if isinstance(error, FileFormatError):
             raise
         raise FileFormatError(where, str(error)) from error
-    _check_channels(read.columns, where)
+    check_channels(read.columns, where)
     return LoadedModel(
         model=model,
         columns=read.columns,
@@ -211,28 +210,6 @@ def _configured(effect: Effect, settings: Mapping[str, Any]) -> Effect:
     if settings:
         raise InputError(f"effect {effect.name!r} takes no settings; take them out")
     return effect
-
-
-def read_columns(path: str | Path) -> Mapping[str, ColumnSource]:
-    """Return the `[columns]` of a mapping file of its own."""
-    text, where = read_named("columns file", "models", path)
-    data = parse_toml(text, where)
-    read = build(_ColumnsFile, data if "columns" in data else {"columns": data}, where)
-    _check_channels(read.columns, where)
-    return read.columns
-
-
-def _check_channels(columns: Mapping[str, ColumnSource], where: str) -> None:
-    for name in columns:
-        try:
-            require_known_channel(name)
-        except InputError as error:
-            raise FileFormatError(f"[columns] of {where}", str(error)) from error
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _ColumnsFile(FileTable):
-    columns: Mapping[str, ColumnSource]
 
 
 def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
@@ -282,11 +259,6 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
     }
     data |= {name: table for name, table in more.items() if table}
     return tomli_w.dumps(data)
-
-
-def columns_to_toml(columns: Mapping[str, ColumnSource]) -> str:
-    """Return a mapping file's text, which `read_columns` reads back."""
-    return tomli_w.dumps({"columns": {name: _stated(item) for name, item in columns.items()}})
 
 
 def _rig_beside(name: str, where: str) -> Rig:

@@ -40,6 +40,7 @@ from benchtool.core.schedule import Schedule
 from benchtool.core.toml_text import read_strict
 from benchtool.data.atomic import replace_text
 from benchtool.data.calibration import calibration_from
+from benchtool.data.column_map import read_column_map
 from benchtool.data.csv_text import parse_csv
 from benchtool.data.formats.formats import import_bytes
 from benchtool.data.repairs.imported import Options
@@ -50,7 +51,7 @@ from benchtool.data.run.recording_file import beside, read_recording, write_reco
 from benchtool.data.run.run import Run
 from benchtool.data.table import Where, columns_of
 from benchtool.fit.recipe import FitInputs, read_recipe
-from benchtool.physics.model_file import model_from_toml, read_columns
+from benchtool.physics.model_file import model_from_toml
 from benchtool.simulate.gain_file import gains_from_toml
 from benchtool.virtual.faults import fault_from
 from benchtool.web.access import Access
@@ -278,7 +279,7 @@ class Files:
 
     def columns(self, data: bytes) -> None:
         (self.root / "columns.toml").write_bytes(data)
-        read_columns(self.root / "columns.toml")
+        read_column_map(self.root / "columns.toml")
 
     def recipe(self, data: bytes) -> None:
         (self.root / "recipe.toml").write_bytes(data)

@@ -12,10 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from benchtool.core.array import Array
+from benchtool.data.column_map import MappedColumn
 from benchtool.data.csv_text import lay_out
 from benchtool.data.repairs.foreign_units import head_of
 from benchtool.data.repairs.imported import Finding, Imported, Options
-from benchtool.data.repairs.mapped import MappedColumn, map_header, read_columns
+from benchtool.data.repairs.mapped import map_header, read_columns
 
 ELECTRICAL, OPTICAL = "Motor Electrical Speed", "Motor Optical Speed"
 

@@ -41,9 +41,7 @@ def read_uiuc(data: bytes, where: str, provenance: Mapping[str, str], options: O
             "the diameter stands in the name of such files (apcsf_10x7_static_...); rename it",
         )
     diameter_m = float(to_si(float(size["diameter"]), "in"))
-    table = lay_out(
-        re.sub(rb"[ \t]+", b",", re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", data)), where
-    )
+    table = lay_out(data, where)
     columns, others = map_header(table, {"RPM": "rpm1", "CT": "ct", "CP": "cp"}.get)
     density = STANDARD_DENSITY_KG_M3
     if options.air_density_kg_m3 is not None:

@@ -13,7 +13,7 @@ from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, unit_named
 
 _SPELLINGS: dict[str, str] = {
     **dict.fromkeys(("µs", "μs", "usec"), "us"),
-    **dict.fromkeys(("RPM", "Rpm"), "rpm"),
+    **dict.fromkeys(("RPM", "Rpm", "U/min", "1/min", "min-1"), "rpm"),
     **dict.fromkeys(("N·m", "N⋅m", "N*m", "Nm", "N.m", "N-m"), "N m"),
     **dict.fromkeys(("ºC", "°C", "C"), "degC"),
     **dict.fromkeys(("º", "°"), "deg"),
@@ -46,6 +46,11 @@ _FOR_PINT: dict[str, str] = {
 }
 
 
+def is_unit(text: str) -> bool:
+    """Return whether a text is a unit as headers write it, of our list or of weights."""
+    return text not in ("", "1") and (text in UNITS or text in _SPELLINGS or text in _FORCE_OF_MASS)
+
+
 @dataclass(frozen=True, slots=True)
 class Conversion:
     """Turn a file's numbers into ours: ours = factor * theirs + offset."""
@@ -76,6 +81,22 @@ def conversion(text: str, target: str) -> Conversion:
         ours = unit_named(target)
         return Conversion(known.factor / ours.factor, (known.offset - ours.offset) / ours.factor)
     return _through_pint(unit, target, text)
+
+
+def unit_in_header(text: str, target: str) -> Conversion | None:
+    """Return how numbers under a header with this text in brackets become ours; None for no unit.
+
+    Raises:
+        InputError: a unit that measures something else.
+    """
+    if not text:
+        return None
+    try:
+        return conversion(text, target)
+    except InputError as error:
+        if type(error.__cause__).__name__ != "DimensionalityError":
+            return None
+        raise
 
 
 def _through_pint(unit: str, target: str, text: str) -> Conversion:

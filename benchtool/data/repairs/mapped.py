@@ -2,50 +2,27 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.core.channel import Channel, require_known_channel, unit_in_name
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import Channel, unit_in_name
 from benchtool.core.counted import counted
-from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.parsed_text import parse_toml
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
-from benchtool.core.toml_text import build
-from benchtool.core.units import UNITS
-from benchtool.core.user_file import read_text
+from benchtool.data.column_map import (
+    AS_IT_IS,
+    MappedColumn,
+    channel_meant,
+    mapped_column,
+    read_column_map,
+)
+from benchtool.data.csv_header import find_header, most_frequent_delimiter, plain_rows
 from benchtool.data.csv_text import TextTable, lay_out
-from benchtool.data.repairs.foreign_units import Conversion, conversion, head_of
+from benchtool.data.repairs.foreign_units import conversion, head_of
 from benchtool.data.repairs.imported import Finding, Imported, Options, Tally
 from benchtool.data.repairs.numbers import numbers_of
-from benchtool.data.table import index_of
-
-AS_IT_IS = Conversion(1.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MappedColumn:
-    """Say where one channel comes from: a column of the table, or a constant.
-
-    Attributes:
-        name: our channel.
-        position: of the column; None for a constant.
-        conversion: from the file's unit to that of our channel, sign and factor included.
-        constant: in our unit.
-        source: the column and unit in the file's own words.
-    """
-
-    name: str
-    position: int | None
-    conversion: Conversion = AS_IT_IS
-    constant: float = 0.0
-    source: str = ""
 
 
 def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
@@ -57,9 +34,8 @@ def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], 
     """
 
     def recognizes(head: bytes) -> bool:
-        first = head.lstrip().split(b"\n", 1)[0].decode("utf-8", "replace").lstrip("\ufeff")
-        delimiter = max(",;\t", key=first.count)
-        found = {head_of(cell).name for cell in first.split(delimiter)}
+        first = find_header(plain_rows(head.replace(b"\r", b""), []), []).text
+        found = {head_of(cell).name for cell in first.split(most_frequent_delimiter(first))}
         return found.issuperset(names) and (not any_of or not found.isdisjoint(any_of))
 
     return recognizes
@@ -207,7 +183,17 @@ def read_by_map(
     map_path = options.columns
     assert map_path is not None
     table = lay_out(data, where)
-    columns = [_mapped(table, name, entry, map_path) for name, entry in _entries(map_path).items()]
+    try:
+        columns = [
+            mapped_column(table.header, table.where, *each)
+            for each in read_column_map(map_path).items()
+        ]
+    except InputError as error:
+        if isinstance(error, FileFormatError):
+            raise
+        raise FileFormatError(str(map_path), str(error)) from error
+    if any(column.reference for column in columns):
+        raise InputError(f"kind of {map_path} names reference rows, which benchtool fit reads")
     used = {column.position for column in columns}
     rest = [head for at, head in enumerate(table.header) if head and at not in used]
     findings = []
@@ -217,84 +203,6 @@ def read_by_map(
     return read_columns(
         table, columns, "column map", {**provenance, "columns": str(map_path)}, findings
     )
-
-
-def _entries(path: Path) -> Mapping[str, Any]:
-    data = parse_toml(read_text(path), str(path))
-    entries = data.get("columns", data)
-    if not isinstance(entries, dict) or not entries:
-        raise FileFormatError(
-            str(path), "it maps nothing; write lines as thrust_N = { column = 'F', unit = 'gf' }"
-        )
-    return entries
-
-
-def _mapped(table: TextTable, name: str, entry: Any, path: Path) -> MappedColumn:
-    where = f"[columns] {name} of {path}"
-    try:
-        require_known_channel(name)
-    except InputError as error:
-        raise FileFormatError(f"[columns] of {path}", str(error)) from error
-    if isinstance(entry, str):
-        entry = {"column": entry}
-    if not isinstance(entry, dict):
-        raise FileFormatError(where, "write it as { column = 'their name', unit = 'gf' }")
-    ours = unit_in_name(name)
-    theirs = entry.get("unit", ours)
-    if not isinstance(theirs, str):
-        raise FileFormatError(where, f"unit is {theirs!r}, but a text is needed")
-    # ColumnSource knows our own units only; the others are pint's.
-    known = {key: item for key, item in entry.items() if key != "unit" or theirs in UNITS}
-    source = build(ColumnSource, known, where)
-    try:
-        scale = conversion(theirs, ours)
-    except InputError as error:
-        raise FileFormatError(where, str(error)) from error
-    scale = Conversion(scale.factor * source.sign * source.factor, scale.offset)
-    if source.column is None:
-        assert source.constant is not None
-        value = scale.factor * source.constant + scale.offset
-        words = f"constant {source.constant:g} {theirs}"
-        return MappedColumn(name=name, position=None, constant=value, source=words)
-    position = index_of(table.header, source.column, table.where)
-    factor = source.sign * source.factor
-    by = "" if factor == 1.0 else f" times {factor:g}"
-    return MappedColumn(
-        name=name, position=position, conversion=scale, source=f"{source.column} [{theirs}]{by}"
-    )
-
-
-NAMES: dict[str, str] = {
-    "t": "time_s",
-    "time": "time_s",
-    "thrust": "thrust_N",
-    "torque": "torque_Nm",
-    "voltage": "voltage_V",
-    "current": "current_A",
-    "electrical power": "power_W",
-    "mechanical power": "mechanical_power_W",
-    "rpm": "rpm1",
-    "rotation speed": "rpm1",
-    "pwm": "pwm1_us",
-    "throttle": "pwm1_us",
-    "theta": "theta_rad",
-    "theta_ref": "theta_ref_rad",
-    "gyro": "gyro_rad_s",
-    "plate_z": "plate_z_m",
-    "vibration": "vibration_m_s2",
-}
-"""Names that people give to columns, in small letters, and the channel that they mean."""
-
-
-def channel_meant(name: str) -> str | None:
-    """Return the channel that a column's name means; None where nobody can know."""
-    if re.fullmatch(r"pwm\d+", name):
-        return f"{name}_us"
-    try:
-        require_known_channel(name)
-    except UnknownChoice:
-        return NAMES.get(name.lower())
-    return name
 
 
 def read_named(

@@ -12,8 +12,9 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.packaged import read_named
 from benchtool.core.schedule_file import schedule_named
 from benchtool.core.toml_text import read_strict
+from benchtool.data.column_map import read_column_map
 from benchtool.fit.recipe import read_recipe
-from benchtool.physics.model_file import model_from_toml, read_columns
+from benchtool.physics.model_file import model_from_toml
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.map import read_map
 from benchtool.simulate.gain_file import gains_from_toml
@@ -47,7 +48,7 @@ def recipe(text: str, folder: Path) -> object:
 def columns(text: str, folder: Path) -> object:
     path = folder / "mine.toml"
     path.write_text(text)
-    return read_columns(path)
+    return read_column_map(path)
 
 
 def imperfections(text: str, folder: Path) -> object:

@@ -3,7 +3,9 @@ from __future__ import annotations
 import pytest
 
 from benchtool.core.errors import FileFormatError
-from benchtool.data.csv_text import parse_csv
+from benchtool.data.csv_text import lay_out, parse_csv
+from benchtool.data.repairs.foreign_units import head_of
+from benchtool.data.repairs.numbers import numbers_of
 
 
 def test_plain_file_needs_no_repair() -> None:
@@ -65,3 +67,38 @@ def test_windows_text_is_read_with_words() -> None:
 def test_what_cannot_be_mended_is_refused(data: bytes, words: str) -> None:
     with pytest.raises(FileFormatError, match=words):
         parse_csv(data, "x.csv")
+
+
+LEADS = {
+    "blank lines": ("\n\n", "z (mm),F (gf)\n", "10,2.5\n20,2.25\n"),
+    "comments": ("# stand 3\n% calm air\n", "z (mm),F (gf)\n", "10,2.5\n// half\n20,2.25\n"),
+    "titles": (
+        "Thrust test\nDate,2024-01-05\n\n",
+        "z (mm),F (gf),rpm,V\n",
+        "10,2.5,1,2\n20,2.25,1,2\n",
+    ),
+    "a line of units": ("", "z,F\nmm,gf\n", "10,2.5\n20,2.25\n"),
+    "names in a comment": ("# calm air\n", "# z (mm), F (gf)\n", "10,2.5\n20,2.25\n"),
+    "blanks between": ("# calm air\n", "z F\n", "  10   2.5\n  20   2.25\n"),
+    "a spreadsheet": ("sep=;\r\n", "z (mm);F (gf)\r\n", "10;2,5\r\n20;2,25\r\n"),
+}
+
+
+@pytest.mark.parametrize("case", LEADS)
+def test_what_stands_around_a_header_is_left_out(case: str) -> None:
+    lead, header, rows = LEADS[case]
+    data = f"{lead}{header}{rows}".encode()
+    table, laid = parse_csv(data, "x.csv"), lay_out(data, "x.csv")
+    assert [head_of(cell).name for cell in table.header[:2]] == ["z", "F"]
+    if case != "blanks between":
+        assert [head_of(cell).unit for cell in table.header[:2]] == ["mm", "gf"]
+    assert laid.header == table.header
+    assert [row[:2] for row in table.rows] == [["10", "2.5"], ["20", "2.25"]]
+    numbers = numbers_of(laid, [0, 1])
+    assert numbers.columns.tolist() == [[10.0, 20.0], [2.5, 2.25]]
+    assert numbers.lines.tolist() == table.lines
+    lines = data.decode().replace("\r", "").split("\n")
+    assert all(
+        lines[at - 1].split()[0].startswith(n)
+        for at, n in zip(table.lines, ("10", "20"), strict=True)
+    )

@@ -41,7 +41,7 @@ def test_a_column_map_with_units_that_only_pint_knows(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('thrust_N = { column = "Load", unit = "N" }', "known: "),
+        ('thrust_N = { column = "Load", unit = "N" }', "lacks"),
         ('lift_N = "Load [ozf]"', "unknown channel"),
         ('thrust_N = { column = "Load [ozf]", unit = "furlong" }', "does not measure force"),
         ('thrust_N = { column = "Load [ozf]", unit = "wibble" }', "is unknown"),

@@ -6,9 +6,9 @@ import pytest
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import FileFormatError
+from benchtool.data.column_map import column_map_to_toml, read_column_map
 from benchtool.data.run import runs_folder
 from benchtool.data.run.runs_folder import RunsFolder, checked_table, columns_file, keep_table
-from benchtool.physics.model_file import columns_to_toml, read_columns
 
 GOOD = b"gap_mm;F_gf\n60;424,1\n"
 
@@ -50,7 +50,7 @@ def test_a_name_cannot_choose_the_place(tmp_path: Path, name: str) -> None:
         (b"", "the file is empty"),
         (b"\x00\x01", "not a text file"),
         (b"a,b\n", "no row below it"),
-        (b"\n\n1,2\n", "names no columns"),
+        (b"\n\n1,2\n", "no row below it"),
         (b"a,b\n1,2,3\n", "line 2 has 3 cells"),
         (b'a,b\n1,"' + b"x" * 200_000 + b'"\n', "cannot be read"),
         (b",".join(b"c%d" % i for i in range(600)) + b"\n" + b"1," * 599 + b"1\n", "600 columns"),
@@ -75,7 +75,7 @@ def test_the_map_beside_a_table_reads_back(tmp_path: Path) -> None:
         "plate_z_m": ColumnSource(column="gap_mm", unit="mm", factor=2.0),
     }
     path = columns_file(table)
-    path.write_text(columns_to_toml(columns), "utf-8")
+    path.write_text(column_map_to_toml(columns), "utf-8")
     assert path.name == "t.columns.toml"
-    assert dict(read_columns(path)) == columns
+    assert dict(read_column_map(path)) == columns
     assert checked_table(GOOD, "t.csv").header == ("gap_mm", "F_gf")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from nicegui import ui
@@ -11,12 +11,10 @@ from benchtool.core.channel import unit_in_name
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError
 from benchtool.core.units import UNITS, unit_named
+from benchtool.data.column_map import guess_columns, read_column_map
 from benchtool.data.csv_text import read_csv_text
-from benchtool.data.repairs.foreign_units import head_of
-from benchtool.data.repairs.mapped import channel_meant
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import columns_file
-from benchtool.physics.model_file import read_columns
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.tabs.fit.work import store_columns
 from benchtool.web.widgets import TableUpload, multiple_choice, notify, notify_error, shows_errors
@@ -56,20 +54,8 @@ def columns_for(table: Path) -> dict[str, ColumnSource]:
     """Return the columns of a table as they were stored, or else as its header suggests."""
     stored = columns_file(table)
     if stored.is_file():
-        return dict(read_columns(stored))
-    return suggested_columns(read_csv_text(table).header)
-
-
-def suggested_columns(header: Sequence[str]) -> dict[str, ColumnSource]:
-    """Return the channels that column names suggest, with the units in brackets."""
-    found: dict[str, ColumnSource] = {}
-    for cell in header:
-        head = head_of(cell)
-        channel = channel_meant(head.name)
-        if channel in FIT_CHANNELS and channel not in found:
-            fits = head.unit in units_for(channel)
-            found[channel] = ColumnSource(column=cell, unit=head.unit if fits else None)
-    return found
+        return dict(read_column_map(stored))
+    return guess_columns(read_csv_text(table).header, FIT_CHANNELS)
 
 
 def chosen_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnSource]:

@@ -10,11 +10,11 @@ import numpy as np
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.data.atomic import replace_text
+from benchtool.data.column_map import column_map_to_toml
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.uncertainty.budget import BudgetMethod
-from benchtool.physics.model_file import columns_to_toml
 from benchtool.web.jobs import PageSection, ReportProgress, written_whole
 
 
@@ -87,7 +87,7 @@ def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) ->
         known = values[np.isfinite(values)]
         least, most = (known.min(), known.max()) if known.size else (np.nan, np.nan)
         rows.append((channel.name, channel.unit, str(known.size), f"{least:.4g}", f"{most:.4g}"))
-    replace_text(columns_file(path), columns_to_toml(columns))
+    replace_text(columns_file(path), column_map_to_toml(columns))
     head = ("channel", "unit", "numbers", "least", "most")
     return blocks_html(
         [Table(f"{len(recording)} rows as they will be fitted.", head, rows, text_columns=2)]

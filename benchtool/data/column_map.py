@@ -1,0 +1,231 @@
+"""Column maps: which column of somebody's table is which of our channels, in which unit.
+
+A map is written by hand, by the page, or by `benchtool fit` from the names of columns; every reader
+of foreign tables takes it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from benchtool.core.channel import require_known_channel, unit_in_name
+from benchtool.core.column_source import ColumnSource, check_channels
+from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
+from benchtool.core.packaged import read_named
+from benchtool.core.parsed_text import parse_toml
+from benchtool.core.toml_text import FileTable, build
+from benchtool.core.units import UNITS
+from benchtool.data.repairs.foreign_units import Conversion, conversion, head_of, unit_in_header
+
+ColumnMap = Mapping[str, ColumnSource | Mapping[str, Any] | str]
+"""Our name to where it comes from; a plain text is the file's column."""
+
+AS_IT_IS = Conversion(1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MappedColumn:
+    """Say where one channel comes from: a column of the table, or a constant.
+
+    Attributes:
+        name: our channel.
+        position: of the column; None for a constant.
+        conversion: from the file's unit to that of our channel, sign and factor included.
+        constant: in our unit.
+        source: the column and unit in the file's own words.
+        reference: cell of the rows that are references; empty where the cells are numbers.
+    """
+
+    name: str
+    position: int | None
+    conversion: Conversion = AS_IT_IS
+    constant: float = 0.0
+    source: str = ""
+    reference: str = ""
+
+
+def mapped_column(
+    header: Sequence[str], where: str, name: str, source: ColumnSource | Mapping[str, Any] | str
+) -> MappedColumn:
+    """Return where a channel stands in a table with this header.
+
+    A map without a unit takes the one that the column's own name carries in brackets, else ours.
+
+    Raises:
+        MissingColumn: a column that the table has not, with those that it has.
+        InputError: a unit that is unknown, or measures something else.
+    """
+    if isinstance(source, str):
+        source = ColumnSource(column=source)
+    elif not isinstance(source, ColumnSource):
+        source = build(ColumnSource, source, f"[columns] {name}")
+    ours = unit_in_name(name)
+    scale, unit = AS_IT_IS, source.unit or ours
+    try:
+        if source.unit is not None:
+            scale = conversion(source.unit, ours)
+        elif source.column is not None and source.factor == 1.0 and not source.reference:
+            stated = head_of(source.column).unit or ""
+            if (found := unit_in_header(stated, ours)) is not None:
+                scale, unit = found, stated
+    except InputError as error:
+        raise InputError(f"[columns] {name}: {error}") from error
+    factor = source.sign * source.factor
+    scale = Conversion(scale.factor * factor, scale.offset)
+    if source.column is None:
+        assert source.constant is not None
+        value = scale.factor * source.constant + scale.offset
+        words = f"constant {source.constant:g} {unit}"
+        return MappedColumn(name=name, position=None, constant=value, source=words)
+    if source.column.strip() not in header:
+        raise MissingColumn(where, source.column, header)
+    by = "" if factor == 1.0 else f" times {factor:g}"
+    return MappedColumn(
+        name=name,
+        position=index_of(header, source.column, where),
+        conversion=scale,
+        source=f"{source.column} [{unit}]{by}",
+        reference=source.reference or "",
+    )
+
+
+def index_of(header: Sequence[str], column: str, where: str) -> int:
+    """Return where a column stands; one that stands twice, or not at all, is refused."""
+    column = column.strip()
+    if (many := header.count(column)) > 1:
+        raise FileFormatError(
+            where, f"column {column!r} stands {many} times in the header; rename all but one"
+        )
+    if not many:
+        raise UnknownChoice(f"column of {where}", column, filter(None, header))
+    return header.index(column)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ColumnsFile(FileTable):
+    columns: Mapping[str, ColumnSource]
+
+
+def read_column_map(path: str | Path) -> Mapping[str, ColumnSource]:
+    """Return the `[columns]` of a mapping file of its own.
+
+    Raises:
+        FileFormatError: no such file, or an entry of another shape; nothing mapped.
+        UnknownChoice: a channel or key that does not exist.
+    """
+    text, where = read_named("columns file", "models", path)
+    data = parse_toml(text, where)
+    entries = data if "columns" in data else {"columns": data}
+    plain = entries["columns"]
+    if not isinstance(plain, dict) or not plain:
+        raise FileFormatError(
+            where, "it maps nothing; write lines as thrust_N = { column = 'F', unit = 'gf' }"
+        )
+    named = {}
+    for name, entry in plain.items():
+        named[name] = {"column": entry} if isinstance(entry, str) else entry
+        if not isinstance(named[name], dict):
+            raise FileFormatError(
+                f"[columns] {name} of {where}", "write it as { column = 'their name', unit = 'gf' }"
+            )
+    read = build(_ColumnsFile, {**entries, "columns": named}, where)
+    check_channels(read.columns, where)
+    return read.columns
+
+
+def column_map_to_toml(columns: Mapping[str, ColumnSource]) -> str:
+    """Return a mapping file's text, which `read_column_map` reads back."""
+    import tomli_w
+
+    def stated(source: ColumnSource) -> dict[str, Any]:
+        given = ((item, getattr(source, item.name)) for item in fields(source))
+        return {item.name: value for item, value in given if value != item.default}
+
+    return tomli_w.dumps({"columns": {name: stated(item) for name, item in columns.items()}})
+
+
+NAMES: dict[str, str] = {
+    **dict.fromkeys(("t", "time", "zeit"), "time_s"),
+    **dict.fromkeys(("thrust", "schub", "force", "kraft", "f", "fz", "lift"), "thrust_N"),
+    **dict.fromkeys(("torque", "moment", "drehmoment"), "torque_Nm"),
+    **dict.fromkeys(("voltage", "spannung"), "voltage_V"),
+    **dict.fromkeys(("current", "strom"), "current_A"),
+    "electrical power": "power_W",
+    "mechanical power": "mechanical_power_W",
+    **dict.fromkeys(
+        ("rpm", "rotation speed", "drehzahl", "speed", "rotor speed", "motor speed"), "rpm1"
+    ),
+    **dict.fromkeys(("pwm", "throttle", "esc", "esc signal", "gas"), "pwm1_us"),
+    "theta": "theta_rad",
+    "theta_ref": "theta_ref_rad",
+    "gyro": "gyro_rad_s",
+    **dict.fromkeys(
+        ("z", "plate_z", "plate z", "gap", "abstand", "distance", "plate distance", "clearance"),
+        "plate_z_m",
+    ),
+    **dict.fromkeys(("thrust ratio", "t_ratio", "t/t_oge", "t_ige/t_oge", "ratio"), "thrust_ratio"),
+    "vibration": "vibration_m_s2",
+}
+"""Names that people give to columns, in small letters, and the channel that they mean."""
+
+IN_RADII: dict[str, float] = {
+    **dict.fromkeys(("z_over_r", "z/r", "h/r", "h_over_r"), 1.0),
+    **dict.fromkeys(("z_over_d", "z/d", "h/d", "h_over_d"), 2.0),
+}
+"""Names of distances that are counted in rotor radii, in small letters, and how many one is."""
+
+_ENDING = re.compile(r"(?P<name>.+?)[_ ](?P<unit>[A-Za-z]+)")
+
+
+def name_and_unit(cell: str) -> tuple[str, str | None]:
+    """Return what a column's name says: `Gap (mm)`, `gap_mm` and `gap [mm]` are alike."""
+    head = head_of(cell)
+    if head.unit is None and (found := _ENDING.fullmatch(head.name)) and found["unit"] in UNITS:
+        return found["name"], found["unit"]
+    return head.name, head.unit
+
+
+def channel_meant(name: str) -> str | None:
+    """Return the channel that a column's name means; None where nobody can know."""
+    if re.fullmatch(r"pwm\d+", name):
+        return f"{name}_us"
+    try:
+        require_known_channel(name)
+    except UnknownChoice:
+        return NAMES.get(name.lower())
+    return name
+
+
+def guess_columns(
+    header: Sequence[str], channels: Collection[str] = (), radius_m: float | None = None
+) -> dict[str, ColumnSource]:
+    """Return the channels that column names suggest, with the units that they carry.
+
+    Args:
+        header: names of columns.
+        channels: that may be suggested; any when empty.
+        radius_m: of the rotor, for columns that count radii; they are left out without.
+    """
+    found: dict[str, ColumnSource] = {}
+    for cell in header:
+        name, unit = name_and_unit(cell)
+        channel = channel_meant(cell.strip()) or channel_meant(name)
+        if channel is None and name.lower() in IN_RADII and radius_m is not None:
+            source = ColumnSource(column=cell, factor=IN_RADII[name.lower()] * radius_m)
+            found.setdefault("plate_z_m", source)
+        if channel is None or channel in found or (channels and channel not in channels):
+            continue
+        own = unit_in_name(channel)
+        if channel == cell.strip():
+            unit = None
+        try:
+            fits = unit is None or unit_in_header(unit, own) is not None
+        except InputError:
+            continue
+        in_file = None if unit == own or not fits else unit
+        found[channel] = ColumnSource(column=cell, unit=in_file)
+    return found

@@ -1,0 +1,195 @@
+"""Find the header of a CSV: below a title and comments, units in a line of their own, blanks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from benchtool.data.repairs.foreign_units import head_of, is_unit
+
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+Repairs = list[tuple[str, str]]
+"""What was mended in a text: the matter, the same for every file, and a sentence."""
+
+START_BYTES = 1 << 16
+"""A header stands within so much of a file; a choice."""
+
+_MARKS = (b"#", b"%", b"//")
+_COMMENT = re.compile(rb"(?m)^(#+|%+|//+)([^\n]*)")
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class HeaderLine:
+    """Hold the line that names the columns.
+
+    Attributes:
+        text: with the units that stand in the line below it.
+        line: number of the line before the first row, from 1.
+        end: where the rows begin.
+    """
+
+    text: str
+    line: int
+    end: int
+
+
+def decode(text: bytes, what: str, repairs: Repairs) -> str:
+    """Return UTF-8 as text, or what spreadsheets write in its place; `what` names it."""
+    try:
+        return text.decode("utf-8")
+    except UnicodeDecodeError:
+        repairs.append(("encoding", f"{what} is not UTF-8; read as Windows-1252"))
+        return text.decode("cp1252", "replace")
+
+
+def most_frequent_delimiter(line: str) -> str:
+    """Return what separates the cells of a line."""
+    return max(",;\t", key=line.count)
+
+
+def delimiter_of(first: str, repairs: Repairs) -> str:
+    """Return what separates the cells of a header."""
+    delimiter = most_frequent_delimiter(first)
+    if delimiter != ",":
+        repairs.append(("other delimiter", f"cells are separated by {delimiter!r}, not ','"))
+    return delimiter
+
+
+def plain_rows(data: bytes, repairs: Repairs) -> bytes:
+    """Return text of which every line is a row: comments blank, columns apart by tabs."""
+    data = _without_comments(data, repairs)
+    lines = _first_lines(data)
+    words = [line.split() for line, _ in lines[:2]]
+    if (
+        len(words) < 2
+        or len(words[0]) < 2
+        or any(re.search(r"[,;\t]", one) for one, _ in lines[:1])
+    ):
+        return data
+    if len(words[1]) != len(words[0]) or not all(map(_NUMBER.fullmatch, words[1])):
+        return data
+    repairs.append(("other delimiter", "cells are separated by blanks, not ','"))
+    data = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", data.removeprefix(BYTE_ORDER_MARK))
+    return re.sub(rb"[ \t]+", b"\t", data)
+
+
+def _without_comments(data: bytes, repairs: Repairs) -> bytes:
+    """Return text with comments blank; one that names the columns of the rows below stays."""
+    if not any(b"\n" + mark in data for mark in _MARKS) and not data.removeprefix(
+        BYTE_ORDER_MARK
+    ).startswith(_MARKS):
+        return data
+    data = data.removeprefix(BYTE_ORDER_MARK)
+    header = None
+    rest = _COMMENT.sub(b"", data[:START_BYTES])
+    first = next((line for line in rest.split(b"\n") if line.strip()), b"")
+    if _is_row(first):
+        at = data.find(first)
+        above = [found for found in _COMMENT.finditer(data[:at]) if found[2].strip()]
+        header = above[-1] if above and _width(above[-1][2]) == _width(first) else None
+
+    def blank(found: re.Match[bytes]) -> bytes:
+        named = header is not None and found.start() == header.start()
+        return b" " * len(found[1]) + found[2] if named else b""
+
+    data, many = _COMMENT.subn(blank, data)
+    if header is not None:
+        words = "the columns are named in the comment above the rows"
+        repairs.append(("header", words))
+        many -= 1
+    if many:
+        repairs.append(("comments", f"{many} lines of comments were left out"))
+    return data
+
+
+def _is_row(line: bytes) -> bool:
+    cells = _cells(line)
+    return bool(cells) and all(map(_NUMBER.fullmatch, cells))
+
+
+def _width(line: bytes) -> int:
+    return len(_cells(line))
+
+
+def _cells(line: bytes) -> list[str]:
+    """Return the cells of a line that hold anything, by its own delimiter or by blanks."""
+    text = line.decode("utf-8", "replace")
+    delimiter = most_frequent_delimiter(text)
+    parts = text.split(delimiter) if delimiter in text else text.split()
+    return [part.strip() for part in parts if part.strip()]
+
+
+def _first_lines(data: bytes) -> list[tuple[str, int]]:
+    """Return the first lines that hold anything, each with where it begins."""
+    out, at = [], len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
+    for line in data[at:START_BYTES].split(b"\n"):
+        if line.strip() and not line.lower().startswith(b"sep="):
+            out.append((line.decode("utf-8", "replace"), at))
+        at += len(line) + 1
+    return out
+
+
+def find_header(data: bytes, repairs: Repairs) -> HeaderLine:
+    """Return the line that names the columns: the first, or the one below a title."""
+    at = len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
+    if data[at : at + 4].lower() == b"sep=":
+        repairs.append(("spreadsheet's line", "a first line 'sep=' was left out"))
+    lines = _first_lines(data)
+    position = _below_titles([line for line, _ in lines])
+    if position:
+        words = f"{position} lines above the names of the columns were left out"
+        repairs.append(("title", words))
+    begin = lines[position][1] if lines else at
+    end = data.find(b"\n", begin)
+    end = len(data) if end < 0 else end
+    text = decode(data[begin:end], "the header", repairs)
+    end = min(end + 1, len(data))
+    line = data.count(b"\n", 0, begin) + 1
+    if position + 1 < len(lines):
+        below, start = lines[position + 1]
+        if named := _with_units(text, below):
+            repairs.append(("units", "units stand in the line below the names"))
+            text = named
+            end = data.find(b"\n", start) + 1 or len(data)
+            line = data.count(b"\n", 0, start) + 1
+    # A name may reach a terminal, and must give it no orders.
+    text = "".join(letter if letter.isprintable() or letter == "\t" else "�" for letter in text)
+    return HeaderLine(text, line, end)
+
+
+def _below_titles(lines: Sequence[str]) -> int:
+    """Return which line names the columns: titles hold less than half as many cells."""
+    counts = [len(_cells(line.encode())) for line in lines[:60]]
+    for position in range(len(counts) - 1):
+        following = lines[position + 1]
+        numbers = sum(bool(_NUMBER.fullmatch(cell)) for cell in _cells(following.encode()))
+        if 2 * numbers > counts[position + 1]:
+            return position
+        if '"' in lines[position] or 2 * counts[position] > max(counts[position + 1 :]):
+            break
+    else:
+        return 0
+    wide = any(most_frequent_delimiter(line) in line for line in lines[position : position + 1])
+    return position if wide else 0
+
+
+def _with_units(header: str, below: str) -> str:
+    """Return a header with the units that a line below it holds; empty where it holds none."""
+    delimiter = most_frequent_delimiter(header)
+    names, units = (
+        header.split(delimiter),
+        [cell.strip(" \r()[]") for cell in below.split(delimiter)],
+    )
+    stated = [unit for unit in units if unit]
+    if len(names) < 2 or len(units) > len(names) or len(stated) < len(names) / 2:
+        return ""
+    if not all(map(is_unit, stated)):
+        return ""
+    units += [""] * (len(names) - len(units))
+    return delimiter.join(
+        f"{name} [{unit}]" if unit and head_of(name).unit is None else name
+        for name, unit in zip(names, units, strict=True)
+    )
