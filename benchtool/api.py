@@ -20,6 +20,7 @@ from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import frame, frame_of_rows
+from benchtool.data.derived import derive, run_circumstances, with_quantities
 from benchtool.data.run.read import is_run
 from benchtool.explain.answer import Answer, answer_request, read_request
 from benchtool.fit.recipe import FitInputs, Recipe
@@ -171,8 +172,10 @@ def read(path: str | Path) -> Result[SweepRun] | Result[Recorded]:
 
 def _sweep(path: Path) -> Result[SweepRun]:
     tables: dict[str, Callable[[SweepRun], pd.DataFrame]] = {
-        "points": lambda run: frame(run.points),
-        "settings": lambda run: frame(run.settings),
+        "points": lambda run: frame(
+            with_quantities(run.points, derive(run.points, run_circumstances(path)))
+        ),
+        "settings": lambda run: frame(with_quantities(run.settings, run.quantities)),
     }
     run = read_sweep_run(path)
     if (samples := run.samples) is not None:

@@ -75,5 +75,6 @@ def measure(
         suspect=any(own.suspect for own in found.values()),
         voltage_se_V=found.get("voltage_V", none).se,
         current_se_A=found.get("current_A", none).se,
+        torque_se_Nm=found.get("torque_Nm", none).se,
     )
     return point, found

@@ -19,7 +19,7 @@ from benchtool.data.columns import REJECTED, VALID_KINDS, code_of
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
-from benchtool.data.run.settings import aggregate
+from benchtool.data.run.settings import settings_of
 
 
 def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = False) -> Path:
@@ -49,7 +49,6 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
     plan = plan_from_toml(run.plan_text, str(run.path / "plan.toml"))
     quantum_N = float(facts["rig"].get("sensors", {}).get("thrust_N", {}).get("quantum", 0.0))
     fresh = _recomputed(points, samples, calibration, plan.tare.seconds, quantum_N)
-    settled = aggregate(fresh)
     name = re.sub(r"[^A-Za-z0-9._-]", "_", calibration.id)
     facts |= {
         "calibration": asdict(calibration),
@@ -59,7 +58,7 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
     }
     anew = Run.create(run.path / f"recalibrated-{name}", run.plan_text, facts)
     write_table(anew.path / "points.csv", fresh)
-    write_table(anew.path / "settings.csv", settled)
+    write_table(anew.path / "settings.csv", settings_of(anew.path, fresh))
     return anew.path
 
 

@@ -95,3 +95,14 @@ def air_density_kg_m3(temperature_degC: float, pressure_Pa: float, humidity: flo
         + (p / kelvin) ** 2 * (1.83e-11 - 0.765e-8 * x**2)
     )
     return 3.483740e-3 * p / (compressibility * kelvin) * (1.0 - 0.3780 * x)
+
+
+def sound_speed_m_s(temperature_degC: float) -> float:
+    """Return the speed of sound in dry air: sqrt(1.4 R T), R = 287.05287 J/(kg K) (ISO 2533)."""
+    return sqrt(1.4 * 287.05287 * (temperature_degC + 273.15))
+
+
+def viscosity_Pa_s(temperature_degC: float) -> float:
+    """Return the viscosity of air by Sutherland's law (U.S. Standard Atmosphere 1976, eq. 51)."""
+    kelvin = temperature_degC + 273.15
+    return float(1.458e-6 * kelvin**1.5 / (kelvin + 110.4))

@@ -20,6 +20,7 @@ CHANNEL_NAMES: tuple[str, ...] = (
     *("pitch_command_share", "roll_command_share", "yaw_command_share", "throttle_command_share"),
     "airspeed_m_s",
     *("rpm#_optical", "pwm_raw", "battery_V", "power_W", "mechanical_power_W", "ct", "cp"),
+    *("motor_efficiency", "propeller_efficiency_N_W", "efficiency_N_W"),
     *("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2", "vibration_m_s2", "servo#_us", "motor#_share"),
 )
 """Every channel that a table can be mapped to; # stands for a rotor's number."""
@@ -46,6 +47,8 @@ _LONG_SUFFIXES: dict[str, str] = {
     "_m_s": "m/s",
     "_m_s2": "m/s2",
     "_kg_m3": "kg/m3",
+    "_N_W": "N/W",
+    "_gf_W": "gf/W",
 }
 _RPM = re.compile(r"rpm\d*(_sd|_se|_optical)?")
 _PWM = re.compile(r"pwm\d+_us")
@@ -73,6 +76,13 @@ def unit_in_name(name: str) -> str:
             return unit
     head, _, suffix = name.rpartition("_")
     return _SUFFIXES.get(suffix, "1") if head else "1"
+
+
+def error_name(name: str) -> str:
+    """Return the name of the column of a channel's standard error: "se" before its unit."""
+    endings = (*_LONG_SUFFIXES, *(f"_{suffix}" for suffix in _SUFFIXES))
+    ending = next((one for one in endings if name.endswith(one)), "")
+    return f"{name.removesuffix(ending)}_se{ending}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,6 +55,22 @@ class ErrorSource:
         return replace(self, columns=self.columns[rows])
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Uncertain:
+    """Hold numbers with their own errors and those that they share."""
+
+    value: Array  # (n,)
+    standard_error: Array  # (n,) what a row's own errors make; nan where none are stated
+    error_sources: tuple[ErrorSource, ...]  # what rows share
+
+    @property
+    def total_error(self) -> Array:
+        """Standard error of each row by itself (n,): its own part and the shared ones."""
+        shared = [np.sum(source.columns**2, axis=1) for source in self.error_sources]
+        out: Array = np.sqrt(self.standard_error**2 + sum(shared))
+        return out
+
+
 def joined(parts: Sequence[Sequence[ErrorSource]]) -> tuple[ErrorSource, ...]:
     """Return the sources of parts laid one after the other, each part with draws of its own.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -80,6 +80,12 @@ class Recording:
             channels=(*self.channels, channel),
             values=np.column_stack([self.values, np.asarray(values, float)]),
         )
+
+    def without(self, names: Collection[str]) -> Recording:
+        """Return the recording without these channels, whether it has them or not."""
+        left = [place for place, name in enumerate(self.names) if name not in names]
+        channels = tuple(self.channels[place] for place in left)
+        return replace(self, channels=channels, values=self.values[:, left])
 
     @classmethod
     def from_columns(

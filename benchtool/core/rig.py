@@ -61,6 +61,31 @@ class Propulsion(FiniteTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Propeller(FiniteTable):
+    """Describe the geometry of a propeller.
+
+    Attributes:
+        pitch_m: advance of a turn, as its name gives it.
+        blades: how many there are.
+        chord_m: chord of a blade at `CHORD_RADIUS` of the radius.
+        diameter_sd, chord_sd: relative standard uncertainties.
+    """
+
+    name: str
+    title: str = ""
+    diameter_m: Positive
+    pitch_m: Positive | None = None
+    blades: Annotated[int, Ge(1), Le(20)] | None = None
+    chord_m: Positive | None = None
+    diameter_sd: NotNegative = 0.0
+    chord_sd: NotNegative = 0.0
+
+
+CHORD_RADIUS = 0.75
+"""Part of the radius at which a blade's chord and speed make its Reynolds number, the usual one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Blade(FiniteTable):
     """Describe a rotor's blades: they decide how thrust and torque answer to a slower inflow.
 
@@ -208,6 +233,8 @@ class Rig(FiniteTable):
         rotors: places, in the order of channels pwm1, rpm1 and so on.
         blade: None where nobody knows it; eq. (10) then holds as printed.
         motor: None where nobody knows it.
+        propeller: geometry of the rotors, of the diameter that `propulsion` states; None where
+            nobody knows more than that.
         sensors: by channel family: "thrust_N", "rpm", "voltage_V", "current_A", "plate_z_m".
         sources: where each number comes from, by its dotted key.
         assumed: dotted keys whose numbers are assumptions, not measurements.
@@ -223,6 +250,7 @@ class Rig(FiniteTable):
     limits: Limits
     blade: Blade | None = None
     motor: Motor | None = None
+    propeller: Propeller | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
 

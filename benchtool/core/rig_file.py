@@ -55,6 +55,10 @@ def rig_from_toml(text: str, where: str) -> Rig:
     return rig
 
 
+SAME_DIAMETER = 0.01
+"""A propeller whose diameter is that close to the rig's is the one on it: names are rounded."""
+
+
 def _check(rig: Rig, where: str) -> None:
     limits, plate, propulsion = rig.limits, rig.plate, rig.propulsion
     if limits.thrust_N > limits.load_cell_rating_N:
@@ -74,6 +78,13 @@ def _check(rig: Rig, where: str) -> None:
             where,
             "propulsion needs pwm_stop_us <= pwm_start_us < pwm_max_us, got "
             f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}",
+        )
+    propeller, diameter_m = rig.propeller, 2.0 * propulsion.radius_m
+    if propeller and abs(propeller.diameter_m / diameter_m - 1.0) > SAME_DIAMETER:
+        raise FileFormatError(
+            where,
+            f"propeller.diameter_m is {propeller.diameter_m:g} m, but propulsion.radius_m makes "
+            f"{diameter_m:g} m; correct one of them",
         )
     motor = rig.motor
     if motor and not motor.governed and not motor.has_curve:

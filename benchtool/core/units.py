@@ -63,6 +63,8 @@ _ALL = (
     Unit("mV", "voltage", 1e-3),
     Unit("A", "current"),
     Unit("W", "power"),
+    Unit("N/W", "force per power"),
+    Unit("gf/W", "force per power", 1e-3 * STANDARD_GRAVITY_M_S2),
     Unit("K", "temperature"),
     Unit("degC", "temperature", 1.0, 273.15),
     Unit("Pa", "pressure"),

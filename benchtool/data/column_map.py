@@ -154,8 +154,13 @@ NAMES: dict[str, str] = {
     **dict.fromkeys(("torque", "moment", "drehmoment"), "torque_Nm"),
     **dict.fromkeys(("voltage", "spannung"), "voltage_V"),
     **dict.fromkeys(("current", "strom"), "current_A"),
-    "electrical power": "power_W",
+    **dict.fromkeys(("electrical power", "power", "leistung"), "power_W"),
     "mechanical power": "mechanical_power_W",
+    **dict.fromkeys(("efficiency", "overall efficiency"), "efficiency_N_W"),
+    **dict.fromkeys(
+        ("propeller efficiency", "propeller mech. efficiency"), "propeller_efficiency_N_W"
+    ),
+    "motor efficiency": "motor_efficiency",
     **dict.fromkeys(
         ("rpm", "rotation speed", "drehzahl", "speed", "rotor speed", "motor speed"), "rpm1"
     ),

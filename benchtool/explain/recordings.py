@@ -19,7 +19,7 @@ from benchtool.data.run.entry import kind_of
 from benchtool.data.run.read import is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import beside, read_recording
 from benchtool.data.table import read_table
-from benchtool.fit.uncertainty.zero_noise import with_zero_walk
+from benchtool.fit.uncertainty.zero_walk import with_zero_walk
 from benchtool.physics.effects.effect import BenchKind
 from benchtool.physics.model_file import LoadedModel
 

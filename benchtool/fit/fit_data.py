@@ -29,7 +29,7 @@ from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.uncertainty.bench_errors import SHOWS, Visits, bench_errors, joined_visits
 from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells
-from benchtool.fit.uncertainty.zero_noise import with_zero_walk
+from benchtool.fit.uncertainty.zero_walk import with_zero_walk
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model

@@ -39,11 +39,12 @@ CHANNELS: dict[str, str] = {
     OPTICAL: "rpm1_optical",
     "Electrical Power": "power_W",
     "Mechanical Power": "mechanical_power_W",
+    "Motor Efficiency": "motor_efficiency",
+    "Propeller Mech. Efficiency": "propeller_efficiency_N_W",
+    "Overall Efficiency": "efficiency_N_W",
     "Vibration": "vibration_m_s2",
 }
 """Columns of the stands by name, as in their exports of 2017 to 2023."""
-
-DERIVED = ("Motor Efficiency", "Propeller Mech. Efficiency", "Overall Efficiency")
 
 
 def read_rcbenchmark(
@@ -51,7 +52,7 @@ def read_rcbenchmark(
 ) -> Imported:
     """Return a stand's log."""
     table = lay_out(data, where)
-    columns, findings = map_header(table, _channel_of, derived=DERIVED, refuse=False)
+    columns, findings = map_header(table, _channel_of, refuse=False)
     names = {head_of(cell).name for cell in table.header}
     if "AccX" in names:
         series = "Series 1580/1585"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import isfinite
 
@@ -13,6 +14,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.data.columns import speed_columns
+from benchtool.data.quantities import following
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.pole_count import speed_doubts
 
@@ -147,7 +149,20 @@ def apply_options(read: Imported, options: Options) -> Imported:
             raise InputError(f"--scale {text!r}: write it as CHANNEL=FACTOR, for example rpm1=1/6")
         values = factor * read.recording.column(name)
         read = repaired(name, values, "scale", f"multiplied by {ratio} by --scale")
-    return read
+    changed = (*options.flip, *options.tare, *(text.partition("=")[0] for text in options.scale))
+    return _without_stale(read, dict.fromkeys(name.strip() for name in changed))
+
+
+def _without_stale(read: Imported, changed: Iterable[str]) -> Imported:
+    """Return the import without what the stand worked out from channels as they were before."""
+    follow = [other for name in changed for other in following(name)]
+    stale = [name for name in dict.fromkeys(follow) if name in read.recording]
+    if not stale:
+        return read
+    words = f"worked out by the stand before the repair of {', '.join(changed)}: {', '.join(stale)}"
+    finding = Finding("left out", "stale columns", words, count=len(stale))
+    left = replace(read, recording=read.recording.without(stale))
+    return left.with_findings([finding])
 
 
 def inspect_stand(read: Imported) -> Imported:

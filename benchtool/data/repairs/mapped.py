@@ -46,7 +46,6 @@ def map_header(
     channel_of: Callable[[str], str | None],
     *,
     units: Mapping[str, str] | None = None,
-    derived: Collection[str] = (),
     refuse: bool = True,
     hint: str = "",
 ) -> tuple[list[MappedColumn], list[Finding]]:
@@ -55,7 +54,6 @@ def map_header(
     Args:
         channel_of: our channel by the column's name without its unit; None where it is unknown.
         units: the unit by channel that a column without one has; our own where it is not here.
-        derived: names of columns that are computed from the others, and are left out as such.
         refuse: a unit that measures something else is an error; otherwise it is doubted.
         hint: what to do about unknown columns, for people.
     """
@@ -63,13 +61,12 @@ def map_header(
     findings: list[Finding] = []
     unitless: dict[str, str] = {}
     others: list[str] = []
-    computed: list[str] = []
     for position, cell in enumerate(table.header):
         head = head_of(cell)
         name = channel_of(head.name)
         if name is None or any(column.name == name for column in columns):
             if head.name:
-                (computed if head.name in derived else others).append(cell)
+                others.append(cell)
             continue
         ours = unit_in_name(name)
         theirs = head.unit if head.unit is not None else (units or {}).get(name, ours)
@@ -90,9 +87,6 @@ def map_header(
     if others:
         words = f"unknown: {', '.join(others)}{hint}"
         findings.append(Finding("left out", "columns", words, count=len(others)))
-    if computed:
-        words = f"quotients of other columns, which are read: {', '.join(computed)}"
-        findings.append(Finding("left out", "efficiencies", words, count=len(computed)))
     return columns, findings
 
 

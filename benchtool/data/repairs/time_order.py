@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.recording import Recording
+from benchtool.data.quantities import following
 from benchtool.data.repairs.imported import Finding, Imported, Kind
 
 Positions = NDArray[np.intp]
@@ -127,6 +128,11 @@ def mend_spikes(read: Imported) -> Imported:
             blanked = values.copy()
             blanked[rows] = nan
             read = read.with_values(name, blanked)
+            for other in following(name):
+                if other in read.recording:
+                    stale = read.recording.column(other).copy()
+                    stale[rows] = nan
+                    read = read.with_values(other, stale)
         found = Finding(kind, "spikes", words, name, rows.size, read.lines_of(rows))
         read = read.with_findings([found])
     return read

@@ -24,7 +24,7 @@ from benchtool.data.run.append import Event, EventLog, read_events
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points
 from benchtool.data.run.sample_stream import WholeLines
-from benchtool.data.run.settings import aggregate
+from benchtool.data.run.settings import settings_of
 
 if TYPE_CHECKING:
     from benchtool.data.run.run import Run
@@ -59,7 +59,7 @@ def close_run(run: Run, visits: int | None = None) -> bool:
         if _visits_done(run.path):
             settings = run.path / "settings.csv"
             missing = not settings.is_file()
-            write_table(settings, aggregate(read_points(run.path)))
+            write_table(settings, settings_of(run.path))
         changes |= _seal(run.path, before)
         if changes:
             run.update_metadata(**changes)

@@ -31,7 +31,7 @@ class Point:
         n_samples: thrust samples in the mean.
         plate_z_m: distance of the plate: what the bench read, else what the stage reports.
         plate_stage_z_m, plate_read_z_m: both of them, nan where one is missing.
-        voltage_se_V, current_se_A: standard errors of those means, as that of thrust.
+        voltage_se_V, current_se_A, torque_se_Nm: standard errors of those means, as that of thrust.
         rejected: outliers left out of the mean, by channel; 0 where none is named.
         settled: whether the settling test passed before its time-out.
         suspect: so many samples of a channel lie apart that none was left out.
@@ -64,6 +64,7 @@ class Point:
     suspect: bool = False
     voltage_se_V: float = nan
     current_se_A: float = nan
+    torque_se_Nm: float = nan
 
     @property
     def sum_rpm2(self) -> float:
@@ -91,7 +92,7 @@ def point_columns(n_rotors: int) -> tuple[str, ...]:
         *("plate_z_m", "plate_stage_z_m", "plate_read_z_m", "plate_x_m", "plate_tilt_deg"),
         *("voltage_V", "current_A", "torque_Nm", "temperature_degC", "settled"),
         *(f"{name}{REJECTED}" for name in averaged_channels(n_rotors)),
-        *("suspect", "voltage_se_V", "current_se_A"),
+        *("suspect", "voltage_se_V", "current_se_A", "torque_se_Nm"),
     )
 
 
@@ -113,7 +114,7 @@ def point_cells(point: Point) -> list[str]:
         "1" if point.settled else "0",
         *(str(point.rejected.get(name, 0)) for name in averaged_channels(len(point.rpm))),
         "1" if point.suspect else "0",
-        *(number_cell(error) for error in (point.voltage_se_V, point.current_se_A)),
+        *map(number_cell, (point.voltage_se_V, point.current_se_A, point.torque_se_Nm)),
     ]
 
 

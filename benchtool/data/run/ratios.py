@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.core.error_source import ErrorSource
+from benchtool.core.channel import error_name, family_of
+from benchtool.core.error_source import ErrorSource, Uncertain
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
@@ -32,21 +33,11 @@ of it where windings take a part (1.5 to 2); the standard error is a guess."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ratios:
+class Ratios(Uncertain):
     """Hold T_IGE/T_OGE of every visit; nan where a visit has no reference."""
 
-    value: Array  # (n,)
-    standard_error: Array  # (n,) what a visit's own errors make; nan where none are stated
-    error_sources: tuple[ErrorSource, ...]  # what visits share, their references above all
     share: Array  # (n, n) by how much each other visit makes a visit's T_OGE: 1 over their number
     by_thrust: Array  # (n, n) change of each ratio by that of each thrust, to first order: 1/N
-
-    @property
-    def total_error(self) -> Array:
-        """Standard error of each ratio by itself (n,): its own part and the shared ones."""
-        shared = [np.sum(source.columns**2, axis=1) for source in self.error_sources]
-        out: Array = np.sqrt(self.standard_error**2 + sum(shared))
-        return out
 
 
 def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
@@ -230,16 +221,25 @@ def _relative_error_of(
     neither is known.
     """
     total = np.zeros(len(points))
-    n = points.column("n_samples") if "n_samples" in points else np.ones(len(points))
     for name in names:
-        error_name = "_se_".join(name.split("_"))
-        error = np.full(len(points), np.nan)
-        if error_name in points:
-            error = points.column(error_name)
-        if name in sensors:
-            error = np.where(np.isnan(error), sensors[name].mean_error(n), error)
+        error = standard_error(points, name, sensors)
         total = np.hypot(total, np.nan_to_num(error / points.column(name), posinf=0.0, neginf=0.0))
     return total
+
+
+def standard_error(points: Recording, name: str, sensors: Mapping[str, Sensor]) -> Array:
+    """Return the standard error of each row of a channel (n,); nan where nothing states one.
+
+    The channel's own, else what noise and step of the rig's sensor make of a mean over a visit's
+    samples.
+    """
+    error = np.full(len(points), np.nan)
+    if error_name(name) in points:
+        error = points.column(error_name(name))
+    if (sensor := sensors.get(family_of(name))) is not None:
+        n = points.column("n_samples") if "n_samples" in points else np.ones(len(points))
+        error = np.where(np.isnan(error), sensor.mean_error(n), error)
+    return error
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -36,9 +36,9 @@ from benchtool.data.run.closing import (
 )
 from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.points import PointWriter
-from benchtool.data.run.read import is_run, read_points
+from benchtool.data.run.read import is_run
 from benchtool.data.run.read import read_settings as read_written_settings
-from benchtool.data.run.settings import aggregate
+from benchtool.data.run.settings import settings_of
 
 RUN_FORMAT = "benchtool-run-1"
 
@@ -280,7 +280,7 @@ def read_settings(path: str | Path) -> Recording:
         try:
             Run.open(folder).close()
         except BenchtoolError:
-            return aggregate(read_points(folder))
+            return settings_of(folder)
     return read_written_settings(path)
 
 

@@ -14,6 +14,12 @@ from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import read_file
 from benchtool.data.columns import KINDS, channel_called, code_of, speed_columns
+from benchtool.data.derived import (
+    QuantityValues,
+    derive,
+    run_circumstances,
+    with_quantities,
+)
 from benchtool.data.parquet import write_parquet
 from benchtool.data.run.points import write_table
 from benchtool.data.run.ratios import ratios
@@ -28,6 +34,9 @@ _MEANS: tuple[str, ...] = (
     "torque_Nm",
 )
 
+SETTING_KINDS = ("measure", "reference")
+"""Kinds of points that make settings."""
+
 
 def aggregate(points: Recording) -> Recording:
     """Return one row for every setting that was measured or served as a reference.
@@ -38,9 +47,7 @@ def aggregate(points: Recording) -> Recording:
     `ratio_equal_rpm2` at equal squared speed.
     """
     kinds = points.column("kind")
-    measured = points.select(
-        (kinds == code_of("kind", "measure")) | (kinds == code_of("kind", "reference"))
-    )
+    measured = points.select(np.isin(kinds, [code_of("kind", name) for name in SETTING_KINDS]))
     names = [*speed_columns(points.names), *(name for name in _MEANS if name in points)]
     header = (
         *("setting", "kind", "n_repeats"),
@@ -74,6 +81,24 @@ def aggregate(points: Recording) -> Recording:
     return Recording(channels, values, points.provenance, points.simulated)
 
 
+def settings_of(folder: Path, points: Recording | None = None) -> Recording:
+    """Return the settings of a run with every quantity that it allows, and their errors.
+
+    Args:
+        points: of the run; read when left out.
+    """
+    points = read_points(folder) if points is None else points
+    return with_quantities(aggregate(points), settings_quantities(folder, points))
+
+
+def settings_quantities(folder: Path, points: Recording) -> tuple[QuantityValues, ...]:
+    """Return the quantities of each setting of a run: means over its visits (s,)."""
+    kinds = points.column("kind")
+    measured = points.select(np.isin(kinds, [code_of("kind", name) for name in SETTING_KINDS]))
+    settings = measured.column("setting")
+    return tuple(one.averaged(settings) for one in derive(measured, run_circumstances(folder)))
+
+
 def _ratios(points: Recording, basis: str) -> Array:
     """Return T_IGE/T_OGE of every visit (n,); nan throughout a run without references."""
     try:
@@ -98,13 +123,17 @@ SUFFIXES = (".csv", ".parquet")
 
 
 def exported(run: Path, table: str, suffix: str) -> bytes:
-    """Return one table of a run as the bytes of a CSV or Parquet file."""
+    """Return one table of a run as the bytes of a CSV or Parquet file.
+
+    Points and settings have every quantity that the bench allows; points.csv itself, which a run
+    appends to, has only what was measured.
+    """
     if table not in TABLES:
         raise UnknownChoice("table of a run", table, TABLES)
     if suffix not in SUFFIXES:
         raise UnknownChoice("format of a table", suffix, SUFFIXES)
     file = run / f"{table}{suffix}"
-    if file.is_file():
+    if file.is_file() and table != "points":
         return read_file(file, follow=False)
     recording = _recording(run, table)
     with TemporaryDirectory() as folder:
@@ -115,9 +144,10 @@ def exported(run: Path, table: str, suffix: str) -> bytes:
 
 def _recording(run: Path, table: str) -> Recording:
     if table == "points":
-        return read_points(run, KINDS)
+        points = read_points(run, KINDS)
+        return with_quantities(points, derive(points, run_circumstances(run)))
     if table == "settings":
-        return aggregate(read_points(run))
+        return settings_of(run)
     if not any((run / f"samples{suffix}").is_file() for suffix in SUFFIXES):
         raise FileFormatError(run.name, "there are no samples in it, only points made of them")
     return read_samples(run)

@@ -16,8 +16,8 @@ from benchtool.core.error_source import ErrorSource
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import code_of
+from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance, zero_noise
 from benchtool.fit.problem import NOISE_PLACE
-from benchtool.fit.uncertainty.zero_noise import ZeroNoise, zero_covariance, zero_noise
 from benchtool.physics.conditions import SAME_PLACE, Conditions
 from benchtool.physics.model import Model
 

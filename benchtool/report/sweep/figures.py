@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.units import from_si
+from benchtool.data.derived import QuantityValues
 from benchtool.fit.nominal import NominalModel
 from benchtool.physics.bases import thrust_per_power_N_W
 from benchtool.physics.conditions import Conditions
@@ -22,6 +23,7 @@ from benchtool.report.figure import figure
 from benchtool.report.fit.budget import chart_height, draw_budget
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
 from benchtool.report.panels import points, rows_of
+from benchtool.report.quantities import COLUMNS, panels_height, quantity_panels
 from benchtool.report.ratio import (
     Curve,
     RatioPoints,
@@ -171,27 +173,57 @@ def distance(figure: Figure, run: SweepRun) -> None:
     name="efficiency",
     title="Thrust per electrical power: {0.name}",
     caption=lambda run: (
-        "Thrust over volts times amperes against plate distance at each throttle level; the bars "
-        "are those of thrust. Dotted: the level's mean with the plate parked. A model's line takes "
+        "Thrust over electrical power against plate distance at each throttle level; bars: "
+        "standard errors. Dotted: the level's mean with the plate parked. A model's line takes "
         "torque from the rig's blades and power from its motor, or from its stated efficiency."
         f"{model_words(run)}"
     ),
-    when=lambda run: bool(np.isfinite(_per_power(run)[run.measured()]).any()),
+    when=lambda run: run.measured().any() and run.quantity("efficiency_N_W") is not None,
     height_in=4.3,
 )
 def efficiency(figure: Figure, run: SweepRun) -> None:
     """Draw thrust per electrical power against plate distance, one colour per throttle level."""
-    per_power = _per_power(run)
-    error = per_power * run.thrust_error_N / run.column("thrust_N")
+    found = run.quantity("efficiency_N_W")
+    assert found is not None  # `when`
     label = "thrust per electrical power [N/W]"
-    _draw_levels(figure, run, per_power, error, label, thrust_per_power_N_W)
+    _draw_levels(figure, run, found.value, found.total_error, label, thrust_per_power_N_W)
 
 
-def _per_power(run: SweepRun) -> Array:
-    """Return the thrust over the electrical power of each setting (s,): N/W; nan without it."""
-    power = run.column("voltage_V") * run.column("current_A")
-    drawn = np.where(power > 0.0, power, np.nan)
-    return np.asarray(run.column("thrust_N") / drawn, float)
+@figure(
+    page="sweep",
+    name="quantities",
+    title="What follows from the measurements: {0.name}",
+    caption="Each quantity that the bench allows against plate distance, one colour per throttle "
+    "level; bars: standard errors; dotted: the level's mean with the plate parked. The table below "
+    "says what each is worked out from.",
+    when=lambda run: bool(run.measured().any() and _in_panels(run)),
+    height_in=lambda run: panels_height(_in_panels(run)),
+)
+def quantities(figure: Figure, run: SweepRun) -> None:
+    """Draw every quantity that the bench allows against plate distance, a panel each."""
+    z, near, levels = run.z_over_R(run.settings), run.measured() & plain(run), run.level_us()
+    found = _in_panels(run)
+    for place, (axes, one) in enumerate(zip(quantity_panels(figure, found), found, strict=True)):
+        for index, level in enumerate(np.unique(levels[near])):
+            color, rows = CYCLE[index % len(CYCLE)], near & (levels == level)
+            points(
+                axes, z[rows], one.value[rows], one.total_error[rows], color,
+                MARKERS[index % len(MARKERS)], ms=3.6, label=f"{level:g} µs",
+            )  # fmt: skip
+            away = ~run.measured() & (levels == level)
+            if np.isfinite(one.value[away]).any():
+                mean = float(np.nanmean(one.value[away]))
+                axes.axhline(mean, color=color, lw=1.0, ls=DOTTED)
+        axes.set_xlim(left=0.0)
+        if place >= len(found) - COLUMNS:
+            axes.set_xlabel("distance to the plate  $z/R$ [–]")
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower right", ncols=4)
+
+
+def _in_panels(run: SweepRun) -> list[QuantityValues]:
+    """Return the quantities but one that has a figure of its own."""
+    return [one for one in run.quantities if one.name != "efficiency_N_W"]
 
 
 Predicted = Callable[[Model, Conditions, Any], Any]

@@ -37,7 +37,13 @@ from benchtool.report.style import BASES
 from benchtool.report.sweep.figures import plain
 from benchtool.report.sweep.run import SweepRun
 from benchtool.report.sweep.samples import anchor_changes
-from benchtool.report.sweep.tables import events_block, limits_table, settings_table, tares_table
+from benchtool.report.sweep.tables import (
+    events_block,
+    limits_table,
+    quantity_tables,
+    settings_table,
+    tares_table,
+)
 
 
 def _without_samples(run: SweepRun) -> Block | None:
@@ -191,6 +197,7 @@ SWEEP = Page(
                 settings_table,
             ],
         ),
+        ("Quantities", ["quantities", quantity_tables]),
         ("Raw and averaged", ["samples", "visits", _without_samples]),
         ("Order, drift and tares", ["order", _drift]),
         ("Uncertainty budget", [lambda run: budget_blocks(run.budget), "budget"]),

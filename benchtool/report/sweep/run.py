@@ -16,12 +16,13 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.columns import code_of, speed_columns, word_of
+from benchtool.data.derived import QuantityValues
 from benchtool.data.run.append import Event, read_events
 from benchtool.data.run.ratios import ratios
 from benchtool.data.run.read import read_points, read_samples, sample_names
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
-from benchtool.data.run.settings import aggregate
+from benchtool.data.run.settings import aggregate, settings_quantities
 from benchtool.fit.nominal import NominalModel
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.run_budget import run_budget
@@ -47,6 +48,7 @@ class SweepRun:
         samples: every sample; None where the folder holds none (`recalibrated-...`).
         thrust_error_N: (s,) standard deviation over repeats, or the standard error of a visit where
             that is larger: two repeats may agree by chance.
+        quantities: that the bench allows, of each setting.
         ratio, ratio_error: (s,) T_IGE/T_OGE of each setting and the same of it; nan where there is
             none.
         model: what stands beside the run in its figures; None without.
@@ -62,6 +64,7 @@ class SweepRun:
     samples: Recording | None
     settings: Recording
     thrust_error_N: Array
+    quantities: tuple[QuantityValues, ...]
     ratio: Array
     ratio_error: Array
     basis: str
@@ -89,6 +92,10 @@ class SweepRun:
         if "plate_z_m" not in recording:
             return np.full(len(recording), np.nan)
         return recording.column("plate_z_m") / self.rig.propulsion.radius_m
+
+    def quantity(self, name: str) -> QuantityValues | None:
+        """Return a quantity by name; None where the bench does not allow it."""
+        return next((one for one in self.quantities if one.name == name), None)
 
     def measured(self) -> NDArray[np.bool_]:
         """Tell which settings are near the plate, not references (s,)."""
@@ -131,6 +138,7 @@ def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
         samples=_samples(path) if (path / "samples.csv").is_file() else None,
         settings=settings,
         thrust_error_N=_larger(settings, "thrust_sd_N", points, points.column("thrust_se_N")),
+        quantities=settings_quantities(path, points),
         ratio=ratio,
         ratio_error=error,
         basis=basis,

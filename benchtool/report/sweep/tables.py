@@ -12,6 +12,7 @@ from benchtool.core.recording import Recording
 from benchtool.data.columns import REJECTED, speed_columns
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import Block, Paragraph, Table
+from benchtool.report.quantities import origins_table, values_table
 from benchtool.report.style import BASES
 from benchtool.report.sweep.figures import ERRORS
 from benchtool.report.sweep.run import SweepRun
@@ -71,6 +72,18 @@ def settings_table(run: SweepRun) -> Table:
         ("plate z/R", "pulse [µs]", "visits", "mean rpm", "thrust [N]", "T_IGE/T_OGE"),
         rows,
     )
+
+
+def quantity_tables(run: SweepRun) -> list[Table]:
+    """List the quantities of every setting, and what they are worked out from."""
+    if not run.quantities:
+        return []
+    names = [row[:2] for row in settings_table(run).rows]
+    caption = "Quantities of each setting ± standard errors, of what all settings share as well."
+    return [
+        values_table(caption, names, ("plate z/R", "pulse [µs]"), run.quantities),
+        origins_table(run.quantities),
+    ]
 
 
 def tares_table(tares: Recording) -> Table:

@@ -15,17 +15,13 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import code_of
+from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
 from benchtool.fit.uncertainty.bench_errors import Visits, bench_errors, joined_visits
-from benchtool.fit.uncertainty.zero_noise import (
-    ZeroNoise,
-    estimated_walk,
-    still_means,
-    zero_covariance,
-)
+from benchtool.fit.uncertainty.zero_walk import estimated_walk, still_means
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 

@@ -53,7 +53,7 @@ def page(run: Path) -> str:
 
 def test_the_page_is_self_contained_and_says_that_it_is_simulated(page: str) -> None:
     check_self_contained(page)
-    assert page.count("<svg") == 7
+    assert page.count("<svg") == 8
     assert words_of(page).startswith("Sweep: one SIMULATED")
 
 

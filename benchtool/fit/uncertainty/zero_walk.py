@@ -1,8 +1,8 @@
-"""How a load cell's zero wanders: 1/f noise and a random walk, as stated and as a run shows it."""
+"""The walk of a load cell's zero as the still stretches of a run show it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import code_of, speed_columns
 from benchtool.data.run.read import is_run, read_samples, sample_names
-
-DECADES_S = tuple(10.0**power for power in np.arange(-0.5, 5.0))
-"""Time constants whose sum stands for 1/f noise: one a decade, flat within 5 % between."""
+from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance
 
 PRIOR_LN = 0.7
 """Standard deviation of the logarithm of a stated walk, a factor of two; a guess."""
@@ -29,45 +27,6 @@ MOST_BINS = 240
 
 BIN_S, SETTLED_S = 0.5, 0.4
 """Shortest span of a mean, and what is left out after rotors stopped; choices."""
-
-
-@dataclass(frozen=True, slots=True)
-class ZeroNoise:
-    """State how the zero of a load cell wanders.
-
-    Attributes:
-        walk: standard deviation of its random walk after one second: N/sqrt(s).
-        flicker: standard deviation of its 1/f noise over one decade of frequency: N.
-        dof: degrees of freedom behind the walk; infinite where it is stated.
-    """
-
-    walk: float = 0.0
-    flicker: float = 0.0
-    dof: float = np.inf
-
-
-def zero_covariance(since_s: Array, noise: ZeroNoise) -> Array:
-    """Return the covariance (m, m) of the zero at times (m,) since it was last known: N2.
-
-    A random walk has w^2 min(t, t'). 1/f noise is a sum of Ornstein-Uhlenbeck processes of equal
-    variance, their time constants a decade apart (Kasdin, Proc. IEEE 83, 1995), less its value
-    when the zero was known.
-    """
-    t = np.concatenate([[0.0], since_s])
-    apart = np.abs(t[:, None] - t)
-    own = np.sum([np.exp(-apart / tau) for tau in DECADES_S], axis=0) * noise.flicker**2
-    flicker = own[1:, 1:] - own[1:, :1] - own[:1, 1:] + own[0, 0]
-    out: Array = noise.walk**2 * np.minimum(since_s[:, None], since_s) + flicker
-    return out
-
-
-def zero_noise(points: Recording, rig: Rig) -> ZeroNoise:
-    """Return the noise of a run's zero: as its samples show it (`with_zero_walk`), else stated."""
-    cell = rig.sensors.get("thrust_N", Sensor())
-    walk, dof = (points.provenance.get(name, "") for name in ("zero_walk", "zero_walk_dof"))
-    if not walk:
-        return ZeroNoise(cell.walk, cell.flicker)
-    return ZeroNoise(float(walk), cell.flicker, float(dof))
 
 
 def with_zero_walk(points: Recording, path: str, rig: Rig) -> Recording:

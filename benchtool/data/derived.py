@@ -1,0 +1,347 @@
+"""Work out the quantities of a recording's rows, with the errors of everything behind them.
+
+Every input is moved by its standard uncertainty, alone, to either side, and everything that
+follows from it is worked out anew: half the difference is what that input contributes (JCGM
+100:2008, 5.1.3 note 2). So a figure of merit knows that the density in its C_T is that in its C_P.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import pi, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchtool.core.air import STANDARD_DEGC, STANDARD_DENSITY_KG_M3, relative_density_sd
+from benchtool.core.array import Array
+from benchtool.core.channel import Channel, error_name, unit_in_name
+from benchtool.core.error_source import ErrorSource, Uncertain
+from benchtool.core.errors import FileFormatError
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Motor, Propeller, Rig, Sensor
+from benchtool.core.toml_text import build
+from benchtool.data.columns import speed_columns
+from benchtool.data.quantities import DATA_SHEET, MEASURED, QUANTITIES, Quantity
+from benchtool.data.run.facts import read_metadata
+from benchtool.data.run.ratios import standard_error
+from benchtool.data.run.read import is_run
+from benchtool.data.run.run_rig import run_rig
+from benchtool.data.run.zero_noise import zero_covariance, zero_noise
+
+DATA_SHEET_SD = 0.05
+"""Relative standard uncertainty of a number of a motor's data sheet; a guess."""
+
+UNMEASURED_DENSITY_SD, UNMEASURED_K = 0.03, 6.0
+"""Standard uncertainties, relative and in kelvin, of air that nobody measured: 5 to 25 degC, up to
+500 m above the sea and any weather, taken as uniform; guesses."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stated:
+    """State a number that no channel holds, with its standard uncertainty and who states it."""
+
+    value: float
+    sd: float = 0.0
+    unit: str = "1"
+    origin: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Circumstances:
+    """Hold what is known of a bench beside its channels.
+
+    Attributes:
+        stated: diameter, chord, air and motor, by the names of `Quantity.of`.
+        scales: relative standard uncertainty of a channel's scale, and who states it.
+        sensors: of the rig; they say how far off a mean is where a recording does not.
+        rig: of a run; None for a foreign file.
+    """
+
+    stated: Mapping[str, Stated] = field(default_factory=dict)
+    scales: Mapping[str, Stated] = field(default_factory=dict)
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
+    rig: Rig | None = None
+
+
+def circumstances(
+    propeller: Propeller | None,
+    air: Mapping[str, Any] | None,
+    motor: Motor | None = None,
+    rig: Rig | None = None,
+    calibration: Mapping[str, Any] | None = None,
+) -> Circumstances:
+    """Return what a run's or recording's facts say.
+
+    Args:
+        propeller: diameter and, where it is known, chord.
+        air: as `Air.facts` returns it; None where nobody stated it.
+        motor: numbers of its data sheet.
+        rig: whose sensors measured.
+        calibration: of the load cell.
+    """
+    stated = dict(_air(air or {}))
+    if propeller is not None:
+        own, relative = propeller.name, propeller.diameter_sd
+        d = propeller.diameter_m
+        stated["diameter_m"] = Stated(value=d, sd=d * relative, unit="m", origin=own)
+        if (c := propeller.chord_m) is not None:
+            stated["chord_m"] = Stated(value=c, sd=c * propeller.chord_sd, unit="m", origin=own)
+    if motor is not None and motor.has_curve:
+        for name, unit in zip(DATA_SHEET, ("1", "1", "A"), strict=True):
+            value = float(getattr(motor, name))
+            origin = f"data sheet, {100.0 * DATA_SHEET_SD:g} % assumed"
+            sd = DATA_SHEET_SD * value
+            stated[name] = Stated(value=value, sd=sd, unit=unit, origin=origin)
+    sensors = {} if rig is None else rig.sensors
+    scales = {
+        name: Stated(value=1.0, sd=sensor.scale_sd, origin=f"rig {rig.name}" if rig else "")
+        for name, sensor in sensors.items()
+        if sensor.scale_sd
+    }
+    if calibration:
+        sd, number = float(calibration["relative_sd"]), str(calibration["id"])
+        scales["thrust_N"] = Stated(value=1.0, sd=sd, origin=f"calibration {number}")
+    return Circumstances(stated=stated, scales=scales, sensors=sensors, rig=rig)
+
+
+def _air(facts: Mapping[str, Any]) -> Iterator[tuple[str, Stated]]:
+    """Give density and temperature of the air."""
+    degC = float(facts.get("temperature_degC", STANDARD_DEGC))
+    density = float(facts.get("density_kg_m3", STANDARD_DENSITY_KG_M3))
+    relative, kelvin, origin = UNMEASURED_DENSITY_SD, UNMEASURED_K, "standard air, nobody measured"
+    if facts.get("measured"):
+        here = degC, float(facts["pressure_Pa"]), float(facts["humidity"])
+        relative, kelvin, origin = relative_density_sd(*here), 1.0 / sqrt(3.0), "measured air"
+    elif facts.get("stated"):
+        relative, origin = 0.0, "density as stated"
+    sd = density * relative
+    yield "density_kg_m3", Stated(value=density, sd=sd, unit="kg/m3", origin=origin)
+    yield "air_degC", Stated(value=degC, sd=kelvin, unit="K", origin=origin)
+
+
+def run_circumstances(folder: Path) -> Circumstances:
+    """Return the circumstances of a run folder; those of standard air alone for anything else."""
+    if not is_run(folder):
+        return circumstances(None, None)
+    facts = read_metadata(folder)
+    try:
+        rig = run_rig(folder, facts)
+    except FileFormatError:
+        return circumstances(None, facts.get("air"))
+    own = Propeller(name=f"rig {rig.name}", diameter_m=2.0 * rig.propulsion.radius_m)
+    return circumstances(
+        rig.propeller or own, facts.get("air"), rig.motor, rig, facts.get("calibration")
+    )
+
+
+def recording_circumstances(facts: Mapping[str, Any], where: str) -> Circumstances:
+    """Return the circumstances of a recording file by the JSON beside it."""
+    known = facts.get("propeller")
+    propeller = build(Propeller, known, f"{where}: propeller") if known else None
+    return circumstances(propeller, facts.get("air"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuantityValues(Uncertain):
+    """Hold a quantity of every row of a recording.
+
+    Attributes:
+        origin: whether it is measured, written by the stand, or follows from what, in words.
+    """
+
+    quantity: Quantity
+    origin: str
+
+    @property
+    def name(self) -> str:
+        """The name of its column."""
+        return self.quantity.name
+
+    def averaged(self, groups: Array) -> QuantityValues:
+        """Return means over the rows of each group (m,), in ascending order of the groups (n,).
+
+        The own error of a mean is that of its rows, or their scatter where that is larger.
+        """
+        names, group = np.unique(groups, return_inverse=True)
+        weights = (group == np.arange(len(names))[:, None]) & np.isfinite(self.value)
+        count = weights.sum(axis=1)
+        share = weights / np.where(count > 0, count, np.nan)[:, None]
+        value = np.nan_to_num(self.value)
+        mean = share @ value
+        scatter = np.sqrt(np.sum(share * (value - mean[:, None]) ** 2, axis=1))
+        over = np.where(count > 1, scatter / np.sqrt(np.maximum(count - 1, 1)), np.nan)
+        shown = np.where(weights, self.standard_error, 0.0)
+        own = np.sqrt(np.sum((share * shown) ** 2, axis=1))
+        sources = tuple(
+            replace(source, columns=share @ np.nan_to_num(source.columns))
+            for source in self.error_sources
+        )
+        return replace(self, value=mean, standard_error=np.fmax(own, over), error_sources=sources)
+
+
+Values = dict[str, Any]
+
+
+def derive(recording: Recording, known: Circumstances) -> tuple[QuantityValues, ...]:
+    """Return every quantity that a recording's channels and its circumstances allow.
+
+    A quantity that the recording holds is taken as it stands there, without an error of its own.
+    """
+    given = _inputs(recording, known)
+    middle = _evaluate(given)
+    found = [one for one in QUANTITIES if _any(middle.get(one.name))]
+    own: dict[str, Array] = {one.name: np.zeros(len(recording)) for one in found}
+    for name, row, error in _own_errors(recording, known, given):
+        for key, part in _contributions(given, name, error, [q.name for q in found], row).items():
+            own[key] = np.hypot(own[key], part)
+    shared: dict[str, list[ErrorSource]] = {one.name: [] for one in found}
+    for label, name, stated, error in _shared_errors(known, given):
+        for key, part in _contributions(given, name, error, list(shared)).items():
+            if np.any(np.nan_to_num(part) != 0.0):
+                shared[key].append(
+                    ErrorSource(
+                        name=label, kind="B", unit=stated.unit, sd=stated.sd,
+                        columns=part[:, None], origin=stated.origin,
+                    )
+                )  # fmt: skip
+    return tuple(
+        QuantityValues(
+            np.asarray(middle[one.name], float), own[one.name], tuple(shared[one.name]), one,
+            _origin(one, recording, given, known),
+        )
+        for one in found
+    )  # fmt: skip
+
+
+def _any(values: Any) -> bool:
+    return values is not None and bool(np.isfinite(values).any())
+
+
+def _inputs(recording: Recording, known: Circumstances) -> Values:
+    """Return what quantities are worked out from: channels, speeds, stated numbers."""
+    given: Values = {name: one.value for name, one in known.stated.items()}
+    wanted = dict.fromkeys((*MEASURED, *(quantity.name for quantity in QUANTITIES)))
+    for name in wanted:
+        if name in recording and _any(recording.column(name)):
+            given[name] = recording.si(name)
+    if names := speed_columns(recording.names, "rpm"):
+        given["speed_rad_s"] = np.array([recording.si(name) for name in names])
+        turning = [row for row in given["speed_rad_s"] if np.any(row > 0.0)]
+        if len(turning) == 1:
+            given["shaft_rad_s"] = turning[0]
+    if "shaft_rad_s" not in given and "speed_rad_s" in given:
+        given.pop("torque_Nm", None)  # of several rotors a stand measures a sum that cancels
+    if "torque_Nm" in given:  # its sign is that of the spin
+        given["torque_Nm"] = given["torque_Nm"] * np.sign(
+            np.nansum(given["torque_Nm"] * given.get("shaft_rad_s", 1.0))
+        )
+    return given
+
+
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
+def _evaluate(given: Values) -> Values:
+    found = dict(given)
+    for quantity in QUANTITIES:
+        if quantity.name not in found and found.keys() >= set(quantity.needs):
+            found[quantity.name] = quantity.of(**{name: found[name] for name in quantity.needs})
+    return found
+
+
+def _contributions(
+    given: Values, name: str, error: Any, wanted: Sequence[str], row: int | None = None
+) -> dict[str, Array]:
+    """Return the change of each wanted quantity (n,) by one standard uncertainty of an input.
+
+    Args:
+        row: rotor whose speed errs alone; None for all.
+    """
+    step = error
+    if row is not None:
+        step = np.zeros_like(given[name])
+        step[row] = error
+    moved = [_evaluate(_with(given, name, given[name] + sign * step)) for sign in (1.0, -1.0)]
+    return {
+        key: np.asarray(0.5 * (moved[0][key] - moved[1][key]), float)
+        for key in wanted
+        if key in moved[0]
+    }
+
+
+def _with(given: Values, name: str, value: Any) -> Values:
+    """Return inputs with another value of one; the shaft's speed follows that of its rotor."""
+    changed = {**given, name: value}
+    if name == "speed_rad_s" and "shaft_rad_s" in given:
+        changed["shaft_rad_s"] = max(value, key=lambda row: float(np.nansum(row)))
+    return changed
+
+
+def _own_errors(
+    recording: Recording, known: Circumstances, given: Values
+) -> Iterator[tuple[str, int | None, Array]]:
+    """Give each input that errs row by row, the rotor it is of, and its standard error (n,)."""
+    for name in given.keys() & {*MEASURED, *(quantity.name for quantity in QUANTITIES)}:
+        error = standard_error(recording, name, known.sensors)
+        if name == "thrust_N" and known.rig is not None and "elapsed_s" in recording:
+            since_s = np.nan_to_num(recording.column("elapsed_s"))
+            zero = zero_covariance(since_s, zero_noise(recording, known.rig))
+            error = np.hypot(error, np.sqrt(np.maximum(np.diag(zero), 0.0)))
+        yield name, None, error
+    for row, name in enumerate(speed_columns(recording.names, "rpm")):
+        if np.any(given["speed_rad_s"][row] > 0.0):
+            yield "speed_rad_s", row, standard_error(recording, name, known.sensors) * pi / 30.0
+
+
+def _shared_errors(known: Circumstances, given: Values) -> Iterator[tuple[str, str, Stated, Any]]:
+    """Give name, input, statement and change of the input of every error that rows share."""
+    for name, stated in known.stated.items():
+        if stated.sd:
+            yield LABELS.get(name, name), name, stated, stated.sd
+    for channel, stated in known.scales.items():
+        name = "speed_rad_s" if channel == "rpm" else channel
+        if name in given:
+            yield f"{channel.split('_')[0]} scale", name, stated, stated.sd * given[name]
+
+
+LABELS = {
+    "diameter_m": "diameter", "chord_m": "chord", "density_kg_m3": "air density",
+    "air_degC": "air temperature", "Kv_rpm_V": "Kv of the motor",
+    "resistance_ohm": "resistance of the motor", "no_load_current_A": "no-load current",
+}  # fmt: skip
+"""What the errors of stated numbers are called."""
+
+
+def _origin(quantity: Quantity, recording: Recording, given: Values, known: Circumstances) -> str:
+    if quantity.name in given:
+        return "measured" if quantity.name in MEASURED else "as the file states it"
+    leaves: dict[str, None] = {}
+    pending = list(quantity.needs)
+    table = {one.name: one for one in QUANTITIES}
+    while pending:
+        name = pending.pop(0)
+        if name in given:
+            leaves[name] = None
+        else:
+            pending += table[name].needs
+    channels = [
+        "rpm" if name in ("speed_rad_s", "shaft_rad_s") else name
+        for name in leaves
+        if name not in known.stated
+    ]
+    words = f"from {', '.join(dict.fromkeys(channels))}"
+    sheet = [name for name in leaves if name in DATA_SHEET]
+    return f"{words} and the data sheet ({', '.join(sheet)})" if sheet else words
+
+
+def with_quantities(recording: Recording, found: Sequence[QuantityValues]) -> Recording:
+    """Return a recording with a column for each quantity and one for its standard error.
+
+    Columns that it has are left as they are; an error that nobody knows has none.
+    """
+    for one in found:
+        for name, values in ((one.name, one.value), (error_name(one.name), one.total_error)):
+            if name not in recording and (name == one.name or _any(values)):
+                recording = recording.with_column(Channel(name, unit_in_name(name)), values)
+    return recording

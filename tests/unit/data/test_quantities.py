@@ -1,0 +1,274 @@
+"""Every quantity against a hand computation, its error against the closed formula."""
+
+from __future__ import annotations
+
+from math import hypot, isnan, pi, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.core.channel import Channel, error_name, unit_in_name
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Motor, Propeller
+from benchtool.data.derived import (
+    DATA_SHEET_SD,
+    UNMEASURED_DENSITY_SD,
+    QuantityValues,
+    circumstances,
+    derive,
+    with_quantities,
+)
+from benchtool.data.formats.formats import import_file
+from benchtool.data.quantities import QUANTITIES, following
+from benchtool.data.repairs.imported import Options
+
+RPM, THRUST_N, TORQUE_NM, VOLTAGE_V, CURRENT_A = 6000.0, 8.0, 0.12, 14.8, 7.0
+DIAMETER_M, CHORD_M = 0.254, 0.0258
+PROPELLER = Propeller(name="10x7", diameter_m=DIAMETER_M, blades=2, chord_m=CHORD_M)
+RHO = 1.16
+AIR = {
+    "temperature_degC": 25.0, "pressure_Pa": 1e5, "humidity": 0.5, "density_kg_m3": RHO,
+    "measured": True,
+}  # fmt: skip
+
+BY_HAND = {
+    "power_W": 103.6,  # 14.8 * 7
+    "mechanical_power_W": 75.39822,  # 0.12 * 628.31853
+    "efficiency_N_W": 0.0772201,  # 8/103.6
+    "efficiency_gf_W": 7.874259,  # 0.0772201/0.00980665
+    "motor_efficiency": 0.727782,  # 75.39822/103.6
+    "propeller_efficiency_N_W": 0.1061033,  # 8/75.39822
+    "ct": 0.165690,  # 8/(1.16 * 100^2 * 0.254^4): 8/48.28285
+    "cp": 0.0614801,  # 75.39822/(1.16 * 100^3 * 0.254^5): 75.39822/1226.384
+    "figure_of_merit": 0.875287,  # 0.7978846 * 0.165690^1.5/0.0614801
+    "tip_mach": 0.230527,  # 79.79645/sqrt(1.4 * 287.05287 * 298.15): 79.79645/346.1484
+    "reynolds_75": 97489.5,  # 0.87 * 79.79645 * 0.0258/1.837234e-5
+}
+
+
+def table(**columns: float | list[float]) -> Recording:
+    """Return a recording of these columns."""
+    return Recording.from_columns(
+        [(Channel(name, unit_in_name(name)), np.atleast_1d(v)) for name, v in columns.items()]
+    )
+
+
+ROW = {
+    "thrust_N": THRUST_N, "torque_Nm": TORQUE_NM, "voltage_V": VOLTAGE_V, "current_A": CURRENT_A,
+    "rpm1": RPM,
+}  # fmt: skip
+ERRORS = {
+    "thrust_se_N": 0.02, "torque_se_Nm": 6e-4, "voltage_se_V": 0.01, "current_se_A": 0.03,
+    "rpm1_se": 4.0,
+}  # fmt: skip
+
+
+def found(recording: Recording, **known: object) -> dict[str, QuantityValues]:
+    """Return what is derived, by name."""
+    facts = circumstances(PROPELLER, AIR) if not known else circumstances(**known)  # type: ignore[arg-type]
+    return {one.name: one for one in derive(recording, facts)}
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_a_quantity_is_what_a_hand_computes(name: str) -> None:
+    assert found(table(**ROW))[name].value[0] == pytest.approx(BY_HAND[name], rel=2e-5)
+
+
+def test_every_quantity_of_the_table_is_checked_by_hand() -> None:
+    assert {one.name for one in QUANTITIES} == {*BY_HAND, "torque_Nm"}
+
+
+def test_torque_of_a_data_sheet_is_the_winding_current_over_kv() -> None:
+    motor = Motor(Kv_rpm_V=900.0, resistance_ohm=0.1, no_load_current_A=0.6)
+    row = {key: value for key, value in ROW.items() if key != "torque_Nm"}
+    got = found(table(**row), propeller=PROPELLER, air=AIR, motor=motor)
+    # (6.66667 + 0.1 I) I = 103.6 W has I = 13.00359 A;
+    # (13.00359 - 0.6) A * 0.01061033 V s = 0.131606 N m.
+    assert got["torque_Nm"].value[0] == pytest.approx(0.131606, rel=1e-5)
+    assert got["mechanical_power_W"].value[0] == pytest.approx(0.131606 * RPM * pi / 30.0, rel=1e-5)
+    assert "data sheet" in got["cp"].origin
+    assert "data sheet" not in got["ct"].origin
+    kv = next(one for one in got["torque_Nm"].error_sources if one.name == "Kv of the motor")
+    assert kv.sd == DATA_SHEET_SD * 900.0
+    assert "data sheet" in kv.origin
+
+
+def test_a_measured_torque_goes_before_the_data_sheet() -> None:
+    motor = Motor(Kv_rpm_V=900.0, resistance_ohm=0.1)
+    got = found(table(**ROW), propeller=PROPELLER, air=AIR, motor=motor)
+    assert got["torque_Nm"].value[0] == TORQUE_NM
+    assert got["torque_Nm"].origin == "measured"
+    assert not any("data sheet" in one.origin for one in got.values())
+
+
+def test_own_errors_are_those_of_the_closed_formulae() -> None:
+    got = found(table(**ROW, **ERRORS))
+    t, q, n = 0.02 / THRUST_N, 6e-4 / TORQUE_NM, 4.0 / RPM
+    power = hypot(0.01 / VOLTAGE_V, 0.03 / CURRENT_A)
+    relative = {
+        "power_W": power, "mechanical_power_W": hypot(q, n), "efficiency_N_W": hypot(t, power),
+        "motor_efficiency": hypot(q, n, power), "propeller_efficiency_N_W": hypot(t, q, n),
+        "ct": hypot(t, 2 * n), "cp": hypot(q, 2 * n), "tip_mach": n, "reynolds_75": n,
+        # C_T^1.5/C_P = T^1.5/(Q n^3/n^2...): n^-3 from C_T^1.5 and n^2 from C_P leave n^-1.
+        "figure_of_merit": hypot(1.5 * t, q, n),
+    }  # fmt: skip
+    for name, expected in relative.items():
+        one = got[name]
+        assert one.standard_error[0] / one.value[0] == pytest.approx(expected, rel=1e-3), name
+
+
+def test_shared_errors_of_air_and_geometry_are_counted_once_in_each() -> None:
+    loose = Propeller(name="loose", diameter_m=DIAMETER_M, chord_m=CHORD_M, diameter_sd=0.004)
+    got = found(table(**ROW, **ERRORS), propeller=loose, air=None)
+
+    def shares(name: str) -> dict[str, float]:
+        one = got[name]
+        return {s.name: abs(float(s.columns[0, 0])) / one.value[0] for s in one.error_sources}
+
+    d, rho = 0.004, UNMEASURED_DENSITY_SD
+    assert shares("ct") == pytest.approx({"diameter": 4 * d, "air density": rho}, rel=2e-3)
+    assert shares("cp") == pytest.approx({"diameter": 5 * d, "air density": rho}, rel=2e-3)
+    # C_T^1.5/C_P: D^-6 D^5 and rho^-1.5 rho.
+    assert shares("figure_of_merit") == pytest.approx(
+        {"diameter": d, "air density": rho / 2}, rel=3e-3
+    )
+    assert shares("power_W") == {}
+    total = got["ct"].total_error[0] / got["ct"].value[0]
+    own = got["ct"].standard_error[0] / got["ct"].value[0]
+    assert total == pytest.approx(hypot(own, 4 * d, rho), rel=2e-3)
+
+
+def test_an_error_that_nobody_states_is_nan_and_no_small_number() -> None:
+    known = {key: value for key, value in ERRORS.items() if key != "current_se_A"}
+    got = found(table(**ROW, **known))
+    assert isnan(got["power_W"].total_error[0])
+    assert isnan(got["efficiency_N_W"].total_error[0])
+    assert np.isfinite(got["ct"].total_error[0])
+
+
+@pytest.mark.parametrize(
+    ("missing", "gone"),
+    [
+        ("torque_Nm", {"torque_Nm", *following("torque_Nm")}),
+        ("current_A", set(following("current_A"))),
+        ("thrust_N", set(following("thrust_N"))),
+        ("rpm1", {*following("rpm1")}),
+    ],
+)  # fmt: skip
+def test_only_what_the_bench_measures_appears(missing: str, gone: set[str]) -> None:
+    left = found(table(**{key: value for key, value in ROW.items() if key != missing}))
+    assert set(found(table(**ROW))) - set(left) == gone
+
+
+def test_what_follows_from_torque_is_named() -> None:
+    assert set(following("torque_Nm")) == {
+        "mechanical_power_W", "motor_efficiency", "propeller_efficiency_N_W", "cp",
+        "figure_of_merit",
+    }  # fmt: skip
+
+
+def test_without_chord_there_is_no_reynolds_number_and_without_propeller_no_coefficient() -> None:
+    bare = Propeller(name="bare", diameter_m=DIAMETER_M)
+    assert "reynolds_75" not in found(table(**ROW), propeller=bare, air=AIR)
+    none = found(table(**ROW), propeller=None, air=AIR)
+    assert not {"ct", "cp", "figure_of_merit", "tip_mach"} & set(none)
+    assert "motor_efficiency" in none
+
+
+def test_of_several_rotors_squares_and_cubes_are_summed_and_torque_is_left_out() -> None:
+    row = {**ROW, "rpm1": 6000.0, "rpm2": 3000.0}
+    got = found(table(**row))
+    by_hand = THRUST_N / (RHO * (100.0**2 + 50.0**2) * DIAMETER_M**4)
+    assert got["ct"].value[0] == pytest.approx(by_hand)
+    assert got["tip_mach"].value[0] == pytest.approx(BY_HAND["tip_mach"], rel=2e-4)
+    assert not {"torque_Nm", "cp", "mechanical_power_W"} & set(got)
+
+
+def test_a_rotor_at_rest_has_no_coefficient_and_nothing_warns() -> None:
+    got = found(table(**{key: [value, 0.0] for key, value in ROW.items()}))
+    assert np.isfinite(got["ct"].value[0])
+    assert isnan(got["ct"].value[1])
+    assert isnan(got["efficiency_N_W"].value[1])
+
+
+def test_a_torque_cell_of_the_other_sign_gives_a_positive_power() -> None:
+    got = found(table(**{**ROW, "torque_Nm": -TORQUE_NM}))
+    assert got["mechanical_power_W"].value[0] == pytest.approx(
+        BY_HAND["mechanical_power_W"], rel=1e-4
+    )
+
+
+def test_means_of_visits_take_the_scatter_where_it_is_larger() -> None:
+    columns = {key: [value] * 4 for key, value in {**ROW, **ERRORS}.items()}
+    columns["thrust_N"] = [8.0, 8.4, 8.0, 8.002]
+    ct = found(table(**columns))["ct"]
+    means = ct.averaged(np.array([1.0, 1.0, 2.0, 2.0]))
+    assert means.value == pytest.approx([ct.value[:2].mean(), ct.value[2:].mean()])
+    assert means.standard_error[0] == pytest.approx(ct.value[:2].std(ddof=1) / sqrt(2.0))
+    assert means.standard_error[1] == pytest.approx(hypot(*ct.standard_error[2:]) / 2.0)
+    share = ct.error_sources[0].columns[0, 0]
+    assert means.error_sources[0].columns[1, 0] == pytest.approx(share, rel=2e-3)
+
+
+def test_columns_carry_units_and_errors_stand_beside_them() -> None:
+    recording = table(**ROW, **ERRORS)
+    known = circumstances(PROPELLER, AIR)
+    wide = with_quantities(recording, derive(recording, known))
+    assert error_name("efficiency_N_W") == "efficiency_se_N_W"
+    units = {channel.name: channel.unit for channel in wide.channels}
+    assert units["efficiency_gf_W"] == units["efficiency_se_gf_W"] == "gf/W"
+    assert units["efficiency_se_N_W"] == "N/W"
+    assert units["ct_se"] == "1"
+    assert wide.column("torque_se_Nm")[0] == ERRORS["torque_se_Nm"]
+
+
+UIUC = {"apcsf_10x7_static_kt0827": 0.254, "apce_16x8_static_2150od": 0.4064}
+
+
+@pytest.mark.parametrize("name", UIUC)
+def test_coefficients_of_the_uiuc_tables_come_back(name: str, reference_data: Path) -> None:
+    path = reference_data / "uiuc" / f"{name}.txt"
+    recording = import_file(path, Options(air_density_kg_m3=1.18)).recording
+    ct, cp = recording.column("ct"), recording.column("cp")
+    air = {"density_kg_m3": 1.18, "stated": True}
+    propeller = Propeller(name=name, diameter_m=UIUC[name])
+    bare = recording.without(["ct", "cp"])  # from thrust and torque alone
+    got = {one.name: one for one in derive(bare, circumstances(propeller, air))}
+    assert got["ct"].value == pytest.approx(ct)
+    assert got["cp"].value == pytest.approx(cp)
+    assert got["figure_of_merit"].value == pytest.approx(sqrt(2.0 / pi) * ct**1.5 / cp)
+    kept = {one.name: one for one in derive(recording, circumstances(propeller, air))}
+    assert kept["ct"].origin == "as the file states it"
+
+
+WRITTEN = ("power_W", "mechanical_power_W", "motor_efficiency", "efficiency_N_W",
+           "propeller_efficiency_N_W")  # fmt: skip
+
+
+def test_powers_and_efficiencies_that_a_stand_writes_agree_with_its_own_channels(
+    reference_data: Path,
+) -> None:
+    path = reference_data / "rcbenchmark_1580" / "StepsTest_2020-05-22_102946.csv"
+    recording = import_file(path).recording
+    bare = recording.without(WRITTEN)
+    got = {one.name: one.value for one in derive(bare, circumstances(None, None))}
+    for name in WRITTEN:
+        # The program works out samples and then averages: at small torques means of quotients
+        # are larger than quotients of means.
+        loaded = recording.column("thrust_N") > (0.2 if name.startswith("propeller") else 0.0)
+        ratio = recording.column(name)[loaded] / got[name][loaded]
+        assert ratio == pytest.approx(1.0, abs=0.003), name
+        assert loaded.sum() >= 10
+
+
+def test_what_a_stand_worked_out_is_left_out_after_a_repair_of_what_it_follows_from(
+    reference_data: Path,
+) -> None:
+    path = reference_data / "rcbenchmark_1580" / "StepsTest_2020-05-22_102946.csv"
+    read = import_file(path, Options(scale=("rpm1=1/2",)))
+    assert {"power_W", "efficiency_N_W"} <= set(read.recording.names)
+    assert not {"mechanical_power_W", "motor_efficiency"} & set(read.recording.names)
+    stale = next(one for one in read.findings if one.what == "stale columns")
+    assert stale.count == 3
+    assert "repair of rpm1" in stale.words
