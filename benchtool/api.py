@@ -6,14 +6,16 @@ wrong one is refused with the same sentence.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import monotonic
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
+from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.operator import Operator, Unattended
+from benchtool.acquire.sweep_run import base_inputs, sweep_to_run
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import make
 from benchtool.core.own_code import CodePermit, refuse_code
@@ -29,14 +31,13 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model as _load_model
 from benchtool.report.answer.page import ANSWER
-from benchtool.report.figure import Page, drawn
 from benchtool.report.fit.page import FIT, sentence
 from benchtool.report.flight import flight as flight_report
 from benchtool.report.flight import pitch_study as pitch_report
-from benchtool.report.html import inline_svg, write_report
 from benchtool.report.replay.recorded import Recorded, read_recorded
 from benchtool.report.replay.stand import STAND
 from benchtool.report.report_file import kind_of
+from benchtool.report.result import Result
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
@@ -48,89 +49,14 @@ from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
 __all__ = [
     "Effect", "Model", "Result", "Rig", "explain", "fit", "load_model", "load_rig", "read",
-    "simulate_flight", "simulate_pitch",
+    "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
-Found = TypeVar("Found")
 Controllers = Iterable[str | type[Any]]
 """Controllers: names of built-in ones, and classes of your own."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Result(Generic[Found]):
-    """Hold what a call found, and show it: as text, figures, tables, a page.
-
-    Attributes:
-        found: everything that was worked out, as the rest of benchtool takes it.
-        path: of the run or recording that it was read from; None where there is none.
-    """
-
-    found: Found
-    path: Path | None = None
-    _page: Page
-    _summary: Callable[[Found], str]
-    _tables: Mapping[str, Callable[[Found], pd.DataFrame]] = field(default_factory=dict)
-
-    def summary(self) -> str:
-        """Return what was found, in a few sentences or lines."""
-        return self._summary(self.found)
-
-    @property
-    def tables(self) -> tuple[str, ...]:
-        """Names of the tables that `to_dataframe` returns."""
-        return tuple(self._tables)
-
-    def to_dataframe(self, table: str = "") -> pd.DataFrame:
-        """Return a table by name, the first of `tables` when left out; units in `.attrs`."""
-        name = table or self.tables[0]
-        if name not in self._tables:
-            raise UnknownChoice("table", name, self._tables)
-        return self._tables[name](self.found)
-
-    def figures(self) -> dict[str, Figure]:
-        """Return every figure of the report page, by name."""
-        return {
-            name: block.figure
-            for name, block in drawn(self._page.name, self.found, self._page.figures).items()
-        }
-
-    def plot(self, figure: str = "") -> Figure:
-        """Return a figure by name, the first of the report page when left out."""
-        if figure:
-            found = drawn(self._page.name, self.found, [figure])
-            if not found:
-                raise InputError(f"there is nothing to draw in figure {figure!r} of this result")
-            return next(iter(found.values())).figure
-        for name in self._page.figures:
-            if found := drawn(self._page.name, self.found, [name]):
-                return next(iter(found.values())).figure
-        raise InputError("there is nothing to draw in this result")
-
-    def report(self, path: str | Path) -> Path:
-        """Write the report page, one self-contained HTML file, and return its path.
-
-        Raises:
-            WouldOverwrite: the file exists.
-        """
-        return write_report(Path(path), self._page.report(self.found))
-
-    def __repr__(self) -> str:
-        return self.summary()
-
-    def _repr_html_(self) -> str:
-        """Return summary, first table and first figure for a notebook."""
-        from html import escape
-
-        parts = [f"<pre style='white-space: pre-wrap'>{escape(self.summary())}</pre>"]
-        if self._tables:
-            parts.append(str(self.to_dataframe().head(12).to_html()))
-        with suppress(InputError):  # nothing to draw
-            parts.append(inline_svg(self.plot(), f"bt{id(self)}"))
-        return "<div>" + "\n".join(parts) + "</div>"
 
 
 def load_rig(rig: str | Path) -> Rig:
@@ -184,6 +110,53 @@ def _sweep(path: Path) -> Result[SweepRun]:
         found=run, path=path, _page=SWEEP, _summary=lambda run: str(SWEEP.summary(run)),  # type: ignore[operator]
         _tables=tables,
     )  # fmt: skip
+
+
+def sweep(
+    bench: str = "",
+    rig: Rig | str | Path | None = None,
+    *,
+    yes: bool = False,
+    operator: Operator | None = None,
+    permit: CodePermit = refuse_code,
+    **options: Any,
+) -> Result[SweepRun]:
+    """Sweep plate distance and throttle into a run folder, as `benchtool sweep` does, and read it.
+
+    Motors turn. Whatever ends the sweep, Ctrl-C or *Interrupt* of a notebook among it, stops them;
+    a signal is seen where this is called in the main thread, as notebooks do.
+    Tables: those of `read`.
+
+    Args:
+        bench: address, as ``"sim:pquad"``; not needed with ``resume=``.
+        rig: on the bench; the one that a ``sim:`` address names when left out.
+        yes: confirms that motors may turn, where nobody types it: on a simulated bench, or one
+            whose `benchtool bench check` passed today.
+        operator: whom to ask in place of `yes`.
+        permit: called with Python files that the address names; refused when left out.
+        options: of the command by name: ``z_over_r=(0.6, 1, 2)``, ``pwm=(1500, 1600)``,
+            ``repeats=3``, ``plan="plan.toml"``, ``out="run"``, ``resume="run"``.
+
+    Raises:
+        InputError: nobody has confirmed, or the inputs do not say enough; nothing was spun.
+        BenchError, RunStopped: why it ended early; motors are at zero, what was measured is in
+            the run folder.
+    """
+    if not yes and operator is None:
+        raise InputError(
+            "nothing was armed: bt.sweep turns motors, and nobody has confirmed that; give "
+            "yes=True (for a simulated bench, or one whose bench check passed today), or type "
+            "benchtool sweep in a terminal, which asks before it arms"
+        )
+    if options.pop("dry_run", False):
+        raise InputError("dry_run is of the command: benchtool sweep ADDRESS --dry-run")
+    rig_name = None if isinstance(rig, Rig) or rig is None else str(rig)
+    given = {"address": bench or None, "rig": rig_name, "yes": yes} | options
+    inputs = make(SweepInputs, given, base=base_inputs(given, "keyword"))
+    stands = rig if isinstance(rig, Rig) else None
+    run = sweep_to_run(inputs, operator or Unattended(), permit, stands)
+    assert run is not None
+    return _sweep(run.path)
 
 
 Data = str | Path | Result[Any]

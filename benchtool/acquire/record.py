@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.acquire.order import Visit
+from benchtool.acquire.order import Visit, minutes
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.standstill import Standstill
@@ -195,6 +195,35 @@ class RunProgress:
 
     def happened(self, event: Event) -> None:
         """Receive an event that is on the disk."""
+
+
+QUIET = frozenset({"device"})
+"""Events that stand in events.jsonl but are not shown."""
+
+
+class ProgressLines(RunProgress):
+    """Say one line for every point and event."""
+
+    def __init__(self, radius_m: float, say: Callable[[str], None]) -> None:
+        self._radius_m, self._say = radius_m, say
+        self._visits = self._done = 0
+
+    def started(self, visits: int, done: int, expected_s: float) -> None:
+        self._visits, self._done = visits, done
+        self._say(f"{visits - done} of {visits} visits to go, about {minutes(expected_s)}")
+
+    def measured(self, point: Point, remaining_s: float) -> None:
+        self._done += 1
+        ratio = point.plate_z_m / self._radius_m
+        self._say(
+            f"{self._done}/{self._visits} {point.kind:<9} z/R {ratio:5.2f}"
+            f"  {max(point.pwm_us):4.0f} us  {point.thrust_N:8.3f} +- {point.thrust_se_N:.3f} N"
+            f"  {'' if point.settled else 'not settled  '}{minutes(remaining_s)} left"
+        )
+
+    def happened(self, event: Event) -> None:
+        if event.event not in QUIET:
+            self._say(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
 
 
 class SafeProgress(RunProgress):

@@ -10,13 +10,7 @@ from annotated_types import Ge
 
 from benchtool.commands.declared import declared
 from benchtool.commands.terminal.messages import announce_code, write_new
-from benchtool.commands.terminal.sweep_operator import (
-    LOOK_S,
-    answer_to,
-    confirm_arming,
-    say_of_bench,
-    say_of_end,
-)
+from benchtool.commands.terminal.sweep_operator import LOOK_S, TERMINAL
 from benchtool.core.errors import BenchError, InputError, WouldOverwrite
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import Input, Inputs
@@ -50,6 +44,7 @@ def map_motors(inputs: MapInputs) -> None:
     """Turn each motor of a flight controller alone, slowly, and write down what it drives."""
     from benchtool.acquire.bench_check import learn_motors, low_throttle_us
     from benchtool.acquire.inputs import rig_for
+    from benchtool.acquire.operator import confirm_arming, say_of_bench, say_of_end
     from benchtool.bench.drivers import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
 
@@ -66,18 +61,18 @@ def map_motors(inputs: MapInputs) -> None:
     if target.exists():
         raise WouldOverwrite(str(target))
     with GuardedBench(open_bench(address, announce_code), stands) as bench:
-        say_of_bench(bench.identity, stands)
+        say_of_bench(TERMINAL, bench.identity, stands)
         text = (
             f"motors 1 to {stands.n_rotors} will turn one after another at "
             f"{low_throttle_us(stands):g} us; see which rotor each one is"
         )
         if not inputs.yes:
-            confirm_arming(text, bench)
+            confirm_arming(TERMINAL, text, bench)
         elif not bench.identity.simulated:
             raise InputError("--yes is for simulated benches only; leave it out and type ARM")
         which = numbers.index if numbers else _question(stands, bench)
-        found = learn_motors(bench, stands, which, lambda text: print(text, flush=True))
-    say_of_end(bench)
+        found = learn_motors(bench, stands, which, TERMINAL.say)
+    say_of_end(TERMINAL, bench)
     write_new(target, lambda: target.write_text(found.to_toml(), encoding="utf-8"))
     joint = "&" if "?" in address else "?"
     print(f"written to {target}; from now on use {address}{joint}map={target}")
@@ -91,7 +86,7 @@ def _question(rig: Rig, bench: Bench) -> Callable[[int], int]:
         while len(left) > 1:
             listed = ", ".join(f"{rotor + 1} {rig.rotors[rotor].name}" for rotor in sorted(left))
             question = f"motor {motor} has turned; which rotor was it? ({listed}): "
-            answer = answer_to(question, lambda: bench.read(LOOK_S)).strip()
+            answer = TERMINAL.answer(question, lambda: bench.read(LOOK_S)).strip()
             rotor = int(answer) - 1 if answer.isdecimal() else -1
             if rotor in left:
                 left.remove(rotor)
@@ -144,6 +139,7 @@ def check(inputs: CheckInputs) -> None:
     from benchtool.acquire.arming import remember_check
     from benchtool.acquire.bench_check import check_bench, low_throttle_us
     from benchtool.acquire.inputs import rig_for
+    from benchtool.acquire.operator import confirm_arming, say_of_bench, say_of_end
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
 
@@ -151,13 +147,13 @@ def check(inputs: CheckInputs) -> None:
     findings = []
     with GuardedBench(open_bench(inputs.address, announce_code), stands) as bench:
         identity = bench.identity
-        say_of_bench(identity, stands)
+        say_of_bench(TERMINAL, identity, stands)
         text = (
             f"rotors 1 to {stands.n_rotors} of rig {stands.name} will turn one after another at "
             f"{low_throttle_us(stands):g} us"
         )
         if not inputs.yes:
-            confirm_arming(text, bench)
+            confirm_arming(TERMINAL, text, bench)
         elif not identity.simulated:
             raise InputError(
                 "--yes is for simulated benches only: this is the check; leave it out and type the "
@@ -166,7 +162,7 @@ def check(inputs: CheckInputs) -> None:
         for finding in check_bench(bench, stands):
             findings.append(finding)
             print(f"{'ok  ' if finding.passed else 'FAIL'} {finding.name}: {finding.text}")
-    say_of_end(bench)
+    say_of_end(TERMINAL, bench)
     failed = [finding for finding in findings if not finding.passed]
     if failed:
         raise BenchError(

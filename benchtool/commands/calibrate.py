@@ -12,7 +12,7 @@ from annotated_types import Ge, Gt, Le
 from benchtool.acquire.inputs import Weighing
 from benchtool.commands.declared import declared
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.commands.terminal.sweep_operator import LOOK_S, answer_to
+from benchtool.commands.terminal.sweep_operator import LOOK_S, TERMINAL
 from benchtool.core.errors import InputError, MissingColumn
 from benchtool.core.inputs import Input, Inputs
 
@@ -149,7 +149,7 @@ def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
         is_virtual = address.startswith("sim:")
         for kilogram in kilograms:
             question = f"hang {kilogram:g} kg, wait until it is still, then press Enter: "
-            answer_to(question, None if is_virtual else lambda: bench.read(LOOK_S))
+            TERMINAL.answer(question, None if is_virtual else lambda: bench.read(LOOK_S))
             found = mean_counts(bench, inputs.seconds)
             print(f"  {found.mean:.1f} counts, +- {found.se:.1f}")
             counts.append(found.mean)

@@ -10,8 +10,8 @@ from annotated_types import Gt, Le
 
 from benchtool.bench.signals import ClosingSignals
 from benchtool.commands.declared import declared
-from benchtool.commands.terminal.messages import announce_code, close_stopped
-from benchtool.commands.terminal.sweep_operator import arm, say_of_bench, say_of_end
+from benchtool.commands.terminal.messages import announce_code
+from benchtool.commands.terminal.sweep_operator import TERMINAL
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
@@ -108,6 +108,7 @@ def _record(
 ) -> tuple[Run, PitchSummary, bool]:
     """Open the bench, arm, record, and close the run whatever happened."""
     from benchtool.acquire.new_run import new_pitch_run
+    from benchtool.acquire.operator import arm, close_stopped, say_of_bench, say_of_end
     from benchtool.acquire.pitch_experiment import arming_text, expected_on, require_pitch
     from benchtool.acquire.pitch_record import record_pitch
     from benchtool.bench.drivers import open_bench
@@ -120,20 +121,20 @@ def _record(
         try:
             with GuardedBench(open_bench(inputs.address, announce_code), rig) as bench:
                 identity = bench.identity
-                say_of_bench(identity, rig)
+                say_of_bench(TERMINAL, identity, rig)
                 require_pitch(identity)
                 expected = expected_on(identity, experiment, rig)
                 text = arming_text(experiment, rig, expected)
-                arm(text, bench, rig, unattended=inputs.yes)
+                arm(TERMINAL, text, bench, rig, unattended=inputs.yes)
                 folder = (inputs.runs, inputs.name, inputs.out)
                 run = new_pitch_run(folder, experiment, rig, identity, operator=inputs.operator)
                 print(f"run {run.path}", flush=True)
                 closing.begin()
                 summary = record_pitch(bench, rig, experiment, run)
-            say_of_end(bench)
+            say_of_end(TERMINAL, bench)
         except BaseException:
             if run is not None:
-                close_stopped(run)
+                close_stopped(TERMINAL, run)
             raise
         run.close()
     return run, summary, identity.simulated

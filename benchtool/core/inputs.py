@@ -179,6 +179,8 @@ class Item:
             value = read_texts(value, commas=self.about.commas)
         elif self.many and (isinstance(value, str) or are_texts(value)):
             value = read_numbers(value, called, self.kind, self.count)
+        elif self.many and isinstance(value, int | float):
+            value = (value,)
         elif isinstance(value, str) and self.kind in (int, float):
             value = read_number(value, called, self.kind)
         try:

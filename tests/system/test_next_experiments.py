@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.commands.terminal.sweep_display import PlainDisplay
+from benchtool.acquire.record import ProgressLines
 from benchtool.data.run.append import read_events
 from benchtool.data.run.points import Point
 from benchtool.data.run.read import read_points, read_samples
@@ -123,14 +123,14 @@ def test_ctrl_c_in_the_second_experiment_leaves_motors_at_zero_and_the_answer(
 ) -> None:
     """The signal comes for real, when the second sweep has measured three points."""
     typed(monkeypatch, "ARM\nARM\n")
-    measured = PlainDisplay.measured
+    measured = ProgressLines.measured
 
-    def interrupted(display: PlainDisplay, point: Point, remaining_s: float) -> None:
+    def interrupted(display: ProgressLines, point: Point, remaining_s: float) -> None:
         measured(display, point, remaining_s)
         if point.point == 3 and Path("found/experiment-2").exists():
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(PlainDisplay, "measured", interrupted)
+    monkeypatch.setattr(ProgressLines, "measured", interrupted)
     Path("truth.toml").write_text(truth("plate_offset", "dz_m = 0.012"))
     words = ["--bench", BENCH.format(35), "--until", "0.9999"]
     code, out, err = said(capsys, *EXPLAIN, *words)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchtool.commands.terminal.messages import announce_code
+from benchtool.commands.terminal.sweep_operator import TERMINAL
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.explain.next_steps import next_file, next_sentence
@@ -75,8 +76,8 @@ def record_next(
     """
     from benchtool.acquire.inputs import SweepInputs
     from benchtool.acquire.plan import plan_from_toml
+    from benchtool.acquire.sweep_run import record_sweep
     from benchtool.commands.record import RecordInputs, record_experiment
-    from benchtool.commands.sweep import record_sweep
 
     assert inputs.bench is not None
     assert inputs.out is not None
@@ -88,7 +89,10 @@ def record_next(
     if experiment.schedule is None:
         plan = plan_from_toml(text, name).resolved(stands)
         run = record_sweep(
-            SweepInputs(address=inputs.bench, plan=plan, out=folder, stage=inputs.stage), stands
+            SweepInputs(address=inputs.bench, plan=plan, out=folder, stage=inputs.stage),
+            stands,
+            TERMINAL,
+            announce_code,
         )
     else:
         file = inputs.out / name

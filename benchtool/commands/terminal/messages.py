@@ -7,13 +7,9 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from benchtool.core.errors import BenchtoolError, InputError, ResourceExhausted, WouldOverwrite
+from benchtool.core.errors import InputError, ResourceExhausted, WouldOverwrite
 from benchtool.core.exhausted import exhausted, is_exhaustion
-
-if TYPE_CHECKING:
-    from benchtool.data.run.run import Run
 
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")
 """What loaders and threads say where an allocation failed; they raise no MemoryError for it."""
@@ -83,26 +79,6 @@ def print_notes(notes: Iterable[str]) -> None:
     """Print on stderr how a model file was read."""
     for note in notes:
         print(f"note: {note}", file=sys.stderr, flush=True)
-
-
-def close_stopped(run: Run, advice: str = "") -> None:
-    """Write the tables of a run that stopped and say where it is; print what prevents that.
-
-    Args:
-        advice: how to go on with a run that lacks points.
-    """
-    try:
-        run.close()
-        if advice and run.metadata["state"] == "ended":
-            advice = (
-                f"every visit is measured and stored, so nothing is left to resume; look at what "
-                f"stopped it, then go on with: benchtool fit {run.path}"
-            )
-    except (BenchtoolError, OSError, MemoryError) as error:
-        say_error(f"{run.path} was not closed: {error}")
-        return
-    with suppress(OSError):
-        print("; ".join(filter(None, (f"what was recorded is in {run.path}", advice))))
 
 
 def write_new(out: Path, write: Callable[[], object], hint: str = "another --out") -> None:

@@ -12,45 +12,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from benchtool.acquire.order import Visit, minutes
-from benchtool.acquire.record import RunProgress
+from benchtool.acquire.record import QUIET, ProgressLines, RunProgress
 from benchtool.commands.terminal.messages import printable
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 
 LATEST = 8
 """Points in the live table."""
-
-_QUIET = frozenset({"device"})
-"""Events that stand in events.jsonl but are not shown."""
-
-
-class PlainDisplay(RunProgress):
-    """Print one line for every point and event."""
-
-    def __init__(self, radius_m: float) -> None:
-        self._radius_m = radius_m
-        self._visits = self._done = 0
-
-    def started(self, visits: int, done: int, expected_s: float) -> None:
-        self._visits, self._done = visits, done
-        print(f"{visits - done} of {visits} visits to go, about {minutes(expected_s)}", flush=True)
-
-    def visiting(self, visit: Visit) -> None:
-        pass
-
-    def measured(self, point: Point, remaining_s: float) -> None:
-        self._done += 1
-        ratio = point.plate_z_m / self._radius_m
-        print(
-            f"{self._done}/{self._visits} {point.kind:<9} z/R {ratio:5.2f}"
-            f"  {max(point.pwm_us):4.0f} us  {point.thrust_N:8.3f} +- {point.thrust_se_N:.3f} N"
-            f"  {'' if point.settled else 'not settled  '}{minutes(remaining_s)} left",
-            flush=True,
-        )
-
-    def happened(self, event: Event) -> None:
-        if event.event not in _QUIET:
-            print(printable(f"{event.time_s:8.1f} s  {event.event}: {event.text}"), flush=True)
 
 
 class LiveDisplay(RunProgress):
@@ -80,7 +48,7 @@ class LiveDisplay(RunProgress):
         self._bar.update(self._task, advance=1, left=minutes(remaining_s))
 
     def happened(self, event: Event) -> None:
-        if event.event not in _QUIET:
+        if event.event not in QUIET:
             self._event = printable(f"{event.time_s:.1f} s  {event.event}: {event.text}")
 
     def render(self) -> Group:
@@ -103,11 +71,11 @@ class LiveDisplay(RunProgress):
 
 
 @contextmanager
-def display_for(radius_m: float) -> Iterator[LiveDisplay | PlainDisplay]:
+def display_for(radius_m: float) -> Iterator[RunProgress]:
     """Show a sweep live on a terminal, in plain lines elsewhere."""
     console = Console()
     if not console.is_terminal:
-        yield PlainDisplay(radius_m)
+        yield ProgressLines(radius_m, lambda text: print(printable(text), flush=True))
         return
     display = LiveDisplay(radius_m, console)
     with Live(console=console, refresh_per_second=4, get_renderable=display.render):

@@ -1,0 +1,202 @@
+"""From inputs to a run folder: show the plan, open the bench, arm, sweep, close the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from benchtool.acquire.arming import arming_text
+from benchtool.acquire.calibration import calibration_for
+from benchtool.acquire.check_plan import Expected, check_plan
+from benchtool.acquire.inputs import SweepInputs, rig_for
+from benchtool.acquire.new_run import new_run
+from benchtool.acquire.operator import LOOK_S, Operator, arm, close_stopped, say_of_bench
+from benchtool.acquire.order import expected_duration_s, minutes, settings_of, visits_of
+from benchtool.acquire.plan import Plan, read_plan
+from benchtool.acquire.resume import Unfinished, prepare, require_same_device, unfinished
+from benchtool.acquire.stage_choice import check_stage, stage_for
+from benchtool.acquire.sweep import Start, run_sweep
+from benchtool.bench.bench import Bench
+from benchtool.bench.drivers import open_bench
+from benchtool.bench.guard import GuardedBench
+from benchtool.bench.signals import ClosingSignals
+from benchtool.core.counted import counted
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import Source, items
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.rig import Rig
+from benchtool.data.calibration import read_calibration
+from benchtool.data.run.run import Run, check_run_name, refuse_taken
+
+
+def base_inputs(given: Mapping[str, Any], source: Source) -> SweepInputs:
+    """Return the plan that what was given goes over: that of a file, or none."""
+    if given.get("resume") is not None:
+        clash = [item.called(source) for item in items(Plan) if item.name in given]
+        if clash := (clash or [item.called(source) for item in items(SweepInputs)
+                               if item.key == "plan_file" and "plan" in given]):  # fmt: skip
+            resume = "--resume" if source == "option" else "resume"
+            raise InputError(
+                f"{clash[0]} and {resume} are both given; a resumed run keeps the plan that it has"
+            )
+    return SweepInputs(plan=read_plan(Path(given["plan"])) if "plan" in given else Plan())
+
+
+def sweep_to_run(
+    inputs: SweepInputs, operator: Operator, permit: CodePermit, rig: Rig | None = None
+) -> Run | None:
+    """Sweep as inputs say, or go on with a run; return the run, None of a dry one.
+
+    Args:
+        permit: called with Python files that the address names.
+        rig: on the bench, in place of the one that the inputs name.
+
+    Raises:
+        InputError: the inputs do not say enough, or nobody confirms; nothing was spun.
+        PlanError: the limits of rig or device do not allow the plan.
+        BenchError, RunStopped: why it ended early; motors are at zero.
+    """
+    address = inputs.address
+    if inputs.resume is None:
+        if not address:
+            raise InputError("which bench? name its address, for example sim:pquad")
+        stands = rig or rig_for(address, inputs.rig)
+        resolved = inputs.plan.resolved(stands)
+        if inputs.out is not None:
+            refuse_taken(inputs.out)
+        check_run_name(resolved.name)
+        return record_sweep(replace(inputs, plan=resolved), stands, operator, permit)
+    rest = unfinished(Run.open(inputs.resume))
+    if not rest.left and not inputs.dry_run:
+        prepare(rest)  # closes it and says that nothing is left
+    inputs = replace(
+        inputs,
+        address=address or str(rest.run.metadata.get("address", "")),
+        stage=inputs.stage or rest.stage,
+        plan=rest.plan,
+    )
+    return record_sweep(inputs, rest.rig, operator, permit if address else refuse_code, rest)
+
+
+def record_sweep(
+    inputs: SweepInputs,
+    rig: Rig,
+    operator: Operator,
+    permit: CodePermit,
+    rest: Unfinished | None = None,
+) -> Run | None:
+    """Show a plan, arm and sweep; return the run, None of a dry one.
+
+    Args:
+        inputs: with address and a resolved plan.
+        rig: on the bench.
+        permit: called with Python files that the address names.
+        rest: a run to go on with.
+    """
+    # Everything that was given is looked at before anything is said or opened.
+    check_stage(inputs.stage, rig)
+    if inputs.calibration not in (None, "none"):
+        read_calibration(Path(str(inputs.calibration)))
+    bench = open_bench(inputs.address, permit)
+    expected = check_plan(inputs.plan, rig)
+    operator.say(plan_text(inputs.plan, rig, expected, rest))
+    if inputs.dry_run:
+        operator.say("dry run: nothing was opened, nothing spins")
+        return None
+    start = prepare(rest) if rest else None
+    return _sweep(bench, inputs, rig, operator, rest, start)
+
+
+def plan_text(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None = None) -> str:
+    """Return what a resolved plan, or the rest of a run, will do, in lines."""
+    visits = visits_of(plan, rig)
+    left = [visit for visit in visits if rest is None or visit.point not in rest.done]
+    counts = {kind: sum(visit.kind == kind for visit in left) for kind in ("reference", "anchor")}
+    radius_m = rig.propulsion.radius_m
+    distances = ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m)
+    return (
+        f"rig {rig.name}: {rig.title}\n"
+        f"plate z/R {distances}; tilt {_list(plan.plate.tilts_deg)} deg; "
+        f"lateral {_list(plan.plate.lateral_m)} m\n"
+        f"pulses {_list(plan.throttle.pwm_us)} us on rotors {_list(plan.throttle.rotors_on)}\n"
+        f"{counted(len(settings_of(plan, rig)), 'setting')}, "
+        f"{counted(plan.repeats or 1, 'repeat')}, {plan.order.kind} with seed {plan.order.seed}: "
+        f"{counted(len(left), 'visit')}, of them "
+        f"{counted(counts['reference'], 'reference')} and {counted(counts['anchor'], 'anchor')}\n"
+        f"limits hold: at most {expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
+        f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N\n"
+        f"expected duration {minutes(expected_duration_s(plan, rig, left))}"
+    )
+
+
+def _list(numbers: tuple[float, ...]) -> str:
+    return ", ".join(f"{number:g}" for number in numbers)
+
+
+def _sweep(
+    device: Bench,
+    inputs: SweepInputs,
+    rig: Rig,
+    operator: Operator,
+    rest: Unfinished | None,
+    start: Start | None,
+) -> Run:
+    """Open the bench, arm, sweep, and close the run whatever happened."""
+    from benchtool.data.parquet import load_library
+
+    load_library()
+    plan = inputs.plan
+    run: Run | None = None
+    measured = False
+    with ClosingSignals() as closing:
+        try:
+            with GuardedBench(device, rig) as bench:
+                identity = bench.identity
+                say_of_bench(operator, identity, rig)
+                expected = check_plan(plan, rig, identity.limits)
+                scale = rest.calibration if rest else calibration_for(inputs.calibration, identity)
+                mover = stage_for(
+                    inputs.stage,
+                    bench,
+                    rig,
+                    lambda text: operator.answer(text, lambda: bench.listen(LOOK_S)),
+                )
+                by = f"calibration {scale.id}" if scale else "the device's own newtons"
+                text = f"{arming_text(plan, rig, expected)}\nthrust by {by}"
+                arm(operator, text, bench, rig, unattended=inputs.yes)
+                with bench.interruptible():
+                    mover.open()
+                try:
+                    if rest:
+                        require_same_device(rest, identity)
+                        run = rest.run
+                    else:
+                        run = new_run(
+                            (inputs.runs, inputs.out),
+                            plan,
+                            rig,
+                            identity,
+                            operator=inputs.operator,
+                            air=inputs.air,
+                            calibration=scale,
+                        )
+                    operator.say(f"run {run.path}")
+                    measured = True
+                    closing.begin()
+                    with operator.display(rig.propulsion.radius_m) as display:
+                        summary = run_sweep(
+                            bench, mover, plan, rig, run, display, calibration=scale, start=start
+                        )
+                finally:
+                    mover.close()
+        except BaseException:
+            if run is not None and measured:
+                advice = f"go on with: benchtool sweep --resume {run.path}"
+                close_stopped(operator, run, advice)
+            raise
+        run.close()
+    simulated = " (simulated)" if identity.simulated else ""
+    operator.say(f"{summary.text(simulated)}; in {run.path}")
+    return run

@@ -1,0 +1,92 @@
+"""What a call from Python returns: it shows itself as text, figures, tables, a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.report.figure import Page, drawn
+from benchtool.report.html import inline_svg, write_report
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Result(Generic[Found]):
+    """Hold what a call found, and show it: as text, figures, tables, a page.
+
+    Attributes:
+        found: everything that was worked out, as the rest of benchtool takes it.
+        path: of the run or recording that it was read from; None where there is none.
+    """
+
+    found: Found
+    path: Path | None = None
+    _page: Page
+    _summary: Callable[[Found], str]
+    _tables: Mapping[str, Callable[[Found], pd.DataFrame]] = field(default_factory=dict)
+
+    def summary(self) -> str:
+        """Return what was found, in a few sentences or lines."""
+        return self._summary(self.found)
+
+    @property
+    def tables(self) -> tuple[str, ...]:
+        """Names of the tables that `to_dataframe` returns."""
+        return tuple(self._tables)
+
+    def to_dataframe(self, table: str = "") -> pd.DataFrame:
+        """Return a table by name, the first of `tables` when left out; units in `.attrs`."""
+        name = table or self.tables[0]
+        if name not in self._tables:
+            raise UnknownChoice("table", name, self._tables)
+        return self._tables[name](self.found)
+
+    def figures(self) -> dict[str, Figure]:
+        """Return every figure of the report page, by name."""
+        return {
+            name: block.figure
+            for name, block in drawn(self._page.name, self.found, self._page.figures).items()
+        }
+
+    def plot(self, figure: str = "") -> Figure:
+        """Return a figure by name, the first of the report page when left out."""
+        if figure:
+            found = drawn(self._page.name, self.found, [figure])
+            if not found:
+                raise InputError(f"there is nothing to draw in figure {figure!r} of this result")
+            return next(iter(found.values())).figure
+        for name in self._page.figures:
+            if found := drawn(self._page.name, self.found, [name]):
+                return next(iter(found.values())).figure
+        raise InputError("there is nothing to draw in this result")
+
+    def report(self, path: str | Path) -> Path:
+        """Write the report page, one self-contained HTML file, and return its path.
+
+        Raises:
+            WouldOverwrite: the file exists.
+        """
+        return write_report(Path(path), self._page.report(self.found))
+
+    def __repr__(self) -> str:
+        return self.summary()
+
+    def _repr_html_(self) -> str:
+        """Return summary, first table and first figure for a notebook."""
+        from html import escape
+
+        parts = [f"<pre style='white-space: pre-wrap'>{escape(self.summary())}</pre>"]
+        if self._tables:
+            parts.append(str(self.to_dataframe().head(12).to_html()))
+        with suppress(InputError):  # nothing to draw
+            parts.append(inline_svg(self.plot(), f"bt{id(self)}"))
+        return "<div>" + "\n".join(parts) + "</div>"
