@@ -117,16 +117,29 @@ class Weighing(Inputs):
     ] = ""
 
 
-def rig_for(address: str, named: str | None) -> Rig:
-    """Return the rig on the bench: as named, or the one that a `sim:` address names."""
-    from benchtool.bench.drivers import parse_address
-    from benchtool.core.rig_file import rig_named, rig_names
+BENCH_KEYS: tuple[str, ...] = (
+    "limits.load_cell_rating_N",
+    *(f"propulsion.pwm_{name}_us" for name in ("stop", "start", "max")),
+)
+"""What a rig must state before its motors turn; a typical number would be a guess at a limit."""
 
-    if named:
-        return rig_named(named)
+
+def rig_for(address: str, named: str | None) -> Rig:
+    """Return the rig on the bench: as named, or the one that a `sim:` address names.
+
+    Raises:
+        InputError: no rig named, or one that leaves out what a bench needs (`BENCH_KEYS`).
+    """
+    from benchtool.bench.drivers import parse_address
+    from benchtool.core.rig_file import require_stated, rig_named, rig_names
+
     parsed = parse_address(address)
     if parsed.scheme == "sim":
-        return rig_named(parsed.place)
+        return rig_named(named or parsed.place)
+    if named:
+        rig = rig_named(named)
+        require_stated(rig, BENCH_KEYS, "a bench")
+        return rig
     raise InputError(
         f"which rig stands on {address}? name it with --rig: {', '.join(rig_names())}, or the "
         f"path of a rig file"

@@ -62,6 +62,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "flow picture": ("flow:picture",
         "Draw sources with images beside vortex rings with images (Fig. 5)"),
     "rigs": ("shipped:rigs", "List rigs, or show one with the source of every number"),
+    "rigs new": ("rig_new:new_rig", "Write a rig file of your own, asking what its use needs"),
     "models": ("shipped:models", "List models, or show one with its effects and parameters"),
     "effects": ("shipped:effects", "List physical effects, or show one with law and parameters"),
 }  # fmt: skip
@@ -159,12 +160,14 @@ def build(words: Sequence[str]) -> typer.Typer:
     groups: dict[str, typer.Typer] = {"": app}
     for name, (where, line) in COMMANDS.items():
         group, _, last = name.rpartition(" ")
-        if not where:
+        if not where or (len(named) > 1 and f"{name} {named[1]}" in COMMANDS):
             groups[name] = typer.Typer(cls=_Group, rich_markup_mode=None, add_completion=False)
             groups[name].callback()(_unloaded)
             app.add_typer(
                 groups[name], name=name, cls=_Group, help=f"{line}." if name in named else line
             )
+        elif group and group not in groups:
+            continue  # a command of that name takes the words
         elif name.split() == named[: 1 + bool(group)]:
             module = import_module(module_of(name))
             called = getattr(module, where.partition(":")[2])

@@ -29,7 +29,10 @@ def models(inputs: ShippedInputs) -> None:
 
 @declared(ShippedInputs)
 def rigs(inputs: ShippedInputs) -> None:
-    """List rigs, or show one with the source of every number."""
+    """List rigs, or show one with the source of every number.
+
+    `benchtool rigs new` writes one of your own.
+    """
     _show("rig", inputs, listed=_listed_rigs, described=_described_rig)
 
 
@@ -90,14 +93,20 @@ def _listed_rigs() -> Iterator[str]:
 
 
 def _described_rig(name: str) -> Iterator[str]:
+    from benchtool.core.rig import NOT_STATED
     from benchtool.core.rig_file import rig_named
 
     rig = rig_named(name)
     yield f"{rig.name}: {rig.title}"
-    yield f"{len(rig.assumed)} of {len(rig.sources)} numbers are assumed (marked ?)"
-    for key, source in rig.sources.items():
+    stated = {key: source for key, source in rig.sources.items() if key not in rig.not_stated}
+    yield f"{len(rig.assumed)} of {len(stated)} numbers are assumed (marked ?)"
+    for key, source in stated.items():
         mark = "?" if key in rig.assumed else " "
         yield f"{mark} {key:<40} {_value(rig, key):>12}  {source}"
+    if rig.not_stated:
+        yield "not stated, and typical where something needs it:"
+    for key in sorted(rig.not_stated, key=list(rig.sources).index):
+        yield f"  {key:<40} {_value(rig, key):>12}  {rig.sources[key].removeprefix(NOT_STATED)[2:]}"
 
 
 def _value(rig: object, key: str) -> str:

@@ -225,6 +225,10 @@ class Limits(FiniteTable):
     pwm_us: Positive
 
 
+NOT_STATED = "not stated, typical"
+"""How the source begins of a number that a rig's file leaves out."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Rig(FiniteTable):
     """Describe everything about a bench that a model or a device needs.
@@ -253,6 +257,11 @@ class Rig(FiniteTable):
     propeller: Propeller | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
+
+    @cached_property
+    def not_stated(self) -> frozenset[str]:
+        """Dotted keys that the rig's file leaves out, for which typical numbers stand in."""
+        return frozenset(key for key, why in self.sources.items() if why.startswith(NOT_STATED))
 
     @property
     def n_rotors(self) -> int:

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, asdict, fields, replace
 from functools import lru_cache
+from math import inf, pi
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
-from benchtool.core.errors import FileFormatError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.packaged import packaged_names, read_named
 from benchtool.core.parsed_text import parse_toml
-from benchtool.core.rig import Rig
+from benchtool.core.rig import NOT_STATED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
 from benchtool.core.toml_text import (
     Sources,
     build,
     require_sources,
     unwrap_quantities,
 )
+from benchtool.core.units import STANDARD_GRAVITY_M_S2
 
 
 def rig_names() -> tuple[str, ...]:
@@ -49,6 +52,7 @@ def rig_from_toml(text: str, where: str) -> Rig:
     data = unwrap_quantities(parse_toml(text, where), found)
     data.pop("source", None)
     require_sources(found, where)
+    _complete(data, found)
     rig = build(Rig, data, where)
     rig = replace(rig, sources=found.by_key, assumed=tuple(found.assumed))
     _check(rig, where)
@@ -57,6 +61,126 @@ def rig_from_toml(text: str, where: str) -> Rig:
 
 SAME_DIAMETER = 0.01
 """A propeller whose diameter is that close to the rig's is the one on it: names are rounded."""
+Typical = Callable[[float, int, Mapping[str, Any]], Any]
+"""A typical number by the rotors' radius (m), how many they are, and the tables so far."""
+
+
+def _pulse(at: Mapping[str, Any], name: str) -> float:
+    return float(at["propulsion"][name])
+
+
+def _fastest_rad_s(at: Mapping[str, Any]) -> float:
+    range_us = _pulse(at, "pwm_max_us") - _pulse(at, "pwm_start_us")
+    return range_us * _pulse(at, "speed_per_us_rad_s")
+
+
+def _thrust_N(at: Mapping[str, Any], n: int, share: float) -> float:
+    """Return the thrust of all rotors at a share of the fastest speed."""
+    each = _pulse(at, "thrust_coefficient_N_s2") * (share * _fastest_rad_s(at)) ** 2
+    return float(n * each)
+
+
+AIR_KG_M3 = 1.225
+
+TYPICAL: dict[str, tuple[Typical, str]] = {
+    "propulsion.thrust_coefficient_N_s2": (
+        lambda R, n, at: 0.11 * AIR_KG_M3 * (2.0 * R) ** 4 / (2.0 * pi) ** 2,
+        "C_T 0.11 in air of 1.225 kg/m3, amid the static runs of the UIUC Propeller Database",
+    ),
+    "propulsion.drag_coefficient_Nm_s2": (
+        lambda R, n, at: 0.045 * AIR_KG_M3 * (2.0 * R) ** 5 / (2.0 * pi) ** 3,
+        "C_P 0.045 in air of 1.225 kg/m3, amid the static runs of the UIUC Propeller Database",
+    ),
+    "propulsion.pwm_stop_us": (lambda R, n, at: 1000.0, "convention of hobby ESCs"),
+    "propulsion.pwm_start_us": (
+        lambda R, n, at: _pulse(at, "pwm_stop_us") + 50.0,
+        "50 us above the stop pulse",
+    ),
+    "propulsion.pwm_max_us": (lambda R, n, at: 1950.0, "convention of hobby ESCs"),
+    "propulsion.speed_per_us_rad_s": (
+        lambda R, n, at: 110.0 / R / (_pulse(at, "pwm_max_us") - _pulse(at, "pwm_start_us")),
+        "blade tips at 110 m/s at the longest pulse",
+    ),
+    "propulsion.voltage_nominal_V": (lambda R, n, at: 11.1, "3S lithium polymer"),
+    "propulsion.lag_s": (lambda R, n, at: 0.05, "motors of 10 to 30 cm rotors"),
+    "propulsion.efficiency": (lambda R, n, at: 0.75, "brushless motors at hover"),
+    "body.mass_kg": (
+        lambda R, n, at: _thrust_N(at, n, 0.6) / STANDARD_GRAVITY_M_S2,
+        "hovers at 0.6 of the fastest speed",
+    ),
+    "body.inertia_xx_kgm2": (
+        lambda R, n, at: at["body"]["mass_kg"] * R**2 * (1.0 if n > 1 else 0.5),
+        "mass at the scale of the rotor radius",
+    ),
+    "body.inertia_yy_kgm2": (lambda R, n, at: at["body"]["inertia_xx_kgm2"], "as xx"),
+    "body.inertia_zz_kgm2": (lambda R, n, at: 2.0 * at["body"]["inertia_xx_kgm2"], "twice xx"),
+    "plate.moved_by": (lambda R, n, at: "device", "the bench itself"),
+    "plate.z_min_m": (lambda R, n, at: 0.4 * R, "0.4 rotor radii"),
+    "plate.z_max_m": (
+        lambda R, n, at: 1.1 * at["plate"].get("z_park_m", 11.5 * R),
+        "a tenth beyond the parked plate",
+    ),
+    "plate.z_park_m": (
+        lambda R, n, at: min(11.5 * R, at["plate"]["z_max_m"]),
+        "11.5 rotor radii, where eq. (4) leaves below 0.3 %, or the end of the travel",
+    ),
+    "plate.speed_m_s": (lambda R, n, at: 0.1, "a belt-driven stage"),
+    "plate.backlash_m": (lambda R, n, at: 0.0, "none"),
+    "plate.size_x_m": (lambda R, n, at: 10.0 * R, "ten rotor radii"),
+    "plate.size_y_m": (lambda R, n, at: 10.0 * R, "ten rotor radii"),
+    "limits.load_cell_rating_N": (
+        lambda R, n, at: 2.0 * _thrust_N(at, n, 1.0),
+        "twice the largest thrust",
+    ),
+    "limits.thrust_N": (
+        lambda R, n, at: 0.8 * at["limits"]["load_cell_rating_N"],
+        "0.8 of the load cell's rating",
+    ),
+    "limits.rpm": (lambda R, n, at: 0.7 * 340.0 / R * 30.0 / pi, "blade tips at Mach 0.7"),
+    "limits.current_A": (lambda R, n, at: 1000.0, "no limit"),
+    "limits.voltage_min_V": (lambda R, n, at: 0.0, "no limit"),
+    "limits.temperature_degC": (lambda R, n, at: 90.0, "magnets and windings of small motors"),
+    "limits.pwm_us": (lambda R, n, at: _pulse(at, "pwm_max_us"), "the longest pulse"),
+}
+"""What stands in for a number that a rig file leaves out, in the order of working out: guesses."""
+
+
+def _complete(data: dict[str, Any], found: Sources) -> None:
+    """Add what a rig file leaves out to its tables, each number with its source."""
+    propulsion = data.setdefault("propulsion", {})
+    radius_m = propulsion.get("radius_m") if isinstance(propulsion, dict) else None
+    if not isinstance(radius_m, int | float) or not 0.0 < radius_m < inf:
+        radius_m = 0.1  # the check of the whole rig says what is wrong with it
+    data.setdefault("title", data.get("name"))
+    data.setdefault("sensors", {})
+    if "rotors" not in data:
+        data["rotors"] = [{"name": "rotor", "x_m": 0.0, "y_m": 0.0, "spin": 1}]
+        found.by_key |= {f"rotors[0].{key}": f"{NOT_STATED}: one rotor" for key in ("x_m", "y_m")}
+        found.by_key["rotors[0].spin"] = f"{NOT_STATED}: one rotor"
+    for key, (typical, why) in TYPICAL.items():
+        table, _, name = key.partition(".")
+        if not isinstance(data.setdefault(table, {}), dict) or name in data[table]:
+            continue
+        try:
+            data[table][name] = typical(float(radius_m), len(data["rotors"]), data)
+        except (TypeError, ValueError, KeyError, ZeroDivisionError, OverflowError):
+            return  # a wrong number or table, which the check of the whole rig names
+        found.by_key[key] = f"{NOT_STATED}: {why}"
+
+
+def require_stated(rig: Rig, keys: Sequence[str], purpose: str) -> None:
+    """Refuse a rig that leaves out what a purpose cannot do without.
+
+    Raises:
+        InputError: with what is missing and how it is written.
+    """
+    missing = [key for key in keys if rig.sources.get(key, "").startswith(NOT_STATED)]
+    if missing:
+        raise InputError(
+            f"rig {rig.name} does not state {', '.join(missing)}, which {purpose} needs; add it to "
+            f"the rig's file, as {missing[0].rpartition('.')[2]} = "
+            f"{{ value = ..., source = 'data sheet' }} under [{missing[0].partition('.')[0]}]"
+        )
 
 
 def _check(rig: Rig, where: str) -> None:
@@ -112,28 +236,48 @@ def rig_beside(rig: Rig) -> tuple[str, str]:
 
 
 def rig_to_toml(rig: Rig) -> str:
-    """Return a rig as TOML text that reads back to the same rig."""
+    """Return a rig as TOML text that reads back to the same rig; it leaves out what that does."""
     tables = asdict(rig)
     del tables["sources"], tables["assumed"]
-    return tomli_w.dumps(
-        {key: _with_source(value, key, rig) for key, value in tables.items() if value is not None}
-    )
+    written = {key: _with_source(value, key, rig) for key, value in tables.items()}
+    return tomli_w.dumps({key: value for key, value in written.items() if value})
 
 
 def _with_source(value: Any, key: str, rig: Rig) -> Any:
-    """Return a value of a rig with its numbers written as quantities, by its dotted key."""
+    """Return a value of a rig with its numbers written as quantities, by its dotted key.
+
+    Empty for a table or a list of which nothing is stated.
+    """
     if isinstance(value, dict):
         return {
             name: _with_source(item, f"{key}.{name}", rig)
             for name, item in value.items()
-            if item is not None
+            if _is_stated(item, f"{key}.{name}", rig)
         }
     if isinstance(value, list | tuple):
+        if f"{key}[0].x_m" in rig.not_stated:
+            return []
         return [_with_source(item, f"{key}[{place}]", rig) for place, item in enumerate(value)]
-    if isinstance(value, str):
+    if value is None or isinstance(value, str):
         return value
     source = rig.sources.get(key) or "the rig of the run"
     return {"value": value, "source": source, "assumed": key in rig.assumed}
+
+
+_DEFAULTS = {
+    item.name: item.default
+    for table in (Body, Motor, PlateDrive, Propeller, Sensor)
+    for item in fields(table)
+    if item.default is not MISSING
+}
+
+
+def _is_stated(value: Any, key: str, rig: Rig) -> bool:
+    """Return whether a value of a rig's table is written: no default, and not typical."""
+    default = _DEFAULTS.get(key.rpartition(".")[2], MISSING)
+    if key in rig.not_stated or value is None:
+        return False
+    return key in rig.sources or value != default
 
 
 def rig_to_dict(rig: Rig) -> dict[str, Any]:

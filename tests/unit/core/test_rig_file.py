@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
 import pytest
 
+from benchtool.acquire.inputs import BENCH_KEYS, rig_for
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.packaged import read_named
 from benchtool.core.rig import Motor
-from benchtool.core.rig_file import rig_from_toml, rig_named, rig_names, rig_to_toml
+from benchtool.core.rig_file import require_stated, rig_from_toml, rig_named, rig_names, rig_to_toml
 from tests.unit.physics.blades import MOTOR, bladed
 
 
@@ -51,7 +55,7 @@ def test_the_assumed_rotors_carry_the_vehicle_at_mid_throttle(name: str) -> None
         ("{ noise", "{ nois", UnknownChoice, "known: flicker, noise, quantum, rate_Hz"),
         ("value = 0.12,", "value = -0.12,", FileFormatError, "radius_m is -0.12: .*greater than 0"),
         ("lag_s = 0.05", 'lag_s = "0.05"', FileFormatError, "lag_s is .*valid number"),
-        ("speed_m_s = 0.1", "", FileFormatError, "plate.speed_m_s is missing"),
+        ("radius_m = { value", "lag_s = { value", FileFormatError, "TOML"),
         ("thrust_N = 45.0", "thrust_N = 60.0", FileFormatError, "60 N, above .* 50 N"),
         ("= 1.035e-5", "== 1", FileFormatError, "not valid TOML: .*line"),
         (
@@ -92,3 +96,40 @@ def test_blades_and_motors_are_read_back(motor: Motor | None) -> None:
     rig = bladed("pquad", motor)
     again = rig_from_toml(rig_to_toml(rig), "again.toml")
     assert (again.blade, again.motor) == (rig.blade, motor)
+
+
+LEAST = """
+name = "mine"
+
+[propulsion]
+radius_m = { value = 0.127, source = "ruler" }
+"""
+
+
+def test_a_rig_of_a_radius_alone_has_typical_numbers_that_say_so() -> None:
+    rig = rig_from_toml(LEAST, "mine.toml")
+    assert (rig.n_rotors, rig.propulsion.radius_m, rig.limits.current_A) == (1, 0.127, 1000.0)
+    # T = C_T rho n^2 D^4 at 100 turns a second, by hand.
+    thrust = 0.11 * 1.225 * 100.0**2 * 0.254**4
+    k = rig.propulsion.thrust_coefficient_N_s2
+    assert k * (2.0 * math.pi * 100.0) ** 2 == pytest.approx(thrust, rel=1e-12)
+    assert set(rig.sources) - rig.not_stated == {"propulsion.radius_m"}
+    assert rig.assumed == ()
+    assert rig_from_toml(rig_to_toml(rig), "copy") == rig
+    assert rig_to_toml(rig).count("value") == 1
+
+
+def test_a_rig_without_a_radius_is_refused() -> None:
+    with pytest.raises(FileFormatError, match=r"propulsion\.radius_m is missing"):
+        rig_from_toml('name = "mine"\n', "mine.toml")
+
+
+def test_a_bench_needs_numbers_that_only_its_owner_knows(tmp_path: Path) -> None:
+    rig = rig_from_toml(LEAST, "mine.toml")
+    with pytest.raises(InputError, match=r"does not state limits\.load_cell_rating_N, propulsion"):
+        require_stated(rig, BENCH_KEYS, "a bench")
+    (path := tmp_path / "mine.toml").write_text(LEAST)
+    with pytest.raises(InputError, match="which a bench needs; add it to the rig's file"):
+        rig_for("tcp:127.0.0.1:1", str(path))
+    assert rig_for(f"sim:{path}", None) == rig
+    assert rig_for("tcp:127.0.0.1:1", "pquad_single").name == "pquad_single"

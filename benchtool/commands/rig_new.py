@@ -1,0 +1,152 @@
+"""`benchtool rigs new`: a rig file with what its use needs, and nothing assumed."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Gt, Le
+
+from benchtool.commands.declared import declared
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import Input, Inputs, items
+
+Purpose = Literal["fit", "sweep"]
+
+Length = Annotated[float, Gt(0.0), Le(100.0)]
+Pulse = Annotated[float, Gt(0.0), Le(20_000.0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewRigInputs(Inputs):
+    """What `benchtool rigs new` takes; what is left out is asked, as far as the use needs it."""
+
+    file: Annotated[Path, Input("File to write, such as mine.toml.", argument="FILE")]
+    purpose: Annotated[
+        Purpose, Input("What for: fit tables, or sweep a bench too.", option="for")
+    ] = "fit"
+    radius: Annotated[Length | None, Input("Rotor radius.", "m", empty="asked")] = None
+    rotors: Annotated[int, Ge(1), Le(16), Input("How many rotors, evenly around the centre.")] = 1
+    arm: Annotated[
+        Length | None, Input("Centre to each rotor's axis.", "m", empty="asked of several")
+    ] = None
+    cell: Annotated[
+        Annotated[float, Gt(0.0), Le(1e5)] | None,
+        Input("Rating of the load cell.", "N", empty="asked for a sweep"),
+    ] = None
+    pulses: Annotated[
+        tuple[Pulse, Pulse, Pulse] | None,
+        Input("Pulses at which the motor stands, starts, and ends.", "us", empty="asked to sweep"),
+    ] = None
+    plate: Annotated[
+        Literal["device", "grbl", "hand"] | None,
+        Input("Who moves the plate.", empty="asked for a sweep"),
+    ] = None
+    travel: Annotated[
+        tuple[Length, Length] | None,
+        Input("Nearest and farthest plate.", "m", empty="asked for a sweep"),
+    ] = None
+    source: Annotated[str, Input("Where the numbers come from.")] = "stated by the bench's owner"
+
+
+@declared(NewRigInputs)
+def new_rig(inputs: NewRigInputs) -> None:
+    """Write a rig file of your own, asking what its use needs."""
+    from benchtool.commands.terminal.messages import write_new
+    from benchtool.core.errors import WouldOverwrite
+    from benchtool.core.rig_file import rig_from_toml
+
+    file = inputs.file if inputs.file.suffix == ".toml" else Path(f"{inputs.file}.toml")
+    if file.exists():
+        raise WouldOverwrite(str(file))
+    text = rig_text(inputs, file.stem)
+    rig = rig_from_toml(text, str(file))
+    write_new(file, lambda: file.write_text(text, encoding="utf-8"), "another FILE")
+    left_out = len(rig.not_stated)
+    print(
+        f"written: {file}; it leaves out {left_out} numbers, for which typical ones stand in where "
+        f"something needs them"
+    )
+    for why, words in (
+        ("see them", ["rigs", str(file)]),
+        (
+            "try a sweep on a virtual bench of this rig",
+            ["sweep", f"sim:{file}", "--z-over-r", "0.6,1,2,4", "--pwm", "1500,1600", "--yes"],
+        ),
+    ):
+        print(f"# {why}\n{shlex.join(['benchtool', *words])}")
+
+
+def rig_text(inputs: NewRigInputs, name: str) -> str:
+    """Return the file of a rig, what is missing asked.
+
+    Raises:
+        InputError: something is missing and nobody is at a terminal, or an answer is no number.
+    """
+    import tomli_w
+
+    known = {item.key: item for item in items(NewRigInputs)}
+
+    def asked(key: str, usual: str = "") -> Any:
+        from benchtool.commands.terminal.questions import ask
+
+        if (value := getattr(inputs, key)) is not None:
+            return value
+        item = known[key]
+        reason = f"{item.option} is missing ({item.label[:1].lower()}{item.label[1:]})"
+        typed = ask(item.label, item.option, usual=usual, choices=item.choices, reason=reason)
+        return item.read(typed, item.option)
+
+    sweeps, source = inputs.purpose == "sweep", inputs.source
+    propulsion: dict[str, Any] = {"source": source, "radius_m": asked("radius")}
+    data: dict[str, Any] = {"name": name, "title": name}
+    if inputs.rotors > 1:
+        data["rotors"] = _places(inputs.rotors, asked("arm"), source)
+    data["propulsion"] = propulsion
+    optional: dict[str, Callable[[], Any]] = {"cell": lambda: asked("cell")}
+    optional["pulses"] = lambda: asked("pulses", "1000,1050,1950")
+    optional["plate"] = lambda: asked("plate", "device")
+    optional["travel"] = lambda: asked("travel")
+    found = {
+        key: question()
+        for key, question in optional.items()
+        if sweeps or getattr(inputs, key) is not None
+    }
+    if "pulses" in found:
+        names = ("pwm_stop_us", "pwm_start_us", "pwm_max_us")
+        propulsion |= dict(zip(names, found["pulses"], strict=True))
+    plate: dict[str, Any] = {"source": source}
+    if "plate" in found:
+        plate["moved_by"] = found["plate"]
+    if "travel" in found:
+        nearest, farthest = found["travel"]
+        if not 0.0 < nearest < farthest:
+            raise InputError(
+                f"--travel is {nearest:g},{farthest:g} m: the nearest plate must stand before the "
+                f"farthest, both above 0; give --travel NEAREST,FARTHEST"
+            )
+        plate |= {"z_min_m": nearest, "z_max_m": farthest}
+    if len(plate) > 1:
+        data["plate"] = plate
+    if "cell" in found:
+        data["limits"] = {"source": source, "load_cell_rating_N": found["cell"]}
+    return tomli_w.dumps(data)
+
+
+def _places(count: int, arm_m: float, source: str) -> list[dict[str, Any]]:
+    """Return rotors evenly around the centre, the first ahead and to the left, turning in turn."""
+    from math import cos, pi, sin
+
+    angles = [2.0 * pi * (index + 0.5) / count for index in range(count)]
+    return [
+        {
+            "name": f"rotor {index + 1}",
+            "x_m": {"value": round(arm_m * cos(angle), 6), "source": source},
+            "y_m": {"value": round(arm_m * sin(angle), 6), "source": source},
+            "spin": {"value": 1 if index % 2 == 0 else -1, "source": source},
+        }
+        for index, angle in enumerate(angles)
+    ]

@@ -1,0 +1,74 @@
+"""`benchtool rigs new` asks for what a use needs and leaves the rest out."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+
+from benchtool.core.rig_file import rig_named
+from tests.unit.commands.command_line import said
+
+
+class Terminal(io.StringIO):
+    """Typed lines, as from a person at a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_fit_needs_a_radius_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = said(capsys, *["rigs", "new", "mine", "--radius", "0.127"])
+    rig = rig_named("mine.toml")
+    assert (code, rig.propulsion.radius_m, len(rig.sources) - len(rig.not_stated)) == (0, 0.127, 1)
+    assert "benchtool rigs mine.toml" in out
+
+
+def test_what_is_missing_is_asked_on_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed = "0.12\n50\n\nhnad\nhand\n0.05,0.6\n"
+    monkeypatch.setattr("sys.stdin", Terminal(typed))
+    code, out, _ = said(capsys, *["rigs", "new", "mine.toml", "--for", "sweep"])
+    assert code == 0
+    rig = rig_named("mine.toml")
+    assert (rig.limits.load_cell_rating_N, rig.limits.thrust_N) == (50.0, 40.0)
+    assert (rig.plate.moved_by, rig.plate.z_min_m, rig.plate.z_max_m) == ("hand", 0.05, 0.6)
+    assert rig.plate.z_park_m == 0.6
+    assert (rig.propulsion.pwm_start_us, rig.propulsion.pwm_max_us) == (1050.0, 1950.0)
+    assert "did you mean 'hand'" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        ("", "--radius is missing (rotor radius, m); give --radius"),
+        ("--radius 0.1 --rotors 4", "--arm is missing"),
+        ("--radius -1", "--radius is -1 m, allowed is above 0"),
+        ("--radius 0.1 --travel 0.5,0.1", "nearest plate must stand before the farthest"),
+        ("--radius 0.1 --pulses 1200,1100,1900", "pwm_stop_us <= pwm_start_us"),
+    ],
+)
+def test_what_is_missing_or_wrong_is_refused_without_a_terminal(
+    words: str,
+    reason: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    code, _, error = said(capsys, *f"rigs new mine.toml {words}".split())
+    assert (code, reason in error) == (2, True), error
+    assert not Path("mine.toml").exists()
+
+
+def test_a_file_that_is_there_stays(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("mine.toml").write_text("mine")
+    code, _, error = said(capsys, *["rigs", "new", "mine.toml", "--radius", "0.1"])
+    assert (code, "exists already" in error) == (2, True), error
+    assert Path("mine.toml").read_text() == "mine"
