@@ -23,12 +23,13 @@ CONFIRMATION = "ARM"
 def arming_text(plan: Plan, rig: Rig, expected: Expected) -> str:
     """Return what the operator must know before confirming."""
     names = [f"{number} ({rig.rotors[number - 1].name})" for number in plan.throttle.rotors_on]
+    near = f"near the plate {expected.thrust_N:.1f} N, " if plan.plate.used else ""
     return (
         f"rotors that will turn: {', '.join(names)}\n"
         f"highest pulse: {expected.pwm_us:g} us of {rig.limits.pwm_us:g} us, "
         f"about {expected.rpm:.0f} rpm\n"
-        f"expected thrust: about {expected.thrust_oge_N:.1f} N, near the plate "
-        f"{expected.thrust_N:.1f} N, limit {rig.limits.thrust_N:g} N"
+        f"expected thrust: about {expected.thrust_oge_N:.1f} N, {near}"
+        f"limit {rig.limits.thrust_N:g} N"
     )
 
 

@@ -111,8 +111,9 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
     )
     if expected.thrust_N > allowed_N:
         raise PlanError(
-            f"the plan would give about {expected.thrust_N:.3g} N at {expected.pwm_us:g} us close "
-            f"to the plate, limit {allowed_N:.3g} N; lower throttle.pwm_us, move the plate away "
+            f"the plan would give about {expected.thrust_N:.3g} N at {expected.pwm_us:g} us"
+            f"{' close to the plate' if plan.plate.used else ''}, limit {allowed_N:.3g} N; lower "
+            f"throttle.pwm_us{', move the plate away' if plan.plate.used else ''} "
             f"or raise limits.thrust_N within the load cell's rating of "
             f"{rig.limits.load_cell_rating_N:g} N"
         )
@@ -126,7 +127,12 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
 
 
 def _check_lists(plan: Plan, rig: Rig) -> None:
-    if not plan.plate.distances_m:
+    if not plan.plate.used and not plan.order.references:
+        raise PlanError(
+            "plate.used and order.references are both false, so nothing is visited; leave "
+            "order.references out"
+        )
+    if plan.plate.used and not plan.plate.distances_m:
         raise PlanError(
             f"no plate distance is left between the least of {rig.plate.z_min_m:g} m and the "
             f"park position at {rig.plate.z_park_m:g} m; give plate.distances_m"

@@ -24,7 +24,10 @@ class SweepInputs(Inputs):
     address: Annotated[
         str, Input("The bench: sim:pquad, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")
     ] = ""
-    plan_file: Annotated[Path | None, Input("Plan file (TOML).", option="plan")] = None
+    plan_file: Annotated[
+        Path | None,
+        Input("Plan file (TOML), or one of steps, ramp, response, endurance.", option="plan"),
+    ] = None
     rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
     plan: Plan = field(default_factory=Plan)
     runs: Annotated[Path, Input("Where run folders are made.")] = Path("runs")
@@ -42,7 +45,7 @@ class SweepInputs(Inputs):
     stage: Annotated[
         str | None,
         Input(
-            "What moves the plate: device, hand, grbl:PORT?...",
+            "What moves the plate: device, hand, grbl:PORT?..., none.",
             label="Plate moved by (device, hand, grbl:PORT)",
             empty="as device and rig say",
         ),

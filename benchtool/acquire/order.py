@@ -57,7 +57,7 @@ class Visit:
 def settings_of(plan: Plan, rig: Rig) -> tuple[Setting, ...]:
     """Return the settings of a resolved plan: every place with every level, references last."""
     plate = plan.plate
-    count = len(plate.tilts_deg) * len(plate.lateral_m) * len(plate.distances_m)
+    count = len(plate.tilts_deg) * len(plate.lateral_m) * len(_distances_m(plan))
     count = (count + 1) * len(plan.throttle.pwm_us) * (plan.repeats or 1)
     if count > MOST_VISITS:
         raise PlanError(
@@ -66,7 +66,7 @@ def settings_of(plan: Plan, rig: Rig) -> tuple[Setting, ...]:
         )
     places = [
         PlatePosition(z_m, x_m, tilt_deg)
-        for tilt_deg, x_m, z_m in product(plate.tilts_deg, plate.lateral_m, plate.distances_m)
+        for tilt_deg, x_m, z_m in product(plate.tilts_deg, plate.lateral_m, _distances_m(plan))
     ]
     if plan.order.references:
         places.append(PlatePosition(rig.plate.z_park_m, 0.0, 0.0, parked=True))
@@ -77,6 +77,10 @@ def settings_of(plan: Plan, rig: Rig) -> tuple[Setting, ...]:
         Setting(number, place, level_us, tuple(np.where(turning, level_us, stop_us).tolist()))
         for number, (place, level_us) in enumerate(combinations, 1)
     )
+
+
+def _distances_m(plan: Plan) -> tuple[float, ...]:
+    return plan.plate.distances_m if plan.plate.used else ()
 
 
 def visits_of(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
@@ -148,7 +152,7 @@ def least_duration_s(plan: Plan, rig: Rig) -> float:
     From counts alone, so that a plan of a billion visits is judged at once.
     """
     plate = plan.plate
-    places = len(plate.distances_m) * len(plate.tilts_deg) * len(plate.lateral_m)
+    places = len(_distances_m(plan)) * len(plate.tilts_deg) * len(plate.lateral_m)
     places += plan.order.references
     visits = places * len(plan.throttle.pwm_us) * (plan.repeats or 1)
     return visits * visit_s(plan)

@@ -12,8 +12,8 @@ from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.inputs import Input, Inputs
+from benchtool.core.packaged import read_named
 from benchtool.core.toml_text import read_strict
-from benchtool.core.user_file import read_text
 
 if TYPE_CHECKING:
     from benchtool.core.rig import Rig
@@ -34,11 +34,17 @@ MOST_LISTED = 1000
 
 Distances = Annotated[tuple[Distance, ...], Len(0, MOST_LISTED)]
 
+THROTTLE_TESTS = ("steps", "ramp", "response", "endurance")
+"""Shipped plans without a plate."""
+
 REPEATS_SINGLE = 9
 """Tests per distance with one rotor on (paper, section 2.1)."""
 
 REPEATS_SEVERAL = 5
 """Tests per distance with the full multirotor (paper, section 2.2)."""
+
+STANDARD_PERCENT = (40.0, 60.0)
+"""Throttle levels of a plan that names none; a choice."""
 
 STANDARD_DISTANCES_OVER_R = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 """Distances of a plan that names none; a choice: dense where the increment is steep."""
@@ -46,7 +52,14 @@ STANDARD_DISTANCES_OVER_R = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlatePart(Inputs):
-    """Say where the plate goes: every combination of distance, tilt and lateral position."""
+    """Say where the plate goes: every combination of distance, tilt and lateral position.
+
+    Attributes:
+        used: whether distances are visited; without, throttle alone is, far from any surface: the
+            plate is parked where the bench moves one, and away where it does not.
+    """
+
+    used: bool = True
 
     distances_m: Annotated[
         Distances,
@@ -102,6 +115,17 @@ class ThrottlePart(Inputs):
             option="pwm",
             label="Pulses, us",
             empty="40 % and 60 % of the pulse range",
+            instead_of="percent",
+        ),
+    ] = ()
+    percent: Annotated[
+        tuple[Annotated[float, Gt(0.0), Le(100.0)], ...],
+        Len(0, MOST_LISTED),
+        Input(
+            "Throttle levels in percent of the pulse range that the rig's limits allow: 20,50,80.",
+            option="throttle",
+            label="Throttle levels, %",
+            instead_of="pwm_us",
         ),
     ] = ()
     rotors_on: Annotated[
@@ -110,7 +134,7 @@ class ThrottlePart(Inputs):
             "Rotors that turn: 1 or 1,2,3.", option="rotors", label="Rotors that turn", empty="all"
         ),
     ] = ()
-    ramp_s: Annotated[float, Ge(0.0), Le(10.0), Input("Time from one level to the next.", "s")] = (
+    ramp_s: Annotated[float, Ge(0.0), Le(600.0), Input("Time from one level to the next.", "s")] = (
         0.3
     )
 
@@ -229,7 +253,7 @@ class Plan(Inputs):
         """Return the plan with every number that it left open filled in for a rig."""
         plate = self.plate
         radius_m = rig.propulsion.radius_m
-        if not plate.distances_m:
+        if plate.used and not plate.distances_m:
             ratios = plate.distances_over_R or tuple(
                 ratio
                 for ratio in STANDARD_DISTANCES_OVER_R
@@ -238,17 +262,22 @@ class Plan(Inputs):
             distances_m = tuple(round(ratio * radius_m, 9) for ratio in ratios)
             plate = replace(plate, distances_m=distances_m, distances_over_R=())
         rotors = self.throttle.rotors_on or tuple(range(1, rig.n_rotors + 1))
-        pwm_us = self.throttle.pwm_us or _standard_pwm_us(rig)
-        throttle = replace(self.throttle, pwm_us=pwm_us, rotors_on=rotors)
+        pwm_us = self.throttle.pwm_us or _pulses_us(rig, self.throttle.percent or STANDARD_PERCENT)
+        throttle = replace(self.throttle, pwm_us=pwm_us, percent=(), rotors_on=rotors)
         repeats = self.repeats or (REPEATS_SINGLE if len(rotors) == 1 else REPEATS_SEVERAL)
         residual_N = self.tare.residual_N or _residual_N(rig, self.tare.seconds)
         tare = replace(self.tare, residual_N=residual_N)
         return replace(self, repeats=repeats, plate=plate, throttle=throttle, tare=tare)
 
 
-def read_plan(path: Path) -> Plan:
-    """Return the plan in a TOML file."""
-    return plan_from_toml(read_text(path), str(path))
+def read_plan(path: str | Path) -> Plan:
+    """Return a shipped plan by its name, or the plan in a TOML file.
+
+    Raises:
+        UnknownChoice: a name that is neither.
+        FileFormatError: see `plan_from_toml`.
+    """
+    return plan_from_toml(*read_named("plan", "plans", path))
 
 
 def plan_from_toml(text: str, where: str) -> Plan:
@@ -262,6 +291,10 @@ def plan_from_toml(text: str, where: str) -> Plan:
     if plan.plate.distances_m and plan.plate.distances_over_R:
         raise FileFormatError(
             where, "plate.distances_m and plate.distances_over_R are both given; give one of them"
+        )
+    if plan.throttle.pwm_us and plan.throttle.percent:
+        raise FileFormatError(
+            where, "throttle.pwm_us and throttle.percent are both given; give one of them"
         )
     return plan
 
@@ -280,11 +313,11 @@ def _stated(table: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _standard_pwm_us(rig: Rig) -> tuple[float, ...]:
-    """Return 40 % and 60 % of the usable pulse range; a choice."""
+def _pulses_us(rig: Rig, percent: tuple[float, ...]) -> tuple[float, ...]:
+    """Return pulses at percentages of the usable pulse range."""
     start_us = rig.propulsion.pwm_start_us
     span_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us) - start_us
-    return tuple(float(round(start_us + share * span_us)) for share in (0.4, 0.6))
+    return tuple(float(round(start_us + 0.01 * each * span_us)) for each in percent)
 
 
 def _residual_N(rig: Rig, seconds: float) -> float:

@@ -54,7 +54,7 @@ def unfinished(run: Run) -> Unfinished:
     rig = run_rig(run.path, facts)
     plan_file = str(run.path / "plan.toml")
     plan = plan_from_toml(run.plan_text, plan_file)
-    if not (plan.plate.distances_m and plan.throttle.pwm_us):
+    if not ((plan.plate.distances_m or not plan.plate.used) and plan.throttle.pwm_us):
         raise FileFormatError(
             plan_file,
             "plate.distances_m or throttle.pwm_us is missing, which the plan of a run always "

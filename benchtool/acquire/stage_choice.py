@@ -17,29 +17,51 @@ if TYPE_CHECKING:
 _GRBL_OPTIONS = ("baud", "axis", "zero_mm", "direction", "lateral", "lateral_zero_mm")
 
 
-def check_stage(option: str | None, rig: Rig) -> None:
+def check_stage(option: str | None, rig: Rig, *, plate: bool = True) -> None:
     """Refuse what no `--stage` can be, before a bench is opened."""
     scheme, _, place = (option or "device").partition(":")
     if scheme == "grbl" and place:
         _grbl(place, rig)
     elif scheme == "grbl":
         raise InputError("the stage's port is missing; give --stage grbl:PORT?axis=Z&zero_mm=...")
-    elif option not in (None, "device", "hand"):
-        raise UnknownChoice("stage", str(option), ("device", "hand", "grbl:PORT"))
+    elif option == "none" and plate:
+        raise InputError(
+            "--stage none moves no plate, but the plan visits plate distances; give --stage hand "
+            "or --stage grbl:PORT, or a plan without a plate (--plan steps)"
+        )
+    elif option not in (None, "device", "hand", "none"):
+        raise UnknownChoice("stage", str(option), ("device", "hand", "grbl:PORT", "none"))
 
 
 def stage_for(
-    option: str | None, bench: GuardedBench, rig: Rig, ask: Callable[[str], str]
+    option: str | None,
+    bench: GuardedBench,
+    rig: Rig,
+    ask: Callable[[str], str],
+    *,
+    plate: bool = True,
 ) -> PlateStage:
     """Return what moves the plate, not opened yet.
 
     Args:
         option: `device`, `hand`, or `grbl:PORT?axis=Z&zero_mm=1500&direction=1`; what the device
-            and the rig say when left out.
+            and the rig say when left out; `none`, of a plan without a plate, moves nothing.
+        plate: whether the plan visits plate distances; without, only a bench that moves its own
+            plate moves one.
     """
-    from benchtool.bench.stage.stage import DeviceStage, HandStage, IdleStage, OneSidedStage
+    from benchtool.bench.stage.stage import (
+        DeviceStage,
+        HandStage,
+        IdleStage,
+        NoStage,
+        OneSidedStage,
+    )
 
-    chosen = option or ("device" if bench.identity.moves_plate else rig.plate.moved_by)
+    usual = rig.plate.moved_by if plate else "none"
+    chosen = option or ("device" if bench.identity.moves_plate else usual)
+    check_stage(chosen, rig, plate=plate)
+    if chosen == "none":
+        return NoStage()
     if chosen == "device":
         if not bench.identity.moves_plate:
             raise InputError(
@@ -53,7 +75,6 @@ def stage_for(
         )
     if chosen == "hand":
         return IdleStage(HandStage(ask, rig.plate), bench)
-    check_stage(chosen, rig)
     place = chosen.partition(":")[2]
 
     def listen(duration_s: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from math import nan, radians
+from math import isnan, nan, radians
 
 import numpy as np
 
@@ -237,7 +237,9 @@ class _Sweep:
                 self.recorder.note(event, f"point {visit.point}: {text}", visit.point)
         self._shown = _last_values(samples, checks.rates_Hz)
         more_m = self.stage.measures_to_m
-        if crept := self._plate.crept(self._reached_m, point.plate_read_z_m, more_m):
+        # Without a stage no place is known that the plate could leave.
+        known = not isnan(self._reached_m)
+        if known and (crept := self._plate.crept(self._reached_m, point.plate_read_z_m, more_m)):
             raise crept
         return point
 
@@ -262,10 +264,13 @@ class _Sweep:
         """Put on the disk what moves the plate, and whether anything measures where it stands."""
         by_hand = self.stage.facts["stage"] == "hand"
         facts = dict(self.stage.facts) | {"measured": self._plate.measured}
-        self.run.update_metadata(plate=facts | {"tolerance_m": self._plate.tolerance_m})
+        facts |= {"used": self.plan.plate.used, "tolerance_m": self._plate.tolerance_m}
+        self.run.update_metadata(plate=facts)
         if remark := facts.get("remark"):
             self.recorder.note("plate", str(remark))
-        if not self._plate.measured:
+        if facts["stage"] == "none":
+            self.recorder.note("plate", "no plate is moved: throttle alone is visited")
+        elif not self._plate.measured:
             source = "typed by the operator" if by_hand else "commanded"
             text = f"no channel reads where the plate stands: distances are {source}, not measured"
             self.recorder.note("plate", text)

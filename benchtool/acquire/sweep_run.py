@@ -41,7 +41,7 @@ def base_inputs(given: Mapping[str, Any], source: Source) -> SweepInputs:
             raise InputError(
                 f"{clash[0]} and {resume} are both given; a resumed run keeps the plan that it has"
             )
-    return SweepInputs(plan=read_plan(Path(given["plan"])) if "plan" in given else Plan())
+    return SweepInputs(plan=read_plan(given["plan"]) if "plan" in given else Plan())
 
 
 def sweep_to_run(
@@ -96,7 +96,7 @@ def record_sweep(
         rest: a run to go on with.
     """
     # Everything that was given is looked at before anything is said or opened.
-    check_stage(inputs.stage, rig)
+    check_stage(inputs.stage, rig, plate=inputs.plan.plate.used)
     if inputs.calibration not in (None, "none"):
         read_calibration(Path(str(inputs.calibration)))
     bench = open_bench(inputs.address, permit)
@@ -116,10 +116,15 @@ def plan_text(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None 
     counts = {kind: sum(visit.kind == kind for visit in left) for kind in ("reference", "anchor")}
     radius_m = rig.propulsion.radius_m
     distances = ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m)
+    where = (
+        f"plate z/R {distances}; tilt {_list(plan.plate.tilts_deg)} deg; "
+        f"lateral {_list(plan.plate.lateral_m)} m"
+        if plan.plate.used
+        else "no plate: parked where the bench moves one; else take it away, 4 radii at least"
+    )
     return (
         f"rig {rig.name}: {rig.title}\n"
-        f"plate z/R {distances}; tilt {_list(plan.plate.tilts_deg)} deg; "
-        f"lateral {_list(plan.plate.lateral_m)} m\n"
+        f"{where}\n"
         f"pulses {_list(plan.throttle.pwm_us)} us on rotors {_list(plan.throttle.rotors_on)}\n"
         f"{counted(len(settings_of(plan, rig)), 'setting')}, "
         f"{counted(plan.repeats or 1, 'repeat')}, {plan.order.kind} with seed {plan.order.seed}: "
@@ -162,6 +167,7 @@ def _sweep(
                     bench,
                     rig,
                     lambda text: operator.answer(text, lambda: bench.listen(LOOK_S)),
+                    plate=plan.plate.used,
                 )
                 by = f"calibration {scale.id}" if scale else "the device's own newtons"
                 text = f"{arming_text(plan, rig, expected)}\nthrust by {by}"

@@ -77,6 +77,25 @@ class DeviceStage:
         """Do nothing, as in `open`."""
 
 
+class NoStage:
+    """Move nothing: there is no plate, or it is far away."""
+
+    facts: Mapping[str, str | float] = MappingProxyType({"stage": "none"})
+    measures_to_m = 0.0
+
+    def open(self) -> None:
+        """Do nothing: there is no stage."""
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+        return float("nan")
+
+    def hold(self) -> None:
+        """Do nothing, as in `open`."""
+
+    def close(self) -> None:
+        """Do nothing, as in `open`."""
+
+
 class HandStage:
     """Let the operator move the plate and check what they say.
 

@@ -68,6 +68,8 @@ def _budget(path: Path) -> Budget:
     scales = [replace(one, rows=one.rows[data.rows]) for one in cells.errors]
     problem = with_scale_errors(problem, scales)
     near, *_, far = shown = _fastest(data, visit, names)
+    if near == far:
+        raise EstimationError("thrust was measured at one distance, so there is no ratio")
     ratio = Derived(f"{near} over {far}", "1", lambda values: values[near] / values[far])
     result = with_derived(fit_least_squares(problem), [ratio])
     way = propagation(problem, result, [ratio])

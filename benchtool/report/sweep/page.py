@@ -95,6 +95,12 @@ def run_sentence(run: SweepRun) -> str:
             f"{np.nanmax(z[measured]):.3g}, pulses "
             f"{', '.join(f'{level:g}' for level in levels)} µs."
         )
+    elif run.metadata.get("plate", {}).get("used", True) is False:
+        pulses = ", ".join(f"{level:g}" for level in np.unique(run.level_us()))
+        words = (
+            f"{counted(len(run.kinds), 'visit')} of {counted(len(run.settings), 'throttle level')} "
+            f"without a plate on rig {run.rig.name}, pulses {pulses} µs."
+        )
     else:
         words = f"No setting near the plate was measured on rig {run.rig.name}."
     if (place := _largest(run)) is not None:
@@ -172,7 +178,7 @@ def run_warnings(run: SweepRun) -> list[str]:
     lost = int((run.metadata.get("link") or {}).get("lost", 0) or 0)
     if lost:
         out.append(f"{counted(lost, 'sample')} lost on the link.")
-    if not np.isfinite(run.ratio[run.measured()]).any():
+    if run.measured().any() and not np.isfinite(run.ratio[run.measured()]).any():
         out.append("There are no references with the plate parked, so no T_IGE/T_OGE.")
     stated = (run.metadata.get("samples") or {}).get("csv_sha256")
     if stated and run.files.get("samples.csv") not in (None, stated):

@@ -115,7 +115,9 @@ class RunSupervisor(RunProgress):
         check_plan(plan, rig, identity.limits)
         scale = rest.calibration if rest else calibration_for(inputs.calibration, identity)
         chosen = inputs.stage or (rest.stage if rest else None)
-        stage = stage_for(chosen, bench, rig, lambda text: self._ask(bench, text))
+        stage = stage_for(
+            chosen, bench, rig, lambda text: self._ask(bench, text), plate=plan.plate.used
+        )
         require_armed(command.typed, identity, rig)
         start = None
         if rest is not None:

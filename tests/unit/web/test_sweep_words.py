@@ -25,5 +25,5 @@ def test_what_an_empty_field_shows_is_what_would_be_typed_for_the_same_plan() ->
     rig = rig_named("pquad")
     resolved = Plan().resolved(rig)
     shown = plan_texts(resolved, rig)
-    assert set(shown) == {*FIELDS} - {"z_m", "order"}
+    assert set(shown) == {*FIELDS} - {"z_m", "throttle", "order"}
     assert make(Plan, shown, source="label").resolved(rig) == resolved

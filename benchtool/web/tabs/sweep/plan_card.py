@@ -13,7 +13,7 @@ from benchtool.acquire.arming import arming_text
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.order import expected_duration_s, minutes, settings_of, visits_of
-from benchtool.acquire.plan import Plan, plan_from_toml
+from benchtool.acquire.plan import THROTTLE_TESTS, Plan, plan_from_toml, read_plan
 from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.input_text import text_of
@@ -78,7 +78,8 @@ def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) 
     pulses = ", ".join(f"{pulse:g}" for pulse in plan.throttle.pwm_us)
     facts = {
         "rig": f"{rig.name}: {rig.title}",
-        "plate z/R": ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m),
+        "plate z/R": ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m)
+        or "no plate: throttle alone",
         "pulses": f"{pulses} us",
         "visits": (
             f"{len(visits)}, of {len(settings_of(plan, rig))} settings: "
@@ -107,7 +108,9 @@ def plan_texts(plan: Plan, rig: Rig) -> dict[str, str]:
     return {
         item.name: ",".join(f"{each:g}" for each in value) if item.many else text_of(value)
         for item in items(Plan)
-        if not item.choices and item.name != "z_m" and (value := values[item.name]) is not None
+        if not item.choices
+        and item.name not in ("z_m", "throttle")
+        and (value := values[item.name]) is not None
     }
 
 
@@ -148,11 +151,22 @@ class PlanCard:
             self._form.add("operator", *AIR, "calibration", "stage")
             self._form.add(*(name for name in FIELDS if name not in FIRST))
         with ui.row().classes("items-center"):
+            tests = {name: name for name in THROTTLE_TESTS}
+            ui.select(
+                {"": "plate sweep"} | tests, value="", label="Test", on_change=self._choose_test
+            ).classes("w-40")
             upload = file_upload(
                 "Plan file (TOML)", max_file_size=LARGEST_BYTES, on_upload=self._load
             )
             upload.props("accept=.toml flat bordered dense").classes("w-72")
             self._loaded = ui.label().classes("soft")
+
+    def _choose_test(self, event: events.ValueChangeEventArguments[str]) -> None:
+        """Take a shipped plan without a plate as what runs where nothing is typed."""
+        name = str(event.value or "")
+        plan = read_plan(name) if name else Plan()
+        self._base, self._file = SweepInputs(plan=plan), name
+        self._look()
 
     @shows_errors
     async def _load(self, event: events.UploadEventArguments) -> None:
