@@ -13,8 +13,8 @@ from typing import Any
 
 __version__ = "0.1.0"
 __all__ = [
-    "Effect", "Model", "Result", "Rig", "__version__", "explain", "fit", "load_model", "load_rig",
-    "read", "simulate_flight", "simulate_pitch", "sweep",
+    "Effect", "Model", "Result", "Rig", "__version__", "compare", "explain", "fit", "load_model",
+    "load_rig", "read", "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 

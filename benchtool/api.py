@@ -21,8 +21,8 @@ from benchtool.core.inputs import make
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
-from benchtool.data.columns import frame, frame_of_rows
-from benchtool.data.derived import derive, run_circumstances, with_quantities
+from benchtool.data.columns import frame, frame_of_rows, joined_frame
+from benchtool.data.derived import run_circumstances, widened, with_quantities
 from benchtool.data.run.read import is_run
 from benchtool.explain.answer import Answer, answer_request, read_request
 from benchtool.fit.recipe import FitInputs, Recipe
@@ -31,6 +31,8 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model as _load_model
 from benchtool.report.answer.page import ANSWER
+from benchtool.report.compare import page as comparing
+from benchtool.report.compare.runs import Over
 from benchtool.report.fit.page import FIT, sentence
 from benchtool.report.flight import flight as flight_report
 from benchtool.report.flight import pitch_study as pitch_report
@@ -51,8 +53,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "Effect", "Model", "Result", "Rig", "explain", "fit", "load_model", "load_rig", "read",
-    "simulate_flight", "simulate_pitch", "sweep",
+    "Effect", "Model", "Result", "Rig", "compare", "explain", "fit", "load_model", "load_rig",
+    "read", "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 Controllers = Iterable[str | type[Any]]
@@ -92,15 +94,13 @@ def read(path: str | Path) -> Result[SweepRun] | Result[Recorded]:
         path=path,
         _page=STAND,
         _summary=lambda one: f"{one.name}: {rows} rows of {names}",
-        _tables={"samples": lambda one: frame(one.recording)},
+        _tables={"samples": lambda one: frame(one.with_quantities())},
     )
 
 
 def _sweep(path: Path) -> Result[SweepRun]:
     tables: dict[str, Callable[[SweepRun], pd.DataFrame]] = {
-        "points": lambda run: frame(
-            with_quantities(run.points, derive(run.points, run_circumstances(path)))
-        ),
+        "points": lambda run: frame(widened(run.points, run_circumstances(path))),
         "settings": lambda run: frame(with_quantities(run.settings, run.quantities)),
     }
     run = read_sweep_run(path)
@@ -207,6 +207,36 @@ def fit(
         found=output, _page=FIT, _summary=sentence,
         _tables={"estimates": _estimates, "points": lambda one: frame(one.data.points)},
     )  # fmt: skip
+
+
+def compare(
+    data: Data | Sequence[Data], *, over: Over = "thrust", at_thrust_N: float | None = None
+) -> Result[comparing.RunComparison]:
+    """Set runs and recordings side by side, as `benchtool report --over --at-thrust` does.
+
+    Tables: `curves`, and `best` where a thrust is wanted, the most efficient first.
+
+    Args:
+        data: one or several run folders or recordings of `benchtool import`.
+        over: what the figure's axis is.
+        at_thrust_N: where they are ranked.
+
+    Raises:
+        InputError: no run holds what they are to be drawn over.
+    """
+    one = comparing.compared([Path(path) for path in _paths(data)], over, at_thrust_N)
+    tables: dict[str, Callable[[comparing.RunComparison], pd.DataFrame]] = {
+        "best": lambda one: frame_of_rows(comparing.best_rows(one)),
+        "curves": lambda one: joined_frame(one.tables()),
+    }
+    if not one.found:
+        del tables["best"]
+    return Result(
+        found=one,
+        _page=comparing.COMPARISON,
+        _summary=comparing.comparison_sentence,
+        _tables=tables,
+    )
 
 
 def _estimates(output: FitOutput) -> pd.DataFrame:

@@ -48,6 +48,7 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
 @pytest.fixture(scope="session", autouse=True)
 def _own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Keep this user's calibrations and bench checks apart from those of the tests."""
+    os.environ["BENCHTOOL_LIBRARY"] = str(tmp_path_factory.mktemp("library"))
     os.environ["BENCHTOOL_STATE"] = str(tmp_path_factory.mktemp("state"))
 
 

@@ -63,6 +63,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Draw sources with images beside vortex rings with images (Fig. 5)"),
     "rigs": ("shipped:rigs", "List rigs, or show one with the source of every number"),
     "rigs new": ("rig_new:new_rig", "Write a rig file of your own, asking what its use needs"),
+    "propellers": ("shipped:propellers",
+        "List propellers, or show one with the source of every number"),
     "models": ("shipped:models", "List models, or show one with its effects and parameters"),
     "effects": ("shipped:effects", "List physical effects, or show one with law and parameters"),
 }  # fmt: skip

@@ -36,6 +36,12 @@ class ImportInputs(Inputs):
         Annotated[float, Gt(0.0), Le(100.0)] | None,
         Input("Air density, for files of coefficients.", "kg/m3"),
     ] = None
+    propeller: Annotated[
+        str,
+        Input(
+            "Propeller on the stand: name (benchtool propellers), file, or size in inches: 10x4.5."
+        ),
+    ] = ""
     hover: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
         Input("Mass: makes points of a hover flight's steady stays.", "kg"),
@@ -54,6 +60,7 @@ def import_(inputs: ImportInputs) -> None:
     from benchtool.commands.terminal.show_import import print_import
     from benchtool.data.formats.formats import import_files
     from benchtool.data.formats.over_surface import parse_window
+    from benchtool.data.propeller_file import propeller_named
     from benchtool.data.repairs.imported import Options
     from benchtool.data.run.recording_file import beside
 
@@ -63,6 +70,7 @@ def import_(inputs: ImportInputs) -> None:
         tare=inputs.tare,
         scale=inputs.scale,
         air_density_kg_m3=inputs.air_density,
+        propeller=propeller_named(inputs.propeller) if inputs.propeller else None,
         hover_kg=inputs.hover,
         over=tuple(parse_window(text) for text in inputs.over),
         near_m=inputs.near_m,
@@ -114,4 +122,8 @@ def _write(read: Imported, target: Path, options: Options, overwrite: bool) -> N
         },
         "versions": {"benchtool": __version__},
     }
+    if read.propeller is not None:
+        facts["propeller"] = asdict(read.propeller)
+    if options.air_density_kg_m3 is not None:
+        facts["air"] = {"density_kg_m3": options.air_density_kg_m3, "stated": True}
     write_recording(target, read.recording, facts, overwrite=overwrite)

@@ -24,7 +24,7 @@ class ReportInputs(Inputs):
     paths: Annotated[
         tuple[Path, ...],
         Input(
-            "A run, fit or explain folder, or a recording; several sweeps are compared.",
+            "A run, fit or explain folder, or a recording; several are compared.",
             argument="PATH",
         ),
     ] = ()
@@ -55,6 +55,14 @@ class ReportInputs(Inputs):
         tuple[Annotated[int, Ge(1)], ...],
         Input("The log's motor number of each rotor of the rig, as 1,3,2,4."),
     ] = ()
+    over: Annotated[
+        Literal["thrust", "rpm", "power", "throttle", "distance"] | None,
+        Input("Draw runs and recordings in one plot over this.", empty="thrust"),
+    ] = None
+    at_thrust: Annotated[
+        Annotated[float, Gt(0.0), Le(100_000.0)] | None,
+        Input("Rank runs and recordings by efficiency at this thrust.", "N"),
+    ] = None
     overwrite: Annotated[bool, Input("Replace files of these names.", also="--force")] = False
 
 
@@ -64,7 +72,8 @@ def report(inputs: ReportInputs) -> None:
     import sys
 
     from benchtool.explain.pitch.replayed import Beside
-    from benchtool.report.report_file import write_report
+    from benchtool.report.compare.page import compared, comparison_sentence, short_table
+    from benchtool.report.report_file import is_mixed, write_report
 
     given, out, replace = list(inputs.paths), inputs.out, inputs.overwrite
     recipes = values_of(inputs.recipes)
@@ -93,13 +102,25 @@ def report(inputs: ReportInputs) -> None:
     )
     if out is not None and out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out {out} does not end in .html, as the name of a page does")
+    one = None
+    if inputs.over or inputs.at_thrust is not None or is_mixed(given):
+        if inputs.model:
+            raise InputError("--model draws a model beside sweeps; leave it out here")
+        one = compared(given, inputs.over or "thrust", inputs.at_thrust)
     page = write_report(
         given,
         out,
+        comparison=one,
         beside=beside,
         commands=[shlex.join(["benchtool", *sys.argv[1:]])],
         replace=replace,
     )
+    if one is not None:
+        print(comparison_sentence(one))
+        if (table := short_table(one)) is not None:
+            from benchtool.commands.terminal.tables import Output, print_table
+
+            print_table(Output(), table)
     print(f"report: {page}", flush=True)
 
 

@@ -36,6 +36,12 @@ def rigs(inputs: ShippedInputs) -> None:
     _show("rig", inputs, listed=_listed_rigs, described=_described_rig)
 
 
+@declared(ShippedInputs)
+def propellers(inputs: ShippedInputs) -> None:
+    """List propellers, or show one with the source of every number."""
+    _show("propeller", inputs, listed=_listed_propellers, described=_described_propeller)
+
+
 def _show(
     kind: str,
     inputs: ShippedInputs,
@@ -89,7 +95,40 @@ def _listed_rigs() -> Iterator[str]:
     from benchtool.core.rig_file import rig_named, rig_names
 
     for name in rig_names():
-        yield f"{name:<14} {rig_named(name).title}"
+        yield f"{name:<16} {rig_named(name).title}"
+    yield from _listed_own("rigs", lambda name: rig_named(name).title)
+
+
+def _listed_own(folder: str, title: Callable[[str], str]) -> Iterator[str]:
+    """Give a line for each file of the user's library, one that is broken with what is wrong."""
+    from benchtool.core.errors import BenchtoolError
+    from benchtool.core.packaged import own_names, user_library
+
+    names = own_names(folder)
+    yield f"yours, in {user_library() / folder}:{'' if names else ' none'}"
+    for name in names:
+        try:
+            yield f"{name:<16} {title(name)}"
+        except BenchtoolError as error:
+            yield f"{name:<14} cannot be read: {error}"
+
+
+def _listed_propellers() -> Iterator[str]:
+    from benchtool.core.packaged import packaged_names
+    from benchtool.data.propeller_file import FOLDER, read_propeller
+
+    for name in packaged_names(FOLDER):
+        yield f"{name:<16} {read_propeller(name)[0].title}"
+    yield from _listed_own(FOLDER, lambda name: read_propeller(name)[0].title)
+
+
+def _described_propeller(name: str) -> Iterator[str]:
+    from benchtool.data.propeller_file import read_propeller
+
+    propeller, sources = read_propeller(name)
+    yield f"{propeller.name}: {propeller.title}"
+    for key, source in sources.items():
+        yield f"  {key:<12} {_value(propeller, key):>10}  {source}"
 
 
 def _described_rig(name: str) -> Iterator[str]:

@@ -6,10 +6,25 @@ import os
 from pathlib import Path
 
 from benchtool.core.errors import FileFormatError, UnknownChoice
-from benchtool.core.user_file import read_text, shown_name
+from benchtool.core.user_file import read_text, shown_name, user_folder
 
 LIBRARY = Path(__file__).resolve().parents[1] / "library"
 """Folder of the files that are shipped."""
+
+
+def user_library() -> Path:
+    """Return the folder of this user's own rigs, propellers and so on, a folder for each kind.
+
+    BENCHTOOL_LIBRARY where it is set, else that of the user's data. It need not exist.
+    """
+    if chosen := os.environ.get("BENCHTOOL_LIBRARY"):
+        return Path(chosen)
+    return user_folder("XDG_DATA_HOME", ".local/share") / "library"
+
+
+def own_names(folder: str) -> tuple[str, ...]:
+    """Return the names of the user's own files of one kind."""
+    return tuple(sorted(path.stem for path in (user_library() / folder).glob("*.toml")))
 
 
 def packaged_names(folder: str) -> tuple[str, ...]:
@@ -18,20 +33,29 @@ def packaged_names(folder: str) -> tuple[str, ...]:
 
 
 def read_named(kind: str, folder: str, name_or_path: str | Path) -> tuple[str, str]:
-    """Return (text, where) of a shipped name, or of a path that ends in .toml.
+    """Return (text, where) of a shipped name, of one's own, or of a path that ends in .toml.
 
     Raises:
-        UnknownChoice: a name that is not shipped, with the known ones.
-        FileFormatError: a path that cannot be read.
+        UnknownChoice: a name that is neither, with the known ones.
+        FileFormatError: a path that cannot be read, or a file of one's own by a shipped name.
     """
-    given = str(name_or_path)
+    given, own = str(name_or_path), own_names(folder)
+    if given in own:
+        mine = user_library() / folder / f"{given}.toml"
+        if given in packaged_names(folder):
+            raise FileFormatError(
+                str(mine), f"a {kind} of this name is shipped with benchtool; rename yours"
+            )
+        return read_text(mine), str(mine)
     if given in packaged_names(folder):
         where = f"{folder}/{given}.toml"
         return (LIBRARY / where).read_text(encoding="utf-8"), where
     path = Path(given)
     if path.suffix != ".toml" and not os.path.exists(path):
         shown = shown_name(given)
-        raise UnknownChoice(f"{kind} (and no file of that name)", shown, packaged_names(folder))
+        raise UnknownChoice(
+            f"{kind} (and no file of that name)", shown, (*packaged_names(folder), *own)
+        )
     if os.path.isdir(path):
         inside = ", ".join(str(item) for item in sorted(path.glob("*.toml"))[:6])
         raise FileFormatError(

@@ -12,7 +12,7 @@ from typing import Any
 import tomli_w
 
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.packaged import packaged_names, read_named
+from benchtool.core.packaged import own_names, packaged_names, read_named
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import NOT_STATED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
 from benchtool.core.toml_text import (
@@ -35,8 +35,8 @@ def _packaged_rig(name: str) -> Rig:
 
 
 def rig_named(name_or_path: str | Path) -> Rig:
-    """Return a shipped rig by name, or a user's own by the path of its TOML file."""
-    if str(name_or_path) in rig_names():
+    """Return a rig by name, shipped or in the user's library, or by the path of its TOML file."""
+    if str(name_or_path) in set(rig_names()).difference(own_names("rigs")):
         return _packaged_rig(str(name_or_path))
     return rig_from_toml(*read_named("rig", "rigs", name_or_path))
 

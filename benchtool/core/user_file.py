@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import sys
 from io import BufferedReader
 from pathlib import Path
 
@@ -42,6 +43,27 @@ _REASONS = {
     errno.EPERM: "permission denied; make the file readable for this user, or name another",
     errno.ENXIO: "this is a pipe or a socket; name a regular file",
 }
+
+
+def user_folder(variable: str, unix: str, mac: str = "Application Support") -> Path:
+    """Return the folder of one kind of this user's files, where the system has it.
+
+    LOCALAPPDATA on Windows, ~/Library on macOS; elsewhere as the XDG Base Directory Specification
+    0.8 says.
+
+    Args:
+        variable: of that specification, such as XDG_STATE_HOME.
+        unix: below the home folder where it is not set.
+        mac: below ~/Library.
+    """
+    home = Path.home()
+    if sys.platform == "win32":
+        root = Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        root = home / "Library" / mac
+    else:
+        root = Path(os.environ.get(variable) or home / unix)
+    return root / "benchtool"
 
 
 def open_file(path: str | Path, *, follow: bool = True) -> BufferedReader:

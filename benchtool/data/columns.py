@@ -121,6 +121,14 @@ def frame_of_rows(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
     return pd.DataFrame.from_records(list(rows))
 
 
+def joined_frame(recordings: Mapping[str, Recording]) -> pd.DataFrame:
+    """Return recordings one below the other as a data frame, with a column of their names."""
+    import pandas as pd
+
+    parts = {name: frame(one) for name, one in recordings.items()}
+    return pd.concat(parts, names=["run"]).reset_index(level=0).reset_index(drop=True)
+
+
 def frame(recording: Recording) -> pd.DataFrame:
     """Return a recording as a data frame, words in place of their codes, units in `attrs`."""
     import pandas as pd

@@ -335,6 +335,11 @@ def _origin(quantity: Quantity, recording: Recording, given: Values, known: Circ
     return f"{words} and the data sheet ({', '.join(sheet)})" if sheet else words
 
 
+def widened(recording: Recording, known: Circumstances) -> Recording:
+    """Return a recording with every quantity that it and its circumstances allow."""
+    return with_quantities(recording, derive(recording, known))
+
+
 def with_quantities(recording: Recording, found: Sequence[QuantityValues]) -> Recording:
     """Return a recording with a column for each quantity and one for its standard error.
 

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from benchtool.core.errors import MissingLibrary
+from benchtool.core.user_file import user_folder
 
 Quantity: TypeAlias = Any
 """A scalar in a compiled loop; outside, anything that broadcasts: float, complex, array."""
@@ -318,12 +319,7 @@ def _cache_root() -> Path:
     """Return where this user keeps what can be made again."""
     if given := os.environ.get("NUMBA_CACHE_DIR"):
         return Path(given)
-    home = Path.home()
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", home / "AppData" / "Local")) / "benchtool"
-    if sys.platform == "darwin":
-        return home / "Library" / "Caches" / "benchtool"
-    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "benchtool"
+    return user_folder("XDG_CACHE_HOME", ".cache", mac="Caches")
 
 
 def can_compile() -> bool:

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchtool.data.derived import QuantityValues
+from benchtool.data.quantities import Quantity
 from benchtool.report.numbers import numeral, unit_for_people, value_with_sd
 from benchtool.report.page import Table
 
@@ -18,27 +19,33 @@ COLUMNS = 2
 """Panels beside each other."""
 
 
-def panels_height(found: Sequence[QuantityValues]) -> float:
+def panels_height(found: Sequence[object]) -> float:
     """Return inches for a panel of each quantity."""
     return 0.8 + 2.1 * ceil(len(found) / COLUMNS)
 
 
-def quantity_panels(figure: Figure, found: Sequence[QuantityValues]) -> list[Axes]:
-    """Return a panel for each quantity, its axis labelled with symbol and unit."""
+def quantity_panels(figure: Figure, found: Sequence[Quantity], label: str) -> list[Axes]:
+    """Return a panel for each quantity, its axis labelled with symbol and unit.
+
+    Args:
+        label: of the x axis that all share.
+    """
     rows = ceil(len(found) / COLUMNS)
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True).ravel().tolist()
     for place, (axes, one) in enumerate(zip(grid, found, strict=False)):
-        axes.set_title(one.quantity.title)
+        axes.set_title(one.title)
         axes.set_ylabel(re.sub(r"([A-Za-zη]+)_(\w+)", r"$\1_{\2}$", with_symbol(one)))
-        axes.tick_params(labelbottom=place >= len(found) - COLUMNS)
+        if place >= len(found) - COLUMNS:
+            axes.tick_params(labelbottom=True)
+            axes.set_xlabel(label)
     for axes in grid[len(found) :]:
         axes.remove()
     return list(grid[: len(found)])
 
 
-def with_symbol(one: QuantityValues) -> str:
+def with_symbol(one: Quantity) -> str:
     """Return "C_T [–]"."""
-    return f"{one.quantity.symbol} [{unit_for_people(one.quantity.unit)}]"
+    return f"{one.symbol} [{unit_for_people(one.unit)}]"
 
 
 def values_table(
@@ -57,7 +64,7 @@ def values_table(
     ]
     return Table(
         caption,
-        (*header, *(with_symbol(one) for one in found)),
+        (*header, *(with_symbol(one.quantity) for one in found)),
         [(*row, *(column[place] for column in cells)) for place, row in enumerate(rows)],
     )
 

@@ -15,6 +15,7 @@ from benchtool.explain.pitch.replayed import Beside
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.nominal import nominal_model
 from benchtool.report import html
+from benchtool.report.compare.page import COMPARISON, RunComparison
 from benchtool.report.files import write_whole
 from benchtool.report.page import Report
 from benchtool.report.replay.page import recording_page
@@ -62,6 +63,14 @@ def kind_of(path: Path) -> Kind:
     )
 
 
+def is_mixed(paths: Sequence[Path]) -> bool:
+    """Return whether several paths name runs and recordings that no page of sweeps can compare."""
+    if len(paths) < 2:
+        return False
+    kinds = {kind_of(path) for path in paths}
+    return "recording" in kinds and kinds <= {"sweep", "recording"}
+
+
 def usual_out(paths: Sequence[Path]) -> Path:
     """Return where a report is written when nobody says where: in its folder, or beside a file."""
     if len(paths) > 1:
@@ -93,6 +102,7 @@ def write_report(
     out: Path | None = None,
     *,
     beside: Beside | None = None,
+    comparison: RunComparison | None = None,
     commands: Sequence[str] = (),
     replace: bool = False,
 ) -> Path:
@@ -103,6 +113,7 @@ def write_report(
 
     Args:
         out: the file; `usual_out` when None.
+        comparison: of the paths, in place of the report of what they are.
 
     Raises:
         InputError: paths that make no report.
@@ -111,7 +122,7 @@ def write_report(
     if not paths:
         raise InputError(f"nothing to report: name {TAKES}")
     target = out or usual_out(paths)
-    own = len(paths) == 1 and kind_of(paths[0]) in ("fit", "explanation")
+    own = comparison is None and len(paths) == 1 and kind_of(paths[0]) in ("fit", "explanation")
     if own and beside not in (None, Beside()):
         raise InputError(
             f"the page of {paths[0]} was written when it was made; --model and what goes with it "
@@ -121,7 +132,11 @@ def write_report(
         return target
     if target.exists() and not replace:
         raise WouldOverwrite(str(target), "--overwrite")
-    write_whole(target, page_text(paths, beside, commands).encode("utf-8"))
+    if comparison is not None:
+        text = html.render_report(COMPARISON.report(comparison, commands))
+    else:
+        text = page_text(paths, beside, commands)
+    write_whole(target, text.encode("utf-8"))
     return target
 
 

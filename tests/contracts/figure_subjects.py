@@ -24,6 +24,7 @@ from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.physics.wake_picture import Hover
+from benchtool.report.compare.page import compared
 from benchtool.report.fit.demo import Story
 from benchtool.report.flight.campaign import CampaignMap, CampaignPanel
 from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
@@ -179,6 +180,7 @@ def with_law() -> Answer:
 
 
 SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {
+    "compare": lambda: [compared([ROOT / "datasets" / "quad" / "run"], thrust_N=20.0)],
     "answer": lambda: [answer(), answer("several"), answer("unknown"), with_law()],
     "fit": lambda: [sampled_fit(), fit("partial_area")],
     "fit.demo": lambda: [Story(fit("single_rotor"), fit("quad"), fit("quad"))],

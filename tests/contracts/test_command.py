@@ -173,6 +173,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     ],
     "flow picture": [("--z-over-r nan", "--z-over-r is nan, allowed is 0.5 to 1,000")],
     "rigs": [("pqad", "did you mean 'pquad'")],
+    "propellers": [("apc_10x7s", "did you mean 'apc_10x7sf'")],
     "rigs new": [("mine --radius -1", "--radius is -1 m, allowed is above 0")],
     "models": [("sngle", "did you mean 'single'")],
     "effects": [("body_lft", "did you mean 'body_lift'")],

@@ -6,6 +6,7 @@ from typing import Literal
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn
 from rich.table import Table
 
@@ -34,12 +35,12 @@ class Output(Console):
 
 def print_table(console: Console, shown: page.Table) -> None:
     """Print a table of the report on a terminal."""
-    table = Table(title=shown.caption, title_justify="left", box=SIMPLE_HEAD)
+    table = Table(title=escape(shown.caption), title_justify="left", box=SIMPLE_HEAD)
     for position, head in enumerate(shown.header):
         justify: Literal["left", "right"] = "left" if position < shown.text_columns else "right"
-        table.add_column(head, justify=justify, overflow="fold")
+        table.add_column(escape(head), justify=justify, overflow="fold")
     for row in shown.rows:
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     console.print(table)
 
 

@@ -10,7 +10,7 @@ import os
 import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Literal, Protocol
@@ -155,6 +155,8 @@ def import_bytes(data: bytes, where: str, options: Options) -> Imported:
     else:
         # Doubts come last: what the user repaired is none any more.
         read = inspect_stand(apply_options(mend_spikes(mend_time(read)), options))
+    if options.propeller is not None:
+        read = replace(read, propeller=options.propeller)
     if options.hover_kg is not None:
         read = points_of_hover(read, options.hover_kg)
     return mark_windows(read, options.over, options.near_m)

@@ -12,15 +12,16 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
-from benchtool.core.units import to_si
+from benchtool.core.units import from_si
 from benchtool.data.csv_text import lay_out
+from benchtool.data.propeller_file import propeller_named
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.mapped import map_header, read_columns
 
 STANDARD_DENSITY_KG_M3 = 1.225
 """Air at sea level, ISO 2533. The database gives coefficients and not the day's air: a guess."""
 
-_SIZE = re.compile(r"_(?P<diameter>\d+(?:\.\d+)?)x(?P<pitch>\d+(?:\.\d+)?)")
+_SIZE = re.compile(r"_(?P<size>\d+(?:\.\d+)?x\d+(?:\.\d+)?)")
 
 
 def is_uiuc(head: bytes) -> bool:
@@ -35,12 +36,14 @@ def read_uiuc(data: bytes, where: str, provenance: Mapping[str, str], options: O
     AIAA 2011-1255.
     """
     size = _SIZE.search(Path(where).name)
-    if size is None:
+    if size is None and options.propeller is None:
         raise FileFormatError(
             where,
-            "the diameter stands in the name of such files (apcsf_10x7_static_...); rename it",
+            "the diameter stands in the name of such files (apcsf_10x7_static_...); rename it, or "
+            "state it with --propeller 10x7",
         )
-    diameter_m = float(to_si(float(size["diameter"]), "in"))
+    propeller = options.propeller or propeller_named(size["size"] if size else "")
+    diameter_m = propeller.diameter_m
     table = lay_out(data, where)
     columns, others = map_header(table, {"RPM": "rpm1", "CT": "ct", "CP": "cp"}.get)
     density = STANDARD_DENSITY_KG_M3
@@ -50,7 +53,8 @@ def read_uiuc(data: bytes, where: str, provenance: Mapping[str, str], options: O
         Finding("lacks", "time", "a table of steady speeds: rows have an order and no time"),
         Finding(
             "read as", "diameter",
-            f"{size['diameter']} in by {size['pitch']} in pitch, from the file's name",
+            f"{from_si(diameter_m, 'in'):.4g} in, "
+            f"{'by --propeller' if options.propeller else 'from the name of the file'}",
         ),
     ]  # fmt: skip
     if options.air_density_kg_m3 is None:
@@ -69,4 +73,5 @@ def read_uiuc(data: bytes, where: str, provenance: Mapping[str, str], options: O
         recording = recording.with_column(Channel("torque_Nm", "N m"), np.asarray(torque))
     facts = {**recording.provenance, "diameter_m": f"{diameter_m:.6g}", "air_kg_m3": f"{density:g}"}
     sources = {**read.sources, "thrust_N": "CT rho n^2 D^4", "torque_Nm": "CP rho n^2 D^5 / (2 pi)"}
-    return replace(read, recording=replace(recording, provenance=facts), sources=sources)
+    recording = replace(recording, provenance=facts)
+    return replace(read, recording=recording, sources=sources, propeller=propeller)

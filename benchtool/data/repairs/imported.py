@@ -12,6 +12,7 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
+from benchtool.core.rig import Propeller
 
 Count = Annotated[int, Ge(0)]
 
@@ -64,6 +65,7 @@ class Imported:
         tally: the account of rows or messages.
         sources: for each channel, the file's own column or message.
         windows: when a rotor is over a surface.
+        propeller: that stood on the bench, as the user or the file says; None where neither does.
         lines: (n,) line of the file that each row of the recording stands in; None for logs.
     """
 
@@ -74,6 +76,7 @@ class Imported:
     sources: Mapping[str, str] = field(default_factory=dict)
     windows: tuple[Window, ...] = ()
     lines: NDArray[np.intp] | None = None
+    propeller: Propeller | None = None
 
     def with_findings(self, more: Sequence[Finding]) -> Imported:
         """Return the import with more findings."""
@@ -143,6 +146,7 @@ class Options:
         tare: channels whose reading at rest is taken off.
         scale: factors as CHANNEL=FACTOR.
         air_density_kg_m3: for files that hold coefficients.
+        propeller: that stood on the bench, for coefficients and tip speeds.
         hover_kg: mass of the vehicle whose weight is the thrust of a hover flight.
         over: windows in which a rotor is over a surface.
         near_m: a distance sensor that reads less says that the vehicle is over a surface; None
@@ -154,6 +158,7 @@ class Options:
     tare: tuple[str, ...] = ()
     scale: tuple[str, ...] = ()
     air_density_kg_m3: float | None = None
+    propeller: Propeller | None = None
     hover_kg: float | None = None
     over: tuple[Window, ...] = ()
     near_m: float | None = None

@@ -18,6 +18,7 @@ from benchtool.data.derived import (
     QuantityValues,
     derive,
     run_circumstances,
+    widened,
     with_quantities,
 )
 from benchtool.data.parquet import write_parquet
@@ -145,7 +146,7 @@ def exported(run: Path, table: str, suffix: str) -> bytes:
 def _recording(run: Path, table: str) -> Recording:
     if table == "points":
         points = read_points(run, KINDS)
-        return with_quantities(points, derive(points, run_circumstances(run)))
+        return widened(points, run_circumstances(run))
     if table == "settings":
         return settings_of(run)
     if not any((run / f"samples{suffix}").is_file() for suffix in SUFFIXES):

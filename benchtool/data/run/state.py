@@ -4,30 +4,22 @@ from __future__ import annotations
 
 import os
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
 from benchtool.core.errors import InputError
+from benchtool.core.user_file import user_folder
 from benchtool.data.atomic import make_folder, read_json, replace_json
 
 
 def state_folder() -> Path:
     """Return the folder for lasting state of this user.
 
-    BENCHTOOL_STATE where it is set; else what the system names: XDG_STATE_HOME (XDG Base Directory
-    Specification 0.8) or ~/.local/state on Linux, ~/Library/Application Support on macOS,
-    LOCALAPPDATA on Windows.
+    BENCHTOOL_STATE where it is set; else what the system names (`core.user_file.user_folder`).
     """
     if chosen := os.environ.get("BENCHTOOL_STATE"):
         return Path(chosen)
-    if sys.platform == "win32":
-        root = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    elif sys.platform == "darwin":
-        root = Path.home() / "Library" / "Application Support"
-    else:
-        root = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state")
-    return root / "benchtool"
+    return user_folder("XDG_STATE_HOME", ".local/state")
 
 
 def state_file(kind: str, device_id: str) -> Path:

@@ -10,6 +10,7 @@ from typing import Any
 from benchtool import __version__
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, file_hash
+from benchtool.data.derived import recording_circumstances, widened
 from benchtool.data.run.facts import read_recording_facts
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import FORMAT, read_recording
@@ -57,6 +58,12 @@ class Recorded:
     @property
     def simulated(self) -> bool:
         return self.recording.simulated
+
+    def with_quantities(self) -> Recording:
+        """Return the recording with what follows from it; a pitch run as it is."""
+        if self.is_run:
+            return self.recording
+        return widened(self.recording, recording_circumstances(self.facts, str(self.path)))
 
     @property
     def is_run(self) -> bool:

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from benchtool.core.counted import counted
 from benchtool.core.units import from_si
+from benchtool.data.derived import derive, recording_circumstances
 from benchtool.report.figure import Page, figure
 from benchtool.report.numbers import numeral, unit_for_people
 from benchtool.report.page import Block, Paragraph, Table
 from benchtool.report.palette import BLACK
+from benchtool.report.quantities import origins_table
 from benchtool.report.replay.recorded import Recorded, sections_behind
 from benchtool.report.sweep.samples import draw_samples, samples_height
 
@@ -59,6 +61,13 @@ def thrust(figure: Figure, recorded: Recorded) -> None:
     axes.legend(loc="upper left")
 
 
+def _quantities(recorded: Recorded) -> Block | None:
+    if recorded.is_run:
+        return None
+    found = derive(recorded.recording, recording_circumstances(recorded.facts, str(recorded.path)))
+    return origins_table(found) if found else None
+
+
 def _nothing_drawn(recorded: Recorded) -> Block | None:
     if _has_samples(recorded) or _known(recorded).any():
         return None
@@ -95,7 +104,10 @@ def stand_summary(recorded: Recorded) -> str:
 
 STAND = Page(
     "replay.stand",
-    [("What was recorded", ["samples", "thrust", _nothing_drawn, _ranges]), sections_behind],
+    [
+        ("What was recorded", ["samples", "thrust", _nothing_drawn, _ranges, _quantities]),
+        sections_behind,
+    ],
     title="Recording: {0.name}",
     summary=stand_summary,
 )

@@ -23,7 +23,7 @@ from benchtool.report.figure import figure
 from benchtool.report.fit.budget import chart_height, draw_budget
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
 from benchtool.report.panels import points, rows_of
-from benchtool.report.quantities import COLUMNS, panels_height, quantity_panels
+from benchtool.report.quantities import panels_height, quantity_panels
 from benchtool.report.ratio import (
     Curve,
     RatioPoints,
@@ -46,6 +46,8 @@ RUN_ROLES: tuple[Role, ...] = ("single_rotor", "second_rig", "three_rotors", "me
 """Colours and markers of several runs in one figure, in their order."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+
+DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
 
 DOTTED = (0, (1.2, 1.6))
 
@@ -203,7 +205,8 @@ def quantities(figure: Figure, run: SweepRun) -> None:
     """Draw every quantity that the bench allows against plate distance, a panel each."""
     z, near, levels = run.z_over_R(run.settings), run.measured() & plain(run), run.level_us()
     found = _in_panels(run)
-    for place, (axes, one) in enumerate(zip(quantity_panels(figure, found), found, strict=True)):
+    panels = quantity_panels(figure, [one.quantity for one in found], DISTANCE_LABEL)
+    for axes, one in zip(panels, found, strict=True):
         for index, level in enumerate(np.unique(levels[near])):
             color, rows = CYCLE[index % len(CYCLE)], near & (levels == level)
             points(
@@ -215,8 +218,6 @@ def quantities(figure: Figure, run: SweepRun) -> None:
                 mean = float(np.nanmean(one.value[away]))
                 axes.axhline(mean, color=color, lw=1.0, ls=DOTTED)
         axes.set_xlim(left=0.0)
-        if place >= len(found) - COLUMNS:
-            axes.set_xlabel("distance to the plate  $z/R$ [–]")
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower right", ncols=4)
 
@@ -259,7 +260,7 @@ def _draw_levels(
         away = ~run.measured() & (levels == level)
         if away.any():
             axes.axhline(float(np.mean(values[away])), color=color, lw=1.0, ls=DOTTED)
-    axes.set_xlabel("distance to the plate  $z/R$ [–]")
+    axes.set_xlabel(DISTANCE_LABEL)
     axes.set_ylabel(label)
     axes.set_xlim(left=0.0)
     axes.legend(handles=[*axes.get_legend_handles_labels()[0], *handles], loc="upper right")

@@ -1,0 +1,81 @@
+"""The steady levels of a recorded stand log: means of every channel while the throttle stands."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.array import Array
+from benchtool.core.channel import Channel, error_name, unit_in_name
+from benchtool.core.recording import Recording
+
+STEADY = 0.5
+"""Part of a level, its end, that is averaged: thrust and speed settle before. A choice."""
+
+BIN_S = 0.5
+"""Span of a mean in a fast log whose throttle nobody recorded; a choice."""
+
+AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mechanical_power_W")
+"""Channels whose means have a standard error, beside the speeds."""
+
+
+def levels_of(recording: Recording) -> Recording:
+    """Return a row for each level of throttle in a log, with standard errors of its means.
+
+    A log whose rows are levels already, as a step test writes them, is returned as it is. Channels
+    of different rates are averaged each by itself. The errors take the samples of a level for
+    independent; a level of one sample has none.
+    """
+    level = _numbers(recording)
+    if level is None:
+        return recording
+    names = list(recording.names)
+    errors = [
+        error_name(name)
+        for name in names
+        if (name in AVERAGED or name.startswith("rpm")) and error_name(name) not in names
+    ]
+    rows = []
+    for number in np.unique(level[level >= 0]):
+        part = recording.values[level == number]
+        means, scatter = _means(part)
+        rows.append([*means, *(scatter[names.index(_of(name, names))] for name in errors)])
+    channels = (*recording.channels, *(Channel(name, unit_in_name(name)) for name in errors))
+    values = np.array(rows, float).reshape(len(rows), len(channels))
+    return Recording(channels, values, recording.provenance, recording.simulated)
+
+
+def _of(error: str, names: list[str]) -> str:
+    return next(name for name in names if error_name(name) == error)
+
+
+def _means(part: Array) -> tuple[Array, Array]:
+    """Return mean and standard error of each column (c,) over its finite values."""
+    known = np.isfinite(part)
+    count = known.sum(axis=0)
+    total = np.where(known, part, 0.0).sum(axis=0)
+    mean = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
+    apart = np.where(known, part - mean, 0.0)
+    many = count > 1
+    variance = np.divide(
+        (apart**2).sum(axis=0), count - 1, out=np.full(len(total), np.nan), where=many
+    )
+    return mean, np.sqrt(variance / np.maximum(count, 1))
+
+
+def _numbers(recording: Recording) -> NDArray[np.intp] | None:
+    """Return the level of each row (n,), -1 for what is left out; None where rows are levels."""
+    n = len(recording)
+    if "pwm1_us" in recording and np.isfinite(pulse := recording.column("pwm1_us")).mean() > 0.9:
+        stretch = np.concatenate([[0], np.cumsum(pulse[1:] != pulse[:-1])])
+        if stretch[-1] + 1 > n / 3:
+            return None
+        place = np.arange(n) - np.searchsorted(stretch, stretch)
+        length = np.bincount(stretch)[stretch]
+        return np.where(place >= np.floor(STEADY * length), stretch, -1).astype(np.intp)
+    if "time_s" not in recording or n < 3:
+        return None
+    time_s = recording.si("time_s")
+    if np.isfinite(time_s).all() and np.median(np.diff(time_s)) < 0.2 * BIN_S:
+        return np.asarray(np.floor((time_s - time_s.min()) / BIN_S), np.intp)
+    return None

@@ -1,0 +1,60 @@
+"""Propellers as TOML files, every number with its source, or by the size on their back."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.packaged import own_names, packaged_names, read_named
+from benchtool.core.parsed_text import parse_toml
+from benchtool.core.rig import Propeller
+from benchtool.core.toml_text import Sources, build, require_sources, unwrap_quantities
+from benchtool.core.units import to_si
+
+FOLDER = "propellers"
+
+_SIZE = re.compile(r"(\d{1,3}(?:\.\d+)?)x(\d{1,3}(?:\.\d+)?)(?:x(\d{1,2}))?")
+
+
+def propeller_names() -> tuple[str, ...]:
+    """Return the names of the propellers that benchtool ships, and of the user's own."""
+    return (*packaged_names(FOLDER), *own_names(FOLDER))
+
+
+def propeller_named(given: str | Path) -> Propeller:
+    """Return a propeller by name, by the path of its file, or by its size ("10x4.5x3").
+
+    A size is diameter and pitch in inches, and the number of blades.
+
+    Raises:
+        UnknownChoice: none of that name.
+        FileFormatError: a file that describes none.
+    """
+    text = str(given)
+    if (size := _SIZE.fullmatch(text)) and text not in propeller_names():
+        diameter_m, pitch_m = (float(to_si(float(size[part]), "in")) for part in (1, 2))
+        blades = int(size[3]) if size[3] else None
+        if not diameter_m or not pitch_m or blades not in (None, *range(1, 21)):
+            raise InputError(
+                f"there is no propeller of size {text}; write inches and blades, as 10x4.5x3"
+            )
+        return Propeller(name=text, diameter_m=diameter_m, pitch_m=pitch_m, blades=blades)
+    try:
+        return read_propeller(text)[0]
+    except UnknownChoice as error:
+        raise UnknownChoice(
+            "propeller (and no file of that name; a size in inches is written as 10x4.5)",
+            text, propeller_names(),
+        ) from error  # fmt: skip
+
+
+def read_propeller(name_or_path: str) -> tuple[Propeller, Mapping[str, str]]:
+    """Return a propeller and the source of each of its numbers."""
+    text, where = read_named("propeller", FOLDER, name_or_path)
+    found = Sources()
+    data = unwrap_quantities(parse_toml(text, where), found)
+    data.pop("source", None)
+    require_sources(found, where)
+    return build(Propeller, data, where), found.by_key

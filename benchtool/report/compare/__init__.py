@@ -1,0 +1,1 @@
+"""The page that sets runs and recordings side by side."""

@@ -1,0 +1,246 @@
+"""Runs and recordings as a comparison takes them, and what each does at a wanted thrust."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import exp, hypot, isfinite, log, nan, sqrt
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchtool.core.array import Array
+from benchtool.core.channel import error_name
+from benchtool.core.errors import FileFormatError
+from benchtool.core.recording import Recording
+from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.data.columns import code_of
+from benchtool.data.derived import (
+    Circumstances,
+    QuantityValues,
+    derive,
+    recording_circumstances,
+)
+from benchtool.data.levels import levels_of
+from benchtool.data.run.facts import read_recording_facts
+from benchtool.data.run.read import is_run, read_points
+from benchtool.data.run.recording_file import FORMAT, beside, read_recording
+from benchtool.data.run.settings import aggregate, settings_quantities
+
+Over = Literal["thrust", "rpm", "power", "throttle", "distance"]
+
+AXES: dict[Over, tuple[str, str]] = {
+    "thrust": ("thrust_N", "thrust [N]"),
+    "rpm": ("rpm1", "rotor speed [rpm]"),
+    "power": ("power_W", "electrical power [W]"),
+    "throttle": ("pwm1_us", "pulse [µs]"),
+    "distance": ("plate_z_m", "plate distance [m]"),
+}
+"""What runs may be drawn over: the column, and the axis's label."""
+
+LOADED = 0.02
+"""Rows below this share of a run's greatest thrust are idle. A choice."""
+
+WINDOW = log(1.5)
+"""Rows within a factor 1.5 of a thrust make its interpolation; a choice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ComparedRun:
+    """Hold one run or recording of a comparison.
+
+    Attributes:
+        rows: settings of a sweep, or levels of a recording.
+        quantities: of the same rows.
+        away: whether the rows are those with the plate parked alone.
+    """
+
+    name: str
+    path: Path
+    rows: Recording
+    quantities: tuple[QuantityValues, ...]
+    away: bool = False
+
+    @property
+    def simulated(self) -> bool:
+        return self.rows.simulated
+
+    @property
+    def loaded(self) -> NDArray[np.bool_]:
+        """Which rows (n,) are not idle, where quotients are noise."""
+        thrust = self.rows.column("thrust_N")
+        return np.asarray(thrust > LOADED * np.nanmax(thrust), bool)
+
+    def values(self, name: str) -> tuple[Array, Array] | None:
+        """Return a column or quantity with its standard errors (n,); None where it has none."""
+        for one in self.quantities:
+            if one.name == name:
+                return one.value, one.total_error
+        if name not in self.rows or not np.isfinite(self.rows.column(name)).any():
+            return None
+        error = error_name(name)
+        none = np.full(len(self.rows), np.nan)
+        return self.rows.column(name), self.rows.column(error) if error in self.rows else none
+
+
+def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
+    """Return a run folder or a recording.
+
+    Over anything but distance, a sweep is what it is away from the plate: its references; where it
+    has none, all of its settings.
+
+    Raises:
+        FileFormatError: neither, or one that holds no thrust.
+    """
+    if is_run(path):
+        points = read_points(path)
+        rows, found = aggregate(points), settings_quantities(path, points)
+        parked = rows.column("kind") == code_of("kind", "reference")
+        away = bool(parked.any()) and over != "distance"
+        chosen = parked if away else ~parked if over == "distance" else np.ones(len(rows), bool)
+        run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=found)
+        run = replace(_selected(run, chosen), away=away)
+    else:
+        facts = read_recording_facts(beside(path), FORMAT)
+        rows = levels_of(read_recording(path))
+        known: Circumstances = recording_circumstances(facts, str(beside(path)))
+        run = ComparedRun(name=path.stem, path=path, rows=rows, quantities=derive(rows, known))
+    if run.values("thrust_N") is None:
+        raise FileFormatError(str(path), "it holds no thrust, so there is nothing to compare")
+    return run
+
+
+def _selected(run: ComparedRun, chosen: NDArray[np.bool_]) -> ComparedRun:
+    found = tuple(
+        replace(
+            one, value=one.value[chosen], standard_error=one.standard_error[chosen],
+            error_sources=tuple(source.of(np.flatnonzero(chosen)) for source in one.error_sources),
+        )
+        for one in run.quantities
+    )  # fmt: skip
+    return replace(run, rows=run.rows.select(chosen), quantities=found)
+
+
+@dataclass(frozen=True, slots=True)
+class AtThrust:
+    """Hold what a run does at a wanted thrust.
+
+    Attributes:
+        values: of each column with its standard error, nan where nobody knows it.
+        remark: why there are none: the thrusts that the run reaches.
+    """
+
+    run: str
+    values: dict[str, tuple[float, float]]
+    remark: str = ""
+
+
+EFFICIENCIES = {"efficiency_gf_W": "power_W", "propeller_gf_W": "mechanical_power_W"}
+"""Thrust over which power, in the order in which runs are ranked by them."""
+
+SHOWN = ("power_W", "mechanical_power_W", "rpm1", "pwm1_us", "figure_of_merit")
+"""What is interpolated to a thrust, beside the efficiencies."""
+
+
+@np.errstate(divide="ignore", invalid="ignore")
+def at_thrust(run: ComparedRun, thrust_N: float) -> AtThrust:
+    """Return a run's quantities at a thrust, interpolated between its rows.
+
+    The logarithm of each is a line, or a parabola from six rows on, in that of thrust, by least
+    squares over the rows within a factor 1.5 of the thrust (two on either side at least): power is
+    nearly T^1.5. An efficiency is the thrust over the interpolated power, whose error knows that
+    of thrust.
+    """
+    # Errors that nobody states are those that the scatter of the rows shows.
+    thrust, error = run.values("thrust_N") or (np.empty(0), np.empty(0))
+    known = thrust[run.loaded]
+    if not known.size or not known.min() <= thrust_N <= known.max():
+        reached = f"reaches {known.min():.3g} to {known.max():.3g} N" if known.size else "no thrust"
+        return AtThrust(run.name, {}, reached)
+    found = {}
+    for name in SHOWN:
+        pair = run.values(name)
+        if pair is None:
+            continue
+        value, sd = _interpolated(run, name, thrust / thrust_N, error / thrust, pair[0])
+        if isfinite(value):
+            found[name] = value, sd
+    for name, of in EFFICIENCIES.items():
+        if of in found:
+            value = 1e3 * thrust_N / STANDARD_GRAVITY_M_S2 / found[of][0]
+            found[name] = value, value * found[of][1] / found[of][0]
+    return AtThrust(run.name, found, "" if found else "nothing is known there but thrust")
+
+
+def _interpolated(
+    run: ComparedRun, name: str, thrust: Array, thrust_error: Array, values: Array
+) -> tuple[float, float]:
+    """Return value and standard error where thrust over the wanted one (n,) is 1."""
+    apart = np.log(thrust)
+    one = next((one for one in run.quantities if one.name == name), None)
+    pair = run.values(name)
+    own = one.standard_error if one is not None else pair[1] if pair else np.empty(0)
+    good = run.loaded & np.isfinite(apart) & np.isfinite(values) & (values > 0.0)
+    below, above = (np.flatnonzero(good & side) for side in (apart <= 0.0, apart >= 0.0))
+    if not below.size or not above.size:
+        return nan, nan
+    near = good & (np.abs(apart) <= WINDOW)
+    near[below[np.argsort(-apart[below])[:2]]] = True
+    near[above[np.argsort(apart[above])[:2]]] = True
+    x, y = apart[near], np.log(values[near])
+    degree = 2 if near.sum() >= 6 else 1
+    if np.ptp(x) < 1e-12:  # every row is at that thrust
+        degree = 0
+    design = np.vander(x, degree + 1, increasing=True)
+    slope = float(np.polyfit(x, y, 1)[0]) if degree else 0.0
+    sigma = np.hypot(own[near] / values[near], slope * thrust_error[near])
+    stated = bool(np.isfinite(sigma).all() and (sigma > 0.0).all())
+    weight = 1.0 / sigma if stated else np.ones(len(x))
+    gain = np.linalg.pinv(design * weight[:, None]) * weight  # (p, m): coefficients of rows
+    residual = (y - design @ (gain @ y)) * weight
+    free = len(x) - design.shape[1]
+    spread = float(residual @ residual) / free if free > 0 else nan
+    if not stated:
+        spread = _scatter(apart[good], np.log(values[good]), spread)
+    scale = max(1.0, spread if isfinite(spread) else 1.0) if stated else spread
+    sd = sqrt(scale) * float(np.linalg.norm(gain[0] / weight))
+    value = exp(float(gain[0] @ y))
+    shared = 0.0
+    for source in one.error_sources if one is not None else ():
+        moved = source.columns[near] / values[near, None]
+        if source.name == "thrust scale":
+            moved = moved - slope * source.sd
+        shared = hypot(shared, float(np.linalg.norm(gain[0] @ moved)))
+    if one is not None and not any(s.name == "thrust scale" for s in one.error_sources):
+        shared = hypot(shared, slope * _thrust_scale(run))
+    return value, value * hypot(sd, shared)
+
+
+def _scatter(x: Array, y: Array, local: float) -> float:
+    """Return the variance of rows about a cubic over the upper nine tenths of thrust.
+
+    A window of four rows may happen to lie on a line; it counts where rows are too few for more.
+    """
+    upper = x > x.max() - log(10.0)
+    free = int(upper.sum()) - 4
+    if free < 3:
+        return local
+    left = y[upper] - np.polyval(np.polyfit(x[upper], y[upper], 3), x[upper])
+    return float(left @ left) / free
+
+
+def _thrust_scale(run: ComparedRun) -> float:
+    """Return the relative standard uncertainty of the scale of a run's thrust."""
+    scales = (s.sd for q in run.quantities for s in q.error_sources if s.name == "thrust scale")
+    return next(scales, 0.0)
+
+
+def ranked(found: Sequence[AtThrust]) -> tuple[str, list[AtThrust]]:
+    """Return by what runs are ranked, and those that have it, the best first, then the others."""
+    known = (key for key in EFFICIENCIES if any(key in one.values for one in found))
+    by = next(known, next(iter(EFFICIENCIES)))
+    return by, sorted(
+        found, key=lambda one: one.values[by][0] if by in one.values else -1.0, reverse=True
+    )
