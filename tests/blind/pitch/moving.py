@@ -44,6 +44,7 @@ def ground_factor(gap_m: float, plant: Plant, sheet: Sheet = SHEET) -> tuple[flo
     denominator = 1.0 - image - body
     capped = denominator < LEAST_DENOMINATOR
     factor = 1.0 / max(denominator, LEAST_DENOMINATOR)
+    factor += plant.near_gain * math.exp(-h / (plant.near_length * sheet.R))
     return 1.0 + plant.coverage_share * (factor - 1.0), capped
 
 
@@ -147,6 +148,8 @@ class Moving:
                 hinge -= smooth * math.tanh(turning / plant.friction_width_rad_s)
             if self._bristle:
                 hinge += self._bristle.torque(turning, STEP_S)
+            hinge -= plant.vane_Nms2 * turning * abs(turning)
+            hinge -= plant.bumper_Nm_per_rad * max(theta - plant.bumper_rad, 0.0)
             applied[0] = hinge + outer
             if flexible:
                 applied[1] = outer

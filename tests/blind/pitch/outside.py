@@ -77,6 +77,42 @@ def shifting_load(rng: np.random.Generator, plant: Plant, scale: float) -> Plant
     )
 
 
+def rubber_bumper(rng: np.random.Generator, plant: Plant, scale: float) -> Plant:
+    """Let the beam lean on a piece of rubber beyond an angle."""
+    return replace(
+        plant,
+        bumper_Nm_per_rad=scale * rng.uniform(0.25, 0.6),
+        bumper_rad=math.radians(rng.uniform(4.0, 9.0)),
+    )
+
+
+def drag_vane(rng: np.random.Generator, plant: Plant, scale: float) -> Plant:
+    """Let something broad turn with the beam: a torque that grows with the rate squared."""
+    return replace(plant, vane_Nms2=scale * rng.uniform(0.015, 0.04))
+
+
+def fading_rotor(rng: np.random.Generator, plant: Plant, scale: float) -> Plant:
+    """Let rotor 1 lose thrust at one speed while it warms up."""
+    return replace(plant, fade=scale * rng.uniform(0.02, 0.06), fade_s=rng.uniform(4.0, 12.0))
+
+
+def flutter_band(rng: np.random.Generator, plant: Plant, scale: float) -> Plant:
+    """Let both rotors pull more, or less, in a band of speeds."""
+    return replace(
+        plant,
+        flutter=scale * float(rng.choice([-1.0, 1.0])) * rng.uniform(0.03, 0.08),
+        flutter_rpm=rng.uniform(5700.0, 6400.0),
+        flutter_width_rpm=rng.uniform(150.0, 400.0),
+    )
+
+
+def jet_from_plate(rng: np.random.Generator, plant: Plant, scale: float) -> Plant:
+    """Let the covered rotor gain thrust near the plate by another law, beside the images."""
+    return replace(
+        plant, near_gain=scale * rng.uniform(0.12, 0.25), near_length=rng.uniform(0.35, 0.8)
+    )
+
+
 OUTSIDE: dict[str, Outside] = {
     draw.__name__: draw
     for draw in (
@@ -86,6 +122,11 @@ OUTSIDE: dict[str, Outside] = {
         esc_steps,
         thrust_lean,
         shifting_load,
+        rubber_bumper,
+        drag_vane,
+        fading_rotor,
+        flutter_band,
+        jet_from_plate,
     )
 }
 
@@ -96,6 +137,11 @@ STAGES: dict[str, Stage] = {
     "esc_steps": "pwm_to_rpm",
     "thrust_lean": "rpm_to_thrust",
     "shifting_load": "hinge",
+    "rubber_bumper": "hinge",
+    "drag_vane": "hinge",
+    "fading_rotor": "rpm_to_thrust",
+    "flutter_band": "rpm_to_thrust",
+    "jet_from_plate": "rpm_to_thrust",
 }
 
 
@@ -116,4 +162,9 @@ def without_outside(plant: Plant) -> Plant:
         esc_step_us=0.0,
         thrust_lean=0.0,
         load_shift_Nm=0.0,
+        bumper_Nm_per_rad=0.0,
+        vane_Nms2=0.0,
+        fade=0.0,
+        flutter=0.0,
+        near_gain=0.0,
     )

@@ -64,6 +64,16 @@ class Plant:
     load_shift_Nm: float = 0.0  # weight torque of a load that creeps from one place to another
     load_time_s: float = 15.0  # time at which it is half way
     load_width_s: float = 5.0  # time that it needs
+    bumper_Nm_per_rad: float = 0.0  # stiffness of rubber that the beam meets at an angle
+    bumper_rad: float = 0.15  # that angle, rotor 1 up
+    vane_Nms2: float = 0.0  # torque against the rate, over its square
+    fade: float = 0.0  # share of its thrust that rotor 1 loses as it warms up
+    fade_s: float = 8.0  # time in which it is down to 1/e of the rest
+    flutter: float = 0.0  # relative thrust gained in the middle of a band of speeds
+    flutter_rpm: float = 6000.0  # that middle
+    flutter_width_rpm: float = 250.0  # half of the band's width at half of the gain
+    near_gain: float = 0.0  # gain of the covered rotor's thrust at the plate, beside the images
+    near_length: float = 0.5  # distance over R in which it is down to 1/e
 
     @property
     def flexible(self) -> bool:

@@ -60,6 +60,11 @@ class Rotors:
             above = plant.esc_step_us * math.floor(above / plant.esc_step_us + 0.5)
         return plant.rpm_per_us[i] * (1.0 - plant.sag_per_s * time_s) * max(above, 0.0)
 
+    def _faded(self, time_s: float) -> float:
+        """Return what is left of rotor 1's thrust at one speed."""
+        plant = self._plant
+        return 1.0 - plant.fade * (1.0 - math.exp(-time_s / plant.fade_s))
+
     def advance(
         self, pulse_us: tuple[float, float], time_s: float
     ) -> tuple[list[float], list[float]]:
@@ -73,10 +78,13 @@ class Rotors:
             del drives[0]
             old, new = drives[0], drives[1]
             speed = self.speed_rpm[i]
-            scale = self._norm * (plant.thrust_ratio if i else 1.0)
+            scale = self._norm * (plant.thrust_ratio if i else self._faded(time_s))
             thrusts = out[i]
             for fall, rise in self._left:
                 thrust = scale * speed**exponent
+                if plant.flutter:
+                    off = (speed - plant.flutter_rpm) / plant.flutter_width_rpm
+                    thrust *= 1.0 + plant.flutter / (1.0 + off * off)
                 left_old, left_new = rise if new > speed else fall
                 before = speed
                 speed = old + (speed - old) * left_old
