@@ -21,6 +21,9 @@ PYTEST := $(BIN)/python -m pytest
 PARALLEL := -n logical --dist worksteal
 RESULTS := build/tests
 
+# A worker a core, and one thread for the algebra of each: more of them wait for each other.
+test test-all: export OPENBLAS_NUM_THREADS = 1
+
 test: $(TESTING)
 	$(PYTEST) $(PARALLEL) -m "not slow" --junitxml $(RESULTS)/test.xml
 

@@ -131,7 +131,7 @@ def explain(
     if kind == "unknown" and any(one.stage != "pwm_to_rpm" for one in judgement.unnamed):
         progress("looking for what it depends on", 0.92)
         missed = subject.missed(null.at, [name for name, _ in judgement.beside])
-        found = None if missed is None else dependence(missed)
+        found = dependence(missed, evidence.model.rig.propulsion.radius_m)
     best = judgement.best
     if not effects:
         after, best = before, null

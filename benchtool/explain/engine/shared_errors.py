@@ -55,16 +55,23 @@ class SharedErrors:
         self._inner = np.empty((0, 0))  # products of the columns with each other
         self._kernels: dict[tuple[tuple[str, float], ...], _Kernel] = {}
 
-    @cached_property
+    @property
     def noise(self) -> Array:
-        """How large the noise of each row is over the stated one (n_rows,), 1 at least.
+        """How large the noise of each row is over the stated one (n_rows,), 1 at least."""
+        return self._noise[0]
 
-        Estimated by stage from what no discrepancy, however large, takes up.
-        """
+    @property
+    def variance(self) -> Array:
+        """Variance of each row's noise over `noise` (n_rows,): below 1 where too much is stated."""
+        return self._noise[1]
+
+    @cached_property
+    def _noise(self) -> tuple[Array, Array]:
+        """Noise and variance, by stage, from what no discrepancy, however large, takes up."""
         rows, jacobian = slopes(self._evidence.residuals, self.null_start, self._upper)
-        sigma = np.ones(len(rows))
+        sigma, share = np.ones(len(rows)), np.ones(len(rows))
         if not self.discrepancies:
-            return sigma
+            return sigma, share
         wide = np.hstack([*(one.columns for one in self.discrepancies.values()), jacobian])
         wide *= np.repeat(
             [AMPLITUDES[1], BEYOND], [wide.shape[1] - len(jacobian.T), len(jacobian.T)]
@@ -75,9 +82,10 @@ class SharedErrors:
             counted = float(np.sum(gain[mask]))
             variance = (STATED + float(np.sum(left[mask] * rows[mask]))) / (STATED + counted)
             sigma[mask] = np.sqrt(max(1.0, variance))
+            share[mask] = min(1.0, variance)
         for name, one in self.discrepancies.items():
             self.add(name, one.columns / sigma[:, None])
-        return sigma
+        return sigma, share
 
     def add(self, name: str, columns: Array) -> None:
         """Add columns (n_rows, r) over the noise; products at points known so far go without."""
@@ -107,7 +115,7 @@ class SharedErrors:
 
     def columns(self, widened: Mapping[str, float]) -> Array:
         """Return the columns (n_rows, r) of what is there, as large as it is, over the noise."""
-        self.noise  # noqa: B018  # columns are known from then on
+        self._noise  # noqa: B018  # columns are known from then on
         parts = [factor * self._columns[name] for name, factor in self.factors(widened).items()]
         return np.hstack([np.empty((self.n_rows, 0)), *parts])
 

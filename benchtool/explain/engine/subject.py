@@ -162,12 +162,12 @@ class Subject(ABC):
         logs = (*self.learn, *self.check)
         return tuple(dict.fromkeys(f"{log.name}: {line}" for log in logs for line in log.remarks))
 
-    def missed(self, at: Array, opened: Sequence[str]) -> Missed | None:
-        """Return what readings miss about parameters (n_parameters,), and what it may depend on.
+    @abstractmethod
+    def missed(self, at: Array, opened: Sequence[str]) -> Sequence[Missed]:
+        """Return what readings miss about parameters (n_parameters,), over all it may depend on.
 
-        With `opened` effects as large as they like; None where a bench does not say.
+        With `opened` effects as large as they like.
         """
-        return None
 
     @abstractmethod
     def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from json import dumps
 from textwrap import fill
+from typing import NamedTuple
 
 import numpy as np
 
 from benchtool import __version__
-from benchtool.explain.found.law import Dependence
+from benchtool.explain.found.law import Dependence, Hook
+from benchtool.physics.effects.effect import Subsystem
 
 FOUND = "found_effect"
 """Name of a drafted effect and of its file."""
-
-TOLERANCE = 0.005
-"""Departure of thrust that does not matter, as a share of it, where a law is greatest."""
 
 OWN = 0.1
 """Part of a law that does not matter either: no law is better known."""
@@ -22,6 +21,21 @@ OWN = 0.1
 HELD = 0.3
 """How far a shape may be moved, one standard deviation: of a place in widths, of others in parts of
 the value. What levels that were not visited leave open is not left to the next fit."""
+
+
+class Drafted(NamedTuple):
+    """Say what a hook returns, and which link of the chain an effect with it sits in."""
+
+    returns: str
+    subsystem: Subsystem
+
+
+HOOKS: dict[Hook, Drafted] = {
+    "factor": Drafted("a factor of the thrust", "rpm_to_thrust"),
+    "thrust_reading": Drafted("the reading with the law added: N", "sensor"),
+    "torque": Drafted("a torque about the hinge, positive nose down: N m", "hinge"),
+    "gyro_reading": Drafted("the reading with the law added: rad/s", "sensor"),
+}
 
 _FORM = '''"""Drafted by benchtool explain {version}: read it, and name it after its cause.
 
@@ -57,7 +71,7 @@ EFFECT = Effect(
     shows={shows},
     source="benchtool explain {version}: fitted, not derived",
     confused_with={{}},
-    benches=frozenset({{"sweep"}}),
+    benches=frozenset({{"{bench}"}}),
     acts_in_flight=False,
 )
 '''
@@ -68,7 +82,7 @@ def draft(found: Dependence) -> str:
     law, variable, form = found.law, found.variable, found.form
     assert law is not None
     changes = form.weights * law.family(variable.values, law.numbers)
-    tolerance = TOLERANCE * found.thrust_N / float(np.abs(changes).max())
+    tolerance = form.matters / float(np.abs(changes).max())
     tolerance = max(tolerance, OWN * abs(law.amplitude))
     bound = max(20.0 * abs(law.amplitude), 10.0 * tolerance)
     lines = [
@@ -93,11 +107,12 @@ def draft(found: Dependence) -> str:
         lines.append(_number("reference", variable.unit, variable.reference, "reference"))
     if "p.radius_m" in code:
         lines.append(_number("radius_m", "m", found.radius_m, "radius R of the rotors"))
-    if "p.typical_N" in code:
-        lines.append(_number("typical_N", "N", float(form.weights[0]), "thrust that a counts in"))
+    if "p.typical" in code:
+        lines.append(_number("typical", form.unit, float(form.weights[0]), "what a counts in"))
     numbers = ", ".join(f"p.{name}" for name in law.family.numbers)
     shape = f"{law.family.name}({variable.code}, {numbers})"
-    reading = form.hook == "thrust_reading"
+    assert form.hook
+    hook = HOOKS[form.hook]
     used = {law.family.name} | ({"power"} if "power(" in form.code else set())
     described = f"Something that depends on {found.phrase}; nobody has said what it is."
     return _FORM.format(
@@ -106,11 +121,12 @@ def draft(found: Dependence) -> str:
         words=fill(f"It {found.text}. {_with(found)}", 99),
         functions=", ".join(sorted(used)),
         hook=form.hook,
-        taken=", reading: Quantity" if reading else "",
-        returns="the reading with the law added: N" if reading else "a factor of the thrust",
+        taken=", reading: Quantity" if "reading" in form.hook else "",
+        returns=hook.returns,
         code=form.code.format(f=shape),
         description=dumps(described),
-        subsystem="sensor" if reading else "rpm_to_thrust",
+        subsystem=hook.subsystem,
+        bench=form.bench,
         formula=dumps(found.formula),
         numbers="\n".join(lines),
         shows=dumps(f"where this differs: {found.phrase}"),

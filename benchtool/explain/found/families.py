@@ -84,6 +84,10 @@ def _exponents(u: Array) -> Array:
     return np.array([[-4.0, -3.0, -2.0, -1.5, -1.0, -0.5, 0.5, 1.5, 2.0, 3.0, 4.0]])
 
 
+def _odd(u: Array) -> Array:
+    return np.array([[0.3, 0.5, 1.5, 2.0, 2.5, 3.0]])
+
+
 def _instead(shapes_tried: Callable[[Array], Array]) -> Callable[[Array], Array]:
     """Return shapes with how much of 1 / u^2 they replace."""
 
@@ -103,6 +107,10 @@ FAMILIES = (
     Family("same", shapes.same, "a {u}", (), _none, ("side",)),
     Family("line", shapes.line, "a ({u} - at) / width", ("at", "width"), _middle, NUMBERS),
     Family("power", shapes.power, "a ({u})^exponent", ("exponent",), _exponents, ("positive",)),
+    Family(
+        "signed_power", shapes.signed_power, "a {u} |{u}|^(exponent - 1)", ("exponent",), _odd,
+        ("signed",),
+    ),
     Family(
         "approach", shapes.approach, "a exp(-({u}) / length)", ("length",), _lengths,
         ("positive", "time"),

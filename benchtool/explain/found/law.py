@@ -9,6 +9,13 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.explain.found.families import Family, Scale
+from benchtool.physics.effects.effect import BenchKind
+
+Hook = Literal["factor", "thrust_reading", "torque", "gyro_reading"]
+"""What a law that was found may become in an effect."""
+
+DISTANCE = "flow.height_m[i] / p.radius_m"
+"""The plate's distance as a hook sees it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -35,14 +42,32 @@ class Variable:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Form:
-    """Say what a law changes: a channel's reading by a f(u) times weights (m,)."""
+    """Say what a law changes: a reading, a torque or a thrust by a f(u) times weights (m,).
+
+    Attributes:
+        hook: of an effect; empty where no effect can be drafted.
+        formula: with {f} for a f(u).
+        code: of the hook's result, with {f} for f(u), `p.typical` for what a counts in.
+        matters: departure of the weighted law that does not matter.
+        bench: whose recordings it is of.
+        unit: of `weights`, where a is counted in them.
+        centred: whether a law's mean is left out: a law of the distance or the thrust coefficient
+            takes it up.
+        phrase: where it acts, as a sentence says it.
+        share_of: what a law's values are a part of, as an axis says it.
+    """
 
     name: str
-    hook: Literal["factor", "thrust_reading"]  # of an effect
+    hook: Hook | Literal[""]
     weights: Array
-    formula: str  # with {f} for a f(u)
-    code: str  # of the hook's result, with {f} for f(u)
-    phrase: str = ""  # where it acts, as a sentence says it
+    formula: str
+    code: str
+    matters: float
+    bench: BenchKind = "sweep"
+    unit: str = "N"
+    centred: bool = False
+    phrase: str = ""
+    share_of: str = "thrust"
 
     def seen(self, variable: Variable) -> Array:
         """Return the values of a variable over the readings that the form changes."""
@@ -106,7 +131,6 @@ class Dependence:
     closed: float
     curve: LawCurve
     radius_m: float  # R of the rotors
-    thrust_N: float  # the median of what the cell should read
 
     @property
     def phrase(self) -> str:

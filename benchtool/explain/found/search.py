@@ -29,7 +29,7 @@ WORTH = 0.3
 """Least share of the held-out gap that a law closes to be drafted."""
 
 FOLDS = 10
-"""Parts of the readings, whole places of the plate each, that are held out in turn."""
+"""Parts of the readings that are held out in turn."""
 
 BENDS = 0.3
 """Part of a variable's range over which a smooth function of it may change; a choice."""
@@ -41,106 +41,136 @@ SMOOTH = (0.01, 0.04)
 """Sizes of a smooth function that are tried, as parts of the weights."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Says:
+    """Hold what readings z say of a function f (m,): f Q f - 2 f Q z + z Q z, a quadratic form."""
+
+    precision: Array  # Q (m, m)
+    pull: Array  # Q z (m,)
+    square: float  # z Q z
+
+    def __sub__(self, other: Says) -> Says:
+        return Says(
+            self.precision - other.precision, self.pull - other.pull, self.square - other.square
+        )
+
+    def without(self, out: NDArray[np.bool_]) -> Says:
+        """Return what readings say of which some (m,) are held out."""
+        own = np.column_stack([self.precision[out], self.pull[out]])
+        taken = own.T @ np.linalg.solve(self.precision[np.ix_(out, out)], own)
+        return Says(
+            self.precision - taken[:-1, :-1], self.pull - taken[:-1, -1],
+            self.square - float(taken[-1, -1]),
+        )  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Missed:
-    """Hold what readings miss (m,) and everything that it may depend on.
+class Fold:
+    """Hold what is said without a part of the readings.
 
     Attributes:
-        precision, pull: Q (m, m) and Q z (m,).
-        bare_precision, bare_pull: the same, no departure from any law taken into Q.
-        places: number of each reading's place, held out as one.
+        rest, bare_rest: of the other readings, as `Missed.says` and `bare`.
+        noise: squares that are held out and noise alone leaves.
     """
 
-    precision: Array
-    pull: Array
-    bare_precision: Array
-    bare_pull: Array
-    places: NDArray[np.intp]
-    variables: Sequence[Variable]
-    forms: Sequence[Form]
-    radius_m: float  # R of the rotors
-    thrust_N: float  # the median of what the cell should read
+    rest: Says
+    bare_rest: Says
+    noise: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Missed:
+    """Hold what readings miss as a function of a variable.
+
+    Attributes:
+        says: everything that may vary within tolerance is taken into its precision.
+        bare: the same, no departure from any law taken into it.
+        folds: parts of the readings, held out in turn; the same in all that are compared.
+    """
+
+    variable: Variable
+    form: Form
+    says: Says
+    bare: Says
+    folds: Sequence[Fold]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shapes:
     """Hold the shapes of one family for a variable and a form: columns (m, n_shapes)."""
 
-    variable: Variable
-    form: Form
+    missed: Missed
     family: Family
     numbers: Array  # (n, n_shapes)
     columns: Array
-    pulled: Array  # (m, n_shapes) Q columns
+    gains: Array  # (n_shapes,) log Bayes factors
+
+    @property
+    def worth(self) -> float:
+        """The log of the mean Bayes factor over the shapes."""
+        return _log_mean(self.gains)
 
 
-def dependence(missed: Missed) -> Dependence | None:
-    """Return what the misses depend on; None where nothing is likely enough."""
-    pairs = [
-        (variable, form)
-        for variable in missed.variables
-        for form in missed.forms
-        if form.name in variable.forms and np.ptp(form.seen(variable)) > 1e-6
-    ]
-    tried = [_tried(missed, *pair) for pair in pairs]
-    every = [one for group in tried for one in group]
-    odds = np.array(
-        [_log_odds(missed, pair, group) for pair, group in zip(pairs, tried, strict=True)]
-    )
-    odds -= np.log(len(pairs))
+def dependence(every: Sequence[Missed], radius_m: float) -> Dependence | None:
+    """Return what the misses depend on; None where nothing is likely enough.
+
+    Args:
+        every: pairs of a variable and a form that are weighed.
+        radius_m: R of the rotors.
+    """
+    every = [one for one in every if np.ptp(one.form.seen(one.variable)) > 1e-6]
+    tried = [_tried(one) for one in every]
+    odds = np.array([_log_odds(one, group) for one, group in zip(every, tried, strict=True)])
+    odds -= np.log(max(len(every), 1))
     if not len(odds) or odds.max() < SURE:
         return None
     chances = np.asarray(np.exp(odds - np.logaddexp.reduce(odds)), float)
-    by_variable = {
-        variable.phrase: sum(
-            chance for chance, (other, _) in zip(chances, pairs, strict=True) if other is variable
-        )
-        for variable in missed.variables
-    }
+    by_variable: dict[str, float] = {}
+    for one, chance in zip(every, chances, strict=True):
+        phrase = one.variable.phrase
+        by_variable[phrase] = by_variable.get(phrase, 0.0) + float(chance)
     best = max(by_variable, key=lambda name: by_variable[name])
     place = max(
-        (k for k, (variable, _) in enumerate(pairs) if variable.phrase == best),
-        key=lambda k: odds[k],
+        (k for k, one in enumerate(every) if one.variable.phrase == best), key=lambda k: odds[k]
     )
-    variable, form = pairs[place]
+    missed = every[place]
     law = None
     closed = 0.0
     if tried[place]:
-        closed = _closed(missed, every)
+        closed = _closed([shapes for group in tried for shapes in group])
         if closed > WORTH:
-            law = _law(missed, max(tried[place], key=lambda one: _of_family(missed, one)))
+            law = _law(max(tried[place], key=lambda one: one.worth))
     return Dependence(
-        variable=variable,
-        form=form,
-        probability=float(by_variable[best]),
-        candidates=len(pairs),
+        variable=missed.variable,
+        form=missed.form,
+        probability=by_variable[best],
+        candidates=len(every),
         law=law,
         closed=closed,
-        curve=_curve(missed, variable, form, law),
-        radius_m=missed.radius_m,
-        thrust_N=missed.thrust_N,
+        curve=_curve(missed, law),
+        radius_m=radius_m,
     )
 
 
-def _tried(missed: Missed, variable: Variable, form: Form) -> list[_Shapes]:
-    if variable.blocks:
+def _tried(missed: Missed) -> list[_Shapes]:
+    variable, form = missed.variable, missed.form
+    if not (variable.code and form.hook):
         return []
     suits = [family for family in FAMILIES if variable.scale in family.scales]
-    every = [_shapes(missed, variable, form, one, one.grid(form.seen(variable))) for one in suits]
+    every = [_shapes(missed, one, one.grid(form.seen(variable))) for one in suits]
     return [one for one in every if one.columns.shape[1]]
 
 
-def _shapes(
-    missed: Missed, variable: Variable, form: Form, family: Family, numbers: Array
-) -> _Shapes:
+def _shapes(missed: Missed, family: Family, numbers: Array) -> _Shapes:
     """Return what a family does with numbers (n, n_shapes), those left out that do nothing."""
+    variable, form = missed.variable, missed.form
     allowed = np.all([row > 0.0 for row in _positive(family, numbers)], axis=0)
     numbers = numbers[:, np.broadcast_to(allowed, numbers.shape[1:])]
     columns = form.weights[:, None] * _centred(variable, form, family(variable.values, numbers))
     scale = np.sqrt(np.mean(columns**2, axis=0) / np.mean(form.weights**2))
     acts = scale > 1e-9
     columns = columns[:, acts] / scale[acts]
-    return _Shapes(variable, form, family, numbers[:, acts], columns, missed.precision @ columns)
+    return _Shapes(missed, family, numbers[:, acts], columns, _gains(missed.says, columns))
 
 
 def _positive(family: Family, numbers: Array) -> list[Array]:
@@ -154,36 +184,34 @@ def _centred(variable: Variable, form: Form, law: Array) -> Array:
     A form that acts near the plate would else pass for a law of the distance; over all the
     thrust coefficient takes up the mean.
     """
-    if not form.phrase:
+    if not form.centred:
         return law
     mean: Array = np.average(law, axis=0, weights=form.weights**2)
     return law - mean
 
 
-def _log_odds(missed: Missed, pair: tuple[Variable, Form], tried: Sequence[_Shapes]) -> float:
+def _log_odds(missed: Missed, tried: Sequence[_Shapes]) -> float:
     """Return the log Bayes factor of a dependence over none: laws and smooth functions alike."""
-    variable, form = pair
+    variable, form = missed.variable, missed.form
     rooted = form.weights[:, None] * _centred(variable, form, root(variable, form))
-    found = [_smooth(missed, size * rooted) for size in SMOOTH]
-    parts = [float(np.logaddexp.reduce(found)) - np.log(len(found))]
-    parts += [_of_family(missed, one) for one in tried]
-    return float(np.logaddexp.reduce(parts)) - float(np.log(len(parts)))
+    smooth = _log_mean(np.array([_smooth(missed.says, size * rooted) for size in SMOOTH]))
+    return _log_mean(np.array([smooth, *(one.worth for one in tried)]))
 
 
-def _smooth(missed: Missed, columns: Array) -> float:
-    inner = np.eye(columns.shape[1]) + columns.T @ missed.precision @ columns
-    pull = columns.T @ missed.pull
+def _log_mean(logarithms: Array) -> float:
+    """Return the log of a mean (n,) of which the logarithms are given."""
+    return float(np.logaddexp.reduce(logarithms)) - float(np.log(len(logarithms)))
+
+
+def _smooth(says: Says, columns: Array) -> float:
+    inner = np.eye(columns.shape[1]) + columns.T @ says.precision @ columns
+    pull = columns.T @ says.pull
     return float(0.5 * pull @ np.linalg.solve(inner, pull) - 0.5 * np.linalg.slogdet(inner)[1])
 
 
-def _of_family(missed: Missed, one: _Shapes) -> float:
-    """Return the log of the mean Bayes factor over a family's shapes."""
-    gains = _gains(one.columns.T @ missed.pull, np.sum(one.columns * one.pulled, axis=0))
-    return float(np.logaddexp.reduce(gains)) - float(np.log(len(gains)))
-
-
-def _gains(pull: Array, weight: Array) -> Array:
+def _gains(says: Says, columns: Array) -> Array:
     """Return log Bayes factors of columns whose amplitude is free under a normal prior."""
+    pull, weight = columns.T @ says.pull, np.sum(columns * (says.precision @ columns), axis=0)
     gains: Array = 0.5 * pull**2 / (weight + SIZE**-2) - 0.5 * np.log1p(SIZE**2 * weight)
     return gains
 
@@ -213,68 +241,50 @@ def _logarithmic(variable: Variable, seen: Array) -> bool:
     return variable.scale in ("positive", "distance") and bool(seen.min() > 0.02 * seen.max())
 
 
-def _closed(missed: Missed, every: Sequence[_Shapes]) -> float:
-    """Return the share of the gap that laws close on places that they were not chosen by."""
-    rng = np.random.default_rng(0)
-    numbers = np.unique(missed.places)
-    part = rng.permutation(len(numbers)) % FOLDS
-    before = after = rows = 0.0
-    bare, bare_pull = missed.bare_precision, missed.bare_pull
-    for fold in range(FOLDS):
-        out = np.isin(missed.places, numbers[part == fold])
-        if not out.any():
-            continue
-        own = missed.precision[np.ix_(out, out)]
-        here = np.linalg.solve(own, missed.pull[out])
-        best, law = -np.inf, np.zeros(len(out))
-        for one in every:
-            held = np.linalg.solve(own, one.pulled[out])
-            pull = one.columns.T @ missed.pull - one.pulled[out].T @ here
-            weight = np.sum(one.columns * one.pulled, axis=0) - np.sum(
-                one.pulled[out] * held, axis=0
-            )
-            gains = _gains(pull, weight)
-            worth = float(np.logaddexp.reduce(gains)) - float(np.log(len(gains)))
-            if worth > best:
-                k, best = int(np.argmax(gains)), worth
-                law = one.columns[:, k]
-        own, pulled = bare[np.ix_(out, out)], bare @ law
-        here, held = np.linalg.solve(own, np.stack([bare_pull[out], pulled[out]], axis=1)).T
-        weight = law @ pulled - pulled[out] @ held + SIZE**-2
-        left = here - float((law @ bare_pull - pulled[out] @ here) / weight) * held
-        before += float(here @ own @ here)
-        after += float(left @ own @ left)
-        rows += len(here)
-    return float(np.clip((before - after) / max(before - rows, 1e-9), 0.0, 1.0))
+def _closed(every: Sequence[_Shapes]) -> float:
+    """Return the share of the gap that laws close on readings that they were not chosen by."""
+    before = after = noise = 0.0
+    for number in range(len(every[0].missed.folds)):
+        gains = [_gains(one.missed.folds[number].rest, one.columns) for one in every]
+        best = max(range(len(every)), key=lambda k: _log_mean(gains[k]))
+        law = every[best].columns[:, int(np.argmax(gains[best]))]
+        missed = every[best].missed
+        rest, fold = missed.folds[number].bare_rest, missed.folds[number]
+        out = missed.bare - rest
+        a = float(law @ rest.pull / (law @ rest.precision @ law + SIZE**-2))
+        before += out.square
+        after += out.square - 2.0 * a * float(law @ out.pull)
+        after += a * a * float(law @ out.precision @ law)
+        noise += fold.noise
+    return float(np.clip((before - after) / max(before - noise, 1e-9), 0.0, 1.0))
 
 
-def _law(missed: Missed, one: _Shapes) -> Law:
+def _law(one: _Shapes) -> Law:
     """Return the best law of a family, its numbers refined from the best shape tried."""
-    gains = _gains(one.columns.T @ missed.pull, np.sum(one.columns * one.pulled, axis=0))
-    u, weights = one.variable.values, one.form.weights
-    numbers = one.numbers[:, int(np.argmax(gains))]
+    missed, says = one.missed, one.missed.says
+    u, weights = missed.variable.values, missed.form.weights
+    numbers = one.numbers[:, int(np.argmax(one.gains))]
     if len(numbers) and one.family.name != "line":
         zoom = [0.4 * np.array([-1.0, -0.5, 0.0, 0.5, 1.0])] * len(numbers)
         around = np.array(np.meshgrid(*zoom)).reshape(len(numbers), -1)
         size = np.maximum(np.abs(numbers), 0.05)
         for turn in range(ZOOMS):
             tried = numbers[:, None] + size[:, None] * around * 0.7**turn
-            near = _shapes(missed, one.variable, one.form, one.family, tried)
-            gains = _gains(near.columns.T @ missed.pull, np.sum(near.columns * near.pulled, axis=0))
-            numbers = near.numbers[:, int(np.argmax(gains))]
+            near = _shapes(missed, one.family, tried)
+            numbers = near.numbers[:, int(np.argmax(near.gains))]
     steps = 0.02 * np.maximum(np.abs(numbers), 0.02)
     columns = [weights * one.family(u, numbers)]
-    weight = columns[0] @ missed.precision @ columns[0]
-    amplitude = float(columns[0] @ missed.pull / weight)
+    weight = columns[0] @ says.precision @ columns[0]
+    amplitude = float(columns[0] @ says.pull / weight)
     for k, step in enumerate(steps):
         moved = numbers + step * np.eye(len(numbers))[k]
         columns.append(amplitude * (weights * one.family(u, moved) - columns[0]) / step)
     slopes = np.stack(columns, axis=1)
-    curvature = slopes.T @ missed.precision @ slopes
+    curvature = slopes.T @ says.precision @ slopes
     spread = np.sqrt(np.diag(np.linalg.pinv(curvature)))
     return Law(
         family=one.family,
-        form=one.form,
+        form=missed.form,
         amplitude=amplitude,
         amplitude_sd=float(spread[0]),
         numbers=tuple(float(value) for value in numbers),
@@ -282,25 +292,28 @@ def _law(missed: Missed, one: _Shapes) -> Law:
     )
 
 
-def _curve(missed: Missed, variable: Variable, form: Form, law: Law | None) -> LawCurve:
-    """Return the smooth function of the variable that the misses ask for, and the law."""
+def _curve(missed: Missed, law: Law | None) -> LawCurve:
+    """Return the smooth function of the variable that fits the misses, and the law."""
+    variable, form, says = missed.variable, missed.form, missed.says
     seen = form.seen(variable)
     spaced = np.geomspace if _logarithmic(variable, seen) else np.linspace
     at = np.asarray(spaced(seen.min(), seen.max(), 80), float)
     m = len(variable.values)
     both = max(SMOOTH) * root(variable, form, None if variable.blocks else at)
     columns = form.weights[:, None] * both[:m]
-    spread = np.linalg.inv(np.eye(both.shape[1]) + columns.T @ missed.precision @ columns)
-    draws = spread @ (columns.T @ missed.pull)
+    spread = np.linalg.inv(np.eye(both.shape[1]) + columns.T @ says.precision @ columns)
+    draws = spread @ (columns.T @ says.pull)
     if variable.blocks:
         at, shown = variable.values, both
     else:
         shown = both[m:]
     mean = shown @ draws
     sd = np.sqrt(np.sum((shown @ spread) * shown, axis=1))
+    counts = np.diag(says.precision)
     acts = np.abs(form.weights) > 0.05 * np.abs(form.weights).max()
+    acts &= counts > 1e-9 * counts.max()
     # What one reading misses beside the smooth function, by its own weight in the precision.
-    own = (missed.pull - missed.precision @ (columns @ draws)) / np.diag(missed.precision)
+    own = (says.pull - says.precision @ (columns @ draws)) / np.where(acts, counts, 1.0)
     shares = both[:m][acts] @ draws + own[acts] / form.weights[acts]
     drawn = np.empty(0) if law is None else law.amplitude * law.family(at, law.numbers)
     return LawCurve(

@@ -105,7 +105,7 @@ def missed_torques(evidence: PitchEvidence, at: Array, opened: Sequence[str]) ->
                 says=says,
                 bare=bare,
                 folds=[
-                    Fold(rest=one, bare_rest=other, n_rows=int(part.sum()))
+                    Fold(rest=one, bare_rest=other, noise=float(errors.variance[part].sum()))
                     for one, other, part in zip(rests, bare_rests, parts[:-1], strict=True)
                 ],
             )
@@ -202,7 +202,7 @@ def _pairs(logs: Sequence[Departing]) -> list[_Pair]:
         ("the angle", "angle/ref", "flow.pitch_rad / p.reference", "rad", "signed", angle,
          _largest(angle), ("torque", "near", "gyro", "encoder")),
         ("the rate", "rate/ref", "flow.rate_rad_s / p.reference", "rad/s", "signed", rate,
-         _largest(rate), ("torque", "near")),
+         _largest(rate), ("torque", "near", "encoder")),
         ("rotor speed", "w/w_ref", "flow.speed_rad_s[i] / p.reference", "rad/s", "positive", speed,
          speeds, ("factor", "near")),
         ("the thrust of all rotors", "T/T_ref", f"({total}) / p.reference", "N", "positive", load,
@@ -258,6 +258,6 @@ def _form(name: str, logs: Sequence[Departing], m: int) -> Form:
     return Form(
         name=name, hook="factor", weights=ones, bench="pitch", matters=FACTOR, unit="1",
         formula="1 + {f} / (1 + (z/R)^2)" if name == "near" else "1 + {f}",
-        code=f"1.0 + {code} * {{f}}", near=name == "near",
+        code=f"1.0 + {code} * {{f}}", centred=name in ("near", "factor"),
         phrase={"factor": ", in the rotors' thrust", "near": " near the plate"}.get(name, ""),
     )  # fmt: skip

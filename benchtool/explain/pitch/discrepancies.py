@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from scipy.signal import lfilter, ss2tf
@@ -127,6 +128,18 @@ class Departing:
         plane = plane_below(self.log.logged.plate_z_m, self.values("angle"), 0.0)
         x_m, y_m = self.model.rig.disc_positions_m[self.over, :2]
         return np.asarray(height_over(plane, x_m, y_m), float)
+
+    def rows(self, channel: Literal["torque", "pitch", "gyro"], errors: Array) -> Array:
+        """Return whitened rows (n_rows, r) of torques in N m, or of errors of a sensor (n, r)."""
+        parts = []
+        for block in np.array_split(errors, 1 + errors.size // MOST_NUMBERS, axis=1):
+            shown = np.zeros((2 + len(self.speed), *block.shape))
+            if channel == "torque":
+                shown[:2] = self.errors.of_torque(block)
+            else:
+                shown[:2] = self.errors.of_reading(int(channel == "gyro"), block)
+            parts.append(self.white(shown))
+        return np.hstack(parts)
 
     def changed(self, name: str, root: Array) -> tuple[Array, Array]:
         """Return innovations (2 + discs, n, r) and shares (n, r) of smooth functions (n, r)."""

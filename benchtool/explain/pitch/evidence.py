@@ -84,6 +84,10 @@ class PitchEvidence:
             *self._owner_parameters(),
         )
 
+    def of(self, logs: Sequence[LoggedPitch], together: int) -> PitchEvidence:
+        """Return the evidence of other recordings about the same model."""
+        return PitchEvidence(self.model, logs, self._extra, together)
+
     # --- parameters ----------------------------------------------------------------------------
 
     def _owner_parameters(self) -> list[ScaledParameter]:

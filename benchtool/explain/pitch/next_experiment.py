@@ -131,7 +131,7 @@ def next_pitch(
         return None
     model, known = evidence.model, [log.logged for log in evidence.logs]
     together = max(COARSE, evidence.together)
-    forecast = Forecast(PitchEvidence(model, known, together=together), rivals)
+    forecast = Forecast(evidence.of(known, together), rivals)
     at = forecast.rivals[0].fit.at
     bench = PitchBench.of(model.at(parameters_at(model.parameters, evidence.parameters, at)))
     job = PitchJob(bench, PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ))
@@ -142,9 +142,7 @@ def next_pitch(
         sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
         recording = simulate_pitch(job, sampled, seed).recording(model.rig)
         log = pitch_log(recording, model.rig, "the next one").logged
-        new, both = (
-            PitchEvidence(model, some, together=together) for some in ([log], [*known, log])
-        )
+        new, both = (evidence.of(some, together) for some in ([log], [*known, log]))
         return forecast.expected(new, both, drawn)
 
     ladder = PitchDesign(motions=(), collective="a ladder of the collective", z_over_R=(1.3,))

@@ -11,6 +11,8 @@ from benchtool.core.array import Array
 from benchtool.explain.engine.judgement import Rival
 from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
+from benchtool.explain.found.search import Missed
+from benchtool.explain.pitch.dependences import missed_torques
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.gap import OVERLAP, UNITS, Windows, predicted_channels, read_channels
 from benchtool.explain.pitch.log import PitchLog
@@ -68,6 +70,9 @@ class PitchSubject(Subject):
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
         self._check = PitchEvidence(model, [log.logged for log in check], extra)
         self.all_evidence = PitchEvidence(model, [log.logged for log in (*learn, *check)], extra)
+
+    def missed(self, at: Array, opened: Sequence[str]) -> list[Missed]:
+        return missed_torques(self.all_evidence, at, opened)
 
     @cached_property
     def window_s(self) -> float:

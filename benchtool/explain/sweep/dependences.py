@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.engine.shared_errors import solved
-from benchtool.explain.found.law import Form, Variable
-from benchtool.explain.found.search import Missed
+from benchtool.explain.found.law import DISTANCE, Form, Variable
+from benchtool.explain.found.search import FOLDS, Fold, Missed, Says
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.fit.bounded import slopes
@@ -20,7 +20,8 @@ from benchtool.physics.effects.effect import PAST_S
 FARTHEST = 12.0
 """Distance over radius from which on a plate is as good as away."""
 
-DISTANCE = "flow.height_m[i] / p.radius_m"
+TOLERANCE = 0.005
+"""Departure of thrust that does not matter, as a share of it, where a law is greatest."""
 
 
 def sweep_variables(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array) -> list[Variable]:
@@ -112,37 +113,38 @@ def sweep_forms(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array) -> 
     thrust = np.where(turning, shown_N, 0.0)
     covered = np.concatenate([np.mean(one.coverage, axis=0) for one in c])
     z = np.concatenate([one.plate_z_m for one in c]) / radius_m
-    typical = np.full(len(thrust), float(np.median(thrust[turning])))
+    middle = float(np.median(thrust[turning]))
     near = f"flow.coverage[i] / (1.0 + ({DISTANCE}) * ({DISTANCE}))"
     nearer = f"flow.coverage[i] * power({DISTANCE}, -3.0)"
+    matters = TOLERANCE * middle
     return [
         Form(
             name="factor", hook="factor", weights=thrust, formula="1 + {f}",
-            code="1.0 + p.a * {f}",
+            code="1.0 + p.a * {f}", matters=matters,
         ),
         Form(
             name="covered", hook="factor", weights=thrust * covered, formula="1 + {f}",
-            code="1.0 + p.a * flow.coverage[i] * {f}",
+            code="1.0 + p.a * flow.coverage[i] * {f}", matters=matters,
         ),
         Form(
             name="near", hook="factor", weights=thrust * covered / (1.0 + z**2),
             formula="1 + {f} / (1 + (z/R)^2)", code=f"1.0 + p.a * {near} * {{f}}",
-            phrase=" near the plate",
+            matters=matters, centred=True, phrase=" near the plate",
         ),
         Form(
             name="nearer", hook="factor", weights=thrust * covered * z**-3.0,
             formula="1 + {f} (z/R)^-3", code=f"1.0 + p.a * {nearer} * {{f}}",
-            phrase=" next to the plate",
+            matters=matters, centred=True, phrase=" next to the plate",
         ),
         Form(
-            name="reading", hook="thrust_reading", weights=typical, formula="reading + {f}",
-            code="reading + p.a * p.typical_N * {f}",
+            name="reading", hook="thrust_reading", weights=np.full(len(thrust), middle),
+            formula="reading + {f}", code="reading + p.a * p.typical * {f}", matters=matters,
         ),
     ]  # fmt: skip
 
 
-def missed_thrusts(evidence: SweepEvidence, at: Array, opened: Sequence[str]) -> Missed:
-    """Return what thrusts miss, and what that may depend on.
+def missed_thrusts(evidence: SweepEvidence, at: Array, opened: Sequence[str]) -> list[Missed]:
+    """Return what thrusts miss, over each variable and form that it may depend on.
 
     Args:
         at: (n_parameters,) about which the model is taken to be linear.
@@ -159,19 +161,34 @@ def missed_thrusts(evidence: SweepEvidence, at: Array, opened: Sequence[str]) ->
     )
     white = evidence.white_thrusts(np.eye(len(shown))) / errors.noise[:, None]
     both, known = np.column_stack([white, missed]), np.hstack([errors.columns({}), slope])
-    products = [white.T @ solved(columns, both) for columns in (known, slope)]
+    says, bare = (_says(white.T @ solved(columns, both)) for columns in (known, slope))
     radius_m = evidence.model.rig.propulsion.radius_m
-    return Missed(
-        precision=products[0][:, :-1],
-        pull=products[0][:, -1],
-        bare_precision=products[1][:, :-1],
-        bare_pull=products[1][:, -1],
-        places=places_of(evidence.logs),
-        variables=sweep_variables(evidence.logs, radius_m, shown),
-        forms=sweep_forms(evidence.logs, radius_m, shown),
-        radius_m=radius_m,
-        thrust_N=float(np.median(shown[np.concatenate([~log.tare for log in evidence.logs])])),
-    )
+    variables = sweep_variables(evidence.logs, radius_m, shown)
+    forms = sweep_forms(evidence.logs, radius_m, shown)
+    variance = float(np.mean(errors.variance[evidence.thrust_rows]))
+    folds = list(_folds(says, bare, places_of(evidence.logs), variance))
+    return [
+        Missed(variable=variable, form=form, says=says, bare=bare, folds=folds)
+        for variable in variables
+        for form in forms
+        if form.name in variable.forms
+    ]
+
+
+def _says(products: Array) -> Says:
+    """Return what readings say, from Q and Q z (m, m + 1) of them; z Q z is left out."""
+    return Says(products[:, :-1], products[:, -1], 0.0)
+
+
+def _folds(says: Says, bare: Says, places: NDArray[np.intp], variance: float) -> Iterator[Fold]:
+    """Give the folds, whole places of the plate each; readings of noise with that variance."""
+    numbers = np.unique(places)
+    part = np.random.default_rng(0).permutation(len(numbers)) % FOLDS
+    for number in range(min(FOLDS, len(numbers))):
+        out = np.isin(places, numbers[part == number])
+        yield Fold(
+            rest=says.without(out), bare_rest=bare.without(out), noise=variance * float(out.sum())
+        )
 
 
 def places_of(logs: tuple[SweepLog, ...]) -> NDArray[np.intp]:

@@ -215,9 +215,7 @@ class SweepEvidence:
     def varied(self, changes: Array) -> Array:
         """Return smooth variations (n_rows, r) of what an effect changes in thrusts."""
         functions = variations(self.logs, self.model)
-        parts = np.split(
-            changes[self._thrust_rows], np.cumsum([len(log) for log in self.logs])[:-1]
-        )
+        parts = np.split(changes[self.thrust_rows], np.cumsum([len(log) for log in self.logs])[:-1])
         roots = zip(self.noise_roots, parts, strict=True)
         changed = np.concatenate([root @ part for root, part in roots])
         return self.white_thrusts(changed[:, None] * functions)
@@ -225,11 +223,11 @@ class SweepEvidence:
     def white_thrusts(self, changes_N: Array) -> Array:
         """Return what changes of thrusts (m, r) change in whitened residuals (n_rows, r)."""
         out = np.zeros((self._n_rows, changes_N.shape[1]))
-        out[self._thrust_rows] = changes_N
+        out[self.thrust_rows] = changes_N
         return self._white_changes(out)
 
     @property
-    def _thrust_rows(self) -> NDArray[np.intp]:
+    def thrust_rows(self) -> NDArray[np.intp]:
         """Numbers of the rows that are thrusts."""
         first, rows = 0, []
         for log in self.logs:

@@ -129,7 +129,7 @@ class SweepSubject(Subject):
             out["rpm"] = np.sqrt(np.mean(np.concatenate(speed), axis=0))
         return out
 
-    def missed(self, at: Array, opened: Sequence[str]) -> Missed:
+    def missed(self, at: Array, opened: Sequence[str]) -> list[Missed]:
         return missed_thrusts(self.all_evidence, at, opened)
 
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:

@@ -60,4 +60,4 @@ def depends(figure: Figure, answer: Answer) -> None:
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
     axes.set_xlabel(f"{found.variable.phrase}, {found.variable.symbol} [–]")
-    axes.set_ylabel("missed [% of thrust]", color=BLACK)
+    axes.set_ylabel(f"missed [% of {found.form.share_of}]", color=BLACK)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.explain.found.law import Form, Variable
-from benchtool.explain.found.search import Missed
+from benchtool.explain.found.law import DISTANCE, Form, Variable
+from benchtool.explain.found.search import FOLDS, Fold, Missed, Says
 
 NOISE_N = 0.004
 
@@ -13,32 +13,37 @@ SPEED = "flow.speed_rad_s[i] / p.reference"
 PLACES = np.repeat(np.arange(30), 5)
 
 
-def shown(law: np.ndarray, rng: np.random.Generator, speed: np.ndarray) -> Missed:
+def shown(law: np.ndarray, rng: np.random.Generator, speed: np.ndarray) -> list[Missed]:
     """Return 150 thrusts of 3 N that miss a law of rotor speed, which no nuisance takes up."""
     n = len(speed)
     thrust = np.full(n, 3.0)
     level, other = np.ones((n, 1)), rng.uniform(0.6, 4.0, n)
     covariance = np.diag(np.full(n, NOISE_N**2)) + 1.0 * level @ level.T
     precision = np.linalg.inv(covariance)
-    pull = precision @ (thrust * law + NOISE_N * rng.standard_normal(n))
-    half = {"forms": ("factor",)}
-    time = np.arange(n) / n
-    return Missed(
-        precision=precision, pull=pull, bare_precision=precision, bare_pull=pull,
-        places=PLACES, radius_m=0.12, thrust_N=3.0,
-        variables=(
-            Variable(phrase="rotor speed", symbol="w/w_ref", code=SPEED, reference=500.0,
-                     unit="rad/s", values=speed, **half),
-            Variable(phrase="plate distance", symbol="z/R", values=other, **half),
-            Variable(phrase="time", symbol="t", values=time, scale="time", **half),
-            Variable(phrase="the visit", symbol="visit", values=PLACES.astype(float),
-                     blocks=True, **half),
-        ),
-        forms=(
-            Form(name="factor", hook="factor", weights=thrust, formula="1 + {f}",
-                 code="1.0 + p.a * {f}"),
-        ),
+    says = Says(precision, precision @ (thrust * law + NOISE_N * rng.standard_normal(n)), 0.0)
+    outs = [fold == PLACES % FOLDS for fold in range(FOLDS)]
+    rests = [says.without(out) for out in outs]
+    form = Form(
+        name="factor", hook="factor", weights=thrust, formula="1 + {f}", code="1.0 + p.a * {f}",
+        matters=0.015,
     )  # fmt: skip
+    time = np.arange(n) / n
+    return [
+        Missed(
+            variable=variable, form=form, says=says, bare=says,
+            folds=[
+                Fold(rest=rest, bare_rest=rest, noise=float(out.sum()))
+                for rest, out in zip(rests, outs, strict=True)
+            ],
+        )
+        for variable in (
+            Variable(phrase="rotor speed", symbol="w/w_ref", code=SPEED, reference=500.0,
+                     unit="rad/s", values=speed),
+            Variable(phrase="plate distance", symbol="z/R", code=DISTANCE, values=other),
+            Variable(phrase="time", symbol="t", code="flow.time_s", values=time, scale="time"),
+            Variable(phrase="the visit", symbol="visit", values=PLACES.astype(float), blocks=True),
+        )
+    ]  # fmt: skip
 
 
 LAWS = {

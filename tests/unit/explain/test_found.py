@@ -13,15 +13,18 @@ from benchtool.core.rig_file import rig_named
 from benchtool.explain.answer import Answer
 from benchtool.explain.found.draft import FOUND, draft
 from benchtool.explain.found.families import FAMILIES, Family
-from benchtool.explain.found.law import Dependence
+from benchtool.explain.found.law import Dependence, Hook
 from benchtool.explain.found.search import dependence
 from benchtool.explain.next_steps import next_steps
 from benchtool.physics.catalogue import EFFECTS, own_effects
 from benchtool.physics.conditions import Conditions
+from benchtool.physics.effects.effect import BenchKind
 from benchtool.report.answer.folder import write_folder
 from tests.contracts import test_effect as contract
 from tests.unit.explain.found_made import LAWS, PLACES, shown
 from tests.unit.explain.hand_made import answer
+
+RADIUS_M = 0.12
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -30,7 +33,7 @@ def test_a_law_is_found_with_its_variable_and_closes_the_gap(
 ) -> None:
     speed = rng.uniform(0.7, 1.3, 150)
     law = LAWS[name](speed)
-    found = dependence(shown(law, rng, speed))
+    found = dependence(shown(law, rng, speed), RADIUS_M)
     assert found is not None
     assert found.variable.phrase == "rotor speed"
     assert found.probability > 0.9
@@ -46,20 +49,23 @@ def test_what_is_another_at_every_visit_has_a_variable_and_no_law(
     rng: np.random.Generator,
 ) -> None:
     each = 0.02 * rng.standard_normal(30)
-    found = dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)))
+    found = dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
     assert found is not None
     assert (found.phrase, found.law, found.text) == ("the visit", None, "depends on the visit")
 
 
 def test_noise_depends_on_nothing(rng: np.random.Generator) -> None:
-    found = [dependence(shown(np.zeros(150), rng, rng.uniform(0.7, 1.3, 150))) for _ in range(50)]
+    found = [
+        dependence(shown(np.zeros(150), rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
+        for _ in range(50)
+    ]
     assert found == [None] * 50
 
 
 def drafted(family: Family, folder: Path, rng: np.random.Generator) -> Dependence:
     """Return a dependence whose law is of a family."""
     speed = rng.uniform(0.7, 1.3, 150)
-    found = dependence(shown(LAWS["line"](speed), rng, speed))
+    found = dependence(shown(LAWS["line"](speed), rng, speed), RADIUS_M)
     assert found is not None
     assert found.law is not None
     grid = family.grid(speed)
@@ -68,17 +74,31 @@ def drafted(family: Family, folder: Path, rng: np.random.Generator) -> Dependenc
     return replace(found, law=law)
 
 
-@pytest.mark.parametrize("hook", ["factor", "thrust_reading"])
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda one: one.name)
+CHANGES = {
+    "factor": ("1.0 + p.a * {f}", "flow.speed_rad_s[i] / p.reference", 500.0),
+    "thrust_reading": ("reading + p.a * p.typical * {f}", "reading / p.reference", 10.5),
+    "torque": ("p.a * p.typical * {f}", "flow.rate_rad_s / p.reference", 0.5),
+    "gyro_reading": ("reading + p.a * p.typical * {f}", "flow.time_s / p.reference", 60.0),
+}
+"""What a law becomes in each hook, and a variable that it may see, with its reference."""
+
+
+DRAFTED = [(family, "factor") for family in FAMILIES] + [(FAMILIES[1], hook) for hook in CHANGES]
+
+
+@pytest.mark.parametrize(("family", "hook"), DRAFTED, ids=lambda one: getattr(one, "name", one))
 def test_a_draft_keeps_the_contract_of_effects(
-    family: Family, hook: str, tmp_path: Path, rng: np.random.Generator,
+    family: Family, hook: Hook, tmp_path: Path, rng: np.random.Generator,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     found = drafted(family, tmp_path, rng)
-    if hook == "thrust_reading":
-        code = "reading + p.a * p.typical_N * {f}"
-        load = replace(found.variable, code="reading / p.reference", reference=10.5, unit="N")
-        found = replace(found, variable=load, form=replace(found.form, hook=hook, code=code))
+    code, seen, reference = CHANGES[hook]
+    bench: BenchKind = "pitch" if hook in ("torque", "gyro_reading") else "sweep"
+    found = replace(
+        found,
+        variable=replace(found.variable, code=seen, reference=reference),
+        form=replace(found.form, hook=hook, code=code, bench=bench),
+    )
     path = tmp_path / f"{FOUND}.py"
     path.write_text(draft(found), encoding="utf-8")
     (effect,) = own_effects(str(path), lambda _: None)
@@ -91,7 +111,7 @@ def test_a_draft_keeps_the_contract_of_effects(
         plate_x_m=np.array([0.0, 0.0, 0.0, 0.6, 0.6, 0.0]), elapsed_s=60.0, time_s=60.0,
     )  # fmt: skip
     contract.test_it_describes_itself(FOUND)
-    contract.test_it_says_what_does_not_matter_on_any_vehicle(FOUND, "sweep", "pquad")
+    contract.test_it_says_what_does_not_matter_on_any_vehicle(FOUND, bench, "pquad")
     contract.test_physics_bounds_every_number_that_may_be_named(FOUND)
     contract.test_at_its_neutral_value_it_is_exactly_absent(FOUND, rig, conditions)
     contract.test_its_hooks_at_neutral_change_nothing_when_they_are_called(FOUND, rig, conditions)
@@ -111,7 +131,7 @@ def unknown(found: Dependence) -> Answer:
 
 def test_a_draft_is_written_once_and_told_of(tmp_path: Path, rng: np.random.Generator) -> None:
     speed = rng.uniform(0.7, 1.3, 150)
-    found = dependence(shown(LAWS["resonance"](speed), rng, speed))
+    found = dependence(shown(LAWS["resonance"](speed), rng, speed), RADIUS_M)
     assert found is not None
     made, folder = unknown(found), tmp_path / "found"
     assert "; it depends on rotor speed; closes " in made.verdict.sentence
@@ -134,7 +154,7 @@ def test_a_draft_is_written_once_and_told_of(tmp_path: Path, rng: np.random.Gene
 
 def test_without_a_law_nothing_is_drafted(tmp_path: Path, rng: np.random.Generator) -> None:
     each = 0.02 * rng.standard_normal(30)
-    found = dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)))
+    found = dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
     assert found is not None
     for made in (unknown(found), answer("unknown"), answer("none")):
         folder = tmp_path / f"{made.verdict.kind}_{made.verdict.depends is None}"

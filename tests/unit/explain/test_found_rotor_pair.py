@@ -44,12 +44,14 @@ def test_a_drafted_law_beats_one_disc_and_images_and_not_a_power_law(
     monkeypatch.setattr(search, "WORTH", -1.0)
     radius_m = loaded.model.rig.propulsion.radius_m
     thrust_N, u = points.column("thrust_N"), points.column("plate_z_m") / radius_m
-    missed: dict[str, list[float]] = {}
+    wrongs: dict[str, list[float]] = {}
     for out in range(len(points)):
         others = np.arange(len(points)) != out
         some = points.select(others)
         evidence = SweepSubject(loaded.model, [some], [some]).evidence
-        found = search.dependence(missed_thrusts(evidence, Hypotheses(evidence).null().at, []))
+        found = search.dependence(
+            missed_thrusts(evidence, Hypotheses(evidence).null().at, []), radius_m
+        )
         assert found is not None
         law = found.law
         assert law is not None
@@ -73,8 +75,8 @@ def test_a_drafted_law_beats_one_disc_and_images_and_not_a_power_law(
                 return np.append(left, (p[1] - 1.0) / 0.05 if name == "drafted" else 0.0)
 
             at = least_squares(wrong, start).x
-            missed.setdefault(name, []).append(float((function(at, u) - thrust_N)[out]))
-    error = {name: float(np.sqrt(np.mean(np.square(one)))) for name, one in missed.items()}
+            wrongs.setdefault(name, []).append(float((function(at, u) - thrust_N)[out]))
+    error = {name: float(np.sqrt(np.mean(np.square(one)))) for name, one in wrongs.items()}
     assert error["drafted"] < 0.7 * error["one disc"]
     assert error["drafted"] < error["images"]
     assert error["power"] < error["drafted"]

@@ -26,6 +26,12 @@ def power(u: Quantity, exponent: Quantity) -> Quantity:
 
 
 @expression
+def signed_power(u: Quantity, exponent: Quantity) -> Quantity:
+    """Return |u| to a power with the sign of u, rounded within 0.001 of 0."""
+    return u * np.exp(0.5 * (exponent - 1.0) * np.log(u * u + 1e-6))
+
+
+@expression
 def power_instead(u: Quantity, exponent: Quantity, less: Quantity) -> Quantity:
     """Return u^exponent - less / u^2: a law beside one that goes as 1 / u^2 and is too large."""
     u = np.maximum(u, 1e-3)
