@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
+
+from annotated_types import Gt, Le
 
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
@@ -34,6 +36,38 @@ def recipe_given(given: dict[str, Any], command: str) -> Recipe:
         raise InputError(f"which model? give --model with one of: {', '.join(model_names())}")
     data = tuple(given["data"])
     return Recipe(name=Path(data[0]).stem, data=data, model=given["model"])
+
+
+Error = Literal["sd", "se"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableInputs(Inputs):
+    """Say which columns of a table are what; left out, their names say it, or a question."""
+
+    z: Annotated[str, Input("Column of the plate's distance; none without a plate.")] = ""
+    thrust: Annotated[str, Input("Column of the thrust.")] = ""
+    ratio: Annotated[str, Input("Column of T/T_OGE where no thrust is given.")] = ""
+    rpm: Annotated[str, Input("Column of the rotor speed, or one number for all rows.")] = ""
+    unit: Annotated[str, Input("Unit of the thrust, where its column names none: gf.")] = ""
+    z_unit: Annotated[
+        str, Input("Unit of the distance, where its column names none: mm; R for radii.")
+    ] = ""
+    error: Annotated[str, Input("Column of the thrust's or ratio's error; or none.")] = ""
+    error_is: Annotated[
+        Error | None,
+        Input("What that is: scatter of single readings (sd) or standard error of means (se)."),
+    ] = None
+    reference: Annotated[
+        str, Input("COLUMN=VALUE of the rows that were measured far from the plate.")
+    ] = ""
+    runs: Annotated[
+        str, Input("Column that names runs: fit each by itself; none for all as one.")
+    ] = ""
+    radius: Annotated[
+        Annotated[float, Gt(0.0), Le(100.0)] | None,
+        Input("Rotor radius, in place of a rig.", "m"),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

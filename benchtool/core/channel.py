@@ -11,6 +11,7 @@ from benchtool.core.units import unit_named
 CHANNEL_NAMES: tuple[str, ...] = (
     *("time_s", "device_time_us", "elapsed_s", "point", "kind", "setting", "repeat", "phase"),
     *("thrust_N", "thrust_sd_N", "thrust_se_N", "thrust_raw", "n_samples", "torque_Nm"),
+    *("thrust_ratio", "thrust_ratio_sd", "thrust_ratio_se"),
     *("pwm#_us", "rpm#", "rpm#_sd", "rpm#_se", "coverage#"),
     *("plate_z_m", "plate_x_m", "plate_tilt_deg", "voltage_V", "current_A", "temperature_degC"),
     "load_direction",

@@ -216,12 +216,13 @@ def guess_columns(
         radius_m: of the rotor, for columns that count radii; they are left out without.
     """
     found: dict[str, ColumnSource] = {}
+    in_radii: dict[str, ColumnSource] = {}
     for cell in header:
         name, unit = name_and_unit(cell)
         channel = channel_meant(cell.strip()) or channel_meant(name)
         if channel is None and name.lower() in IN_RADII and radius_m is not None:
             source = ColumnSource(column=cell, factor=IN_RADII[name.lower()] * radius_m)
-            found.setdefault("plate_z_m", source)
+            in_radii.setdefault("plate_z_m", source)
         if channel is None or channel in found or (channels and channel not in channels):
             continue
         own = unit_in_name(channel)
@@ -233,4 +234,4 @@ def guess_columns(
             continue
         in_file = None if unit == own or not fits else unit
         found[channel] = ColumnSource(column=cell, unit=in_file)
-    return found
+    return in_radii | found

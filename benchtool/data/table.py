@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
@@ -63,10 +63,11 @@ def read_table(
     """
     table = read_csv_text(Path(path))
     filters = [item if isinstance(item, Where) else Where.parse(item) for item in where]
-    rows = _filtered(table, filters)
+    rows = rows_where(table, filters)
     if columns:
         chosen = [mapped_column(table.header, table.where, *each) for each in columns.items()]
-        pairs = [_mapped(table, rows, column) for column in chosen]
+        words = {column.position: column.reference for column in chosen if column.reference}
+        pairs = [_mapped(table, rows, column, words) for column in chosen]
         if all(np.isnan(values).all() for _, values in pairs):
             raise FileFormatError(table.where, "the mapped columns hold no numbers; check the map")
     else:
@@ -82,14 +83,14 @@ def read_table(
     return Recording.from_columns(pairs, provenance)
 
 
-def numbers_in(table: CsvTable, index: int, rows: Sequence[int]) -> Array:
-    """Return one column (n,) of those rows as numbers; a blank cell is nan."""
+def numbers_in(table: CsvTable, index: int, rows: Sequence[int], blank: str = "") -> Array:
+    """Return one column (n,) of those rows as numbers; a blank cell, or that word, is nan."""
     name = table.header[index]
     words = WORDS.get(name, ())
     values = np.full(len(rows), nan)
     for position, row in enumerate(rows):
         cell = table.rows[row][index].strip()
-        if cell in _BLANK:
+        if cell in _BLANK or cell == blank:
             continue
         try:
             values[position] = words.index(cell) if cell in words else float(cell)
@@ -111,7 +112,13 @@ def columns_of(table: CsvTable) -> list[tuple[Channel, Array]]:
     ]
 
 
-def _filtered(table: CsvTable, filters: Sequence[Where]) -> list[int]:
+def rows_where(table: CsvTable, filters: Sequence[Where]) -> list[int]:
+    """Return the positions of the rows for which all filters hold.
+
+    Raises:
+        FileFormatError: no row is left, with what the column holds.
+        UnknownChoice: a column that is not there.
+    """
     rows = list(range(len(table.rows)))
     if not rows:
         raise no_rows(table.where, table.header)
@@ -130,7 +137,10 @@ def _filtered(table: CsvTable, filters: Sequence[Where]) -> list[int]:
     return rows
 
 
-def _mapped(table: CsvTable, rows: Sequence[int], column: MappedColumn) -> tuple[Channel, Array]:
+def _mapped(
+    table: CsvTable, rows: Sequence[int], column: MappedColumn, words: Mapping[int | None, str]
+) -> tuple[Channel, Array]:
+    """Return a channel with its numbers; a word that marks reference rows is no number: nan."""
     channel = channel_called(column.name)
     if column.position is None:
         return channel, np.full(len(rows), column.constant)
@@ -139,7 +149,7 @@ def _mapped(table: CsvTable, rows: Sequence[int], column: MappedColumn) -> tuple
         is_reference = Where("", column.reference).holds
         kinds = ["reference" if is_reference(cell) else "measure" for cell in cells]
         return channel, np.array([code_of(column.name, kind) for kind in kinds])
-    values = numbers_in(table, column.position, rows)
+    values = numbers_in(table, column.position, rows, words.get(column.position, ""))
     return channel, column.conversion.factor * values + column.conversion.offset
 
 

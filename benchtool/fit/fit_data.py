@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from benchtool.core.array import Array
-from benchtool.core.column_source import ColumnSource
+from benchtool.core.channel import Channel
 from benchtool.core.counted import counted
 from benchtool.core.error_source import ErrorSource, joined
 from benchtool.core.errors import FileFormatError, InputError
@@ -22,20 +22,24 @@ from benchtool.core.rotor_count import refuse_other_rotors
 from benchtool.data.atomic import data_hash
 from benchtool.data.column_map import read_column_map
 from benchtool.data.columns import code_of
-from benchtool.data.run.ratios import ratios, thrust_error
+from benchtool.data.formats.formats import import_file, is_stand_table
+from benchtool.data.run.ratios import ratio_error, ratios, thrust_error
 from benchtool.data.run.read import is_pitch_run, is_run, read_points
 from benchtool.data.table import read_table
 from benchtool.fit.data_rig import rig_for_data
-from benchtool.fit.recipe import Recipe
+from benchtool.fit.recipe import Basis, Recipe
 from benchtool.fit.uncertainty.bench_errors import SHOWS, Visits, bench_errors, joined_visits
 from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells
 from benchtool.fit.uncertainty.zero_walk import with_zero_walk
-from benchtool.physics.conditions import Conditions
+from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
 
 FAR_Z_OVER_R = 9.0
 """Beyond it eq. (4) leaves less than one per cent; the tables of the literature end at 5 to 6."""
+
+RATIO_BASIS: Basis = "equal_rpm2"
+"""The basis of ratios that a table gives without forces."""
 
 NO_PLATE_Z_OVER_R = 1e6
 """Beyond it stands `FAR_AWAY_M`: a recording without a plate, which is fine."""
@@ -95,6 +99,9 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
     """
     rig = rig_for_data(recipe.data, recipe.model, recipe.rig)
     loaded = load_model(recipe.model, rig, permit=permit)
+    if recipe.columns is not None and not all(map(is_run, recipe.data)):
+        columns = {**loaded.columns, **read_column_map(recipe.columns)}
+        loaded = replace(loaded, columns=columns)
     named: set[str] = set()
     for typed in (*recipe.free, *recipe.fix, *recipe.hold):
         name = full_name(typed, loaded.model.parameters)
@@ -134,7 +141,12 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     rig = loaded.model.rig
     parts = [with_zero_walk(part, path, rig) for part, path in zip(parts, recipe.data, strict=True)]
     points = _joined(parts)
-    if "thrust_N" not in points:
+    has_ratios = "thrust_N" not in points and "thrust_ratio" in points
+    if has_ratios and recipe.basis != RATIO_BASIS:
+        raise InputError(
+            f"the data hold ratios of thrust and no thrust_N; fit them with --basis {RATIO_BASIS}"
+        )
+    if "thrust_N" not in points and not has_ratios:
         raise InputError(
             f"there is no thrust_N to fit, only {', '.join(points.names)}; map it in [columns] of "
             f"the model: thrust_N = {{ column = 'their name', unit = 'gf' }}"
@@ -145,8 +157,16 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     conditions = Conditions.from_recording(points, model.rig)
     sources: tuple[ErrorSource, ...] = ()
     by_thrust: Array | None = None
+    reference: Conditions | None = None
     if recipe.basis == "joint":
         observed, error, errors = _thrust_with_error(points, all(map(is_run, recipe.data)))
+    elif has_ratios:
+        observed, found_error = points.column("thrust_ratio"), ratio_error(points)
+        errors = "none" if found_error is None else "stated"
+        error = np.ones(len(points)) if found_error is None else found_error
+        turning = np.sum(conditions.speed_rad_s**2, axis=0)
+        by_thrust = np.diag(1.0 / (model.parameters["k"].value * turning))
+        reference = conditions.out_of_ground_effect()
     else:
         # Each run is divided by its own references.
         found = [ratios(part, recipe.basis, model.rig) for part in parts]
@@ -157,7 +177,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         by_thrust = block_diag(*(one.by_thrust for one in found))
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
-    if not np.any(conditions.speed_rad_s > 0.0):
+    if not np.any(conditions.speed_rad_s > 0.0) and not has_ratios:
         most = float(np.nanmax(np.abs(points.si("thrust_N"))))
         raise InputError(
             f"no rotor turns in {counted(len(points), 'point')} while thrust reaches {most:.3g} N: "
@@ -167,8 +187,8 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     nearest = recipe.min_z_over_R
     nearest = model.nearest_z_over_R if nearest is None else nearest
     used, left_out = _selected(observed, error, conditions.known, z_over_R, nearest)
-    reference, groups = None, None
-    if recipe.basis != "joint":
+    groups = None
+    if recipe.basis != "joint" and not has_ratios:
         parked_m = np.concatenate([_parked_m(part) for part in parts])
         # A load cell drifts between a visit and its references, and reads its tare error in both.
         reference = Conditions.of(
@@ -237,13 +257,23 @@ def _read_one(path: str, recipe: Recipe, loaded: LoadedModel) -> Recording:
                 "or find what its model lacks with benchtool explain",
             )
         return read_points(path)
-    columns: Mapping[str, ColumnSource] = dict(loaded.columns)
-    if recipe.columns is not None:
-        columns = {**columns, **read_column_map(recipe.columns)}
+    columns = loaded.columns
     where = [*(f"{key}={value}" for key, value in loaded.row_filter.items()), *recipe.where]
     if not columns and Path(path).name == "points.csv":
         return read_points(path)
-    return read_table(path, columns, where)
+    if not columns and not where and Path(path).is_file() and is_stand_table(path):
+        return import_file(path).recording
+    return _with_references(read_table(path, columns, where))
+
+
+def _with_references(table: Recording) -> Recording:
+    """Return a table whose reference rows without a distance stand far from any plate."""
+    if "kind" not in table or "plate_z_m" not in table:
+        return table
+    z_m = table.column("plate_z_m")
+    far = (table.column("kind") == code_of("kind", "reference")) & ~np.isfinite(z_m)
+    z_m = np.where(far, FAR_AWAY_M, z_m)
+    return table.without(("plate_z_m",)).with_column(Channel("plate_z_m", "m"), z_m)
 
 
 def _joined(parts: Sequence[Recording]) -> Recording:

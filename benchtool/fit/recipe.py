@@ -63,7 +63,8 @@ class Recipe(Inputs):
         ),
     ] = None
     columns: Annotated[
-        str | None, Input("Mapping file: our channel = their column, unit, sign.")
+        str | None,
+        Input("Mapping file: our channel = their column, unit, sign.", also="--map"),
     ] = None
     where: Annotated[
         tuple[str, ...],

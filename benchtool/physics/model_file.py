@@ -204,6 +204,18 @@ def model_from_toml(
     )
 
 
+def stated_in(path: str | Path) -> tuple[Rig, bool]:
+    """Return the rig that a user's model file names, and whether the file maps columns.
+
+    None of its own code runs.
+    """
+    data = parse_toml(*read_named("model", "models", path))
+    head = data.get("model")
+    if not isinstance(head, dict) or not isinstance(head.get("rig"), str):
+        raise FileFormatError(str(path), "model.rig is missing; add it")
+    return _rig_beside(head["rig"], str(path)), bool(data.get("columns"))
+
+
 def _configured(effect: Effect, settings: Mapping[str, Any]) -> Effect:
     if effect.configure is not None:
         return effect.configure(settings)

@@ -25,8 +25,7 @@ def ask(
         InputError: nobody is at a terminal, or the input ended.
     """
     if not sys.stdin.isatty():
-        known = f" (one of: {', '.join(choices)})" if choices else ""
-        raise InputError(f"{reason or question + ' is not stated'}; give {option}{known}")
+        raise InputError(f"{reason or question}; give {option}")
     offered = f" ({', '.join(choices)})" if choices else ""
     end = f" [{usual}]: " if usual else ": "
     while True:

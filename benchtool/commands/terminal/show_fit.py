@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from rich.progress import TextColumn, TimeRemainingColumn
@@ -39,3 +39,17 @@ def print_fit(output: FitOutput) -> None:
             console.say(*(f"! {line}" for line in block.sentences))
         elif isinstance(block, Paragraph):
             console.say(block.text)
+
+
+def print_runs(outputs: Mapping[str, FitOutput]) -> None:
+    """Print the fits of several runs of one table beside each other."""
+    first = next(iter(outputs.values())).results[0]
+    names = [item.name for item in (*first.estimates, *first.derived)][: WIDEST - 2]
+    rows = []
+    for run, output in outputs.items():
+        result = output.results[0]
+        known = {item.name: item for item in (*result.estimates, *result.derived)}
+        values = [f"{known[name].value:.4g} ± {known[name].sd:.2g}" for name in names]
+        rows.append((run, *values, f"{result.chi2_per_dof:.3g}"))
+    head = ("run", *names, "chi2/dof")
+    print_table(Output(), Table("Each run by itself, ± one standard deviation.", head, rows))

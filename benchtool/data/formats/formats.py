@@ -118,6 +118,13 @@ def format_of(head: bytes) -> Format | None:
     return next((item for item in FORMATS if item.recognizes(head[:HEAD_BYTES])), None)
 
 
+def is_stand_table(path: str | Path) -> bool:
+    """Return whether a file is a table of a stand whose format is known."""
+    with open_file(Path(path)) as file:
+        found = format_of(file.read(HEAD_BYTES))
+    return found is not None and found.kind == "table"
+
+
 def import_file(path: str | Path, options: Options | None = None) -> Imported:
     """Return what a foreign file holds, with every repair and doubt.
 

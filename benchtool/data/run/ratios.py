@@ -134,8 +134,9 @@ def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
 
 def _shares(points: Recording, parked: NDArray[np.bool_], level: Array) -> Array:
     """Return `Ratios.share`: of references of the same pulses (nan from a device without echo)."""
-    pulses = _stack(points, speed_columns(points.names, "pwm")).round(3)
-    repeat = points.column("repeat")
+    names, alone = speed_columns(points.names, "pwm"), np.zeros((len(points), 1))
+    pulses = _stack(points, names).round(3) if names else alone
+    repeat = points.column("repeat") if "repeat" in points else alone[:, 0]
     alike = ((pulses[:, None] == pulses) | np.isnan(pulses)).all(axis=2) & parked
     paired = alike & (repeat[:, None] == repeat)
     chosen = np.where(paired.any(axis=1)[:, None], paired, alike) & np.isfinite(level)
@@ -179,6 +180,14 @@ def thrust_error(points: Recording) -> tuple[Array, bool] | None:
         return None
     thrust = points.si("thrust_N")
     return np.hypot(error, thrust * relative_speed_error(points)), bool(of_samples.any())
+
+
+def ratio_error(points: Recording) -> Array | None:
+    """Return the standard error of every ratio that a table gives (n,), None where none is."""
+    for name in ("thrust_ratio_se", "thrust_ratio_sd"):
+        if _has(points, name):
+            return points.column(name)
+    return None
 
 
 def relative_speed_error(points: Recording) -> Array:

@@ -78,7 +78,7 @@ def test_a_loss_that_emcee_does_not_know_is_named(lab: Path) -> None:
     ("words", "said"),
     [
         ((), "nothing to fit: give run folders"),
-        (("lab.csv",), "which model?"),
+        (("lab.csv",), "does not say how large the rotor is; give --radius"),
         (("lab.csv", "--model", "lab.tom"), "there is no such file|unknown model"),
         (("lab.csv", "--model", "lab.toml", "--seed", "-1"), "--seed"),
         (

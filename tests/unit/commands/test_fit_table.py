@@ -1,0 +1,156 @@
+"""`benchtool fit` finds out what a table's columns are, shows it, writes it, and fits."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.unit.commands.command_line import said
+from tests.unit.commands.test_rig_new import Terminal
+
+RADIUS_M = 0.127
+T_OGE_N = 3.2
+Z_M = RADIUS_M * np.array([0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 4.0])
+RATIO = 1.0 / (1.0 - (RADIUS_M / 4.0 / Z_M) ** 2)  # Cheeseman and Bennett, by hand
+SCATTER = 1.0 + 0.001 * np.array([1.0, -1.0, 0.5, 0.3, -0.7, 0.2, -0.4])
+GF_PER_N = 1e3 / 9.80665
+
+Capsys = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    return tmp_path
+
+
+def table(name: str, head: str, *columns: np.ndarray | list[str], delimiter: str = ",") -> None:
+    def cell(value: object) -> str:
+        text = value if isinstance(value, str) else f"{value:.6g}"
+        return text.replace(".", ",") if delimiter == ";" else text
+
+    rows = [delimiter.join(map(cell, row)) for row in zip(*columns, strict=True)]
+    Path(name).write_text("\n".join([head, *rows, ""]), "utf-8")
+
+
+def spreadsheet() -> None:
+    thrust = T_OGE_N * RATIO * SCATTER * GF_PER_N
+    table("data.csv", "Messung 3;;\n\nAbstand;Schub;Notiz", Z_M, thrust, ["gut"] * 7, delimiter=";")
+
+
+def result(folder: str) -> dict[str, dict[str, float]]:
+    stored = json.loads(Path(folder, "result.json").read_text())
+    estimates: dict[str, dict[str, float]] = stored["results"]["least_squares"]["estimates"]
+    return estimates
+
+
+def fit(capsys: Capsys, words: str) -> tuple[int, str, str]:
+    return said(capsys, "fit", *words.split())
+
+
+def test_a_spreadsheet_is_fitted_by_names_and_a_radius(capsys: Capsys) -> None:
+    spreadsheet()
+    words = "data.csv --z Abstand --thrust Schub --unit gf --radius 0.127 --out first"
+    code, out, error = fit(capsys, words)
+    assert code == 0, error
+    first = f"{T_OGE_N * RATIO[0] * SCATTER[0]:.4g}, "
+    assert all(text in out for text in ("Schub in gf", first, "0.0762, 0.1016, 0.127"))
+    assert "written: data.columns.toml" in out
+    assert "written: data.rig.toml" in out
+    found = result("first")
+    assert found["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
+    thrust = found["k"]["value"] * (6000.0 * np.pi / 30.0) ** 2
+    assert thrust == pytest.approx(T_OGE_N, rel=2e-3)
+    # What was written is read again, and so is the model with its rig and columns.
+    for again in ("--map data.columns.toml --rig data.rig.toml", "--model first/model.toml"):
+        code, out, error = fit(capsys, f"data.csv {again}")
+        assert (code, "R_m = 0.127" in out) == (0, True), error
+    before = Path("data.columns.toml").read_text()
+    code, out, _ = fit(capsys, "data.csv --unit N --radius 0.127")
+    assert "written: data.columns-2.toml" in out
+    assert Path("data.columns.toml").read_text() == before
+
+
+def test_ratios_give_a_radius_and_no_thrust_coefficient(capsys: Capsys) -> None:
+    table("r.csv", "z [mm],T_ratio", 1e3 * Z_M, RATIO * SCATTER)
+    code, _, error = fit(capsys, "r.csv --ratio T_ratio --radius 0.127 --out r")
+    assert code == 0, error
+    found = result("r")
+    assert set(found) == {"R_m", "noise.scale"}
+    assert found["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
+
+
+def test_reference_rows_stand_far_from_the_plate(capsys: Capsys) -> None:
+    distances = [*map("{:.5f}".format, Z_M), "free"]
+    thrusts = np.array([*(T_OGE_N * RATIO * SCATTER), T_OGE_N])
+    table("a.csv", "gap (m),F (N),rpm", distances, thrusts, np.full(8, 6000.0))
+    code, _, error = fit(capsys, "a.csv --radius 0.127")
+    assert (code, "holds 'free' among its distances" in error) == (2, True), error
+    code, out, error = fit(capsys, "a.csv --radius 0.127 --reference gap=free --out a")
+    assert (code, "1 rows with 'free'" in out) == (0, True), error
+    assert result("a")["k"]["value"] == pytest.approx(T_OGE_N / (200.0 * np.pi) ** 2, rel=1e-3)
+
+
+OPEN = {
+    "z (m),F (N),rpm": ("", "does not say how large the rotor is; give --radius"),
+    "a,F (N),rpm": ("--radius 0.127", "no column's name says which is the plate's distance"),
+    "z (m),b,rpm": ("--radius 0.127", "no column's name says which is the thrust"),
+    "z,F,rpm": ("--radius 1e-5", "rotor radii, where there is no ground effect; give its unit"),
+    "z (m),F (V),rpm": ("--radius 0.127", "(columns: z (m), F (V), rpm); give --thrust COLUMN"),
+    "z (m),F (N),F_std": ("--radius 0.127", "give --error-is sd or --error-is se"),
+}
+
+
+@pytest.mark.parametrize("head", OPEN)
+def test_what_is_open_is_one_sentence_without_a_terminal(capsys: Capsys, head: str) -> None:
+    options, said_of_it = OPEN[head]
+    table("a.csv", head, Z_M, T_OGE_N * RATIO, np.full(7, 6000.0))
+    code, _, error = fit(capsys, f"a.csv {options}")
+    assert (code, said_of_it in error) == (2, True), error
+    assert sorted(path.name for path in Path().iterdir()) == ["a.csv"]
+
+
+def test_what_is_open_is_asked_on_a_terminal(
+    capsys: Capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table("a.csv", "a,b,c", 1e3 * Z_M, T_OGE_N * RATIO * SCATTER, np.full(7, 6000.0))
+    monkeypatch.setattr("sys.stdin", Terminal("0.127\nb\n\na\nmm\nyes\n"))
+    code, out, error = fit(capsys, "a.csv --rpm c --out a")
+    assert code == 0, error
+    assert "Unit of a?" in out
+    assert "Is this right?" in out
+    assert result("a")["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
+
+
+def test_runs_of_one_file_are_fitted_each_by_itself(capsys: Capsys) -> None:
+    z, rpm = np.tile(Z_M, 2), np.full(14, 6000.0)
+    thrust = np.concatenate([RATIO * SCATTER, 2.0 * RATIO * SCATTER])
+    table("a.csv", "run,z (m),F (N),rpm", ["low"] * 7 + ["high"] * 7, z, thrust, rpm)
+    code, _, error = fit(capsys, "a.csv --radius 0.127")
+    assert (code, "names 2 runs (low, high); give --where run=low" in error) == (2, True), error
+    code, out, error = fit(capsys, "a.csv --radius 0.127 --runs run --out each")
+    assert (code, "Each run by itself" in out) == (0, True), error
+    low, high = (result(f"each/{name}")["k"]["value"] for name in ("low", "high"))
+    assert high / low == pytest.approx(2.0, rel=1e-6)
+
+
+def test_published_tables_are_fitted_without_a_map(capsys: Capsys, reference_data: Path) -> None:
+    data = reference_data
+    pairs = f"{data}/ground_effect/rotor_pairs.csv --radius 0.1651 --error-is se"
+    code, _, error = fit(capsys, f"{pairs} --where series=Fz0 --out pair")
+    assert (code, "chi2/dof = 35" in error) == (9, True), error  # SOURCES.md: 35
+    code, _, error = fit(capsys, f"{data}/crazyflie/eckart1.csv --radius 0.0231 --out cf")
+    assert code == 0, error
+    # SOURCES.md: kf 2.26e-8 g/rpm2 over the four rotors.
+    k = 2.26e-8 * 9.80665e-3 / (np.pi / 30.0) ** 2
+    assert result("cf")["k"]["value"] == pytest.approx(k, rel=5e-3)
+    code, _, error = fit(capsys, f"{data}/uiuc/apcsf_10x7_static_kt0827.txt --out uiuc")
+    assert code == 0, error
+    # T = C_T rho n^2 D^4 at C_T 0.15, between its 0.141 and 0.161.
+    k = 0.1575 * 1.225 * 0.254**4 / (2.0 * np.pi) ** 2
+    assert result("uiuc")["k"]["value"] == pytest.approx(k, rel=0.03)
