@@ -13,7 +13,7 @@ STEADY = 0.5
 """Part of a level, its end, that is averaged: thrust and speed settle before. A choice."""
 
 BIN_S = 0.5
-"""Span of a mean in a fast log whose throttle nobody recorded; a choice."""
+"""Span of a mean in a fast log whose throttle moves all the time, or was not recorded; a choice."""
 
 AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mechanical_power_W")
 """Channels whose means have a standard error, beside the speeds."""
@@ -65,17 +65,16 @@ def _means(part: Array) -> tuple[Array, Array]:
 
 def _numbers(recording: Recording) -> NDArray[np.intp] | None:
     """Return the level of each row (n,), -1 for what is left out; None where rows are levels."""
-    n = len(recording)
+    n, step_s = len(recording), BIN_S
+    if "time_s" in recording and n > 2:
+        time_s = recording.si("time_s")
+        step_s = float(np.median(np.diff(time_s))) if np.isfinite(time_s).all() else BIN_S
     if "pwm1_us" in recording and np.isfinite(pulse := recording.column("pwm1_us")).mean() > 0.9:
         stretch = np.concatenate([[0], np.cumsum(pulse[1:] != pulse[:-1])])
-        if stretch[-1] + 1 > n / 3:
-            return None
-        place = np.arange(n) - np.searchsorted(stretch, stretch)
         length = np.bincount(stretch)[stretch]
-        return np.where(place >= np.floor(STEADY * length), stretch, -1).astype(np.intp)
-    if "time_s" not in recording or n < 3:
-        return None
-    time_s = recording.si("time_s")
-    if np.isfinite(time_s).all() and np.median(np.diff(time_s)) < 0.2 * BIN_S:
+        if (mean := n / (stretch[-1] + 1)) >= 3.0 and mean * step_s >= BIN_S:
+            place = np.arange(n) - np.searchsorted(stretch, stretch)
+            return np.where(place >= np.floor(STEADY * length), stretch, -1).astype(np.intp)
+    if step_s < 0.2 * BIN_S:
         return np.asarray(np.floor((time_s - time_s.min()) / BIN_S), np.intp)
     return None

@@ -103,6 +103,9 @@ def compared(
     )
 
 
+MOST_BARS = 60
+"""Rows of a run with error bars in a panel; more would hide each other. A choice."""
+
 MAIN = 0.1
 """Rows above this share of a run's greatest thrust set the range of an axis. A choice."""
 
@@ -138,7 +141,8 @@ def _drawn(one: RunComparison) -> list[Quantity]:
     title=lambda one: f"Runs compared over {one.over}",
     caption=lambda one: (
         f"Every quantity that a run allows over {one.over}, run by run: settings of sweeps"
-        f"{_away(one)}, levels of recordings; bars: standard errors where they are known."
+        f"{_away(one)}, levels of recordings; bars: standard errors where they are known, of up to "
+        f"{MOST_BARS} rows."
         f"{_left_out(one)}"
     ),
     when=lambda one: bool(_drawn(one)),
@@ -155,7 +159,10 @@ def curves(figure: Figure, one: RunComparison) -> None:
                 continue
             color, marker = CYCLE[place % len(CYCLE)], MARKERS[place % len(MARKERS)]
             loaded = run.loaded
-            points(axes, x[0][loaded], y[0][loaded], y[1][loaded], color, marker, ms=3.4)
+            if loaded.sum() > MOST_BARS:
+                axes.plot(x[0][loaded], y[0][loaded], ".", color=color, ms=2.5, zorder=1.5)
+            else:
+                points(axes, x[0][loaded], y[0][loaded], y[1][loaded], color, marker, ms=3.4)
         axes.set_xlim(left=0.0 if one.over != "throttle" else None)
         _limit(axes, one, quantity.name)
     handles = [
@@ -173,12 +180,14 @@ def _limit(axes: Axes, one: RunComparison, name: str) -> None:
     for run in one.runs:
         if (pair := run.values(name)) is not None:
             thrust = run.rows.column("thrust_N")
-            shown.append(pair[0][thrust > MAIN * np.nanmax(thrust)])
+            rows = thrust > MAIN * np.nanmax(thrust)
+            value, error = pair[0][rows], np.nan_to_num(pair[1][rows])
+            if rows.sum() > MOST_BARS:
+                value, error = np.nanpercentile(value, (2, 98)), np.zeros(2)
+            shown += [value - error, value + error]
     values = np.concatenate(shown)
     values = values[np.isfinite(values)]
-    ends = (2, 98) if values.size > 50 else (0, 100)
-    low, high = np.percentile(values, ends).tolist() if values.size else (0.0, 0.0)
-    if low < high:
+    if values.size and (low := float(values.min())) < (high := float(values.max())):
         room = 0.15 * (high - low)
         bottom, top = axes.get_ylim()
         axes.set_ylim(max(bottom, low - room), min(top, high + room))

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.acquire.plan import plan_from_toml
 from benchtool.core.array import Array
 from benchtool.core.channel import error_name
 from benchtool.core.errors import FileFormatError
@@ -22,11 +23,13 @@ from benchtool.data.derived import (
     QuantityValues,
     derive,
     recording_circumstances,
+    run_circumstances,
 )
 from benchtool.data.levels import levels_of
 from benchtool.data.run.facts import read_recording_facts
-from benchtool.data.run.read import is_run, read_points
+from benchtool.data.run.read import is_run, read_points, read_samples
 from benchtool.data.run.recording_file import FORMAT, beside, read_recording
+from benchtool.data.run.run import Run
 from benchtool.data.run.settings import aggregate, settings_quantities
 
 Over = Literal["thrust", "rpm", "power", "throttle", "distance"]
@@ -88,13 +91,17 @@ class ComparedRun:
 def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
     """Return a run folder or a recording.
 
-    Over anything but distance, a sweep is what it is away from the plate: its references; where it
+    A run of slow ramps is its samples in means of half a second. Over anything but distance, any
+    other sweep is what it is away from the plate: its references; where it
     has none, all of its settings.
 
     Raises:
         FileFormatError: neither, or one that holds no thrust.
     """
-    if is_run(path):
+    if is_run(path) and (ramps := _ramps(path)) is not None:
+        rows, found = ramps, derive(ramps, run_circumstances(path))
+        run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=found)
+    elif is_run(path):
         points = read_points(path)
         rows, found = aggregate(points), settings_quantities(path, points)
         parked = rows.column("kind") == code_of("kind", "reference")
@@ -110,6 +117,20 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
     if run.values("thrust_N") is None:
         raise FileFormatError(str(path), "it holds no thrust, so there is nothing to compare")
     return run
+
+
+SLOW_S = 5.0
+"""A ramp that takes so long is steady all the way: rotors lag by tenths of a second. A choice."""
+
+
+def _ramps(path: Path) -> Recording | None:
+    """Return the means along the slow ramps of a run without a plate; None of any other run."""
+    plan = plan_from_toml(Run.open(path).plan_text, str(path / "plan.toml"))
+    if plan.plate.used or plan.throttle.ramp_s < SLOW_S:
+        return None
+    samples = read_samples(path)
+    phases = [code_of("phase", name) for name in ("ramp", "settle", "sample")]
+    return levels_of(samples.select(np.isin(samples.column("phase"), phases)))
 
 
 def _selected(run: ComparedRun, chosen: NDArray[np.bool_]) -> ComparedRun:

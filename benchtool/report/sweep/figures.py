@@ -195,17 +195,29 @@ def efficiency(figure: Figure, run: SweepRun) -> None:
     page="sweep",
     name="quantities",
     title="What follows from the measurements: {0.name}",
-    caption="Each quantity that the bench allows against plate distance, one colour per throttle "
-    "level; bars: standard errors; dotted: the level's mean with the plate parked. The table below "
-    "says what each is worked out from.",
-    when=lambda run: bool(run.measured().any() and _in_panels(run)),
+    caption=lambda run: (
+        "Each quantity that the bench allows against "
+        + (
+            "plate distance, one colour per throttle level; dotted: the level's mean with the "
+            "plate parked; "
+            if run.measured().any()
+            else "the pulse; "
+        )
+        + "bars: standard errors. The table below says what each is worked out from."
+    ),
+    when=lambda run: bool(len(run.settings) > 1 and _in_panels(run)),
     height_in=lambda run: panels_height(_in_panels(run)),
 )
 def quantities(figure: Figure, run: SweepRun) -> None:
-    """Draw every quantity that the bench allows against plate distance, a panel each."""
+    """Draw every quantity against plate distance, or pulse without a plate, a panel each."""
     z, near, levels = run.z_over_R(run.settings), run.measured() & plain(run), run.level_us()
     found = _in_panels(run)
-    panels = quantity_panels(figure, [one.quantity for one in found], DISTANCE_LABEL)
+    label = DISTANCE_LABEL if run.measured().any() else "pulse [µs]"
+    panels = quantity_panels(figure, [one.quantity for one in found], label)
+    if not run.measured().any():
+        for axes, one in zip(panels, found, strict=True):
+            points(axes, levels, one.value, one.total_error, BLUE, ms=3.6)
+        return
     for axes, one in zip(panels, found, strict=True):
         for index, level in enumerate(np.unique(levels[near])):
             color, rows = CYCLE[index % len(CYCLE)], near & (levels == level)

@@ -151,6 +151,14 @@ def test_levels_are_the_steady_half_of_each_step_with_errors_of_their_means() ->
     assert found.column("thrust_se_N") == pytest.approx(np.sqrt(5.0 / 3.0 / 4.0))
 
 
+def test_a_ramp_that_moves_all_the_time_is_cut_into_means_of_half_a_second() -> None:
+    time = np.arange(0.0, 4.0, 0.01)
+    pulse = 1100.0 + 50.0 * np.floor(time / 0.05)
+    found = levels_of(table(time_s=time, pwm1_us=pulse, thrust_N=pulse / 1000.0))
+    assert len(found) == 8
+    assert found.column("thrust_N") == pytest.approx(found.column("pwm1_us") / 1000.0)
+
+
 def test_a_step_test_s_own_rows_are_levels_already(reference_data: Path) -> None:
     rows = import_file(reference_data / "rcbenchmark_1520" / "a1_11.csv").recording
     assert levels_of(rows) is rows

@@ -67,7 +67,7 @@ def test_a_sweep_shows_its_numbers_and_offers_its_tables(root: Path) -> None:
         *("quad-report.html", "quad-points.csv", "quad-settings.csv"),
         *("quad-samples.csv", "quad-samples.parquet"),
     ]
-    assert table_bytes(root, "quad", "points", ".csv") == (root / "quad/points.csv").read_bytes()
+    assert table_bytes(root, "quad", "points", ".csv").startswith(b"point,kind,setting,")
 
 
 def test_a_fit_shows_what_the_command_prints(root: Path) -> None:
