@@ -31,6 +31,11 @@ SPEED_BAND = (0.65, 1.5)
 """Measured over expected speed that passes: packs from empty to full and a rough pwm map. A wrong
 pole count (a factor of 2 or more) does not."""
 
+THRUST_FACTOR = 2.0
+"""Measured over expected thrust, or its inverse, that passes at the speed that was read: static
+thrust coefficients lie within 1.5 of each other (UIUC Propeller Database), and a cell in grams for
+newtons, or a rotor of another size, is beyond. A choice."""
+
 SAME_US = 3.0
 """Rounding of pulses on their way to an output; a choice."""
 
@@ -144,13 +149,24 @@ def _judge_thrust(
         # A pitch bench has no load cell.
         return
     thrust_N = seen.get("thrust_N", nan) - still["thrust_N"]
-    p = rig.propulsion
-    expected_N = p.thrust_coefficient_N_s2 * (_expected_rpm(low_us, rig) * pi / 30.0) ** 2
-    yield CheckResult(
-        f"rotor {rotor + 1} thrust",
-        bool(thrust_N > 0.25 * expected_N),
-        f"thrust rose by {thrust_N:+.3f} N, expected about {expected_N:+.3f} N",
-    )
+    rpm = seen.get(f"rpm{rotor + 1}", nan)
+    nominal_rpm = _expected_rpm(low_us, rig)
+    if not SPEED_BAND[0] <= rpm / nominal_rpm <= SPEED_BAND[1]:
+        rpm = nominal_rpm  # a wrong speed has been reported by itself
+    expected_N = rig.propulsion.thrust_coefficient_N_s2 * (rpm * pi / 30.0) ** 2
+    ratio = thrust_N / expected_N
+    text = f"thrust rose by {thrust_N:+.3f} N, expected {expected_N:+.3f} N at {rpm:.0f} rpm"
+    passed = bool(1.0 / THRUST_FACTOR <= ratio <= THRUST_FACTOR)
+    if not passed:
+        mend = (
+            "the motor turns the wrong way, the propeller is upside down, or the cell's sign is "
+            "reversed"
+            if ratio < 0.0
+            else "look at the propeller, calibrate the load cell (benchtool calibrate), and see "
+            "that radius_m and thrust_coefficient_N_s2 of the rig are its own"
+        )
+        text += f": {ratio:.2g} times, allowed 1/{THRUST_FACTOR:g} to {THRUST_FACTOR:g}; {mend}"
+    yield CheckResult(f"rotor {rotor + 1} thrust", passed, text)
 
 
 def _expected_rpm(low_us: float, rig: Rig) -> float:

@@ -74,7 +74,17 @@ def new_rig(inputs: NewRigInputs) -> None:
         ("see them", ["rigs", str(file)]),
         (
             "try a sweep on a virtual bench of this rig",
-            ["sweep", f"sim:{file}", "--z-over-r", "0.6,1,2,4", "--pwm", "1500,1600", "--yes"],
+            [
+                "sweep",
+                f"sim:{file}",
+                "--z-over-r",
+                "0.6,1,2",
+                "--pwm",
+                "1500",
+                "--repeats",
+                "2",
+                "--yes",
+            ],
         ),
     ):
         print(f"# {why}\n{shlex.join(['benchtool', *words])}")

@@ -41,6 +41,10 @@ def swap_rotors(names: list[str], values: np.ndarray) -> None:
     values[:, [one, two]] = values[:, [two, one]]
 
 
+def read_grams_for_newtons(names: list[str], values: np.ndarray) -> None:
+    values[:, names.index("thrust_N")] *= 102.0
+
+
 def turn_thrust_round(names: list[str], values: np.ndarray) -> None:
     values[:, names.index("thrust_N")] *= -1.0
 
@@ -65,6 +69,7 @@ def test_a_good_bench_passes_every_check() -> None:
     ("change", "failed"),
     [
         (swap_rotors, ["rotor 1 speed", "rotor 1 channel", "rotor 2 speed", "rotor 2 channel"]),
+        (read_grams_for_newtons, [f"rotor {i} thrust" for i in range(1, 5)]),
         (turn_thrust_round, [f"rotor {i} thrust" for i in range(1, 5)]),
         (count_poles_double, ["rotor 1 speed"]),
     ],
