@@ -6,9 +6,11 @@ from nicegui import run, ui
 
 from benchtool.bench.drivers import DRIVERS
 from benchtool.core.errors import BenchtoolError
-from benchtool.core.rig_file import rig_named, rig_names
+from benchtool.core.rig_file import rig_named
+from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.messages import Connect, Disconnect, SetClockSpeed
 from benchtool.web.context import PageContext
+from benchtool.web.tabs.fit.model_choice import rig_choices
 from benchtool.web.widgets import CommandRow, shows_errors, titled_card
 
 SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}
@@ -45,7 +47,7 @@ class ConnectCard:
                     # carries that it is closed still, and closes it.
                     self._found = ui.element("div")
                 self._menu.on("before-show", self._find)
-                rigs = {"": "from the address", **{rig: rig for rig in rig_names()}}
+                rigs = {"": "from the address"} | rig_choices(RunsFolder(context.runs))
                 self._rig = ui.select(rigs, value="", label="Rig")
                 self._rig.classes("w-44").on_value_change(self._show_command)
                 self._on = ui.button("Connect", icon="power", on_click=self._connect)
@@ -101,7 +103,7 @@ class ConnectCard:
             for port in ports or ():
                 name = port.by_id or port.name
                 self._offer(f"serial:{name}", port.description or "serial port")
-            for rig in rig_names():
+            for rig in rig_choices(RunsFolder(self._context.runs)):
                 self._offer(f"sim:{rig}", "simulated, no motor turns")
                 self._offer(f"sim:{rig}?rate=1000", "simulated at 1 kHz")
                 if any(rotor.x_m for rotor in rig_named(rig).rotors):

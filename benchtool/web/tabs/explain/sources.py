@@ -16,7 +16,7 @@ from benchtool.core.user_file import MOST_TEXT_BYTES, read_text
 from benchtool.data.run.entry import Entry, list_entries
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.fit.data_rig import rig_for_data
-from benchtool.web.tabs.fit.model_choice import model_choices, model_path, shipped_rig
+from benchtool.web.tabs.fit.model_choice import model_choices, model_path, offered_rig
 
 
 def command_words(inputs: ExplainInputs, out: Path) -> list[str]:
@@ -58,7 +58,7 @@ def inputs_of(
         recordings=tuple(str(sources.path_of(name)) for name in learn),
         check=tuple(str(sources.path_of(name)) for name in check),
         model=sources.model_of(model),
-        rig=shipped_rig(rig),
+        rig=offered_rig(rig, sources.runs),
     )
     rig_for_data((*inputs.recordings, *inputs.check), inputs.model, inputs.rig)
     return inputs

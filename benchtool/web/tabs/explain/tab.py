@@ -11,7 +11,6 @@ from urllib.parse import urlencode
 from nicegui import run, ui
 
 from benchtool.core.errors import BenchtoolError
-from benchtool.core.rig_file import rig_names
 from benchtool.data.run.run import free_path
 from benchtool.web.context import PageContext
 from benchtool.web.progress import JobProgress
@@ -22,6 +21,7 @@ from benchtool.web.tabs.explain.sources import (
     suggested_folder,
 )
 from benchtool.web.tabs.explain.work import ExplainJob, ExplanationResult, explain
+from benchtool.web.tabs.fit.model_choice import rig_choices
 from benchtool.web.widgets import (
     STYLE,
     CommandRow,
@@ -137,7 +137,7 @@ class ExplainTab:
                 with ui.column().classes("w-full gap-2"):
                     self._model = ui.select({}, label="Model", on_change=self._changed)
                     self._model.props("use-input input-debounce=0").classes("w-full")
-                    rigs = list(rig_names())
+                    rigs = rig_choices(self._sources.runs)
                     self._rig = ui.select(rigs, label="Rig of a table", on_change=self._changed)
                     self._rig.props("clearable").classes("w-full")
                     TableUpload(context, self._uploaded)

@@ -15,7 +15,7 @@ from benchtool.core.own_code import refuse_code
 from benchtool.core.parameter import Parameter
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_names
+from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.core.user_file import read_text
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import Entry
@@ -195,14 +195,33 @@ def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
     Raises:
         InputError: data of two rigs or of none, or a rig that benchtool does not ship.
     """
-    named = shipped_rig(request.options.get("rig"))
+    named = offered_rig(request.options.get("rig"), folder)
     return rig_for_data([str(folder.path_of(name)) for name in request.data], request.model, named)
 
 
-def shipped_rig(name: str | None) -> str | None:
-    """Return the name of a shipped rig; the page opens no other rig files."""
-    if name is not None and name not in rig_names():
-        raise UnknownChoice("rig", name, rig_names())
+def rig_choices(folder: RunsFolder) -> dict[str, str]:
+    """Return rigs by name or path, with words for people: shipped ones, and rig files of the user.
+
+    The page opens rig files that stand in the runs folder itself, and no others.
+    """
+    found = {name: name for name in rig_names()}
+    for path in sorted(folder.root.glob("*.toml")):
+        try:
+            own = folder.file_of(path.name)
+            found[str(own)] = f"{rig_named(own).name} ({path.name})"
+        except InputError:
+            continue  # a model, a plan, or a rig that the command line says more of
+    return found
+
+
+def offered_rig(name: str | None, folder: RunsFolder) -> str | None:
+    """Return a rig that the page offers.
+
+    Raises:
+        UnknownChoice: another one.
+    """
+    if name is not None and name not in (known := rig_choices(folder)):
+        raise UnknownChoice("rig", name, known)
     return name
 
 

@@ -11,7 +11,6 @@ from nicegui import ui
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.parameter import Parameter
-from benchtool.core.rig_file import rig_names
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import remembered
 from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
@@ -128,7 +127,9 @@ def _of_model(number: Parameter) -> model_choice.ParameterChoice:
 class MethodCard:
     """Choose how to fit."""
 
-    def __init__(self, models: Mapping[str, str], changed: Callable[[], None]) -> None:
+    def __init__(
+        self, models: Mapping[str, str], rigs: Mapping[str, str], changed: Callable[[], None]
+    ) -> None:
         self._form = InputForm(FitInputs, changed)
         with ui.row().classes("items-center w-full gap-4"):
             self._squares = ui.checkbox("least squares", value=True, on_change=changed)
@@ -136,7 +137,7 @@ class MethodCard:
         with ui.element("div").classes("field-grid"):
             self._form.add("basis", options=BASES)
             self._form.add("noise", options=NOISES)
-            self._form.add("rig", options={name: name for name in rig_names()})
+            self._form.add("rig", options=rigs)
             self._form.add("calibration", options=remembered("calibration"))
         more = ui.expansion("More options").classes("w-full")
         with more, ui.element("div").classes("field-grid"):
@@ -168,7 +169,9 @@ class FitTab:
             with ui.card().classes("w-full"):
                 ui.label("Method").classes("card-title")
                 models = model_choice.model_choices(self._folder, self.data.entries.values())
-                self._method = MethodCard(models, self._changed)
+                self._method = MethodCard(
+                    models, model_choice.rig_choices(self._folder), self._changed
+                )
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full gap-4"):
                 ui.label("Model").classes("card-title")
