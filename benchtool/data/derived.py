@@ -29,7 +29,7 @@ from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.ratios import standard_error
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run_rig import run_rig
-from benchtool.data.run.zero_noise import zero_covariance, zero_noise
+from benchtool.data.run.zero_noise import zero_noise, zero_variance
 
 DATA_SHEET_SD = 0.05
 """Relative standard uncertainty of a number of a motor's data sheet; a guess."""
@@ -194,7 +194,11 @@ def derive(recording: Recording, known: Circumstances) -> tuple[QuantityValues, 
     middle = _evaluate(given)
     found = [one for one in QUANTITIES if _any(middle.get(one.name))]
     own: dict[str, Array] = {one.name: np.zeros(len(recording)) for one in found}
+    leaves = {one.name: _leaves(one, given) for one in found}
     for name, row, error in _own_errors(recording, known, given):
+        if np.isnan(error).all():  # nobody states it: nothing that follows has an error
+            own |= {key: error for key in own if name in leaves[key]}
+            continue
         for key, part in _contributions(given, name, error, [q.name for q in found], row).items():
             own[key] = np.hypot(own[key], part)
     shared: dict[str, list[ErrorSource]] = {one.name: [] for one in found}
@@ -286,8 +290,8 @@ def _own_errors(
         error = standard_error(recording, name, known.sensors)
         if name == "thrust_N" and known.rig is not None and "elapsed_s" in recording:
             since_s = np.nan_to_num(recording.column("elapsed_s"))
-            zero = zero_covariance(since_s, zero_noise(recording, known.rig))
-            error = np.hypot(error, np.sqrt(np.maximum(np.diag(zero), 0.0)))
+            zero = zero_variance(np.maximum(since_s, 0.0), zero_noise(recording, known.rig))
+            error = np.hypot(error, np.sqrt(zero))
         yield name, None, error
     for row, name in enumerate(speed_columns(recording.names, "rpm")):
         if np.any(given["speed_rad_s"][row] > 0.0):
@@ -313,18 +317,21 @@ LABELS = {
 """What the errors of stated numbers are called."""
 
 
+def _leaves(quantity: Quantity, given: Values) -> list[str]:
+    """Return the inputs that a quantity is worked out from in the end."""
+    if quantity.name in given:
+        return [quantity.name]
+    table = {one.name: one for one in QUANTITIES}
+    found: dict[str, None] = {}
+    for name in quantity.needs:
+        found |= dict.fromkeys([name] if name in given else _leaves(table[name], given))
+    return list(found)
+
+
 def _origin(quantity: Quantity, recording: Recording, given: Values, known: Circumstances) -> str:
     if quantity.name in given:
         return "measured" if quantity.name in MEASURED else "as the file states it"
-    leaves: dict[str, None] = {}
-    pending = list(quantity.needs)
-    table = {one.name: one for one in QUANTITIES}
-    while pending:
-        name = pending.pop(0)
-        if name in given:
-            leaves[name] = None
-        else:
-            pending += table[name].needs
+    leaves = _leaves(quantity, given)
     channels = [
         "rpm" if name in ("speed_rad_s", "shaft_rad_s") else name
         for name in leaves

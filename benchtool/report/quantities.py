@@ -82,7 +82,8 @@ def origins_table(found: Sequence[QuantityValues]) -> Table:
         words = ", ".join(f"{name} {numeral(share, '.2g')}" for name, share in shares.items())
         total = numeral(_median_percent(one.total_error, size), ".2g")
         quantity = one.quantity
-        rows.append((quantity.title, quantity.symbol, quantity.formula, one.origin, words, total))
+        formula = quantity.formula if one.origin.startswith("from ") else "–"
+        rows.append((quantity.title, quantity.symbol, formula, one.origin, words, total))
     return Table(
         "What each quantity is worked out from, and its standard error in percent of the value "
         "(median of the rows): what is its own at each row, then what all rows share.",

@@ -44,6 +44,13 @@ def zero_covariance(since_s: Array, noise: ZeroNoise) -> Array:
     return out
 
 
+def zero_variance(since_s: Array, noise: ZeroNoise) -> Array:
+    """Return the diagonal (m,) of `zero_covariance`: N2."""
+    decayed = np.sum([np.exp(-since_s / tau) for tau in DECADES_S], axis=0)
+    flicker = 2.0 * noise.flicker**2 * (len(DECADES_S) - decayed)
+    return np.asarray(noise.walk**2 * since_s + flicker, float)
+
+
 def zero_noise(points: Recording, rig: Rig) -> ZeroNoise:
     """Return the noise of a run's zero: as its samples show it (`with_zero_walk`), else stated."""
     cell = rig.sensors.get("thrust_N", Sensor())

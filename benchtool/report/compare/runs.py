@@ -109,6 +109,11 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
         chosen = parked if away else ~parked if over == "distance" else np.ones(len(rows), bool)
         run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=found)
         run = replace(_selected(run, chosen), away=away)
+    elif not beside(path).is_file():
+        raise FileFormatError(
+            str(path),
+            "it is no run folder and no recording; name one, or make one with benchtool import",
+        )
     else:
         facts = read_recording_facts(beside(path), FORMAT)
         rows = levels_of(read_recording(path))

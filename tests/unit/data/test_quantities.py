@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+from dataclasses import replace
 from math import hypot, isnan, pi, sqrt
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchtool.core.air import relative_density_sd
 from benchtool.core.channel import Channel, error_name, unit_in_name
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Motor, Propeller
+from benchtool.core.rig import Motor, Propeller, Sensor
+from benchtool.core.rig_file import rig_named
 from benchtool.data.derived import (
     DATA_SHEET_SD,
     UNMEASURED_DENSITY_SD,
@@ -22,6 +27,11 @@ from benchtool.data.derived import (
 from benchtool.data.formats.formats import import_file
 from benchtool.data.quantities import QUANTITIES, following
 from benchtool.data.repairs.imported import Options
+from benchtool.data.run.read import read_points
+from benchtool.data.run.settings import aggregate, settings_quantities
+from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance, zero_variance
+
+ROOT = Path(__file__).parents[3]
 
 RPM, THRUST_N, TORQUE_NM, VOLTAGE_V, CURRENT_A = 6000.0, 8.0, 0.12, 14.8, 7.0
 DIAMETER_M, CHORD_M = 0.254, 0.0258
@@ -272,3 +282,59 @@ def test_what_a_stand_worked_out_is_left_out_after_a_repair_of_what_it_follows_f
     stale = next(one for one in read.findings if one.what == "stale columns")
     assert stale.count == 3
     assert "repair of rpm1" in stale.words
+
+
+def edited_run(folder: Path, **changes: dict[str, object]) -> Path:
+    """Return a copy of the shipped run of a quadrotor with other facts."""
+    run = folder / "run"
+    shutil.copytree(ROOT / "datasets" / "quad" / "run", run)
+    facts = json.loads((run / "metadata.json").read_text())
+    for table, values in changes.items():
+        facts[table] = {**(facts[table] or {}), **values}
+    (run / "metadata.json").write_text(json.dumps(facts))
+    return run
+
+
+def test_a_run_takes_diameter_air_and_chord_from_its_facts(tmp_path: Path) -> None:
+    geometry = {"name": "9.4x5", "diameter_m": 0.24, "chord_m": 0.02}
+    run = edited_run(tmp_path, rig={"propeller": geometry}, air={"measured": True})
+    points = read_points(run, ["measure", "reference"])
+    got = {one.name: one for one in settings_quantities(run, points)}
+    settings = aggregate(points)
+    assert len(got["ct"].value) == len(settings)
+    n2 = sum((settings.column(f"rpm{rotor}") / 60.0) ** 2 for rotor in range(1, 5))
+    by_hand = settings.column("thrust_N") / (1.225521289 * n2 * 0.24**4)
+    assert got["ct"].value == pytest.approx(by_hand, rel=2e-4)  # a mean of quotients
+    assert "reynolds_75" in got
+    assert "cp" not in got  # four rotors
+    density = next(one for one in got["ct"].error_sources if one.name == "air density")
+    assert density.origin == "measured air"
+    assert density.sd == pytest.approx(1.2255 * relative_density_sd(15.0, 101325.0, 0.0), rel=1e-4)
+
+
+def test_a_calibration_takes_the_place_of_the_rig_s_scale() -> None:
+    known = {"id": "cal-1", "relative_sd": 0.004}
+    cell = {"thrust_N": Sensor(scale_sd=0.05)}
+    rig = replace(rig_named("pquad_single"), sensors=cell)
+    for calibration, sd in ((None, 0.05), (known, known["relative_sd"])):
+        got = circumstances(PROPELLER, AIR, rig=rig, calibration=calibration)
+        ct = next(one for one in derive(table(**ROW, **ERRORS), got) if one.name == "ct")
+        scale = next(one for one in ct.error_sources if one.name == "thrust scale")
+        assert abs(scale.columns[0, 0]) / ct.value[0] == pytest.approx(sd)
+
+
+def test_the_wander_of_the_zero_since_its_tare_is_in_the_error_of_thrust() -> None:
+    cell = {"thrust_N": Sensor(walk=0.004)}
+    rig = replace(rig_named("pquad_single"), sensors=cell)
+    row = {**ROW, **ERRORS, "elapsed_s": 100.0}
+    known = circumstances(PROPELLER, AIR, rig=rig)
+    ct = next(one for one in derive(table(**row), known) if one.name == "ct")
+    thrust = hypot(0.02, 0.004 * 10.0)  # a random walk of 4 mN after 1 s has 40 mN after 100 s
+    expected = hypot(thrust / THRUST_N, 2.0 * 4.0 / RPM)
+    assert ct.standard_error[0] / ct.value[0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_variance_of_the_zero_is_the_diagonal_of_its_covariance() -> None:
+    since_s, noise = np.array([0.0, 0.3, 40.0, 9000.0]), ZeroNoise(walk=2e-3, flicker=5e-3)
+    full = np.diag(zero_covariance(since_s, noise))
+    assert zero_variance(since_s, noise) == pytest.approx(full, abs=1e-12)
