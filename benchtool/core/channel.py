@@ -8,23 +8,72 @@ from dataclasses import dataclass
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.units import unit_named
 
-CHANNEL_NAMES: tuple[str, ...] = (
-    *("time_s", "device_time_us", "elapsed_s", "point", "kind", "setting", "repeat", "phase"),
-    *("thrust_N", "thrust_sd_N", "thrust_se_N", "thrust_raw", "n_samples", "torque_Nm"),
-    *("thrust_ratio", "thrust_ratio_sd", "thrust_ratio_se"),
-    *("pwm#_us", "rpm#", "rpm#_sd", "rpm#_se", "coverage#"),
-    *("plate_z_m", "plate_x_m", "plate_tilt_deg", "voltage_V", "current_A", "temperature_degC"),
-    "load_direction",
-    *("theta_rad", "theta_ref_rad", "gyro_rad_s", "gyro_ref_rad_s", "distance_m"),
-    *("roll_rad", "yaw_rad", "roll_ref_rad", "yaw_ref_rad", "roll_rate_rad_s", "yaw_rate_rad_s"),
-    *("roll_rate_ref_rad_s", "yaw_rate_ref_rad_s"),
-    *("pitch_command_share", "roll_command_share", "yaw_command_share", "throttle_command_share"),
-    "airspeed_m_s",
-    *("rpm#_optical", "pwm_raw", "battery_V", "power_W", "mechanical_power_W", "ct", "cp"),
-    *("motor_efficiency", "propeller_efficiency_N_W", "efficiency_N_W"),
-    *("acc_x_m_s2", "acc_y_m_s2", "acc_z_m_s2", "vibration_m_s2", "servo#_us", "motor#_share"),
-)
-"""Every channel that a table can be mapped to; # stands for a rotor's number."""
+CHANNELS: dict[str, str] = {
+    "time_s": "time since the recording began",
+    "device_time_us": "the device's own counter",
+    "elapsed_s": "time since the last tare",
+    "point": "number of the visit",
+    "kind": "measure, reference, anchor, tare or failed",
+    "setting": "number of the setting that a visit repeats",
+    "repeat": "number of the repeat",
+    "phase": "tare, move, rest, ramp, settle, sample, end or interrupted",
+    "thrust_N": "thrust of all rotors, up positive",
+    "thrust_sd_N": "scatter of the samples behind a mean",
+    "thrust_se_N": "standard error of a mean",
+    "thrust_raw": "counts of the load cell's converter",
+    "n_samples": "samples behind a mean",
+    "torque_Nm": "torque about the rotor axis",
+    "thrust_ratio": "thrust over that without a plate, where no thrust is given",
+    "thrust_ratio_sd": "scatter of that ratio",
+    "thrust_ratio_se": "standard error of that ratio",
+    "pwm#_us": "pulse width of a rotor's ESC",
+    "rpm#": "speed of a rotor",
+    "rpm#_sd": "scatter of that speed",
+    "rpm#_se": "standard error of that speed",
+    "coverage#": "part of a rotor's disc that is over the plate",
+    "plate_z_m": "rotor plane to the plate's centre, along the axis",
+    "plate_x_m": "lateral position of the plate's centre",
+    "plate_tilt_deg": "tilt of the plate about the y axis",
+    "voltage_V": "supply voltage",
+    "current_A": "supply current",
+    "temperature_degC": "of motor, ESC or air, as the bench measures it",
+    "load_direction": "1 where the load was approached from below, -1 from above",
+    "theta_rad": "pitch angle, nose down positive",
+    "theta_ref_rad": "commanded pitch angle",
+    "gyro_rad_s": "pitch rate",
+    "gyro_ref_rad_s": "commanded pitch rate",
+    "distance_m": "reading of a distance sensor",
+    "roll_rad": "roll angle",
+    "yaw_rad": "yaw angle",
+    "roll_ref_rad": "commanded roll angle",
+    "yaw_ref_rad": "commanded yaw angle",
+    "roll_rate_rad_s": "roll rate",
+    "yaw_rate_rad_s": "yaw rate",
+    "roll_rate_ref_rad_s": "commanded roll rate",
+    "yaw_rate_ref_rad_s": "commanded yaw rate",
+    "pitch_command_share": "what the rate controller commands, -1 to 1, nose down positive",
+    "roll_command_share": "the same of roll",
+    "yaw_command_share": "the same of yaw",
+    "throttle_command_share": "commanded throttle, 0 to 1",
+    "airspeed_m_s": "speed of the air along the plate",
+    "rpm#_optical": "speed by an optical probe",
+    "pwm_raw": "commanded throttle in the device's own numbers",
+    "battery_V": "voltage at the pack",
+    "power_W": "electrical power",
+    "mechanical_power_W": "power of the shaft",
+    "ct": "thrust coefficient C_T of a propeller",
+    "cp": "power coefficient C_P of a propeller",
+    "motor_efficiency": "mechanical over electrical power",
+    "propeller_efficiency_N_W": "thrust over mechanical power",
+    "efficiency_N_W": "thrust over electrical power",
+    "acc_x_m_s2": "acceleration forward",
+    "acc_y_m_s2": "acceleration to the left",
+    "acc_z_m_s2": "acceleration up",
+    "vibration_m_s2": "vibration as the bench states it",
+    "servo#_us": "pulse width of a servo",
+    "motor#_share": "commanded throttle of a motor, 0 to 1",
+}
+"""Every channel that a table can be mapped to, in words; # stands for a rotor's number."""
 
 
 _SUFFIXES: dict[str, str] = {
@@ -57,8 +106,8 @@ _PWM = re.compile(r"pwm\d+_us")
 
 def require_known_channel(name: str) -> None:
     """Refuse a channel name that nothing reads, with the known ones."""
-    if re.sub(r"\d+", "#", name) not in CHANNEL_NAMES:
-        raise UnknownChoice("channel", name, (item.replace("#", "1") for item in CHANNEL_NAMES))
+    if re.sub(r"\d+", "#", name) not in CHANNELS:
+        raise UnknownChoice("channel", name, (item.replace("#", "1") for item in CHANNELS))
 
 
 def family_of(name: str) -> str:

@@ -244,13 +244,13 @@ def _item(field: Any, hint: Any) -> Item:
         many=many,
         count=count,
         choices=choices,
-        range=_range(metadata),
+        range=describe_range(metadata),
         default=field.default if factory is MISSING else factory(),
         about=about,
     )
 
 
-def _range(metadata: Sequence[Any]) -> str:
+def describe_range(metadata: Sequence[Any]) -> str:
     """Return what numbers are taken, in words."""
     low, above, high = (
         next((getattr(each, name) for each in metadata if isinstance(each, bound)), None)

@@ -23,7 +23,14 @@ NotNegative = Annotated[float, Ge(0.0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RotorPlace(FiniteTable):
-    """Place one rotor: x forward, y left, seen from above; spin +1 is counter-clockwise."""
+    """Place one rotor; rotors at one place are coaxial and count as one disc.
+
+    Attributes:
+        name: for people, such as front left.
+        x_m: forward of the centre.
+        y_m: left of the centre.
+        spin: 1 counter-clockwise, seen from above; -1 clockwise.
+    """
 
     name: str
     x_m: float
@@ -65,6 +72,7 @@ class Propeller(FiniteTable):
     """Describe the geometry of a propeller.
 
     Attributes:
+        diameter_m: of the disc.
         pitch_m: advance of a turn, as its name gives it.
         blades: how many there are.
         chord_m: chord of a blade at `CHORD_RADIUS` of the radius.
@@ -129,6 +137,10 @@ class Body(FiniteTable):
     """Describe mass and inertia of the whole vehicle about its centre.
 
     Attributes:
+        mass_kg: of the whole vehicle.
+        inertia_xx_kgm2: about the x axis, roll.
+        inertia_yy_kgm2: about the y axis, pitch.
+        inertia_zz_kgm2: about the z axis, yaw.
         half_diagonal_m: b of eq. (4) where the body is no cross of the rotors' own arms (a beam
             with two rotors); the body then counts as a quadrotor's with that half diagonal.
         arm_sd: relative standard uncertainty of the rotors' places, common to all.
@@ -147,6 +159,8 @@ class Sensor(FiniteTable):
     """Describe one sensor, in the channel's unit.
 
     Attributes:
+        rate_Hz: new readings per second.
+        quantum: step between readings.
         noise: white noise of one reading (sd).
         flicker: 1/f noise of its zero: sd over one decade of frequency.
         walk: random walk of its zero: sd after one second.
@@ -214,7 +228,17 @@ class PlateDrive(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits(FiniteTable):
-    """State what no reading may exceed; they never exceed the load cell's rating."""
+    """State what no reading may exceed.
+
+    Attributes:
+        thrust_N: of either sign; never above the load cell's rating.
+        load_cell_rating_N: by its data sheet.
+        rpm: of each rotor.
+        current_A: of the supply.
+        voltage_min_V: below it the pack is empty.
+        temperature_degC: of whatever the bench measures.
+        pwm_us: longest pulse that is ever sent.
+    """
 
     thrust_N: Positive
     load_cell_rating_N: Positive

@@ -91,19 +91,19 @@ TYPICAL: dict[str, tuple[Typical, str]] = {
         lambda R, n, at: 0.045 * AIR_KG_M3 * (2.0 * R) ** 5 / (2.0 * pi) ** 3,
         "C_P 0.045 in air of 1.225 kg/m3, amid the static runs of the UIUC Propeller Database",
     ),
-    "propulsion.pwm_stop_us": (lambda R, n, at: 1000.0, "convention of hobby ESCs"),
+    "propulsion.pwm_stop_us": (lambda R, n, at: 1000.0, "1000 us, the convention of hobby ESCs"),
     "propulsion.pwm_start_us": (
         lambda R, n, at: _pulse(at, "pwm_stop_us") + 50.0,
         "50 us above the stop pulse",
     ),
-    "propulsion.pwm_max_us": (lambda R, n, at: 1950.0, "convention of hobby ESCs"),
+    "propulsion.pwm_max_us": (lambda R, n, at: 1950.0, "1950 us, the convention of hobby ESCs"),
     "propulsion.speed_per_us_rad_s": (
         lambda R, n, at: 110.0 / R / (_pulse(at, "pwm_max_us") - _pulse(at, "pwm_start_us")),
         "blade tips at 110 m/s at the longest pulse",
     ),
-    "propulsion.voltage_nominal_V": (lambda R, n, at: 11.1, "3S lithium polymer"),
-    "propulsion.lag_s": (lambda R, n, at: 0.05, "motors of 10 to 30 cm rotors"),
-    "propulsion.efficiency": (lambda R, n, at: 0.75, "brushless motors at hover"),
+    "propulsion.voltage_nominal_V": (lambda R, n, at: 11.1, "11.1 V, 3S lithium polymer"),
+    "propulsion.lag_s": (lambda R, n, at: 0.05, "0.05 s, as motors of 10 to 30 cm rotors"),
+    "propulsion.efficiency": (lambda R, n, at: 0.75, "0.75, as brushless motors at hover"),
     "body.mass_kg": (
         lambda R, n, at: _thrust_N(at, n, 0.6) / STANDARD_GRAVITY_M_S2,
         "hovers at 0.6 of the fastest speed",
@@ -124,7 +124,7 @@ TYPICAL: dict[str, tuple[Typical, str]] = {
         lambda R, n, at: min(11.5 * R, at["plate"]["z_max_m"]),
         "11.5 rotor radii, where eq. (4) leaves below 0.3 %, or the end of the travel",
     ),
-    "plate.speed_m_s": (lambda R, n, at: 0.1, "a belt-driven stage"),
+    "plate.speed_m_s": (lambda R, n, at: 0.1, "0.1 m/s, as a belt-driven stage"),
     "plate.backlash_m": (lambda R, n, at: 0.0, "none"),
     "plate.size_x_m": (lambda R, n, at: 10.0 * R, "ten rotor radii"),
     "plate.size_y_m": (lambda R, n, at: 10.0 * R, "ten rotor radii"),
@@ -139,7 +139,10 @@ TYPICAL: dict[str, tuple[Typical, str]] = {
     "limits.rpm": (lambda R, n, at: 0.7 * 340.0 / R * 30.0 / pi, "blade tips at Mach 0.7"),
     "limits.current_A": (lambda R, n, at: 1000.0, "no limit"),
     "limits.voltage_min_V": (lambda R, n, at: 0.0, "no limit"),
-    "limits.temperature_degC": (lambda R, n, at: 90.0, "magnets and windings of small motors"),
+    "limits.temperature_degC": (
+        lambda R, n, at: 90.0,
+        "90 degC, for magnets and windings of small motors",
+    ),
     "limits.pwm_us": (lambda R, n, at: _pulse(at, "pwm_max_us"), "the longest pulse"),
 }
 """What stands in for a number that a rig file leaves out, in the order of working out: guesses."""

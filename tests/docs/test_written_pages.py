@@ -14,6 +14,7 @@ PAGES = [
     "reference/effects",
     "reference/exit-codes",
     "reference/figures",
+    "reference/rig-keys",
     "reference/quantities",
     "explanation/architecture",
 ]
