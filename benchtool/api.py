@@ -25,6 +25,7 @@ from benchtool.data.columns import frame, frame_of_rows, joined_frame
 from benchtool.data.derived import run_circumstances, widened, with_quantities
 from benchtool.data.run.read import is_run
 from benchtool.explain.answer import Answer, answer_request, read_request
+from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.physics.effects.effect import Effect
@@ -36,10 +37,18 @@ from benchtool.report.compare.runs import Over
 from benchtool.report.fit.page import FIT, sentence
 from benchtool.report.flight import flight as flight_report
 from benchtool.report.flight import pitch_study as pitch_report
+from benchtool.report.motor.page import MOTOR, motor_lines
 from benchtool.report.replay.recorded import Recorded, read_recorded
 from benchtool.report.replay.stand import STAND
 from benchtool.report.report_file import kind_of
-from benchtool.report.result import Result
+from benchtool.report.result import (
+    Result,
+    effects_frame,
+    estimate_row,
+    estimates_frame,
+    gap_frame,
+    probabilities_frame,
+)
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
@@ -54,7 +63,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Effect", "Model", "Result", "Rig", "compare", "explain", "fit", "load_model", "load_rig",
-    "read", "simulate_flight", "simulate_pitch", "sweep",
+    "motor", "read", "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 Controllers = Iterable[str | type[Any]]
@@ -159,6 +168,29 @@ def sweep(
     return _sweep(run.path)
 
 
+def motor(runs: Data | Sequence[Data], *, mass_kg: float | None = None) -> Result[MotorFit]:
+    """Fit thrust curve and motor constants to tests without a plate, as `benchtool motor` does.
+
+    Tables: `constants` and `points`.
+
+    Args:
+        runs: one or several run folders of one rig; references of a plate sweep count as well.
+        mass_kg: of the vehicle whose hover point is worked out; the rig's when left out.
+
+    Raises:
+        InputError: none is given, the rigs differ, or the mass is too heavy.
+        EstimationError: too few throttle levels, and no step of the pulse.
+    """
+    return Result(
+        found=fit_motor([Path(path) for path in _paths(runs)], mass_kg),
+        _page=MOTOR, _summary=motor_lines,
+        _tables={
+            "constants": lambda one: frame_of_rows([estimate_row(e) for e in one.estimates]),
+            "points": lambda one: frame(one.points.recording),
+        },
+    )  # fmt: skip
+
+
 Data = str | Path | Result[Any]
 """A run folder or CSV by its path, or what `read` returned of it."""
 
@@ -205,7 +237,7 @@ def fit(
     )  # fmt: skip
     return Result(
         found=output, _page=FIT, _summary=sentence,
-        _tables={"estimates": _estimates, "points": lambda one: frame(one.data.points)},
+        _tables={"estimates": estimates_frame, "points": lambda one: frame(one.data.points)},
     )  # fmt: skip
 
 
@@ -237,18 +269,6 @@ def compare(
         _summary=comparing.comparison_sentence,
         _tables=tables,
     )
-
-
-def _estimates(output: FitOutput) -> pd.DataFrame:
-    rows = []
-    for result in output.results:
-        for item in (*result.estimates, *result.derived):
-            (low, high), own = item.interval_95, {"method": result.method, "parameter": item.name}
-            rows.append(
-                own | {"value": item.value, "sd": item.sd, "low_95": low, "high_95": high}
-                | {"unit": item.unit, "remark": item.open or item.bound}
-            )  # fmt: skip
-    return frame_of_rows(rows)
 
 
 def explain(
@@ -291,32 +311,8 @@ def explain(
         found=replace(answer, seconds=monotonic() - began),
         _page=ANSWER,
         _summary=lambda one: f"{one.verdict.sentence} {one.caution}".strip(),
-        _tables={"effects": _effects, "gap": _gap, "probabilities": _probabilities},
+        _tables={"effects": effects_frame, "gap": gap_frame, "probabilities": probabilities_frame},
     )
-
-
-def _effects(answer: Answer) -> pd.DataFrame:
-    columns = ("value", "std", "low", "high", "tolerance", "unit")
-    return frame_of_rows(
-        [
-            {"effect": effect.name, "probability": effect.probability, "parameter": item.name}
-            | {name: getattr(item, name) for name in columns}
-            for effect in answer.verdict.effects
-            for item in effect.parameters
-        ]
-    )
-
-
-def _gap(answer: Answer) -> pd.DataFrame:
-    columns = ("channel", "unit", "as_given", "before", "after", "floor")
-    return frame_of_rows(
-        [{name: getattr(gap, name) for name in columns} for gap in answer.verdict.gaps]
-    )
-
-
-def _probabilities(answer: Answer) -> pd.DataFrame:
-    found = sorted(answer.verdict.probabilities.items(), key=lambda one: -one[1])
-    return frame_of_rows([{"explanation": name, "probability": p} for name, p in found])
 
 
 def simulate_pitch(

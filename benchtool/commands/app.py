@@ -34,6 +34,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "recalibrate": ("runs:recalibrate_run", "Apply a calibration to a run, its raw data untouched"),
     "import": ("import_file:import_", "Import flight logs and other makers' files, repairs listed"),
     "fit": ("fit:fit", "Fit a ground-effect model to run folders or any CSV"),
+    "motor": ("motor:motor", "Fit thrust curve and motor constants to tests without a plate"),
     "plan": ("plan:plan", "Find visits and better inputs for a target uncertainty"),
     "explain": ("explain:explain", "Name the effect that a model lacks, and show the gap shrink"),
     "report": ("report:report", "Write a report page of a run, fit or recording"),

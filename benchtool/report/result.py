@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.fit_result import Estimate
+from benchtool.data.columns import frame_of_rows
+from benchtool.explain.answer import Answer
+from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import Page, drawn
 from benchtool.report.html import inline_svg, write_report
 
@@ -69,13 +73,13 @@ class Result(Generic[Found]):
                 return next(iter(found.values())).figure
         raise InputError("there is nothing to draw in this result")
 
-    def report(self, path: str | Path) -> Path:
+    def report(self, path: str | Path, commands: Sequence[str] = ()) -> Path:
         """Write the report page, one self-contained HTML file, and return its path.
 
         Raises:
             WouldOverwrite: the file exists.
         """
-        return write_report(Path(path), self._page.report(self.found))
+        return write_report(Path(path), self._page.report(self.found, commands))
 
     def __repr__(self) -> str:
         return self.summary()
@@ -90,3 +94,50 @@ class Result(Generic[Found]):
         with suppress(InputError):  # nothing to draw
             parts.append(inline_svg(self.plot(), f"bt{id(self)}"))
         return "<div>" + "\n".join(parts) + "</div>"
+
+
+def estimates_frame(output: FitOutput) -> pd.DataFrame:
+    """Return estimates and what follows from them, method by method."""
+    return frame_of_rows(
+        [
+            {"method": result.method} | estimate_row(item)
+            for result in output.results
+            for item in (*result.estimates, *result.derived)
+        ]
+    )
+
+
+def estimate_row(item: Estimate) -> dict[str, Any]:
+    """Return one estimate as a row of a table."""
+    low, high = item.interval_95
+    return {
+        "parameter": item.name, "value": item.value, "sd": item.sd, "low_95": low,
+        "high_95": high, "unit": item.unit, "remark": item.open or item.bound,
+    }  # fmt: skip
+
+
+def effects_frame(answer: Answer) -> pd.DataFrame:
+    """Return the parameters of the effects that a verdict names."""
+    columns = ("value", "std", "low", "high", "tolerance", "unit")
+    return frame_of_rows(
+        [
+            {"effect": effect.name, "probability": effect.probability, "parameter": item.name}
+            | {name: getattr(item, name) for name in columns}
+            for effect in answer.verdict.effects
+            for item in effect.parameters
+        ]
+    )
+
+
+def gap_frame(answer: Answer) -> pd.DataFrame:
+    """Return the gap of each channel before and after."""
+    columns = ("channel", "unit", "as_given", "before", "after", "floor")
+    return frame_of_rows(
+        [{name: getattr(gap, name) for name in columns} for gap in answer.verdict.gaps]
+    )
+
+
+def probabilities_frame(answer: Answer) -> pd.DataFrame:
+    """Return every explanation with its probability, the most probable first."""
+    found = sorted(answer.verdict.probabilities.items(), key=lambda one: -one[1])
+    return frame_of_rows([{"explanation": name, "probability": p} for name, p in found])

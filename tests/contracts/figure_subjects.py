@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from benchtool.explain.found.search import dependence
 from benchtool.explain.pitch.replay_track import pitch_track
 from benchtool.explain.pitch.replayed import Beside, Replay
 from benchtool.fit.law_scores import LawComparison, LawScore
+from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.physics.wake_picture import Hover
@@ -40,6 +42,7 @@ from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.setup import pitch_setup
 from tests.unit.explain.found_made import LAWS, shown
 from tests.unit.explain.hand_made import answer
+from tests.unit.fit.test_motor import swept
 
 ROOT = Path(__file__).parents[2]
 
@@ -160,6 +163,13 @@ def flown(z_over_R: float | None) -> Flown:
     return fly_and_measure(replace(case, duration_s=1.0))
 
 
+@cache
+def motor() -> MotorFit:
+    """Fit a virtual rotor's steps and single steps of the throttle."""
+    with TemporaryDirectory() as folder:
+        return fit_motor([swept(name, 1, Path(folder) / name) for name in ("steps", "response")])
+
+
 class Flights:
     """Fly the same second, whatever is asked for."""
 
@@ -188,6 +198,7 @@ SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {
     "flight": lambda: [flights()],
     "flight.campaign": lambda: [campaign()],
     "flight.pitch": lambda: [study()],
+    "motor": lambda: [motor()],
     "paper": lambda: [Flights()],
     "paper.flow": lambda: [Hover.quad()],
     "paper.layouts": lambda: [

@@ -163,6 +163,10 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("", "Missing option '--out'"),
     ],
     "ports": [("--baud 0", "--baud is 0, allowed is 1 to 100,000,000")],
+    "motor": [
+        ("steps --mass-kg 0", "--mass-kg is 0 kg, allowed is above 0, at most 1,000 kg"),
+        ("", "no run is given; name the folders of tests without a plate"),
+    ],
     "doctor": [("--udevrule", "--udevrule")],
     "flow table": [
         ("--spacing-R 1", "--spacing-R is 1, allowed is 2 to 1,000"),

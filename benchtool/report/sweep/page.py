@@ -9,10 +9,13 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.counted import counted
+from benchtool.core.errors import BenchtoolError
 from benchtool.data.calibration import age_text
 from benchtool.data.columns import REJECTED
+from benchtool.fit.motor.constants import fit_motor
 from benchtool.report.figure import Page, drawn
 from benchtool.report.fit.budget import budget_blocks
+from benchtool.report.motor.page import MOTOR
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
     Block,
@@ -190,6 +193,16 @@ def run_warnings(run: SweepRun) -> list[str]:
     return out
 
 
+def _motor_sections(run: SweepRun) -> Sequence[Section]:
+    """Return thrust curve and motor constants of a run without a plate."""
+    if run.measured().any() or "reference" not in run.kinds:
+        return []
+    try:
+        return MOTOR.sections(fit_motor([run.path]))
+    except BenchtoolError as error:
+        return [Section("Motor constants", [Paragraph(f"None could be fitted: {error}.")])]
+
+
 SWEEP = Page(
     "sweep",
     [
@@ -203,6 +216,7 @@ SWEEP = Page(
                 settings_table,
             ],
         ),
+        _motor_sections,
         ("Quantities", ["quantities", quantity_tables]),
         ("Raw and averaged", ["samples", "visits", _without_samples]),
         ("Order, drift and tares", ["order", _drift]),

@@ -1,0 +1,44 @@
+"""`benchtool motor`: thrust curve and motor constants from tests without a plate."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Gt, Le
+
+from benchtool.commands.declared import declared
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import Input, Inputs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorInputs(Inputs):
+    """What `benchtool motor` takes."""
+
+    runs: Annotated[
+        tuple[Path, ...], Input("Run folders of tests without a plate, one rig.", argument="RUN")
+    ] = ()
+    mass_kg: Annotated[
+        Annotated[float, Gt(0.0), Le(1000.0)] | None,
+        Input("Mass of the vehicle that hovers.", "kg", empty="the rig's"),
+    ] = None
+    out: Annotated[Path | None, Input("Write the page to this new HTML file.")] = None
+
+
+@declared(MotorInputs)
+def motor(inputs: MotorInputs) -> None:
+    """Fit thrust curve and motor constants to tests without a plate."""
+    import sys
+
+    from benchtool.api import motor as motor_of
+
+    if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"--out {inputs.out} does not end in .html, as the name of a page does")
+    result = motor_of(inputs.runs, mass_kg=inputs.mass_kg)
+    print(result.summary())
+    if inputs.out is not None:
+        command = shlex.join(["benchtool", *sys.argv[1:]])
+        print(f"report: {result.report(inputs.out, commands=[command])}")

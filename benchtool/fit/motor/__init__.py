@@ -1,0 +1,1 @@
+"""Thrust curve and motor constants from throttle tests without a plate."""

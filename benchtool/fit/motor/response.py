@@ -1,0 +1,172 @@
+"""Speed after a step of the pulse: a first-order lag with a dead time, up and down apart."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from benchtool.core.array import Array
+from benchtool.core.fit_result import Estimate
+from benchtool.core.recording import Recording
+from benchtool.core.rig import Rig
+from benchtool.data.columns import speed_columns
+from benchtool.fit.motor.points import column_of
+
+LEAST_STEP_US = 20.0
+"""A change of pulse within one sample from which it is a step; a choice."""
+
+LONGEST_S = 0.6
+"""Span after a step that is fitted; a choice, ten times the lag of a common motor: later the pack
+sags and heats."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepResponse:
+    """Hold the speed after one step: times since it (n,) s, speed (n,) rad/s, and its fit.
+
+    Attributes:
+        seen_lag_s: time constant with which the speed was seen to follow.
+        lag_s: the same at constant voltage. A pack that sags by dV while the speed goes from w_0 to
+            w_1 lowers the speed that is made for; to first order the speed then follows faster by
+            the factor 1 + (w_1 / (w_1 - w_0)) (dV / V). As seen where no voltage was measured.
+    """
+
+    up: bool
+    time_s: Array
+    speed_rad_s: Array
+    before_rad_s: float
+    after_rad_s: float
+    seen_lag_s: float
+    lag_s: float
+    delay_s: float
+
+
+class Solved(NamedTuple):
+    """Hold a solution, its covariance and degrees of freedom."""
+
+    values: Array
+    covariance: Array
+    dof: int
+
+
+def solve_weighted(residuals: Callable[[Array], Array], start: Sequence[float]) -> Solved:
+    """Return the least-squares solution of weighted residuals, errors inflated by their scatter."""
+    from scipy.optimize import least_squares
+
+    found = least_squares(residuals, np.asarray(start, float), x_scale=np.abs(start))
+    dof = len(found.fun) - len(found.x)
+    birge = max(1.0, 2.0 * found.cost / dof) if dof > 0 else 1.0
+    jacobian = np.asarray(found.jac, float)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * birge
+    return Solved(np.asarray(found.x, float), covariance, max(dof, 1))
+
+
+def estimate_of(
+    name: str, unit: str, value: float, sd: float, dof: int, open_: str = ""
+) -> Estimate:
+    """Return an estimate with intervals from Student's t."""
+    from scipy.stats import t
+
+    def interval(level: float) -> tuple[float, float]:
+        half = float(t.ppf(0.5 + 0.5 * level, dof)) * sd
+        return value - half, value + half
+
+    return Estimate(name, unit, value, sd, interval(0.6827), interval(0.95), open=open_)
+
+
+def step_responses(samples: Recording, rig: Rig) -> tuple[StepResponse, ...]:
+    """Return every step of the pulse between two throttles at which the rotors turn, fitted.
+
+    Speed is that of the rotors that turn; without tachometers the root of thrust stands for it.
+    """
+    names = speed_columns(samples.names, "pwm")
+    if not names:
+        return ()
+    pulses = np.stack([samples.column(name) for name in names])
+    rotors = np.flatnonzero(np.nanmax(pulses, axis=1) > rig.propulsion.pwm_start_us)
+    if not len(rotors):
+        return ()
+    level, time_s = pulses[rotors[0]], samples.column("time_s")
+    voltage = column_of(samples, "voltage_V")
+    speeds = [column_of(samples, f"rpm{rotor + 1}") * pi / 30.0 for rotor in rotors]
+    signal = np.mean(speeds, axis=0)
+    if not np.isfinite(signal).any():
+        signal = np.sqrt(np.maximum(column_of(samples, "thrust_N"), 0.0))
+    changes = np.flatnonzero(np.abs(np.diff(level)) > 0.0) + 1
+    found = []
+    for place, at in enumerate(changes):
+        before_us, after_us = level[at - 1], level[at]
+        if abs(after_us - before_us) < LEAST_STEP_US:
+            continue
+        if min(before_us, after_us) <= rig.propulsion.pwm_start_us:
+            continue
+        last = changes[place - 1] if place else 0
+        until = changes[place + 1] if place + 1 < len(changes) else len(level)
+        zero_s = time_s[at - 1]
+        before = (time_s > zero_s - LONGEST_S) & (np.arange(len(level)) < at)
+        before[:last] = False
+        after = (time_s <= zero_s + LONGEST_S) & (np.arange(len(level)) >= at)
+        after[until:] = False
+        after &= np.isfinite(signal)
+        before &= np.isfinite(signal)
+        if after.sum() < 12 or before.sum() < 4 or time_s[after][-1] - zero_s < 0.5 * LONGEST_S:
+            continue
+        late = after & (time_s > zero_s + 0.5 * LONGEST_S)
+        sag = 1.0 - _mean(voltage[late]) / _mean(voltage[before])
+        found.append(
+            _response(
+                bool(after_us > before_us),
+                time_s[after] - zero_s,
+                signal[after],
+                float(signal[before].mean()),
+                sag if np.isfinite(sag) else 0.0,
+            )
+        )
+    return tuple(found)
+
+
+def _response(up: bool, time_s: Array, speed: Array, before: float, sag: float) -> StepResponse:
+    """Return one step with its lag and dead time; the speeds on both sides are fitted, too."""
+    tail = float(speed[time_s > 0.7 * time_s[-1]].mean())
+    scale = max(abs(tail - before), 1e-9)
+
+    def residuals(values: Array) -> Array:
+        lag, delay, after = values
+        share = np.where(time_s > delay, np.exp(-(time_s - delay) / max(lag, 1e-4)), 1.0)
+        return np.asarray((after + (before - after) * share - speed) / scale, float)
+
+    solved = solve_weighted(residuals, (0.06, 0.002, tail))
+    lag, delay, after = solved.values
+    at_constant = float(lag * (1.0 + sag * after / (after - before)))
+    return StepResponse(
+        up, time_s, speed, before, float(after), float(lag), at_constant, float(delay)
+    )
+
+
+def _mean(values: Array) -> float:
+    present = values[np.isfinite(values)]
+    return float(present.mean()) if len(present) else float("nan")
+
+
+def lags_of(steps: Sequence[StepResponse]) -> list[Estimate]:
+    """Return mean lag and dead time over the steps up and down."""
+    found = []
+    for name, up in (("up", True), ("down", False)):
+        these = [step for step in steps if step.up is up]
+        if len(these) < 2:
+            continue
+        for what in ("lag", "delay"):
+            values = np.array([getattr(step, f"{what}_s") for step in these])
+            sd = float(values.std(ddof=1)) / sqrt(len(values))
+            if what == "lag":
+                # Sag is not linear in speed: its correction is known to within its own size,
+                # anywhere in it (rectangular: JCGM 100:2008, 4.3.7).
+                corrected = [step.lag_s - step.seen_lag_s for step in these]
+                sd = float(np.hypot(sd, np.mean(corrected) / sqrt(3.0)))
+            mean = float(values.mean())
+            found.append(estimate_of(f"{what}_{name}", "s", mean, sd, len(values) - 1))
+    return found

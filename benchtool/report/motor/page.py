@@ -1,0 +1,160 @@
+"""The page of a motor: constants, curves with residuals, up against down, autopilot numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot, isfinite, pi
+
+import numpy as np
+
+from benchtool.core.array import Array
+from benchtool.core.counted import counted
+from benchtool.core.fit_result import Estimate
+from benchtool.fit.motor.constants import MotorFit
+from benchtool.report.figure import Page
+from benchtool.report.numbers import numeral, unit_for_people, value_with_sd
+from benchtool.report.page import Listing, Table
+
+MEANS = {
+    "k": "thrust over squared speed: T = k ω²",
+    "n": "exponent of thrust over speed, free",
+    "speed_per_us": "speed per pulse at nominal voltage",
+    "pulse_zero": "pulse at which the speed line crosses zero",
+    "voltage_exponent": "speed goes with voltage to this power",
+    "T_max": "thrust of a rotor at full throttle and nominal voltage",
+    "expo": "T = T_max ((1 − e) u + e u²) over throttle u",
+    "hover_throttle": "throttle that carries the mass",
+    "hover_thrust_share": "thrust that carries the mass over T_max",
+    "hover_rpm": "speed that carries the mass",
+    "lag_up": "time constant of speed, throttle rising",
+    "delay_up": "dead time before it",
+    "lag_down": "time constant of speed, throttle falling",
+    "delay_down": "dead time before it",
+}
+"""What each constant is."""
+
+
+def constants_table(fit: MotorFit) -> Table:
+    """Return the constants with their 95 % intervals."""
+    return Table(
+        "Constants of one rotor; ± standard uncertainty, 95 %: interval by Student's t.",
+        ("constant", "is", "value", "95 %", "unit"),
+        [_row(one) for one in fit.estimates],
+        text_columns=2,
+    )
+
+
+def _row(one: Estimate) -> tuple[str, ...]:
+    if one.open:
+        return one.name, f"not determined: {one.open}", "–", "–", unit_for_people(one.unit)
+    low, high = (numeral(each, ".5g") for each in one.interval_95)
+    interval = f"{low} to {high}"
+    value = value_with_sd(one.value, one.sd)
+    return one.name, MEANS[one.name], value, interval, unit_for_people(one.unit)
+
+
+def hysteresis(fit: MotorFit) -> Iterator[tuple[float, float, float, float]]:
+    """Give pulse (us), mean thrust up (N), down minus up and its standard error (N) of levels."""
+    p = fit.points
+    for pulse_us in np.unique(p.pulse_us):
+        up, down = ((p.pulse_us == pulse_us) & (p.way == way) for way in (1.0, -1.0))
+        if up.any() and down.any():
+            error = hypot(_error(p.thrust_se_N[up]), _error(p.thrust_se_N[down]))
+            mean = float(p.thrust_N[up].mean())
+            yield float(pulse_us), mean, float(p.thrust_N[down].mean()) - mean, error
+
+
+def _error(errors: Array) -> float:
+    return float(np.sqrt(np.sum(errors**2)) / len(errors))
+
+
+def _ways_table(fit: MotorFit) -> Table | None:
+    rows = [
+        (f"{pulse_us:g}", f"{up:.4g}", value_with_sd(1e3 * change, 1e3 * error),
+         numeral(100.0 * change / up, "+.2f"))
+        for pulse_us, up, change, error in hysteresis(fit)
+    ]  # fmt: skip
+    if not rows:
+        return None
+    return Table(
+        "Thrust of a rotor with throttle falling against rising, as measured (voltage and heat "
+        "differ).",
+        ("pulse [µs]", "rising [N]", "falling − rising [mN]", "[%]"),
+        rows,
+    )
+
+
+def autopilot_text(fit: MotorFit) -> str:
+    """Return what autopilots and simulators take, as TOML; only what was measured."""
+    found: dict[str, dict[str, float]] = {
+        "ardupilot": {
+            "MOT_THST_EXPO": fit.value("expo"),
+            "MOT_THST_HOVER": fit.value("hover_thrust_share"),
+        },
+        "px4": {
+            "THR_MDL_FAC": fit.value("expo"),
+            "MPC_THR_HOVER": fit.value("hover_thrust_share"),
+        },
+        "gazebo": {
+            "motorConstant": fit.value("k"),
+            "maxRotVelocity": fit.value("speed_per_us")
+            * (fit.rig.propulsion.pwm_max_us - fit.value("pulse_zero")),
+            "timeConstantUp": fit.value("lag_up"),
+            "timeConstantDown": fit.value("lag_down"),
+        },
+    }
+    lines = [f"# pulses {fit.rig.propulsion.pwm_start_us:g} to {fit.rig.propulsion.pwm_max_us:g} "
+             f"us, {fit.mass_kg:g} kg on {counted(fit.rig.n_rotors, 'rotor')}"]  # fmt: skip
+    for section, values in found.items():
+        known = {name: value for name, value in values.items() if isfinite(value)}
+        if known:
+            lines += ["", f"[{section}]", *(f"{name} = {v:.4g}" for name, v in known.items())]
+    return "\n".join(lines) + "\n"
+
+
+def motor_sentence(fit: MotorFit) -> str:
+    """Say in a sentence or two what was found."""
+    said = []
+    if isfinite(fit.value("T_max")):
+        hover = 100.0 * fit.value("hover_throttle")
+        said.append(
+            f"a rotor gives {fit.value('T_max'):.3g} N at full throttle and carries its share of "
+            f"{fit.mass_kg:g} kg at {hover:.3g} %"
+        )
+    if isfinite(fit.value("k")):
+        k_rpm = fit.value("k") * (pi / 30.0) ** 2
+        said.append(f"k is {fit.value('k'):.4g} N/(rad/s)² ({k_rpm:.4g} N/rpm²)")
+    if isfinite(fit.value("lag_up")):
+        up, down = (f"{1e3 * fit.value(name):.3g}" for name in ("lag_up", "lag_down"))
+        said.append(f"speed follows with {up} ms up and {down} ms down")
+    words = "; ".join(said) + "."
+    points, runs = counted(len(fit.points.time_s), "point"), counted(len(fit.names), "run")
+    return f"{points} of {runs} on rig {fit.rig.name}: {words}"
+
+
+def motor_lines(found: MotorFit) -> str:
+    """Return sentence, constants and autopilot numbers as lines of text."""
+    rows = constants_table(found).rows
+    widths = [max(len(row[place]) for row in rows) for place in (0, 2, 4)]
+    lines = [
+        f"{row[0]:<{widths[0]}}  {row[2]:<{widths[1]}}  {row[4]:<{widths[2]}}  {row[1]}"
+        for row in rows
+    ]
+    return "\n".join([motor_sentence(found), "", *lines, "", autopilot_text(found).rstrip()])
+
+
+MOTOR = Page(
+    "motor",
+    [
+        ("Constants", [constants_table, "thrust"]),
+        ("Throttle up and down", [_ways_table, "throttle"]),
+        ("Response", ["response"]),
+        ("Over time", ["time"]),
+        (
+            "For autopilots and simulators",
+            [lambda fit: Listing("Only what was measured.", autopilot_text(fit))],
+        ),
+    ],
+    title=lambda fit: f"Motor: {', '.join(fit.names)}",
+    summary=motor_sentence,
+)

@@ -1,0 +1,172 @@
+"""Motor constants: each law against numbers by hand, and the truth of a virtual bench."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import exp, pi, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import benchtool as bt
+from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.operator import Unattended
+from benchtool.acquire.plan import read_plan
+from benchtool.acquire.sweep_run import sweep_to_run
+from benchtool.core.channel import Channel
+from benchtool.core.errors import EstimationError, InputError
+from benchtool.core.own_code import refuse_code
+from benchtool.core.recording import Recording
+from benchtool.core.rig_file import rig_named
+from benchtool.fit.motor.constants import MotorFit, fit_motor
+from benchtool.fit.motor.response import step_responses
+from benchtool.report.motor.page import autopilot_text, hysteresis
+
+RIG = rig_named("pquad_single")
+TRUTH = {
+    "k": 1.02e-5,  # virtual_pquad_single
+    "n": 2.0,
+    "speed_per_us": 1.05,  # the rig's, at 11.1 V
+    "pulse_zero": 1050.0,
+    "voltage_exponent": 1.0,
+    "T_max": 1.02e-5 * (1.05 * 900.0) ** 2,
+    "expo": 1.0,  # T goes with u^2 from pwm_start_us on
+    "hover_throttle": sqrt(0.35 * 9.80665 / (1.02e-5 * (1.05 * 900.0) ** 2)),
+    "hover_thrust_share": 0.35 * 9.80665 / (1.02e-5 * (1.05 * 900.0) ** 2),
+    "hover_rpm": sqrt(0.35 * 9.80665 / 1.02e-5) * 30.0 / pi,
+    "lag_up": 0.05,
+    "lag_down": 0.05,
+}
+
+
+def swept(name: str, seed: int, out: Path) -> Path:
+    address = f"sim:pquad_single?truth=virtual_pquad_single&seed={seed}"
+    given = SweepInputs(address=address, plan=read_plan(name), out=out, yes=True)
+    run = sweep_to_run(given, Unattended(), refuse_code)
+    assert run is not None
+    return run.path
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("motor")
+    return [swept(name, 1, folder / name) for name in ("steps", "response")]
+
+
+@pytest.fixture(scope="module")
+def fitted(runs: list[Path]) -> MotorFit:
+    return fit_motor(runs)
+
+
+@pytest.mark.parametrize("name", TRUTH)
+def test_the_truth_of_a_virtual_bench_lies_in_the_interval(fitted: MotorFit, name: str) -> None:
+    found, truth = fitted[name], TRUTH[name]
+    low, high = found.interval_95
+    # Three of its standard uncertainties: of twelve intervals of 95 % one fails in every second.
+    assert abs(found.value - truth) < 3.0 * found.sd
+    assert low < found.value < high
+    assert found.sd < 0.03 * abs(truth)
+    assert not found.open
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path: Path) -> None:
+    held = dict.fromkeys(TRUTH, 0)
+    for seed in range(20):
+        runs = [swept(name, seed, tmp_path / f"{name}{seed}") for name in ("steps", "response")]
+        found = fit_motor(runs)
+        for name, truth in TRUTH.items():
+            low, high = found[name].interval_95
+            held[name] += low <= truth <= high
+    # At 95 %, 15 or fewer of 20 have a chance of 0.3 % each.
+    assert {name: count for name, count in held.items() if count <= 15} == {}
+
+
+def test_each_way_of_the_throttle_is_apart(fitted: MotorFit) -> None:
+    ways = list(hysteresis(fitted))
+    assert [pulse for pulse, *_ in ways][:2] == [1140.0, 1230.0]
+    p = fitted.points
+    pulse, up, change, _ = ways[0]
+    here = p.pulse_us == pulse
+    by_hand = p.thrust_N[here & (p.way < 0.0)].mean() - p.thrust_N[here & (p.way > 0.0)].mean()
+    assert change == pytest.approx(by_hand)
+    assert up == pytest.approx(p.thrust_N[here & (p.way > 0.0)].mean())
+
+
+def stepped(lag_s: float, delay_s: float, rpm: tuple[float, float]) -> Recording:
+    """Return samples of a step up at 1 s and down at 2 s, exactly of first order."""
+    time_s = np.arange(600) / 200.0
+    speed = np.full(600, rpm[0])
+    for begin_s, old, new in ((1.0, rpm[0], rpm[1]), (2.0, rpm[1], rpm[0])):
+        late = time_s >= begin_s + delay_s
+        speed[late] = new + (old - new) * np.exp(-(time_s[late] - begin_s - delay_s) / lag_s)
+    pulse = np.where((time_s > 1.0) & (time_s <= 2.0), 1600.0, 1300.0)
+    channels = (Channel("time_s", "s"), Channel("pwm1_us", "us"), Channel("rpm1", "rpm"))
+    return Recording(channels, np.column_stack([time_s, pulse, speed]))
+
+
+def test_the_lag_of_a_step_is_that_it_was_made_with() -> None:
+    up, down = step_responses(stepped(0.08, 0.012, (2000.0, 5000.0)), RIG)
+    assert (up.up, down.up) == (True, False)
+    for step in (up, down):
+        assert step.lag_s == pytest.approx(0.08, rel=1e-3)
+        assert step.delay_s == pytest.approx(0.012, abs=1e-4)
+    assert up.after_rad_s == pytest.approx(5000.0 * pi / 30.0, rel=1e-4)
+    assert up.before_rad_s == pytest.approx(2000.0 * pi / 30.0)
+    at_one_lag = np.interp(0.012 + 0.08, up.time_s, up.speed_rad_s) * 30.0 / pi
+    assert at_one_lag == pytest.approx(5000.0 - 3000.0 * exp(-1.0), rel=1e-3)
+
+
+def test_a_steps_sag_is_taken_out_of_its_lag() -> None:
+    plain = stepped(0.08, 0.0, (2000.0, 5000.0))
+    volts = np.where(plain.column("pwm1_us") > 1500.0, 10.9, 11.0)
+    sagging = Recording(
+        (*plain.channels, Channel("voltage_V", "V")), np.column_stack([plain.values, volts])
+    )
+    up, _ = step_responses(sagging, RIG)
+    # The speed made for falls by 0.1 V of 11 V of 5000 rpm while the speed rises by 3000 rpm.
+    by_hand = up.seen_lag_s * (1.0 + (0.1 / 11.0) * 5000.0 / 3000.0)
+    assert up.lag_s == pytest.approx(by_hand, rel=1e-4)
+
+
+def test_autopilots_get_what_was_measured_and_nothing_else(runs: list[Path]) -> None:
+    steps_only = autopilot_text(fit_motor(runs[:1]))
+    assert "[px4]" in steps_only
+    assert "timeConstantUp" not in steps_only
+    response_only = autopilot_text(fit_motor(runs[1:]))
+    assert "timeConstantUp = 0.04" in response_only
+    assert "px4" not in response_only
+
+
+def test_a_heavier_vehicle_hovers_at_more_throttle(runs: list[Path]) -> None:
+    found = fit_motor(runs, mass_kg=0.5)
+    assert found["hover_throttle"].value == pytest.approx(
+        sqrt(0.5 * 9.80665 / TRUTH["T_max"]), rel=1e-3
+    )
+    with pytest.raises(InputError, match="5 kg need 49 N of each of 1 rotors, which reach"):
+        fit_motor(runs, mass_kg=5.0)
+
+
+def test_python_gives_tables_and_figures(runs: list[Path]) -> None:
+    result = bt.motor(runs)
+    table = result.to_dataframe("constants").set_index("parameter")
+    assert table.loc["k", "value"] == pytest.approx(1.02e-5, rel=2e-3)
+    assert set(result.figures()) == {"thrust", "throttle", "response", "time"}
+    assert len(result.to_dataframe("points")) == 36
+    assert "MOT_THST_EXPO" in result.summary()
+    assert "<svg" in result._repr_html_()
+    page = bt.read(runs[0])._page.report(bt.read(runs[0]).found)
+    assert {"Constants", "Throttle up and down"} <= {section.title for section in page.sections}
+
+
+def test_too_little_is_refused_in_one_sentence(runs: list[Path], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no run is given"):
+        fit_motor([])
+    plan = replace(read_plan("response"), repeats=1)
+    given = SweepInputs(
+        address="sim:pquad_single", plan=plan, out=tmp_path / "short", yes=True
+    )  # fmt: skip
+    sweep_to_run(given, Unattended(), refuse_code)
+    with pytest.raises(EstimationError, match="2 throttle levels far from the plate, 4 are needed"):
+        fit_motor([tmp_path / "short"])
