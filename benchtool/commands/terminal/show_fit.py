@@ -49,7 +49,10 @@ def print_runs(outputs: Mapping[str, FitOutput]) -> None:
     for run, output in outputs.items():
         result = output.results[0]
         known = {item.name: item for item in (*result.estimates, *result.derived)}
-        values = [f"{known[name].value:.4g} ± {known[name].sd:.2g}" for name in names]
+        values = [
+            f"{known[name].value:.4g} ± {known[name].sd:.2g}" if name in known else "–"
+            for name in names
+        ]
         rows.append((run, *values, f"{result.chi2_per_dof:.3g}"))
     head = ("run", *names, "chi2/dof")
     print_table(Output(), Table("Each run by itself, ± one standard deviation.", head, rows))

@@ -50,9 +50,11 @@ def _compared(fit: FitOutput) -> list[Block]:
 
 def _facts(fit: FitOutput) -> Facts:
     rig = fit.loaded.model.rig
+    stated = len(rig.sources) - len(rig.not_stated)
     facts = {
         "rig": f"{rig.name}: {rig.title}",
-        "assumed numbers of the rig": f"{len(rig.assumed)} of {len(rig.sources)}",
+        "assumed numbers of the rig": f"{len(rig.assumed)} of {stated}",
+        "numbers that the rig leaves out": str(len(rig.not_stated)),
         "wake rule": fit.loaded.model.wake_rule,
         "tilt rule": fit.loaded.model.tilt_rule,
         "b of eq. (4)": fit.loaded.model.body_distance.replace("_", " "),
