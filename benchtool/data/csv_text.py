@@ -38,6 +38,9 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _CELL_WITH_COMMA = re.compile(rb"(?:^|[;\t])\s*[+-]?\d+,\d")
 _PIECE_BYTES = 1 << 18
 
+UTF_16, PARQUET = (b"\xff\xfe", b"\xfe\xff"), b"PAR1"
+"""What files of another encoding begin with."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CsvTable:
@@ -65,6 +68,14 @@ def read_csv_text(path: Path, *, own: bool = False, follow: bool = True) -> CsvT
         follow: whether a symbolic link in place of the file is followed.
     """
     return parse_csv(read_file(path, MOST_TABLE_BYTES, follow=follow), str(path), own=own)
+
+
+def read_csv_header(path: Path) -> tuple[str, ...]:
+    """Return the column names of a CSV file; of its rows only the first are read."""
+    data = read_file(path, MOST_TABLE_BYTES)
+    if data[:2] not in UTF_16 and data[:4] != PARQUET:
+        data = data[: data.rfind(b"\n", 0, START_BYTES) + 1] or data
+    return parse_csv(data, str(path)).header
 
 
 def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
@@ -145,12 +156,12 @@ def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
     Raises:
         FileFormatError: nothing in it, or no text.
     """
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    if data[:2] in UTF_16:
         data = data.decode("utf-16", "replace").encode()
         repairs.append(("UTF-16", "the text is UTF-16, as Excel saves it; read as UTF-8"))
     if data.startswith(BYTE_ORDER_MARK):
         repairs.append(("byte order mark", "a byte order mark at the start was left out"))
-    if data.startswith(b"PAR1"):
+    if data.startswith(PARQUET):
         data = _text_of_parquet(data, where)
     begin = data[:START_BYTES].removeprefix(BYTE_ORDER_MARK)
     if not begin.strip() and not data.removeprefix(BYTE_ORDER_MARK).strip():

@@ -14,7 +14,7 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash
 from benchtool.data.columns import VALID_KINDS
-from benchtool.data.csv_text import read_csv_text
+from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import kind_of
 from benchtool.data.run.read import is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import beside, read_recording
@@ -224,7 +224,7 @@ def _present(
     """
     if not columns:
         return {}, []
-    header = read_csv_text(Path(path)).header
+    header = read_csv_header(Path(path))
     absent = {
         ours: source.column
         for ours, source in columns.items()

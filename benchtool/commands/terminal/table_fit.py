@@ -22,7 +22,7 @@ from benchtool.core.inputs import changed, items, make
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_from_toml, rig_named
 from benchtool.data.column_map import column_map_to_toml
-from benchtool.data.csv_text import read_csv_text
+from benchtool.data.csv_text import read_csv_header
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.run.read import is_run
 from benchtool.data.run.run_rig import rig_of_data
@@ -113,7 +113,7 @@ def _is_described(given: Mapping[str, Any], first: str) -> bool:
         return True
     if (own := _own_model(given)) and stated_in(own)[1]:
         return True
-    header = read_csv_text(Path(first)).header
+    header = read_csv_header(Path(first))
     return "thrust_N" in header or "thrust_ratio" in header
 
 

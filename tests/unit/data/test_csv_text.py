@@ -1,9 +1,11 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from benchtool.core.errors import FileFormatError
-from benchtool.data.csv_text import lay_out, parse_csv
+from benchtool.data.csv_text import lay_out, parse_csv, read_csv_header, read_csv_text
 from benchtool.data.repairs.foreign_units import head_of
 from benchtool.data.repairs.numbers import numbers_of
 
@@ -102,3 +104,13 @@ def test_what_stands_around_a_header_is_left_out(case: str) -> None:
         lines[at - 1].split()[0].startswith(n)
         for at, n in zip(table.lines, ("10", "20"), strict=True)
     )
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_header_is_read_without_the_rows(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "long.csv"
+    path.write_text("# a stand\nz;thrust [N]\n" + "0,1;2,5\n" * 20_000, encoding=encoding)
+    assert read_csv_header(path) == read_csv_text(path).header == ("z", "thrust [N]")
+    one = tmp_path / "one.csv"
+    one.write_text("a,b", encoding=encoding)
+    assert read_csv_header(one) == ("a", "b")

@@ -12,7 +12,7 @@ from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError
 from benchtool.core.units import UNITS, unit_named
 from benchtool.data.column_map import guess_columns, read_column_map
-from benchtool.data.csv_text import read_csv_text
+from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import columns_file
 from benchtool.web.context import PageContext, RunsListing
@@ -55,7 +55,7 @@ def columns_for(table: Path) -> dict[str, ColumnSource]:
     stored = columns_file(table)
     if stored.is_file():
         return dict(read_column_map(stored))
-    return guess_columns(read_csv_text(table).header, FIT_CHANNELS)
+    return guess_columns(read_csv_header(table), FIT_CHANNELS)
 
 
 def chosen_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnSource]:
@@ -141,7 +141,7 @@ class DataCard:
             BenchtoolError: the table cannot be read.
         """
         path = self._folder.file_of(name)
-        header, known = read_csv_text(path).header, columns_for(path)
+        header, known = read_csv_header(path), columns_for(path)
         first = [channel for channel, label in FIT_CHANNELS.items() if label or channel in known]
         more = [channel for channel in FIT_CHANNELS if channel not in first]
         readers: dict[str, Callable[[], ColumnSource | None]] = {}

@@ -17,7 +17,7 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.core.user_file import read_text
-from benchtool.data.csv_text import read_csv_text
+from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.run import free_path
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
@@ -169,7 +169,7 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
     model = model_path(folder, request.model)
     if tables and not stored and not loaded(model).columns:
         for name in tables:
-            if "thrust_N" not in read_csv_text(folder.file_of(name)).header:
+            if "thrust_N" not in read_csv_header(folder.file_of(name)):
                 raise InputError(
                     f"{name} has no column thrust_N; choose its columns above and press Use these "
                     f"columns"
