@@ -23,7 +23,7 @@ def depends_sentence(answer: Answer) -> str | None:
     numbers = ", ".join(f"{name} = {value:.4g}" for name, value in found.law.values.items())
     return (
         f"{text} The shortest law is {found.formula} with {numbers}. Laws that were chosen without "
-        f"a fifth of the places close {100.0 * found.closed:.0f} % of the squared gap there. It "
+        f"a tenth of the readings close {100.0 * found.closed:.0f} % of the squared gap there. It "
         f"describes, it does not explain: its cause is for a person to name."
     )
 
