@@ -184,7 +184,7 @@ def with_law() -> Answer:
     """Return an unknown that depends on rotor speed."""
     rng, made = np.random.default_rng(1), answer("unknown")
     speed = rng.uniform(0.7, 1.3, 150)
-    depends = dependence(shown(LAWS["resonance"](speed), rng, speed))
+    depends = dependence(shown(LAWS["resonance"](speed), rng, speed), 0.12)
     verdict = replace(made.verdict, depends=depends)
     return replace(made, explanation=replace(made.explanation, verdict=verdict))
 

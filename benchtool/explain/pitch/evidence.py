@@ -40,7 +40,7 @@ PLANT_HZ = 500.0
 LEAST_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ
 """Shortest motor lag that is tried; a quicker one is none at these steps."""
 
-MOST_ROWS = 30000
+MOST_ROWS = 40000
 """Rows of a channel in all recordings together; longer ones are averaged over as many ticks as it
 takes. Innovations are white, and what explains them changes over tens of milliseconds."""
 

@@ -37,6 +37,9 @@ LEAD_S = 0.1
 AT_ONCE = 32
 """How many truths are simulated together."""
 
+MOST_NUMBERS = 2_000_000
+"""Rows times lanes that are predicted at once: two minutes of 250 Hz, longer logs in parts."""
+
 OVERLAP = 2
 """A window begins in the middle of the one before: what it misses is then counted twice, which
 steadies the mean nearly as much as half as many windows more would."""
@@ -96,17 +99,19 @@ class Windows:
 
     def predicted(self, benches: Sequence[PitchBench]) -> list[Predictions]:
         """Return what each bench (a lane) predicts in each window, from its own estimate on."""
-        return self._run(benches, self._states(benches))
+        return self._run(benches, slice(None), self._states(benches))
 
     def errors(self, benches: Sequence[PitchBench]) -> dict[str, Array]:
         """Return mean squared errors of each block (b, lanes) by channel."""
         out: dict[str, list[Array]] = {name: [] for name in UNITS}
-        read = read_channels(self.log.logged)
-        for start, run in zip(self.starts, self.predicted(benches), strict=True):
-            for name, values in predicted_channels(run).items():
-                error = read[name][start : start + self.rows, ..., None] - values
-                if np.isfinite(error).any():
-                    out[name].append(np.nanmean(error**2, axis=tuple(range(error.ndim - 1))))
+        read, states = read_channels(self.log.logged), self._states(benches)
+        for part in self._parts(len(benches)):
+            runs = self._run(benches, part, states[part])
+            for start, run in zip(self.starts[part], runs, strict=True):
+                for name, values in predicted_channels(run).items():
+                    error = read[name][start : start + self.rows, ..., None] - values
+                    if np.isfinite(error).any():
+                        out[name].append(np.nanmean(error**2, axis=tuple(range(error.ndim - 1))))
         return {name: self._in_blocks(np.array(s)) for name, s in out.items() if s}
 
     def _in_blocks(self, squares: Array) -> Array:
@@ -128,25 +133,21 @@ class Windows:
             rng: of the noise.
         """
         states = self._states([bench])
-        quiet = self._run([bench], states)
-        sd = sensor_sds(bench)
-        parts: dict[str, list[Array]] = {name: [] for name in UNITS}
-        for first in range(0, len(truths), AT_ONCE):
-            some = truths[first : first + AT_ONCE]
-            starts = [np.repeat(state, len(some), axis=1) for state in states]
-            runs = self._disturbed(some, starts, rng)
-            total = dict.fromkeys(UNITS, np.zeros(len(some)))
-            for run, still in zip(runs, quiet, strict=True):
-                expected = predicted_channels(still)
-                for name, values in predicted_channels(run).items():
-                    noise = sd[name] * rng.standard_normal(values.shape, np.float32)
-                    scale = RPM if name == "rpm" else 1.0
-                    error = values - expected[name] + scale * noise.astype(float)
-                    mean = np.mean(error**2, axis=tuple(range(error.ndim - 1)))
-                    total[name] = total[name] + mean
-            for name, squares in total.items():
-                parts[name].append(np.sqrt(squares / len(self.starts)))
-        return {name: np.concatenate(roots) for name, roots in parts.items()}
+        squares = {name: np.zeros(len(truths)) for name in UNITS}
+        for part in self._parts(min(len(truths), AT_ONCE)):
+            quiet = self._run([bench], part, states[part])
+            for first in range(0, len(truths), AT_ONCE):
+                lanes = slice(first, first + AT_ONCE)
+                starts = [np.repeat(one, len(truths[lanes]), axis=1) for one in states[part]]
+                runs = self._disturbed(truths[lanes], part, starts, rng)
+                for name, more in _squares(runs, quiet, sensor_sds(bench), rng).items():
+                    squares[name][lanes] += more
+        return {name: np.sqrt(one / len(self.starts)) for name, one in squares.items()}
+
+    def _parts(self, lanes: int) -> list[slice]:
+        """Return the windows in parts that fit in memory."""
+        many = max(1, MOST_NUMBERS // (self.rows * lanes))
+        return [slice(first, first + many) for first in range(0, len(self.starts), many)]
 
     def _states(self, benches: Sequence[PitchBench]) -> list[Array]:
         """Return what the filter knows before each window (4 + n_discs, lanes).
@@ -161,16 +162,43 @@ class Windows:
         ]
 
     def _disturbed(
-        self, benches: Sequence[PitchBench], states: Sequence[Array], rng: np.random.Generator
+        self,
+        benches: Sequence[PitchBench],
+        part: slice,
+        states: Sequence[Array],
+        rng: np.random.Generator,
     ) -> list[Predictions]:
         """Run from states as uncertain as the filter says (changed in place), with wake torque."""
         for state in states:
             state[:3] += self.log.filter.state_root @ rng.standard_normal((3, len(benches)))
-        return self._run(benches, states, seed=int(rng.integers(2**31)))
+        return self._run(benches, part, states, seed=int(rng.integers(2**31)))
 
     def _run(
-        self, benches: Sequence[PitchBench], states: Sequence[Array], seed: int | None = None
+        self,
+        benches: Sequence[PitchBench],
+        part: slice,
+        states: Sequence[Array],
+        seed: int | None = None,
     ) -> list[Predictions]:
         logged = self.log.logged
         lead = round(LEAD_S * logged.rate_Hz)
-        return predict_windows(benches, logged, self.starts, self.rows, lead, states, seed)
+        return predict_windows(benches, logged, self.starts[part], self.rows, lead, states, seed)
+
+
+def _squares(
+    runs: Sequence[Predictions],
+    quiet: Sequence[Predictions],
+    sd: dict[str, float],
+    rng: np.random.Generator,
+) -> dict[str, Array]:
+    """Return the sum over windows of mean squared errors (lanes,) by channel, sensors' noise on."""
+    total = dict.fromkeys(UNITS, np.zeros(runs[0].theta_rad.shape[-1]))
+    for run, still in zip(runs, quiet, strict=True):
+        expected = predicted_channels(still)
+        for name, values in predicted_channels(run).items():
+            noise = sd[name] * rng.standard_normal(values.shape, np.float32)
+            scale = RPM if name == "rpm" else 1.0
+            error = values - expected[name] + scale * noise.astype(float)
+            mean = np.mean(error**2, axis=tuple(range(error.ndim - 1)))
+            total[name] = total[name] + mean
+    return total
