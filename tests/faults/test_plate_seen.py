@@ -55,4 +55,5 @@ def test_both_numbers_stand_in_each_point_and_the_stage_in_metadata(tmp_path: Pa
         "stage": "device",
         "measured": True,
         "tolerance_m": pytest.approx(0.0015),
+        "used": True,
     }

@@ -66,6 +66,7 @@ def test_where_compares_numbers_as_numbers(path: Path) -> None:
         ({"thrust_N": "Fz"}, ["sweep=x"], UnknownChoice, "unknown column of .* 'sweep'"),
         ({"thrust_N": "Fz"}, ["series"], InputError, "COLUMN=VALUE"),
         ({"thrust_N": {"column": "Fz", "unit": "V"}}, [], InputError, "does not measure force"),
+        ({"thrust_N": {"column": "Fz", "unit": "foo"}}, [], InputError, "unit 'foo' is unknown"),
         ({"thrust_N": {"column": "Fz", "unti": "N"}}, [], UnknownChoice, "did you mean 'unit'"),
         ({"thrust_N": {"unit": "N"}}, [], BenchtoolError, "exactly one of them"),
     ],

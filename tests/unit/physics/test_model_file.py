@@ -92,11 +92,6 @@ def test_stated_discrepancies_survive_the_file_and_default_ones_are_left_out() -
         ),
         (HEAD + "plate_slide_s = -1", FileFormatError, "plate_slide_s is -1; give seconds from 0"),
         ("[model]\nname = 'x'\nrig = 'pqad'", UnknownChoice, "did you mean 'pquad'"),
-        (
-            HEAD + "[columns]\nthrust_N = { column = 'F', unit = 'newton' }",
-            FileFormatError,
-            "unknown unit 'newton'",
-        ),
         (HEAD + "[columns]\nthrust_N = { unit = 'N' }", FileFormatError, "needs either column"),
         (
             HEAD + "[effects.partial_coverage.settings]\ncoverages = [0.5, 0.5]",
