@@ -18,7 +18,7 @@ from scipy.stats import chi2
 from benchtool.core.array import Array
 from benchtool.explain.engine.shared_errors import AMPLITUDES, BEYOND, SharedErrors
 from benchtool.explain.engine.subject import Evidence
-from benchtool.fit.bounded import Linearised, Minimum, Region
+from benchtool.fit.bounded import Linearised, Minimum, Region, slopes
 from benchtool.fit.identifiability import evidence_against
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
@@ -112,6 +112,19 @@ class Hypotheses:
                 np.where(wide, 1.0 / BEYOND, np.where(held, 1.0, 1.0 / SMALL)), float
             ),
         )
+
+    def missed(self, at: Array, opened: Iterable[str]) -> tuple[Array, Array, Array]:
+        """Return what a model that is linear about parameters (n_parameters,) misses (n_rows,).
+
+        Then what may vary, with `opened` effects as large as they like: parameters (n_rows,
+        n_parameters) and departures (n_rows, r), by one standard deviation each. All over the
+        noise.
+        """
+        upper = np.array([parameter.most for parameter in self.evidence.parameters])
+        rows, jacobian = slopes(self.evidence.residuals, at, upper)
+        noise, penalty = self.errors.noise, self.region(opened).penalty
+        slope = jacobian / noise[:, None] / np.maximum(penalty, 1e-3)
+        return (rows - jacobian @ at) / noise, slope, self.errors.columns({})
 
     def log_evidence(self, one: Hypothesis) -> float:
         """Return the log marginal likelihood of a hypothesis, up to what all of them share.

@@ -72,12 +72,12 @@ class SharedErrors:
         sigma, share = np.ones(len(rows)), np.ones(len(rows))
         if not self.discrepancies:
             return sigma, share
+        jacobian *= BEYOND
         wide = np.hstack([*(one.columns for one in self.discrepancies.values()), jacobian])
-        wide *= np.repeat(
-            [AMPLITUDES[1], BEYOND], [wide.shape[1] - len(jacobian.T), len(jacobian.T)]
-        )
+        wide[:, : -len(jacobian.T)] *= AMPLITUDES[1]
+        del jacobian  # of half an hour they are the most that is held at once
         left, gain = solved(wide, rows), _own_shares(wide)
-        del wide, jacobian
+        del wide
         for mask in self._evidence.groups().stages.values():
             counted = float(np.sum(gain[mask]))
             variance = (STATED + float(np.sum(left[mask] * rows[mask]))) / (STATED + counted)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -21,7 +22,6 @@ from benchtool.explain.found.law import DISTANCE, Form, Variable
 from benchtool.explain.found.search import FOLDS, Fold, Missed, Says
 from benchtool.explain.pitch.discrepancies import Departing
 from benchtool.explain.pitch.evidence import PitchEvidence
-from benchtool.fit.bounded import slopes
 
 KNOTS = 21
 """So many at even quantiles of a variable and so many at even steps of its range."""
@@ -61,15 +61,11 @@ def missed_torques(evidence: PitchEvidence, at: Array, opened: Sequence[str]) ->
         opened: effects that may break their tolerances.
     """
     hypotheses = Hypotheses(evidence)
-    errors, penalty = hypotheses.errors, hypotheses.region(opened).penalty
-    upper = np.array([parameter.most for parameter in evidence.parameters])
-    rows, jacobian = slopes(evidence.residuals, at, upper)
-    slope = jacobian / errors.noise[:, None] / np.maximum(penalty, 1e-3)
-    beside = np.hstack([slope, errors.columns({})])
-    missed = ((rows - jacobian @ at) / errors.noise)[:, None]
+    errors = hypotheses.errors
+    missed, slope, departures = hypotheses.missed(at, opened)
     logs = evidence.departing()
-    parts = _parts(logs)
-    gram = [beside[part].T @ beside[part] for part in parts]
+    beside = _Beside(np.hstack([slope, departures]), slope.shape[1], _parts(logs))
+    noise = [float(errors.variance[part].sum()) for part in beside.parts[:-1]]
     out = []
     for pair in _pairs(logs):
         knots = _knots(np.concatenate([one.ravel() for one in pair.values]))
@@ -79,22 +75,8 @@ def missed_torques(evidence: PitchEvidence, at: Array, opened: Sequence[str]) ->
             _changed(log, pair.form, values, knots)
             for log, values in zip(logs, pair.values, strict=True)
         ]
-        both = np.hstack([np.concatenate(columns) / errors.noise[:, None], missed])
-        own = [both[part].T @ both[part] for part in parts]
-        cross = [both[part].T @ beside[part] for part in parts]
-        n_slopes = slope.shape[1]
-        found: list[list[Says]] = []
-        for n in (beside.shape[1], n_slopes):
-            products = [
-                (one, two[:, :n], three[:n, :n])
-                for one, two, three in zip(own, cross, gram, strict=True)
-            ]
-            whole = tuple(sum(kind) for kind in zip(*products, strict=True))
-            rest = [
-                tuple(a - b for a, b in zip(whole, part, strict=True)) for part in products[:-1]
-            ]
-            found.append([_says(*one) for one in (whole, *rest)])
-        (says, *rests), (bare, *bare_rests) = found
+        both = np.column_stack([np.concatenate(columns) / errors.noise[:, None], missed])
+        (says, *rests), (bare, *bare_rests) = beside.said(both)
         out.append(
             Missed(
                 variable=Variable(
@@ -105,12 +87,50 @@ def missed_torques(evidence: PitchEvidence, at: Array, opened: Sequence[str]) ->
                 says=says,
                 bare=bare,
                 folds=[
-                    Fold(rest=one, bare_rest=other, noise=float(errors.variance[part].sum()))
-                    for one, other, part in zip(rests, bare_rests, parts[:-1], strict=True)
+                    Fold(rest=rest, bare_rest=bare_rest, noise=squares)
+                    for rest, bare_rest, squares in zip(rests, bare_rests, noise, strict=True)
                 ],
             )
         )  # fmt: skip
     return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """Hold what may vary beside what is missed, and the parts that are held out.
+
+    Attributes:
+        columns: (n_rows, r) by one standard deviation, of parameters the first `n_slopes`.
+        parts: masks (n_rows,); all but the last are held out in turn.
+    """
+
+    columns: Array
+    n_slopes: int
+    parts: list[NDArray[np.bool_]]
+
+    @cached_property
+    def grams(self) -> list[Array]:
+        """Products of the columns with each other (r, r), by part."""
+        return [self.columns[part].T @ self.columns[part] for part in self.parts]
+
+    def said(self, both: Array) -> list[list[Says]]:
+        """Return what columns and, last, readings (n_rows, m + 1) say: of all, without each part.
+
+        With everything beside them, then with parameters alone.
+        """
+        products = [
+            (both[part].T @ both[part], both[part].T @ self.columns[part], gram)
+            for part, gram in zip(self.parts, self.grams, strict=True)
+        ]
+        out = []
+        for n in (self.columns.shape[1], self.n_slopes):
+            parts = [(own, cross[:, :n], gram[:n, :n]) for own, cross, gram in products]
+            whole = [np.sum(kind, axis=0) for kind in zip(*parts, strict=True)]
+            rests = [
+                [all_ - one for all_, one in zip(whole, part, strict=True)] for part in parts[:-1]
+            ]
+            out.append([_says(*kinds) for kinds in (whole, *rests)])
+        return out
 
 
 def _says(own: Array, cross: Array, gram: Array) -> Says:

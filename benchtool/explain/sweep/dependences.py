@@ -14,7 +14,6 @@ from benchtool.explain.found.law import DISTANCE, Form, Variable
 from benchtool.explain.found.search import FOLDS, Fold, Missed, Says
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
-from benchtool.fit.bounded import slopes
 from benchtool.physics.effects.effect import PAST_S
 
 FARTHEST = 12.0
@@ -151,16 +150,13 @@ def missed_thrusts(evidence: SweepEvidence, at: Array, opened: Sequence[str]) ->
         opened: effects that may break their tolerances.
     """
     hypotheses = Hypotheses(evidence)
-    errors, penalty = hypotheses.errors, hypotheses.region(opened).penalty
-    upper = np.array([parameter.most for parameter in evidence.parameters])
-    rows, jacobian = slopes(evidence.residuals, at, upper)
-    missed = (rows - jacobian @ at) / errors.noise
-    slope = jacobian / errors.noise[:, None] / np.maximum(penalty, 1e-3)
+    errors = hypotheses.errors
+    missed, slope, departures = hypotheses.missed(at, opened)
     shown = np.concatenate(
         [evidence.thrusts(log.conditions, at[None])[:, 0] for log in evidence.logs]
     )
     white = evidence.white_thrusts(np.eye(len(shown))) / errors.noise[:, None]
-    both, known = np.column_stack([white, missed]), np.hstack([errors.columns({}), slope])
+    both, known = np.column_stack([white, missed]), np.hstack([departures, slope])
     says, bare = (_says(white.T @ solved(columns, both)) for columns in (known, slope))
     radius_m = evidence.model.rig.propulsion.radius_m
     variables = sweep_variables(evidence.logs, radius_m, shown)
