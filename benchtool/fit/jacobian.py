@@ -27,10 +27,19 @@ AGREEMENT = 1e-3
 not complex-safe are of order one."""
 
 
+TINY = 1e-100
+"""A search along a bound ends at numbers as small as there are; a step relative to them is none."""
+
+
+def _sizes(values: Array) -> Array:
+    """Return what steps are relative to (n,)."""
+    return np.where(np.abs(values) < TINY, 1.0, np.abs(values))
+
+
 def complex_step(predict: Callable[[Any], Any], values: Array, m: int) -> Array:
     """Return d prediction / d values (m, n) in one vectorised call."""
     n = len(values)
-    h = STEP * np.where(values == 0.0, 1.0, np.abs(values))
+    h = STEP * _sizes(values)
     moved = np.empty((n, n, 1), complex)
     moved[:] = values[:, None, None]
     moved[np.arange(n), np.arange(n), 0] += 1j * h
@@ -47,7 +56,7 @@ def central_differences(
 ) -> Array:
     """Return d prediction / d values (m, n) in one vectorised call, steps kept in bounds."""
     n = len(values)
-    h = DIFFERENCE * np.where(values == 0.0, 1.0, np.abs(values))
+    h = DIFFERENCE * _sizes(values)
     above, below = np.minimum(values + h, upper), np.maximum(values - h, lower)
     moved = np.empty((n, 2 * n, 1))
     moved[:] = values[:, None, None]
@@ -71,7 +80,7 @@ def way_for(
         np.abs(plain).max(axis=0, initial=0.0), np.abs(exact).max(axis=0, initial=0.0)
     )
     floor = 1e-9 * np.abs(np.asarray(predict(values))).max(initial=0.0)
-    floor = floor / np.where(values == 0.0, 1.0, np.abs(values))
+    floor = floor / _sizes(values)
     close = np.abs(exact - plain).max(axis=0, initial=0.0) <= AGREEMENT * size + floor
     return "complex_step" if bool(np.all(close | ~np.isfinite(size))) else "central_differences"
 

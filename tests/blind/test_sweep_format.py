@@ -46,9 +46,9 @@ def test_tables_have_the_columns_of_a_run(layout: Layout, tmp_path: Path) -> Non
     stage = {"plate_stage_z_m", "plate_read_z_m"}
     columns = point_columns(layout.rotors)
     assert stage <= set(columns)
-    # Nor does it count rejected samples, or state errors of voltage and current.
+    # Nor does it count rejected samples, or state errors of voltage, current and torque.
     counted = {name for name in columns if name.endswith("_rejected")}
-    left_out = {*stage, *counted, "suspect", "voltage_se_V", "current_se_A"}
+    left_out = {*stage, *counted, "suspect", "voltage_se_V", "current_se_A", "torque_se_Nm"}
     assert tuple(record.learn) == tuple(name for name in columns if name not in left_out)
     learn, check, _ = write_record(record, tmp_path)
     for path, table in ((learn, record.learn), (check, record.check)):

@@ -205,7 +205,7 @@ def test_a_dry_run_makes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
         (["sim:pquad", "--z-over-r", "0,5"], "decimals take a point: 0.5, not 0,5"),
         (["sim:pquad", "--z-over-r", "-1"], "names -1, allowed"),
         (["sim:pquad", "--tilt", "900"], "--tilt names 900 deg, allowed is -89 to 89 deg"),
-        (["sim:pquad", "--ramp-s", "-3"], "--ramp-s is -3 s, allowed is 0 to 10 s"),
+        (["sim:pquad", "--ramp-s", "-3"], "--ramp-s is -3 s, allowed is 0 to 600 s"),
         (["sim:pquad", "--tilt", "0,nan"], "--tilt names nan deg, allowed is -89 to 89 deg"),
         (["sim:pquad", "--lateral", "nan"], "--lateral names nan m, allowed is"),
         (["sim:pquad", "--pwm", "inf"], "--pwm names inf us, allowed is above 0"),

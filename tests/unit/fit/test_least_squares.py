@@ -40,6 +40,17 @@ def test_both_ways_to_a_derivative_agree() -> None:
     np.testing.assert_allclose(exact, plain, rtol=1e-6, atol=1e-9 * np.abs(plain).max())
 
 
+@pytest.mark.parametrize("small", [0.0, 5e-324, -1e-200])
+def test_a_number_next_to_nothing_has_a_derivative(small: float) -> None:
+    def predict(v: Any) -> Any:
+        return (v[0] + 2.0 * v[1]) * X
+
+    values = np.array([1.0, small])
+    np.testing.assert_allclose(complex_step(predict, values, len(X))[:, 1], 2.0 * X)
+    plain = central_differences(predict, values, len(X), -FREE, FREE)
+    np.testing.assert_allclose(plain[:, 1], 2.0 * X, rtol=1e-9)
+
+
 def test_a_function_without_complex_arithmetic_is_noticed() -> None:
     def absolute(v: Any) -> Any:
         return np.abs(v[0]) * np.exp(-np.abs(v[1]) * X)
