@@ -142,15 +142,6 @@ class Whitening:
         """Division by the independent errors alone."""
         return Whitening(self.sigma, np.empty((len(self.sigma), 0)))
 
-    @property
-    def shrinkage(self) -> Array:
-        """Share of each observation's variance (m,) that its independent error is."""
-        if not self._directions.size:
-            return np.ones(len(self.sigma))
-        shares = 1.0 - (1.0 + self._change) ** 2
-        left: Array = 1.0 - np.sum(self._directions**2 * shares, axis=1)
-        return left
-
     def __call__(self, rows: Array) -> Array:
         """Return whitened rows (m,) or (m, n)."""
         own = (rows.T / self.sigma).T

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import UnknownChoice
 
 Number = TypeVar("Number", float, NDArray[np.float64])
 
@@ -103,13 +103,3 @@ def from_si(value: Number, symbol: str) -> Number:
     """Return `value`, given in SI, in the unit `symbol`."""
     unit = unit_named(symbol)
     return (value - unit.offset) / unit.factor
-
-
-def same_dimension(symbol: str, other: str) -> None:
-    """Refuse two units that do not measure the same thing."""
-    one, two = unit_named(symbol), unit_named(other)
-    if one.dimension != two.dimension:
-        raise InputError(
-            f"unit {symbol!r} measures {one.dimension}, but {two.dimension} ({other}) is needed; "
-            f"give the column's own unit"
-        )
