@@ -5,20 +5,18 @@ from __future__ import annotations
 import importlib.util
 import signal
 import time
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import pytest
 
 import benchtool as bt
 from benchtool.acquire.operator import Unattended
-from benchtool.acquire.record import RunProgress
 from benchtool.core.errors import InputError, RunStopped, WouldOverwrite
 from benchtool.data.run.append import read_events
-from benchtool.data.run.points import Point
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from tests.unit.acquire.fake_bench import FakeBench
+from tests.unit.acquire.interrupted import Interrupted
 
 PLAN = {"z_over_r": (1, 2), "pwm": 1500, "repeats": 1, "sample_s": 0.5, "anchor_every": 0}
 
@@ -88,18 +86,6 @@ def test_yes_does_not_arm_a_real_bench_that_was_not_checked(
         bt.sweep("serial:fake", "pquad_single", **PLAN, yes=True, out="run")
     assert not Path("run").exists()
     assert {value for what, value in bench.log if what == "pwm"} <= {1000.0}
-
-
-class Interrupted(Unattended):
-    """Raise the signal of Ctrl-C at the second point."""
-
-    def display(self, radius_m: float) -> AbstractContextManager[RunProgress]:
-        class Display(RunProgress):
-            def measured(self, point: Point, remaining_s: float) -> None:
-                if point.point == 2:
-                    signal.raise_signal(signal.SIGINT)
-
-        return nullcontext(Display())
 
 
 def assert_stopped(run: Path) -> None:

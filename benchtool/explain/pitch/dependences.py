@@ -36,9 +36,6 @@ TYPICAL = 0.3
 """What a law of the torque counts in, over thrust times arm; a choice."""
 
 
-Channel = Literal["torque", "pitch", "gyro"]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pair:
     """Hold a variable of each recording, by disc (discs or 1, n), and what it changes."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -22,14 +20,13 @@ from benchtool.acquire.plan import (
     plan_from_toml,
     read_plan,
 )
-from benchtool.acquire.record import RunProgress
 from benchtool.acquire.sweep_run import sweep_to_run
 from benchtool.core.errors import FileFormatError, InputError, PlanError, RunStopped, UnknownChoice
 from benchtool.core.own_code import refuse_code
 from benchtool.core.rig_file import rig_named, rig_names
-from benchtool.data.run.points import Point
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
+from tests.unit.acquire.interrupted import Interrupted
 
 SHORT = Plan(
     repeats=2,
@@ -93,22 +90,10 @@ def test_nothing_is_moved_on_a_bench_without_a_stage(tmp_path: Path) -> None:
     assert not (tmp_path / "other").exists()
 
 
-class Interrupting(Unattended):
-    """Raise the signal of Ctrl-C at the second point."""
-
-    def display(self, radius_m: float) -> AbstractContextManager[RunProgress]:
-        class Display(RunProgress):
-            def measured(self, point: Point, remaining_s: float) -> None:
-                if point.point == 2:
-                    signal.raise_signal(signal.SIGINT)
-
-        return nullcontext(Display())
-
-
 def test_ctrl_c_stops_and_the_test_goes_on_later(tmp_path: Path) -> None:
     given = SweepInputs(address="sim:pquad_single", plan=SHORT, out=tmp_path / "run", yes=True)
     with pytest.raises(RunStopped, match="zero was commanded"):
-        sweep_to_run(given, Interrupting(), refuse_code)
+        sweep_to_run(given, Interrupted(), refuse_code)
     assert read_samples(tmp_path / "run").column("pwm1_us")[-1] <= 1000.0
     rest = SweepInputs(resume=tmp_path / "run", yes=True)
     sweep_to_run(rest, Unattended(), refuse_code)
