@@ -14,7 +14,7 @@ from typing import Any
 __version__ = "0.1.0"
 __all__ = [
     "Effect", "Model", "Result", "Rig", "__version__", "compare", "explain", "fit", "load_model",
-    "load_rig", "motor", "read", "simulate_flight", "simulate_pitch", "sweep",
+    "load_rig", "motor", "read", "runs", "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from benchtool.core.inputs import make
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
+from benchtool.data.catalogue.query import runs
 from benchtool.data.columns import frame, frame_of_rows, joined_frame
 from benchtool.data.derived import run_circumstances, widened, with_quantities
 from benchtool.data.run.read import is_run
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Effect", "Model", "Result", "Rig", "compare", "explain", "fit", "load_model", "load_rig",
-    "motor", "read", "simulate_flight", "simulate_pitch", "sweep",
+    "motor", "read", "runs", "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 Controllers = Iterable[str | type[Any]]

@@ -1,14 +1,157 @@
-"""`benchtool runs close` and `recalibrate`: what is done to runs that are on disk."""
+"""`benchtool runs ...` and `recalibrate`: find, label, query and mend runs that are on disk."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from annotated_types import Ge
+
 from benchtool.commands.declared import declared
 from benchtool.core.errors import CalibrationError
 from benchtool.core.inputs import Input, Inputs
+from benchtool.data.catalogue.choice import ChoiceInputs
+from benchtool.data.catalogue.entry import Entry
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListInputs(ChoiceInputs):
+    """What `benchtool runs list` takes."""
+
+    most: Annotated[int, Ge(1), Input("Show as many, the newest.")] = 40
+    paths: Annotated[bool, Input("Print every path alone, one a line, for other commands.")] = False
+    rebuild: Annotated[bool, Input("Read every run again, whatever the index says.")] = False
+
+
+@declared(ListInputs)
+def list_(inputs: ListInputs) -> None:
+    """List runs, fits and recordings, chosen by rig, date, distance, tag and more"""
+    _list(inputs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchInputs(ListInputs):
+    """What `benchtool runs search` takes."""
+
+    words: Annotated[
+        str, Input("Words in name, rig, operator, date, state, tags, notes, ...", argument="WORDS")
+    ]
+
+
+@declared(SearchInputs)
+def search(inputs: SearchInputs) -> None:
+    """Find runs by words that stand anywhere in name, rig, date, tags, notes"""
+    _list(inputs)
+
+
+def _list(inputs: ListInputs) -> None:
+    from benchtool.data.catalogue.choice import find_entries
+
+    found = find_entries(inputs, rebuild=inputs.rebuild)
+    if inputs.paths:
+        print("\n".join(str(path) for path, _ in found))
+        return
+    if not found:
+        print("nothing matches; leave an option out, or see benchtool runs list")
+        return
+    rows = [
+        (str(path), one.kind, one.rig, one.date, one.state, _radii(one), " ".join(one.tags),
+         one.problem or one.summary)
+        for path, one in found[: inputs.most]
+    ]  # fmt: skip
+    head = ("path", "kind", "rig or model", "date", "state", "z/R", "tags", "what is in it")
+    _print_columns((head, *rows))
+    if (left := len(found) - len(rows)) > 0:
+        print(f"{left:,} more; choose fewer, or give --most {len(found)}")
+
+
+def _radii(entry: Entry) -> str:
+    return " to ".join(f"{one:.3g}" for one in dict.fromkeys(entry.z_over_r))
+
+
+def _print_columns(rows: Sequence[tuple[str, ...]]) -> None:
+    """Print rows in columns as wide as they need; the last is left as it is."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        print("  ".join(cells).rstrip())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QueryInputs(ChoiceInputs):
+    """What `benchtool runs query` takes."""
+
+    sql: Annotated[
+        str,
+        Input("One SELECT over the tables runs, settings, points, samples.", argument="SELECT"),
+    ]
+    most: Annotated[int, Ge(1), Input("Show as many rows.")] = 40
+    out: Annotated[Path | None, Input("Write every row into this .csv or .parquet file.")] = None
+
+
+@declared(QueryInputs)
+def query(inputs: QueryInputs) -> None:
+    """Query points, settings and samples of all chosen runs with SQL (DuckDB)"""
+    from benchtool.data.catalogue.choice import find_entries
+    from benchtool.data.catalogue.query import queried, write_result
+
+    found = find_entries(inputs)
+    with queried(found, inputs.sql) as result:
+        if inputs.out is not None:
+            write_result(result, inputs.out)
+            print(f"written: {inputs.out}")
+            return
+        columns, rows = tuple(result.columns), result.limit(inputs.most + 1).fetchall()
+    shown = [tuple(map(_cell, row)) for row in rows[: inputs.most]]
+    _print_columns((columns, *shown))
+    if len(rows) > inputs.most:
+        print("there are more rows; write them all with --out, or give --most")
+
+
+def _cell(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else "" if value is None else str(value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TagInputs(Inputs):
+    """What `benchtool runs tag` takes."""
+
+    runs: Annotated[tuple[Path, ...], Input("Folders of runs or fits.", argument="RUN")]
+    add: Annotated[tuple[str, ...], Input("Tags to give them.", commas=True)] = ()
+    remove: Annotated[tuple[str, ...], Input("Tags to take from them.", commas=True)] = ()
+
+
+@declared(TagInputs)
+def tag(inputs: TagInputs) -> None:
+    """Give runs and fits tags, or take some away; without --add and --remove, show them"""
+    from benchtool.data.run.labels import label
+
+    for path in inputs.runs:
+        labels = label(path, inputs.add, inputs.remove)
+        print(f"{path}: {', '.join(labels.tags) or 'no tag'}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoteInputs(Inputs):
+    """What `benchtool runs note` takes."""
+
+    run: Annotated[Path, Input("The folder of a run or fit.", argument="RUN")]
+    text: Annotated[str, Input("One sentence.", argument="TEXT")]
+
+
+@declared(NoteInputs)
+def note(inputs: NoteInputs) -> None:
+    """Write a note about a run or fit, with the date and who wrote it"""
+    import getpass
+    from datetime import datetime
+
+    from benchtool.data.run.labels import label
+
+    text = f"{datetime.now().astimezone():%Y-%m-%d %H:%M} {getpass.getuser()}: {inputs.text}"
+    label(inputs.run, note=text)
+    print(f"{inputs.run}: {text}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,8 +11,6 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import numpy as np
-
 from benchtool.core.errors import FileFormatError
 from benchtool.core.parsed_text import parse_json
 from benchtool.core.user_file import MOST_FACTS_BYTES, open_file, read_text
@@ -56,6 +54,8 @@ def replace_json(path: Path, data: Mapping[str, Any]) -> None:
 
 def json_ready(value: Any) -> Any:
     """Return the value with nan and infinity as None and NumPy numbers as plain ones."""
+    import numpy as np
+
     if isinstance(value, Mapping):
         return {str(key): json_ready(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -10,7 +10,8 @@ from time import monotonic
 from typing import Any, TypeVar
 
 from benchtool.core.errors import InputError
-from benchtool.data.run.entry import Entry, Seen, list_entries
+from benchtool.data.catalogue.index import catalogued
+from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Command
@@ -177,7 +178,6 @@ class RunsListing:
     def __init__(self, folder: RunsFolder) -> None:
         self.folder = folder
         self.entries: tuple[Entry, ...] = ()
-        self._read: Seen = {}
         self._seen: tuple[tuple[str, int], ...] | None = None
 
     async def look(self) -> bool:
@@ -186,7 +186,7 @@ class RunsListing:
             changed = await asyncio.to_thread(self._stamps)
             if changed == self._seen:
                 return False
-            self.entries = await asyncio.to_thread(list_entries, self.folder, self._read)
+            self.entries = await asyncio.to_thread(catalogued, self.folder.root)
         except FileNotFoundError:  # something was moved meanwhile; the next look sees it
             return False
         self._seen = changed

@@ -5,20 +5,26 @@ What cannot be read is listed with the sentence that says why.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime
+from math import nan
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchtool.core.counted import counted
 from benchtool.core.errors import BenchtoolError, FileFormatError
+from benchtool.core.recording import Recording
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import read_json
-from benchtool.data.columns import KINDS
+from benchtool.data.catalogue.entry import ENTRY_KINDS as ENTRY_KINDS
+from benchtool.data.catalogue.entry import Entry as Entry
+from benchtool.data.columns import KINDS, code_of
 from benchtool.data.csv_text import parse_csv
 from benchtool.data.run.facts import read_metadata, read_recording_facts
+from benchtool.data.run.labels import read_labels
 from benchtool.data.run.read import is_run, read_points
 from benchtool.data.run.recording_file import FORMAT as RECORDING_FORMAT
 from benchtool.data.run.recording_file import beside
@@ -29,61 +35,10 @@ FIT_FORMAT = "benchtool-fit-1"
 FIT_FILE = "result.json"
 ANSWER_FILE = "answer.json"
 
-ENTRY_KINDS: tuple[str, ...] = (
-    "sweep",
-    "pitch recording",
-    "fit",
-    "explanation",
-    "recording",
-    "table",
-    "unknown",
-)
-"""What an entry may be. A recording is one file with its JSON beside it, a table any CSV."""
-
 HEAD_BYTES = 65_536
 """As much of a table is read for the names of its columns; a choice."""
 
 _RUN_FILES = ("metadata.json", "plan.toml", "points.csv", "samples.csv", "samples.parquet")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Entry:
-    """Hold what a list shows of one thing in the runs folder.
-
-    Attributes:
-        name: by which `RunsFolder.path_of` finds it.
-        rig: name of the rig, or for a fit and an explanation of the model.
-        started: when the run began, or when a result was written; None where it is not known.
-        state: "ended", "stopped", "running"; a fit's outcome; an explanation's verdict.
-        simulated: whether no physical bench made the data; None where it is not known.
-        summary: a few words on what is in it.
-        problem: one sentence on why it cannot be read; empty where it can.
-    """
-
-    name: str
-    kind: str
-    rig: str = ""
-    started: datetime | None = None
-    state: str = ""
-    simulated: bool | None = None
-    summary: str = ""
-    problem: str = ""
-
-    @property
-    def date(self) -> str:
-        """Day and time for people, empty where it is not known."""
-        return f"{self.started:%Y-%m-%d %H:%M}" if self.started else ""
-
-    @property
-    def can_fit(self) -> bool:
-        """Whether `benchtool fit` takes it."""
-        return not self.problem and self.kind in ("sweep", "table")
-
-    def matches(self, words: str) -> bool:
-        """Return whether each of some words stands anywhere in the entry, in any case."""
-        shown = (self.name, self.kind, self.rig, self.date, self.state, self.summary, self.problem)
-        text = " ".join((*shown, "simulated" if self.simulated else "")).lower()
-        return all(word in text for word in words.lower().split())
 
 
 def entry_of(folder: RunsFolder, name: str) -> Entry:
@@ -96,6 +51,8 @@ def entry_of(folder: RunsFolder, name: str) -> Entry:
     known = kind_of(path)
     entry = Entry(name=name, kind=known or "unknown", started=_written(path))
     try:
+        labels = read_labels(path)
+        entry = replace(entry, tags=labels.tags, notes=labels.notes)
         entry = _READERS[known](entry, path) if known else replace(entry, problem=_strange(path))
     except BenchtoolError as error:
         entry = replace(entry, problem=str(error))
@@ -162,6 +119,8 @@ def _run(entry: Entry, path: Path) -> Entry:
         entry,
         kind="pitch recording" if pitch else "sweep",
         rig=str(_table(facts, "rig").get("name", "")),
+        propeller=str(_table(_table(facts, "rig"), "propeller").get("name", "")),
+        operator=str(facts.get("operator", "")),
         started=_moment(facts.get("started")) or entry.started,
         state=str(facts.get("state", "")),
         simulated=bool(facts["simulated"]) if "simulated" in facts else None,
@@ -177,10 +136,25 @@ def _run(entry: Entry, path: Path) -> Entry:
     if not (path / "points.csv").is_file() and entry.state == "running":
         return replace(entry, summary="no point yet")
     try:
-        points = counted(len(read_points(path, KINDS[:3])), "point")
+        points = read_points(path, KINDS[:3])
     except BenchtoolError as error:
         return replace(entry, problem=str(error))
-    return replace(entry, summary="; ".join(filter(None, (points, reason))))
+    summary = "; ".join(filter(None, (counted(len(points), "point"), reason)))
+    return replace(entry, summary=summary, z_over_r=_distances(points, radius_of(facts)))
+
+
+def radius_of(facts: dict[str, Any]) -> float:
+    """Return the rotor radius that a run's metadata state, nan where they do not: m."""
+    return float(_table(_table(facts, "rig"), "propulsion").get("radius_m", nan))
+
+
+def _distances(points: Recording, radius_m: float) -> tuple[float, ...]:
+    if "kind" not in points or "plate_z_m" not in points:
+        return ()
+    near = points.column("kind") == code_of("kind", "measure")
+    ratio = points.column("plate_z_m")[near] / radius_m
+    ratio = ratio[np.isfinite(ratio)]
+    return (float(ratio.min()), float(ratio.max())) if len(ratio) else ()
 
 
 def _fit(entry: Entry, path: Path) -> Entry:
@@ -247,64 +221,3 @@ def _moment(text: object) -> datetime | None:
         return datetime.fromisoformat(str(text)).astimezone()
     except ValueError:
         return None
-
-
-DEEPEST = 3
-"""Folders of folders that are looked through for entries; a choice."""
-
-
-Seen = dict[str, tuple[int, Entry]]
-"""Entries by name as they were read last, with the newest time of their files."""
-
-
-def list_entries(folder: RunsFolder, seen: Seen | None = None) -> tuple[Entry, ...]:
-    """Return everything in a runs folder, the newest first; a folder that is not there is empty.
-
-    Args:
-        seen: passed again to the next call, so that only what has changed is read again.
-    """
-    if not folder.root.is_dir():
-        return ()
-    found = list(_in_folder(folder, folder.root, DEEPEST, {} if seen is None else seen))
-    dated = [entry for entry in found if entry.started is not None]
-    dated.sort(key=lambda entry: entry.started.timestamp() if entry.started else 0.0, reverse=True)
-    undated = sorted((entry for entry in found if entry.started is None), key=lambda e: e.name)
-    return (*dated, *undated)
-
-
-def search(entries: Iterable[Entry], words: str = "", kind: str = "") -> tuple[Entry, ...]:
-    """Return the entries that match some words and are of a kind; "" matches any."""
-    return tuple(
-        entry for entry in entries if (not kind or entry.kind == kind) and entry.matches(words)
-    )
-
-
-def _in_folder(folder: RunsFolder, path: Path, depth: int, seen: Seen) -> Iterator[Entry]:
-    for item in sorted(path.iterdir()):
-        if item.name.startswith("."):
-            continue
-        name = folder.name_of(item)
-        try:
-            folder.path_of(name)
-        except BenchtoolError as error:
-            if item.is_dir() or item.is_symlink():
-                yield Entry(name=name, kind="unknown", problem=str(error))
-            continue
-        known = kind_of(item)
-        if known:
-            yield _entry(folder, item, seen)
-            within = item.glob("recalibrated-*") if known == "sweep" else ()
-            yield from (_entry(folder, inner, seen) for inner in sorted(within))
-        elif item.is_dir():
-            inside = list(_in_folder(folder, item, depth - 1, seen)) if depth > 1 else []
-            yield from inside or [_entry(folder, item, seen)]
-
-
-def _entry(folder: RunsFolder, path: Path, seen: Seen) -> Entry:
-    """Return one entry, read again only where one of its files has changed."""
-    name = folder.name_of(path)
-    files = [path, *path.iterdir()] if path.is_dir() else [path, beside(path)]
-    stamp = max(os.lstat(file).st_mtime_ns for file in files if os.path.lexists(file))
-    if name not in seen or seen[name][0] != stamp:
-        seen[name] = (stamp, entry_of(folder, name))
-    return seen[name][1]

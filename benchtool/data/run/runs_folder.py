@@ -12,11 +12,12 @@ import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import TYPE_CHECKING
 
 from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
-from benchtool.data.atomic import sync_folder
-from benchtool.data.csv_text import CsvTable, no_rows, parse_csv
-from benchtool.data.run.run import check_run_name, free_run_path
+
+if TYPE_CHECKING:
+    from benchtool.data.csv_text import CsvTable
 
 DEEPEST = 6
 """Folders below a name that are looked through; a run has two. A choice."""
@@ -65,6 +66,8 @@ class RunsFolder:
             InputError: a name that no folder should have.
             WouldOverwrite: something of that name is there.
         """
+        from benchtool.data.run.run import check_run_name
+
         check_run_name(name)
         path = self._inside(name)
         if os.path.lexists(path):
@@ -73,6 +76,8 @@ class RunsFolder:
 
     def free_path(self, date: str, name: str) -> Path:
         """Return DATE-NAME, with -2, -3 and so on behind it while that is taken."""
+        from benchtool.data.run.run import free_run_path
+
         return self.new_path(free_run_path(self.root, date, name).name)
 
     def name_of(self, path: Path) -> str:
@@ -147,6 +152,8 @@ def checked_table(data: bytes, name: str) -> CsvTable:
     Raises:
         FileFormatError: too large, no CSV, no row, or more columns than anybody would map.
     """
+    from benchtool.data.csv_text import no_rows, parse_csv
+
     if len(data) > MOST_BYTES:
         raise FileFormatError(
             name,
@@ -174,6 +181,8 @@ def keep_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
     Raises:
         FileFormatError: see `checked_table`; nothing was written.
     """
+    from benchtool.data.atomic import sync_folder
+
     shown = re.split(r"[/\\]", name)[-1]
     checked_table(data, shown[:80] or "the file")
     stem = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(shown).stem).strip("-_")[:60] or "table"

@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from benchtool.data.catalogue import index
+from benchtool.data.catalogue.choice import ChoiceInputs, chosen
+from benchtool.data.catalogue.index import list_entries
 from benchtool.data.run import entry as run_list
-from benchtool.data.run.entry import Entry, entry_of, list_entries, search
+from benchtool.data.run.entry import Entry, entry_of
 from benchtool.data.run.runs_folder import RunsFolder
 from tests.unit.data.run_of import small_run
 
@@ -82,7 +85,10 @@ def test_a_folder_that_is_not_there_is_empty(tmp_path: Path) -> None:
 def test_words_find_by_name_rig_date_kind_and_state(
     folder: RunsFolder, words: str, kind: str, names: set[str]
 ) -> None:
-    assert {entry.name for entry in search(list_entries(folder), words, kind)} == names
+    assert {
+        entry.name
+        for entry in chosen(list_entries(folder), ChoiceInputs(words=words, kind=kind or None))
+    } == names
 
 
 def test_what_is_broken_is_listed_with_its_reason(folder: RunsFolder) -> None:
@@ -138,7 +144,7 @@ def test_a_pitch_recording_is_known_by_its_channels(folder: RunsFolder) -> None:
 def test_only_what_has_changed_is_read_again(
     folder: RunsFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seen: run_list.Seen = {}
+    seen: index.Seen = {}
     whole = list_entries(folder, seen)
     read: list[str] = []
 

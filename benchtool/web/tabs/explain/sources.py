@@ -13,7 +13,8 @@ from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.inputs import changed, words
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.user_file import MOST_TEXT_BYTES, read_text
-from benchtool.data.run.entry import Entry, list_entries
+from benchtool.data.catalogue.index import list_entries
+from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.web.tabs.fit.model_choice import model_choices, model_path, offered_rig

@@ -8,7 +8,8 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from benchtool.data.run.entry import ENTRY_KINDS, Entry, search
+from benchtool.data.catalogue.choice import ChoiceInputs, chosen
+from benchtool.data.run.entry import ENTRY_KINDS, Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.tabs.runs.detail import RunDetail
@@ -111,7 +112,8 @@ class RunsTab:
             self._fill()
 
     def _fill(self) -> None:
-        found = search(self._listing.entries, self._words.value or "", self._kind.value or "")
+        by = ChoiceInputs(words=self._words.value or "", kind=self._kind.value or None)
+        found = chosen(self._listing.entries, by)
         self._table.update_rows([_row(entry) for entry in found], clear_selection=False)
         whole = len(self._listing.entries)
         broken = sum(bool(entry.problem) for entry in found)

@@ -10,7 +10,8 @@ import pytest
 
 from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.rig_file import rig_named
-from benchtool.data.run.entry import Entry, list_entries
+from benchtool.data.catalogue.index import list_entries
+from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.data.run.state import remember
 from benchtool.fit.fit_data import recipe_model

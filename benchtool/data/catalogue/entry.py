@@ -1,0 +1,64 @@
+"""What a list shows of each thing in a runs folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Literal, get_args
+
+EntryKind = Literal[
+    "sweep", "pitch recording", "fit", "explanation", "recording", "table", "unknown"
+]
+"""What an entry may be. A recording is one file with its JSON beside it, a table any CSV."""
+
+ENTRY_KINDS: tuple[str, ...] = get_args(EntryKind)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """Hold what a list shows of one thing in the runs folder.
+
+    Attributes:
+        name: by which `RunsFolder.path_of` finds it.
+        rig: name of the rig, or for a fit and an explanation of the model.
+        propeller: its name where the rig states it.
+        z_over_r: least and largest distance of the plate at which it was measured, in rotor radii;
+            empty where that is not known.
+        tags, notes: of `labels`.
+        started: when the run began, or when a result was written; None where it is not known.
+        state: "ended", "stopped", "running"; a fit's outcome; an explanation's verdict.
+        simulated: whether no physical bench made the data; None where it is not known.
+        summary: a few words on what is in it.
+        problem: one sentence on why it cannot be read; empty where it can.
+    """
+
+    name: str
+    kind: str
+    rig: str = ""
+    started: datetime | None = None
+    state: str = ""
+    simulated: bool | None = None
+    summary: str = ""
+    problem: str = ""
+    propeller: str = ""
+    operator: str = ""
+    z_over_r: tuple[float, ...] = ()
+    tags: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def date(self) -> str:
+        """Day and time for people, empty where it is not known."""
+        return f"{self.started:%Y-%m-%d %H:%M}" if self.started else ""
+
+    @property
+    def can_fit(self) -> bool:
+        """Whether `benchtool fit` takes it."""
+        return not self.problem and self.kind in ("sweep", "table")
+
+    def matches(self, words: str) -> bool:
+        """Return whether each of some words stands anywhere in the entry, in any case."""
+        shown = (self.name, self.kind, self.rig, self.date, self.state, self.summary, self.problem)
+        own = (self.propeller, self.operator, *self.tags, *self.notes)
+        text = " ".join((*shown, *own, "simulated" if self.simulated else "")).lower()
+        return all(word in text for word in words.lower().split())

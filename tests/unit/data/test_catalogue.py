@@ -1,0 +1,266 @@
+"""The catalogue: what it finds, what it answers, and that the folders stay the truth."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sqlite3
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import benchtool as bt
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import make
+from benchtool.data.catalogue.choice import ChoiceInputs, find_entries
+from benchtool.data.catalogue.index import catalogued, index_folder
+from benchtool.data.catalogue.tables import MOST_FILES
+from benchtool.data.run import entry as run_list
+from benchtool.data.run.entry import Entry, entry_of
+from benchtool.data.run.labels import label
+from benchtool.data.run.run import Run
+from benchtool.data.run.runs_folder import RunsFolder
+from tests.unit.data.run_of import small_run
+
+TOP = Path(__file__).parents[3]
+
+
+def rig_facts(name: str, radius_m: float) -> dict[str, Any]:
+    facts: dict[str, Any] = json.loads(
+        (TOP / "datasets" / "quad" / "run" / "metadata.json").read_text("utf-8")
+    )
+    rig: dict[str, Any] = facts["rig"] | {"name": name}
+    rig["propulsion"] = rig["propulsion"] | {"radius_m": radius_m}
+    return rig
+
+
+@pytest.fixture
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give three runs and a fit; the distance is 0.1 m everywhere (see `run_of`)."""
+    monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
+    root = tmp_path / "runs"
+    for name, day, rig, radius_m, operator in (
+        ("2026/one", "02", "lab", 0.1, "ada"),
+        ("2026/two", "12", "lab", 0.2, "Bob"),
+        ("three", "22", "hall", 0.05, "ada"),
+    ):
+        run = small_run(root / name)
+        run.update_metadata(
+            started=f"2026-03-{day}T12:00:00+00:00", state="ended", operator=operator,
+            rig=rig_facts(rig, radius_m),
+        )  # fmt: skip
+        run.close()
+    shutil.copytree(TOP / "fits" / "quad", root / "fit")
+    label(root / "three", add=["good", "first-day"], note="the propeller has a nick")
+    return root
+
+
+def names(root: Path, **by: Any) -> set[str]:
+    found = find_entries(make(ChoiceInputs, {"folder": (root,), **by}))
+    return {entry.name for _, entry in found}
+
+
+@pytest.mark.parametrize(
+    ("by", "expected"),
+    [
+        ({"rig": "LAB"}, {"2026/one", "2026/two"}),
+        ({"operator": "ada", "kind": "sweep"}, {"2026/one", "three"}),
+        ({"since": "2026-03-12", "until": "2026-03-21"}, {"2026/two"}),
+        ({"z_over_r": (0.4, 0.6)}, {"2026/two"}),
+        ({"z_over_r": (0.5, 1.0)}, {"2026/one", "2026/two"}),
+        ({"tag": ("good", "first-day")}, {"three"}),
+        ({"tag": ("good", "bad")}, set()),
+        ({"words": "nick ada"}, {"three"}),
+        ({"state": "converged"}, {"fit"}),
+        ({"kind": "fit"}, {"fit"}),
+    ],
+)
+def test_entries_are_found_by(root: Path, by: dict[str, Any], expected: set[str]) -> None:
+    assert names(root, **by) == expected
+
+
+@pytest.mark.parametrize(
+    ("by", "said"),
+    [
+        ({"since": "March"}, "since is 'March'; give a day"),
+        ({"z_over_r": (2.0, 1.0)}, "z-over-r is 2 to 1; give the smaller one first"),
+        ({"kind": "swep"}, "kind"),
+        ({"folder": (Path("nowhere"),)}, "there is no folder nowhere"),
+    ],
+)
+def test_a_wrong_choice_is_refused(root: Path, by: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        names(root, **by)
+
+
+def test_only_what_changed_is_read_again(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = catalogued(root)
+    read: list[str] = []
+
+    def noted(folder: RunsFolder, name: str) -> Entry:
+        read.append(name)
+        return entry_of(folder, name)
+
+    monkeypatch.setattr(run_list, "entry_of", noted)
+    assert catalogued(root) == first
+    assert read == []
+    label(root / "2026" / "one", add=["x"])
+    shutil.rmtree(root / "three")
+    again = {entry.name: entry for entry in catalogued(root)}
+    assert read == ["2026/one"]
+    assert again["2026/one"].tags == ("x",)
+    assert "three" not in again
+    read.clear()
+    assert {entry.name for entry in catalogued(root, rebuild=True)} == again.keys()
+    assert sorted(read) == sorted(again)
+
+
+@pytest.mark.parametrize("damage", ["lost", "garbage", "another version"])
+def test_a_damaged_index_is_made_anew(root: Path, damage: str) -> None:
+    whole = catalogued(root)
+    assert len(bt.runs(root).query("SELECT * FROM settings"))
+    file = index_folder(root) / "index.sqlite"
+    if damage == "lost":
+        shutil.rmtree(file.parent)
+    elif damage == "garbage":
+        file.write_bytes(b"no database at all, " * 500)
+    else:
+        store = sqlite3.connect(file)
+        store.execute("UPDATE version SET text = '0'")
+        store.commit()
+        store.close()
+    assert catalogued(root) == whole
+    assert len(bt.runs(root).query("SELECT * FROM settings")) == 6
+
+
+def test_a_query_says_what_the_files_hold(root: Path) -> None:
+    runs = bt.runs(root, rig="lab")
+    assert {path.name for path in runs} == {"one", "two"}
+    means = runs.query(
+        "SELECT z_over_r, avg(ratio_equal_pwm) AS ratio FROM settings WHERE kind = 'measure' "
+        "GROUP BY ALL ORDER BY 1"
+    )
+    # Thrusts of `small_run`: 11 and 11.424 N over 10 and 10.2 N.
+    assert means["z_over_r"].tolist() == pytest.approx([0.5, 1.0])
+    assert means["ratio"].tolist() == pytest.approx([(1.1 + 1.12) / 2] * 2)
+    counted = runs.query("SELECT run, count(*) AS n, sum(thrust_N) AS s FROM samples GROUP BY run")
+    assert set(counted["run"]) == {str(root / "2026" / "one"), str(root / "2026" / "two")}
+    assert counted["n"].tolist() == [10, 10]
+    assert counted["s"].tolist() == pytest.approx([2 * (1.25 + 0.3 - 3.0)] * 2)
+    joined = runs.query(
+        "SELECT runs.operator FROM points JOIN runs USING (run) WHERE points.kind = 'tare'"
+    )
+    assert sorted(joined["operator"]) == ["Bob", "ada"]
+
+
+def test_a_run_that_changes_has_its_new_rows_only(root: Path) -> None:
+    runs = bt.runs(root, rig="hall")
+    sql = "SELECT count(*) AS n FROM points"
+    assert runs.query(sql)["n"][0] == 5
+    points = root / "three" / "points.csv"
+    lines = points.read_text("utf-8").splitlines(keepends=True)
+    for left in range(len(lines) - 1, 2, -1):  # more changes than files that are left apart
+        points.write_text("".join(lines[:left]), "utf-8")
+        assert bt.runs(root, rig="hall").query(sql)["n"][0] == left - 1
+    with points.open("ab") as growing:
+        for _ in range(MOST_FILES + 2):
+            growing.write(lines[-1].encode())
+            growing.flush()
+            bt.runs(root).query(sql)
+    files = [item for item in index_folder(root).iterdir() if (item / "points.parquet").exists()]
+    for item in files:
+        os.utime(item, (0, 0))
+    label(root / "three", add=["again"])
+    assert bt.runs(root, rig="hall").query(sql)["n"][0] == 3 - 1 + MOST_FILES + 2
+    left_files = [item for item in index_folder(root).iterdir() if item.is_dir()]
+    assert len(left_files) < MOST_FILES + 2
+
+
+@pytest.mark.parametrize(
+    ("sql", "said"),
+    [
+        ("SELECT foo FROM points", "DuckDB refuses the query: .*foo"),
+        ("SELECT * FROM bar", "the tables are runs, settings, points and samples"),
+        ("COPY (SELECT 1) TO 'x.csv'", "a query is one SELECT"),
+        ("SELECT 1; SELECT 2", "a query is one SELECT"),
+        ("", "a query is one SELECT"),
+    ],
+)
+def test_a_query_that_is_none_is_refused(root: Path, sql: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        bt.runs(root).query(sql)
+
+
+def test_a_run_that_is_being_measured_is_listed_and_queried(root: Path) -> None:
+    run = small_run(root / "live")
+    run.update_metadata(state="running", rig=rig_facts("lab", 0.1))
+    with run.locked():
+        with (run.path / "points.csv").open("ab") as growing:
+            growing.write(b"5,measure,1,3,50")  # a row that is not complete yet
+        live = bt.runs(root, words="live")
+        assert [entry.state for _, entry in live.found] == ["running"]
+        assert len(live.query("SELECT * FROM points")) == 5
+        with pytest.raises(InputError, match=r"no samples: none of them is closed"):
+            live.query("SELECT * FROM samples")
+        label(run.path, add=["live"])
+    run.update_metadata(state="ended")
+    assert names(root, tag=("live",)) == {"live"}
+
+
+def test_readers_beside_a_writer_see_whole_entries(root: Path) -> None:
+    """Two readers list and query while runs come, are labelled and go."""
+    stop, done = threading.Event(), list[int]()
+
+    def read() -> None:
+        while not stop.is_set():
+            found = bt.runs(root, rig="lab")
+            assert {path.name for path in found} == {"one", "two"}
+            counts = found.query("SELECT run, count(*) AS n FROM points GROUP BY run")
+            assert set(counts["n"]) == {5}
+            done.append(len(found))
+
+    readers = [threading.Thread(target=read) for _ in range(2)]
+    for reader in readers:
+        reader.start()
+    for number in range(6):
+        Run.create(root / f"new{number}", "", {"state": "running"})
+        label(root / "2026" / "one", add=[f"t{number}"])
+    while len(done) < 4 and all(reader.is_alive() for reader in readers):
+        time.sleep(0.01)
+    stop.set()
+    for reader in readers:
+        reader.join()
+    assert len(done) >= 4
+
+
+def test_labels_of_two_programs_are_both_there(root: Path) -> None:
+    def add(first: int) -> None:
+        for number in range(first, first + 10):
+            label(root / "three", add=[f"t{number}"])
+
+    both = [threading.Thread(target=add, args=(first,)) for first in (0, 10)]
+    for one in both:
+        one.start()
+    for one in both:
+        one.join()
+    entry = next(one for one in catalogued(root) if one.name == "three")
+    assert {f"t{number}" for number in range(20)} <= set(entry.tags)
+
+
+@pytest.mark.parametrize("tag", ["two words", "a,b", "", "x" * 61])
+def test_a_word_that_is_no_tag_is_refused(root: Path, tag: str) -> None:
+    with pytest.raises(InputError, match="is no tag"):
+        label(root / "three", add=[tag])
+    with pytest.raises(InputError, match=r"has no tag 'other' to remove \(it has: good, first-day"):
+        label(root / "three", remove=["other"])
+
+
+def test_a_missing_package_is_one_sentence(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    with pytest.raises(InputError, match=r"not installed; pip install 'benchtool\[catalogue\]'"):
+        bt.runs(root).query("SELECT 1")
