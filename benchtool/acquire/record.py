@@ -15,7 +15,7 @@ from benchtool.bench.standstill import Standstill
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.recording import Recording
-from benchtool.data.run.append import Event
+from benchtool.data.run.append import ANNOTATION, Event
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
@@ -92,6 +92,8 @@ class Recorder:
             self._writer.check()
         for message in readings.messages:
             self.note("device", message, point)
+        for text in self._progress.annotations():
+            self.note(ANNOTATION, text, point)
         return Readings(time_s, readings.device_time_us, readings.values)
 
     def collect(self, phase: str, seconds: float, point: int = 0) -> Recording:
@@ -196,6 +198,10 @@ class RunProgress:
     def happened(self, event: Event) -> None:
         """Receive an event that is on the disk."""
 
+    def annotations(self) -> list[str]:
+        """Return what the operator wrote since the last call, for the events of the run."""
+        return []
+
 
 QUIET = frozenset({"device"})
 """Events that stand in events.jsonl but are not shown."""
@@ -252,3 +258,6 @@ class SafeProgress(RunProgress):
 
     def happened(self, event: Event) -> None:
         self._forward(self._watcher.happened, event)
+
+    def annotations(self) -> list[str]:
+        return self._watcher.annotations()

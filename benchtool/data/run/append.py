@@ -208,6 +208,10 @@ class SampleWriter(AppendTable):
         self.write("".join(lines).replace("nan", "").encode("ascii"))
 
 
+ANNOTATION = "annotation"
+"""Name of the event that holds what the operator wrote."""
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """Say that something happened.

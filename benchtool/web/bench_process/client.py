@@ -9,9 +9,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from benchtool.data.run.append import Event
+from benchtool.data.run.append import ANNOTATION, Event
 from benchtool.web.bench_process import messages
-from benchtool.web.bench_process.publisher import FRAME
+from benchtool.web.bench_process.publisher import FRAME, frame_time_s
 from benchtool.web.bench_process.spawn import ProcessHandle
 
 SHOWN_EVENTS = 200
@@ -24,6 +24,7 @@ PATIENCE_S = 5.0
 class BenchClient:
     """Send commands to the bench process, and hold its latest snapshots for every page.
 
+    `marks` are the annotations of this connection: time of the stream in s, and text.
     Everything here runs in the page's loop; `start` is called there.
     """
 
@@ -32,9 +33,11 @@ class BenchClient:
         self.live = messages.LiveStatus()
         self.sweep = messages.SweepStatus()
         self.events: list[Event] = []
+        self.marks: list[tuple[float, str]] = []
         self.on_notice: Callable[[messages.Notice], None] = lambda notice: None
         self.on_press_ended: Callable[[messages.PressEnded], None] = lambda ended: None
         self.on_frame: Callable[[bytes], None] = lambda frame: None
+        self._frame = b""
         self._process = process or ProcessHandle()
         self._closing = False
 
@@ -94,10 +97,13 @@ class BenchClient:
 
     def _receive(self, message: bytes) -> None:
         if message[:1] == FRAME:
-            self.on_frame(message[1:])
+            self._frame = message[1:]
+            self.on_frame(self._frame)
             return
         event: messages.BenchEvent = pickle.loads(message[1:])
         if isinstance(event, messages.ConnectionStatus):
+            if event.session != self.connection.session:
+                self.marks.clear()
             self.connection = event
             if event.status != "on":
                 self.live = messages.LiveStatus()
@@ -110,6 +116,8 @@ class BenchClient:
         elif isinstance(event, messages.RunEvent):
             self.events.append(event.event)
             del self.events[:-SHOWN_EVENTS]
+            if event.event.event == ANNOTATION:
+                self.marks.append((frame_time_s(self._frame), event.event.text))
         elif isinstance(event, messages.PressEnded):
             self.on_press_ended(event)
         else:

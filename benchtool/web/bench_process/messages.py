@@ -112,6 +112,13 @@ class Calibrate:
 
 
 @dataclass(frozen=True, slots=True)
+class Annotate:
+    """Put what the operator writes among the events of the run that is under way."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class SetClockSpeed:
     """Run a virtual clock at a multiple of real time."""
 
@@ -156,7 +163,7 @@ class AnswerQuestion:
 Command = (
     Connect | Disconnect | StopMotors | Shutdown | ArmMotors | HoldThrottle | ReleaseThrottle
     | TareLoadCell | WeighMass | Calibrate | MovePlateTo | SetClockSpeed | StartSweep
-    | StartRecording | PauseSweep | AnswerQuestion
+    | StartRecording | PauseSweep | AnswerQuestion | Annotate
 )  # fmt: skip
 
 

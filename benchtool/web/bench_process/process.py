@@ -89,6 +89,8 @@ class BenchProcess:
                 self._runs.pause(command.on)
             elif isinstance(command, messages.AnswerQuestion):
                 self._runs.answer(command.text)
+            elif isinstance(command, messages.Annotate):
+                self._annotate(command.text)
             elif isinstance(command, messages.SetClockSpeed):
                 if (paced := self._paced) is not None:
                     paced.speed = min(max(command.speed, 0.1), FASTEST)
@@ -103,6 +105,14 @@ class BenchProcess:
 
     def _publish_error(self, text: str) -> None:
         self._publisher.publish(messages.Notice(text=text, is_error=True))
+
+    def _annotate(self, text: str) -> None:
+        if not text:
+            self._publish_error("the annotation is empty; write a text first")
+        elif not self._runs.active:
+            self._publish_error("no run is under way to annotate; start a recording or a sweep")
+        else:
+            self._runs.annotate(text)
 
     def _stop(self, reason: str) -> None:
         self._dead_man.end_press(reason)

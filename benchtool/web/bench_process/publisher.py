@@ -67,6 +67,11 @@ def split(frame: bytes) -> tuple[Array, Array]:
     return numbers[HEAD::2], numbers[HEAD + 1 :: 2]
 
 
+def frame_time_s(frame: bytes) -> float:
+    """Return the time of a frame since its session began; 0 where there is none."""
+    return float(np.frombuffer(frame, "<f4")[1]) if frame else 0.0
+
+
 FRAME, EVENT = b"F", b"E"
 
 

@@ -72,6 +72,7 @@ class RunSupervisor(RunProgress):
         self._radius_m = 1.0
         self._paused = threading.Event()
         self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._written: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._closing: threading.Thread | None = None
 
     @property
@@ -94,6 +95,13 @@ class RunSupervisor(RunProgress):
     def answer(self, text: str) -> None:
         """Answer the sweep's question, from any thread."""
         self._answers.put(text)
+
+    def annotate(self, text: str) -> None:
+        """Put a text among the events of the run, from any thread."""
+        self._written.put(text)
+
+    def annotations(self) -> list[str]:
+        return [self._written.get_nowait() for _ in range(self._written.qsize())]
 
     def sweep(self, bench: GuardedBench, rig: Rig, command: StartSweep) -> None:
         """Sweep; motors are at zero when this returns or raises.
@@ -236,6 +244,7 @@ class RunSupervisor(RunProgress):
         self._closing.start()
 
     def _begin(self, state: SweepStatus) -> None:
+        self.annotations()  # of the run before
         self._state = state
         self._publisher.publish(state)
 

@@ -1,8 +1,11 @@
-// Strip charts on one canvas. A frame holds the least and the greatest value of every channel since
-// the last one; frames wait in a ring buffer here, and are drawn once per screen refresh at most.
-const HEAD = 3, PER_SECOND = 20, TOP = 24, LEFT = 58, RIGHT = 12, GAP_S = 0.1;
+// Live charts over the stream of the connected bench, drawn by ECharts, which NiceGUI serves.
+import { echarts } from "nicegui-echart";
 
-// Tell of each time whether a line leads to it from the one before: not over a gap, which is longer
+const HEAD = 3, PER_SECOND = 20, HISTORY_S = 600, TOP = 26, LEFT = 62, RIGHT = 14, GAP_S = 0.1;
+const WINDOWS = [5, 10, 30, 60, 120, 300, 600].map((value) => ({ value, label: value < 60 ? `${value} s` : `${value / 60} min` }));
+const DRAW_MS = 50, MOST_SHARE = 0.2; // least time between two drawings, and the share of time that they may take
+
+// Return for each time whether a line leads to it from the one before: not over a gap, which is longer
 // than three usual steps of the channel (a median, as slow channels come with every tenth frame).
 export function joins(times) {
   const steps = times.slice(1).map((time, i) => time - times[i]);
@@ -10,158 +13,214 @@ export function joins(times) {
   return times.map((time, i) => i > 0 && steps[i - 1] <= 3 * usual + GAP_S);
 }
 
+// The frames of the present session, shared by every chart of the page. A frame holds the least and the
+// greatest value of every channel since the last one.
+const stream = {
+  session: -1, count: 0, room: HISTORY_S * PER_SECOND, charts: new Set(),
+  connect() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/stream`);
+    socket.binaryType = "arraybuffer";
+    socket.onmessage = (event) => this.take(new Float32Array(event.data));
+    socket.onclose = () => setTimeout(() => this.connect(), 1000);
+  },
+  take(frame) {
+    if (frame[0] !== this.session || frame.length !== this.width) {
+      [this.session, this.width, this.count] = [frame[0], frame.length, 0];
+      this.frames = new Float32Array(this.room * this.width);
+    }
+    this.frames.set(frame, (this.count++ % this.room) * this.width);
+    for (const chart of this.charts) chart.wake();
+  },
+  first() { return Math.max(0, this.count - this.room); },
+  time(i) { return this.frames[(i % this.room) * this.width + 1]; },
+  range(i, column) {
+    const at = (i % this.room) * this.width + HEAD + 2 * column;
+    return [this.frames[at], this.frames[at + 1]];
+  },
+  // Numbers of the frames from one time to another.
+  between(from_s, to_s) {
+    const found = [];
+    for (let i = this.count - 1; i >= this.first() && this.time(i) >= from_s; i--) if (this.time(i) <= to_s) found.push(i);
+    return found.reverse();
+  },
+};
+stream.connect();
+
+const clock = (time_s) => time_s < 0 ? "" : `${Math.floor(time_s / 60)}:${(time_s % 60).toFixed(time_s % 1 ? 1 : 0).padStart(time_s % 1 ? 4 : 2, "0")}`;
+
+function save(name, address) {
+  const link = document.createElement("a");
+  link.href = address;
+  link.download = name;
+  link.click();
+}
+
 export default {
-  template: '<div class="strips"><canvas role="img" aria-label="Live strip charts"></canvas></div>',
-  props: { session: Number, panels: Array, seconds: Number },
+  template: `<div class="w-full">
+    <div v-if="tools" class="strip-tools">
+      <q-btn outline no-caps :icon="paused ? 'play_arrow' : 'pause'" :label="paused ? 'Live' : 'Pause'" @click="pause(!paused)" />
+      <q-select dense options-dense emit-value map-options label="Window" v-model="seconds" :options="windows" />
+      <q-select dense options-dense multiple class="grow" label="Charts" v-model="shown" :options="panels.map((one) => one.title)" />
+      <q-btn outline no-caps icon="image" label="PNG" @click="savePicture" />
+      <q-btn outline no-caps icon="table_view" label="CSV" @click="saveTable" />
+    </div>
+    <small v-if="paused" role="status" class="soft">Paused: the wheel or two fingers zoom, dragging moves. Nothing is lost meanwhile.</small>
+    <div class="strips" role="img" aria-label="Live strip charts"></div>
+  </div>`,
+  props: { session: Number, panels: Array, usual: Array, tools: Boolean, marks: Array },
+  data() {
+    return { paused: false, seconds: 30, shown: this.usual, windows: WINDOWS };
+  },
+  watch: {
+    shown() { this.build(); },
+    seconds() { this.pause(false); },
+    marks() { this.draw(); },
+  },
   mounted() {
-    this.canvas = this.$el.firstChild;
-    this.room = Math.ceil(this.seconds * PER_SECOND * 1.1);
-    this.used = [...new Set(this.panels.flatMap((panel) => panel.lines.map((line) => line.column)))];
-    this.ring = new Map(this.used.map((column) => [column, [new Float32Array(this.room), new Float32Array(this.room)]]));
-    this.times = new Float32Array(this.room);
-    this.count = 0;
-    this.resize = new ResizeObserver(() => this.fit());
-    this.resize.observe(this.$el);
-    this.connect();
+    this.place = this.$el.querySelector(".strips");
+    this.chart = echarts.init(this.place);
+    this.chart.on("legendselectchanged", () => this.draw());
+    this.resize = new ResizeObserver(() => this.place.clientWidth && this.build());
+    this.resize.observe(this.place);
+    this.build();
+    stream.charts.add(this);
   },
   unmounted() {
-    this.closed = true;
-    this.socket?.close();
+    stream.charts.delete(this);
+    clearTimeout(this.waiting);
     this.resize.disconnect();
-    cancelAnimationFrame(this.asked);
+    this.chart.dispose();
   },
   methods: {
-    connect() {
-      if (this.closed) return;
-      const scheme = location.protocol === "https:" ? "wss" : "ws";
-      this.socket = new WebSocket(`${scheme}://${location.host}/stream`);
-      this.socket.binaryType = "arraybuffer";
-      this.socket.onmessage = (event) => this.take(new Float32Array(event.data));
-      this.socket.onclose = () => setTimeout(() => this.connect(), 1000);
+    // Draw soon, but never so often that the page, STOP with it, has to wait for drawings.
+    wake() {
+      if (stream.session !== this.session) return;
+      this.place.dataset.frames = stream.count;
+      if (this.waiting || this.paused || !this.place.clientWidth || document.hidden) return;
+      this.waiting = setTimeout(() => {
+        const begun = performance.now();
+        this.draw();
+        this.took_ms = performance.now() - begun;
+        this.waiting = 0;
+      }, Math.max(DRAW_MS, (this.took_ms ?? 0) / MOST_SHARE) - (this.took_ms ?? 0));
     },
-    take(frame) {
-      if (frame[0] !== this.session) return;
-      const slot = this.count++ % this.room;
-      this.times[slot] = frame[1];
-      for (const [column, [low, high]] of this.ring) {
-        low[slot] = frame[HEAD + 2 * column];
-        high[slot] = frame[HEAD + 2 * column + 1];
-      }
-      this.$el.dataset.frames = this.count;
-      if (!this.asked) this.asked = requestAnimationFrame(() => this.draw());
-    },
-    fit() {
-      const width = this.$el.clientWidth;
-      this.columns = width > 1000 ? 2 : 1;
-      this.height = this.columns === 2 ? 150 : 108;
-      const height = this.height * Math.ceil(this.panels.length / this.columns) + 18;
-      const scale = window.devicePixelRatio || 1;
-      this.canvas.width = width * scale;
-      this.canvas.height = height * scale;
-      this.canvas.style.width = `${width}px`;
-      this.canvas.style.height = `${height}px`;
-      this.pen = this.canvas.getContext("2d");
-      this.pen.setTransform(scale, 0, 0, scale, 0, 0);
+    lines() { return this.chosen.flatMap((panel, at) => panel.lines.map((line) => ({ ...line, panel, at }))); },
+    // Set everything but the numbers: one grid for each chosen panel, in two columns where there is room.
+    build() {
+      this.chosen = this.panels.filter((panel) => this.shown.includes(panel.title));
+      const width = this.place.clientWidth, columns = width > 1000 ? 2 : 1, height = columns === 2 ? 158 : 128;
+      const rows = Math.ceil(this.chosen.length / columns), wide = width / columns;
+      this.place.style.height = `${rows * height + 20}px`;
+      this.chart.resize();
+      const style = getComputedStyle(document.body), [ink, soft, line, paper] = ["--ink", "--soft", "--line", "--paper"].map((name) => style.getPropertyValue(name).trim());
+      this.dark = document.body.classList.contains("body--dark");
+      const places = this.chosen.map((panel, at) => ({ left: (at % columns) * wide + LEFT, top: Math.floor(at / columns) * height + TOP, bottom: at >= this.chosen.length - columns }));
+      const text = { color: ink, fontSize: 12 };
+      const all = this.chosen.map((panel, at) => at);
+      this.chart.setOption({
+        animation: false, textStyle: { fontFamily: "system-ui, sans-serif" },
+        grid: places.map(({ left, top }) => ({ left, top, width: wide - LEFT - RIGHT, height: height - TOP - 26 })),
+        title: this.chosen.map((panel, at) => ({ text: `${panel.title}, ${panel.unit}`, left: places[at].left - 5, top: places[at].top - TOP + 2, textStyle: { color: ink, fontSize: 13 } })),
+        legend: this.chosen.map((panel, at) => ({
+          data: panel.lines.map((one) => one.name), right: width - places[at].left - wide + LEFT + RIGHT, top: places[at].top - TOP,
+          itemWidth: 10, itemHeight: 8, itemGap: 8, icon: "rect", textStyle: { ...text, fontFamily: "ui-monospace, monospace" },
+          formatter: (name) => this.newest(panel, panel.lines.find((one) => one.name === name)),
+        })),
+        xAxis: this.chosen.map((panel, at) => ({
+          gridIndex: at, type: "value", axisLine: { onZero: false, lineStyle: { color: soft } }, splitLine: { lineStyle: { color: line } }, splitNumber: wide > 500 ? 6 : 3,
+          axisLabel: { color: soft, showMinLabel: false, showMaxLabel: false, formatter: clock }, axisPointer: { label: { formatter: ({ value }) => clock(Math.round(value * 100) / 100) } },
+        })),
+        yAxis: this.chosen.map((panel, at) => ({
+          gridIndex: at, type: "value", scale: true, splitNumber: 2, axisLine: { show: true, onZero: false, lineStyle: { color: line } }, splitLine: { lineStyle: { color: line } },
+          axisLabel: { color: soft, showMinLabel: false, showMaxLabel: false, formatter: (value) => value.toFixed(panel.decimals) }, axisPointer: { show: false },
+          min: ({ min, max }) => this.edge(panel, min, max, -1), max: ({ min, max }) => this.edge(panel, min, max, 1),
+        })),
+        axisPointer: { link: [{ xAxisIndex: "all" }], lineStyle: { color: soft } },
+        tooltip: { trigger: "axis", confine: true, backgroundColor: paper, borderColor: line, textStyle: text, formatter: (found) => this.values(found) },
+        dataZoom: [{ type: "inside", xAxisIndex: all, filterMode: "filter", disabled: !this.paused }],
+        series: this.lines().map((one) => ({
+          type: "line", name: one.name, xAxisIndex: one.at, yAxisIndex: one.at, showSymbol: false, symbol: "none", silent: true,
+          lineStyle: { width: 1.4 }, color: this.dark ? one.dark : one.light, data: [],
+        })),
+      }, { notMerge: true });
       this.draw();
     },
+    edge({ decimals }, min, max, side) {
+      if (!Number.isFinite(min)) return side;
+      const spare = Math.max(0.08 * (max - min), 2 * Math.pow(10, -decimals) - (max - min) / 2);
+      return side > 0 ? max + spare : min - spare;
+    },
     draw() {
-      this.asked = 0;
-      if (!this.pen) return;
-      const style = getComputedStyle(document.body);
-      const look = { ink: style.getPropertyValue("--ink"), soft: style.getPropertyValue("--soft"), line: style.getPropertyValue("--line") };
-      const dark = document.body.classList.contains("body--dark");
-      const width = this.$el.clientWidth / this.columns;
-      this.pen.clearRect(0, 0, this.$el.clientWidth, this.canvas.height);
-      this.panels.forEach((panel, place) => {
-        const x = (place % this.columns) * width, y = Math.floor(place / this.columns) * this.height;
-        this.strip(panel, x, y, width, look, dark);
+      if (stream.session !== this.session || !stream.count || !this.chart) return;
+      if (this.dark !== document.body.classList.contains("body--dark")) return void this.build();
+      const now = stream.time(stream.count - 1), from = this.paused ? stream.time(stream.first()) : now - this.seconds;
+      const frames = stream.between(from, now), lines = this.lines(), color = this.dark ? "#e8eaed" : "#1b1b1b";
+      this.place.dataset.marks = (this.marks ?? []).length;
+      const marks = (this.marks ?? []).filter((mark) => mark.time_s >= from);
+      this.chart.setOption({
+        xAxis: this.chosen.map(() => ({ min: from, max: now })),
+        series: lines.map((line, i) => ({
+          data: this.points(line, frames),
+          markLine: {
+            symbol: "none", lineStyle: { color, type: "dashed" }, data: marks.map((mark) => ({ xAxis: mark.time_s, name: mark.text })),
+            label: { show: i === 0, color, position: "insideEndTop", rotate: 0, formatter: "{b}" },
+          },
+        })),
+      }, { lazyUpdate: false });
+    },
+    // Up to the greatest and down to the least value of each frame; nothing where a gap is.
+    points(line, frames) {
+      const { factor } = line.panel, found = [];
+      const present = frames.filter((i) => !Number.isNaN(stream.range(i, line.column)[0])), times = present.map((i) => stream.time(i));
+      joins(times).forEach((joined, k) => {
+        const [low, high] = stream.range(present[k], line.column);
+        if (!joined && k) found.push([times[k], "-"]);
+        found.push([times[k], high * factor]);
+        // A place of its own, so that a single value shows.
+        if (!joined || low !== high) found.push([times[k] + (joined ? 0 : 0.02), low * factor]);
       });
-      for (let column = 0; column < this.columns; column++) this.timeAxis(column * width, width, look);
+      return found;
     },
-    timeAxis(x0, width, look) {
-      const pen = this.pen, y = this.height * Math.ceil(this.panels.length / this.columns) + 12;
-      pen.font = "12px system-ui, sans-serif";
-      pen.fillStyle = look.soft;
-      pen.textAlign = "left";
-      pen.fillText(`${this.seconds} s ago`, x0 + LEFT, y);
-      pen.textAlign = "right";
-      pen.fillText("now", x0 + width - RIGHT, y);
+    newest({ factor, decimals, lines }, line) {
+      if (lines.length > 1 && this.place.clientWidth < 520) return line.label;
+      const label = lines.length > 1 ? `${line.label}: ` : "";
+      for (let i = stream.count - 1; stream.session === this.session && i >= Math.max(stream.first(), stream.count - 60); i--) {
+        const [low, high] = stream.range(i, line.column);
+        if (!Number.isNaN(low)) return label + (((low + high) / 2) * factor).toFixed(decimals);
+      }
+      return `${label}-`;
     },
-    strip(panel, x0, y0, width, look, dark) {
-      const pen = this.pen, first = Math.max(0, this.count - this.room);
-      const last = (this.count - 1 + this.room) % this.room, now = this.count ? this.times[last] : 0;
-      const left = x0 + LEFT, right = x0 + width - RIGHT, top = y0 + TOP, bottom = y0 + this.height - 8;
-      let low = Infinity, high = -Infinity;
-      for (const line of panel.lines) {
-        const [lows, highs] = this.ring.get(line.column);
-        for (let i = first; i < this.count; i++) {
-          const slot = i % this.room;
-          if (now - this.times[slot] > this.seconds) continue;
-          if (lows[slot] < low) low = lows[slot];
-          if (highs[slot] > high) high = highs[slot];
-        }
+    values(found) {
+      const lines = this.lines(), rows = new Map();
+      for (const { seriesIndex, value, marker } of found) {
+        const { panel, label } = lines[seriesIndex];
+        if (value[1] !== "-") rows.set(seriesIndex, `${marker}${panel.title}${panel.lines.length > 1 ? ` ${label}` : ""}: <b>${value[1].toFixed(panel.decimals)}</b> ${panel.unit}`);
       }
-      const known = low <= high;
-      const least = Math.pow(10, -panel.decimals) * 4 / panel.factor;
-      if (!known) [low, high] = [0, least];
-      const spare = Math.max(0.08 * (high - low), 0.5 * (least - (high - low)));
-      low -= spare; high += spare;
-      const toX = (time) => right - ((now - time) / this.seconds) * (right - left);
-      const toY = (value) => bottom - ((value - low) / (high - low)) * (bottom - top);
-      pen.font = "12px system-ui, sans-serif";
-      pen.lineWidth = 1;
-      pen.textAlign = "right";
-      pen.textBaseline = "middle";
-      for (const value of known ? [low + spare, high - spare] : []) {
-        pen.strokeStyle = look.line;
-        pen.beginPath(); pen.moveTo(left, toY(value)); pen.lineTo(right, toY(value)); pen.stroke();
-        pen.fillStyle = look.soft;
-        pen.fillText((value * panel.factor).toFixed(panel.decimals), left - 6, toY(value));
-      }
-      pen.strokeStyle = look.line;
-      pen.beginPath(); pen.moveTo(left, bottom + 4); pen.lineTo(right, bottom + 4); pen.stroke();
-      pen.textBaseline = "alphabetic";
-      pen.textAlign = "left";
-      pen.fillStyle = look.ink;
-      pen.font = "600 13px system-ui, sans-serif";
-      pen.fillText(`${panel.title}, ${panel.unit}`, left, y0 + 16);
-      let at = right;
-      pen.textAlign = "right";
-      pen.font = "600 13px ui-monospace, monospace";
-      for (const line of [...panel.lines].reverse()) {
-        const [lows, highs] = this.ring.get(line.column), color = dark ? line.dark : line.light;
-        const value = this.newest(lows, highs);
-        const text = (line.label ? `${line.label}: ` : "") + (value === null ? "-" : (value * panel.factor).toFixed(panel.decimals));
-        pen.fillStyle = look.ink;
-        pen.fillText(text, at, y0 + 16);
-        at -= pen.measureText(text).width + 4;
-        pen.fillStyle = color;
-        pen.fillRect(at - 10, y0 + 7, 10, 8);
-        at -= 24;
-        pen.strokeStyle = color;
-        pen.lineWidth = 1.4;
-        pen.beginPath();
-        const slots = [];
-        for (let i = first; i < this.count; i++) {
-          const slot = i % this.room;
-          if (now - this.times[slot] <= this.seconds && !Number.isNaN(lows[slot])) slots.push(slot);
-        }
-        const joined = joins(slots.map((slot) => this.times[slot]));
-        slots.forEach((slot, i) => {
-          const x = toX(this.times[slot]);
-          if (joined[i]) pen.lineTo(x, toY(highs[slot])); else pen.moveTo(x, toY(highs[slot]));
-          // A place of its own, so that a single value shows.
-          pen.lineTo(joined[i] ? x : x + 1, toY(lows[slot]));
-        });
-        pen.stroke();
-      }
+      return [clock(Math.round(found[0].axisValue * 100) / 100), ...rows.values()].join("<br>");
     },
-    newest(lows, highs) {
-      for (let i = this.count - 1; i >= Math.max(0, this.count - this.room); i--) {
-        const slot = i % this.room;
-        if (!Number.isNaN(lows[slot])) return (lows[slot] + highs[slot]) / 2;
-      }
-      return null;
+    // Live, the window moves along; paused, all that is remembered can be seen, the window of just now first.
+    pause(on) {
+      this.paused = on;
+      if (!stream.count) return;
+      this.draw();
+      const now = stream.time(stream.count - 1);
+      this.chart.setOption({ dataZoom: [on ? { disabled: false, startValue: now - this.seconds, endValue: now } : { disabled: true, start: 0, end: 100 }] });
+    },
+    seen() {
+      const [{ startValue, endValue }] = this.chart.getOption().dataZoom;
+      return stream.between(startValue, endValue);
+    },
+    savePicture() {
+      const backgroundColor = getComputedStyle(document.body).getPropertyValue("--paper").trim();
+      save("live.png", this.chart.getDataURL({ pixelRatio: 2, backgroundColor }));
+    },
+    // The least and the greatest value of each frame, in the stream's own units.
+    saveTable() {
+      const lines = this.lines(), row = (i, column) => stream.range(i, column).map((value) => (Number.isNaN(value) ? "" : value.toPrecision(7)));
+      const head = ["time_s", ...lines.flatMap(({ name }) => [`${name}_least`, `${name}_greatest`])];
+      const rows = this.seen().map((i) => [stream.time(i).toFixed(3), ...lines.flatMap(({ column }) => row(i, column))]);
+      save("live.csv", URL.createObjectURL(new Blob([[head, ...rows].map((cells) => cells.join(",")).join("\n") + "\n"], { type: "text/csv" })));
     },
   },
 };

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
-import re
-from collections.abc import Sequence
-
 from nicegui import ui
-from nicegui.element import Element
 
-from benchtool.core.channel import Channel
 from benchtool.web.context import PageContext
+from benchtool.web.tabs.bench.charts import ChartCard
 from benchtool.web.tabs.bench.connect_card import ConnectCard
 from benchtool.web.tabs.bench.manual_cards import LoadCellCard, ThrottleCard
 from benchtool.web.tabs.bench.record_card import RecordCard
-from benchtool.web.theme import STATIC, cycle
 from benchtool.web.widgets import show_facts, titled_card
 
 LOOK_S = 0.25
@@ -22,56 +16,6 @@ LOOK_S = 0.25
 
 CLOSE = 0.9
 """Share of a limit from which on its bar warns; a choice."""
-
-
-SECONDS = 30.0
-"""What the charts look back; a choice."""
-
-STRIPS = (
-    ("Thrust", "thrust_N", "N", 1.0, 3),
-    ("Speed", "rpm", "rpm", 1.0, 0),
-    ("Pulse", "pwm_us", "us", 1.0, 0),
-    ("Plate distance", "plate_z_m", "mm", 1e3, 1),
-    ("Pitch", "theta_rad", "deg", 57.29577951308232, 2),
-    ("Voltage", "voltage_V", "V", 1.0, 2),
-    ("Current", "current_A", "A", 1.0, 2),
-)
-"""Title, family of channels, unit shown, factor to it, decimals."""
-
-
-class StripChart(Element, component=STATIC / "strip_chart.js"):
-    """Show the live stream of one connection: one canvas, its ring buffer in the browser.
-
-    Frames of another session are not shown.
-    """
-
-    def __init__(self, session: int, channels: Sequence[Channel]) -> None:
-        super().__init__()
-        names = [channel.name for channel in channels]
-        panels = []
-        for title, family, unit, factor, decimals in STRIPS:
-            columns = [at for at, name in enumerate(names) if re.sub(r"\d", "", name) == family]
-            lines = [
-                {
-                    "column": column,
-                    "label": re.sub(r"\D", "", names[column]) if len(columns) > 1 else "",
-                    "light": light,
-                    "dark": dark,
-                }
-                for column, light, dark in zip(
-                    columns,
-                    itertools.cycle(cycle(dark=False)),
-                    itertools.cycle(cycle(dark=True)),
-                    strict=False,
-                )
-            ]
-            if lines:
-                panel = {"title": title, "unit": unit, "factor": factor, "decimals": decimals}
-                panels.append({**panel, "lines": lines})
-        self._props["session"] = session
-        self._props["panels"] = panels
-        self._props["seconds"] = SECONDS
-        self.classes("w-full")
 
 
 class LimitsCard:
@@ -142,12 +86,11 @@ class DeviceCard:
 
 def build(context: PageContext) -> None:
     """Make the tab."""
-    shown = -1
     with ui.element("div").classes("grid-main"):
         with ui.element("div"):
             connect = ConnectCard(context)
             record = RecordCard(context)
-            charts = ui.card().classes("w-full")
+            charts = ChartCard(context)
         with ui.element("div"):
             throttle = ThrottleCard(context)
             limits = LimitsCard(context)
@@ -155,18 +98,8 @@ def build(context: PageContext) -> None:
             device = DeviceCard(context)
 
     def refresh() -> None:
-        nonlocal shown
-        connection = context.bench.connection
-        for card in (connect, record, throttle, limits, cell, device):
+        for card in (connect, record, charts, throttle, limits, cell, device):
             card.refresh()
-        session = connection.session if connection.identity is not None else 0
-        if session != shown:
-            shown = session
-            charts.clear()
-            charts.set_visibility(connection.identity is not None)
-            if connection.identity is not None:
-                with charts:
-                    StripChart(session, connection.identity.channels)
 
     refresh()
     ui.timer(LOOK_S, refresh)
