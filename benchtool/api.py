@@ -6,7 +6,7 @@ wrong one is refused with the same sentence.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Operator, Unattended
 from benchtool.acquire.sweep_run import base_inputs, sweep_to_run
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError
 from benchtool.core.inputs import make
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
@@ -26,6 +26,8 @@ from benchtool.data.columns import frame, frame_of_rows, joined_frame
 from benchtool.data.derived import run_circumstances, widened, with_quantities
 from benchtool.data.run.read import is_run
 from benchtool.explain.answer import Answer, answer_request, read_request
+from benchtool.export.targets import write_targets
+from benchtool.export.vehicle import vehicle_of
 from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
@@ -43,16 +45,23 @@ from benchtool.report.replay.recorded import Recorded, read_recorded
 from benchtool.report.replay.stand import STAND
 from benchtool.report.report_file import kind_of
 from benchtool.report.result import (
+    Data,
     Result,
     effects_frame,
     estimate_row,
     estimates_frame,
     gap_frame,
+    paths_of,
     probabilities_frame,
 )
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
-from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
+from benchtool.simulate.controllers.laws import (
+    FLIGHT_CONTROLLERS,
+    PITCH_CONTROLLERS,
+    Controllers,
+    split_controllers,
+)
 from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
 from benchtool.simulate.flight.study import Flown, name_of, recording_of
@@ -63,12 +72,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "Effect", "Model", "Result", "Rig", "compare", "explain", "fit", "load_model", "load_rig",
-    "motor", "read", "runs", "simulate_flight", "simulate_pitch", "sweep",
+    "Effect", "Model", "Result", "Rig", "compare", "explain", "export", "fit", "load_model",
+    "load_rig", "motor", "read", "runs", "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
-
-Controllers = Iterable[str | type[Any]]
-"""Controllers: names of built-in ones, and classes of your own."""
 
 
 def load_rig(rig: str | Path) -> Rig:
@@ -183,29 +189,13 @@ def motor(runs: Data | Sequence[Data], *, mass_kg: float | None = None) -> Resul
         EstimationError: too few throttle levels, and no step of the pulse.
     """
     return Result(
-        found=fit_motor([Path(path) for path in _paths(runs)], mass_kg),
+        found=fit_motor([Path(path) for path in paths_of(runs)], mass_kg),
         _page=MOTOR, _summary=motor_lines,
         _tables={
             "constants": lambda one: frame_of_rows([estimate_row(e) for e in one.estimates]),
             "points": lambda one: frame(one.points.recording),
         },
     )  # fmt: skip
-
-
-Data = str | Path | Result[Any]
-"""A run folder or CSV by its path, or what `read` returned of it."""
-
-
-def _paths(data: Data | Sequence[Data]) -> tuple[str, ...]:
-    """Return the paths of one or several data."""
-    many = [data] if isinstance(data, str | Path | Result) else data
-    found = []
-    for one in many:
-        path = one.path if isinstance(one, Result) else one
-        if path is None:
-            raise InputError("this result was not read from a file; give the path of its data")
-        found.append(str(path))
-    return tuple(found)
 
 
 def fit(
@@ -230,7 +220,7 @@ def fit(
         InputError: the data or the model do not allow the fit.
         EstimationError: no estimate can be given.
     """
-    paths = _paths(data)
+    paths = paths_of(data)
     base = Recipe(name=Path(paths[0]).stem, data=paths, model=str(model))
     inputs = make(FitInputs, options, base=FitInputs(recipe=base))
     output = run_recipe(
@@ -257,7 +247,7 @@ def compare(
     Raises:
         InputError: no run holds what they are to be drawn over.
     """
-    one = comparing.compared([Path(path) for path in _paths(data)], over, at_thrust_N)
+    one = comparing.compared([Path(path) for path in paths_of(data)], over, at_thrust_N)
     tables: dict[str, Callable[[comparing.RunComparison], pd.DataFrame]] = {
         "best": lambda one: frame_of_rows(comparing.best_rows(one)),
         "curves": lambda one: joined_frame(one.tables()),
@@ -270,6 +260,35 @@ def compare(
         _summary=comparing.comparison_sentence,
         _tables=tables,
     )
+
+
+def export(
+    model: str | Path,
+    to: str,
+    out: str | Path | None = None,
+    *,
+    motor: Data | Sequence[Data] = (),
+    permit: CodePermit = refuse_code,
+) -> tuple[Path, ...]:
+    """Write a fitted model for a simulator, autopilot or firmware, as `benchtool export` does.
+
+    Args:
+        model: folder of a fit, model file, or shipped model.
+        to: "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c", or "all".
+        out: new file, or for "all" new folder; named after the rig when left out.
+        motor: runs without a plate, whose motor constants go before the rig's.
+        permit: called with a model's own Python before it is run; refused when left out.
+
+    Returns:
+        The files written.
+
+    Raises:
+        UnknownChoice: there is no such target or model.
+        InputError: its data rejected the model.
+        WouldOverwrite: a file is there already; nothing was written.
+    """
+    runs = tuple(Path(path) for path in paths_of(motor))
+    return write_targets(vehicle_of(model, runs, permit), to, None if out is None else Path(out))
 
 
 def explain(
@@ -304,7 +323,7 @@ def explain(
     """
     began = monotonic()
     request = read_request(
-        _paths(learn), _paths(check), str(model), str(effects) if effects else None, permit,
+        paths_of(learn), paths_of(check), str(model), str(effects) if effects else None, permit,
         str(rig) if rig else None,
     )  # fmt: skip
     answer = answer_request(request, seed=seed, draws=draws, bootstrap=bootstrap)
@@ -332,7 +351,7 @@ def simulate_pitch(
         options: of the command by name: ``rig="pquad"``, ``schedule="plate"``,
             ``gains="s3"``, ``seed=3``, ``set={"body_lift.K_b": 2}``.
     """
-    names, own = _split(controllers, PITCH_CONTROLLERS)
+    names, own = split_controllers(controllers, PITCH_CONTROLLERS)
     inputs = make(PitchInputs, options | {"controllers": names or ("pid",)})
     inputs.study.refuse_campaign()
     setup = pitch_setup_of(inputs, inputs.study.gain_set(), permit)
@@ -364,7 +383,7 @@ def simulate_flight(
         permit: called with a model's own Python before it is run; refused when left out.
         options: of the command by name: ``case="edge"``, ``z_over_r=1.5``, ``seed=3``.
     """
-    names, own = _split(controllers, FLIGHT_CONTROLLERS)
+    names, own = split_controllers(controllers, FLIGHT_CONTROLLERS)
     inputs = make(FlightInputs, options)
     inputs.study.refuse_campaign()
     flown = flight_setup_of(inputs, inputs.study.gain_set(), permit).flown("pid", inputs.study.seed)
@@ -379,18 +398,3 @@ def simulate_flight(
             for title, one in zip(titles, flights, strict=True)
         },
     )
-
-
-def _split(
-    controllers: Controllers, known: Iterable[str]
-) -> tuple[tuple[str, ...], list[tuple[str, type[Any]]]]:
-    """Return the names of built-in controllers, and classes of the user's own with theirs."""
-    given = (controllers,) if isinstance(controllers, str | type) else tuple(controllers)
-    names = tuple(one for one in given if isinstance(one, str))
-    for name in names:
-        if name not in known:
-            raise UnknownChoice("controller", name, known)
-    called = [name if isinstance(name, str) else name.__name__ for name in given]
-    if len(set(called)) < len(called) or not called:
-        raise InputError(f"controllers are {', '.join(called) or 'none'}; name each once")
-    return names, [(one.__name__, one) for one in given if isinstance(one, type)]

@@ -44,6 +44,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "import": ("import_file:import_", "Import flight logs and other makers' files, repairs listed"),
     "fit": ("fit:fit", "Fit a ground-effect model to run folders or any CSV"),
     "motor": ("motor:motor", "Fit thrust curve and motor constants to tests without a plate"),
+    "export": ("export:export", "Write a fitted model for simulators, autopilots and firmware"),
     "plan": ("plan:plan", "Find visits and better inputs for a target uncertainty"),
     "explain": ("explain:explain", "Name the effect that a model lacks, and show the gap shrink"),
     "report": ("report:report", "Write a report page of a run, fit or recording"),

@@ -96,6 +96,22 @@ class Result(Generic[Found]):
         return "<div>" + "\n".join(parts) + "</div>"
 
 
+Data = str | Path | Result[Any]
+"""A run folder or CSV by its path, or what `read` returned of it."""
+
+
+def paths_of(data: Data | Sequence[Data]) -> tuple[str, ...]:
+    """Return the paths of one or several data."""
+    many = [data] if isinstance(data, str | Path | Result) else data
+    found = []
+    for one in many:
+        path = one.path if isinstance(one, Result) else one
+        if path is None:
+            raise InputError("this result was not read from a file; give the path of its data")
+        found.append(str(path))
+    return tuple(found)
+
+
 def estimates_frame(output: FitOutput) -> pd.DataFrame:
     """Return estimates and what follows from them, method by method."""
     return frame_of_rows(

@@ -1,0 +1,40 @@
+"""`benchtool export`: a fitted model as autopilots, simulators and firmware take it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from benchtool.commands.declared import declared
+from benchtool.commands.terminal.messages import announce_code
+from benchtool.core.inputs import Input, Inputs
+
+To = Literal["all", "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportInputs(Inputs):
+    """What `benchtool export` takes."""
+
+    model: Annotated[str, Input("Folder of a fit, model file, or shipped model.", argument="MODEL")]
+    to: Annotated[To, Input("What it is written for; all: a folder with a file of each.")]
+    motor: Annotated[
+        tuple[Path, ...],
+        Input("Run without a plate, whose motor constants go before the rig's; repeat for more."),
+    ] = ()
+    out: Annotated[
+        Path | None,
+        Input("New file, or new folder for all.", empty="named after the rig, in this folder"),
+    ] = None
+
+
+@declared(ExportInputs)
+def export(inputs: ExportInputs) -> None:
+    """Write a fitted model for simulators, autopilots and firmware."""
+    from benchtool.api import export as export_model
+
+    for path in export_model(
+        inputs.model, inputs.to, inputs.out, motor=inputs.motor, permit=announce_code
+    ):
+        print(f"wrote {path}")

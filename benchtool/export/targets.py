@@ -1,0 +1,103 @@
+"""The targets of `benchtool export`, by name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchtool import __version__
+from benchtool.core.errors import UnknownChoice, WouldOverwrite
+from benchtool.data.atomic import make_folder, replace_text
+from benchtool.export.autopilots import ardupilot, betaflight, px4
+from benchtool.export.c_header import c_header
+from benchtool.export.simulators import mujoco, rotorpy, sdf
+from benchtool.export.vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Describe what a model can be written for.
+
+    Attributes:
+        file: name of the file, "{name}" for the rig's.
+        comment: how a line of comment is written, "{}" for its text.
+    """
+
+    title: str
+    file: str
+    write: Callable[[Vehicle], str]
+    comment: str = "# {}"
+
+    def text(self, vehicle: Vehicle) -> str:
+        """Return the whole file, where it came from in its first lines of comment."""
+        lines = [f"rig {vehicle.rig.name}, model {vehicle.model.name}; benchtool {__version__}"]
+        if vehicle.simulated:
+            lines.append("SIMULATED: a virtual bench made the data of the fit or motor test")
+        about = "\n".join(self.comment.format(line) for line in lines)
+        body = self.write(vehicle)
+        if body.startswith("<?xml"):
+            # Nothing stands before the declaration.
+            head, _, rest = body.partition("\n")
+            return f"{head}\n{about}\n{rest}\n"
+        return f"{about}\n{body}\n"
+
+
+XML = "<!-- {} -->"
+
+TARGETS: Mapping[str, Target] = {
+    "sdf": Target("Gazebo: SDF with MulticopterMotorModel", "{name}.sdf", sdf, XML),
+    "mujoco": Target("MuJoCo: MJCF with thrust actuators", "{name}.xml", mujoco, XML),
+    "rotorpy": Target("rotorpy: a module with quad_params", "{name}_params.py", rotorpy),
+    "ardupilot": Target("ArduPilot: MOT_* parameters", "{name}.param", ardupilot),
+    "px4": Target("PX4: CA_ROTOR*, THR_MDL_FAC", "{name}.params", px4),
+    "betaflight": Target("Betaflight: thrust_linear", "{name}.cli.txt", betaflight),
+    "c": Target("C header: thrust and throttle near a surface", "{name}.h", c_header, "/* {} */"),
+}
+"""What `benchtool export --to` takes."""
+
+
+def target_named(name: str) -> Target:
+    """Return a target.
+
+    Raises:
+        UnknownChoice: there is none of that name.
+    """
+    if name not in TARGETS:
+        raise UnknownChoice("target", name, (*TARGETS, "all"))
+    return TARGETS[name]
+
+
+def write_targets(vehicle: Vehicle, to: str, out: Path | None = None) -> tuple[Path, ...]:
+    """Write the file of a target, or a folder with those of "all", and return the paths.
+
+    Args:
+        out: new file, or new folder for "all"; named after the rig when None.
+
+    Raises:
+        UnknownChoice: there is no such target.
+        InputError: a target cannot hold the model, or the path's folder is not there.
+        WouldOverwrite: the path exists; nothing was written.
+    """
+    if to == "all":
+        folder = out if out is not None else Path(f"{vehicle.name}-export")
+        texts = {
+            folder / _file(target, vehicle): target.text(vehicle) for target in TARGETS.values()
+        }
+        if os.path.lexists(folder):
+            raise WouldOverwrite(str(folder))
+        make_folder(folder)
+    else:
+        target = target_named(to)
+        path = out if out is not None else Path(_file(target, vehicle))
+        texts = {path: target.text(vehicle)}
+        if os.path.lexists(path):
+            raise WouldOverwrite(str(path))
+    for path, text in texts.items():
+        replace_text(path, text)
+    return tuple(texts)
+
+
+def _file(target: Target, vehicle: Vehicle) -> str:
+    return target.file.format(name=vehicle.name)

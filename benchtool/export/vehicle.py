@@ -1,0 +1,252 @@
+"""What every target is written from: the numbers of a vehicle, each with its interval or source."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from benchtool.core.array import Array
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.fit_result import Estimate
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.rig import Rig
+from benchtool.data.run.entry import FIT_FILE, read_result
+from benchtool.fit.motor.constants import MotorFit, fit_motor
+from benchtool.physics.conditions import Conditions
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
+
+MODEL_FILE = "model.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """Hold one exported number.
+
+    Attributes:
+        why: its 95 % interval and the fit, or where it comes from.
+    """
+
+    value: float
+    unit: str
+    why: str
+
+    @property
+    def note(self) -> str:
+        """Unit and origin, for a comment."""
+        return self.why if self.unit == "1" else f"{self.unit}; {self.why}"
+
+    def within(self, low: float, high: float) -> Number:
+        """Return the number held to what a target takes, which its origin then says."""
+        value = min(max(self.value, low), high)
+        if value == self.value:
+            return self
+        return Number(value, self.unit, f"limit of the target, found {self.value:.4g}; {self.why}")
+
+    def of(self, factor: float, unit: str) -> Number:
+        """Return the number times a factor, in another unit; an interval stays that of its own."""
+        return Number(self.value * factor, unit, f"of {self.value:.6g} {self.unit}, {self.why}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """Describe a vehicle as flight software and simulators do.
+
+    Attributes:
+        model: physics of the thrust near a surface.
+        motor: constants of a test without a plate; None where only the rig's are known.
+        intervals: 95 % intervals of the model's fitted parameters, by full name.
+        fitted: what the intervals are of, as in "fit bench-1".
+        simulated: whether no physical bench made the data of the fit or of the motor test.
+    """
+
+    model: Model
+    motor: MotorFit | None = None
+    intervals: Mapping[str, tuple[float, float]]
+    fitted: str = ""
+    simulated: bool = False
+
+    @property
+    def rig(self) -> Rig:
+        """The rig of the model."""
+        return self.model.rig
+
+    @property
+    def name(self) -> str:
+        """Name of the rig as an identifier."""
+        word = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.rig.name)
+        return word if word[:1].isalpha() else f"rig_{word}"
+
+    def of_rig(self, key: str, unit: str) -> Number:
+        """Return a number of the rig by its dotted key, such as "body.mass_kg"."""
+        value: object = self.rig
+        for part in key.split("."):
+            value = getattr(value, part)
+        assert isinstance(value, float | int)
+        source = self.rig.sources.get(key) or "no source is stated"
+        assumed = "assumed: " if key in self.rig.assumed and "assumed" not in source else ""
+        return Number(float(value), unit, f"no interval; {assumed}{source}")
+
+    def _of_motor(self, name: str) -> Number | None:
+        """Return a constant of the motor test; None where it is not determined."""
+        if self.motor is None or not isfinite(self.motor.value(name)):
+            return None
+        found: Estimate = self.motor[name]
+        low, high = found.interval_95
+        runs = ", ".join(self.motor.names)
+        return Number(found.value, found.unit, f"95 %: {low:.5g} to {high:.5g}, motor test {runs}")
+
+    def parameter(self, name: str) -> Number:
+        """Return a parameter of the model by its full name."""
+        item = self.model.parameters[name]
+        if name in self.intervals:
+            low, high = self.intervals[name]
+            return Number(item.value, item.unit, f"95 %: {low:.5g} to {high:.5g}, {self.fitted}")
+        return Number(item.value, item.unit, f"no interval; {item.source or 'the rig'}")
+
+    @cached_property
+    def k(self) -> Number:
+        """Thrust over squared speed of one rotor: N/(rad/s)^2; the motor test's where there is one.
+
+        The rig's own stands in for a model that was never fitted.
+        """
+        if (found := self._of_motor("k")) is not None:
+            return found
+        if "k" in self.intervals:
+            return self.parameter("k")
+        return self.of_rig("propulsion.thrust_coefficient_N_s2", "N/(rad/s)^2")
+
+    @cached_property
+    def torque_per_thrust(self) -> Number:
+        """Shaft torque over thrust: m."""
+        return self.of_rig("propulsion.drag_coefficient_Nm_s2", "N m/(rad/s)^2").of(
+            1.0 / self.k.value, "m"
+        )
+
+    @cached_property
+    def speed_max(self) -> Number:
+        """Speed at the longest pulse and nominal voltage: rad/s."""
+        p = self.rig.propulsion
+        per_us = self._of_motor("speed_per_us")
+        zero = self._of_motor("pulse_zero")
+        if per_us is not None and zero is not None:
+            return per_us.of(p.pwm_max_us - zero.value, "rad/s")
+        slope = self.of_rig("propulsion.speed_per_us_rad_s", "rad/s/us")
+        return slope.of(p.pwm_max_us - p.pwm_start_us, "rad/s")
+
+    @cached_property
+    def thrust_max(self) -> Number:
+        """Thrust of one rotor at full throttle and nominal voltage: N."""
+        found = self._of_motor("T_max")
+        return found if found is not None else self.k.of(self.speed_max.value**2, "N")
+
+    @cached_property
+    def expo(self) -> Number:
+        """The e of thrust over throttle u: T = T_max ((1 - e) u + e u^2).
+
+        1 for a speed that is linear in the pulse from `pwm_start_us` on, as rigs state it.
+        """
+        found = self._of_motor("expo")
+        why = "no interval; the rig's speed is linear in the pulse, thrust in its square"
+        return found if found is not None else Number(1.0, "1", why)
+
+    def lag(self, way: str) -> Number:
+        """Return the time constant of speed, throttle rising ("up") or falling ("down"): s."""
+        if (found := self._of_motor(f"lag_{way}")) is not None:
+            return found
+        return self.of_rig("propulsion.lag_s", "s")
+
+    @property
+    def hover_share(self) -> Number:
+        """Thrust that carries the vehicle over full thrust."""
+        mass = self.of_rig("body.mass_kg", "kg")
+        return mass.of(9.80665 / (self.rig.n_rotors * self.thrust_max.value), "1")
+
+    def thrust_N(self, throttle: Array) -> Array:
+        """Return the thrust of one rotor far from any surface, nominal voltage (n,): N."""
+        e = self.expo.value
+        u = np.asarray(throttle, float)
+        return np.asarray(self.thrust_max.value * ((1.0 - e) * u + e * u * u), float)
+
+    @cached_property
+    def _flying(self) -> Model:
+        """The model without what the bench alone has: an offset or a tilt of its plate."""
+        model = self.model
+        for effect in self.model.effects:
+            if effect.changes_geometry:
+                model = model.without(effect.name)
+        return model
+
+    @property
+    def nearest_z_m(self) -> float:
+        """Distance from the surface below which the model is not trusted: m."""
+        return self.model.nearest_z_over_R * self.rig.propulsion.radius_m
+
+    def factor(self, z_m: Array) -> Array:
+        """Return thrust over that far away (n,), level, all rotors at one speed, all covered."""
+        conditions = Conditions.of(
+            self.rig,
+            speed_rad_s=np.full((self.rig.n_rotors, len(z_m)), 0.5 * self.speed_max.value),
+            plate_z_m=np.asarray(z_m, float),
+            plate_x_m=np.zeros(len(z_m)),
+            plate_tilt_rad=np.zeros(len(z_m)),
+        )
+        conditions.coverage[:] = 1.0
+        values = self._flying.parameters.values_array()
+        near, far = (
+            self._flying.squared_speed(self._flying.flow(each, values), values)
+            for each in (conditions, conditions.out_of_ground_effect())
+        )
+        return np.asarray(near / far, float)
+
+
+def vehicle_of(
+    model: str | Path, motor: tuple[Path, ...] = (), permit: CodePermit = refuse_code
+) -> Vehicle:
+    """Return the vehicle of a model, a model file, or the folder that `benchtool fit` wrote.
+
+    Args:
+        model: shipped name or path.
+        motor: runs without a plate of the same rotors, whose constants go before the rig's.
+        permit: called with a model's own Python before it is run.
+
+    Raises:
+        FileFormatError, UnknownChoice: there is no such model.
+        InputError: the model was rejected by its data, or the motor test is of another rig.
+    """
+    path = Path(model)
+    if path.is_dir():
+        if not (path / MODEL_FILE).is_file():
+            raise FileFormatError(str(path), f"no {MODEL_FILE} is in it; name the folder of a fit")
+        path = path / MODEL_FILE
+    loaded = load_model(path if path.is_file() else model, permit=permit).model
+    if why := loaded.provenance.get("rejected"):
+        raise InputError(f"model {loaded.name!r} was rejected by its own data, not exported: {why}")
+    intervals: dict[str, tuple[float, float]] = {}
+    beside, simulated = path.with_name(FIT_FILE), False
+    if path.is_file() and beside.is_file():
+        tables = read_result(beside.parent)
+        simulated = bool(tables["simulated"])
+        for result in tables["results"].values():
+            for name, item in result["estimates"].items():
+                low, high = item["interval_95"]
+                intervals[name] = (float(low), float(high))
+    found = fit_motor(motor) if motor else None
+    # One rotor stands for each of a vehicle; another vehicle does not.
+    if found is not None and found.rig.n_rotors not in (1, loaded.rig.n_rotors):
+        raise InputError(
+            f"the motor test has {found.rig.n_rotors} rotors and rig {loaded.rig.name!r} "
+            f"{loaded.rig.n_rotors}; test one rotor, or this vehicle's"
+        )
+    return Vehicle(
+        model=loaded,
+        motor=found,
+        intervals=intervals,
+        fitted=f"fit {beside.parent.resolve().name}",
+        simulated=simulated or (found is not None and found.simulated),
+    )

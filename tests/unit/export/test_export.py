@@ -1,0 +1,285 @@
+"""Exports, each read by the real thing or its parser where one can be had, or worked out again."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import runpy
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+from pymavlink.mavparm import MAVParmDict
+
+import benchtool as bt
+from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
+from benchtool.export.autopilots import IDLE
+from benchtool.export.targets import TARGETS
+from benchtool.export.vehicle import Vehicle, vehicle_of
+from tests.unit.commands.command_line import run
+
+THROTTLES = np.linspace(0.05, 1.0, 20)
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Export a quadrotor fitted to data that come with benchtool, a motor test of one rotor."""
+    folder = tmp_path_factory.mktemp("export")
+    bench = "sim:pquad_single?truth=virtual_pquad_single"
+    runs = [bt.sweep(bench, plan=name, out=folder / name, yes=True) for name in MOTOR_TEST]
+    assert (
+        run("fit", "datasets/quad/run", "--model", "quad_body_lift", "--out", folder / "fit") == 0
+    )
+    bt.export(folder / "fit", "all", folder / "all", motor=runs)
+    return folder
+
+
+MOTOR_TEST = ("steps", "response")
+
+
+@pytest.fixture(scope="module")
+def vehicle(exported: Path) -> Vehicle:
+    return vehicle_of(exported / "fit", tuple(exported / name for name in MOTOR_TEST))
+
+
+def test_mujoco_gives_the_thrust_of_twenty_throttles(exported: Path, vehicle: Vehicle) -> None:
+    model = mujoco.MjModel.from_xml_path(str(exported / "all" / "pquad.xml"))
+    assert model.body_mass.sum() == pytest.approx(vehicle.rig.body.mass_kg)
+    for throttle in THROTTLES:
+        data = mujoco.MjData(model)
+        data.ctrl[:] = vehicle.thrust_N(throttle) / vehicle.thrust_max.value
+        for _ in range(800):  # 16 time constants of the lag
+            mujoco.mj_step(model, data)
+        mujoco.mj_forward(model, data)
+        each = data.qfrc_actuator[2] / 4
+        # The body's own z: it has not turned, for its rotors are alike.
+        assert each == pytest.approx(float(vehicle.thrust_N(throttle)), rel=0.01)
+
+
+def test_mujoco_turns_the_body_against_a_rotor(exported: Path, vehicle: Vehicle) -> None:
+    model = mujoco.MjModel.from_xml_path(str(exported / "all" / "pquad.xml"))
+    for i, rotor in enumerate(vehicle.rig.rotors):
+        data = mujoco.MjData(model)
+        data.act[i] = 1.0
+        mujoco.mj_forward(model, data)
+        thrust = vehicle.thrust_max.value
+        c = vehicle.rig.propulsion.drag_coefficient_Nm_s2
+        torque = (
+            rotor.y_m * thrust,
+            -rotor.x_m * thrust,
+            -rotor.spin * c * thrust / vehicle.k.value,
+        )
+        assert data.qfrc_actuator[3:] == pytest.approx(torque, rel=1e-6)
+
+
+def test_rotorpy_gives_the_thrust_of_twenty_throttles(exported: Path, vehicle: Vehicle) -> None:
+    from rotorpy.vehicles.multirotor import Multirotor
+
+    parameters = runpy.run_path(str(exported / "all" / "pquad_params.py"))["quad_params"]
+    body = Multirotor(parameters, control_abstraction="cmd_motor_speeds")
+    state: dict[str, Any] = {
+        "x": np.zeros(3), "v": np.zeros(3), "q": np.array([0.0, 0.0, 0.0, 1.0]),
+        "w": np.zeros(3), "wind": np.zeros(3),
+    }  # fmt: skip
+    for throttle in THROTTLES:
+        wanted = float(vehicle.thrust_N(throttle))
+        state["rotor_speeds"] = np.full(4, np.sqrt(wanted / vehicle.k.value))
+        rates = body.statedot(state, {"cmd_motor_speeds": state["rotor_speeds"]}, 0.01)
+        each = parameters["mass"] * (rates["vdot"][2] + 9.81) / 4
+        assert each == pytest.approx(wanted, rel=0.01)
+        assert rates["wdot"] == pytest.approx(np.zeros(3), abs=1e-9)
+    faster = state["rotor_speeds"].copy()
+    faster[0] += 10.0
+    rates = body.statedot(state | {"rotor_speeds": faster}, {"cmd_motor_speeds": faster}, 0.01)
+    assert rates["wdot"][2] * vehicle.rig.rotors[0].spin < 0.0  # the body turns the other way
+
+
+def test_the_sdf_has_a_plugin_per_rotor_with_the_fitted_constants(
+    exported: Path, vehicle: Vehicle
+) -> None:
+    root = ET.parse(exported / "all" / "pquad.sdf").getroot()
+    plugins = root.findall("model/plugin")
+    assert [one.findtext("turningDirection") for one in plugins] == [
+        "ccw" if rotor.spin > 0 else "cw" for rotor in vehicle.rig.rotors
+    ]
+    for one in plugins:
+        for throttle in THROTTLES:
+            speed = np.sqrt(vehicle.thrust_N(throttle) / vehicle.k.value)
+            thrust = float(one.findtext("motorConstant", "nan")) * speed**2
+            assert thrust == pytest.approx(float(vehicle.thrust_N(throttle)), rel=1e-6)
+            torque = float(one.findtext("momentConstant", "nan")) * thrust
+            assert torque == pytest.approx(
+                vehicle.rig.propulsion.drag_coefficient_Nm_s2 * speed**2, rel=1e-6
+            )
+        assert float(one.findtext("timeConstantUp", "nan")) == pytest.approx(0.05, rel=0.03)
+        assert float(one.findtext("timeConstantDown", "nan")) == pytest.approx(0.05, rel=0.03)
+    masses = [float(one.text or "nan") for one in root.iter("mass")]
+    assert sum(masses) == pytest.approx(vehicle.rig.body.mass_kg)
+
+
+def test_the_parser_of_sdf_reads_it(exported: Path) -> None:
+    drake = pytest.importorskip("pydrake.all", reason="no parser of SDF: pip install drake")
+    plant = drake.MultibodyPlant(0.001)
+    (model,) = drake.Parser(plant).AddModels(str(exported / "all" / "pquad.sdf"))
+    plant.Finalize()
+    assert len(plant.GetBodyIndices(model)) == 5
+    assert plant.CalcTotalMass(plant.CreateDefaultContext()) == pytest.approx(1.4)
+
+
+def expo_error(expo: float, vehicle: Vehicle) -> float:
+    """Return how far the law of ArduPilot and PX4 is off over the range from idle, of full."""
+    v = THROTTLES
+    truth = vehicle.thrust_N(IDLE + (1.0 - IDLE) * v) / vehicle.thrust_max.value
+    return float(np.abs((1.0 - expo) * v + expo * v * v - truth).max())
+
+
+def test_ardupilot_reads_its_parameters(exported: Path, vehicle: Vehicle) -> None:
+    found = MAVParmDict()
+    assert found.load(str(exported / "all" / "pquad.param"), use_excludes=False)
+    assert found["MOT_PWM_MIN"] == 1000.0
+    assert found["MOT_PWM_MAX"] == 1950.0
+    idle_us = 1050.0 + IDLE * 900.0
+    assert found["MOT_SPIN_MIN"] == pytest.approx((idle_us - 1000.0) / 950.0, rel=1e-4)
+    assert found["MOT_BAT_VOLT_MAX"] == pytest.approx(11.1)
+    hover = 1.4 * 9.80665 / 4 / vehicle.thrust_max.value
+    assert found["MOT_THST_HOVER"] == pytest.approx(hover, rel=1e-4)
+    assert expo_error(found["MOT_THST_EXPO"], vehicle) < 0.012
+
+
+def test_px4_takes_the_file_of_a_ground_station(exported: Path, vehicle: Vehicle) -> None:
+    rows = [
+        line.split("\t")
+        for line in (exported / "all" / "pquad.params").read_text("utf-8").splitlines()
+        if not line.startswith("#")
+    ]
+    assert all(row[:2] == ["1", "1"] and len(row) == 5 for row in rows)
+    assert all(len(row[2]) <= 16 for row in rows)  # PARAM_VALUE.param_id
+    found = {row[2]: float(row[3]) for row in rows}
+    kinds = {row[2]: row[4] for row in rows}
+    assert kinds["CA_ROTOR_COUNT"] == kinds["PWM_MAIN_MIN1"] == "6"
+    assert kinds["THR_MDL_FAC"] == "9"
+    for i, rotor in enumerate(vehicle.rig.rotors):
+        # Forward and right; a positive moment is a rotor that turns counter-clockwise.
+        assert (found[f"CA_ROTOR{i}_PX"], found[f"CA_ROTOR{i}_PY"]) == (rotor.x_m, -rotor.y_m)
+        moment = rotor.spin * 1.6e-7 / vehicle.k.value
+        assert found[f"CA_ROTOR{i}_KM"] == pytest.approx(moment)
+    assert expo_error(found["THR_MDL_FAC"], vehicle) < 0.012
+
+
+def test_betaflight_makes_thrust_linear(exported: Path, vehicle: Vehicle) -> None:
+    text = (exported / "all" / "pquad.cli.txt").read_text("utf-8")
+    (percent,) = re.findall(r"^set thrust_linear = (\d+)$", text, re.MULTILINE)
+    stated = float(re.findall(r"thrust within ([\d.]+) %", text)[0])
+
+    def off(percent: float) -> float:
+        x = np.linspace(0.0, 1.0, 101)
+        output = x * (1.0 + 0.01 * percent * (1.0 - x) ** 2)
+        share = vehicle.thrust_N(IDLE + (1.0 - IDLE) * output) / vehicle.thrust_max.value
+        return float(100.0 * np.abs(share - x).max())
+
+    assert off(float(percent)) == pytest.approx(stated, abs=0.06)
+    assert off(float(percent)) < 0.4 * off(0.0)
+    assert text.endswith("save\n")
+
+
+@pytest.fixture(scope="module")
+def compiled(exported: Path) -> Any:
+    if shutil.which("gcc") is None:
+        pytest.skip("no C compiler: install gcc")
+    folder = exported / "all"
+    names = ("ground_factor", "thrust", "throttle")
+    calls = "\n".join(
+        f"float {name}({head}float z, bool *valid) {{ return pquad_{name}({tail}z, valid); }}"
+        for name, head, tail in zip(
+            names, ("", "float a, ", "float a, "), ("", "a, ", "a, "), strict=True
+        )
+    )
+    prototypes = "\n".join(
+        f"float {name}({head}float z, bool *valid);"
+        for name, head in zip(names, ("", "float a, ", "float a, "), strict=True)
+    )
+    source = folder / "caller.c"
+    source.write_text(f'#include "pquad.h"\n{prototypes}\n{calls}\n', "utf-8")
+    library = folder / "caller.so"
+    subprocess.run(
+        ["gcc", "-std=c99", "-O2", "-Wall", "-Wextra", "-Wdouble-promotion", "-Wconversion",
+         "-Werror", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"],
+        check=True,
+    )  # fmt: skip
+    loaded = ctypes.CDLL(str(library))
+    for name in names:
+        getattr(loaded, name).restype = ctypes.c_float
+    return loaded
+
+
+def call(function: Any, *values: float) -> tuple[float, bool]:
+    valid = ctypes.c_bool()
+    found = function(*(ctypes.c_float(value) for value in values), ctypes.byref(valid))
+    return float(found), valid.value
+
+
+def test_the_header_holds_the_model(compiled: Any, vehicle: Vehicle) -> None:
+    z = np.float32(np.geomspace(vehicle.nearest_z_m * 1.0001, 30.0, 2000)).astype(float)
+    found = [call(compiled.ground_factor, each) for each in z]
+    assert all(valid for _, valid in found)
+    off = np.array([one for one, _ in found]) / vehicle.factor(z) - 1.0
+    assert np.abs(off).max() < 1e-6
+    assert call(compiled.ground_factor, vehicle.nearest_z_m * 0.99) == (1.0, False)
+    assert call(compiled.ground_factor, float("nan")) == (1.0, False)
+    assert call(compiled.ground_factor, float("inf"))[0] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_header_finds_the_throttle_of_a_thrust(compiled: Any, vehicle: Vehicle) -> None:
+    for throttle in THROTTLES:
+        thrust, valid = call(compiled.thrust, throttle, 0.2)
+        assert valid
+        wanted = vehicle.thrust_N(throttle) * vehicle.factor(np.array([0.2]))[0]
+        assert thrust == pytest.approx(float(wanted), rel=1e-5)
+        assert call(compiled.throttle, thrust, 0.2)[0] == pytest.approx(throttle, rel=1e-5)
+    assert call(compiled.throttle, 1e3, 0.2) == (1.0, False)
+    assert call(compiled.throttle, -1.0, 0.2) == (0.0, True)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_numbers_have_their_interval_or_source(exported: Path, target: str) -> None:
+    name = TARGETS[target].file.format(name="pquad")
+    text = (exported / "all" / name).read_text("utf-8")
+    assert "SIMULATED" in text
+    assert "95 %:" in text
+    assert "motor test steps, response" in text
+
+
+def test_a_model_that_was_never_fitted_says_so(tmp_path: Path) -> None:
+    (path,) = bt.export("quad_body_lift", "ardupilot", tmp_path / "one.param")
+    text = path.read_text("utf-8")
+    assert "95 %" not in text
+    assert "assumed: 3S lithium polymer" in text
+
+
+def test_a_fit_that_its_data_rejected_is_not_exported(exported: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "fit"
+    shutil.copytree(exported / "fit", folder)
+    model = folder / "model.toml"
+    with model.open("a", encoding="utf-8") as file:
+        file.write('\n[provenance]\nrejected = "chi2/dof 9"\n')
+    with pytest.raises(InputError, match="rejected by its own data"):
+        bt.export(folder, "c", tmp_path / "x.h")
+
+
+def test_nothing_is_overwritten(exported: Path) -> None:
+    with pytest.raises(WouldOverwrite):
+        bt.export("single", "all", exported / "all")
+    with pytest.raises(WouldOverwrite):
+        bt.export("single", "c", exported / "all" / "pquad.h")
+
+
+def test_bad_input_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UnknownChoice, match="target"):
+        bt.export("single", "unity", tmp_path / "x")
+    with pytest.raises(InputError, match="no model"):
+        bt.export(tmp_path, "c", tmp_path / "x.h")
