@@ -49,6 +49,25 @@ def new_run(
     return Run.create(path, plan_to_toml(plan), facts)
 
 
+def new_live_run(
+    runs: Path,
+    plan: Plan,
+    rig: Rig,
+    identity: Identity,
+    *,
+    operator: str = "",
+    calibration: Calibration | None = None,
+) -> Run:
+    """Create the run folder of a live recording that begins now, named by date and plan."""
+    now = datetime.now().astimezone()
+    facts = run_metadata(
+        plan, rig, identity, operator=operator, calibration=calibration, started=now
+    )
+    del facts["seed"]
+    path = free_run_path(runs, f"{now:%Y-%m-%d}", plan.name)
+    return Run.create(path, plan_to_toml(plan), facts | {"experiment": "live"})
+
+
 def new_pitch_run(
     folder: tuple[Path, str, Path | None],
     experiment: PitchExperiment,

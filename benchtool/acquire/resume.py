@@ -47,9 +47,14 @@ def unfinished(run: Run) -> Unfinished:
     """Read what a run has and what it lacks; nothing is changed.
 
     Raises:
+        InputError: a recording, which has no plan that could be resumed.
         FileFormatError: a file of the run cannot be read.
     """
     facts = run.metadata
+    if kind := facts.get("experiment"):
+        raise InputError(
+            f"{run.path} is a {kind} recording, which has no visits left to measure; record again"
+        )
     where = str(run.path / "metadata.json")
     rig = run_rig(run.path, facts)
     plan_file = str(run.path / "plan.toml")
@@ -76,7 +81,7 @@ def unfinished(run: Run) -> Unfinished:
 
 def close_run(run: Run) -> bool:
     """Close a run of any kind and return whether anything was missing; see `Run.close`."""
-    if "visits" in run.metadata or run.metadata.get("experiment") == "pitch":
+    if "visits" in run.metadata or run.metadata.get("experiment"):
         return run.close()
     rest = unfinished(run)
     return run.close(len(rest.done) + rest.left)

@@ -101,6 +101,5 @@ def known(bench: BenchClient) -> str:
     sweep = bench.sweep
     if sweep.status == "none":
         return f"{motors}."
-    done = "" if sweep.pitch else f", {sweep.done} of {sweep.visits} visits"
-    what = "recording" if sweep.pitch else "sweep"
-    return f"{motors}; {what} {sweep.run} {sweep.status}{done}."
+    done = f", {sweep.done} of {sweep.visits} visits" if sweep.what == "sweep" else ""
+    return f"{motors}; {sweep.what} {sweep.run} {sweep.status}{done}."

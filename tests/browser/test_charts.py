@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import csv
 import itertools
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from benchtool.data.columns import code_of
 from benchtool.data.run.append import read_events
-from tests.browser.conftest import Web, connect, expect, go_to, only_run, start
+from benchtool.data.run.read import read_points
+from tests.browser.conftest import Web, connect, expect, only_run
+from tests.browser.device import Device
+from tests.browser.test_bench_page import STOPPED_S, hold
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
@@ -67,21 +72,47 @@ def test_paused_charts_zoom_and_give_what_is_seen(page: Page, tmp_path: Path) ->
     assert max(gaps_s) < 0.5
 
 
-def test_an_annotation_goes_into_the_run(page: Page, web: Web) -> None:
-    connect(page, BENCH)
+def test_what_is_turned_by_hand_becomes_a_run_with_annotations(
+    page: Page, web: Web, fast_device: Device
+) -> None:
+    connect(page, fast_device.address)
     expect(page.get_by_label("Annotation for the run")).to_be_hidden()
-    start(page, repeats=1, distances="1")
-    page.get_by_text("running: ").wait_for()
-    go_to(page, "Bench")
+    page.get_by_role("button", name="Record", exact=True).click()
     page.get_by_label("Annotation for the run").fill("a door was opened")
     page.get_by_role("button", name="Annotate").click()
-    page.wait_for_function(
-        "Array.from(document.querySelectorAll('.strips')).some((one) => one.dataset.marks === '1')"
-    )
-    page.keyboard.press("Escape")
-    go_to(page, "Sweep")
-    page.get_by_text("stopped: ").first.wait_for()
-    events = read_events(only_run(web).path / "events.jsonl")
-    (noted,) = [event for event in events if event.event == "annotation"]
+    marks = "Array.from(document.querySelectorAll('.strips')).some((one) => one.dataset.marks > 0)"
+    page.wait_for_function(marks)
+    hold(page, fast_device)
+    page.get_by_text("2 points").wait_for()
+    page.mouse.up()
+    page.get_by_role("button", name="End", exact=True).click()
+    page.get_by_text("ended: ").wait_for()
+    run = only_run(web)
+    (noted,) = [one for one in read_events(run.path / "events.jsonl") if one.event == "annotation"]
     assert noted.text == "a door was opened"
-    assert noted.time_s > 0.0
+    points = read_points(run.path)
+    assert int((points.column("kind") == code_of("kind", "reference")).sum()) >= 2
+    assert run.metadata["link"]["lost"] == 0
+    page.get_by_role("button", name="Show", exact=True).click()
+    page.get_by_text("samples, Parquet").wait_for()
+
+
+def test_stop_ends_a_live_recording_with_motors_at_zero(
+    page: Page, web: Web, device: Device
+) -> None:
+    connect(page, device.address)
+    page.get_by_role("button", name="Record", exact=True).click()
+    page.get_by_role("button", name="End", exact=True).wait_for()
+    page.wait_for_timeout(3000)  # the tare
+    hold(page, device)
+    pressed = time.time()
+    page.keyboard.press("Escape")
+    assert device.stopped_after(pressed) < STOPPED_S
+    page.get_by_text("stopped: ").first.wait_for()
+    page.mouse.up()
+    run = only_run(web)
+    assert run.metadata["state"] == "stopped"
+    assert "stopped from the page" in run.metadata["reason"]
+    # The bench is held on, and turns by hand again.
+    hold(page, device)
+    page.mouse.up()

@@ -146,6 +146,19 @@ class StartRecording:
     typed: str = ""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartLiveRecording:
+    """Record what is turned by hand, until `EndRecording` or a stop."""
+
+    runs: Path = Path("runs")
+    name: str = "live"
+
+
+@dataclass(frozen=True, slots=True)
+class EndRecording:
+    """End a live recording: motors at zero, the run closed."""
+
+
 @dataclass(frozen=True, slots=True)
 class PauseSweep:
     """Let a sweep wait before its next visit, motors at zero; or continue it."""
@@ -163,7 +176,8 @@ class AnswerQuestion:
 Command = (
     Connect | Disconnect | StopMotors | Shutdown | ArmMotors | HoldThrottle | ReleaseThrottle
     | TareLoadCell | WeighMass | Calibrate | MovePlateTo | SetClockSpeed | StartSweep
-    | StartRecording | PauseSweep | AnswerQuestion | Annotate
+    | StartRecording | PauseSweep | AnswerQuestion | Annotate | StartLiveRecording
+    | EndRecording
 )  # fmt: skip
 
 
@@ -234,11 +248,11 @@ class LiveStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepStatus:
-    """State how far a sweep or a pitch recording is.
+    """State how far a sweep or a recording is.
 
     Attributes:
         status: "none" before the first one; "closing" while files are finished.
-        pitch: a pitch recording; it has no visits.
+        kind: what it is; a recording has no visits.
         visits, done, left_s: planned, measured, and how long the rest takes.
         now: present visit, in words.
         reason: why it ended early, or its summary.
@@ -247,7 +261,7 @@ class SweepStatus:
     status: Literal[
         "none", "running", "pausing", "paused", "asking", "closing", "ended", "stopped"
     ] = "none"
-    pitch: bool = False
+    kind: Literal["sweep", "pitch", "live"] = "sweep"
     run: str = ""
     visits: int = 0
     done: int = 0
@@ -255,6 +269,10 @@ class SweepStatus:
     now: str = ""
     question: str = ""
     reason: str = ""
+
+    @property
+    def what(self) -> str:
+        return "sweep" if self.kind == "sweep" else "recording"
 
     @property
     def active(self) -> bool:

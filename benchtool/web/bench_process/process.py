@@ -89,6 +89,8 @@ class BenchProcess:
                 self._runs.pause(command.on)
             elif isinstance(command, messages.AnswerQuestion):
                 self._runs.answer(command.text)
+            elif isinstance(command, messages.EndRecording):
+                self._runs.end_live()
             elif isinstance(command, messages.Annotate):
                 self._annotate(command.text)
             elif isinstance(command, messages.SetClockSpeed):

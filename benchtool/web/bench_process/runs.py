@@ -5,17 +5,20 @@ from __future__ import annotations
 import queue
 import signal
 import threading
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Literal
 
 from benchtool.acquire.arming import CONFIRMATION, require_unattended
 from benchtool.acquire.calibration import calibration_for
 from benchtool.acquire.check_plan import check_plan
-from benchtool.acquire.new_run import new_pitch_run, new_run
+from benchtool.acquire.live_record import live_plan, record_live
+from benchtool.acquire.new_run import new_live_run, new_pitch_run, new_run
 from benchtool.acquire.order import Visit
 from benchtool.acquire.pitch_experiment import expected_on
 from benchtool.acquire.pitch_record import record_pitch, summary_line
@@ -30,7 +33,13 @@ from benchtool.core.rig import Rig
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
-from benchtool.web.bench_process.messages import RunEvent, StartRecording, StartSweep, SweepStatus
+from benchtool.web.bench_process.messages import (
+    RunEvent,
+    StartLiveRecording,
+    StartRecording,
+    StartSweep,
+    SweepStatus,
+)
 from benchtool.web.bench_process.publisher import EventPublisher
 
 READ_S = 0.05
@@ -70,7 +79,7 @@ class RunSupervisor(RunProgress):
         self._publisher = publisher
         self._state = SweepStatus()
         self._radius_m = 1.0
-        self._paused = threading.Event()
+        self._paused, self._ended = threading.Event(), threading.Event()
         self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._written: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._closing: threading.Thread | None = None
@@ -81,7 +90,7 @@ class RunSupervisor(RunProgress):
 
     @property
     def what(self) -> str:
-        return "recording" if self._state.pitch else "sweep"
+        return self._state.what
 
     def pause(self, on: bool) -> None:
         """Let the sweep wait or continue, from any thread."""
@@ -166,12 +175,56 @@ class RunSupervisor(RunProgress):
         expected_on(identity, experiment, rig)
         require_armed(command.typed, identity, rig)
         run = new_pitch_run((command.runs, command.name, None), experiment, rig, identity)
-        self._begin(SweepStatus(status="running", pitch=True, run=str(run.path)))
-        try:
+
+        def measure() -> str:
             summary = record_pitch(
                 bench, rig, experiment, run, self, lambda left_s: self._change(left_s=left_s)
             )
-            self._close(run, "ended", summary_line(summary))
+            return summary_line(summary)
+
+        self._record(bench, run, "pitch", measure)
+
+    def record_live(
+        self,
+        bench: GuardedBench,
+        rig: Rig,
+        command: StartLiveRecording,
+        turn: Callable[[], object],
+    ) -> None:
+        """Record while motors are turned by hand, until `end_live`; else as `record`.
+
+        Args:
+            turn: commands what the hand on the throttle asks for.
+        """
+        self.finish()
+        self._ended.clear()
+        scale = calibration_for(None, bench.identity)
+        plan = live_plan(command.name, rig)
+        run = new_live_run(command.runs, plan, rig, bench.identity, calibration=scale)
+
+        def goes_on() -> bool:
+            turn()
+            return not self._ended.is_set()
+
+        self._record(
+            bench, run, "live",
+            lambda: record_live(bench, rig, plan, run, self, goes_on, scale).text(),
+        )  # fmt: skip
+
+    def end_live(self) -> None:
+        """End a live recording, from any thread."""
+        self._ended.set()
+
+    def _record(
+        self,
+        bench: GuardedBench,
+        run: Run,
+        kind: Literal["pitch", "live"],
+        measure: Callable[[], str],
+    ) -> None:
+        self._begin(SweepStatus(status="running", kind=kind, run=str(run.path)))
+        try:
+            self._close(run, "ended", measure())
         except BenchtoolError as error:
             self._close(run, "stopped", bench.with_standstill(str(error)))
             bench.require_standstill(ends_normally=True)

@@ -127,6 +127,16 @@ class Session:
             self._dead_man.end_press("a recording begins")
             bench.stop()
             self._runs.record(bench, self._rig, command)
+        elif isinstance(command, messages.StartLiveRecording):
+            self._dead_man.end_press("a recording begins")
+            bench.stop()
+
+            def turn() -> None:
+                self._turn(bench)
+                bench.check_standstill()
+
+            self._runs.record_live(bench, self._rig, command, turn)
+            self._dead_man.end_press("the recording has ended")
 
     def _turn(self, bench: GuardedBench) -> None:
         now_s = time.monotonic()

@@ -54,7 +54,8 @@ class ThrottleCard:
             self._warnings.clear()
             with self._warnings:
                 show_warnings(identity, rig)
-        busy = self._context.bench.sweep.active
+        sweep = self._context.bench.sweep
+        busy = sweep.active and (sweep.kind, sweep.status) != ("live", "running")
         may = live.armed and not busy and self._context.in_control()
         self._hold.props(add="" if may else "disabled", remove="disabled" if may else "")
         self._arming.set_visibility(not live.armed)

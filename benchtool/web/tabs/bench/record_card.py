@@ -1,4 +1,4 @@
-"""Record a pitch experiment: the bench's own controller flies, every sample is stored."""
+"""Record what is turned by hand, or a pitch experiment that the bench's own controller flies."""
 
 from __future__ import annotations
 
@@ -11,13 +11,59 @@ from nicegui import ui
 from benchtool.acquire.order import minutes
 from benchtool.acquire.pitch_experiment import NEEDED, arming_text, expected_on, hover_pulse_us
 from benchtool.commands.record import RecordInputs, experiment_of
+from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import changed, words
-from benchtool.web.bench_process.messages import StartRecording
+from benchtool.web.bench_process.messages import EndRecording, StartLiveRecording, StartRecording
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
 from benchtool.web.widgets import CommandRow, confirm_arming, open_tab, shows_errors, titled_card
+
+HOW_LIVE = (
+    "Every sample goes into a run. It begins with a tare; each throttle that is held until it has "
+    "settled makes a point of every two seconds."
+)
+
+
+class LiveRecordCard:
+    """Record the live stream while motors are turned by hand."""
+
+    def __init__(self, context: PageContext) -> None:
+        self._context = context
+        with titled_card("Live recording") as self._card:
+            with ui.row().classes("items-end w-full"):
+                self._name = ui.input("Name of the run", value="live").classes("grow")
+                self._start = ui.button("Record", icon="fiber_manual_record", on_click=self._record)
+                self._end = ui.button("End", icon="save", on_click=self._finish)
+                self._show = ui.button("Show", icon="folder_open", on_click=self._open)
+                self._show.props("outline")
+            self._status = ui.label().classes("number").props("role=status")
+
+    def refresh(self) -> None:
+        connection, sweep = self._context.bench.connection, self._context.bench.sweep
+        live = sweep.kind == "live" and sweep.status != "none"
+        channels = connection.identity.channels if connection.identity else ()
+        streams = any(channel.name == "thrust_N" for channel in channels)
+        self._card.set_visibility(streams and not connection.weighs)
+        self._start.set_visibility(not sweep.active)
+        self._end.set_visibility(live and sweep.status == "running")
+        self._show.set_visibility(live and not sweep.active)
+        points = counted(sweep.done, "point")
+        text = f"{sweep.status}: {Path(sweep.run).name}, {sweep.reason or points}"
+        self._status.set_text(text if live else HOW_LIVE)
+
+    @shows_errors
+    def _record(self) -> None:
+        name = self._name.value.strip()
+        self._context.send(StartLiveRecording(runs=self._context.runs, name=name))
+
+    @shows_errors
+    def _finish(self) -> None:
+        self._context.send(EndRecording())
+
+    def _open(self) -> None:
+        open_tab("runs", run=Path(self._context.bench.sweep.run).name)
 
 
 class RecordCard:
@@ -61,8 +107,8 @@ class RecordCard:
             status += f", about {minutes(sweep.left_s)} left"
         elif sweep.reason:
             status += f"; {sweep.reason}"
-        self._status.set_text(status if sweep.pitch else "")
-        self._explain.set_visibility(sweep.pitch and sweep.status == "ended")
+        self._status.set_text(status if sweep.kind == "pitch" else "")
+        self._explain.set_visibility(sweep.kind == "pitch" and sweep.status == "ended")
 
     def _show(self) -> None:
         with suppress(InputError):  # shown when the recording is started

@@ -8,7 +8,7 @@ from benchtool.web.context import PageContext
 from benchtool.web.tabs.bench.charts import ChartCard
 from benchtool.web.tabs.bench.connect_card import ConnectCard
 from benchtool.web.tabs.bench.manual_cards import LoadCellCard, ThrottleCard
-from benchtool.web.tabs.bench.record_card import RecordCard
+from benchtool.web.tabs.bench.record_card import LiveRecordCard, RecordCard
 from benchtool.web.widgets import show_facts, titled_card
 
 LOOK_S = 0.25
@@ -90,6 +90,7 @@ def build(context: PageContext) -> None:
         with ui.element("div"):
             connect = ConnectCard(context)
             record = RecordCard(context)
+            live = LiveRecordCard(context)
             charts = ChartCard(context)
         with ui.element("div"):
             throttle = ThrottleCard(context)
@@ -98,7 +99,7 @@ def build(context: PageContext) -> None:
             device = DeviceCard(context)
 
     def refresh() -> None:
-        for card in (connect, record, charts, throttle, limits, cell, device):
+        for card in (connect, record, live, charts, throttle, limits, cell, device):
             card.refresh()
 
     refresh()

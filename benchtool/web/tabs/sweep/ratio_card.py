@@ -84,7 +84,7 @@ class RatioCard:
         self._shown = wanted
         worker = self._context.worker("plots")
         points = MeasuredRatios()
-        if sweep.run and sweep.done and not sweep.pitch:
+        if sweep.run and sweep.done and sweep.kind == "sweep":
             points = await worker.run(measured_ratios, Path(sweep.run), basis)
         if rig is not None and self._curves_of != (rig.name, model, ink, basis):
             self._curves_of = rig.name, model, ink, basis
@@ -100,7 +100,7 @@ class RatioCard:
 
 def nothing_yet(bench: BenchClient) -> str:
     """Return the text of an empty plot."""
-    if bench.sweep.active and not bench.sweep.pitch:
+    if bench.sweep.active and bench.sweep.kind == "sweep":
         return "The sweep runs; its points come here as they are measured."
     if bench.connection.status == "on":
         return "Start a sweep: its points come here as they are measured."

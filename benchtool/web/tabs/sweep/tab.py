@@ -54,7 +54,7 @@ class RunCard:
 
     def refresh(self) -> None:
         sweep, events = self._context.bench.sweep, self._context.bench.events
-        self._card.set_visibility(sweep.status != "none" and not sweep.pitch)
+        self._card.set_visibility(sweep.status != "none" and sweep.kind == "sweep")
         self._title.set_text(f"{sweep.status}: {sweep.run}")
         self._pause.set_visibility(sweep.status == "running")
         self._continue.set_visibility(sweep.status in ("pausing", "paused"))

@@ -181,7 +181,7 @@ def test_a_pitch_recording_is_kept_and_stopped(bench: Server, tmp_path: Path) ->
     bench.send(messages.SetClockSpeed(20.0))
     bench.send(command)
     began = bench.wait_for(messages.SweepStatus, lambda event: event.left_s > 0.0)
-    assert began.pitch
+    assert began.kind == "pitch"
     assert began.active
     ended = bench.wait_for(messages.SweepStatus, lambda event: not event.active)
     assert ended.status == "ended", ended.reason

@@ -1,0 +1,106 @@
+"""A live recording: what a hand turns becomes an ordinary run, ended safely."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchtool.acquire.live_record import LiveSummary, live_plan, record_live
+from benchtool.acquire.new_run import new_live_run
+from benchtool.acquire.resume import close_run, unfinished
+from benchtool.bench.drivers import open_bench
+from benchtool.bench.guard import GuardedBench
+from benchtool.core.errors import InputError, RunStopped
+from benchtool.core.rig_file import rig_named
+from benchtool.data.columns import code_of
+from benchtool.data.run.read import read_points, read_samples, read_settings
+from benchtool.data.run.run import Run
+
+RIG = rig_named("pquad")
+
+
+class Hand:
+    """Turn all rotors at pulses until given times of the bench's clock."""
+
+    def __init__(self, bench: GuardedBench, *levels: tuple[float, float]) -> None:
+        self._bench, self._levels = bench, levels
+
+    def turn(self) -> bool:
+        now_s = self._bench.now_s()
+        pulse_us = next((pulse_us for until_s, pulse_us in self._levels if now_s < until_s), None)
+        if pulse_us is None:
+            return False
+        wanted = np.full(RIG.n_rotors, pulse_us)
+        if not np.array_equal(wanted, self._bench.pwm_us):
+            self._bench.set_pwm(wanted)
+        return True
+
+
+def recorded(path: Path, *levels: tuple[float, float]) -> tuple[Run, LiveSummary]:
+    """Return the run of a simulated bench on which pulses were held until those times."""
+    plan = live_plan("live", RIG)
+    with GuardedBench(open_bench("sim:pquad?seed=4"), RIG) as bench:
+        run = new_live_run(path, plan, RIG, bench.identity)
+        try:
+            summary = record_live(bench, RIG, plan, run, None, Hand(bench, *levels).turn)
+            assert not bench.reason
+        finally:
+            assert (bench.pwm_us == RIG.propulsion.pwm_stop_us).all()
+    run.close()
+    return run, summary
+
+
+def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path: Path) -> None:
+    run, summary = recorded(tmp_path, (6.0, 1000.0), (22.0, 1400.0), (23.0, 1500.0), (34.0, 1600.0))
+    samples, points = read_samples(run.path), read_points(run.path)
+    assert len(samples) == summary.samples
+    assert summary.lost == 0
+    measured = points.select(points.column("kind") == code_of("kind", "reference"))
+    pulses_us = measured.column("pwm1_us")
+    assert set(pulses_us) == {1400.0, 1600.0}  # 1500 us were left before they had settled
+    assert len(pulses_us) == summary.points >= 4
+    assert list(measured.column("repeat")[pulses_us == 1400.0][:2]) == [1.0, 2.0]
+    for row, pulse_us in enumerate(pulses_us):
+        # Each is the mean of its own samples, which are those after the level had settled.
+        own = samples.select(
+            (samples.column("point") == measured.column("point")[row])
+            & (samples.column("phase") == code_of("phase", "sample"))
+        )
+        assert np.ptp(own.column("pwm1_us")) == 0.0
+        assert own.column("pwm1_us")[0] == pulse_us
+        assert np.ptp(own.column("time_s")) == pytest.approx(2.0, abs=0.1)
+        mean_N = float(np.nanmean(own.column("thrust_N")))
+        assert measured.column("thrust_N")[row] == pytest.approx(mean_N, rel=2e-3)
+    facts = run.metadata
+    assert (facts["experiment"], facts["state"]) == ("live", "ended")
+    with pytest.raises(InputError, match="is a live recording, which has no visits left"):
+        unfinished(run)
+    assert read_settings(run.path).column("n_repeats").sum() == summary.points
+
+
+def test_a_limit_ends_it_with_motors_at_zero_and_the_samples_on_the_disk(tmp_path: Path) -> None:
+    with pytest.raises(RunStopped):
+        _stopped(tmp_path)
+    (path,) = tmp_path.iterdir()
+    run = Run.open(path)
+    close_run(run)
+    assert run.metadata["state"] == "stopped"
+    assert "the hand failed" in run.metadata["reason"]
+    pulses_us = read_samples(path).column("pwm1_us")
+    assert pulses_us.max() == 1400.0
+    assert pulses_us[-1] == RIG.propulsion.pwm_stop_us
+
+
+def _stopped(path: Path) -> None:
+    plan = live_plan("live", RIG)
+    with GuardedBench(open_bench("sim:pquad"), RIG) as bench:
+        hand = Hand(bench, (20.0, 1400.0))
+
+        def turn() -> bool:
+            if not hand.turn():
+                raise RunStopped("the hand failed")
+            return True
+
+        record_live(bench, RIG, plan, new_live_run(path, plan, RIG, bench.identity), None, turn)
