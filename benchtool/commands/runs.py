@@ -10,7 +10,7 @@ from typing import Annotated
 from annotated_types import Ge
 
 from benchtool.commands.declared import declared
-from benchtool.core.errors import CalibrationError
+from benchtool.core.errors import CalibrationError, InputError
 from benchtool.core.inputs import Input, Inputs
 from benchtool.data.catalogue.choice import ChoiceInputs
 from benchtool.data.catalogue.entry import Entry
@@ -152,6 +152,123 @@ def note(inputs: NoteInputs) -> None:
     text = f"{datetime.now().astimezone():%Y-%m-%d %H:%M} {getpass.getuser()}: {inputs.text}"
     label(inputs.run, note=text)
     print(f"{inputs.run}: {text}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShowInputs(Inputs):
+    """What `benchtool runs show` and `compare` take."""
+
+    runs: Annotated[tuple[Path, ...], Input("Folders of runs or fits.", argument="RUN")]
+
+
+@declared(ShowInputs)
+def show(inputs: ShowInputs) -> None:
+    """Show what the catalogue knows of runs and fits, with their tags and notes"""
+    for path in inputs.runs:
+        for name, value in _facts(path).items():
+            print(f"{name:<12} {value}".rstrip())
+
+
+@declared(ShowInputs)
+def compare(inputs: ShowInputs) -> None:
+    """Set runs side by side: what they are, and T_IGE/T_OGE by z/R; report draws them"""
+    from benchtool.core.counted import counted
+    from benchtool.data.run.settings import ratios_by_distance
+
+    if len(inputs.runs) < 2:
+        raise InputError(f"one run is named, {inputs.runs[0]}; name two or more to compare")
+    facts = [_facts(path) for path in inputs.runs]
+    rows = [(name, *(one.get(name, "") for one in facts)) for name in facts[0] if name != "notes"]
+    _print_columns(rows)
+    ratios = ratios_by_distance(inputs.runs)
+    if ratios:
+        print(f"T_IGE/T_OGE at equal squared speed, mean over {counted(len(ratios), 'distance')}")
+        shown = [
+            (f"z/R {z:.3g}", *("" if one is None else f"{one:.4f}" for one in row))
+            for z, row in ratios
+        ]
+        _print_columns([("", *map(str, inputs.runs)), *shown])
+
+
+def _facts(path: Path) -> dict[str, str]:
+    from benchtool.data.run.entry import entry_of
+    from benchtool.data.run.runs_folder import RunsFolder
+
+    real = path.resolve()
+    one = entry_of(RunsFolder(real.parent), real.name)
+    return {
+        "run": str(path), "kind": one.kind, "rig": one.rig, "propeller": one.propeller,
+        "operator": one.operator, "date": one.date,
+        "state": one.state + (", simulated" if one.simulated else ""), "z/R": _radii(one),
+        "tags": ", ".join(one.tags), "notes": "; ".join(one.notes), "holds": one.summary,
+        **({"problem": one.problem} if one.problem else {}),
+    }  # fmt: skip
+
+
+@declared(ShowInputs)
+def verify(inputs: ShowInputs) -> None:
+    """Check runs against the hashes that they state; exit code 2 where one differs"""
+    from benchtool.data.catalogue.transfer import verify_run
+
+    wrong = 0
+    for path in inputs.runs:
+        problems = verify_run(path)
+        wrong += bool(problems)
+        print(f"{path}: {'; '.join(problems) or 'as stated'}", flush=True)
+    if wrong:
+        raise InputError(f"{wrong} of {len(inputs.runs)} are not as stated; restore from a copy")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PushInputs(ChoiceInputs):
+    """What `benchtool runs push` takes."""
+
+    target: Annotated[
+        str,
+        Input("Where copies lie: s3://bucket/lab, ssh://host/folder, a path.", argument="TARGET"),
+    ]
+    check: Annotated[bool, Input("Read back each file that was sent and compare its hash.")] = True
+
+
+@declared(PushInputs)
+def push(inputs: PushInputs) -> None:
+    """Copy chosen runs to a folder, an S3-compatible store or SSH"""
+    from benchtool.data.catalogue.choice import find_entries
+    from benchtool.data.catalogue.transfer import Target, copied_line
+
+    target = Target(inputs.target)
+    for path, entry in find_entries(inputs):
+        if not path.is_dir() or entry.state == "running" or entry.problem:
+            why = entry.problem or (
+                "it is being measured" if entry.state == "running" else "a file"
+            )
+            print(f"{entry.name}: left out, {why}")
+            continue
+        print(copied_line(target.push(path, entry, read_back=inputs.check), "sent"), flush=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PullInputs(Inputs):
+    """What `benchtool runs pull` takes."""
+
+    target: Annotated[str, Input("Where copies lie, as for push.", argument="TARGET")]
+    names: Annotated[
+        tuple[str, ...], Input("Names of copies; all of them without.", argument="NAME")
+    ] = ()
+    folder: Annotated[Path, Input("Folder of runs into which they are put.")] = Path("runs")
+
+
+@declared(PullInputs)
+def pull(inputs: PullInputs) -> None:
+    """Copy runs back from where push put them, each file checked"""
+    from benchtool.data.catalogue.transfer import Target, copied_line
+
+    target = Target(inputs.target)
+    names = inputs.names or target.names()
+    if not names:
+        raise InputError(f"there is no copy at {inputs.target}; name where push put some")
+    for name in names:
+        print(copied_line(target.pull(name, inputs.folder), "fetched"), flush=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

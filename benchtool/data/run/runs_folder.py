@@ -46,7 +46,7 @@ class RunsFolder:
             InputError: a name that leads, or holds a link that leads, outside the folder.
             FileFormatError: nothing of that name is there.
         """
-        path = self._inside(name)
+        path = self.inside(name)
         if not path.exists():
             raise FileFormatError(name, "it is not in the runs folder; choose one that is listed")
         self._check_links(path, name)
@@ -69,7 +69,7 @@ class RunsFolder:
         from benchtool.data.run.run import check_run_name
 
         check_run_name(name)
-        path = self._inside(name)
+        path = self.inside(name)
         if os.path.lexists(path):
             raise WouldOverwrite(name)
         return path
@@ -84,7 +84,7 @@ class RunsFolder:
         """Return the name by which `path_of` finds a path."""
         return path.relative_to(self.root).as_posix()
 
-    def _inside(self, name: str) -> Path:
+    def inside(self, name: str) -> Path:
         """Return root/name, or refuse a name that leads elsewhere, whether it exists or not."""
         parts = name.split("/")
         strange = (

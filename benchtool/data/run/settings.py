@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,6 +26,7 @@ from benchtool.data.parquet import write_parquet
 from benchtool.data.run.points import write_table
 from benchtool.data.run.ratios import ratios
 from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run_rig import run_rig
 
 _MEANS: tuple[str, ...] = (
     "plate_z_m",
@@ -116,6 +118,25 @@ def _mean(values: Array) -> float:
 def _sd(values: Array) -> float:
     present = values[~np.isnan(values)]
     return float(present.std(ddof=1)) if len(present) > 1 else float("nan")
+
+
+def ratios_by_distance(runs: Sequence[Path]) -> list[tuple[float, list[float | None]]]:
+    """Return each z/R at which a run was measured, to 0.001, with each run's mean T_IGE/T_OGE.
+
+    At equal squared speed, the mean over pulses; None where a run has none there.
+    """
+    found: dict[float, list[float | None]] = {}
+    for index, path in enumerate(runs):
+        if not (path / "points.csv").is_file():
+            continue
+        table = settings_of(path)
+        near = table.column("kind") == code_of("kind", "measure")
+        z = np.round(table.column("plate_z_m") / run_rig(path).propulsion.radius_m, 3)
+        for one in np.unique(z[near & np.isfinite(z)]):
+            row = found.setdefault(float(one), [None] * len(runs))
+            mean = _mean(table.column("ratio_equal_rpm2")[near & (z == one)])
+            row[index] = mean if np.isfinite(mean) else None
+    return sorted(found.items())
 
 
 Table = Literal["points", "settings", "samples"]
