@@ -11,9 +11,10 @@ import hashlib
 import json
 import os
 import sqlite3
+import stat
 from collections.abc import Iterator
 from contextlib import closing, suppress
-from dataclasses import asdict, fields
+from dataclasses import fields
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -27,15 +28,18 @@ from benchtool.data.run.state import state_folder
 DEEPEST = 3
 """Folders of folders that are looked through for entries; a choice."""
 
-VERSION = "1 " + " ".join(field.name for field in fields(Entry))
+VERSION = "2 " + " ".join(field.name for field in fields(Entry))
 """Another one means an index that is made anew."""
 
 Seen = dict[str, tuple[str, Entry]]
 """Entries by name as they were read last, with the times of their files."""
 
-_CHANGING = ("metadata.json", "points.csv", "result.json", "answer.json")
-"""Files of a folder that may change in place; another one comes, goes or is replaced by a change
-of the folder itself."""
+_RUN = ("metadata.json", "points.csv")
+_CHANGING: dict[str, tuple[str, ...]] = {
+    "sweep": _RUN, "pitch recording": _RUN, "fit": ("result.json",), "explanation": ("answer.json",)
+}  # fmt: skip
+"""Files by kind that may change in place; when another one comes, goes or is replaced, the folder
+itself changes."""
 
 
 def list_entries(folder: RunsFolder, seen: Seen | None = None) -> tuple[Entry, ...]:
@@ -77,8 +81,9 @@ class _Look:
                 continue
             item = os.path.join(path, own)
             name = item[len(self._root) :].replace(os.sep, "/")
-            if not linked and name in self._seen and self._seen[name][0] == _stamp(item):
-                yield self._seen[name][1]
+            known = None if linked else self._seen.get(name)
+            if known and known[0] == _stamp(item, known[1].kind):
+                yield known[1]
                 for inner in self._within.get(name, ()):
                     yield self._entry(inner, f"{self._root}{inner}")
             else:
@@ -87,13 +92,15 @@ class _Look:
     def _read(self, name: str, item: Path, depth: int, linked: bool) -> Iterator[Entry]:
         from benchtool.data.run.entry import kind_of
 
+        known = "" if linked else kind_of(item)
         try:
-            self._folder.path_of(name)
+            if known or linked:  # of any other folder, what is in it is checked
+                self._folder.path_of(name)
         except BenchtoolError as error:
             if item.is_dir() or linked:
                 yield Entry(name=name, kind="unknown", problem=str(error))
             return
-        known = kind_of(item)
+        known = known or kind_of(item)
         if known:
             yield self._entry(name, str(item))
             within = item.glob("recalibrated-*") if known == "sweep" else ()
@@ -105,22 +112,20 @@ class _Look:
 
     def _entry(self, name: str, path: str) -> Entry:
         """Return one entry, read again only where one of its files has changed."""
-        stamp = _stamp(path)
-        if name not in self._seen or self._seen[name][0] != stamp:
-            from benchtool.data.run.entry import entry_of
+        from benchtool.data.run.entry import entry_of, kind_of
 
+        stamp = _stamp(path, kind_of(Path(path)))
+        if name not in self._seen or self._seen[name][0] != stamp:
             self._seen[name] = (stamp, entry_of(self._folder, name))
         return self._seen[name][1]
 
 
-def _stamp(path: str) -> str:
-    """Return what changes when something of an entry does."""
+def _stamp(path: str, kind: str) -> str:
+    """Return what changes when something of an entry of a kind does."""
     own = os.lstat(path)
-    stamps = [own.st_mtime_ns]
-    others = [f"{path}/{file}" for file in _CHANGING]
-    if not os.path.isdir(path):
-        stamps.append(own.st_size)
-        others = [f"{path}.json"]
+    stamps = [own.st_mtime_ns, own.st_size]
+    folder = stat.S_ISDIR(own.st_mode)
+    others = [f"{path}/{file}" for file in _CHANGING.get(kind, ())] if folder else [f"{path}.json"]
     for other in others:
         with suppress(OSError):
             one = os.lstat(other)
@@ -193,8 +198,10 @@ def _opened(path: Path) -> sqlite3.Connection:
 
 
 def _text(entry: Entry) -> str:
-    started = entry.started.isoformat() if entry.started else None
-    return json.dumps({**asdict(entry), "started": started})
+    """Return an entry as JSON, without what is as the default says."""
+    values = {field.name: getattr(entry, field.name) for field in fields(Entry)}
+    values = {name: value for name, value in values.items() if value not in ("", None, ())}
+    return json.dumps(values, default=datetime.isoformat)
 
 
 def _stored(store: sqlite3.Connection) -> Seen:
@@ -204,8 +211,9 @@ def _stored(store: sqlite3.Connection) -> Seen:
 
 
 def _entry(values: dict[str, Any]) -> Entry:
-    if values["started"]:
+    if "started" in values:
         values["started"] = datetime.fromisoformat(values["started"])
     for name in ("z_over_r", "tags", "notes"):
-        values[name] = tuple(values[name])
+        if name in values:
+            values[name] = tuple(values[name])
     return Entry(**values)

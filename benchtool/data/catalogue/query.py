@@ -19,7 +19,6 @@ from benchtool.data.catalogue.entry import Entry
 from benchtool.data.catalogue.extra import load_extra
 from benchtool.data.catalogue.index import index_folder
 from benchtool.data.catalogue.tables import TABLES, row_numbers
-from benchtool.data.columns import frame_of_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,6 +55,8 @@ class ChosenRuns:
 
     def table(self) -> pd.DataFrame:
         """Return a row for each: run, kind, rig, propeller, operator, UTC date, distances, tags."""
+        from benchtool.data.columns import frame_of_rows
+
         return frame_of_rows(run_rows(self.found))
 
     def query(self, sql: str) -> pd.DataFrame:
@@ -147,10 +148,10 @@ def write_result(result: Any, out: Path) -> None:
 
 def _make_views(base: Any, found: Sequence[tuple[Path, Entry]], sql: str) -> None:
     """Make the tables that a statement names."""
-    import pyarrow as pa
-
     words = set(re.findall(r"\w+", sql.lower()))
     if "runs" in words:
+        import pyarrow as pa
+
         text, texts, number = pa.string(), pa.list_(pa.string()), pa.float64()
         other = {"started": pa.timestamp("us"), "simulated": pa.bool_(), "tags": texts}
         other |= {"notes": texts, "z_over_r_least": number, "z_over_r_most": number}
@@ -174,14 +175,15 @@ def _make_views(base: Any, found: Sequence[tuple[Path, Entry]], sql: str) -> Non
 
 def _stored(base: Any, name: str, root: Path, entries: Sequence[Entry]) -> str:
     """Return the SELECT of the stored rows of some entries of one folder."""
-    import pyarrow as pa
-
     numbers, places = row_numbers(root, entries)
     files = [file for place in places if (file := place / f"{name}.parquet").is_file()]
     if not files:
         return ""
     own = f"numbers_{index_folder(root).name}"
-    base.register(own, pa.table({"run_number": pa.array(numbers, pa.int64())}))
+    base.execute(
+        f"CREATE TEMP TABLE IF NOT EXISTS {own} AS SELECT unnest(?::BIGINT[]) AS run_number",
+        [numbers],
+    )
     listed = ", ".join(_quoted(file) for file in files)
     before = _quoted(str(root / "_")[:-1])
     return (

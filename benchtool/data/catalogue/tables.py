@@ -18,9 +18,8 @@ from uuid import uuid4
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.atomic import read_json
+from benchtool.data.catalogue.entry import Entry
 from benchtool.data.catalogue.index import connect, index_folder
-from benchtool.data.run.entry import Entry, radius_of
-from benchtool.data.run.sample_stream import WholeLines, sample_batches
 
 TABLES = ("points", "settings")
 
@@ -81,6 +80,8 @@ def _write(
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    from benchtool.data.run.entry import radius_of
+
     place = folder / uuid4().hex
     place.mkdir()
     parts: dict[str, list[Any]] = {name: [] for name in TABLES}
@@ -105,6 +106,8 @@ def _write(
 def _rows(path: Path, entry: Entry, number: int, radius_m: float) -> list[Any]:
     import pyarrow as pa
     import pyarrow.compute as pc
+
+    from benchtool.data.run.sample_stream import WholeLines, sample_batches
 
     if not path.is_file():
         return []
