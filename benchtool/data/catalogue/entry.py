@@ -25,6 +25,7 @@ class Entry:
         z_over_r: least and largest distance of the plate at which it was measured, in rotor radii;
             empty where that is not known.
         tags, notes: of `labels`.
+        channels: short hash of the names of a run's channels; runs of one have samples of one form.
         started: when the run began, or when a result was written; None where it is not known.
         state: "ended", "stopped", "running"; a fit's outcome; an explanation's verdict.
         simulated: whether no physical bench made the data; None where it is not known.
@@ -45,6 +46,7 @@ class Entry:
     z_over_r: tuple[float, ...] = ()
     tags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    channels: str = ""
 
     @property
     def date(self) -> str:

@@ -23,6 +23,8 @@ from benchtool.data.catalogue.tables import TABLES, row_numbers
 if TYPE_CHECKING:
     import pandas as pd
 
+SAMPLES = "/samples.parquet"
+
 MEMORY_MB = 600
 """What DuckDB may hold, so that a query stays below 1 GiB with all that is loaded; a choice."""
 
@@ -163,14 +165,19 @@ def _make_views(base: Any, found: Sequence[tuple[Path, Entry]], sql: str) -> Non
         ]
         _view(base, name, parts, "they hold no point")
     if "samples" in words:
-        files = [file for path, _ in found if (file := path / "samples.parquet").is_file()]
-        listed = ", ".join(_quoted(file) for file in files)
-        end = len("/samples.parquet")
-        part = (
-            f"SELECT left(filename, -{end}) AS run, * EXCLUDE (filename) "
-            f"FROM read_parquet([{listed}], union_by_name = true, filename = true)"
-        )
-        _view(base, "samples", [part] if files else [], "none of them is closed")
+        forms: dict[str, list[str]] = {}
+        for path, one in found:
+            if one.kind in ("sweep", "pitch recording") and os.path.isfile(
+                file := f"{path}{SAMPLES}"
+            ):
+                forms.setdefault(one.channels, []).append(_quoted(file))
+        # Files of one form need not all be opened to find the columns of the table.
+        parts = [
+            f"SELECT left(filename, -{len(SAMPLES)}) AS run, * EXCLUDE (filename) "
+            f"FROM read_parquet([{', '.join(files)}], union_by_name = {not form}, filename = true)"
+            for form, files in forms.items()
+        ]
+        _view(base, "samples", parts, "none of them is closed")
 
 
 def _stored(base: Any, name: str, root: Path, entries: Sequence[Entry]) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
+from hashlib import sha256
 from math import nan
 from pathlib import Path
 from typing import Any
@@ -114,13 +115,15 @@ def _run(entry: Entry, path: Path) -> Entry:
             f"{entry.name}/metadata.json",
             f"its format is {facts.get('format')!r}, this version reads {RUN_FORMAT!r}",
         )
-    pitch = "theta_rad" in _table(_table(facts, "device"), "channels")
+    channels = _table(_table(facts, "device"), "channels")
+    pitch = "theta_rad" in channels
     entry = replace(
         entry,
         kind="pitch recording" if pitch else "sweep",
         rig=str(_table(facts, "rig").get("name", "")),
         propeller=str(_table(_table(facts, "rig"), "propeller").get("name", "")),
         operator=str(facts.get("operator", "")),
+        channels=sha256(",".join(channels).encode()).hexdigest()[:8] if channels else "",
         started=_moment(facts.get("started")) or entry.started,
         state=str(facts.get("state", "")),
         simulated=bool(facts["simulated"]) if "simulated" in facts else None,
