@@ -234,9 +234,9 @@ class PushInputs(ChoiceInputs):
 def push(inputs: PushInputs) -> None:
     """Copy chosen runs to a folder, an S3-compatible store or SSH"""
     from benchtool.data.catalogue.choice import find_entries
-    from benchtool.data.catalogue.transfer import Target, copied_line
+    from benchtool.data.catalogue.transfer import CopyPlace, copied_line
 
-    target = Target(inputs.target)
+    target = CopyPlace(inputs.target)
     for path, entry in find_entries(inputs):
         if not path.is_dir() or entry.state == "running" or entry.problem:
             why = entry.problem or (
@@ -261,9 +261,9 @@ class PullInputs(Inputs):
 @declared(PullInputs)
 def pull(inputs: PullInputs) -> None:
     """Copy runs back from where push put them, each file checked"""
-    from benchtool.data.catalogue.transfer import Target, copied_line
+    from benchtool.data.catalogue.transfer import CopyPlace, copied_line
 
-    target = Target(inputs.target)
+    target = CopyPlace(inputs.target)
     names = inputs.names or target.names()
     if not names:
         raise InputError(f"there is no copy at {inputs.target}; name where push put some")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
 from typing import Literal, get_args
 
 EntryKind = Literal[
@@ -12,6 +13,11 @@ EntryKind = Literal[
 """What an entry may be. A recording is one file with its JSON beside it, a table any CSV."""
 
 ENTRY_KINDS: tuple[str, ...] = get_args(EntryKind)
+
+
+FIT_FILE = "result.json"
+ANSWER_FILE = "answer.json"
+RUN_FILES = ("metadata.json", "plan.toml", "points.csv", "samples.csv", "samples.parquet")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,3 +70,22 @@ class Entry:
         own = (self.propeller, self.operator, *self.tags, *self.notes)
         text = " ".join((*shown, *own, "simulated" if self.simulated else "")).lower()
         return all(word in text for word in words.lower().split())
+
+
+def kind_of(path: Path) -> str:
+    """Return the kind of what is at a path by the names of its files, empty for none.
+
+    A run without its metadata counts as a sweep.
+    """
+    if path.is_file():
+        if (
+            path.suffix.lower() in (".csv", ".parquet")
+            and path.with_name(f"{path.name}.json").is_file()
+        ):
+            return "recording"
+        return "table" if path.suffix.lower() == ".csv" else ""
+    if (path / FIT_FILE).is_file():
+        return "fit"
+    if (path / ANSWER_FILE).is_file():
+        return "explanation"
+    return "sweep" if any((path / name).is_file() for name in RUN_FILES) else ""

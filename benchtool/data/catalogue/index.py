@@ -21,7 +21,7 @@ from typing import Any
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.atomic import make_folder
-from benchtool.data.catalogue.entry import Entry
+from benchtool.data.catalogue.entry import Entry, kind_of
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import state_folder
 
@@ -90,8 +90,6 @@ class _Look:
                 yield from self._read(name, Path(item), depth, linked)
 
     def _read(self, name: str, item: Path, depth: int, linked: bool) -> Iterator[Entry]:
-        from benchtool.data.run.entry import kind_of
-
         known = "" if linked else kind_of(item)
         try:
             if known or linked:  # of any other folder, what is in it is checked
@@ -112,10 +110,10 @@ class _Look:
 
     def _entry(self, name: str, path: str) -> Entry:
         """Return one entry, read again only where one of its files has changed."""
-        from benchtool.data.run.entry import entry_of, kind_of
-
         stamp = _stamp(path, kind_of(Path(path)))
         if name not in self._seen or self._seen[name][0] != stamp:
+            from benchtool.data.run.entry import entry_of
+
             self._seen[name] = (stamp, entry_of(self._folder, name))
         return self._seen[name][1]
 

@@ -74,7 +74,7 @@ class Copied:
     present: int
 
 
-class Target:
+class CopyPlace:
     """Hold copies of entries at an address of fsspec.
 
     Args:

@@ -20,8 +20,12 @@ from benchtool.core.errors import BenchtoolError, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import read_json
+from benchtool.data.catalogue.entry import ANSWER_FILE as ANSWER_FILE
 from benchtool.data.catalogue.entry import ENTRY_KINDS as ENTRY_KINDS
+from benchtool.data.catalogue.entry import FIT_FILE as FIT_FILE
+from benchtool.data.catalogue.entry import RUN_FILES
 from benchtool.data.catalogue.entry import Entry as Entry
+from benchtool.data.catalogue.entry import kind_of as kind_of
 from benchtool.data.columns import KINDS, code_of
 from benchtool.data.csv_text import parse_csv
 from benchtool.data.run.facts import read_metadata, read_recording_facts
@@ -33,13 +37,9 @@ from benchtool.data.run.run import RUN_FORMAT
 from benchtool.data.run.runs_folder import RunsFolder
 
 FIT_FORMAT = "benchtool-fit-1"
-FIT_FILE = "result.json"
-ANSWER_FILE = "answer.json"
 
 HEAD_BYTES = 65_536
 """As much of a table is read for the names of its columns; a choice."""
-
-_RUN_FILES = ("metadata.json", "plan.toml", "points.csv", "samples.csv", "samples.parquet")
 
 
 def entry_of(folder: RunsFolder, name: str) -> Entry:
@@ -76,29 +76,13 @@ def read_result(folder: Path) -> dict[str, Any]:
     return tables
 
 
-def kind_of(path: Path) -> str:
-    """Return the kind of what is at a path by the names of its files, empty for none.
-
-    A run without its metadata counts as a sweep.
-    """
-    if path.is_file():
-        if path.suffix.lower() in (".csv", ".parquet") and beside(path).is_file():
-            return "recording"
-        return "table" if path.suffix.lower() == ".csv" else ""
-    if (path / FIT_FILE).is_file():
-        return "fit"
-    if (path / ANSWER_FILE).is_file():
-        return "explanation"
-    return "sweep" if any((path / name).is_file() for name in _RUN_FILES) else ""
-
-
 def _strange(path: Path) -> str:
     inside = ", ".join(sorted(item.name for item in path.iterdir())[:6]) if path.is_dir() else ""
     return f"nothing that benchtool knows is in it (it holds: {inside or 'nothing'})"
 
 
 def _written(path: Path) -> datetime | None:
-    names = (FIT_FILE, ANSWER_FILE, *_RUN_FILES)
+    names = (FIT_FILE, ANSWER_FILE, *RUN_FILES)
     files = [path] if path.is_file() else [path / name for name in names]
     times = [file.stat().st_mtime for file in files if file.is_file()]
     return datetime.fromtimestamp(times[0]).astimezone() if times else None

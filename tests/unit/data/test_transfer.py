@@ -11,7 +11,7 @@ import pytest
 
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.data.catalogue.index import catalogued
-from benchtool.data.catalogue.transfer import MANIFEST, Copied, Target, manifest_of, verify_run
+from benchtool.data.catalogue.transfer import MANIFEST, Copied, CopyPlace, manifest_of, verify_run
 from benchtool.data.run.labels import label
 from tests.unit.data.run_of import small_run
 
@@ -56,12 +56,12 @@ def root(tmp_path: Path) -> Path:
     return root
 
 
-def push(target: Target, root: Path, **options: Any) -> dict[str, Copied]:
+def push(target: CopyPlace, root: Path, **options: Any) -> dict[str, Copied]:
     return {one.name: target.push(root / one.name, one, **options) for one in catalogued(root)}
 
 
 def test_what_was_pushed_comes_back_the_same(place: str, root: Path, tmp_path: Path) -> None:
-    target = Target(place)
+    target = CopyPlace(place)
     sent = push(target, root)
     assert {name: (one.sent, one.present) for name, one in sent.items()} == {
         "2026/one": (7, 0),
@@ -79,7 +79,7 @@ def test_what_was_pushed_comes_back_the_same(place: str, root: Path, tmp_path: P
 
 
 def test_labels_follow_and_other_data_are_refused(place: str, root: Path) -> None:
-    target = Target(place)
+    target = CopyPlace(place)
     push(target, root)
     label(root / "two", add=["good"])
     assert [(one.sent, one.present) for one in push(target, root).values()] in (
@@ -98,23 +98,23 @@ def test_labels_follow_and_other_data_are_refused(place: str, root: Path) -> Non
 def test_a_copy_that_was_broken_off_goes_on(
     place: str, root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    target, whole, sent = Target(place), Target._send, list[str]()
+    target, whole, sent = CopyPlace(place), CopyPlace._send, list[str]()
 
-    def cut(self: Target, source: Path, path: str) -> None:
+    def cut(self: CopyPlace, source: Path, path: str) -> None:
         if len(sent) == 3:
             raise InputError("the line is dead")
         sent.append(source.name)
         whole(self, source, path)
 
-    monkeypatch.setattr(Target, "_send", cut)
+    monkeypatch.setattr(CopyPlace, "_send", cut)
     entry = next(one for one in catalogued(root) if one.name == "two")
     with pytest.raises(InputError, match="the line is dead"):
         target.push(root / "two", entry)
     with pytest.raises(InputError, match="is not complete; push it again first"):
         target.pull("two", tmp_path / "back")
     assert target.check("two") == ["there is no complete copy"]
-    monkeypatch.setattr(Target, "_send", whole)
-    again = Target(place).push(root / "two", entry)
+    monkeypatch.setattr(CopyPlace, "_send", whole)
+    again = CopyPlace(place).push(root / "two", entry)
     assert (again.sent, again.present) == (4, 3)
     beside = tmp_path / "back" / ".two.pull"
     beside.mkdir(parents=True)
@@ -126,7 +126,7 @@ def test_a_copy_that_was_broken_off_goes_on(
 
 
 def test_a_copy_that_changed_is_refused(place: str, root: Path, tmp_path: Path) -> None:
-    target = Target(place)
+    target = CopyPlace(place)
     push(target, root)
     size = (root / "two" / "points.csv").stat().st_size
     target._fs.pipe_file(target._path("two", "points.csv"), b"x" * size)
@@ -139,15 +139,15 @@ def test_a_copy_that_changed_is_refused(place: str, root: Path, tmp_path: Path) 
 def test_what_arrives_otherwise_is_seen(
     place: str, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    target = Target(place)
-    monkeypatch.setattr(Target, "_hash", lambda self, path: "0")
+    target = CopyPlace(place)
+    monkeypatch.setattr(CopyPlace, "_hash", lambda self, path: "0")
     with pytest.raises(InputError, match=r"arrived at .* otherwise than it was sent"):
         push(target, root)
 
 
 @pytest.mark.parametrize("name", ["../out", "/out", ".hidden", "a\\b", "metadata.json/.."])
 def test_a_manifest_leads_nowhere_else(tmp_path: Path, root: Path, name: str) -> None:
-    target = Target(str(tmp_path / "copies"))
+    target = CopyPlace(str(tmp_path / "copies"))
     push(target, root)
     manifest = tmp_path / "copies" / "two" / MANIFEST
     text = manifest.read_text("utf-8").replace('"points.csv"', f'"{name}"'.replace("\\", "\\\\"))
@@ -163,7 +163,7 @@ def test_a_manifest_leads_nowhere_else(tmp_path: Path, root: Path, name: str) ->
 )
 def test_a_place_that_nothing_reaches_is_one_sentence(url: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        Target(url)
+        CopyPlace(url)
 
 
 def test_a_run_that_is_measured_is_not_pushed(root: Path, tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ def test_a_run_that_is_measured_is_not_pushed(root: Path, tmp_path: Path) -> Non
     run.update_metadata(state="running")
     entry = next(one for one in catalogued(root) if one.name == "live")
     with pytest.raises(InputError, match="is being measured; push it when it has ended"):
-        Target(str(tmp_path / "copies")).push(run.path, entry)
+        CopyPlace(str(tmp_path / "copies")).push(run.path, entry)
 
 
 def test_verify_finds_what_changed(root: Path) -> None:
