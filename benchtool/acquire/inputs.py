@@ -30,7 +30,7 @@ class SweepInputs(Inputs):
     ] = None
     rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
     plan: Plan = field(default_factory=Plan)
-    runs: Annotated[Path, Input("Where run folders are made.")] = Path("runs")
+    runs: Annotated[Path, Input("Where run folders are made.", group="Run folder")] = Path("runs")
     out: Annotated[Path | None, Input("Exactly this run folder; must be new.")] = None
     operator: Annotated[str, Input("Who measures; the user when left out.", label="Operator")] = ""
     air: Air = field(default_factory=Air)
@@ -40,6 +40,7 @@ class SweepInputs(Inputs):
             "Calibration file; none to use none.",
             label="Calibration (ID or none)",
             empty="the device's latest",
+            group="Bench",
         ),
     ] = None
     stage: Annotated[
@@ -50,7 +51,9 @@ class SweepInputs(Inputs):
             empty="as device and rig say",
         ),
     ] = None
-    yes: Annotated[bool, Input("No typed arming: simulated or checked today.")] = False
+    yes: Annotated[
+        bool, Input("No typed arming: simulated or checked today.", group="This run")
+    ] = False
     dry_run: Annotated[bool, Input("Show plan and duration only.")] = False
     resume: Annotated[Path | None, Input("Go on with this run folder.")] = None
 
@@ -101,6 +104,8 @@ class MassUncertainty(Inputs):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weighing(Inputs):
     """State what is known of masses that hang on a load cell, by command line or page."""
+
+    TITLE = "Masses"
 
     lever_ratio: Annotated[
         float,

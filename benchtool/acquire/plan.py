@@ -59,6 +59,8 @@ class PlatePart(Inputs):
             plate is parked where the bench moves one, and away where it does not.
     """
 
+    TITLE = "Plate"
+
     used: bool = True
 
     distances_m: Annotated[
@@ -106,6 +108,8 @@ class PlatePart(Inputs):
 class ThrottlePart(Inputs):
     """Say how fast the rotors turn."""
 
+    TITLE = "Throttle"
+
     pwm_us: Annotated[
         tuple[Pulse, ...],
         Len(0, MOST_LISTED),
@@ -148,6 +152,8 @@ class OrderPart(Inputs):
             "counterbalanced" (every second repeat backwards), or "as_given".
         references: visit every level with the plate parked in every repeat (T_OGE).
     """
+
+    TITLE = "Order of the visits"
 
     kind: Annotated[
         Literal["randomised", "counterbalanced", "as_given"],
@@ -229,13 +235,14 @@ class Plan(Inputs):
             what is lost at random moves no mean, a loss of a fifth is no longer at random.
     """
 
-    name: Annotated[str, Input("Name of the run.")] = "sweep"
+    name: Annotated[str, Input("Name of the run.", group="Run folder")] = "sweep"
     repeats: Annotated[
         Annotated[int, Ge(1), Le(1_000_000_000)] | None,
         Input(
             "Visits of each setting (paper, section 2).",
             label="Repeats",
             empty="9 for one rotor on, 5 for several",
+            group="Points",
         ),
     ] = None
     sample_s: Annotated[

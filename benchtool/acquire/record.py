@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -235,11 +236,13 @@ class ProgressLines(RunProgress):
 class SafeProgress(RunProgress):
     """Forward to another progress until it fails (a closed pipe, a terminal that went).
 
-    A run continues when nobody looks; what it measures is on the disk.
+    A run continues when nobody looks; what it measures is on the disk. Time left is given in real
+    seconds: a simulated bench's clock may run many times as fast.
     """
 
     def __init__(self, watcher: RunProgress | None) -> None:
         self._watcher = watcher or RunProgress()
+        self._first: tuple[float, float] | None = None
 
     def _forward(self, method: Callable[..., None], *arguments: Any) -> None:
         try:
@@ -254,6 +257,11 @@ class SafeProgress(RunProgress):
         self._forward(self._watcher.visiting, visit)
 
     def measured(self, point: Point, remaining_s: float) -> None:
+        now_s = monotonic()
+        self._first = self._first or (point.time_s, now_s)
+        on_bench_s, real_s = point.time_s - self._first[0], now_s - self._first[1]
+        if on_bench_s > real_s:  # never slower: whoever paused, goes on at the bench's pace
+            remaining_s *= real_s / on_bench_s
         self._forward(self._watcher.measured, point, remaining_s)
 
     def happened(self, event: Event) -> None:

@@ -101,7 +101,9 @@ def record_sweep(
         read_calibration(Path(str(inputs.calibration)))
     bench = open_bench(inputs.address, permit)
     expected = check_plan(inputs.plan, rig)
-    operator.say(plan_text(inputs.plan, rig, expected, rest))
+    text = plan_text(inputs.plan, rig, expected, rest)
+    virtual = inputs.address.startswith("sim:")
+    operator.say(f"{text} of the bench's clock; a simulated one runs faster" if virtual else text)
     if inputs.dry_run:
         operator.say("dry run: nothing was opened, nothing spins")
         return None

@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from benchtool import __version__
-from benchtool.commands.declared import help_of
+from benchtool.commands.declared import GroupedCommand, help_of
 from benchtool.commands.terminal.messages import exhaustion_behind, flush_output, say_error
 from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice
 from benchtool.core.inputs import items
@@ -105,6 +105,9 @@ work now."""
 _OF_A_NAME = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP}
 """What the system says of a path that cannot be one; where it was typed does not matter."""
 
+COMPLETING = "_BENCHTOOL_COMPLETE"
+"""Environment variable by which a shell's completion script calls."""
+
 UNEXPECTED = 70
 """Exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)."""
 
@@ -112,6 +115,8 @@ UNEXPECTED = 70
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave the process with its exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if COMPLETING in os.environ:
+        words = _words_to_complete()
     for stream in (sys.stdout, sys.stderr):
         # A console that cannot show a character gets a stand-in for it instead of a traceback.
         if reconfigure := getattr(stream, "reconfigure", None):
@@ -147,6 +152,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(UNEXPECTED)
 
 
+def _words_to_complete() -> list[str]:
+    """Return the command of the line that a shell wants completed, as far as it is written."""
+    line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
+    words = [word for word in line.split()[1:] if not word.startswith("-")]
+    for most in (2, 1):
+        if " ".join(words[:most]) in COMMANDS:
+            return words[:most]
+    return []
+
+
 def _check_text(words: Sequence[str]) -> None:
     """Refuse a word that is no UTF-8 text: it could be neither stored nor shown."""
     for word in words:
@@ -168,15 +183,18 @@ def _refuse_removed(words: Sequence[str]) -> None:
 
 def build(words: Sequence[str]) -> typer.Typer:
     """Assemble the application for one invocation, importing at most one command."""
+    sets_up = words[:1] in (["--install-completion"], ["--show-completion"])
     app = typer.Typer(
         cls=_Group,
         help="Drive rotor test benches near surfaces and fit ground-effect models.",
-        add_completion=False,
+        epilog="benchtool --install-completion sets up completion with Tab.",
+        # Its options are added where they are given: with them, every call would import pydantic.
+        add_completion=sets_up or COMPLETING in os.environ,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
     )
     app.callback()(_options)
-    named = [word for word in words if not word.startswith("-")]
+    named = [] if sets_up else [word for word in words if not word.startswith("-")]
     if named and named[0] not in COMMANDS:
         raise UnknownChoice("command", named[0], [name for name in COMMANDS if " " not in name])
     groups: dict[str, typer.Typer] = {"": app}
@@ -193,7 +211,7 @@ def build(words: Sequence[str]) -> typer.Typer:
         elif name.split() == named[: 1 + bool(group)]:
             module = import_module(module_of(name))
             called = getattr(module, where.partition(":")[2])
-            groups[group].command(last, cls=getattr(module, "Parser", None))(called)
+            groups[group].command(last, cls=getattr(module, "Parser", GroupedCommand))(called)
         else:
             groups[group].command(last, help=f"{line}." if group else line)(_unloaded)
     return app

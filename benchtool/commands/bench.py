@@ -36,7 +36,10 @@ class ServeInputs(Inputs):
         str | None, Input("Model whose thrust the load cell shows; by name or file.")
     ] = None
     link: Annotated[
-        str, Input("pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...), rcbudp.")
+        str,
+        Input(
+            "pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...), rcbudp.", group="Link"
+        ),
     ] = "pty"
     symlink: Annotated[Path | None, Input("A path that always leads to the pseudo-terminal.")] = (
         None
@@ -44,7 +47,9 @@ class ServeInputs(Inputs):
     grbl: Annotated[
         Path | None, Input("Serve a G-code stage at this path as well; it alone moves the plate.")
     ] = None
-    speed: Annotated[float, Gt(0.0), Le(1000.0), Input("Device seconds per wall second.")] = 1.0
+    speed: Annotated[
+        float, Gt(0.0), Le(1000.0), Input("Device seconds per wall second.", group="Simulation")
+    ] = 1.0
     rate: Annotated[
         Annotated[float, Ge(1.0), Le(1000.0)] | None,
         Input("Samples per device second.", "Hz", empty="200, or the controller's"),
@@ -56,16 +61,16 @@ class ServeInputs(Inputs):
     mode: Annotated[
         Literal["plate", "pitch"], Input("A load cell, or a hinge with a controller.")
     ] = "plate"
-    schedule: Annotated[str, Input("Pitch: schedule, or its file.")] = "plate"
+    schedule: Annotated[str, Input("Pitch: schedule, or its file.", group="Pitch bench")] = "plate"
     controller: Annotated[str, Input("Pitch: controller; your own as module:Class.")] = "pid"
     gains: Annotated[str, Input("Pitch: gain set, or its file.")] = "s3"
     settings: Annotated[
         Mapping[str, float],
         Input("Pitch: NAME=VALUE, as K_b=1.8 or gains.attitude.k_q_per_s=8.", option="set"),
     ] = field(default_factory=dict)
-    autopilot: Annotated[Literal["ardupilot", "px4"], Input("MAVLink: what it behaves like.")] = (
-        "ardupilot"
-    )
+    autopilot: Annotated[
+        Literal["ardupilot", "px4"], Input("MAVLink: what it behaves like.", group="MAVLink")
+    ] = "ardupilot"
     system: Annotated[int, Ge(1), Le(250), Input("MAVLink: its number.")] = 1
     key: Annotated[Path | None, Input("MAVLink: file with the key that signs every frame.")] = None
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import typer
+from typer.core import TyperCommand
 
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import Inputs, Item, items, make
@@ -55,16 +56,48 @@ def _parameter(name: str, item: Item, required: bool) -> inspect.Parameter:
     if item.about.argument:
         option: Any = typer.Argument(metavar=item.about.argument, **options)
     elif item.kind is bool and item.default is True:
-        option = typer.Option(f"{item.option}/{item.option.replace('--', '--no-', 1)}", **options)
+        both = f"{item.option}/{item.option.replace('--', '--no-', 1)}"
+        option = typer.Option(both, rich_help_panel=item.group or None, **options)
     else:
         names = filter(None, (item.option, item.about.also))
-        option = typer.Option(*names, hidden=item.about.hidden, **options)
+        option = typer.Option(
+            *names,
+            hidden=item.about.hidden,
+            rich_help_panel=item.group or None,
+            autocompletion=_completions(item.choices) if item.choices else None,
+            **options,
+        )
     return inspect.Parameter(
         name,
         inspect.Parameter.KEYWORD_ONLY,
         default=inspect.Parameter.empty if required else None,
         annotation=Annotated[kind if required else kind | None, option],
     )
+
+
+def _completions(choices: Sequence[str]) -> Callable[[str], list[str]]:
+    def beginning_with(incomplete: str) -> list[str]:
+        return [choice for choice in choices if choice.startswith(incomplete)]
+
+    return beginning_with
+
+
+class GroupedCommand(TyperCommand):
+    """A command whose help lists options under headings, in the order of their first options."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is None:
+                continue
+            place = "Arguments" if parameter.param_type_name == "argument" else "Options"
+            heading = getattr(parameter, "rich_help_panel", None) or place
+            sections.setdefault(heading, []).append(record)
+        for heading, records in sections.items():
+            if records:
+                with formatter.section(heading):
+                    formatter.write_dl(records)
 
 
 def help_of(item: Item) -> str:

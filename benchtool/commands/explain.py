@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from annotated_types import Ge, Gt, Le, Lt
-from typer.core import TyperCommand
 
-from benchtool.commands.declared import declared
+from benchtool.commands.declared import GroupedCommand, declared
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.inputs import Input, Inputs
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 CHECK = "--check"
 
 
-class Parser(TyperCommand):
+class Parser(GroupedCommand):
     """A command whose --check takes every word up to the next option.
 
     Without it a second word would pass for a recording to learn from, and nobody would notice.
@@ -68,7 +67,9 @@ class ExplainInputs(Inputs):
         Path | None, Input("Folder for page, figures, new model or next experiment.")
     ] = None
     json: Annotated[Path | None, Input("File for the answer as JSON.")] = None
-    effects: Annotated[str | None, Input("Python file or module with effects of your own.")] = None
+    effects: Annotated[
+        str | None, Input("Python file or module with effects of your own.", group="Search")
+    ] = None
     seed: Annotated[int, Ge(0), Input("Seed of everything random.")] = 0
     draws: Annotated[int, Ge(20), Le(100_000), Input("Draws of the noise behind the floor.")] = 128
     bootstrap: Annotated[
@@ -76,7 +77,11 @@ class ExplainInputs(Inputs):
     ] = 0
     overwrite: Annotated[bool, Input("Replace an earlier answer's files.")] = False
     bench: Annotated[
-        str | None, Input("Address of the bench: record next experiments on it, each armed anew.")
+        str | None,
+        Input(
+            "Address of the bench: record next experiments on it, each armed anew.",
+            group="Next experiments on a bench",
+        ),
     ] = None
     until: Annotated[
         float, Gt(0.5), Lt(1.0), Input("With --bench: how probable the answer shall become.")

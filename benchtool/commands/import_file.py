@@ -29,12 +29,14 @@ class ImportInputs(Inputs):
         Annotated[float, Ge(0.0), Le(1e5)] | None,
         Input("A distance sensor below it says: over a surface.", "m"),
     ] = None
-    flip: Annotated[tuple[str, ...], Input("Channel whose sign is inverted (thrust_N).")] = ()
+    flip: Annotated[
+        tuple[str, ...], Input("Channel whose sign is inverted (thrust_N).", group="Repairs")
+    ] = ()
     tare: Annotated[tuple[str, ...], Input("Channel whose reading at rest is taken off.")] = ()
     scale: Annotated[tuple[str, ...], Input("CHANNEL=FACTOR, as rpm1=1/6 for a pole count.")] = ()
     air_density: Annotated[
         Annotated[float, Gt(0.0), Le(100.0)] | None,
-        Input("Air density, for files of coefficients.", "kg/m3"),
+        Input("Air density, for files of coefficients.", "kg/m3", group="Bench"),
     ] = None
     propeller: Annotated[
         str,
@@ -46,9 +48,10 @@ class ImportInputs(Inputs):
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
         Input("Mass: makes points of a hover flight's steady stays.", "kg"),
     ] = None
-    out: Annotated[Path | None, Input("Folder; or for one file, its name in .csv or .parquet.")] = (
-        None
-    )
+    out: Annotated[
+        Path | None,
+        Input("Folder; or for one file, its name in .csv or .parquet.", group="Results"),
+    ] = None
     parquet: Annotated[bool, Input("Write Parquet, not CSV.")] = False
     overwrite: Annotated[bool, Input("Replace recordings of the same name.")] = False
     dry_run: Annotated[bool, Input("Show findings, write nothing.")] = False

@@ -45,6 +45,8 @@ Error = Literal["sd", "se"]
 class TableInputs(Inputs):
     """Say which columns of a table are what; left out, their names say it, or a question."""
 
+    TITLE = "Tables of your own"
+
     z: Annotated[str, Input("Column of the plate's distance; none without a plate.")] = ""
     thrust: Annotated[str, Input("Column of the thrust.")] = ""
     ratio: Annotated[str, Input("Column of T/T_OGE where no thrust is given.")] = ""
@@ -73,6 +75,8 @@ class TableInputs(Inputs):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperLayoutInputs(Inputs):
     """The recipe folders whose runs are points in the paper's figures 3, 4, 6 and 8."""
+
+    TITLE = "Figures of the paper"
 
     single: Annotated[Path | None, Input("Paper: recipe folder of one rotor.")] = None
     second: Annotated[Path | None, Input("Paper: recipe folder of one rotor of another rig.")] = (

@@ -50,11 +50,15 @@ class RecordInputs(Inputs):
     schedule: Annotated[
         str, Input("What the device runs, for the record.", empty="its own word")
     ] = ""
-    name: Annotated[str, Input("Name of the run.", label="Name of the run")] = "pitch"
+    name: Annotated[str, Input("Name of the run.", label="Name of the run", group="Run folder")] = (
+        "pitch"
+    )
     runs: Annotated[Path, Input("Where run folders are made.")] = Path("runs")
     out: Annotated[Path | None, Input("Exactly this run folder; must be new.")] = None
     operator: Annotated[str, Input("Who measures; the user when left out.")] = ""
-    yes: Annotated[bool, Input("No typed arming: simulated or checked today.")] = False
+    yes: Annotated[
+        bool, Input("No typed arming: simulated or checked today.", group="This run")
+    ] = False
     dry_run: Annotated[bool, Input("Show what would spin only.")] = False
 
 

@@ -44,7 +44,10 @@ class ReportInputs(Inputs):
         None
     )
     controller: Annotated[
-        str, Input("Controller that flew a log: pid, observer, feedforward, ...")
+        str,
+        Input(
+            "Controller that flew a log: pid, observer, feedforward, ...", group="Logs of flights"
+        ),
     ] = ""
     gains: Annotated[str, Input("Its gain set: s3, s1a, stiff or a file.")] = ""
     plate_z_m: Annotated[
@@ -57,13 +60,17 @@ class ReportInputs(Inputs):
     ] = ()
     over: Annotated[
         Literal["thrust", "rpm", "power", "throttle", "distance"] | None,
-        Input("Draw runs and recordings in one plot over this.", empty="thrust"),
+        Input(
+            "Draw runs and recordings in one plot over this.", empty="thrust", group="Comparison"
+        ),
     ] = None
     at_thrust: Annotated[
         Annotated[float, Gt(0.0), Le(100_000.0)] | None,
         Input("Rank runs and recordings by efficiency at this thrust.", "N"),
     ] = None
-    overwrite: Annotated[bool, Input("Replace files of these names.", also="--force")] = False
+    overwrite: Annotated[
+        bool, Input("Replace files of these names.", also="--force", group="Results")
+    ] = False
 
 
 @declared(ReportInputs)

@@ -22,6 +22,8 @@ class Air(Inputs):
     The ranges are choices, wide enough for any laboratory.
     """
 
+    TITLE = "Air"
+
     temperature: Annotated[
         Annotated[float, Ge(-40.0), Le(60.0)] | None,
         Input("Air temperature.", "degC", label="Air, degC", empty=f"{STANDARD_DEGC:g} assumed"),

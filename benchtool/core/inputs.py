@@ -17,6 +17,7 @@ from functools import cache
 from typing import (
     Annotated,
     Any,
+    ClassVar,
     Literal,
     TypeVar,
     Union,
@@ -66,6 +67,8 @@ class Input:
         commas: whether several texts may stand in one word, with commas between.
         instead_of: field beside it that it replaces.
         hidden: whether help and forms leave it out.
+        group: heading of help under which it stands, and those of its part after it; the title of
+            its dataclass when left out (`Inputs.TITLE`).
     """
 
     help: str
@@ -79,6 +82,7 @@ class Input:
     commas: bool = False
     instead_of: str = ""
     hidden: bool = False
+    group: str = ""
 
 
 NO_INPUT = Input("")
@@ -93,6 +97,9 @@ class Inputs(FiniteTable):
     """
 
     __slots__ = ()
+
+    TITLE: ClassVar[str] = ""
+    """Heading of help over the inputs of this dataclass."""
 
     def __post_init__(self) -> None:
         own: Any = type(self)
@@ -116,6 +123,7 @@ class Item:
         range: what numbers are taken, in words; "" for any.
         default: MISSING for an input that must be given.
         about: what people read.
+        group: heading of help under which it stands; "" for the first, which has none of its own.
     """
 
     key: str
@@ -127,6 +135,7 @@ class Item:
     range: str
     default: Any
     about: Input
+    group: str = ""
 
     @property
     def is_part(self) -> bool:
@@ -278,12 +287,14 @@ def _items(cls: Any) -> tuple[Item, ...]:
     return tuple(_walk(cls, ""))
 
 
-def _walk(cls: Any, prefix: str) -> Iterator[Item]:
+def _walk(cls: Any, prefix: str, above: str = "") -> Iterator[Item]:
+    group = cls.TITLE or above
     for item in _fields_of(cls):
         if item.is_part:
-            yield from _walk(item.kind, f"{prefix}{item.key}.")
+            yield from _walk(item.kind, f"{prefix}{item.key}.", group)
         elif item.about is not NO_INPUT:
-            yield replace(item, key=f"{prefix}{item.key}")
+            group = item.about.group or group
+            yield replace(item, key=f"{prefix}{item.key}", group=group)
 
 
 def make(

@@ -53,7 +53,11 @@ class Recipe(Inputs):
     description: str = ""  # what question it answers
     rig: Annotated[
         str | None,
-        Input("Rig of a CSV: shipped name or path; runs carry theirs.", label="Rig of a table"),
+        Input(
+            "Rig of a CSV: shipped name or path; runs carry theirs.",
+            label="Rig of a table",
+            group="Data",
+        ),
     ] = None
     calibration: Annotated[
         str | None,
@@ -74,7 +78,12 @@ class Recipe(Inputs):
         ),
     ] = ()
     basis: Annotated[
-        Basis, Input("Thrust itself (joint), or T_IGE/T_OGE at equal ...", label="What is fitted")
+        Basis,
+        Input(
+            "Thrust itself (joint), or T_IGE/T_OGE at equal ...",
+            label="What is fitted",
+            group="Fit",
+        ),
     ] = "joint"
     methods: Annotated[
         tuple[Method, ...],
@@ -110,10 +119,13 @@ class Recipe(Inputs):
         Input(
             "Compare with this model, or with all laws of distance (laws); repeatable.",
             label="Compare with models, or laws",
+            group="Comparison",
         ),
     ] = ()
     walkers: Annotated[
-        int, Ge(8), Input("Walkers of each emcee ensemble.", label="Walkers of emcee")
+        int,
+        Ge(8),
+        Input("Walkers of each emcee ensemble.", label="Walkers of emcee", group="Sampling"),
     ] = 32
     max_steps: Annotated[
         int,
@@ -134,7 +146,11 @@ class FitInputs(Inputs):
     recipe: Recipe
     profile: Annotated[
         bool,
-        Input("Profile-likelihood intervals as well.", label="profile-likelihood intervals"),
+        Input(
+            "Profile-likelihood intervals as well.",
+            label="profile-likelihood intervals",
+            group="Results",
+        ),
     ] = False
     budget: Annotated[
         Literal["propagation", "mc"],

@@ -20,6 +20,8 @@ LONGEST_S = 3600.0
 class CampaignInputs(Inputs):
     """What makes many runs of one."""
 
+    TITLE = "Campaign"
+
     vary: Annotated[
         tuple[str, ...], Input("NAME=FROM:TO:COUNT: a campaign over a grid; --out is needed.")
     ] = ()
@@ -51,7 +53,9 @@ class StudyInputs(Inputs):
         ),
     ] = field(default_factory=dict)
     campaign: CampaignInputs = CampaignInputs()
-    out: Annotated[Path | None, Input("Folder for recordings or table, and figure.")] = None
+    out: Annotated[
+        Path | None, Input("Folder for recordings or table, and figure.", group="Results")
+    ] = None
 
     def gain_set(self) -> str:
         if len(self.gains) > 1:

@@ -24,7 +24,7 @@ class ChoiceInputs(Inputs):
         tuple[Path, ...], Input("Folders of runs; repeat the option for several.")
     ] = (Path("runs"),)
     words: Annotated[
-        str, Input("Words that stand anywhere in name, rig, date, tags, notes, ...")
+        str, Input("Words that stand anywhere in name, rig, date, tags, notes, ...", group="Which")
     ] = ""
     kind: Annotated[EntryKind | None, Input("What it is.", empty="any")] = None
     rig: Annotated[str, Input("Rig of a run, model of a fit.")] = ""

@@ -52,15 +52,22 @@ class FlightInputs(Inputs):
     gyro_noise_rad_s: Annotated[
         Annotated[float, Ge(0.0), Le(10.0)] | None,
         Input(
-            "Standard deviation.", "rad/s", empty="none, or the paper's 0.015 under several seeds"
+            "Standard deviation.",
+            "rad/s",
+            empty="none, or the paper's 0.015 under several seeds",
+            group="Disturbances",
         ),
     ] = None
     map_offset_m: Annotated[
         tuple[float, float, float], Input("X,Y,Z of the feedforward's map; -0.05,0,0.", "m")
     ] = (0.0, 0.0, 0.0)
-    map: Annotated[Path | None, Input("Fly over this map (TOML or CSV) instead.")] = None
+    map: Annotated[
+        Path | None, Input("Fly over this map (TOML or CSV) instead.", group="Course")
+    ] = None
     goal_m: Annotated[tuple[float, float] | None, Input("X,Y to fly to instead.", "m")] = None
-    lag_s: Annotated[float, Ge(0.0), Le(10.0), Input("Time constant of the motors.", "s")] = 0.0
+    lag_s: Annotated[
+        float, Ge(0.0), Le(10.0), Input("Time constant of the motors.", "s", group="Vehicle")
+    ] = 0.0
     layout: Annotated[Literal["plus", "cross"], Input("plus, or cross: turned by 45 degrees.")] = (
         "plus"
     )

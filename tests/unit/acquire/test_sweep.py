@@ -13,6 +13,7 @@ from benchtool.acquire.new_run import run_metadata
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
 from benchtool.acquire.recalibrate import recalibrate
+from benchtool.acquire.record import RunProgress
 from benchtool.acquire.sweep import Summary, run_sweep
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import DeviceStage
@@ -50,8 +51,8 @@ anchor_every = 2
 )
 
 
-class Watcher:
-    """Keep what a sweep tells."""
+class Watcher(RunProgress):
+    """Note what a sweep reports."""
 
     def __init__(self) -> None:
         self.points: list[Point] = []
@@ -91,7 +92,7 @@ def test_a_sweep_measures_every_visit_once(tmp_path: Path) -> None:
     visits = visits_of(PLAN.resolved(RIG), RIG)
     assert summary.measured == len(visits) == len(watcher.points)
     assert watcher.words[0] == f"{len(visits)} 0"
-    assert watcher.left_s == sorted(watcher.left_s, reverse=True)
+    assert max(watcher.left_s) == watcher.left_s[0]
     assert watcher.left_s[-1] == 0.0
     points = read_points(run.path)
     assert points.column("point").tolist() == [float(visit.point) for visit in visits]

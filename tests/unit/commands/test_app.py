@@ -150,3 +150,42 @@ def test_a_group_loads_the_subcommand_that_was_named(
         with pytest.raises(SystemExit):
             app.main(words)
         assert "".join(capsys.readouterr()).startswith(shown)
+
+
+def test_help_lists_options_under_headings(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        app.main(["sweep", "--help"])
+    text = capsys.readouterr().out
+    headings = re.findall(r"^(\w.*):$", text, re.MULTILINE)
+    assert headings == [
+        "Arguments", "Options", "Run folder", "Points", "Plate", "Throttle",
+        "Order of the visits", "Air", "Bench", "This run",
+    ]  # fmt: skip
+    throttle = text.partition("Throttle:")[2].partition("Order of the visits:")[0]
+    assert re.findall(r"^  (--\S+)", throttle, re.MULTILINE) == [
+        "--pwm", "--throttle", "--rotors", "--ramp-s",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("benchtool sw", "sweep"),
+        ("benchtool simulate pi", "pitch"),
+        ("benchtool sweep --repe", "--repeats"),
+        ("benchtool sweep --order ", "randomised\ncounterbalanced\nas_given"),
+        ("benchtool simulate flight --layout cr", "cross"),
+    ],
+)
+def test_tab_completes(
+    line: str,
+    expected: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv(app.COMPLETING, "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", line)
+    monkeypatch.setenv("COMP_CWORD", str(len(line.split()) - (not line.endswith(" "))))
+    with pytest.raises(SystemExit):
+        app.main([])
+    assert capsys.readouterr().out.strip() == expected
