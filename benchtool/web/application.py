@@ -16,6 +16,7 @@ from nicegui import app, ui
 from benchtool.web.access import Access
 from benchtool.web.access_middleware import AccessMiddleware
 from benchtool.web.bench_process.client import BenchClient
+from benchtool.web.bench_process.messages import Notice
 from benchtool.web.bench_process.publisher import merged
 from benchtool.web.bench_process.spawn import ProcessHandle
 from benchtool.web.context import ServerState
@@ -38,7 +39,13 @@ def run_application(
     """Serve the page until Ctrl-C."""
     port = listening.getsockname()[1]
     server = ServerState(runs=runs, bench=BenchClient(process))
-    server.bench.on_notice = notify_all_pages
+
+    def show_notice(notice: Notice) -> None:
+        server.log.add(notice.text, is_error=notice.is_error)
+        notify_all_pages(notice)
+
+    server.bench.on_notice = show_notice
+    server.bench.on_alarm = lambda text: server.log.add(text, is_error=True)
     app.on_startup(server.bench.start)
     app.on_shutdown(server.close)
     app.on_exception(notify_error)

@@ -16,6 +16,7 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Command
 from benchtool.web.jobs import Job, WorkerProcess
+from benchtool.web.page_memory import FormMemory, PageMessages
 
 J = TypeVar("J", bound=Job[Any])
 
@@ -83,9 +84,15 @@ class ServerState:
     control: ControlLock = field(default_factory=ControlLock)
     workers: dict[str, WorkerProcess] = field(default_factory=dict)
     jobs: dict[str, Job[Any]] = field(default_factory=dict)
+    log: PageMessages = field(default_factory=PageMessages)
+    forms: FormMemory = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "forms", FormMemory(self.runs))
 
     def close(self) -> None:
         """End the processes, and delete what jobs have not completed."""
+        self.forms.write()
         for worker in self.workers.values():
             worker.close()
         self.bench.close()  # before jobs, which may take seconds: it stops the motors
@@ -117,6 +124,7 @@ class PageContext:
         theme: "light", "dark", or empty to follow the system.
         dark: whether the page is dark now, sent by the page.
         arrived: is called once the page has connected.
+        fields: of its forms that are remembered, by name.
     """
 
     server: ServerState
@@ -124,6 +132,44 @@ class PageContext:
     theme: str = ""
     dark: bool = False
     arrived: Callable[[], object] = lambda: None
+    fields: dict[str, Any] = field(default_factory=dict)
+
+    def arrive(self, tab: str) -> None:
+        """Note the name of the browser's tab, and fill in what was typed in it before."""
+        if tab != self.tab:
+            self.tab = tab
+            for name in self.fields:
+                self._restore(name)
+        self.arrived()
+
+    def remember(self, name: str, form_field: Any, *, restore: bool = True) -> None:
+        """Remember what is typed into a field, and fill in what was typed into it before.
+
+        Args:
+            name: of the field, the same after the page was loaded anew.
+            form_field: an element with a value; of a select, only values that it offers.
+            restore: leave out what was typed before where the page's address says something else.
+        """
+        self.fields[name] = form_field
+        if restore:
+            self._restore(name)
+        else:
+            self._note(name, form_field.value)
+        form_field.on_value_change(lambda change: self._note(name, change.value))
+
+    def _note(self, name: str, value: Any) -> None:
+        if self.tab:
+            self.server.forms.note(self.tab, name, value)
+
+    def _restore(self, name: str) -> None:
+        stored, form_field = self.server.forms.values(self.tab), self.fields[name]
+        if name not in stored or form_field.is_deleted:
+            return
+        value, offered = stored[name], getattr(form_field, "options", None)
+        if offered is not None and isinstance(value, list):
+            value = [each for each in value if each in offered]
+        if offered is None or isinstance(value, list) or value is None or value in offered:
+            form_field.set_value(value)
 
     @property
     def bench(self) -> BenchClient:

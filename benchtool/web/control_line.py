@@ -74,8 +74,7 @@ def serve_control_line(server: ServerState) -> None:
         server.control.arrive(tab)
         lines.add((tab, socket))
         if (context := PAGES.get(page)) is not None:
-            context.tab = tab
-            context.arrived()
+            context.arrive(tab)
         try:
             while True:
                 word = await socket.receive_text()

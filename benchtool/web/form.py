@@ -9,12 +9,16 @@ from nicegui import ui
 
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import Inputs, Item, items, make, words
+from benchtool.web.control_line import PAGES
 
 T = TypeVar("T", bound=Inputs)
 
 
 class InputForm(Generic[T]):
-    """Hold the fields of a dataclass of inputs and read what was typed."""
+    """Hold the fields of a dataclass of inputs and read what was typed.
+
+    A page that is loaded anew finds them as they were.
+    """
 
     def __init__(self, cls: type[T], changed: Callable[[], object]) -> None:
         self._cls, self._changed = cls, changed
@@ -27,6 +31,8 @@ class InputForm(Generic[T]):
             item = self._items[name]
             made = self._field(item, options)
             self._fields[name] = made.props("dense stack-label")
+            if (context := PAGES.get(ui.context.client.id)) is not None:
+                context.remember(f"{self._cls.__name__}.{name}", made)
 
     def _field(self, item: Item, options: Mapping[str, str] | None) -> Any:
         if item.kind is bool:

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.context import PageContext
-from benchtool.web.widgets import notify, shows_errors
+from benchtool.web.widgets import notify, open_dialog, shows_errors
 
 STOP = (
     '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
@@ -32,18 +32,19 @@ class Header:
                 ui.label("benchtool").classes("text-h6 page-name").props(
                     "role=heading aria-level=1"
                 )
-                self._state = ui.label().classes("grow ellipsis").props("role=status")
-                self._control = ui.label().classes("soft gt-sm")
+                with ui.column().classes("grow gap-0 min-w-0"):
+                    self._state = ui.label().classes("ellipsis w-full").props("role=status")
+                    self._control = ui.label().classes("soft")
                 self._take = ui.button("Take over", on_click=self._take_over).props("outline")
                 self._theme = ui.button(on_click=self._next_theme).props("flat round dense")
                 self._theme.props('aria-label="Light, dark, or as the system has it"')
+                log = ui.button(icon="history", on_click=self._show_log).props("flat round dense")
+                log.props('aria-label="Messages"')
                 ui.html(STOP, sanitize=False)
                 self._known = ui.label().classes("known")
-            with ui.row(wrap=False).classes("danger items-center w-full") as self._danger:
-                self._unseen = ui.label().classes("grow").props("role=alert")
-                ui.button("I have looked: they stand", on_click=self._seen).props(
-                    "outline color=white"
-                )
+            with ui.row(wrap=False).classes("alarm items-center") as self._alarm:
+                self._cause = ui.label().classes("grow").props("role=alert")
+                self._dismiss = ui.button(on_click=self._seen).props("outline")
             self.tabs_place = ui.row().classes("w-full")
         self._show_theme()
         self.refresh()
@@ -55,11 +56,13 @@ class Header:
         words = {"off": "no bench", "opening": f"opening {connection.address}"}
         self._state.set_text(words.get(connection.status, connection.address))
         self._known.set_text(known(self._context.bench))
-        unseen = connection.unseen
-        self._danger.set_visibility(bool(unseen))
-        if unseen and not unseen.startswith("MOTORS MAY STILL TURN"):
-            unseen = f"MOTORS MAY STILL TURN: {unseen}"
-        self._unseen.set_text(unseen)
+        cause, motors = connection.unseen or connection.reason, bool(connection.unseen)
+        self._alarm.set_visibility(bool(cause))
+        if motors and not cause.startswith("MOTORS MAY STILL TURN"):
+            cause = f"MOTORS MAY STILL TURN: {cause}"
+        self._cause.set_text(cause)
+        self._alarm.classes(**{"add" if motors else "remove": "motors"})
+        self._dismiss.set_text("I have looked: they stand" if motors else "Dismiss")
         in_control = self._context.in_control()
         self._control.set_text("at the controls" if in_control else "watching")
         free = self._context.server.control.is_free(monotonic())
@@ -73,8 +76,20 @@ class Header:
     @shows_errors
     def _seen(self) -> None:
         self._context.require_control()
-        self._context.bench.confirm_standstill()
+        self._context.bench.dismiss_alarm()
         self.refresh()
+
+    def _show_log(self) -> None:
+        """Show what pages have shown, the newest first."""
+        with open_dialog("Messages") as dialog:
+            shown = reversed(self._context.server.log.messages)
+            lines = [
+                f"{one.at:%H:%M:%S}  {'! ' if one.is_error else ''}{one.text}"
+                + (f" ({one.count} times)" if one.count > 1 else "")
+                for one in shown
+            ]
+            ui.label("\n".join(lines) or "no message yet").classes("events w-full")
+            ui.button("Close", on_click=dialog.close).props("outline")
 
     def _next_theme(self) -> None:
         theme = _THEMES[self._context.theme][1]

@@ -14,6 +14,9 @@ ACCENT = "#0072b2"
 STOP = "#b00020"
 """A red used for Stop alone; white on it has a contrast of 7.3 to 1."""
 
+ALARM = "#b34700"
+"""Errors and warnings; white on it has a contrast of 5.7 to 1."""
+
 LIGHT_INK = "#e8eaed"
 """Stands for black on a dark ground."""
 
@@ -28,7 +31,7 @@ def cycle(dark: bool) -> tuple[str, ...]:
 
 def dress_page(theme: str) -> ui.dark_mode:
     """Give the present page its colours, and return its dark mode."""
-    ui.colors(primary=ACCENT, negative=STOP, positive="#00704f", warning="#b34700", info=ACCENT)
+    ui.colors(primary=ACCENT, negative=ALARM, positive="#00704f", warning=ALARM, info=ACCENT)
     ui.button.default_props("no-caps")
     ui.add_head_html('<meta name="color-scheme" content="light dark">')
     for sheet in ("layout", "page"):

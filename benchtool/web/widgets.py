@@ -22,6 +22,7 @@ from benchtool.core.rig import Rig
 from benchtool.data.run.runs_folder import MOST_BYTES, RunsFolder, keep_table
 from benchtool.web.bench_process.messages import Notice
 from benchtool.web.context import PageContext
+from benchtool.web.control_line import PAGES
 from benchtool.web.jobs import PageSection, fault_sentence
 
 STYLE = '<link rel="stylesheet" href="/static/shown.css">'
@@ -40,18 +41,29 @@ def open_tab(tab: str, **query: str) -> None:
 # --- notifications ------------------------------------------------------------------------------
 
 
-def notify(text: str) -> None:
-    """Show a short note."""
+def log_message(text: str, *, is_error: bool = False) -> None:
+    """Add to the server's log of messages what the present page shows."""
+    if (context := PAGES.get(ui.context.client.id)) is not None:
+        context.server.log.add(text, is_error=is_error)
+
+
+def notify(text: str, *, logged: bool = False) -> None:
+    """Show a short note, and log it unless it is logged already."""
+    if not logged:
+        log_message(text)
     ui.notify(text, type="info", position="bottom-left")
 
 
-def notify_error(error: Exception) -> None:
+def notify_error(error: Exception, *, logged: bool = False) -> None:
     """Show why something was refused or failed, until it is closed: the command line's sentence."""
     known = isinstance(error, BenchtoolError)
     if not known:
         traceback.print_exception(error)
+    text = str(error) if known else fault_sentence(error)
+    if not logged:
+        log_message(text, is_error=True)
     ui.notify(
-        str(error) if known else fault_sentence(error),
+        text,
         type="negative", position="bottom-left", multi_line=True, timeout=0, close_button="Close",
     )  # fmt: skip
 
@@ -62,9 +74,9 @@ def notify_all_pages(notice: Notice) -> None:
         if client.has_socket_connection:
             with client:
                 if notice.is_error:
-                    notify_error(BenchtoolError(notice.text))
+                    notify_error(BenchtoolError(notice.text), logged=True)
                 else:
-                    notify(notice.text)
+                    notify(notice.text, logged=True)
 
 
 def shows_errors(handler: Callable[..., Any]) -> Callable[..., Any]:

@@ -35,6 +35,7 @@ class BenchClient:
         self.events: list[Event] = []
         self.marks: list[tuple[float, str]] = []
         self.on_notice: Callable[[messages.Notice], None] = lambda notice: None
+        self.on_alarm: Callable[[str], None] = lambda text: None
         self.on_press_ended: Callable[[messages.PressEnded], None] = lambda ended: None
         self.on_frame: Callable[[bytes], None] = lambda frame: None
         self._frame = b""
@@ -57,9 +58,9 @@ class BenchClient:
     def stop(self, who: str) -> None:
         self.send(messages.StopMotors(who))
 
-    def confirm_standstill(self) -> None:
-        """Take somebody's word that the motors stand."""
-        self.connection = replace(self.connection, unseen="")
+    def dismiss_alarm(self) -> None:
+        """Take somebody's word that the motors stand, and that why the bench is off was read."""
+        self.connection = replace(self.connection, unseen="", reason="")
 
     def close(self) -> None:
         """End the process: it stops the motors and closes its run first."""
@@ -93,7 +94,7 @@ class BenchClient:
         self.live = messages.LiveStatus()
         if self.sweep.active:
             self.sweep = replace(self.sweep, status="stopped", reason=reason)
-        self.on_notice(messages.Notice(text=reason, is_error=True))
+        self.on_alarm(reason)
 
     def _receive(self, message: bytes) -> None:
         if message[:1] == FRAME:
@@ -105,6 +106,8 @@ class BenchClient:
             if event.session != self.connection.session:
                 self.marks.clear()
             self.connection = event
+            if event.reason:
+                self.on_alarm(event.reason)
             if event.status != "on":
                 self.live = messages.LiveStatus()
         elif isinstance(event, messages.LiveStatus):

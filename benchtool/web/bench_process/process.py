@@ -150,7 +150,6 @@ class BenchProcess:
         except BenchtoolError as error:
             reason = str(error)
             unseen = reason if isinstance(error, StandstillNotSeen) else ""
-            self._publish_error(reason)
         finally:
             self._bench = self._paced = None
             self._publisher.publish(

@@ -41,6 +41,7 @@ class ConnectCard:
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-3"):
                 self._address = ui.input("Address of the bench", value=FIRST)
+                self._session = 0
                 self._address.classes("grow address").on_value_change(self._show_command)
                 with ui.button("Find", icon="search").props("outline"), ui.menu() as self._menu:
                     # Filled instead of the menu: an update of the menu itself that comes late
@@ -54,7 +55,6 @@ class ConnectCard:
                 self._off = ui.button("Disconnect", on_click=self._disconnect).props("outline")
                 self._speed = ui.select(SPEEDS, value=1, label="Virtual clock").classes("w-44")
                 self._speed.on_value_change(self._set_speed)
-            self._reason = ui.label().classes("warn-box w-full")
             self._command = CommandRow()
         with titled_card("No bench is connected") as self._start:
             ui.markdown("\n".join(f"1. {step}" for step in STEPS)).classes("steps")
@@ -66,8 +66,13 @@ class ConnectCard:
         self._off.set_visibility(connection.status != "off")
         self._speed.set_visibility(live.speed > 0.0)
         self._start.set_visibility(connection.status == "off")
-        self._reason.set_visibility(bool(connection.reason))
-        self._reason.set_text(connection.reason)
+        if connection.status == "on" and connection.session != self._session:
+            # A page that was loaded anew, or only watches, shows the bench that is connected.
+            self._session = connection.session
+            self._address.set_value(connection.address)
+            rig = connection.rig.name if connection.rig is not None else ""
+            if rig in self._rig.options and not connection.address.startswith("sim:"):
+                self._rig.set_value(rig)
 
     @shows_errors
     def _connect(self) -> None:

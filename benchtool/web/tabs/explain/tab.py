@@ -166,6 +166,10 @@ class ExplainTab:
         for choice, names in ((self._learn, learn), (self._check, check)):
             choice.set_value([name for name in names if name in choice.options])
         self._model.set_value(next((name for name in model if name in self._model.options), None))
+        named = bool(learn or check or model)
+        for key in ("learn", "check", "model", "rig"):
+            field = getattr(self, f"_{key}")
+            self._context.remember(f"explain.{key}", field, restore=not named)
 
     @shows_errors
     async def _look(self) -> None:

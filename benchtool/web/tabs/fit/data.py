@@ -84,8 +84,8 @@ class DataCard:
         self._context, self._listing, self._changed = context, listing, changed
         self._folder = listing.folder
         self.entries: dict[str, Entry] = {}
-        self._choice = multiple_choice("Runs and tables", self._show_columns)
-        self._choice.on("popup-show", self.look)
+        self.choice = multiple_choice("Runs and tables", self._show_columns)
+        self.choice.on("popup-show", self.look)
         TableUpload(context, self._uploaded)
         self._columns = ui.column().classes("w-full")
         self._offer()
@@ -93,7 +93,7 @@ class DataCard:
     @property
     def names(self) -> list[str]:
         """What is chosen and still there, in the order of choosing."""
-        return [name for name in self._choice.value or [] if name in self.entries]
+        return [name for name in self.choice.value or [] if name in self.entries]
 
     async def choose(self, names: list[str]) -> None:
         await self.look()
@@ -101,7 +101,7 @@ class DataCard:
             if name not in self.entries:
                 self._folder.path_of(name)  # raises what is wrong with a name
                 notify(f"{name} is not fitted: it is neither a sweep nor a readable table")
-        self._choice.set_value([name for name in names if name in self.entries])
+        self.choice.set_value([name for name in names if name in self.entries])
 
     @shows_errors
     async def look(self) -> None:
@@ -114,8 +114,8 @@ class DataCard:
             name: f"{name} ({', '.join(filter(None, (entry.rig, entry.summary)))})"
             for name, entry in self.entries.items()
         }
-        if offered != self._choice.options:
-            self._choice.set_options(offered, value=self.names)
+        if offered != self.choice.options:
+            self.choice.set_options(offered, value=self.names)
 
     def _show_columns(self) -> None:
         self._columns.clear()
@@ -132,7 +132,7 @@ class DataCard:
     async def _uploaded(self, name: str) -> None:
         await self.look()
         notify(f"saved as {name}; choose its columns")
-        self._choice.set_value([*self.names, name])
+        self.choice.set_value([*self.names, name])
 
     def _columns_form(self, name: str) -> None:
         """Make the fields in which the columns of a table are chosen.

@@ -32,6 +32,9 @@ DRAWER = "figures"
 FITS = "fits"
 """Kind of the jobs."""
 
+ANSWER = "fit.answer"
+"""Under this name the page remembers which fit it shows."""
+
 BASES = {
     "joint": "thrust itself (joint fit)",
     "equal_rpm2": "T_IGE/T_OGE at equal rpm²",
@@ -59,8 +62,9 @@ HEADS = ("parameter", "unit", "free", "value", "bounds", "where the value comes 
 class ParameterTable:
     """Show a model's numbers, each free or fixed, and what is chosen of each."""
 
-    def __init__(self, changed: Callable[[], None]) -> None:
-        self._changed = changed
+    def __init__(self, context: PageContext, changed: Callable[[], None]) -> None:
+        self._context, self._changed = context, changed
+        self._model = ""
         self._numbers: dict[str, Parameter] = {}
         self.choices: dict[str, model_choice.ParameterChoice] = {}
         self._place = ui.element("div").classes("w-full wide")
@@ -70,12 +74,12 @@ class ParameterTable:
         self._numbers, self.choices = {}, {}
         self._place.clear()
 
-    def show(self, numbers: dict[str, Parameter]) -> None:
+    def show(self, model: str, numbers: dict[str, Parameter]) -> None:
         """Show a model's numbers; what somebody changed stays, also on another rig."""
         if numbers == self._numbers:
             return
         before = self._numbers
-        self._numbers = numbers
+        self._model, self._numbers = model, numbers
         changed = {k: to for k, to in self.choices.items() if to != _of_model(before[k])}
         self.choices = {k: changed.get(k, _of_model(own)) for k, own in numbers.items()}
         self._place.clear()
@@ -118,6 +122,8 @@ class ParameterTable:
 
         free.on_value_change(read)
         value.on_value_change(read)
+        for what, element in (("free", free), ("value", value)):
+            self._context.remember(f"fit.{self._model}.{name}.{what}", element)
 
 
 def _of_model(number: Parameter) -> model_choice.ParameterChoice:
@@ -128,12 +134,18 @@ class MethodCard:
     """Choose how to fit."""
 
     def __init__(
-        self, models: Mapping[str, str], rigs: Mapping[str, str], changed: Callable[[], None]
+        self,
+        context: PageContext,
+        models: Mapping[str, str],
+        rigs: Mapping[str, str],
+        changed: Callable[[], None],
     ) -> None:
         self._form = InputForm(FitInputs, changed)
         with ui.row().classes("items-center w-full gap-4"):
             self._squares = ui.checkbox("least squares", value=True, on_change=changed)
             self._emcee = ui.checkbox("emcee (posterior samples)", on_change=changed)
+            context.remember("fit.least_squares", self._squares)
+            context.remember("fit.emcee", self._emcee)
         with ui.element("div").classes("field-grid"):
             self._form.add("basis", options=BASES)
             self._form.add("noise", options=NOISES)
@@ -170,7 +182,7 @@ class FitTab:
                 ui.label("Method").classes("card-title")
                 models = model_choice.model_choices(self._folder, self.data.entries.values())
                 self._method = MethodCard(
-                    models, model_choice.rig_choices(self._folder), self._changed
+                    context, models, model_choice.rig_choices(self._folder), self._changed
                 )
         with ui.card().classes("w-full"):
             with ui.row().classes("items-center w-full gap-4"):
@@ -178,7 +190,7 @@ class FitTab:
                 self._model = ui.select(models, value=USUAL_MODEL, label="Model")
                 self._model.props("use-input input-debounce=0").classes("grow")
                 self._model.on_value_change(self._other_model)
-            self._parameters = ParameterTable(self._changed)
+            self._parameters = ParameterTable(context, self._changed)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-4"):
                 self._name = ui.input("Name of the fit's folder", on_change=self._changed)
@@ -190,6 +202,8 @@ class FitTab:
         self._answer = ui.column().classes("w-full scroll-place")
         self._ready = True
         self._changed()
+        context.remember("fit.model", self._model)
+        context.remember("fit.name", self._name)
 
     def _other_model(self) -> None:
         self._parameters.clear()
@@ -215,7 +229,8 @@ class FitTab:
             model = model_choice.model_path(self._folder, self._model.value)
             request = self._request()
             self._parameters.show(
-                model_choice.numbers_of(model, model_choice.data_rig(request, self._folder))
+                self._model.value,
+                model_choice.numbers_of(model, model_choice.data_rig(request, self._folder)),
             )
             request = self._request()
             recipe = model_choice.recipe_for(request, self._folder, self.data.entries)
@@ -238,13 +253,18 @@ class FitTab:
         budget = request.options["budget"] or "propagation"
         self._progress.start(lambda: Job(out, words, fit_into, recipe, profile, budget))
 
-    @shows_errors
-    async def _done(self, job: Job[str]) -> None:
-        name = self._folder.name_of(job.out)
+    async def show_answer(self, name: str, words: tuple[str, ...] = ()) -> None:
+        """Show a fit that was written."""
         section = await self._context.worker(DRAWER).run(view_fit, self._folder.root, name)
         self._answer.clear()
         with self._answer, ui.card().classes("w-full"):
-            show_section(replace(section, command=job.words))
+            show_section(replace(section, command=words or section.command))
+
+    @shows_errors
+    async def _done(self, job: Job[str]) -> None:
+        name = self._folder.name_of(job.out)
+        self._context.server.forms.note(self._context.tab, ANSWER, name)
+        await self.show_answer(name, job.words)
         self._answer.run_method("scrollIntoView", {"behavior": "smooth", "block": "start"})
         await self.data.look()
         self._changed()
@@ -267,8 +287,12 @@ def build(context: PageContext) -> None:
         place.clear()
         with place:
             tab = FitTab(context, listing)
+        context.remember("fit.data", tab.data.choice, restore=not names)
         if names:
             await tab.data.choose(names)
+        answer = context.server.forms.values(context.tab).get(ANSWER)
+        if answer and any(entry.name == answer for entry in listing.entries):
+            await tab.show_answer(answer)
 
     ui.timer(0.0, fill, once=True)
 

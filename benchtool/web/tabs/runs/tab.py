@@ -62,6 +62,8 @@ class RunsTab:
                 self._compare = ui.button("Compare", icon="stacked_line_chart", on_click=self._put)
             self._count = ui.label().classes("soft").props("role=status")
             self._table = self._make_table()
+        context.remember("runs.search", self._words)
+        context.remember("runs.kind", self._kind)
         self._detail = RunDetail(context)
         ui.timer(LOOK_S, self._look)
 
