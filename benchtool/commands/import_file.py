@@ -13,7 +13,7 @@ from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
-    from benchtool.data.repairs.imported import Imported, Options
+    from benchtool.data.repairs.imported import Options
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,28 +56,38 @@ class ImportInputs(Inputs):
     overwrite: Annotated[bool, Input("Replace recordings of the same name.")] = False
     dry_run: Annotated[bool, Input("Show findings, write nothing.")] = False
 
+    def options(self) -> Options:
+        """Return what the importer takes of these.
+
+        Raises:
+            InputError: a window or a propeller that cannot be read.
+        """
+        from benchtool.data.formats.over_surface import parse_window
+        from benchtool.data.propeller_file import propeller_named
+        from benchtool.data.repairs.imported import Options
+
+        return Options(
+            columns=self.columns,
+            flip=self.flip,
+            tare=self.tare,
+            scale=self.scale,
+            air_density_kg_m3=self.air_density,
+            propeller=propeller_named(self.propeller) if self.propeller else None,
+            hover_kg=self.hover,
+            over=tuple(parse_window(text) for text in self.over),
+            near_m=self.near_m,
+        )
+
 
 @declared(ImportInputs)
 def import_(inputs: ImportInputs) -> None:
     """Import flight logs and other makers' files, repairs listed"""
     from benchtool.commands.terminal.show_import import print_import
     from benchtool.data.formats.formats import import_files
-    from benchtool.data.formats.over_surface import parse_window
-    from benchtool.data.propeller_file import propeller_named
-    from benchtool.data.repairs.imported import Options
-    from benchtool.data.run.recording_file import beside
+    from benchtool.data.repairs.imported import import_facts
+    from benchtool.data.run.recording_file import beside, write_recording
 
-    options = Options(
-        columns=inputs.columns,
-        flip=inputs.flip,
-        tare=inputs.tare,
-        scale=inputs.scale,
-        air_density_kg_m3=inputs.air_density,
-        propeller=propeller_named(inputs.propeller) if inputs.propeller else None,
-        hover_kg=inputs.hover,
-        over=tuple(parse_window(text) for text in inputs.over),
-        near_m=inputs.near_m,
-    )
+    options = inputs.options()
     files = inputs.files
     targets = _targets(files, inputs.out, inputs.parquet)
     if not inputs.overwrite and not inputs.dry_run:
@@ -88,7 +98,9 @@ def import_(inputs: ImportInputs) -> None:
                     raise WouldOverwrite(str(path), "--overwrite")
     for read, target in zip(import_files(files, options), targets, strict=True):
         if not inputs.dry_run:
-            _write(read, target, options, inputs.overwrite)
+            write_recording(
+                target, read.recording, import_facts(read, options), overwrite=inputs.overwrite
+            )
         print_import(read, None if inputs.dry_run else target)
 
 
@@ -106,27 +118,3 @@ def _targets(files: tuple[Path, ...], out: Path | None, parquet: bool) -> list[P
         if targets.count(target) > 1:
             raise InputError(f"two files would both become {target}; import them one at a time")
     return targets
-
-
-def _write(read: Imported, target: Path, options: Options, overwrite: bool) -> None:
-    from dataclasses import asdict
-
-    from benchtool import __version__
-    from benchtool.data.run.recording_file import write_recording
-
-    facts = {
-        "imported_as": read.format,
-        "tally": asdict(read.tally),
-        "sources": dict(read.sources),
-        "findings": [asdict(item) for item in read.findings],
-        "windows": [asdict(item) for item in read.windows],
-        "options": {
-            key: str(value) for key, value in asdict(options).items() if value not in (None, ())
-        },
-        "versions": {"benchtool": __version__},
-    }
-    if read.propeller is not None:
-        facts["propeller"] = asdict(read.propeller)
-    if options.air_density_kg_m3 is not None:
-        facts["air"] = {"density_kg_m3": options.air_density_kg_m3, "stated": True}
-    write_recording(target, read.recording, facts, overwrite=overwrite)

@@ -162,7 +162,17 @@ NAMES: dict[str, str] = {
     ),
     "motor efficiency": "motor_efficiency",
     **dict.fromkeys(
-        ("rpm", "rotation speed", "drehzahl", "speed", "rotor speed", "motor speed"), "rpm1"
+        (
+            "rpm",
+            "rotation speed",
+            "drehzahl",
+            "speed",
+            "rotor speed",
+            "motor speed",
+            "motor optical speed",
+            "motor electrical speed",
+        ),
+        "rpm1",
     ),
     **dict.fromkeys(("pwm", "throttle", "esc", "esc signal", "gas"), "pwm1_us"),
     "theta": "theta_rad",

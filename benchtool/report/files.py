@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Figure
 
 from benchtool.core.errors import UnknownChoice, WouldOverwrite
@@ -39,6 +42,38 @@ def figure_bytes(figure: Figure, file_format: Format = "svg") -> bytes:
             dpi=_RASTER_DPI[file_format],
         )
     return buffer.getvalue()
+
+
+def axes_of(figure: Figure) -> str:
+    """Return where the axes of a drawn figure stand and what they span, as JSON.
+
+    Places are shares of the figure's width from the left and of its height from the top.
+    """
+    found = []
+    for axes in figure.axes:
+        scales = (axes.get_xscale(), axes.get_yscale())
+        if not axes.axison or not set(scales) <= {"linear", "log"}:
+            continue
+        place = axes.get_position()
+        found.append(
+            {
+                "box": [round(at, 4) for at in (place.x0, 1 - place.y1, place.x1, 1 - place.y0)],
+                "x": [*axes.get_xlim(), scales[0]],
+                "y": [*axes.get_ylim(), scales[1]],
+                "labels": [_plain(_shared_label(axes)), _plain(axes.get_ylabel())],
+            }
+        )
+    return json.dumps(found)
+
+
+def _shared_label(axes: Axes) -> str:
+    """Return the label below axes, which only the lowest of several may carry."""
+    siblings = (axes, *axes.get_shared_x_axes().get_siblings(axes))
+    return next((one.get_xlabel() for one in siblings if one.get_xlabel()), "")
+
+
+def _plain(label: str) -> str:
+    return re.sub(r"\\\w+|[${}]", "", label)
 
 
 def save_figure(

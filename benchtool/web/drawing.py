@@ -11,25 +11,36 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 
-from benchtool.report.files import figure_bytes
+from benchtool.report.files import axes_of, figure_bytes
 from benchtool.report.page import (
     Block,
     Commands,
     Facts,
     FigureBlock,
+    Heading,
     Listing,
     Paragraph,
     Table,
     Warnings,
 )
 
+TOOLS = "".join(
+    f'<button type="button" data-does="{does}">{text}</button>'
+    for does, text in (("large", "Enlarge"), ("svg", "SVG"), ("png", "PNG"))
+)
+
 
 @dataclass(frozen=True, slots=True)
 class FigureImage:
-    """Hold a figure as SVG with its caption."""
+    """Hold a figure as SVG with its caption.
+
+    Attributes:
+        axes: `axes_of` it, so that the page reads values under the pointer; empty where unknown.
+    """
 
     svg: bytes
     caption: str
+    axes: str = ""
 
 
 def blocks_html(blocks: Iterable[Block | FigureImage]) -> str:
@@ -46,16 +57,19 @@ def blocks_html(blocks: Iterable[Block | FigureImage]) -> str:
 def as_html(block: Block | FigureImage) -> str:
     """Return a block as HTML, everything in it escaped."""
     if isinstance(block, FigureBlock):
-        block = FigureImage(figure_bytes(block.figure, "svg"), block.caption)
+        block = FigureImage(figure_bytes(block.figure, "svg"), block.caption, axes_of(block.figure))
     if isinstance(block, FigureImage):
         address = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
         caption = escape(block.caption)
         return (
-            f'<figure class="shown"><img src="{address}" alt="{caption}">'
+            f'<figure class="shown"><img src="{address}" alt="{caption}" '
+            f'data-axes="{escape(block.axes)}"><p class="figure-tools">{TOOLS}</p>'
             f"<figcaption>{caption}</figcaption></figure>"
         )
     if isinstance(block, Paragraph):
         return f"<p>{escape(block.text)}</p>"
+    if isinstance(block, Heading):
+        return f'<h3 class="card-title">{escape(block.text)}</h3>'
     if isinstance(block, Facts):
         rows = "".join(
             f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>"
@@ -75,11 +89,15 @@ def as_html(block: Block | FigureImage) -> str:
 
 
 def _table(table: Table) -> str:
+    def head_cell(text: str, column: int) -> str:
+        number = ' class="number"' if column >= table.text_columns else ""
+        return f'<th scope="col"{number}><button type="button">{escape(text)}</button></th>'
+
     def cell(tag: str, text: str, column: int, scope: str = "") -> str:
         number = ' class="number"' if column >= table.text_columns else ""
         return f"<{tag}{scope}{number}>{escape(text)}</{tag}>"
 
-    head = "".join(cell("th", text, at, ' scope="col"') for at, text in enumerate(table.header))
+    head = "".join(head_cell(text, at) for at, text in enumerate(table.header))
     body = "".join(
         "<tr>"
         + cell("th", row[0], 0, ' scope="row"')

@@ -54,6 +54,10 @@ class InputForm(Generic[T]):
         made = ui.input(item.label, placeholder=f"empty: {empty}", on_change=self._changed)
         return made.props("debounce=300")
 
+    def choose(self, name: str, options: Mapping[str, str], value: str) -> None:
+        """Offer other choices in a field, and choose one."""
+        self._fields[name].set_options(dict(options), value=value)
+
     def given(self) -> dict[str, Any]:
         """Return what was typed or chosen, by name; None where nothing was."""
         return {name: _given(field.value) for name, field in self._fields.items()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import shlex
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
@@ -10,6 +9,7 @@ from contextlib import contextmanager
 from datetime import datetime
 from functools import wraps
 from inspect import isawaitable, iscoroutinefunction
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
@@ -17,15 +17,19 @@ from nicegui import Client, events, ui
 
 from benchtool.acquire.arming import CONFIRMATION, arming_warnings
 from benchtool.bench.bench import Identity
+from benchtool.commands.import_file import ImportInputs
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig import Rig
-from benchtool.data.run.runs_folder import MOST_BYTES, RunsFolder, keep_table
+from benchtool.data.run.runs_folder import MOST_BYTES
 from benchtool.web.bench_process.messages import Notice
 from benchtool.web.context import PageContext
 from benchtool.web.control_line import PAGES
 from benchtool.web.jobs import PageSection, fault_sentence
+from benchtool.web.uploads import store_upload
 
-STYLE = '<link rel="stylesheet" href="/static/shown.css">'
+STYLE = (
+    '<link rel="stylesheet" href="/static/shown.css"><script src="/static/shown.js" defer></script>'
+)
 
 
 def today() -> str:
@@ -185,6 +189,9 @@ def multiple_choice(label: str, changed: Callable[[], object]) -> ui.select:
     return choice.props("use-chips use-input input-debounce=0").classes("w-full")
 
 
+UPLOADED = ".csv,text/csv,.txt,.log,.bin,.ulg,.tlog"
+"""Endings of files that an import may read; what they hold decides."""
+
 UPLOAD_HEAD = """
 <q-btn flat icon="add" label="LABEL" class="w-full" @click="props.pickFiles" />
 <span style="display: none"><q-uploader-add-trigger /></span>
@@ -200,20 +207,27 @@ def file_upload(label: str, **options: Any) -> ui.upload:
 
 
 class TableUpload:
-    """Take CSV files from a browser: checked as untrusted, stored in the runs folder."""
+    """Take tables and logs from a browser: checked as untrusted, stored in the runs folder.
+
+    Args:
+        stored: called with the name of each file in the folder.
+        options: of the import; those of the command when left out.
+    """
 
     def __init__(
-        self, context: PageContext, stored: Callable[[str], Awaitable[None] | None]
+        self,
+        context: PageContext,
+        stored: Callable[[str], Awaitable[None] | None],
+        options: Callable[[ImportInputs], ImportInputs] = lambda inputs: inputs,
     ) -> None:
-        self._context, self._stored = context, stored
-        self._folder = RunsFolder(context.runs)
+        self._context, self._stored, self._options = context, stored, options
         self._upload = file_upload(
-            "Or upload a CSV file",
+            "Or upload a CSV file or a log",
             max_file_size=MOST_BYTES,
             on_upload=self._received,
             on_rejected=self._rejected,
         )
-        self._upload.props('accept=".csv,text/csv,.txt" flat bordered').classes("w-full")
+        self._upload.props(f'accept="{UPLOADED}" flat bordered').classes("w-full")
 
     @shows_errors
     async def _received(self, event: events.UploadEventArguments) -> None:
@@ -221,18 +235,22 @@ class TableUpload:
             self._context.claim_control()
             size = event.file.size()
             data = await event.file.read() if size <= MOST_BYTES else bytes(MOST_BYTES + 1)
-            path = await asyncio.to_thread(keep_table, self._folder, event.file.name, data, today())
+            name = event.file.name
+            inputs = self._options(ImportInputs(files=(Path(name),)))
+            stored = await self._context.worker("tables").run(
+                store_upload, self._context.runs, name, data, today(), inputs
+            )
         finally:
             self._upload.reset()
-        following = self._stored(self._folder.name_of(path))
+        following = self._stored(stored)
         if isawaitable(following):
             await following
 
     def _rejected(self) -> None:
         notify_error(
             InputError(
-                f"this is no CSV file of at most {MOST_BYTES / 1e6:.0f} MB; choose another, or put "
-                f"it into the runs folder yourself"
+                f"this is no table or log of at most {MOST_BYTES / 1e6:.0f} MB; choose another, or "
+                f"put it into the runs folder yourself"
             )
         )
 

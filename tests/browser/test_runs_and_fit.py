@@ -176,7 +176,7 @@ def test_the_form_shows_the_numbers_of_the_runs_own_rig(
 
 def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: Opens) -> None:
     page = open_page(f"{filled.url}?tab=fit")
-    page.get_by_text("Or upload a CSV file", exact=True).wait_for()
+    page.get_by_text("Or upload a CSV file or a log", exact=True).wait_for()
     wait_for_controls(page)
     chooser = page.locator("input[type=file]")
     chooser.set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"\0\1\2"})

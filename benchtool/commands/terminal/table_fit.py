@@ -127,7 +127,23 @@ def _rig(given: Mapping[str, Any], table: TableInputs, first: str, known: bool) 
         return own, ""
     if table.radius is None and (model := _own_model(given)):
         return stated_in(model)[0], ""
-    radius_m, source, rotors = table.radius, "given with --radius", 1
+    text = radius_rig(first, table.radius, known=known)
+    if not text:
+        reason = f"{first} does not say how large the rotor is"
+        typed = ask("Rotor radius in m", "--radius METRES (or --rig FILE)", reason=reason)
+        radius_m = make(TableInputs, {"radius": typed}, source="option").radius
+        text = radius_rig(first, radius_m, known=known)
+    return rig_from_toml(text, f"rig of {first}"), text
+
+
+def radius_rig(first: str, radius_m: float | None, *, known: bool) -> str:
+    """Return the rig file's text of a table whose rotor radius alone is known.
+
+    Args:
+        radius_m: None takes the diameter that a stand's table states; empty where it states none.
+        known: the table is a stand's, which also says how many rotors there are.
+    """
+    source, rotors = "given as the rotor radius of a table", 1
     if known:
         recording = import_file(first).recording
         rotors = max(
@@ -137,9 +153,7 @@ def _rig(given: Mapping[str, Any], table: TableInputs, first: str, known: bool) 
             radius_m = 0.5 * float(recording.provenance["diameter_m"])
             source = "the file's own diameter"
     if radius_m is None:
-        reason = f"{first} does not say how large the rotor is"
-        typed = ask("Rotor radius in m", "--radius METRES (or --rig FILE)", reason=reason)
-        radius_m = make(TableInputs, {"radius": typed}, source="option").radius
+        return ""
     data: dict[str, Any] = {"name": Path(first).stem}
     if rotors > 1:
         # Without a plate the places enter nothing; with one, a rig has to say them.
@@ -151,8 +165,7 @@ def _rig(given: Mapping[str, Any], table: TableInputs, first: str, known: bool) 
             for i in range(rotors)
         ]
     data["propulsion"] = {"source": source, "radius_m": radius_m}
-    text = tomli_w.dumps(data)
-    return rig_from_toml(text, f"rig of {first}"), text
+    return tomli_w.dumps(data)
 
 
 def _write_rig(given: dict[str, Any], first: str, text: str) -> None:

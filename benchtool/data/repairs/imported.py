@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge
@@ -162,3 +162,25 @@ class Options:
     hover_kg: float | None = None
     over: tuple[Window, ...] = ()
     near_m: float | None = None
+
+
+def import_facts(read: Imported, options: Options) -> dict[str, Any]:
+    """Return what the JSON beside an imported recording says of the import."""
+    from benchtool import __version__
+
+    facts: dict[str, Any] = {
+        "imported_as": read.format,
+        "tally": asdict(read.tally),
+        "sources": dict(read.sources),
+        "findings": [asdict(item) for item in read.findings],
+        "windows": [asdict(item) for item in read.windows],
+        "options": {
+            key: str(value) for key, value in asdict(options).items() if value not in (None, ())
+        },
+        "versions": {"benchtool": __version__},
+    }
+    if read.propeller is not None:
+        facts["propeller"] = asdict(read.propeller)
+    if options.air_density_kg_m3 is not None:
+        facts["air"] = {"density_kg_m3": options.air_density_kg_m3, "stated": True}
+    return facts

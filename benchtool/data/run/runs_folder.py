@@ -183,15 +183,24 @@ def keep_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
     """
     from benchtool.data.atomic import sync_folder
 
-    shown = re.split(r"[/\\]", name)[-1]
-    checked_table(data, shown[:80] or "the file")
-    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(shown).stem).strip("-_")[:60] or "table"
+    checked_table(data, shown_name(name))
+    path = new_table(folder, name, date)
+    path.write_bytes(data)
+    sync_folder(path.parent)
+    return path
+
+
+def shown_name(name: str) -> str:
+    """Return what messages call a file that was handed over: its name without folders."""
+    return re.split(r"[/\\]", name)[-1][:80] or "the file"
+
+
+def new_table(folder: RunsFolder, name: str, date: str) -> Path:
+    """Make a folder DATE-NAME, and return where the table of a file handed over goes in it."""
+    stem = re.sub(r"[^A-Za-z0-9_-]+", "-", Path(shown_name(name)).stem).strip("-_")[:60] or "table"
     place = folder.free_path(date, stem)
     place.mkdir(parents=True)
-    path = place / f"{stem}.csv"
-    path.write_bytes(data)
-    sync_folder(place)
-    return path
+    return place / f"{stem}.csv"
 
 
 def columns_file(table: Path) -> Path:

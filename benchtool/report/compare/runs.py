@@ -19,13 +19,14 @@ from benchtool.core.recording import Recording
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.columns import code_of
 from benchtool.data.derived import (
-    Circumstances,
     QuantityValues,
     derive,
     recording_circumstances,
     run_circumstances,
 )
+from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.levels import levels_of
+from benchtool.data.repairs.imported import Options, import_facts
 from benchtool.data.run.facts import read_recording_facts
 from benchtool.data.run.read import is_run, read_points, read_samples
 from benchtool.data.run.recording_file import FORMAT, beside, read_recording
@@ -89,7 +90,7 @@ class ComparedRun:
 
 
 def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
-    """Return a run folder or a recording.
+    """Return a run folder, a recording, or a stand's table as an import reads it.
 
     A run of slow ramps is its samples in means of half a second. Over anything but distance, any
     other sweep is what it is away from the plate: its references; where it
@@ -109,6 +110,12 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
         chosen = parked if away else ~parked if over == "distance" else np.ones(len(rows), bool)
         run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=found)
         run = replace(_selected(run, chosen), away=away)
+    elif not beside(path).is_file() and path.is_file() and is_stand_table(path):
+        read = import_file(path)
+        facts = {**import_facts(read, Options()), "provenance": dict(read.recording.provenance)}
+        rows = levels_of(read.recording)
+        known = recording_circumstances(facts, str(path))
+        run = ComparedRun(name=path.stem, path=path, rows=rows, quantities=derive(rows, known))
     elif not beside(path).is_file():
         raise FileFormatError(
             str(path),
@@ -117,7 +124,7 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
     else:
         facts = read_recording_facts(beside(path), FORMAT)
         rows = levels_of(read_recording(path))
-        known: Circumstances = recording_circumstances(facts, str(beside(path)))
+        known = recording_circumstances(facts, str(beside(path)))
         run = ComparedRun(name=path.stem, path=path, rows=rows, quantities=derive(rows, known))
     if run.values("thrust_N") is None:
         raise FileFormatError(str(path), "it holds no thrust, so there is nothing to compare")

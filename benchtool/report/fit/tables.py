@@ -70,6 +70,28 @@ def short_table(result: FitResult) -> Table:
     )
 
 
+def fits_table(fits: Mapping[str, Sequence[FitResult]]) -> Table:
+    """List the values of several fits side by side, one fit a column, by its first method."""
+    first = {name: results[0] for name, results in fits.items()}
+    known = {
+        item.name: item.unit for one in first.values() for item in (*one.estimates, *one.derived)
+    }
+    rows = [("model", *(one.model for one in first.values()))]
+    for name in sorted(known, key=wanted_rank):
+        cells = []
+        for one in first.values():
+            found = {item.name: item for item in (*one.estimates, *one.derived)}
+            cells.append(printed(found[name]) if name in found else "–")
+        unit = unit_for_people(known[name])
+        rows.append((name if unit == "–" else f"{name} [{unit}]", *cells))
+    rows.append(("chi²/dof", *(f"{one.chi2_per_dof:.3g}" for one in first.values())))
+    rows.append(("outcome", *(one.outcome.status.replace("_", " ") for one in first.values())))
+    return Table(
+        "Fits side by side: value ± standard deviation; – where a fit holds or lacks it.",
+        ("parameter", *first), rows,
+    )  # fmt: skip
+
+
 def printed(item: Estimate) -> str:
     """Return an estimate as people read it, with the bound that it ended at."""
     return "not determined" if item.open else f"{value_with_sd(item.value, item.sd)}{_bound(item)}"

@@ -54,7 +54,7 @@ def test_a_figure_becomes_an_image_that_crosses_processes() -> None:
 def test_numbers_of_a_table_are_marked_and_heads_named() -> None:
     html = as_html(Table("What.", ("name", "value"), [("R", "0.12")]))
     assert '<th scope="row">R</th><td class="number">0.12</td>' in html
-    assert '<th scope="col">name</th>' in html
+    assert '<th scope="col"><button type="button">name</button></th>' in html
 
 
 def test_no_warning_makes_no_box() -> None:

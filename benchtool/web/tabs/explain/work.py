@@ -80,6 +80,7 @@ def explain(
     from benchtool.report.answer.folder import write_folder
     from benchtool.report.answer.page import answer_page
     from benchtool.report.figure import drawn
+    from benchtool.report.files import axes_of
     from benchtool.report.page import Block, Facts, FigureBlock, Paragraph
     from benchtool.web.drawing import FigureImage, blocks_html
 
@@ -106,7 +107,9 @@ def explain(
 
     def shown(block: Block) -> Block | FigureImage:
         if isinstance(block, FigureBlock):
-            return FigureImage(files[id(block.figure)].read_bytes(), block.caption)
+            return FigureImage(
+                files[id(block.figure)].read_bytes(), block.caption, axes_of(block.figure)
+            )
         return block
 
     parts = {

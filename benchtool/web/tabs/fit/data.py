@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from nicegui import ui
@@ -13,14 +14,16 @@ from benchtool.core.errors import InputError
 from benchtool.core.units import UNITS, unit_named
 from benchtool.data.column_map import guess_columns, read_column_map
 from benchtool.data.csv_text import read_csv_header
+from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import columns_file
 from benchtool.web.context import PageContext, RunsListing
-from benchtool.web.tabs.fit.work import store_columns
+from benchtool.web.tabs.fit.work import stand_html, store_columns, store_radius
 from benchtool.web.widgets import TableUpload, multiple_choice, notify, notify_error, shows_errors
 
 FIT_CHANNELS = {
     "thrust_N": "thrust_N (needed)",
+    "thrust_ratio": "thrust_ratio (T/T_OGE, in place of a thrust)",
     "thrust_se_N": "thrust_se_N (its standard error)",
     "thrust_sd_N": "",
     "plate_z_m": "plate_z_m (rotor plane to plate)",
@@ -50,12 +53,12 @@ def units_for(channel: str) -> tuple[str, ...]:
     return (own, *(symbol for symbol in others if symbol != own))
 
 
-def columns_for(table: Path) -> dict[str, ColumnSource]:
+def columns_for(table: Path, radius_m: float | None = None) -> dict[str, ColumnSource]:
     """Return the columns of a table as they were stored, or else as its header suggests."""
     stored = columns_file(table)
     if stored.is_file():
         return dict(read_column_map(stored))
-    return guess_columns(read_csv_header(table), FIT_CHANNELS)
+    return guess_columns(read_csv_header(table), FIT_CHANNELS, radius_m)
 
 
 def chosen_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnSource]:
@@ -65,7 +68,7 @@ def chosen_columns(form: Mapping[str, ColumnSource | None]) -> dict[str, ColumnS
         InputError: no thrust, or neither speed nor pulse width of rotors.
     """
     columns = {channel: source for channel, source in form.items() if source is not None}
-    if "thrust_N" not in columns:
+    if not {"thrust_N", "thrust_ratio"} & set(columns):
         raise InputError("no column is thrust_N; choose the one with the thrust")
     if not {"rpm1", "pwm1_us"} & set(columns):
         raise InputError(
@@ -79,9 +82,14 @@ class DataCard:
     """Choose what is fitted."""
 
     def __init__(
-        self, context: PageContext, listing: RunsListing, changed: Callable[[], None]
+        self,
+        context: PageContext,
+        listing: RunsListing,
+        changed: Callable[[], None],
+        rig_made: Callable[[str], None],
     ) -> None:
         self._context, self._listing, self._changed = context, listing, changed
+        self._rig_made = rig_made
         self._folder = listing.folder
         self.entries: dict[str, Entry] = {}
         self.choice = multiple_choice("Runs and tables", self._show_columns)
@@ -123,7 +131,11 @@ class DataCard:
             for name in self.names:
                 if self.entries[name].kind == "table":
                     try:
-                        self._columns_form(name)
+                        if is_stand_table(self._folder.file_of(name)):
+                            self._stand_findings(name)
+                        else:
+                            self._columns_form(name)
+                        self._radius_fields(name)
                     except Exception as error:  # noqa: BLE001 -- the page stays usable
                         notify_error(error)
         self._changed()
@@ -131,8 +143,41 @@ class DataCard:
     @shows_errors
     async def _uploaded(self, name: str) -> None:
         await self.look()
-        notify(f"saved as {name}; choose its columns")
+        notify(f"saved as {name}")
         self.choice.set_value([*self.names, name])
+
+    def _stand_findings(self, name: str) -> None:
+        """Show what the import finds in a stand's table, whose columns are known."""
+        with ui.expansion(f"Import of {name}").classes("w-full bordered") as shown:
+            place = ui.column().classes("w-full")
+
+        @shows_errors
+        async def fill() -> None:
+            if not shown.value or place.default_slot.children:
+                return
+            worker = self._context.worker("tables")
+            html = await worker.run(stand_html, self._context.runs, name)
+            with place:
+                ui.html(html, sanitize=False).classes("shown-body")
+
+        shown.on_value_change(fill)
+
+    def _radius_fields(self, name: str) -> None:
+        """Offer to write a rig of the rotor's radius alone, for who has no rig file."""
+        with ui.row().classes("items-end w-full gap-3"):
+            radius = ui.number(f"Rotor radius of {name}, m", placeholder="empty: as it states")
+            radius.props("dense stack-label step=any").classes("grow")
+            make = ui.button("Make a rig of it").props("outline dense")
+
+        @shows_errors
+        async def store() -> None:
+            self._context.claim_control()
+            worker = self._context.worker("tables")
+            path = await worker.run(store_radius, self._context.runs, name, radius.value)
+            notify(f"written: {path.name}")
+            self._rig_made(str(path))
+
+        make.on_click(store)
 
     def _columns_form(self, name: str) -> None:
         """Make the fields in which the columns of a table are chosen.
@@ -195,6 +240,12 @@ def _column_fields(
         chosen = str(column.value)
         if chosen == NONE or (chosen == CONSTANT and number.value is None):
             return None
+        if (
+            source is not None
+            and chosen == source.column
+            and str(unit.value) == (source.unit or own)
+        ):
+            return replace(source, sign=-1 if reverse.value else 1)
         return ColumnSource(
             column=None if chosen == CONSTANT else chosen,
             constant=number.value if chosen == CONSTANT else None,

@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
+from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import changed, make, words
 from benchtool.core.own_code import refuse_code
@@ -17,12 +18,15 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.core.user_file import read_text
+from benchtool.data.column_map import read_column_map
 from benchtool.data.csv_text import read_csv_header
+from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.run import free_path
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.data.run.state import remembered
 from benchtool.fit.data_rig import rig_for_data
+from benchtool.fit.fit_data import RATIO_BASIS
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
@@ -167,9 +171,11 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
             f"fit them one at a time"
         )
     model = model_path(folder, request.model)
+    columns = read_column_map(stored[0]) if stored else {}
     if tables and not stored and not loaded(model).columns:
         for name in tables:
-            if "thrust_N" not in read_csv_header(folder.file_of(name)):
+            path = folder.file_of(name)
+            if "thrust_N" not in read_csv_header(path) and not is_stand_table(path):
                 raise InputError(
                     f"{name} has no column thrust_N; choose its columns above and press Use these "
                     f"columns"
@@ -181,12 +187,28 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
         columns=str(stored[0]) if stored else None,
     )
     numbers = numbers_of(model, data_rig(request, folder))
-    choices = choice_options(numbers, request.choices)
     options = {name: each for name, each in request.options.items() if name not in OF_COMMAND}
+    choices: dict[str, Any] = choice_options(numbers, request.choices)
+    if "R_m" in numbers and tables and _without_plate(tables, columns, folder):
+        # As the command does: no plate says anything of the effective radius.
+        choices["hold"] = sorted({*choices["hold"], "R_m"} - choices["fix"].keys())
+    if "thrust_ratio" in columns and not options.get("basis"):
+        options["basis"] = RATIO_BASIS
+    if {"thrust_sd_N", "thrust_ratio_sd"} & columns.keys() and not options.get("noise"):
+        options["noise"] = "scale"
     stored_ones = remembered("calibration")  # the page opens no other calibration files
     if (chosen := options.get("calibration")) is not None and chosen not in stored_ones:
         raise UnknownChoice("calibration", str(chosen), stored_ones)
     return make(Recipe, {**choices, **options}, source="label", base=base)
+
+
+def _without_plate(
+    tables: Sequence[str], columns: Mapping[str, ColumnSource], folder: RunsFolder
+) -> bool:
+    """Return whether tables hold no distance to a plate: stands', or maps without one."""
+    if columns:
+        return "plate_z_m" not in columns
+    return all(is_stand_table(folder.file_of(name)) for name in tables)
 
 
 def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:

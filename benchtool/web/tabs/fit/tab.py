@@ -9,6 +9,7 @@ from typing import Any, get_args
 
 from nicegui import ui
 
+from benchtool.commands.terminal.table_fit import MODEL
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.parameter import Parameter
 from benchtool.data.run.runs_folder import RunsFolder
@@ -158,6 +159,9 @@ class MethodCard:
             self._form.add("min_z_over_r", "walkers", "max_steps", "seed", "where", "profile")
             self._form.add("budget", "temperature", "pressure", "humidity")
 
+    def choose_rig(self, rigs: Mapping[str, str], chosen: str) -> None:
+        self._form.choose("rig", rigs, chosen)
+
     def options(self) -> dict[str, Any]:
         methods = {"least_squares": self._squares.value, "emcee": self._emcee.value}
         given = self._form.given()
@@ -177,7 +181,7 @@ class FitTab:
         with ui.element("div").classes("fit-form"):
             with ui.card().classes("w-full"):
                 ui.label("Data").classes("card-title")
-                self.data = DataCard(context, listing, self._changed)
+                self.data = DataCard(context, listing, self._data_changed, self._rig_made)
             with ui.card().classes("w-full"):
                 ui.label("Method").classes("card-title")
                 models = model_choice.model_choices(self._folder, self.data.entries.values())
@@ -204,6 +208,16 @@ class FitTab:
         self._changed()
         context.remember("fit.model", self._model)
         context.remember("fit.name", self._name)
+
+    def _data_changed(self) -> None:
+        """Choose the model of one rotor for a table alone, until somebody chooses another."""
+        kinds = {self.data.entries[name].kind for name in self.data.names}
+        if self._ready and kinds == {"table"} and self._model.value == USUAL_MODEL:
+            self._model.set_value(MODEL)
+        self._changed()
+
+    def _rig_made(self, path: str) -> None:
+        self._method.choose_rig(model_choice.rig_choices(self._folder), path)
 
     def _other_model(self) -> None:
         self._parameters.clear()

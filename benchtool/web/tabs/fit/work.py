@@ -9,13 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from benchtool.core.column_source import ColumnSource
+from benchtool.core.errors import InputError
 from benchtool.data.atomic import replace_text
 from benchtool.data.column_map import column_map_to_toml
+from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.uncertainty.budget import BudgetMethod
 from benchtool.web.jobs import PageSection, ReportProgress, written_whole
+from benchtool.web.uploads import stand_blocks
 
 
 def fit_into(
@@ -70,13 +73,41 @@ def view_fit(root: Path, name: str) -> PageSection:
     )
 
 
+def stand_html(root: Path, name: str) -> str:
+    """Return what an import finds in a stand's table as HTML; empty for any other table."""
+    from benchtool.web.drawing import blocks_html
+
+    return blocks_html(stand_blocks(RunsFolder(root).file_of(name)))
+
+
+def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
+    """Write a rig of a radius alone for a table, and return its file.
+
+    Raises:
+        InputError: neither a radius is given nor does the table state one.
+        WouldOverwrite: there is one already.
+    """
+    from benchtool.commands.terminal.table_fit import radius_rig
+    from benchtool.core.rig_file import rig_from_toml
+
+    folder = RunsFolder(root)
+    table = folder.file_of(name)
+    text = radius_rig(str(table), radius_m, known=is_stand_table(table))
+    if not text:
+        raise InputError(f"{name} does not say how large the rotor is; type its radius")
+    rig_from_toml(text, f"rig of {name}")
+    path = folder.new_path(f"{table.stem}.rig.toml")
+    replace_text(path, text)
+    return path
+
+
 def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) -> str:
     """Read a table through a map, store the map beside it, and return what was read as HTML.
 
     Raises:
         FileFormatError: a cell that is no number, with its line; nothing was stored.
     """
-    from benchtool.report.page import Table
+    from benchtool.report.page import Paragraph, Table
     from benchtool.web.drawing import blocks_html
 
     path = RunsFolder(root).file_of(name)
@@ -89,6 +120,10 @@ def store_columns(root: Path, name: str, columns: Mapping[str, ColumnSource]) ->
         rows.append((channel.name, channel.unit, str(known.size), f"{least:.4g}", f"{most:.4g}"))
     replace_text(columns_file(path), column_map_to_toml(columns))
     head = ("channel", "unit", "numbers", "least", "most")
+    repairs = recording.provenance["repairs"]
     return blocks_html(
-        [Table(f"{len(recording)} rows as they will be fitted.", head, rows, text_columns=2)]
+        [
+            Table(f"{len(recording)} rows as they will be fitted.", head, rows, text_columns=2),
+            *([Paragraph(f"Repaired while reading: {repairs}.")] if repairs else []),
+        ]
     )

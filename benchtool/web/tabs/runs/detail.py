@@ -18,6 +18,8 @@ from benchtool.web.tabs.runs.view import (
     table_bytes,
     view_comparison,
     view_entry,
+    view_fits,
+    view_over,
     view_part,
 )
 from benchtool.web.widgets import (
@@ -111,14 +113,29 @@ class RunDetail:
             for part in parts:
                 self._expansion(name, part)
 
-    async def compare(self, names: Sequence[str]) -> None:
-        what = f"comparing {len(names)} sweeps"
-        section = await self._read(what, view_comparison, tuple(names))
+    async def compare(
+        self, entries: Sequence[Entry], over: str = "", thrust_N: float | None = None
+    ) -> None:
+        """Show several side by side.
+
+        Args:
+            over: what runs and recordings are drawn over; thrust ratios of sweeps when empty.
+            thrust_N: at which they are ranked then; not at all when None.
+        """
+        kinds, names = {entry.kind for entry in entries}, tuple(entry.name for entry in entries)
+        what, ratios = f"comparing {len(names)}", kinds == {"sweep"} and not over
+        if kinds == {"fit"}:
+            section = await self._read(what, view_fits, names)
+        elif ratios:
+            section = await self._read(what, view_comparison, names)
+        else:
+            section = await self._read(what, view_over, names, over or "thrust", thrust_N)
         if section is None:
             return
         with self._place, ui.card().classes("w-full"):
             with self._head(section, ""):
-                self._button(report_download("compared"), tuple(names))
+                if ratios:
+                    self._button(report_download("compared"), names)
             self._body(section)
 
     async def _read(self, what: str, work: Callable[..., Any], *arguments: Any) -> Any:

@@ -8,12 +8,17 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
+from benchtool.commands.import_file import ImportInputs
+from benchtool.commands.report import ReportInputs
+from benchtool.core.inputs import items
 from benchtool.data.catalogue.choice import ChoiceInputs, chosen
+from benchtool.data.propeller_file import propeller_names
 from benchtool.data.run.entry import ENTRY_KINDS, Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext, RunsListing
+from benchtool.web.form import InputForm
 from benchtool.web.tabs.runs.detail import RunDetail
-from benchtool.web.widgets import STYLE, shows_errors
+from benchtool.web.widgets import STYLE, TableUpload, notify, shows_errors
 
 ROWS = 10
 NOTHING = (
@@ -21,6 +26,10 @@ NOTHING = (
     "folders and CSV files into the folder; or search for other words."
 )
 LOOK_S = 3.0
+
+(_OVER,) = (item for item in items(ReportInputs) if item.name == "over")
+OVER = {"": "sweeps: thrust ratio"} | {key: f"over {key}" for key in _OVER.choices}
+"""What runs are drawn over side by side."""
 
 COLUMNS = (
     ("name", "Name"),
@@ -59,9 +68,20 @@ class RunsTab:
                 kinds = {"": "every kind", **{kind: kind for kind in ENTRY_KINDS}}
                 self._kind = ui.select(kinds, value="", label="Kind", on_change=self._fill)
                 self._kind.classes("w-44")
+                self._over = ui.select(OVER, value="", label="Compared", on_change=self._chosen)
+                self._over.classes("w-44")
+                self._thrust = ui.number("Ranked at thrust, N").classes("w-44")
                 self._compare = ui.button("Compare", icon="stacked_line_chart", on_click=self._put)
             self._count = ui.label().classes("soft").props("role=status")
             self._table = self._make_table()
+            with ui.expansion("Import a table or log").classes("w-full bordered"):
+                self._import = InputForm(ImportInputs, lambda: None)
+                with ui.element("div").classes("fit-form"):
+                    self._import.add("flip", "tare", "scale", "air_density", "hover", "over")
+                    self._import.add("near_m")
+                    names = {"": "not stated"} | {name: name for name in propeller_names()}
+                    self._import.add("propeller", options=names)
+                TableUpload(context, self._uploaded, self._import.make)
         context.remember("runs.search", self._words)
         context.remember("runs.kind", self._kind)
         self._detail = RunDetail(context)
@@ -98,15 +118,19 @@ class RunsTab:
 
     @shows_errors
     async def _put(self) -> None:
-        await self._detail.compare(self._sweeps())
+        await self._detail.compare(self._comparable(), self._over.value, self._thrust.value or None)
 
-    def _sweeps(self) -> list[str]:
-        chosen = {str(row.get("name")) for row in self._table.selected}
-        return [
-            entry.name
-            for entry in reversed(self._listing.entries)
-            if entry.name in chosen and entry.kind == "sweep" and not entry.problem
-        ]
+    def _comparable(self) -> list[Entry]:
+        """Return what is chosen and can stand side by side: fits, or runs and recordings."""
+        names = {str(row.get("name")) for row in self._table.selected}
+        found = [one for one in self._listing.entries if one.name in names and not one.problem]
+        kinds = ("fit",) if found and found[0].kind == "fit" else ("sweep", "recording", "table")
+        return [entry for entry in reversed(found) if entry.kind in kinds]
+
+    async def _uploaded(self, name: str) -> None:
+        await self._look()
+        notify(f"saved as {name}")
+        await self.open(name)
 
     @shows_errors
     async def _look(self) -> None:
@@ -125,8 +149,12 @@ class RunsTab:
         self._chosen()
 
     def _chosen(self) -> None:
-        count = len(self._sweeps())
-        self._compare.set_text(f"Compare {count} sweeps" if count > 1 else "Compare")
+        found = self._comparable()
+        count, kinds = len(found), {entry.kind for entry in found}
+        what = f"{min(kinds)}s" if len(kinds) == 1 else "runs"
+        self._over.set_visibility(kinds != {"fit"})
+        self._thrust.set_visibility(bool(self._over.value) and kinds != {"fit"})
+        self._compare.set_text(f"Compare {count} {what}" if count > 1 else "Compare")
         self._compare.set_enabled(count > 1)
 
 

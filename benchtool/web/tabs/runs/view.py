@@ -19,8 +19,10 @@ from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import exported
 from benchtool.web.jobs import PageSection
 from benchtool.web.tabs.fit.work import view_fit
+from benchtool.web.uploads import stand_blocks
 
 if TYPE_CHECKING:
+    from benchtool.report.compare.runs import Over
     from benchtool.report.page import Block, Report
 
 HEAD_ROWS = 12
@@ -77,6 +79,42 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
                 title=part, html=blocks_html(section.blocks), simulated=report.simulated
             )
     raise InputError(f"{name} has no part {part!r}; open it again")
+
+
+def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | None) -> PageSection:
+    """Return runs, recordings and stands' tables side by side over a quantity.
+
+    Args:
+        thrust_N: at which they are ranked; not at all when None.
+    """
+    from benchtool.report.compare.page import COMPARISON, compared, comparison_sentence
+    from benchtool.report.page import Paragraph
+    from benchtool.web.drawing import blocks_html
+
+    paths = [RunsFolder(root).path_of(name) for name in names]
+    one = compared(paths, over, thrust_N)
+    blocks = [block for part in COMPARISON.sections(one) for block in part.blocks]
+    at = () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
+    return PageSection(
+        title=f"{len(names)} compared over {over}",
+        html=blocks_html([Paragraph(comparison_sentence(one)), *blocks]),
+        simulated=one.simulated,
+        command=("report", *map(str, paths), "--over", over, *at),
+    )
+
+
+def view_fits(root: Path, names: Sequence[str]) -> PageSection:
+    """Return the values of several fits side by side."""
+    from benchtool.report.fit.stored_fit import read_stored
+    from benchtool.report.fit.tables import fits_table
+    from benchtool.web.drawing import blocks_html
+
+    fits = {name: read_stored(RunsFolder(root).path_of(name)) for name in names}
+    return PageSection(
+        title=f"{len(names)} fits compared",
+        html=blocks_html([fits_table({name: one.results for name, one in fits.items()})]),
+        simulated=any(one.simulated for one in fits.values()),
+    )
 
 
 def view_comparison(root: Path, names: Sequence[str]) -> PageSection:
@@ -158,7 +196,7 @@ def _table(path: Path, name: str) -> PageSection:
         size += f" Repaired while reading: {'; '.join(table.repairs)}."
     first = f"The first {min(HEAD_ROWS, len(table.rows))} rows."
     rows = Table(first, table.header, table.rows[:HEAD_ROWS], text_columns=0)
-    return PageSection(title=name, html=blocks_html([Paragraph(size), rows]))
+    return PageSection(title=name, html=blocks_html([Paragraph(size), *stand_blocks(path), rows]))
 
 
 def report_bytes(root: Path, names: Sequence[str]) -> bytes:

@@ -1,0 +1,116 @@
+// Tables that sort by a click on a head, figures that open large: wheel zooms, a drag moves, the pointer reads values.
+"use strict";
+(() => {
+  if (window.benchtoolShown) return;
+  window.benchtoolShown = true;
+
+  const numberOf = (text) => {
+    const found = /^[<>≈]?\s*[-−+]?[\d.,\u202f]*\d(?:[eE][-+]?\d+)?/.exec(text.trim());
+    return found ? Number(found[0].replace(/[<>≈\s,\u202f]/g, "").replace("−", "-")) : NaN;
+  };
+
+  function sort(button) {
+    const head = button.closest("th"), table = head.closest("table"), body = table.tBodies[0];
+    const column = head.cellIndex, up = head.ariaSort !== "ascending";
+    const key = (row) => row.cells[column].textContent;
+    const numeric = [...body.rows].some((row) => !Number.isNaN(numberOf(key(row)))) && head.classList.contains("number");
+    const compare = (a, b) => {
+      const [x, y] = numeric ? [numberOf(key(a)), numberOf(key(b))] : [key(a), key(b)];
+      if (numeric && (Number.isNaN(x) || Number.isNaN(y))) return Number.isNaN(x) - Number.isNaN(y); // no number: last
+      return (up ? 1 : -1) * (numeric ? x - y : x.localeCompare(y, undefined, { numeric: true }));
+    };
+    body.append(...[...body.rows].sort(compare));
+    for (const other of table.tHead.rows[0].cells) other.removeAttribute("aria-sort");
+    head.ariaSort = up ? "ascending" : "descending";
+  }
+
+  const nameOf = (image) => (image.alt.split(/[.:;,]/)[0].trim() || "figure").slice(0, 60).replace(/[^\w-]+/g, "-");
+
+  function save(address, name) {
+    const link = document.createElement("a");
+    Object.assign(link, { href: address, download: name });
+    link.click();
+  }
+
+  function savePng(image) {
+    const canvas = document.createElement("canvas"), scale = 2;
+    canvas.width = scale * image.naturalWidth;
+    canvas.height = scale * image.naturalHeight;
+    const pen = canvas.getContext("2d");
+    pen.fillStyle = "#ffffff";
+    pen.fillRect(0, 0, canvas.width, canvas.height);
+    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
+    save(canvas.toDataURL("image/png"), `${nameOf(image)}.png`);
+  }
+
+  // The value at a share of an axis from its low end, linear or logarithmic.
+  const valueAt = ([low, high, scale], share) =>
+    scale === "log" ? low * (high / low) ** share : low + (high - low) * share;
+
+  function read(axes, x, y) {
+    const one = axes.find(({ box: [left, top, right, bottom] }) => left <= x && x <= right && top <= y && y <= bottom);
+    if (!one) return "";
+    const [left, top, right, bottom] = one.box;
+    const values = [valueAt(one.x, (x - left) / (right - left)), valueAt(one.y, (bottom - y) / (bottom - top))];
+    return values.map((value, at) => `${one.labels[at] || "xy"[at]}: ${Number(value.toPrecision(4))}`).join("   ");
+  }
+
+  function enlarge(image) {
+    const dialog = document.createElement("dialog"), figure = image.cloneNode(), place = document.createElement("div");
+    const line = document.createElement("p"), close = document.createElement("button");
+    dialog.className = "figure-large";
+    dialog.ariaLabel = image.alt;
+    line.setAttribute("role", "status");
+    close.textContent = "Close";
+    place.append(figure);
+    dialog.append(close, line, place);
+    document.body.append(dialog);
+    const axes = JSON.parse(image.dataset.axes || "[]");
+    let scale = 1, x = 0, y = 0, from;
+    const draw = () => (figure.style.transform = `translate(${x}px, ${y}px) scale(${scale})`);
+    const hint = "Wheel: zoom. Drag: move. Double click: all.";
+    line.textContent = hint;
+    place.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      const box = place.getBoundingClientRect(), px = event.clientX - box.left, py = event.clientY - box.top;
+      const next = Math.min(Math.max(scale * Math.exp(-event.deltaY / 400), 1), 40);
+      [x, y] = [px - ((px - x) * next) / scale, py - ((py - y) * next) / scale];
+      scale = next;
+      if (scale === 1) x = y = 0;
+      draw();
+    }, { passive: false });
+    place.addEventListener("pointerdown", (event) => {
+      event.preventDefault();
+      place.setPointerCapture(event.pointerId);
+      from = [event.clientX - x, event.clientY - y];
+    });
+    place.addEventListener("pointermove", (event) => {
+      if (from) {
+        [x, y] = [event.clientX - from[0], event.clientY - from[1]];
+        draw();
+      }
+      const box = figure.getBoundingClientRect();
+      const shares = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+      line.textContent = read(axes, ...shares) || hint;
+    });
+    place.addEventListener("pointerup", () => (from = undefined));
+    place.addEventListener("dblclick", () => {
+      [scale, x, y] = [1, 0, 0];
+      draw();
+    });
+    close.addEventListener("click", () => dialog.remove());
+    // Not modal: STOP stays above it and takes keys and pointers.
+    dialog.show();
+    close.focus();
+  }
+
+  document.addEventListener("click", (event) => {
+    const button = event.target.closest?.("table.shown thead button, .figure-tools button");
+    if (!button) return;
+    if (button.closest("table")) return sort(button);
+    const image = button.closest("figure").querySelector("img");
+    if (button.dataset.does === "svg") save(image.src, `${nameOf(image)}.svg`);
+    else if (button.dataset.does === "png") savePng(image);
+    else enlarge(image);
+  });
+})();

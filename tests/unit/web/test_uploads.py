@@ -1,0 +1,71 @@
+"""Files handed over to the page are read as `benchtool import` and `benchtool fit` read them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchtool.commands.import_file import ImportInputs
+from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
+from benchtool.data.formats.formats import import_file
+from benchtool.data.run.entry import list_entries
+from benchtool.data.run.recording_file import read_recording
+from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.report.compare.page import compared
+from benchtool.report.page import Table
+from benchtool.web.tabs.fit.model_choice import FitRequest, recipe_for
+from benchtool.web.tabs.fit.work import store_radius
+from benchtool.web.uploads import stand_blocks, store_upload
+
+STAND = "rcbenchmark_1580/StepsTest_2020-05-22_102946.csv"
+LOG = "logs/sample_log_small.ulg"
+
+
+def uploaded(runs: Path, file: Path, **options: object) -> str:
+    runs.mkdir(exist_ok=True)
+    inputs = ImportInputs(files=(file,), **options)  # type: ignore[arg-type]
+    return store_upload(runs, file.name, file.read_bytes(), "2026-01-02", inputs)
+
+
+def test_a_stands_table_is_mapped_fitted_and_compared_without_a_word(
+    tmp_path: Path, reference_data: Path
+) -> None:
+    stand = reference_data / STAND
+    runs = tmp_path / "runs"
+    name = uploaded(runs, stand)
+    assert (runs / name).read_bytes() == stand.read_bytes()
+    channels = next(one for one in stand_blocks(runs / name) if isinstance(one, Table)).rows
+    found = {row[0]: row[1] for row in channels}
+    assert found["rpm1"].startswith("Motor Optical Speed")
+    assert found["pwm1_us"].startswith("ESC signal")
+    folder = RunsFolder(runs)
+    entries = {entry.name: entry for entry in list_entries(folder)}
+    request = FitRequest(data=[name], model="single", name="fit")
+    with pytest.raises(InputError, match="does not say which rig"):
+        recipe_for(request, folder, entries)
+    with pytest.raises(InputError, match="type its radius"):
+        store_radius(runs, name, None)
+    request.options["rig"] = str(store_radius(runs, name, 0.127))
+    recipe = recipe_for(request, folder, entries)
+    assert (recipe.columns, tuple(recipe.hold)) == (None, ("R_m",))
+    with pytest.raises(WouldOverwrite):
+        store_radius(runs, name, 0.2)
+    (run,) = compared([runs / name]).runs
+    assert run.values("efficiency_N_W") is not None
+
+
+def test_options_and_logs_make_recordings(tmp_path: Path, reference_data: Path) -> None:
+    stand = reference_data / STAND
+    runs = tmp_path / "runs"
+    name = uploaded(runs, stand, flip=("thrust_N",))
+    own = import_file(stand).recording.column("thrust_N")
+    assert read_recording(runs / name).column("thrust_N").tolist() == (-own).tolist()
+    log = uploaded(runs, reference_data / LOG)
+    kinds = {entry.name: entry.kind for entry in list_entries(RunsFolder(runs))}
+    assert kinds == {name: "recording", log: "recording"}
+    bad = tmp_path / "bad.ulg"
+    bad.write_bytes(b"ULog\x01\x12\x35")
+    with pytest.raises(FileFormatError):
+        uploaded(runs, bad)
+    assert len(list(runs.iterdir())) == 2
