@@ -14,9 +14,15 @@ from benchtool.core.inputs import changed, words
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.user_file import MOST_TEXT_BYTES, read_text
 from benchtool.data.catalogue.index import list_entries
+from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import Entry
+from benchtool.data.run.facts import read_recording_facts
+from benchtool.data.run.read import sample_names
+from benchtool.data.run.recording_file import FORMAT, beside
+from benchtool.data.run.run_rig import rig_of_data
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.fit.data_rig import rig_for_data
+from benchtool.physics.model_file import model_names
 from benchtool.web.tabs.fit.model_choice import model_choices, model_path, offered_rig
 
 
@@ -131,6 +137,22 @@ class RecordingSources(NamedTuple):
         folder, name = self._folder(choice)
         return folder.path_of(name)
 
+    def proposed_model(self, choice: str) -> str:
+        """Return the shipped model that suits a recording, by its bench and rig; empty for none.
+
+        A hinge has one model a rig; a sweep takes eq. (2) or (4) with the errors of a real bench, a
+        table without a rig eq. (2).
+        """
+        path = self.path_of(choice)
+        rig = rig_of_data([str(path)])
+        hinge = "theta_rad" in (sample_names(path) if path.is_dir() else _names_of(path))
+        if hinge:
+            own = f"pitch_{rig.name}" if rig is not None else ""
+            return own if own in model_names() else ""
+        if rig is None:
+            return "single"
+        return "single_bench" if len(rig.rotors) == 1 else "quad_bench"
+
     def model_of(self, choice: str) -> str:
         """Return a model as the command takes it: a shipped name, or a path; checked as above."""
         return model_path(*self._folder(choice))
@@ -139,6 +161,14 @@ class RecordingSources(NamedTuple):
         if self.examples is not None and choice.startswith(EXAMPLE):
             return self.examples, choice.removeprefix(EXAMPLE)
         return self.runs, choice
+
+
+def _names_of(file: Path) -> tuple[str, ...]:
+    """Return the channels of a recording's file, or the columns of a table."""
+    if beside(file).is_file():
+        channels = read_recording_facts(beside(file), FORMAT)["channels"]
+        return tuple(str(one["name"]) for one in channels)
+    return read_csv_header(file)
 
 
 def _recordings(entries: Iterable[Entry]) -> dict[str, str]:

@@ -125,6 +125,7 @@ class ExplainTab:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
+        self._proposed = ""
         self._sources = RecordingSources.of(context.runs)
         ui.add_head_html(STYLE + _STYLE)
         with ui.card().classes("w-full gap-2"):
@@ -132,7 +133,7 @@ class ExplainTab:
             ui.label(WHAT).classes("soft")
             with ui.element("div").classes("fit-form w-full"):
                 with ui.column().classes("w-full gap-2"):
-                    self._learn = multiple_choice("Recordings to learn from", self._changed)
+                    self._learn = multiple_choice("Recordings to learn from", self._propose)
                     self._check = multiple_choice("Others to check on", self._changed)
                 with ui.column().classes("w-full gap-2"):
                     self._model = ui.select({}, label="Model", on_change=self._changed)
@@ -165,7 +166,9 @@ class ExplainTab:
         await self._look()
         for choice, names in ((self._learn, learn), (self._check, check)):
             choice.set_value([name for name in names if name in choice.options])
-        self._model.set_value(next((name for name in model if name in self._model.options), None))
+        if model:
+            found = (name for name in model if name in self._model.options)
+            self._model.set_value(next(found, None))
         named = bool(learn or check or model)
         for key in ("learn", "check", "model", "rig"):
             field = getattr(self, f"_{key}")
@@ -190,6 +193,15 @@ class ExplainTab:
         choice.set_value([*(choice.value or []), name])
         where = "to check on" if choice is self._check else "to learn from"
         notify(f"saved as {name} and chosen {where}")
+
+    @shows_errors
+    def _propose(self) -> None:
+        """Choose the model that suits the first recording, unless somebody has chosen one."""
+        if self._model.value in (None, self._proposed) and self._learn.value:
+            found = self._sources.proposed_model(self._learn.value[0])
+            self._proposed = found if found in self._model.options else ""
+            self._model.set_value(self._proposed or None)
+        self._changed()
 
     def _changed(self) -> None:
         """Show the command that the form stands for, or what it lacks."""

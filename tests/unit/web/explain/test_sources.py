@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.recording import Recording
+from benchtool.core.rig_file import rig_named
+from benchtool.data.run.recording_file import write_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.tabs.explain.sources import (
     EXAMPLE,
@@ -56,6 +63,27 @@ def test_the_model_of_a_fit_that_is_being_written_is_not_offered(sources: Record
     shutil.copytree(sources.runs.root / "mine", partial_folder)
     assert (partial_folder / "bench.toml").is_file()
     assert not [name for name in sources.choices().models if ".part/" in name]
+
+
+@pytest.mark.parametrize(
+    ("recording", "model"),
+    [
+        (f"{EXAMPLE}quad/run", "quad_bench"),
+        (f"{EXAMPLE}single_rotor/run", "single_bench"),
+        ("hinge.csv", "pitch_pquad"),
+        ("mine/learn.parquet", ""),  # it does not say its rig
+        ("table.csv", ""),
+        ("lab.csv", "single"),
+    ],
+)
+def test_a_recording_proposes_the_model_of_its_bench(
+    sources: RecordingSources, recording: str, model: str
+) -> None:
+    (sources.runs.root / "lab.csv").write_text("plate_z_m,thrust_N\n0.1,4\n")
+    hinge = Recording.from_columns([(Channel("theta_rad", "rad"), np.zeros(2))])
+    facts = {"rig": json.loads(json.dumps(asdict(rig_named("pquad"))))}
+    write_recording(sources.runs.root / "hinge.csv", hinge, facts)
+    assert sources.proposed_model(recording) == model
 
 
 @pytest.mark.parametrize(
