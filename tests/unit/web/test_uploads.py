@@ -8,8 +8,8 @@ import pytest
 
 from benchtool.commands.import_file import ImportInputs
 from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
+from benchtool.data.catalogue.index import list_entries
 from benchtool.data.formats.formats import import_file
-from benchtool.data.run.entry import list_entries
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.report.compare.page import compared
@@ -37,7 +37,7 @@ def test_a_stands_table_is_mapped_fitted_and_compared_without_a_word(
     assert (runs / name).read_bytes() == stand.read_bytes()
     channels = next(one for one in stand_blocks(runs / name) if isinstance(one, Table)).rows
     found = {row[0]: row[1] for row in channels}
-    assert found["rpm1"].startswith("Motor Optical Speed")
+    assert found["rpm1"].startswith("Motor Electrical Speed")
     assert found["pwm1_us"].startswith("ESC signal")
     folder = RunsFolder(runs)
     entries = {entry.name: entry for entry in list_entries(folder)}
