@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import asdict
 from types import TracebackType
 from typing import Self
 
@@ -94,6 +95,23 @@ class GuardedBench(DrivenBench):
         if self._check is not None and self._watch is not None:
             self._watch.expect_loop()
             self._check.expect_loop(self.now_s(), armed_else=self.identity.armed_by_operator)
+
+    def tighten(self, limits: Limits) -> None:
+        """Watch narrower limits from now on: anything up to the rig's, nothing beyond.
+
+        Raises:
+            InputError: a limit is looser than the rig's; nothing has changed.
+        """
+        for name, wanted in asdict(limits).items():
+            stated, least = getattr(self._rig.limits, name), name == "voltage_min_V"
+            if (wanted < stated) if least else (wanted > stated):
+                raise InputError(
+                    f"limits.{name} = {wanted:g} is looser than the rig's {stated:g}; give "
+                    f"{'at least' if least else 'at most'} that, or change the rig file"
+                )
+        self._limits = limits
+        if self._check is not None:
+            self._check.tighten(limits)
 
     def close(self) -> None:
         self._check = self._watch = None

@@ -93,6 +93,13 @@ class LimitCheck:
         self._stale_s = np.array([item.stale_s for item in watched], float)
         self._fresh_s: Array = np.full(len(watched), now_s)
 
+    def tighten(self, limits: Limits) -> None:
+        """Watch other limits from now on, on the same channels."""
+        new = {one.index: one for one in _watched(self._names, limits, self._rotor_stale_s)}
+        self._watched = [new.get(one.index, one) for one in self._watched]
+        self._low = np.array([one.low for one in self._watched], float)
+        self._high = np.array([one.high for one in self._watched], float)
+
     def commanded(self, pwm_us: Array, now_s: float) -> None:
         """Note what every motor is commanded (n_rotors,): us, to compare its rpm with."""
         self._turning = bool((pwm_us > self._stop_us).any())

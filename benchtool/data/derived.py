@@ -131,10 +131,15 @@ def run_circumstances(folder: Path) -> Circumstances:
         rig = run_rig(folder, facts)
     except FileFormatError:
         return circumstances(None, facts.get("air"))
+    return rig_circumstances(rig, facts.get("air"), facts.get("calibration"))
+
+
+def rig_circumstances(
+    rig: Rig, air: Mapping[str, Any] | None = None, calibration: Mapping[str, Any] | None = None
+) -> Circumstances:
+    """Return the circumstances of a rig; see `circumstances`."""
     own = Propeller(name=f"rig {rig.name}", diameter_m=2.0 * rig.propulsion.radius_m)
-    return circumstances(
-        rig.propeller or own, facts.get("air"), rig.motor, rig, facts.get("calibration")
-    )
+    return circumstances(rig.propeller or own, air, rig.motor, rig, calibration)
 
 
 def recording_circumstances(facts: Mapping[str, Any], where: str) -> Circumstances:
@@ -218,6 +223,12 @@ def derive(recording: Recording, known: Circumstances) -> tuple[QuantityValues, 
         )
         for one in found
     )  # fmt: skip
+
+
+def quantities_of(recording: Recording, known: Circumstances) -> dict[str, Array]:
+    """Return every quantity (n,) of a recording's rows by name, without errors."""
+    values = _evaluate(_inputs(recording, known))
+    return {one.name: values[one.name] for one in QUANTITIES if _any(values.get(one.name))}
 
 
 def _any(values: Any) -> bool:

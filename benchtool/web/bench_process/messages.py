@@ -13,7 +13,7 @@ from typing import Literal
 from benchtool.acquire.inputs import SweepInputs, Weighing
 from benchtool.acquire.pitch_experiment import PitchExperiment
 from benchtool.bench.bench import Identity
-from benchtool.core.rig import Rig
+from benchtool.core.rig import Limits, Rig
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.append import Event
 
@@ -86,6 +86,13 @@ class ReleaseThrottle:
 @dataclass(frozen=True, slots=True)
 class TareLoadCell:
     """Take the present reading of the load cell as zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class TightenLimits:
+    """Hold the bench to narrower limits than its rig's, until it is disconnected."""
+
+    limits: Limits
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +184,7 @@ Command = (
     Connect | Disconnect | StopMotors | Shutdown | ArmMotors | HoldThrottle | ReleaseThrottle
     | TareLoadCell | WeighMass | Calibrate | MovePlateTo | SetClockSpeed | StartSweep
     | StartRecording | PauseSweep | AnswerQuestion | Annotate | StartLiveRecording
-    | EndRecording
+    | EndRecording | TightenLimits
 )  # fmt: skip
 
 
@@ -190,7 +197,8 @@ class ConnectionStatus:
 
     Attributes:
         session: counts connections; a new number means other channels and a new clock.
-        identity, rig: of the bench; None when off.
+        identity, rig: of the bench, its limits those that hold now; None when off.
+        stated: limits by the rig itself, up to which they may be widened again.
         calibration: stored for this device, None when there is none.
         weighs: for masses on the load cell only, no motor can turn.
         reason: why there is none, empty when that was commanded.
@@ -202,6 +210,7 @@ class ConnectionStatus:
     session: int = 0
     identity: Identity | None = None
     rig: Rig | None = None
+    stated: Limits | None = None
     calibration: Calibration | None = None
     weighs: bool = False
     reason: str = ""
@@ -218,6 +227,15 @@ class LimitShare:
     share: float
 
 
+@dataclass(frozen=True, slots=True)
+class LiveValue:
+    """State a mean since the last status, or what follows from such means."""
+
+    name: str
+    value: float
+    unit: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveStatus:
     """State what the bench does just now, a few times a second.
@@ -226,6 +244,7 @@ class LiveStatus:
         pulses_us: commanded, one for each rotor.
         rate_Hz: samples per second of the bench's clock.
         limits: how near each reading has been to its limit since the last of these.
+        values: thrust, torque, power, efficiency and so on, as far as they are measured.
         speed: of a virtual clock, 0 where the clock is the wall's.
         weighed: (mass in kg, counts) so far, for a calibration.
         busy: what takes a while just now, empty when nothing does.
@@ -239,6 +258,7 @@ class LiveStatus:
     lost: int = 0
     corrupt: int = 0
     limits: tuple[LimitShare, ...] = ()
+    values: tuple[LiveValue, ...] = ()
     armed: bool = False
     speed: float = 0.0
     weighed: tuple[tuple[float, float], ...] = ()

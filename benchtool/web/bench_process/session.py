@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 
@@ -47,6 +47,7 @@ class Session:
         self._connect, self._number, self._rig = connect, number, rig
         self._publisher, self._commands, self._dead_man = publisher, commands, dead_man
         self._runs, self._telemetry = runs, telemetry
+        self._stated = rig.limits
         self._ramp = ThrottleRamp(rig)
         self._weighed: list[tuple[float, float]] = []
         self._armed = False
@@ -112,6 +113,11 @@ class Session:
             self._armed = bench.identity.simulated or command.typed.strip() == CONFIRMATION
             if not self._armed:
                 raise InputError(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+        elif isinstance(command, messages.TightenLimits):
+            bench.tighten(command.limits)
+            self._rig = replace(self._rig, limits=command.limits)
+            self._telemetry.tighten(command.limits)
+            self._publish_connection(bench.identity)
         elif isinstance(command, messages.TareLoadCell):
             bench.tare()
             self._publisher.publish(messages.Notice(text="tared"))
@@ -184,6 +190,7 @@ class Session:
                 session=self._number,
                 identity=identity,
                 rig=self._rig,
+                stated=self._stated,
                 calibration=calibration_for(None, identity),
                 weighs=self._connect.weighs,
             )

@@ -12,8 +12,12 @@ import numpy as np
 from benchtool.bench.bench import Identity, Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.array import Array
+from benchtool.core.channel import Channel, unit_in_name
+from benchtool.core.recording import Recording
 from benchtool.core.rig import Limits, Rig
-from benchtool.web.bench_process.messages import LimitShare, LiveStatus, Notice
+from benchtool.data.derived import Circumstances, quantities_of, rig_circumstances
+from benchtool.data.quantities import QUANTITIES
+from benchtool.web.bench_process.messages import LimitShare, LiveStatus, LiveValue, Notice
 from benchtool.web.bench_process.publisher import Decimator, EventPublisher, merged, split
 
 
@@ -56,6 +60,32 @@ STATUS_FRAMES = 5
 """Frames from one status to the next: four a second."""
 
 
+SHOWN = (
+    "thrust_N", "torque_Nm", "power_W", "mechanical_power_W", "efficiency_gf_W",
+    "motor_efficiency", "propeller_efficiency_N_W", "figure_of_merit",
+)  # fmt: skip
+"""Quantities of `data.quantities` that the page shows live, and thrust."""
+
+
+def live_values(
+    channels: Sequence[Channel], samples: Array, known: Circumstances, *, turning: bool
+) -> tuple[LiveValue, ...]:
+    """Return means over samples (m, c), nan left out, and what follows while motors turn."""
+    present = np.isfinite(samples)
+    with np.errstate(invalid="ignore"):
+        means = np.where(present, samples, 0.0).sum(axis=0) / present.sum(axis=0)
+    recording = Recording(tuple(channels), means[None])
+    found = quantities_of(recording, known) if turning else {}
+    if "thrust_N" in recording:
+        found["thrust_N"] = recording.column("thrust_N")
+    titles = {one.name: one.title for one in QUANTITIES} | {"thrust_N": "thrust"}
+    return tuple(
+        LiveValue(titles[name], float(found[name][0]), unit_in_name(name))
+        for name in SHOWN
+        if name in found and np.isfinite(found[name][0])
+    )
+
+
 class Telemetry:
     """Receive every read of a bench and publish it; speed is 0 where the clock is the wall's."""
 
@@ -77,10 +107,18 @@ class Telemetry:
         self._begun_s = self._framed_s = clock()
         self._frames_since_status = 0
         self._counted, self._counted_s = 0, 0.0
+        self._channels: tuple[Channel, ...] = ()
+        self._seen: list[Array] = []
+        self._known = rig_circumstances(rig)
+
+    def tighten(self, limits: Limits) -> None:
+        """Show other limits from now on."""
+        self._rig = replace(self._rig, limits=limits)
 
     def begin(self, identity: Identity, guarded: GuardedBench | None) -> None:
         """Publish from now on; what is read before the bench is known is left out."""
         self._guarded = guarded
+        self._channels = identity.channels
         self._names = tuple(channel.name for channel in identity.channels)
         self._frames = Decimator(self._session, len(self._names))
         self._begun_s = self._framed_s = self._clock()
@@ -97,6 +135,7 @@ class Telemetry:
         if self._frames is None:
             return
         self._frames.add(readings.values)
+        self._seen.append(readings.values)
         live = self._live
         self._live = replace(
             live,
@@ -128,6 +167,7 @@ class Telemetry:
         low, high = split(frame)
         pulses = tuple(self._guarded.pwm_us.tolist()) if self._guarded else ()
         seen = self._guarded.standstill if self._guarded else None
+        turning = self._guarded is not None and seen is None
         rate_Hz = self._live.rate_Hz
         if newest_s is not None:
             if self._counted_s and newest_s > self._counted_s:
@@ -137,8 +177,12 @@ class Telemetry:
             self._live,
             pulses_us=pulses,
             rate_Hz=rate_Hz,
+            values=live_values(
+                self._channels, np.concatenate(self._seen), self._known, turning=turning
+            ),
             limits=limit_shares(self._names, low, high, pulses, self._rig.limits),
             speed=self._speed(),
             standstill=seen.text if seen else "",
         )
+        self._seen.clear()
         self._publisher.publish(self._live)

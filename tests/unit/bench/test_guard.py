@@ -389,3 +389,29 @@ def test_a_rotor_that_runs_out_while_the_bench_is_opened_is_no_fault(fake):
         fake.tail_rpm = 0.0
         guard.read(0.5)
     assert guard.reason is None
+
+
+def test_limits_are_tightened_and_widened_again_up_to_the_rigs(fake):
+    stated = RIG.limits
+    with GuardedBench(fake, RIG) as guard:
+        for looser in (
+            replace(stated, rpm=stated.rpm + 1.0),
+            replace(stated, voltage_min_V=stated.voltage_min_V - 0.1),
+        ):
+            with pytest.raises(InputError, match="is looser than the rig's"):
+                guard.tighten(looser)
+        guard.tighten(replace(stated, pwm_us=1500.0))
+        with pytest.raises(InputError, match="limit 1500 us"):
+            guard.set_pwm(np.array([1600.0]))
+        guard.tighten(stated)
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(1.0)
+
+
+def test_a_reading_beyond_a_tightened_limit_stops_the_motors(fake):
+    with pytest.raises(LimitExceeded, match="rpm1"), GuardedBench(fake, RIG) as guard:
+        guard.set_pwm(np.array([1600.0]))
+        guard.read(1.0)
+        guard.tighten(replace(RIG.limits, rpm=10.0))
+        guard.read(1.0)
+    check_zeroed_once_then_closed(fake)

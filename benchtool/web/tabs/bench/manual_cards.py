@@ -9,7 +9,7 @@ from benchtool.acquire.bench_check import low_throttle_us
 from benchtool.acquire.inputs import Weighing
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import items
-from benchtool.core.rig import Rig
+from benchtool.core.rig import Limits, Rig
 from benchtool.web.bench_process import messages
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
@@ -21,7 +21,7 @@ class ThrottleCard:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        self._shown = -1
+        self._shown: tuple[int, Limits | None] = (-1, None)
         self._rotors: list[ui.checkbox] = []
         with titled_card("Throttle by hand") as self._card:
             self._pulse = ui.number("Pulse, us", value=1000.0, step=10.0, format="%.0f")
@@ -48,8 +48,8 @@ class ThrottleCard:
         )
         if identity is None or rig is None:
             return
-        if connection.session != self._shown:
-            self._shown = connection.session
+        if (connection.session, rig.limits) != self._shown:
+            self._shown = connection.session, rig.limits
             self._fit(rig)
             self._warnings.clear()
             with self._warnings:

@@ -7,44 +7,13 @@ from nicegui import ui
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.bench.charts import ChartCard
 from benchtool.web.tabs.bench.connect_card import ConnectCard
+from benchtool.web.tabs.bench.limits_card import LimitsCard
 from benchtool.web.tabs.bench.manual_cards import LoadCellCard, ThrottleCard
 from benchtool.web.tabs.bench.record_card import LiveRecordCard, RecordCard
 from benchtool.web.widgets import show_facts, titled_card
 
 LOOK_S = 0.25
 """How often the numbers beside the charts are refreshed."""
-
-CLOSE = 0.9
-"""Share of a limit from which on its bar warns; a choice."""
-
-
-class LimitsCard:
-    """Show how near every reading is to its limit, a bar for each."""
-
-    def __init__(self, context: PageContext) -> None:
-        self._context = context
-        self._bars: dict[str, tuple[ui.linear_progress, ui.label]] = {}
-        with titled_card("Limits") as self._card:
-            self._rows = ui.column().classes("w-full gap-1")
-
-    def refresh(self) -> None:
-        limits = self._context.bench.live.limits
-        self._card.set_visibility(bool(limits))
-        if tuple(self._bars) != tuple(one.name for one in limits):
-            self._rows.clear()
-            self._bars.clear()
-            with self._rows:
-                for one in limits:
-                    with ui.element("div").classes("near-row"):
-                        ui.label(one.name)
-                        bar = ui.linear_progress(show_value=False, size="10px")
-                        bar.props(f'instant-feedback aria-label="{one.name}, share of its limit"')
-                        self._bars[one.name] = bar, ui.label().classes("value number")
-        for one in limits:
-            bar, label = self._bars[one.name]
-            bar.value = round(min(max(one.share, 0.0), 1.0), 3)
-            bar.props(f"color={'warning' if one.share >= CLOSE else 'primary'}")
-            label.set_text(f"{one.value:.4g} of {one.limit:g}")
 
 
 class DeviceCard:

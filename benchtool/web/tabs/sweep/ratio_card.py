@@ -54,7 +54,7 @@ class RatioCard:
         self._busy = asyncio.Lock()
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full"):
-                ui.label("Thrust ratio").classes("card-title grow")
+                ui.label("Thrust").classes("card-title grow")
                 self._basis = ui.select(BASES, value=RATIO_BASES[0], label="At")
                 self._basis.classes("w-36")
                 models = {"": "no model", **{name: name for name in model_names()}}
@@ -84,7 +84,7 @@ class RatioCard:
         self._shown = wanted
         worker = self._context.worker("plots")
         points = MeasuredRatios()
-        if sweep.run and sweep.done and sweep.kind == "sweep":
+        if sweep.run and sweep.done and sweep.kind != "pitch":
             points = await worker.run(measured_ratios, Path(sweep.run), basis)
         if rig is not None and self._curves_of != (rig.name, model, ink, basis):
             self._curves_of = rig.name, model, ink, basis
@@ -118,8 +118,13 @@ def ratio_figure(
         "marker": {"color": ink, "size": 7, "symbol": "circle-open"},
     }  # fmt: skip
     empty = not points.rows and not curves
+    x_title, y_title = "z / R", "T<sub>IGE</sub> / T<sub>OGE</sub>"
+    if points.raw:
+        curves, x_title, y_title = (), "pulse, us", "thrust, N"
     axis = {"gridcolor": GREY + "44", "zeroline": False, "linecolor": GREY, "visible": not empty}
-    notes = [_STAMP] if points.simulated else [{**_EMPTY, "text": empty_text}] if empty else []
+    # Thrust rises with the pulse, ratios fall with the distance: one corner is free.
+    stamp = {**_STAMP, "y": 0.99} if points.raw else _STAMP
+    notes = [stamp] if points.simulated else [{**_EMPTY, "text": empty_text}] if empty else []
     return {
         "data": [*curves, measured],
         "layout": {
@@ -128,10 +133,10 @@ def ratio_figure(
             "paper_bgcolor": "rgba(0,0,0,0)",
             "plot_bgcolor": "rgba(0,0,0,0)",
             "font": {"color": ink, "family": "Roboto, sans-serif", "size": 13},
-            "xaxis": {**axis, "title": {"text": "z / R"}},
-            "yaxis": {**axis, "title": {"text": "T<sub>IGE</sub> / T<sub>OGE</sub>"}},
+            "xaxis": {**axis, "title": {"text": x_title}},
+            "yaxis": {**axis, "title": {"text": y_title}},
             "legend": {"x": 0.98, "xanchor": "right", "y": 0.98},
-            "uirevision": "same",
+            "uirevision": x_title,
             "annotations": notes,
         },
         "config": {"displayModeBar": False, "responsive": True},

@@ -9,6 +9,8 @@ from nicegui import ui
 from benchtool.acquire.order import minutes
 from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
 from benchtool.web.context import PageContext
+from benchtool.web.tabs.bench.charts import ChartCard
+from benchtool.web.tabs.bench.limits_card import LimitsCard
 from benchtool.web.tabs.sweep.plan_card import PlanCard
 from benchtool.web.tabs.sweep.ratio_card import RatioCard
 from benchtool.web.widgets import open_tab, shows_errors
@@ -94,13 +96,15 @@ def build(context: PageContext) -> None:
     with ui.element("div").classes("grid-main plan-left"):
         with ui.element("div"):
             run = RunCard(context)
+            charts = ChartCard(context, ("Thrust", "Speed"), tools=False)
+            limits = LimitsCard(context)
             plot = RatioCard(context)
         with ui.element("div"):
             plan = PlanCard(context)
 
     def refresh() -> None:
-        run.refresh()
-        plan.refresh()
+        for card in (run, charts, limits, plan):
+            card.refresh()
 
     ui.timer(LOOK_S, refresh)
     # By itself: the state of a sweep does not wait for its plot.

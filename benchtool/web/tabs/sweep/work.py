@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.errors import BenchtoolError
@@ -23,16 +24,18 @@ class MeasuredRatios(NamedTuple):
 
     Attributes:
         rows: z/R, T_IGE/T_OGE, standard error.
+        raw: before there is a ratio: rows are pulse in us, thrust in N, standard error.
         why: why there are none, empty when there are.
     """
 
     rows: tuple[tuple[float, ...], ...] = ()
     why: str = ""
     simulated: bool = False
+    raw: bool = False
 
 
 def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
-    """Return the ratios of a run as far as it is."""
+    """Return the ratios of a run as far as it is; thrust over pulse where it has none."""
     from benchtool.data.columns import code_of
     from benchtool.data.run.ratios import ratios
     from benchtool.data.run.read import read_points
@@ -43,13 +46,28 @@ def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
         points = read_points(run)
         facts = Run.open(run).metadata
         rig = run_rig(run, facts)
-        measured = ratios(points, basis, rig)
     except BenchtoolError as error:
         return MeasuredRatios(why=str(error))
-    near = (points.column("kind") == code_of("kind", "measure")) & np.isfinite(measured.value)
-    z_over_R = points.column("plate_z_m") / rig.propulsion.radius_m
-    rows = np.column_stack([z_over_R, measured.value, np.nan_to_num(measured.total_error)])[near]
-    return MeasuredRatios(tuple(map(tuple, rows.tolist())), simulated=bool(facts.get("simulated")))
+    why = ""
+    try:
+        measured = ratios(points, basis, rig)
+    except BenchtoolError as error:
+        measured, why = None, str(error)
+    kinds, simulated = points.column("kind"), bool(facts.get("simulated"))
+    if measured is not None:
+        near = (kinds == code_of("kind", "measure")) & np.isfinite(measured.value)
+        z_over_R = points.column("plate_z_m") / rig.propulsion.radius_m
+        table = (z_over_R, measured.value, np.nan_to_num(measured.total_error))
+        if near.any():
+            return MeasuredRatios(_rows(table, near), simulated=simulated)
+    pulses_us = np.max([points.column(f"pwm{i + 1}_us") for i in range(rig.n_rotors)], axis=0)
+    table = (pulses_us, points.column("thrust_N"), np.nan_to_num(points.column("thrust_se_N")))
+    valid = np.isfinite(pulses_us) & np.isfinite(points.column("thrust_N"))
+    return MeasuredRatios(_rows(table, valid), why, simulated=simulated, raw=True)
+
+
+def _rows(table: tuple[Array, ...], chosen: NDArray[np.bool_]) -> tuple[tuple[float, ...], ...]:
+    return tuple(map(tuple, np.column_stack(table)[chosen].tolist()))
 
 
 def model_curves(

@@ -6,9 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from benchtool.core.channel import Channel
 from benchtool.core.rig_file import rig_named
+from benchtool.data.derived import rig_circumstances
 from benchtool.web.bench_process.publisher import HEAD, Decimator, merged, split
-from benchtool.web.bench_process.telemetry import limit_shares
+from benchtool.web.bench_process.telemetry import limit_shares, live_values
 
 values = arrays(
     float, st.tuples(st.integers(1, 30), st.just(3)),
@@ -74,3 +76,26 @@ def test_the_reading_that_is_nearest_counts() -> None:
 def test_nothing_is_near_where_nothing_came() -> None:
     gone = np.full(len(NAMES), np.nan)
     assert limit_shares(NAMES, gone, gone, (), LIMITS) == ()
+
+
+def test_power_and_efficiency_follow_from_means_while_motors_turn() -> None:
+    channels = tuple(
+        Channel(name, unit)
+        for name, unit in (("rpm1", "rpm"), ("thrust_N", "N"), ("torque_Nm", "N m"),
+                           ("voltage_V", "V"), ("current_A", "A"))
+    )  # fmt: skip
+    nan = float("nan")
+    samples = np.array([[6000.0, 3.0, 0.05, 11.0, 5.0], [6000.0, 5.0, 0.07, nan, 7.0]])
+    known = rig_circumstances(rig_named("pquad_single"))
+    found = live_values(channels, samples, known, turning=True)
+    values = {one.name: (one.value, one.unit) for one in found}
+    assert values["thrust"] == (4.0, "N")
+    assert values["electrical power"] == (pytest.approx(11.0 * 6.0), "W")
+    shaft_W = 0.06 * 6000.0 * 2.0 * np.pi / 60.0
+    assert values["mechanical power"] == (pytest.approx(shaft_W), "W")
+    grams = 4.0 / 9.80665 * 1000.0 / 66.0
+    assert values["overall efficiency"] == (pytest.approx(grams), "gf/W")
+    assert values["motor and ESC efficiency"] == (pytest.approx(shaft_W / 66.0), "1")
+    # Of motors that stand, thrust alone says something; of a silent bench, nothing does.
+    assert [one.name for one in live_values(channels, samples, known, turning=False)] == ["thrust"]
+    assert live_values(channels, samples[:0], known, turning=True) == ()
