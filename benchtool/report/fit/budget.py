@@ -177,7 +177,7 @@ def draw_budget(figure: Figure, budget: Budget) -> None:
         size = np.nan_to_num(budget.one_percent[place], nan=1.0)
         axes.barh(range(len(lines)), budget.parts[lines, place] / size, color=colors, height=0.7)
         axes.axvline(budget.combined[place] / size, color=BLACK, linestyle="--", linewidth=1.0)
-        axes.set_title(fill(budget.names[place], 22))
+        axes.set_title(fill(budget.names[place], max(12, 56 // len(places))))
         is_zero = np.isnan(budget.one_percent[place])
         unit = unit_for_people(budget.units[place])
         axes.set_xlabel(f"uncertainty [{unit}]" if is_zero else "percent of value")

@@ -38,10 +38,16 @@ SHOWN_DRAWS = 400
 """Parameter draws behind a curve's band."""
 
 
+def titled(what: str, fit: FitOutput) -> str:
+    """Return a figure's title, which says when the model is rejected."""
+    rejected = any(one.facts.get("verdict") == "rejected" for one in fit.results)
+    return f"{what}: {fit.recipe.name}" + (" (model rejected)" if rejected else "")
+
+
 @figure(
     page="fit",
     name="ratio",
-    title="Ground effect: {0.recipe.name}",
+    title=lambda fit: titled("Ground effect", fit),
     caption="Thrust near the plate over thrust far from it. Points: mean and standard deviation "
     "over repeats; solid line: the fitted model with its 68 % and 95 % bands; dashed: the closed "
     "image formulae (PFI).",
@@ -145,7 +151,7 @@ def name_of_data(fit: FitOutput) -> str:
 @figure(
     page="fit",
     name="thrust",
-    title="Thrust against rotor speed: {0.recipe.name}",
+    title=lambda fit: titled("Thrust against rotor speed", fit),
     caption="Thrust against rotor speed at each plate distance (lines: the fitted model), and what "
     "the model leaves over.",
     when=lambda fit: fit.recipe.basis == "joint",

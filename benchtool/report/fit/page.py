@@ -24,7 +24,7 @@ from benchtool.report.fit.tables import (
     wanted_rank,
 )
 from benchtool.report.html import write_report
-from benchtool.report.numbers import value_with_sd, with_unit
+from benchtool.report.numbers import unit_for_people, value_with_sd, with_unit
 from benchtool.report.page import Block, Facts, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections
 
@@ -79,7 +79,11 @@ def _highlights(fit: FitOutput) -> dict[str, str]:
         (item for item in every if "share_" not in item.name),
         key=lambda item: (wanted_rank(item.name), item.name.startswith("noise.")),
     )
-    return {item.name: printed(item) for item in ranked[:4]}
+    tiles = {}
+    for item in ranked[:4]:
+        unit = unit_for_people(item.unit)
+        tiles[item.name if unit == "–" else f"{item.name} [{unit}]"] = printed(item)
+    return tiles
 
 
 FIT = Page(

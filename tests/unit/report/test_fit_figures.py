@@ -10,6 +10,8 @@ from matplotlib.container import ErrorbarContainer
 
 from benchtool.report.figure import drawn
 from benchtool.report.files import figure_bytes
+from benchtool.report.fit.figures import titled
+from benchtool.report.fit.page import FIT
 from benchtool.report.fit.residuals import expected_runs, judge_runs, runs_of_sign, standardised
 from tests.contracts.figure_subjects import fit, sampled_fit
 
@@ -109,3 +111,14 @@ def test_chains_show_every_ensemble_and_its_convergence() -> None:
 
 def test_a_fit_without_draws_has_no_figures_of_draws() -> None:
     assert set(drawn("fit", fit("quad"))) == {"ratio", "thrust", "residuals", "budget"}
+
+
+def test_key_tiles_carry_units_and_figures_say_that_a_model_is_rejected() -> None:
+    found = fit("quad")
+    tiles = FIT.highlights(found)
+    assert {"R_m [m]", "k [N/(rad/s)²]"} <= set(tiles)
+    (result, *rest) = found.results
+    rejected = replace(result, facts={**result.facts, "verdict": "rejected"})
+    assert titled("Ground effect", found) == f"Ground effect: {found.recipe.name}"
+    shown = titled("Ground effect", replace(found, results=(rejected, *rest)))
+    assert shown == f"Ground effect: {found.recipe.name} (model rejected)"
