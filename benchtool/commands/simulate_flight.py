@@ -21,7 +21,7 @@ def flight(inputs: FlightInputs) -> None:
     Numbers, recordings, a figure; or a campaign of many flights.
     """
     from benchtool.report.flight.flight import fly_each, report_lines, write_flights
-    from benchtool.simulate.campaign_flight import OGE, flight_campaign
+    from benchtool.simulate.campaign_flight import OGE
     from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
     from benchtool.simulate.flight.setup import full_name
 
@@ -39,8 +39,7 @@ def flight(inputs: FlightInputs) -> None:
     if several:
         from benchtool.commands.terminal.campaign_display import run_with_progress
 
-        setups = {gains: _setup(inputs, gains) for gains in study.gains}
-        run_with_progress(flight_campaign(setups, names), study, full_name=full_name)
+        run_with_progress(inputs, full_name=full_name)
         return
     study.refuse_campaign()
     flown = _setup(inputs, study.gain_set()).flown("pid", study.seed)

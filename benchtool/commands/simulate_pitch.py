@@ -35,12 +35,10 @@ def pitch(inputs: PitchInputs) -> None:
     ]
     if study.campaign.vary:
         from benchtool.commands.terminal.campaign_display import run_with_progress
-        from benchtool.simulate.campaign_pitch import pitch_campaign
 
         if own:
             raise InputError("a campaign runs built-in controllers; leave your own out")
-        setups = {gains: _setup(inputs, gains) for gains in study.gains}
-        run_with_progress(pitch_campaign(setups), study)
+        run_with_progress(inputs)
         return
     study.refuse_campaign()
     setup = _setup(inputs, study.gain_set())

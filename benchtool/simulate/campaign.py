@@ -67,21 +67,34 @@ class Campaign:
             for point in design.probes():
                 self.probe(setup, point, design)
 
-    def rows(self, design: Design, threads: int | None = None) -> Iterator[Row]:
+    def rows(
+        self, design: Design, threads: int | None = None, start: int = 0, stop: int | None = None
+    ) -> Iterator[Row]:
         """Yield one row per gain set, controller, point and seed, in that order, as they come.
 
         A row has the point's numbers, `gains`, `controller`, `seed`, and the measures.
+
+        Args:
+            threads: how many runs at once; all cores when None.
+            start: first row.
+            stop: one behind the last; all when None.
         """
         labels: deque[Row] = deque()
 
         def cases() -> Iterator[tuple[Any, int]]:
-            for gains, setup in self.setups.items():
-                for controller, point in product(self.controllers, design.points()):
-                    case = self.case(setup, controller, point)
-                    for number in range(design.seeds):
-                        seed = {"seed": float(design.seed + number)}
-                        labels.append({**point, "gains": gains, "controller": controller, **seed})
-                        yield case, number
+            groups = product(self.setups.items(), self.controllers, design.points())
+            for place, ((gains, setup), controller, point) in enumerate(groups):
+                first = place * design.seeds
+                numbers = range(max(start - first, 0), design.seeds)
+                if stop is not None:
+                    numbers = numbers[: max(stop - max(first, start), 0)]
+                if not numbers:
+                    continue
+                case = self.case(setup, controller, point)
+                for number in numbers:
+                    seed = {"seed": float(design.seed + number)}
+                    labels.append({**point, "gains": gains, "controller": controller, **seed})
+                    yield case, number
 
         for measured in self.run(cases(), design.seed, threads):
             yield {**labels.popleft(), **measured}

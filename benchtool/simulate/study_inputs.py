@@ -30,6 +30,10 @@ class CampaignInputs(Inputs):
     measure: Annotated[
         str, Input("What the map of a campaign shows; the main one when left out.")
     ] = ""
+    cluster: Annotated[
+        str | None,
+        Input("Dask scheduler whose workers run the campaign.", empty="threads of this process"),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,7 @@ from typing import Any
 from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
 from benchtool import __version__
+from benchtool.commands.terminal.messages import announce_code, print_notes
 from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, WouldOverwrite
@@ -20,14 +21,17 @@ from benchtool.data.run.campaign import unfinished
 from benchtool.report.figure import drawn as drawn_figures
 from benchtool.report.files import refuse_existing, save_figure
 from benchtool.report.flight.campaign import campaign_map
-from benchtool.simulate.campaign import Campaign, measure_named, write_campaign
+from benchtool.simulate.campaign import measure_named, write_campaign
+from benchtool.simulate.cluster import campaign_of, run_on_cluster
 from benchtool.simulate.design import Design
-from benchtool.simulate.study_inputs import StudyInputs
+from benchtool.simulate.flight.inputs import FlightInputs
+from benchtool.simulate.pitch.inputs import PitchInputs
 
 
-def run_with_progress(campaign: Campaign, study: StudyInputs, **names: Any) -> None:
+def run_with_progress(inputs: PitchInputs | FlightInputs, **names: Any) -> None:
     """Run a campaign, show how far it is, write its table and its map."""
-    several, out = study.campaign, study.out
+    campaign = campaign_of(inputs, announce_code, print_notes)
+    study, several, out = inputs.study, inputs.study.campaign, inputs.study.out
     design = Design.read(
         several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed, **names
     )
@@ -53,12 +57,14 @@ def run_with_progress(campaign: Campaign, study: StudyInputs, **names: Any) -> N
     columns = (MofNCompleteColumn(), TimeRemainingColumn())
     with progress_bar(*columns, transient=False) as progress, _rows_stay(table):
         task = progress.add_task("runs", total=total)
-        count = write_campaign(
-            campaign.rows(design),
-            table,
-            metadata,
-            lambda done: progress.update(task, completed=done),
-        )
+
+        def written(done: int) -> None:
+            progress.update(task, completed=done)
+
+        if several.cluster is None:
+            count = write_campaign(campaign.rows(design), table, metadata, written)
+        else:
+            count = run_on_cluster(several.cluster, inputs, design, table, metadata, total, written)
     took_s = max(time.monotonic() - began, 1e-9)
     print(f"{counted(count, 'run')} in {took_s:.1f} s, {count / took_s:.3g} runs/s")
     print(f"written: {table}", flush=True)

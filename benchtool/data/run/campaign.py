@@ -67,6 +67,16 @@ class CampaignWriter:
         self._rows.clear()
 
 
+def join_campaign(parts: Sequence[Path], path: Path, metadata: Mapping[str, str]) -> None:
+    """Write the rows of several tables of one campaign, in their order, to a new one."""
+    import pyarrow.parquet as pq
+
+    with CampaignWriter(path, metadata) as writer:
+        for part in parts:
+            for row in pq.read_table(part).to_pylist():
+                writer.add(row)
+
+
 def unfinished(path: Path) -> Path:
     """Return where a campaign's table is until it is complete."""
     return path.with_name(path.name + ".part")
