@@ -192,3 +192,21 @@ def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: O
     bad = page.locator(".q-notification__message", has_text="line 3: column 'speed' holds 'x'")
     bad.wait_for(timeout=COLD_MS)
     assert {item.name for item in filled.runs.parent.iterdir()} <= {"runs", "state", "secret.csv"}
+
+
+def test_a_table_sorts_and_a_figure_opens_large(filled: Web, open_page: Opens) -> None:
+    page = open_page(f"{filled.url}?tab=runs&run=single_rotor")
+    table = page.locator("table.shown").first
+    first = table.locator("tbody tr").first.locator("th")
+    expect(first).to_have_text("0.6", timeout=COLD_MS)
+    head = table.get_by_role("button").first
+    head.click()
+    head.click()
+    expect(table.locator("th[aria-sort=descending]")).to_have_count(1)
+    expect(first).not_to_have_text("0.6")
+    page.get_by_role("button", name="Enlarge").first.click()
+    large = page.locator(".figure-large")
+    large.locator("img").hover()
+    expect(large.get_by_role("status")).to_contain_text("distance to the plate")
+    large.get_by_role("button", name="Close").click()
+    expect(large).to_have_count(0)
