@@ -43,6 +43,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "runs note": ("runs:note", "Write a note about a run or fit, with the date and who wrote it"),
     "runs verify": ("runs:verify",
         "Check runs against the hashes that they state; exit code 2 where one differs"),
+    "runs export": ("runs:export",
+        "Write samples, points or settings of a run as MCAP, Parquet or CSV"),
     "runs push": ("runs:push",
         "Copy chosen runs to a folder, an S3-compatible store or SSH"),
     "runs pull": ("runs:pull", "Copy runs back from where push put them, each file checked"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from annotated_types import Ge
 
@@ -269,6 +269,32 @@ def pull(inputs: PullInputs) -> None:
         raise InputError(f"there is no copy at {inputs.target}; name where push put some")
     for name in names:
         print(copied_line(target.pull(name, inputs.folder), "fetched"), flush=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunExportInputs(Inputs):
+    """What `benchtool runs export` takes."""
+
+    run: Annotated[Path, Input("The run folder.", argument="RUN")]
+    out: Annotated[Path, Input("The file, which ends in .mcap, .parquet or .csv.", argument="FILE")]
+    table: Annotated[Literal["samples", "points", "settings"], Input("What of the run.")] = (
+        "samples"
+    )
+
+
+@declared(RunExportInputs)
+def export(inputs: RunExportInputs) -> None:
+    """Write samples, points or settings of a run as MCAP, Parquet or CSV"""
+    from benchtool.core.errors import WouldOverwrite
+    from benchtool.data.atomic import replace_bytes
+    from benchtool.data.run.run import Run
+    from benchtool.data.run.settings import exported
+
+    if inputs.out.exists():
+        raise WouldOverwrite(str(inputs.out))
+    run = Run.open(inputs.run)
+    replace_bytes(inputs.out, exported(run.path, inputs.table, inputs.out.suffix.lower()))
+    print(f"written: {inputs.out}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -34,7 +34,11 @@ def load_library() -> None:
 
 
 def write_parquet(path: Path, samples: Recording) -> None:
-    """Write samples in one step; columns of words become dictionary columns."""
+    """Write samples in one step; columns of words become dictionary columns.
+
+    The schema's metadata hold the unit of each column (`unit:NAME`) and the provenance with the
+    hash of the data (`provenance:sha256`).
+    """
     import pyarrow as pa
 
     units = {channel.name: channel.unit for channel in samples.channels}
@@ -45,19 +49,23 @@ def write_parquet(path: Path, samples: Recording) -> None:
             columns.append(_words(name, pa.array(values.astype(np.int32))))
         else:
             columns.append(pa.array(values, from_pandas=True))
-    with _writer(path, units) as writer:
+    with _writer(path, units, samples.provenance) as writer:
         writer.write_table(pa.table(columns, schema=writer.schema))
 
 
-def seal(csv: Path, path: Path) -> None:
-    """Write the rows of samples.csv as Parquet in one step, a batch at a time."""
+def seal(csv: Path, path: Path, csv_sha256: str) -> None:
+    """Write the rows of samples.csv as Parquet in one step, a batch at a time.
+
+    Args:
+        csv_sha256: of samples.csv, for the metadata.
+    """
     load_library()
     import pyarrow as pa
 
     with WholeLines(csv) as lines:
         names = lines.names
         units = {name: channel_called(name).unit for name in names}
-        with _writer(path, units) as writer:
+        with _writer(path, units, {"sha256": csv_sha256, "file": csv.name}) as writer:
             for batch in sample_batches(lines, csv, names):
                 columns = [
                     _words(name, pa.array(codes_of(name, cells, csv))) if name in WORDS else cells
@@ -132,7 +140,7 @@ def _check_type(field: Any, where: str) -> None:
 
 
 @contextmanager
-def _writer(path: Path, units: dict[str, str]) -> Iterator[Any]:
+def _writer(path: Path, units: dict[str, str], provenance: Mapping[str, str]) -> Iterator[Any]:
     """Give a writer of a file that gets its name once it is whole and on the disk."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -140,7 +148,8 @@ def _writer(path: Path, units: dict[str, str]) -> Iterator[Any]:
     word = pa.dictionary(pa.int32(), pa.string())
     schema = pa.schema(
         [(name, word if name in WORDS else pa.float64()) for name in units],
-        {f"unit:{name}": unit for name, unit in units.items()},
+        {f"unit:{name}": unit for name, unit in units.items()}
+        | {f"provenance:{name}": text for name, text in provenance.items()},
     )
     dictionary = [name for name in units if name in WORDS]
     with (

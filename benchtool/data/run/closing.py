@@ -112,7 +112,7 @@ def _seal(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
         and stated.get("parquet_sha256") == file_hash(parquet, follow=False)
     ):
         return {}
-    seal(csv, parquet)
+    seal(csv, parquet, csv_hash)
     return {"samples": {"parquet_sha256": file_hash(parquet), "csv_sha256": csv_hash}}
 
 

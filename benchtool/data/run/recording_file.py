@@ -15,6 +15,7 @@ from benchtool.core.recording import Recording
 from benchtool.data.atomic import file_hash, make_folder, replace_json, replacing
 from benchtool.data.columns import channel_called
 from benchtool.data.csv_text import read_csv_text
+from benchtool.data.mcap_file import read_mcap
 from benchtool.data.parquet import read_parquet, write_parquet
 from benchtool.data.run.facts import read_recording_facts
 from benchtool.data.run.sample_stream import read_stream
@@ -65,10 +66,12 @@ def write_recording(
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Return a recording that `write_recording` wrote, with its provenance."""
+    """Return a recording that `write_recording` wrote, with its provenance, or an MCAP file."""
     path = Path(path)
     if not path.is_file():
         raise FileFormatError(str(path), "there is no such recording; check the path")
+    if path.suffix.lower() == ".mcap":
+        return read_mcap(path)
     facts = read_recording_facts(beside(path), FORMAT)
     if facts.get("sha256") != file_hash(path):
         raise FileFormatError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
 from math import nan
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,7 +23,9 @@ from benchtool.data.derived import (
     widened,
     with_quantities,
 )
+from benchtool.data.mcap_file import write_mcap
 from benchtool.data.parquet import write_parquet
+from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.points import write_table
 from benchtool.data.run.ratios import ratios
 from benchtool.data.run.read import read_points, read_samples
@@ -141,11 +144,11 @@ def ratios_by_distance(runs: Sequence[Path]) -> list[tuple[float, list[float | N
 
 Table = Literal["points", "settings", "samples"]
 TABLES: tuple[Table, ...] = ("points", "settings", "samples")
-SUFFIXES = (".csv", ".parquet")
+SUFFIXES = (".csv", ".parquet", ".mcap")
 
 
 def exported(run: Path, table: str, suffix: str) -> bytes:
-    """Return one table of a run as the bytes of a CSV or Parquet file.
+    """Return one table of a run as the bytes of a CSV, Parquet or MCAP file.
 
     Points and settings have every quantity that the bench allows; points.csv itself, which a run
     appends to, has only what was measured.
@@ -160,7 +163,13 @@ def exported(run: Path, table: str, suffix: str) -> bytes:
     recording = _recording(run, table)
     with TemporaryDirectory() as folder:
         made = Path(folder) / file.name
-        (write_table if suffix == ".csv" else write_parquet)(made, recording)
+        if suffix == ".mcap":
+            facts = read_metadata(run)
+            started = datetime.fromisoformat(facts.get("started") or "1970-01-01T00:00:00+00:00")
+            start_ns = round(started.timestamp() * 1e6) * 1000
+            write_mcap(made, recording, start_ns=start_ns, calibration=facts.get("calibration"))
+        else:
+            (write_table if suffix == ".csv" else write_parquet)(made, recording)
         return made.read_bytes()
 
 
@@ -170,6 +179,6 @@ def _recording(run: Path, table: str) -> Recording:
         return widened(points, run_circumstances(run))
     if table == "settings":
         return settings_of(run)
-    if not any((run / f"samples{suffix}").is_file() for suffix in SUFFIXES):
+    if not any((run / f"samples{suffix}").is_file() for suffix in SUFFIXES[:2]):
         raise FileFormatError(run.name, "there are no samples in it, only points made of them")
     return read_samples(run)
