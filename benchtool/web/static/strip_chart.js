@@ -3,7 +3,7 @@ import { echarts } from "nicegui-echart";
 
 const HEAD = 3, PER_SECOND = 20, HISTORY_S = 600, TOP = 26, LEFT = 62, RIGHT = 14, GAP_S = 0.1;
 const WINDOWS = [5, 10, 30, 60, 120, 300, 600].map((value) => ({ value, label: value < 60 ? `${value} s` : `${value / 60} min` }));
-const DRAW_MS = 50, MOST_SHARE = 0.2; // least time between two drawings, and the share of time that they may take
+const DRAW_MS = 100, MOST_SHARE = 0.2; // least time between two drawings, and the share of time that they may take
 
 // Return for each time whether a line leads to it from the one before: not over a gap, which is longer
 // than three usual steps of the channel (a median, as slow channels come with every tenth frame).
