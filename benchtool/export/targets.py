@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchtool import __version__
-from benchtool.core.errors import UnknownChoice, WouldOverwrite
+from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import make_folder, replace_text
 from benchtool.export.autopilots import ardupilot, betaflight, px4
 from benchtool.export.c_header import c_header
@@ -94,6 +94,8 @@ def write_targets(vehicle: Vehicle, to: str, out: Path | None = None) -> tuple[P
         texts = {path: target.text(vehicle)}
         if os.path.lexists(path):
             raise WouldOverwrite(str(path))
+        if not path.parent.is_dir():
+            raise InputError(f"{path.parent} is no folder; make it, or name another with --out")
     for path, text in texts.items():
         replace_text(path, text)
     return tuple(texts)

@@ -11,11 +11,13 @@ from __future__ import annotations
 import hashlib
 import logging
 import shutil
+import socket
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from benchtool.core.errors import InputError, LinkLost
 from benchtool.core.own_code import CodePermit, refuse_code
@@ -134,12 +136,16 @@ def _client(address: str) -> Client:
     # What goes wrong is said in a sentence of our own.
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
+    place = urlsplit(address)
     try:
+        # Dask's own attempt leaves threads behind that complain at the end.
+        with socket.create_connection((place.hostname or "", place.port or 0), REACHED_S):
+            pass
         return Client(address, timeout=REACHED_S, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, ValueError) as error:
         raise InputError(
-            f"no Dask scheduler answers at {address} within {REACHED_S:g} s ({error}); start one "
-            f"with: dask scheduler, and workers with: dask worker {address}"
+            f"no Dask scheduler answers at {address} ({error}); start one with: dask scheduler, "
+            f"workers with: dask worker tcp://HOST:8786, and name it as --cluster tcp://HOST:8786"
         ) from error
 
 

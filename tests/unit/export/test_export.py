@@ -281,5 +281,7 @@ def test_nothing_is_overwritten(exported: Path) -> None:
 def test_bad_input_is_named(tmp_path: Path) -> None:
     with pytest.raises(UnknownChoice, match="target"):
         bt.export("single", "unity", tmp_path / "x")
+    with pytest.raises(InputError, match="is no folder"):
+        bt.export("single", "c", tmp_path / "missing" / "x.h")
     with pytest.raises(InputError, match="no model"):
         bt.export(tmp_path, "c", tmp_path / "x.h")
