@@ -147,6 +147,7 @@ class BenchProcess:
             state = bench.standstill if isinstance(bench, GuardedBench) else None
             if state is not None and not state.seen:
                 self._publish_error(state.text)
+                unseen = state.text
         except BenchtoolError as error:
             reason = str(error)
             unseen = reason if isinstance(error, StandstillNotSeen) else ""
