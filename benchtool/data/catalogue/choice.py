@@ -9,7 +9,7 @@ from math import inf
 from pathlib import Path
 from typing import Annotated
 
-from annotated_types import Ge, Len
+from annotated_types import Ge
 
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
@@ -33,7 +33,7 @@ class ChoiceInputs(Inputs):
     since: Annotated[str, Input("First day, as 2026-03-01.")] = ""
     until: Annotated[str, Input("Last day, as 2026-03-31.")] = ""
     z_over_r: Annotated[
-        Annotated[tuple[Annotated[float, Ge(0.0)], ...], Len(2, 2)] | None,
+        tuple[Annotated[float, Ge(0.0)], Annotated[float, Ge(0.0)]] | None,
         Input("Measured at a distance between these two rotor radii, as 0.5,1."),
     ] = None
     tag: Annotated[tuple[str, ...], Input("Tags that it has, every one of them.", commas=True)] = ()
