@@ -17,7 +17,13 @@ To = Literal["all", "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight"
 class ExportInputs(Inputs):
     """What `benchtool export` takes."""
 
-    model: Annotated[str, Input("Folder of a fit, model file, or shipped model.", argument="MODEL")]
+    model: Annotated[
+        str,
+        Input(
+            "Folder of a fit or of a run without a plate, model file, shipped model.",
+            argument="MODEL",
+        ),
+    ]
     to: Annotated[To, Input("What it is written for; all: a folder with a file of each.")]
     motor: Annotated[
         tuple[Path, ...],

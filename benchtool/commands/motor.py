@@ -39,6 +39,10 @@ def motor(inputs: MotorInputs) -> None:
         raise InputError(f"--out {inputs.out} does not end in .html, as the name of a page does")
     result = motor_of(inputs.runs, mass_kg=inputs.mass_kg)
     print(result.summary())
+    first, *others = map(str, inputs.runs)
+    given = [word for each in others for word in ("--motor", each)]
+    command = shlex.join(["benchtool", "export", first, *given, "--to", "all"])
+    print(f"\nfor autopilots, simulators and firmware: {command}")
     if inputs.out is not None:
         command = shlex.join(["benchtool", *sys.argv[1:]])
         print(f"report: {result.report(inputs.out, commands=[command])}")

@@ -16,6 +16,7 @@ from benchtool.core.fit_result import Estimate
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
 from benchtool.data.run.entry import FIT_FILE, read_result
+from benchtool.data.run.read import is_run
 from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
@@ -208,10 +209,11 @@ class Vehicle:
 def vehicle_of(
     model: str | Path, motor: tuple[Path, ...] = (), permit: CodePermit = refuse_code
 ) -> Vehicle:
-    """Return the vehicle of a model, a model file, or the folder that `benchtool fit` wrote.
+    """Return the vehicle of a model, a model file, the folder of a fit, or a run without a plate.
 
     Args:
-        model: shipped name or path.
+        model: shipped name or path. A run counts as a motor test of its own rig, whose thrust near
+            a surface is that of the paper's law.
         motor: runs without a plate of the same rotors, whose constants go before the rig's.
         permit: called with a model's own Python before it is run.
 
@@ -220,9 +222,15 @@ def vehicle_of(
         InputError: the model was rejected by its data, or the motor test is of another rig.
     """
     path = Path(model)
+    if is_run(path):
+        test = fit_motor((path, *motor))
+        of_rig = load_model("quad_body_lift" if test.rig.n_discs > 1 else "single", test.rig)
+        return Vehicle(model=of_rig.model, motor=test, intervals={}, simulated=test.simulated)
     if path.is_dir():
         if not (path / MODEL_FILE).is_file():
-            raise FileFormatError(str(path), f"no {MODEL_FILE} is in it; name the folder of a fit")
+            raise FileFormatError(
+                str(path), f"no {MODEL_FILE} is in it; name the folder of a fit or run"
+            )
         path = path / MODEL_FILE
     loaded = load_model(path if path.is_file() else model, permit=permit).model
     if why := loaded.provenance.get("rejected"):

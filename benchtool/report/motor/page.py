@@ -13,7 +13,7 @@ from benchtool.core.fit_result import Estimate
 from benchtool.fit.motor.constants import MotorFit
 from benchtool.report.figure import Page
 from benchtool.report.numbers import numeral, unit_for_people, value_with_sd
-from benchtool.report.page import Listing, Table
+from benchtool.report.page import Paragraph, Table
 
 MEANS = {
     "k": "thrust over squared speed: T = k ω²",
@@ -84,32 +84,11 @@ def _ways_table(fit: MotorFit) -> Table | None:
     )
 
 
-def autopilot_text(fit: MotorFit) -> str:
-    """Return what autopilots and simulators take, as TOML; only what was measured."""
-    found: dict[str, dict[str, float]] = {
-        "ardupilot": {
-            "MOT_THST_EXPO": fit.value("expo"),
-            "MOT_THST_HOVER": fit.value("hover_thrust_share"),
-        },
-        "px4": {
-            "THR_MDL_FAC": fit.value("expo"),
-            "MPC_THR_HOVER": fit.value("hover_thrust_share"),
-        },
-        "gazebo": {
-            "motorConstant": fit.value("k"),
-            "maxRotVelocity": fit.value("speed_per_us")
-            * (fit.rig.propulsion.pwm_max_us - fit.value("pulse_zero")),
-            "timeConstantUp": fit.value("lag_up"),
-            "timeConstantDown": fit.value("lag_down"),
-        },
-    }
-    lines = [f"# pulses {fit.rig.propulsion.pwm_start_us:g} to {fit.rig.propulsion.pwm_max_us:g} "
-             f"us, {fit.mass_kg:g} kg on {counted(fit.rig.n_rotors, 'rotor')}"]  # fmt: skip
-    for section, values in found.items():
-        known = {name: value for name, value in values.items() if isfinite(value)}
-        if known:
-            lines += ["", f"[{section}]", *(f"{name} = {v:.4g}" for name, v in known.items())]
-    return "\n".join(lines) + "\n"
+EXPORT = (
+    "benchtool export RUN --motor RUN --to all writes them for ArduPilot, PX4, Betaflight, Gazebo, "
+    "MuJoCo and firmware, counted from the pulse at which motors idle."
+)
+"""What to type for an autopilot's numbers: they are not the constants themselves."""
 
 
 def motor_sentence(fit: MotorFit) -> str:
@@ -140,7 +119,7 @@ def motor_lines(found: MotorFit) -> str:
         f"{row[0]:<{widths[0]}}  {row[2]:<{widths[1]}}  {row[4]:<{widths[2]}}  {row[1]}"
         for row in rows
     ]
-    return "\n".join([motor_sentence(found), "", *lines, "", autopilot_text(found).rstrip()])
+    return "\n".join([motor_sentence(found), "", *lines])
 
 
 MOTOR = Page(
@@ -150,10 +129,7 @@ MOTOR = Page(
         ("Throttle up and down", [_ways_table, "throttle"]),
         ("Response", ["response"]),
         ("Over time", ["time"]),
-        (
-            "For autopilots and simulators",
-            [lambda fit: Listing("Only what was measured.", autopilot_text(fit))],
-        ),
+        ("For autopilots and simulators", [lambda _: Paragraph(EXPORT)]),
     ],
     title=lambda fit: f"Motor: {', '.join(fit.names)}",
     summary=motor_sentence,

@@ -261,6 +261,27 @@ def test_a_model_that_was_never_fitted_says_so(tmp_path: Path) -> None:
     assert "assumed: 3S lithium polymer" in text
 
 
+def test_a_run_without_a_plate_is_enough(exported: Path, tmp_path: Path) -> None:
+    (path,) = bt.export(exported / "steps", "ardupilot", tmp_path / "one.param")
+    text = path.read_text("utf-8")
+    assert "rig pquad_single, model single" in text
+    assert "motor test steps" in text
+
+
+def test_the_motor_command_names_the_export(
+    exported: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(exported)
+    assert run("motor", "steps", "response") == 0
+    command = capsys.readouterr().out.splitlines()[-1].partition(": benchtool ")[2]
+    assert command == "export steps --motor response --to all"
+    assert run(*command.split(), "--out", tmp_path / "all") == 0
+    assert len(list((tmp_path / "all").iterdir())) == len(TARGETS)
+
+
 def test_a_fit_that_its_data_rejected_is_not_exported(exported: Path, tmp_path: Path) -> None:
     folder = tmp_path / "fit"
     shutil.copytree(exported / "fit", folder)
