@@ -251,6 +251,12 @@ def vehicle_of(
             f"the motor test has {found.rig.n_rotors} rotors and rig {loaded.rig.name!r} "
             f"{loaded.rig.n_rotors}; test one rotor, or this vehicle's"
         )
+    if found is not None and _pulses(found.rig) != _pulses(loaded.rig):
+        raise InputError(
+            f"the motor test was made on rig {found.rig.name!r}, whose pulses "
+            f"{_pulses(found.rig)} us are not those of rig {loaded.rig.name!r}, "
+            f"{_pulses(loaded.rig)} us; name the run itself in place of a model, or another model"
+        )
     return Vehicle(
         model=loaded,
         motor=found,
@@ -258,3 +264,8 @@ def vehicle_of(
         fitted=f"fit {beside.parent.resolve().name}",
         simulated=simulated or (found is not None and found.simulated),
     )
+
+
+def _pulses(rig: Rig) -> tuple[float, float, float]:
+    p = rig.propulsion
+    return p.pwm_stop_us, p.pwm_start_us, p.pwm_max_us

@@ -268,6 +268,16 @@ def test_a_run_without_a_plate_is_enough(exported: Path, tmp_path: Path) -> None
     assert "motor test steps" in text
 
 
+def test_a_motor_test_of_other_pulses_is_refused(
+    exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = (Path(bt.__file__).parent / "library/rigs/pquad_single.toml").read_text("utf-8")
+    (tmp_path / "mine.toml").write_text(rig.replace("1950.0", "1900.0"), "utf-8")
+    (tmp_path / "model.toml").write_text('[model]\nname = "mine"\nrig = "mine.toml"\n', "utf-8")
+    with pytest.raises(InputError, match="name the run itself"):
+        bt.export(tmp_path / "model.toml", "c", tmp_path / "x.h", motor=exported / "steps")
+
+
 def test_the_motor_command_names_the_export(
     exported: Path,
     tmp_path: Path,
