@@ -149,9 +149,21 @@ def test_a_page_whose_main_thread_is_blocked_lets_go_and_says_why(
     page.get_by_text("let go: the window lost the focus").wait_for()
 
 
+CLOSE_IS_SEEN_LATE = """
+const Plain = window.WebSocket;
+window.WebSocket = class extends Plain {
+  set onclose(act) { super.onclose = act && ((event) => setTimeout(act, 400, event)); }
+};
+"""
+"""The page's own thread sees that a connection closed after its worker did."""
+
+
+@pytest.mark.parametrize("script", ["", CLOSE_IS_SEEN_LATE], ids=["plain", "worker_first"])
 def test_a_server_that_dies_with_the_throttle_held_stops_motors(
-    page: Page, web: Web, device: Device
+    script: str, page: Page, web: Web, device: Device
 ) -> None:
+    page.add_init_script(script)
+    page.reload()
     connect(page, device.address)
     hold(page, device)
     died = time.time()

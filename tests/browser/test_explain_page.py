@@ -43,6 +43,8 @@ def choose(page: Page, label: str, name: str) -> None:
     page.keyboard.type(name)
     page.get_by_role("option", name=name).first.click()
     page.keyboard.press("Tab")
+    # A list that is still closing would take the next choice.
+    expect(page.get_by_role("option")).to_have_count(0)
 
 
 @pytest.mark.timeout(400)

@@ -2,14 +2,14 @@
 // listeners are the first on the window, so no other script can keep an event from them.
 "use strict";
 (() => {
-  const RETRY_MS = 500, NOTE_MS = 8000, PING_MS = 1000, LOST_PINGS = 3;
+  const RETRY_MS = 500, NOTE_MS = 8000, PING_MS = 1000, LOST_PINGS = 3, RECENT_MS = 3000;
   const SPACE = "The space bar is STOP wherever no text is typed, and does nothing else. Use Enter or a click instead.";
   const ESC = "Esc is STOP everywhere, and does nothing else. Close menus with a click beside them, dialogs with their buttons.";
   const { page, silenceMs } = document.currentScript.dataset;
   const tab = (sessionStorage.benchtoolTab ||= crypto.getRandomValues(new Uint32Array(3)).join("-"));
   const server = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`;
   const worker = new Worker("/static/hold_worker.js");
-  let socket, held, holder, press = Math.floor(performance.timeOrigin), stoppedAt = -1, stopping, noted, dark, unanswered = 0;
+  let socket, held, holder, press = Math.floor(performance.timeOrigin), stoppedAt = -1, stopping, noted, dark, dropped, unanswered = 0;
 
   function send(word) {
     if (socket.readyState !== WebSocket.OPEN) return false;
@@ -46,7 +46,8 @@
     socket.close();
     setTimeout(connect, RETRY_MS);
     // What the server last said can be older than the press.
-    const hand = held ? ` The throttle was held here, at up to ${held.dataset.pulse} us.` : "";
+    const pulse = held?.dataset.pulse ?? (dropped && performance.now() - dropped.at < RECENT_MS ? dropped.pulse : undefined);
+    const hand = pulse ? ` The throttle was held here, at up to ${pulse} us.` : "";
     release("the line to the server is lost");
     if (document.body.classList.contains("server-lost")) return;
     document.body.classList.add("server-lost");
@@ -104,7 +105,11 @@
 
   worker.onmessage = ({ data }) => {
     if (held && data.sent === press) confirm();
-    else if (held && data.ended === press) release(data.why);
+    else if (held && data.ended === press) {
+      // The worker can see a dead server before this thread does.
+      dropped = { pulse: held.dataset.pulse, at: performance.now() };
+      release(data.why);
+    }
   };
 
   // End the press; why, unless the hand itself let go.
