@@ -7,10 +7,7 @@ wrong one is refused with the same sentence.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from benchtool.acquire.inputs import SweepInputs
@@ -25,48 +22,32 @@ from benchtool.data.catalogue.query import runs
 from benchtool.data.columns import frame, frame_of_rows, joined_frame
 from benchtool.data.derived import run_circumstances, widened, with_quantities
 from benchtool.data.run.read import is_run
-from benchtool.explain.answer import Answer, answer_request, read_request
+from benchtool.explain.answer import Answer
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.export.targets import write_targets
 from benchtool.export.vehicle import vehicle_of
 from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.fit.recipe import FitInputs, Recipe
-from benchtool.fit.run_recipe import FitOutput, run_recipe
+from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model as _load_model
-from benchtool.report.answer.page import ANSWER
+from benchtool.report.answer.folder import refuse_taken, write_json
 from benchtool.report.compare import page as comparing
 from benchtool.report.compare.runs import Over
-from benchtool.report.fit.page import FIT, sentence
-from benchtool.report.flight import flight as flight_report
-from benchtool.report.flight import pitch_study as pitch_report
+from benchtool.report.flight.pitch_study import PitchStudy
 from benchtool.report.motor.page import MOTOR, motor_lines
 from benchtool.report.replay.recorded import Recorded, read_recorded
 from benchtool.report.replay.stand import STAND
 from benchtool.report.report_file import kind_of
-from benchtool.report.result import (
-    Data,
-    Result,
-    effects_frame,
-    estimate_row,
-    estimates_frame,
-    gap_frame,
-    paths_of,
-    probabilities_frame,
-)
+from benchtool.report.result import Data, Found, Result, estimate_row, paths_of
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
-from benchtool.simulate.controllers.laws import (
-    FLIGHT_CONTROLLERS,
-    PITCH_CONTROLLERS,
-    Controllers,
-    split_controllers,
-)
+from benchtool.results import explain_result, fit_result, flight_result, pitch_result
 from benchtool.simulate.flight.inputs import FlightInputs
-from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
-from benchtool.simulate.flight.study import Flown, name_of, recording_of
+from benchtool.simulate.flight.study import Flown
+from benchtool.simulate.own_controller import Controllers
 from benchtool.simulate.pitch.inputs import PitchInputs
-from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -223,13 +204,7 @@ def fit(
     paths = paths_of(data)
     base = Recipe(name=Path(paths[0]).stem, data=paths, model=str(model))
     inputs = make(FitInputs, options, base=FitInputs(recipe=base))
-    output = run_recipe(
-        inputs.recipe, profile=inputs.profile, budget=inputs.budget, permit=permit
-    )  # fmt: skip
-    return Result(
-        found=output, _page=FIT, _summary=sentence,
-        _tables={"estimates": estimates_frame, "points": lambda one: frame(one.data.points)},
-    )  # fmt: skip
+    return _saved(fit_result(inputs, permit=permit), inputs.out)
 
 
 def compare(
@@ -296,12 +271,8 @@ def explain(
     check: Data | Sequence[Data],
     model: str | Path,
     *,
-    effects: str | Path | None = None,
-    rig: str | Path | None = None,
-    seed: int = 0,
-    draws: int = 128,
-    bootstrap: int = 0,
     permit: CodePermit = refuse_code,
+    **options: Any,
 ) -> Result[Answer]:
     """Name the effect that a model lacks, as `benchtool explain` does.
 
@@ -311,28 +282,24 @@ def explain(
         learn: recordings to learn from.
         check: others of the same bench, to check on.
         model: shipped name or path of a model file.
-        effects: Python file or module with effects of your own.
-        rig: of CSV files; runs carry theirs.
-        seed: as the command's option.
-        draws: as the command's option.
-        bootstrap: as the command's option.
         permit: called with each Python file before it is run; refused when left out.
+        options: of the command by name: ``effects="mine.py"``, ``rig="own.toml"`` (of CSV files;
+            runs carry theirs), ``seed=3``, ``draws=500``, ``out="found"``.
 
     Raises:
         InputError: whatever is missing or cannot be read.
     """
-    began = monotonic()
-    request = read_request(
-        paths_of(learn), paths_of(check), str(model), str(effects) if effects else None, permit,
-        str(rig) if rig else None,
-    )  # fmt: skip
-    answer = answer_request(request, seed=seed, draws=draws, bootstrap=bootstrap)
-    return Result(
-        found=replace(answer, seconds=monotonic() - began),
-        _page=ANSWER,
-        _summary=lambda one: f"{one.verdict.sentence} {one.caution}".strip(),
-        _tables={"effects": effects_frame, "gap": gap_frame, "probabilities": probabilities_frame},
-    )
+    given = {"recordings": paths_of(learn), "check": paths_of(check), "model": str(model)}
+    inputs = make(ExplainInputs, given | options)
+    if inputs.bench is not None:
+        raise InputError(
+            "bench is of the command, which lets you confirm that motors turn: benchtool explain"
+        )
+    refuse_taken(inputs.out, inputs.json)
+    result = _saved(explain_result(inputs, permit=permit), inputs.out)
+    if inputs.json is not None:
+        write_json(inputs.json, result.found, inputs.out)
+    return result
 
 
 def simulate_pitch(
@@ -340,7 +307,7 @@ def simulate_pitch(
     *,
     permit: CodePermit = refuse_code,
     **options: Any,
-) -> Result[pitch_report.PitchStudy]:
+) -> Result[PitchStudy]:
     """Simulate the pitch bench under each controller, as `benchtool simulate pitch` does.
 
     Tables: one of each controller.
@@ -349,23 +316,10 @@ def simulate_pitch(
         controllers: built-in names, and classes of your own.
         permit: called with a model's own Python before it is run; refused when left out.
         options: of the command by name: ``rig="pquad"``, ``schedule="plate"``,
-            ``gains="s3"``, ``seed=3``, ``set={"body_lift.K_b": 2}``.
+            ``gains="s3"``, ``seed=3``, ``set={"body_lift.K_b": 2}``, ``out="study"``.
     """
-    names, own = split_controllers(controllers, PITCH_CONTROLLERS)
-    inputs = make(PitchInputs, options | {"controllers": names or ("pid",)})
-    inputs.study.refuse_campaign()
-    setup = pitch_setup_of(inputs, inputs.study.gain_set(), permit)
-    study = pitch_report.pitch_study(setup, inputs.study.seed, own, only_own=not names)
-    rig = setup.bench.model.rig
-    return Result(
-        found=study,
-        _page=pitch_report.PITCH,
-        _summary=lambda one: "\n".join(pitch_report.report_lines(one)),
-        _tables={
-            run.controller: partial(lambda run, _: frame(run.recording(rig)), run)
-            for run in study.runs
-        },
-    )
+    inputs = make(PitchInputs, options)
+    return _saved(pitch_result(inputs, controllers, permit), inputs.study.out)
 
 
 def simulate_flight(
@@ -383,18 +337,12 @@ def simulate_flight(
         permit: called with a model's own Python before it is run; refused when left out.
         options: of the command by name: ``case="edge"``, ``z_over_r=1.5``, ``seed=3``.
     """
-    names, own = split_controllers(controllers, FLIGHT_CONTROLLERS)
     inputs = make(FlightInputs, options)
-    inputs.study.refuse_campaign()
-    flown = flight_setup_of(inputs, inputs.study.gain_set(), permit).flown("pid", inputs.study.seed)
-    flights = flight_report.fly_each(flown, names, own)
-    titles = ["oge", *(name_of(one) for one in flights[1:])]
-    return Result(
-        found=flights,
-        _page=flight_report.FLIGHT,
-        _summary=lambda one: "\n".join(flight_report.report_lines(one)),
-        _tables={
-            title: partial(lambda one, _: frame(recording_of(one.flight)), one)
-            for title, one in zip(titles, flights, strict=True)
-        },
-    )
+    return _saved(flight_result(inputs, controllers, permit), inputs.study.out)
+
+
+def _saved(result: Result[Found], out: Path | None) -> Result[Found]:
+    """Write a result where the inputs name a folder, and return it."""
+    if out is not None:
+        result.save(out)
+    return result

@@ -52,7 +52,7 @@ def fit(inputs: FitWords) -> None:
     if inputs.out is not None:
         refuse_full(inputs.out)
     if not inputs.one_by_one:
-        problems = [refusal(_fitted(inputs, inputs.out).results)]
+        problems = [refusal(_fitted(inputs).results)]
     else:
         outputs: dict[str, FitOutput] = {}
         for only in inputs.one_by_one:
@@ -60,29 +60,27 @@ def fit(inputs: FitWords) -> None:
             print(f"\n{only}")
             recipe = replace(inputs.recipe, name=name, where=(*inputs.recipe.where, only))
             out = None if inputs.out is None else inputs.out / Path(name).name
-            outputs[name] = _fitted(replace(inputs, recipe=recipe), out)
+            outputs[name] = _fitted(replace(inputs, recipe=recipe, out=out))
         print_runs(outputs)
         problems = [refusal(one.results) for one in outputs.values()]
     for problem in filter(None, problems):
         raise problem
 
 
-def _fitted(inputs: FitWords, out: Path | None) -> FitOutput:
+def _fitted(inputs: FitWords) -> FitOutput:
     """Return one fit, printed and written."""
     import sys
 
     from benchtool.commands.terminal.show_fit import print_fit, working
-    from benchtool.fit.run_recipe import run_recipe
-    from benchtool.report.fit.page import write_fit
+    from benchtool.results import fit_result
 
     permit = announce_code if inputs.folder is None else refuse_code
     with working() as report:
-        output = run_recipe(
-            inputs.recipe, report, profile=inputs.profile, budget=inputs.budget, permit=permit
-        )
-    print_fit(output)
-    if out is not None:
-        page = write_fit(out, output, [shlex.join(["benchtool", *sys.argv[1:]])])
-        model = "model.toml" if (out / "model.toml").is_file() else "no model (there is no answer)"
+        result = fit_result(inputs, report, permit)
+    print_fit(result.found)
+    if inputs.out is not None:
+        (page,) = result.save(inputs.out, [shlex.join(["benchtool", *sys.argv[1:]])])
+        has_model = (inputs.out / "model.toml").is_file()
+        model = "model.toml" if has_model else "no model (there is no answer)"
         print(f"written: {page} and, beside it, result.json, {model} and the figures")
-    return output
+    return result.found

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from benchtool.core.errors import InputError
+from benchtool.core.errors import InputError, UnknownChoice
+
+if TYPE_CHECKING:
+    from benchtool.report.result import Result
+    from benchtool.simulate.flight.inputs import FlightInputs
+    from benchtool.simulate.pitch.inputs import PitchInputs
 
 
 def say_if_slow(instead: str = "takes minutes", fast: str = "a second") -> None:
@@ -21,23 +27,29 @@ def say_if_slow(instead: str = "takes minutes", fast: str = "a second") -> None:
         )
 
 
-def refuse_twice(option: str, names: Sequence[str]) -> None:
-    """Refuse a list in which a name stands twice."""
-    if len(set(names)) < len(names):
-        raise InputError(f"{option} is {', '.join(names)}; name each once")
+def refuse_own(inputs: PitchInputs | FlightInputs, known: Iterable[str]) -> None:
+    """Refuse what a campaign cannot run: one's own controllers, or a name given twice."""
+    for option, names in (
+        ("--controllers", inputs.controllers),
+        ("--gains", inputs.study.gains),
+    ):
+        if len(set(names)) < len(names):
+            raise InputError(f"{option} is {', '.join(names)}; name each once")
+    for name in inputs.controllers:
+        if ":" in name:
+            raise InputError("a campaign runs built-in controllers; leave your own out")
+        if name not in known:
+            raise UnknownChoice("controller", name, known)
 
 
-def show_study(
-    lines: Iterable[str], write: Callable[[Path], Iterable[Path]], out: Path | None
-) -> None:
+def show_study(result: Result[Any], out: Path | None) -> None:
     """Print what came out, and write it where a folder was named."""
-    for line in lines:
-        print(line, flush=True)
+    print(result.summary(), flush=True)
     if out is None:
         print("add --out FOLDER for the recordings (CSV) and the figure")
         return
     try:
-        written = list(write(out))
+        written = result.save(out)
     except OSError as error:
         raise InputError(
             f"{out} cannot be written: {error.strerror or error}; name another folder with --out"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,6 +37,7 @@ class Result(Generic[Found]):
     _page: Page
     _summary: Callable[[Found], str]
     _tables: Mapping[str, Callable[[Found], pd.DataFrame]] = field(default_factory=dict)
+    _write: Callable[[Path, Found, Sequence[str]], Iterable[Path]] | None = None
 
     def summary(self) -> str:
         """Return what was found, in a few sentences or lines."""
@@ -80,6 +81,21 @@ class Result(Generic[Found]):
             WouldOverwrite: the file exists.
         """
         return write_report(Path(path), self._page.report(self.found, commands))
+
+    def save(self, folder: str | Path, commands: Sequence[str] = ()) -> list[Path]:
+        """Write what the command writes with ``--out`` into a new folder; return the files to open.
+
+        What has no such folder of its own gets its report page there.
+
+        Args:
+            commands: that made it, for the page; none where it was made from Python.
+
+        Raises:
+            WouldOverwrite: something is there already.
+        """
+        if self._write is not None:
+            return list(self._write(Path(folder), self.found, commands))
+        return [self.report(Path(folder) / "report.html", commands)]
 
     def __repr__(self) -> str:
         return self.summary()

@@ -3,12 +3,39 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, own_module, refuse_code
+
+Controllers = Iterable[str | type[Any]]
+"""Controllers: built-in names, the user's own as ``module:Class``, or their classes."""
+
+
+def split_controllers(
+    controllers: Controllers, known: Collection[Any], permit: CodePermit = refuse_code
+) -> tuple[tuple[str, ...], list[tuple[str, type[Any]]]]:
+    """Return the names of built-in controllers, and name and class of each of the user's own.
+
+    Args:
+        known: names of the built-in ones.
+        permit: called with the file of ``module:Class`` before it is run.
+
+    Raises:
+        InputError: none is named, one is named twice, or a class cannot be had.
+    """
+    given = (controllers,) if isinstance(controllers, str | type) else tuple(controllers)
+    called = [one if isinstance(one, str) else one.__name__ for one in given]
+    if len(set(called)) < len(called) or not called:
+        raise InputError(f"controllers are {', '.join(called) or 'none'}; name each once")
+    own = [
+        (name, controller_class(one, known, permit) if isinstance(one, str) else one)
+        for name, one in zip(called, given, strict=True)
+        if one not in known
+    ]
+    return tuple(name for name in called if name in known), own
 
 
 def made(controller: type[Any], name: str) -> Any:

@@ -117,7 +117,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "simulate flight": [
         ("--lag-s -1", "--lag-s is -1 s, allowed is 0 to 10 s"),
         ("--case ovr", "did you mean 'over'"),
-        ("--controllers pdi", "unknown controller of a flight 'pdi'"),
+        ("--controllers pdi", "unknown controller (and not of the form module:Class) 'pdi'"),
         ("--controllers ,", "--controllers names nothing"),
         ("--layout x", "known: cross, plus"),
         ("--map-offset-m 1,2", "give 3 numbers"),
@@ -151,7 +151,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("--samples 3", "--samples is for a campaign"),
         ("--measure struck", "--measure is for a campaign"),
         ("--gains s3 --gains stiff", "2 gain sets (s3, stiff) are for a campaign"),
-        ("--controllers oge", "unknown controller of a flight 'oge'"),
+        ("--controllers oge", "unknown controller (and not of the form module:Class) 'oge'"),
         ("--set K_b=nan", "write NAME=NUMBER"),
         ("--vary K_b=1:2:3 --out taken.js", "taken.js exists already"),
     ],

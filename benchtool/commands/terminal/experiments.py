@@ -12,11 +12,11 @@ from benchtool.core.errors import InputError
 from benchtool.explain.next_steps import next_file, next_sentence
 
 if TYPE_CHECKING:
-    from benchtool.commands.explain import ExplainInputs
     from benchtool.core.rig import Rig
     from benchtool.data.run.run import Run
     from benchtool.explain.answer import Answer, Request
     from benchtool.explain.engine.verdict import NextExperiment
+    from benchtool.explain.inputs import ExplainInputs
 
 
 def bench_for(address: str, question: Request, out: Path | None) -> Rig:

@@ -38,17 +38,15 @@ def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
         raise WouldOverwrite(str(json_file), "--overwrite")
 
 
-def write_folder(
-    folder: Path, answer: Answer, effects_file: Path | None = None, called: Path | None = None
-) -> Written:
+def write_folder(folder: Path, answer: Answer, called: Path | None = None) -> Written:
     """Write everything of an answer and return where programs find model and next experiment.
 
     Args:
-        folder: made where it is not there; files of these names are replaced.
-        effects_file: the user's own effects; copied beside a model that has one of them.
+        folder: made where it is not there; files of these names are replaced. A file of the
+            user's own effects is copied beside a model that has one of them.
         called: the name that the folder will have; its present one when None.
     """
-    known = called or folder
+    known, effects_file = called or folder, answer.request.effects_file
     folder.mkdir(parents=True, exist_ok=True)
     model = _write_model(folder, MODEL, answer if answer.has_model else None, effects_file)
     nearest = _write_model(folder, NEAREST, as_nearest(answer), effects_file)
@@ -65,7 +63,7 @@ def write_folder(
         save_figure(block.figure, folder / stem, replace=True)
     page = answer_page(answer, figures, name, str(known))
     write_report(folder / PAGE, page, replace=True)
-    write_json(folder / ANSWER, answer, written)
+    replace_json(folder / ANSWER, answer_tables(answer, written))
     return written
 
 
@@ -94,10 +92,17 @@ def _write_model(folder: Path, name: str, answer: Answer | None, effects_file: P
     return name
 
 
-def write_json(path: Path, answer: Answer, written: Written) -> None:
-    """Write the answer for programs; replaces a file of that name."""
+def write_json(path: Path, answer: Answer, folder: Path | None = None) -> None:
+    """Write the answer for programs; replaces a file of that name.
+
+    Args:
+        folder: that the answer was written to; None where it was not.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    replace_json(path, answer_tables(answer, written))
+    if folder is None:
+        replace_json(path, answer_tables(answer, Written()))
+    else:
+        replace_text(path, (folder / ANSWER).read_text(encoding="utf-8"))
 
 
 VERSION = 2

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
-
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import UnknownChoice
 from benchtool.simulate.controllers import flight_law, pitch_law
 from benchtool.simulate.controllers.controller import ControlLaw
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
@@ -67,22 +64,3 @@ def pitch_controller(
         feedforward=known if "feedforward" in parts else Feedforward(),
         law=law_of(name, "hinged"),
     )
-
-
-Controllers = Iterable[str | type[Any]]
-"""Controllers: names of built-in ones, and classes of the user's own."""
-
-
-def split_controllers(
-    controllers: Controllers, known: Iterable[str]
-) -> tuple[tuple[str, ...], list[tuple[str, type[Any]]]]:
-    """Return the names of built-in controllers, and classes of the user's own with theirs."""
-    given = (controllers,) if isinstance(controllers, str | type) else tuple(controllers)
-    names = tuple(one for one in given if isinstance(one, str))
-    for name in names:
-        if name not in known:
-            raise UnknownChoice("controller", name, known)
-    called = [name if isinstance(name, str) else name.__name__ for name in given]
-    if len(set(called)) < len(called) or not called:
-        raise InputError(f"controllers are {', '.join(called) or 'none'}; name each once")
-    return names, [(one.__name__, one) for one in given if isinstance(one, type)]

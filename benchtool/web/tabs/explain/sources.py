@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from benchtool.commands.explain import ExplainInputs
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.inputs import changed, words
 from benchtool.core.parsed_text import parse_toml
@@ -21,6 +20,7 @@ from benchtool.data.run.read import sample_names
 from benchtool.data.run.recording_file import FORMAT, beside
 from benchtool.data.run.run_rig import rig_of_data
 from benchtool.data.run.runs_folder import RunsFolder
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.physics.model_file import model_names
 from benchtool.web.tabs.fit.model_choice import model_choices, model_path, offered_rig

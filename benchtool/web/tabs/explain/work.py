@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import shlex
 import shutil
-import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from benchtool.commands.explain import ExplainInputs
 from benchtool.core.errors import InputError
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.web.jobs import Job, PageSection, ReportProgress, complete_folder, partial_folder
 
 DRAWN_FROM = 0.85
@@ -74,7 +73,6 @@ def explain(
         BenchtoolError: recordings or model that no verdict can stand on.
     """
     from benchtool.explain.added_model import added_effects
-    from benchtool.explain.answer import answer_request, read_request
     from benchtool.explain.next_steps import next_file
     from benchtool.report.answer.added_words import added_sentence
     from benchtool.report.answer.folder import write_folder
@@ -82,23 +80,19 @@ def explain(
     from benchtool.report.figure import drawn
     from benchtool.report.files import axes_of
     from benchtool.report.page import Block, Facts, FigureBlock, Paragraph
+    from benchtool.results import explain_result
     from benchtool.web.drawing import FigureImage, blocks_html
-
-    began = time.monotonic()
 
     def progress(what: str, share: float) -> None:
         if share < 1.0:
             report(what, DRAWN_FROM * share)
 
     report("reading the recordings", 0.0)
-    request = read_request(inputs.recordings, inputs.check, inputs.model, rig=inputs.rig)
-    command = shlex.join(["benchtool", *words])
-    answer = answer_request(request, commands=[command], progress=progress)
-    answer = replace(answer, seconds=time.monotonic() - began)
+    answer = explain_result(inputs, progress, commands=[shlex.join(["benchtool", *words])]).found
     report("drawing the figures", DRAWN_FROM)
     aside = partial_folder(out)
     shutil.rmtree(aside, ignore_errors=True)
-    write_folder(aside, answer, request.effects_file, called=out)
+    write_folder(aside, answer, called=out)
     figures = drawn("answer", answer)
     page = answer_page(answer, figures, next_file(answer)[0])
     # Whether it is written changes while the page is open; the page shows it beside its button.

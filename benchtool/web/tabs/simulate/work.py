@@ -121,14 +121,11 @@ def simulated(inputs: Simulation, quick: bool) -> Shown:
 
 def write(inputs: Simulation, folder: Path) -> list[Path]:
     """Simulate, and write what the command writes with --out."""
-    from benchtool.report.flight.flight import fly_each, write_flights
-    from benchtool.report.flight.pitch_study import pitch_study, write_study
+    from benchtool.results import flight_result, pitch_result
 
-    seed, gains = inputs.study.seed, inputs.study.gain_set()
     if isinstance(inputs, PitchInputs):
-        return write_study(pitch_study(pitch_setup_of(inputs, gains), seed), folder)
-    flown = flight_setup_of(inputs, gains).flown("pid", seed)
-    return write_flights(folder, fly_each(flown, _controls(inputs)))
+        return pitch_result(inputs).save(folder)
+    return flight_result(inputs, _controls(inputs)).save(folder)
 
 
 def _controls(inputs: FlightInputs) -> list[str]:

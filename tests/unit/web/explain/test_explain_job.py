@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.commands.explain import ExplainInputs
 from benchtool.core.errors import InputError
 from benchtool.data.run.recording_file import write_recording
+from benchtool.explain.inputs import ExplainInputs
 from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.simulate.pitch.setup import changed, pitch_setup
 from benchtool.web.tabs.explain.sources import command_words
