@@ -68,18 +68,21 @@ peers:
 # How often the intervals hold the truth over 400 simulated sweeps of each kind: every basis, both
 # estimators, budgets, calibrations, places, wander (takes hours; cut short, it goes on where it was).
 coverage-truth: $(TESTING)
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.truth.count
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.truth.count $(WORKERS)
 
 # How often `benchtool explain` is right, on records with hidden effects: of our own generators, and
 # of those beside the reference data where there are any. Takes hours; cut short, it goes on where it was.
+# CLUSTER=tcp://HOST:8786: on the workers of a Dask scheduler, started in this folder.
+WORKERS := $(if $(CLUSTER),--cluster $(CLUSTER))
+
 blind: $(TESTING)
 	@if [ -n "$$BENCHTOOL_REFERENCE_DATA" ]; then for bench in sweeps pitch; do \
 	  OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_foreign $$bench \
-	    --scoring --page build/scorecard-foreign-$$bench.md || exit 1; done; fi
+	    $(WORKERS) --scoring --page build/scorecard-foreign-$$bench.md || exit 1; done; fi
 	@for bench in single quad pitch; do OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
-	  $(BIN)/python -m tests.blind.score_virtual $$bench --scoring --page build/scorecard-virtual-$$bench.md || exit 1; done
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_pitch --scoring --page build/scorecard-pitch.md
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_sweep --scoring --page build/scorecard-sweep.md
+	  $(BIN)/python -m tests.blind.score_virtual $$bench $(WORKERS) --scoring --page build/scorecard-virtual-$$bench.md || exit 1; done
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_pitch $(WORKERS) --scoring --page build/scorecard-pitch.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_sweep $(WORKERS) --scoring --page build/scorecard-sweep.md
 
 # Lines of the product broken one by one: which does no test notice? MODULE= a group of modules
 # (guard, limits, ...), COUNT= so many more of each, SEED= which. None is judged twice.

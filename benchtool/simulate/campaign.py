@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice, product
-from pathlib import Path
 from typing import Any, TypeVar
 
 from benchtool.core.errors import InputError, UnknownChoice
@@ -111,21 +110,6 @@ def at_point(error: InputError, point: Point) -> InputError:
     """Return an error that says at which point of a design it came."""
     where = ", ".join(f"{name} = {value:g}" for name, value in point.items())
     return InputError(f"{error} (at {where})")
-
-
-def write_campaign(
-    rows: Iterable[Row], path: Path, metadata: Mapping[str, str], written: Callable[[int], None]
-) -> int:
-    """Write rows to a Parquet file as they come and return how many; call `written` with each."""
-    from benchtool.data.run.campaign import CampaignWriter
-
-    count = 0
-    with CampaignWriter(path, metadata) as writer:
-        for row in rows:
-            writer.add(row)
-            count += 1
-            written(count)
-    return count
 
 
 def results_in_order(tasks: Iterable[Callable[[], T]], threads: int | None = None) -> Iterator[T]:

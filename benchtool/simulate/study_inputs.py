@@ -11,6 +11,7 @@ from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs, changed, items
+from benchtool.tasks import Cluster
 
 LONGEST_S = 3600.0
 """Longest simulation; a choice."""
@@ -30,10 +31,7 @@ class CampaignInputs(Inputs):
     measure: Annotated[
         str, Input("What the map of a campaign shows; the main one when left out.")
     ] = ""
-    cluster: Annotated[
-        str | None,
-        Input("Dask scheduler whose workers run the campaign.", empty="threads of this process"),
-    ] = None
+    cluster: Cluster = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

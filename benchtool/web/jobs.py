@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 import os
 import shutil
-import signal
 import sys
 import threading
 import traceback
@@ -26,6 +25,7 @@ from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
 from benchtool.core.errors import BenchtoolError, RunStopped, WouldOverwrite
+from benchtool.tasks import end_with_parent
 
 T = TypeVar("T")
 
@@ -78,7 +78,7 @@ class WorkerProcess:
     def _start(self) -> ProcessPoolExecutor:
         spawn = get_context("spawn")
         theirs, self._lifeline = spawn.Pipe(duplex=False)
-        self._pool = ProcessPoolExecutor(1, spawn, _live_with_server, (theirs,))
+        self._pool = ProcessPoolExecutor(1, spawn, end_with_parent, (theirs,))
         return self._pool
 
 
@@ -241,7 +241,7 @@ def _outcome(work: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str,
 
 def _run(pipe: Pipe, work: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     """Do a job's work in its process and send what comes of it."""
-    _live_with_server(pipe)
+    end_with_parent(pipe)
     with suppress(AttributeError, OSError):
         os.nice(NICENESS)
 
@@ -251,16 +251,3 @@ def _run(pipe: Pipe, work: Callable[..., Any], arguments: tuple[Any, ...]) -> No
     outcome = _outcome(work, (report, *arguments))
     with suppress(OSError):  # the server has gone
         pipe.send(outcome)
-
-
-def _live_with_server(lifeline: Pipe) -> None:
-    """End this process when the server closes the other end of a pipe, or is gone."""
-    # Ctrl-C in the terminal ends the server, which ends this.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def end() -> None:
-        with suppress(EOFError, OSError):
-            lifeline.recv()
-        os._exit(1)
-
-    threading.Thread(target=end, daemon=True).start()

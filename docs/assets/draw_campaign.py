@@ -10,10 +10,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchtool.core.rig_file import rig_named
+from benchtool.data.run.campaign import write_campaign
 from benchtool.report.figure import drawn
 from benchtool.report.files import save_figure
 from benchtool.report.flight.campaign import campaign_map
-from benchtool.simulate.campaign import write_campaign
 from benchtool.simulate.campaign_flight import OGE, flight_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
@@ -39,7 +39,7 @@ DESIGN = Design.read(["speed_m_s=0.1:1.2:12", "gains.attitude=0.6:1.8:13"], seed
 if __name__ == "__main__":
     with TemporaryDirectory() as folder:
         table = Path(folder) / "campaign.parquet"
-        write_campaign(CAMPAIGN.rows(DESIGN), table, {}, lambda _: None)
+        write_campaign(CAMPAIGN.rows(DESIGN), table, {})
         cells = campaign_map(table, CAMPAIGN, DESIGN, "arrives")
     block = drawn("flight.campaign", cells)["campaign"]
     for path in save_figure(block.figure, TARGET, ("svg",), replace=True):

@@ -17,7 +17,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchtool.core.rig_file import rig_named
-from benchtool.simulate.campaign import Campaign, write_campaign
+from benchtool.data.run.campaign import write_campaign
+from benchtool.simulate.campaign import Campaign
 from benchtool.simulate.campaign_flight import flight_campaign
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import argparse
 import datetime as dt
-import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,6 +20,7 @@ from benchtool.core.array import Array
 from benchtool.explain.engine.explain import Explanation
 from benchtool.explain.engine.verdict import Verdict
 from benchtool.physics.catalogue import EFFECTS
+from benchtool.tasks import TaskStore, run_tasks
 from tests.blind.families import NONE, PAIR
 from tests.blind.fisher import Telling, class_confirmed
 from tests.blind.pitch.seeds import DEVELOPMENT_SEEDS, SCORING_SEEDS, SCORING_SWITCH
@@ -103,20 +103,20 @@ def single_effects(
             yield Asked(first_seed + 20 * part, name, length=length)
 
 
-def read_kept(path: Path) -> dict[str, Scored]:
-    """Return what was scored before, by label."""
-    if not path.exists():
-        return {}
-    found = {}
-    for line in path.read_text(encoding="utf-8").splitlines():
-        data = json.loads(line)
-        data["parameters"] = tuple(ScoredParameter(**one) for one in data["parameters"])
-        for name in ("truth", "sizes", "names"):
-            data[name] = tuple(data[name])
-        if isinstance(data["not_judged"], list):  # kept before sizes were
-            data["not_judged"] = dict.fromkeys(data["not_judged"], float("inf"))
-        found[data["label"]] = Scored(**data)
-    return found
+def as_stored(scored: Callable[[Asked], Scored], scoring: bool, one: Asked) -> dict[str, Any]:
+    """Return a record's outcome as JSON holds it; scoring seeds are used where that is wanted."""
+    if scoring:
+        os.environ[SCORING_SWITCH] = "1"
+    return asdict(scored(one))
+
+
+def as_scored(data: Mapping[str, Any]) -> Scored:
+    """Return the outcome that was stored so."""
+    found = dict(data)
+    found["parameters"] = tuple(ScoredParameter(**one) for one in data["parameters"])
+    for name in ("truth", "sizes", "names"):
+        found[name] = tuple(data[name])
+    return Scored(**found)
 
 
 def within(draws: Mapping[str, Array], floors: Mapping[str, Array], reach: float) -> float:
@@ -261,35 +261,25 @@ def run(
         help="rich records of single effects only, 1 of the usual length, 2 with twice as much to "
         "learn from and to check on",
     )  # fmt: skip
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--workers", type=int, default=None, help="processes; one for each core")
+    parser.add_argument("--cluster", help="address of a Dask scheduler whose workers score")
     parser.add_argument("--kept", type=Path, default=kept)
     parser.add_argument("--page", type=Path, default=None, help="Markdown file to write")
     given = parser.parse_args()
     first = seeds[given.scoring]
-    if given.scoring:
-        os.environ[SCORING_SWITCH] = "1"
-    given.kept.parent.mkdir(parents=True, exist_ok=True)
-    done = read_kept(given.kept)
-    to_do = [one for one in asked(first, given.scale, given.length) if one.label not in done]
-    print(f"{len(done)} records were scored before, {len(to_do)} are to be", flush=True)
-    with (
-        ProcessPoolExecutor(given.workers) as pool,
-        given.kept.open("a", encoding="utf-8") as file,
-    ):
-        for count, one in enumerate(pool.map(scored, to_do), 1):
-            done[one.label] = one
-            file.write(json.dumps(asdict(one), default=_plain) + "\n")
-            file.flush()
-            if count % 20 == 0:
-                print(f"{count} of {len(to_do)}", flush=True)
-    card = Scorecard(title, list(done.values()), about)
+    tasks = {one.label: one for one in asked(first, given.scale, given.length)}
+    done: list[Scored] = []
+    with TaskStore(given.kept, {"title": title}) as store:
+        results = run_tasks(
+            partial(as_stored, scored, given.scoring), tasks,
+            store=store, cluster=given.cluster, processes=given.workers,
+        )  # fmt: skip
+        for _, data in results:
+            done.append(as_scored(data))
+            if len(done) % 20 == 0:
+                print(f"{len(done)} of {len(tasks)}", flush=True)
+    card = Scorecard(title, done, about)
     print(card.text())
     if given.page is not None:
         today = dt.datetime.now(tz=dt.UTC).date().isoformat()
         given.page.write_text(card.markdown(today), encoding="utf-8")
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, np.generic):
-        return value.item()
-    raise TypeError(f"{value!r} cannot be kept")

@@ -7,22 +7,21 @@ short goes on where it was, and one of other sources begins anew.
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
 import sys
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from scipy.special import stdtrit
 from scipy.stats import binomtest, chi2
 
-import benchtool
 from benchtool.fit.recipe import Method
 from benchtool.fit.run_recipe import FitOutput, run_recipe
+from benchtool.tasks import TaskStore, run_tasks
+from tests.long_count import sources_hash
 from tests.truth.cells import CELLS, Cell, Sweep
 
 LEVELS = (0.6827, 0.95)
@@ -195,85 +194,66 @@ def table(counts: Sequence[Count]) -> str:
     return "\n".join(lines)
 
 
-def sources_hash() -> str:
-    """Return a hash of everything that a trial's numbers depend on."""
-    digest = hashlib.sha256()
-    for folder in (Path(benchtool.__file__).parent, Path(__file__).parent):
-        for path in sorted(folder.rglob("*")):
-            if path.suffix in (".py", ".toml"):
-                digest.update(path.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-def stored(path: Path) -> dict[int, Trial]:
-    """Return the trials of a file, by seed."""
-    if not path.is_file():
-        return {}
-    rows = (json.loads(line) for line in path.read_text().splitlines())
+def cells_of(trial: tuple[Sweep, Method, int]) -> dict[str, dict[str, list[Any]]]:
+    """Return a trial's numbers as JSON holds them."""
     return {
-        row["seed"]: {
-            cell: {
-                name: Held(*fit[:3], tuple(fit[3]), tuple(fit[4])) for name, fit in numbers.items()
-            }
-            for cell, numbers in row["cells"].items()
-        }
-        for row in rows
+        cell: {name: list(astuple(one)) for name, one in numbers.items()}
+        for cell, numbers in run_trial(*trial).items()
     }
 
 
-def store_of(store: Path, sweep: Sweep, method: Method) -> Path:
-    """Return where the trials of a sweep and method are stored."""
-    return store / f"{sweep.__name__}-{method}.jsonl"
+def trial_of(cells: dict[str, dict[str, list[Any]]]) -> Trial:
+    """Return the trial that was stored so."""
+    return {
+        cell: {name: Held(*fit[:3], tuple(fit[3]), tuple(fit[4])) for name, fit in numbers.items()}
+        for cell, numbers in cells.items()
+    }
 
 
-def trials_of(
-    sweep: Sweep, method: Method, seeds: Sequence[int], processes: int, store: Path
-) -> Iterator[Trial]:
-    """Give the trials of all seeds: those in store first, then the rest as they are done."""
-    path = store_of(store, sweep, method)
-    done = stored(path)
-    yield from (done[seed] for seed in seeds if seed in done)
-    left = [seed for seed in seeds if seed not in done]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(processes) as pool, path.open("a") as file:
-        for start in range(0, len(left), 4 * processes):
-            batch = left[start : start + 4 * processes]
-            n = len(batch)
-            for seed, trial in zip(
-                batch, pool.map(run_trial, [sweep] * n, [method] * n, batch), strict=True
-            ):
-                cells = {
-                    cell: {
-                        name: [one.truth, one.value, one.sd, one.interval_68, one.interval_95]
-                        for name, one in numbers.items()
-                    }
-                    for cell, numbers in trial.items()
-                }
-                file.write(json.dumps({"seed": seed, "cells": cells}) + "\n")
-                file.flush()
-                yield trial
+def planned(methods: Sequence[Method], trials: int) -> dict[str, tuple[Sweep, Method, int]]:
+    """Return what is counted, by name: some trials of each sweep before the next ones."""
+    return {
+        f"{sweep.__name__} {method} {seed}": (sweep, method, seed)
+        for method in methods
+        for first in range(0, trials, BATCH)
+        for sweep in dict.fromkeys(cell.sweep for cell in CELLS if cell.counts(method))
+        for seed in range(FIRST_SEED + first, FIRST_SEED + min(first + BATCH, trials))
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Count, print the table and what is wrong; return 1 where something is."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=400)
-    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--processes", type=int, default=None)
+    parser.add_argument("--cluster", help="address of a Dask scheduler whose workers count")
     parser.add_argument("--method", action="append", choices=METHODS)
     parser.add_argument("--stored", action="store_true", help="judge what is stored, count no more")
     parser.add_argument("--page", type=Path, help="write the table into this page")
     asked = parser.parse_args(arguments)
-    store = STORE / sources_hash()
-    counts: list[Count] = []
-    for method in asked.method or METHODS:
-        sweeps = list(dict.fromkeys(cell.sweep for cell in CELLS if cell.counts(method)))
-        for first in range(0, 0 if asked.stored else asked.trials, BATCH):
-            seeds = range(FIRST_SEED + first, FIRST_SEED + min(first + BATCH, asked.trials))
-            for sweep in sweeps:
-                done = len(list(trials_of(sweep, method, seeds, asked.processes, store)))
-                print(f"{sweep.__name__}, {method}, {first} + {done}", file=sys.stderr, flush=True)
-        for sweep in sweeps:
-            counts += counted([*stored(store_of(store, sweep, method)).values()], method)
+    methods = asked.method or METHODS
+    plan = planned(methods, asked.trials)
+    found: dict[tuple[Sweep, Method], list[Trial]] = {}
+    path = STORE / f"{sources_hash('benchtool', 'tests/truth')}.jsonl"
+    with TaskStore(path, {}) as store:
+        if asked.stored:
+            plan = {name: item for name, item in plan.items() if name in store}
+        for done, (name, cells) in enumerate(
+            run_tasks(
+                cells_of, plan, store=store, cluster=asked.cluster, processes=asked.processes
+            ),
+            1,
+        ):
+            found.setdefault(plan[name][:2], []).append(trial_of(cells))
+            if done % BATCH == 0:
+                print(f"{done} of {len(plan)} trials", file=sys.stderr, flush=True)
+    counts = [
+        one
+        for method in methods
+        for (_, counted_by), trials in found.items()
+        if counted_by == method
+        for one in counted(trials, method)
+    ]
     wrong = "\n".join(faults(counts)) or "every count is within its limits"
     print(table(counts), wrong, sep="\n")
     if asked.page:

@@ -14,6 +14,8 @@ from scipy.special import ndtri
 from scipy.stats import binom
 
 from benchtool.data.run.read import read_points
+from benchtool.fit.recipe import Method
+from benchtool.tasks import TaskStore, run_tasks
 from tests.truth.benches import drawn, visited
 from tests.truth.cells import (
     CELLS,
@@ -24,7 +26,20 @@ from tests.truth.cells import (
     wandering_sweep,
     whole_quad_sweep,
 )
-from tests.truth.count import LEVELS, Held, Trial, counted, faults, run_trial, table, trials_of
+from tests.truth.count import (
+    BATCH,
+    FIRST_SEED,
+    LEVELS,
+    Held,
+    Trial,
+    cells_of,
+    counted,
+    faults,
+    planned,
+    run_trial,
+    table,
+    trial_of,
+)
 
 SAMPLE = range(1000, 1006)
 
@@ -96,8 +111,16 @@ def test_one_count_in_ten_may_miss_at_95_percent() -> None:
     assert faults(off) == ["5 of 10 counts miss at 95 %, at most one in ten may"]
 
 
-def test_a_count_goes_on_where_it_was(tmp_path: Path) -> None:
-    first = list(trials_of(single_sweep, "least_squares", [1000], 1, tmp_path))
-    both = list(trials_of(single_sweep, "least_squares", [1000, 1001], 1, tmp_path))
-    assert both[0] == first[0]
-    assert len((tmp_path / "single_sweep-least_squares.jsonl").read_text().splitlines()) == 2
+def test_a_trial_is_stored_whole(tmp_path: Path) -> None:
+    item: tuple[Sweep, Method, int] = (single_sweep, "least_squares", 1000)
+    with TaskStore(tmp_path / "trials.jsonl", {}) as store:
+        ((_, fresh),) = run_tasks(cells_of, {"1000": item}, store=store, processes=0)
+        assert trial_of(store["1000"]) == trial_of(fresh) == run_trial(*item)
+
+
+def test_trials_of_every_sweep_come_before_the_next_ones_of_any() -> None:
+    plan = list(planned(["least_squares"], BATCH + 1).values())
+    sweeps = dict.fromkeys(cell.sweep for cell in CELLS if cell.counts("least_squares"))
+    assert len(plan) == len(set(plan)) == (BATCH + 1) * len(sweeps)
+    assert {sweep for sweep, _, _ in plan[: BATCH * len(sweeps)]} == set(sweeps)
+    assert [seed for _, _, seed in plan[-len(sweeps) :]] == [FIRST_SEED + BATCH] * len(sweeps)

@@ -17,12 +17,11 @@ from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.input_text import words_of
-from benchtool.data.run.campaign import unfinished
 from benchtool.report.figure import drawn as drawn_figures
 from benchtool.report.files import refuse_existing, save_figure
 from benchtool.report.flight.campaign import campaign_map
-from benchtool.simulate.campaign import measure_named, write_campaign
-from benchtool.simulate.cluster import campaign_of, run_on_cluster
+from benchtool.simulate.campaign import measure_named
+from benchtool.simulate.campaign_run import campaign_of, finished_runs, run_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.pitch.inputs import PitchInputs
@@ -41,7 +40,7 @@ def run_with_progress(inputs: PitchInputs | FlightInputs, **names: Any) -> None:
     table = out / "campaign.parquet"
     if out.exists() and not out.is_dir():
         raise WouldOverwrite(str(out))
-    refuse_existing([table, unfinished(table), out / "campaign.svg", out / "campaign.png"])
+    refuse_existing([table, out / "campaign.svg", out / "campaign.png"])
     campaign.check(design)
     series = len(campaign.setups) * len(campaign.controllers)
     total = design.n_points * design.seeds * series
@@ -61,10 +60,7 @@ def run_with_progress(inputs: PitchInputs | FlightInputs, **names: Any) -> None:
         def written(done: int) -> None:
             progress.update(task, completed=done)
 
-        if several.cluster is None:
-            count = write_campaign(campaign.rows(design), table, metadata, written)
-        else:
-            count = run_on_cluster(several.cluster, inputs, design, table, metadata, total, written)
+        count = run_campaign(campaign, inputs, design, table, metadata, written)
     took_s = max(time.monotonic() - began, 1e-9)
     print(f"{counted(count, 'run')} in {took_s:.1f} s, {count / took_s:.3g} runs/s")
     print(f"written: {table}", flush=True)
@@ -80,10 +76,10 @@ def run_with_progress(inputs: PitchInputs | FlightInputs, **names: Any) -> None:
 
 @contextmanager
 def _rows_stay(table: Path) -> Iterator[None]:
-    """Say where the rows are when a campaign is broken off."""
+    """Say where the rows are when a campaign is ended."""
     try:
         yield
-    except BaseException:
-        if unfinished(table).exists():
-            print(f"broken off; the rows so far are in {unfinished(table)}", file=sys.stderr)
+    except KeyboardInterrupt:
+        rows = finished_runs(table)
+        print(f"ended; finished runs are in {rows}; the same command resumes", file=sys.stderr)
         raise

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -67,14 +67,16 @@ class CampaignWriter:
         self._rows.clear()
 
 
-def join_campaign(parts: Sequence[Path], path: Path, metadata: Mapping[str, str]) -> None:
-    """Write the rows of several tables of one campaign, in their order, to a new one."""
-    import pyarrow.parquet as pq
-
+def write_campaign(
+    rows: Iterable[Mapping[str, float | str]], path: Path, metadata: Mapping[str, str]
+) -> int:
+    """Write rows to a new table as they come and return how many."""
+    count = 0
     with CampaignWriter(path, metadata) as writer:
-        for part in parts:
-            for row in pq.read_table(part).to_pylist():
-                writer.add(row)
+        for row in rows:
+            writer.add(row)
+            count += 1
+    return count
 
 
 def unfinished(path: Path) -> Path:

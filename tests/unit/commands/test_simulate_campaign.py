@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 
 from benchtool.core.errors import WouldOverwrite
-from benchtool.data.run.campaign import CampaignWriter, unfinished
-from benchtool.simulate.campaign import Row, write_campaign
+from benchtool.data.run.campaign import CampaignWriter, unfinished, write_campaign
+from benchtool.simulate.campaign import Row
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.pitch.setup import PitchSetup, pitch_setup
@@ -81,7 +81,7 @@ def test_a_campaign_that_is_broken_off_keeps_its_rows_and_is_not_written_over(
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_campaign(rows(), path, {}, lambda _: None)
+        write_campaign(rows(), path, {})
     assert not path.exists()
     assert pd.read_parquet(unfinished(path))["K_b"].tolist() == list(range(10))
     with pytest.raises(WouldOverwrite, match=r"campaign\.parquet\.part exists already"):
@@ -97,7 +97,7 @@ def test_memory_does_not_grow_with_the_number_of_runs(tmp_path: Path) -> None:
                 yield dict(row)
 
         tracemalloc.start()
-        write_campaign(rows(), tmp_path / f"{count}.parquet", {}, lambda _: None)
+        write_campaign(rows(), tmp_path / f"{count}.parquet", {})
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return peak

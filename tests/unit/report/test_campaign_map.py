@@ -12,9 +12,10 @@ import pytest
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.data.run import campaign as store
+from benchtool.data.run.campaign import write_campaign
 from benchtool.report.figure import drawn
 from benchtool.report.flight.campaign import campaign_map
-from benchtool.simulate.campaign import Measure, Row, measure_named, write_campaign
+from benchtool.simulate.campaign import Measure, Row, measure_named
 from benchtool.simulate.design import Design
 
 SPEED, GAIN, HEIGHT = "speed=0.2:1.0:5", "gain=0.8:1.2:3", "height=2:3:2"
@@ -63,7 +64,7 @@ class Dice:
 
 def table_of(tmp_path: Path, dice: Dice, design: Design) -> Path:
     path = tmp_path / "campaign.parquet"
-    write_campaign(dice.rows(design), path, {}, lambda _: None)
+    write_campaign(dice.rows(design), path, {})
     return path
 
 

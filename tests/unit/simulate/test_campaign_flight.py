@@ -12,7 +12,8 @@ import pytest
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.data.run import campaign as store
-from benchtool.simulate.campaign import Campaign, write_campaign
+from benchtool.data.run.campaign import write_campaign
+from benchtool.simulate.campaign import Campaign
 from benchtool.simulate.campaign_flight import OGE, flight_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.environment import Environment
@@ -105,7 +106,7 @@ def test_memory_of_flights_does_not_grow_with_their_number(
         design = Design.read(["K_b=1:2:2"], seeds=count // 2)
         tracemalloc.start()
         rows = campaign(setup=short).rows(design, threads=2)
-        assert write_campaign(rows, tmp_path / f"{count}.parquet", {}, lambda _: None) == count
+        assert write_campaign(rows, tmp_path / f"{count}.parquet", {}) == count
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return peak

@@ -1,0 +1,132 @@
+"""Run a campaign in blocks, each stored as it comes: in threads of this process, or on a cluster.
+
+A block is a stretch of the campaign's runs in their order. A worker of a cluster makes the campaign
+from its inputs. The same runs under the same seeds give the same rows, wherever a block is run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache, partial
+from pathlib import Path
+
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.data.run.campaign import unfinished, write_campaign
+from benchtool.simulate.campaign import Campaign, Row
+from benchtool.simulate.campaign_flight import flight_campaign
+from benchtool.simulate.campaign_pitch import pitch_campaign
+from benchtool.simulate.design import Design
+from benchtool.simulate.flight.inputs import FlightInputs
+from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
+from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
+from benchtool.tasks import TaskStore, Work, run_tasks
+
+MOST_BLOCKS = 400
+FEWEST_RUNS = 50
+"""Runs of a block, but for the last: some 0.1 s of pitch runs, against 1 ms that a task costs."""
+
+Note = Callable[[tuple[str, ...]], None]
+Block = tuple[int, int]
+"""First run and one behind the last."""
+
+
+def campaign_of(
+    inputs: PitchInputs | FlightInputs,
+    permit: CodePermit = refuse_code,
+    note: Note = lambda notes: None,
+) -> Campaign:
+    """Return the campaign of a command's inputs.
+
+    Args:
+        permit: called with a model's own Python before it is run.
+        note: called with how a model's file was read.
+    """
+    if isinstance(inputs, PitchInputs):
+        pitch = {gains: pitch_setup_of(inputs, gains, permit) for gains in inputs.study.gains}
+        for setup in pitch.values():
+            note(setup.notes)
+        return pitch_campaign(pitch)
+    flight = {
+        gains: flight_setup_of(inputs, gains, permit, lambda notes: note(tuple(notes)))
+        for gains in inputs.study.gains
+    }
+    return flight_campaign(flight, inputs.controllers or ("oge", "pid"))
+
+
+def finished_runs(table: Path) -> Path:
+    """Return where finished blocks are until a campaign's table is complete."""
+    return table.with_name("runs.jsonl")
+
+
+def run_campaign(
+    campaign: Campaign,
+    inputs: PitchInputs | FlightInputs,
+    design: Design,
+    table: Path,
+    metadata: Mapping[str, str],
+    written: Callable[[int], None],
+) -> int:
+    """Run a campaign, write its table, and return its rows.
+
+    Args:
+        campaign: of the inputs.
+        inputs: of the command; on a cluster, files that they name must be where the workers are.
+        table: Parquet file.
+        metadata: of the table.
+        written: called with how many runs are done.
+
+    Raises:
+        InputError: the blocks that are there belong to another campaign.
+    """
+    total = design.n_points * design.seeds * len(campaign.setups) * len(campaign.controllers)
+    size = max(FEWEST_RUNS, -(-total // MOST_BLOCKS))
+    blocks = {str(k): (k, min(k + size, total)) for k in range(0, total, size)}
+    about = {**metadata, "runs": str(total), "runs of a block": str(size), "inputs": _said(inputs)}
+    cluster = inputs.study.campaign.cluster
+    here: Work[Block] = partial(_block_rows, campaign, design)
+    there: Work[Block] = partial(_block_rows_of, inputs, design)
+    done = 0
+    with TaskStore(finished_runs(table), about) as store:
+        work = here if cluster is None else there
+        for _, rows in run_tasks(work, blocks, store=store, cluster=cluster, processes=0):
+            done += len(rows)
+            written(done)
+        unfinished(table).unlink(missing_ok=True)  # of a process that ended while it wrote
+        write_campaign((row for block in blocks for row in store[block]), table, metadata)
+    store.path.unlink()
+    return done
+
+
+def _said(inputs: PitchInputs | FlightInputs) -> str:
+    """Return what inputs say of the runs: neither where they run nor where rows are written."""
+    study = replace(inputs.study, out=None, campaign=replace(inputs.study.campaign, cluster=None))
+    return str(replace(inputs, study=study))
+
+
+def _block_rows(campaign: Campaign, design: Design, block: Block) -> list[Row]:
+    return list(campaign.rows(design, None, *block))
+
+
+def _block_rows_of(inputs: PitchInputs | FlightInputs, design: Design, block: Block) -> list[Row]:
+    """Return the rows of a block in a worker, which has one thread for it."""
+    return list(_campaign(_Same(inputs)).rows(design, 1, *block))
+
+
+class _Same:
+    """Inputs by what they say, so that a worker makes a campaign once for all its blocks."""
+
+    def __init__(self, inputs: PitchInputs | FlightInputs) -> None:
+        self.inputs = inputs
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.inputs == other.inputs
+
+    def __hash__(self) -> int:
+        return hash(str(self.inputs))
+
+
+@lru_cache(maxsize=4)
+def _campaign(same: _Same) -> Campaign:
+    return campaign_of(same.inputs)

@@ -1,0 +1,332 @@
+"""Many tasks that know nothing of each other: in processes of this machine, or on a Dask cluster.
+
+A task is a function at the top of a module and one item, which holds every seed that it needs: the
+same item gives the same result wherever it runs, so that a task whose worker died is run again.
+A result is plain JSON data. With a store each is on the disk as it comes; the same call then runs
+what is missing, whoever ended: worker, scheduler or client.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from functools import partial
+from multiprocessing import get_context
+from multiprocessing.connection import Connection as Pipe
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
+from urllib.parse import urlsplit
+
+from benchtool.core.errors import (
+    BenchtoolError,
+    FileFormatError,
+    InputError,
+    LinkLost,
+    MissingLibrary,
+    ResourceExhausted,
+)
+from benchtool.core.inputs import Input
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+T = TypeVar("T")
+Result = Any
+"""What JSON holds: numbers, text, lists and dictionaries of them."""
+
+Work = Callable[[T], Result]
+
+Cluster = Annotated[
+    str | None,
+    Input("Dask scheduler, as tcp://HOST:8786, whose workers do it.", empty="this machine"),
+]
+"""Input of every command that has many tasks."""
+
+REACHED_S = 10.0
+"""Time in which a scheduler must answer."""
+
+ROUNDS = 3
+"""So often processes may die one after the other without a single result."""
+
+
+class TaskStore:
+    """Results of tasks in a file, a line each as they come.
+
+    Args:
+        path: of the file; made where there is none.
+        about: of which work these are results, in words that another work has not.
+
+    Raises:
+        InputError: the file holds results of other work, or another process writes it.
+    """
+
+    def __init__(self, path: Path, about: Mapping[str, str]) -> None:
+        self.path = path
+        self._made_folder = not path.parent.exists()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._file = path.open("a+b")
+        self._places: dict[str, int] = {}
+        try:
+            self._lock()
+            self._claim(dict(about))
+        except BaseException:
+            self._file.close()
+            raise
+        self.key = hashlib.sha256(f"{path.resolve()} {about}".encode()).hexdigest()[:16]
+
+    def _lock(self) -> None:
+        if sys.platform == "win32":
+            return
+        import fcntl
+
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f"another process writes {self.path} now; wait until it has ended"
+            ) from None
+
+    def _claim(self, about: dict[str, str]) -> None:
+        """Find what is stored, drop the line that a kill has torn, and see that it is ours."""
+        self._file.seek(0)
+        end, found = 0, None
+        for line in self._file:
+            if not line.endswith(b"\n"):
+                break
+            try:
+                row = json.loads(line)
+                if found is None:
+                    found = row["about"]
+                else:
+                    self._places[row["task"]] = end
+            except (ValueError, KeyError, TypeError) as error:
+                raise FileFormatError(
+                    str(self.path), f"no store of finished tasks ({error}); name another folder"
+                ) from error
+            end += len(line)
+        self._file.truncate(end)
+        if found is None:
+            self._append({"about": about})
+        elif found != about:
+            changed = sorted(key for key in {*found, *about} if found.get(key) != about.get(key))
+            raise InputError(
+                f"{self.path} holds results of other work ({', '.join(changed)} differ); name "
+                f"another folder with --out, or repeat the command that began it"
+            )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+        if not self._places:  # nothing was done: nothing is left behind
+            self.path.unlink(missing_ok=True)
+            if self._made_folder:
+                with suppress(OSError):
+                    self.path.parent.rmdir()
+
+    def __contains__(self, task: str) -> bool:
+        return task in self._places
+
+    def __getitem__(self, task: str) -> Result:
+        self._file.seek(self._places[task])
+        return json.loads(self._file.readline())["result"]
+
+    def __setitem__(self, task: str, result: Result) -> None:
+        self._places[task] = self._append({"task": task, "result": result})
+
+    def _append(self, row: Mapping[str, Any]) -> int:
+        place = self._file.seek(0, os.SEEK_END)
+        self._file.write(json.dumps(row, default=_plain).encode() + b"\n")
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        return place
+
+
+def _plain(value: Any) -> Any:
+    """Return a number of NumPy's as one of Python's."""
+    if hasattr(value, "item"):
+        return value.item()
+    raise TypeError(f"{value!r} is no JSON data")
+
+
+def run_tasks(
+    work: Work[T],
+    tasks: Mapping[str, T],
+    *,
+    store: TaskStore | None = None,
+    cluster: str | None = None,
+    processes: int | None = None,
+) -> Iterator[tuple[str, Result]]:
+    """Yield name and result of each task: first those that are stored, then others as they end.
+
+    Args:
+        work: at the top of a module, or a `partial` of such a function; pickled, as items are.
+        tasks: item by name.
+        store: of results.
+        cluster: address of a Dask scheduler; files that items name must be where its workers are.
+        processes: on this machine; one for each core when None, this process alone when 0.
+
+    Raises:
+        InputError: Dask is missing, or no scheduler answers.
+        LinkLost: the scheduler was lost, or its workers died again and again.
+        ResourceExhausted: processes here did.
+        BenchtoolError: of a task, with its class and its sentence.
+    """
+    client = None if cluster is None else _client(cluster)
+    left = {name: item for name, item in tasks.items() if store is None or name not in store}
+    if store is not None:
+        yield from ((name, store[name]) for name in tasks if name not in left)
+    if client is not None:
+        found = _on_cluster(client, str(cluster), work, left, store)
+    elif processes == 0 or len(left) < 2:
+        found = ((name, work(item)) for name, item in left.items())
+    else:
+        found = _in_processes(work, left, min(processes or os.cpu_count() or 1, len(left)))
+    for name, result in found:
+        if store is not None:
+            store[name] = result
+        yield name, result
+
+
+class _Refused:
+    """Carry an error of a task: many of them take more than a text, and cannot be pickled."""
+
+    def __init__(self, error: BenchtoolError) -> None:
+        self.kind, self.text = type(error), str(error)
+
+    def error(self) -> BenchtoolError:
+        made = self.kind.__new__(self.kind)
+        Exception.__init__(made, self.text)
+        return made
+
+
+def _outcome(work: Work[T], item: T) -> Result | _Refused:
+    try:
+        return work(item)
+    except BenchtoolError as error:
+        return _Refused(error)
+
+
+def _result(outcome: Result | _Refused) -> Result:
+    if isinstance(outcome, _Refused):
+        raise outcome.error()
+    return outcome
+
+
+def _in_processes(
+    work: Work[T], left: dict[str, T], processes: int
+) -> Iterator[tuple[str, Result]]:
+    spawn = get_context("spawn")
+    fruitless = 0
+    while left:
+        theirs, lifeline = spawn.Pipe(duplex=False)
+        pool = ProcessPoolExecutor(processes, spawn, end_with_parent, (theirs,))
+        done = len(left)
+        try:
+            futures = {
+                pool.submit(partial(_outcome, work), item): name for name, item in left.items()
+            }
+            for future in as_completed(futures):
+                with suppress(BrokenProcessPool):
+                    outcome = future.result()
+                    name = futures.pop(future)
+                    del left[name]
+                    yield name, _result(outcome)
+        except BrokenProcessPool:  # already while tasks were handed to it
+            pass
+        finally:
+            lifeline.close()
+            pool.shutdown(cancel_futures=True)
+            theirs.close()
+        fruitless = fruitless + 1 if len(left) == done else 0
+        if fruitless == ROUNDS:
+            raise ResourceExhausted(
+                f"processes ended {ROUNDS} times before any of {len(left)} tasks was done, as when "
+                f"memory runs out; close other programs and repeat the command"
+            )
+
+
+def end_with_parent(lifeline: Pipe) -> None:
+    """End this process when its parent closes the other end of a pipe, or is gone."""
+    # Ctrl-C in the terminal ends the parent, which ends this.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def end() -> None:
+        with suppress(EOFError, OSError):
+            lifeline.recv()
+        os._exit(1)
+
+    threading.Thread(target=end, daemon=True).start()
+
+
+def _client(address: str) -> Client:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingLibrary("Dask", "--cluster", "cluster") from None
+    # What goes wrong is said in a sentence of our own.
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    place = urlsplit(address)
+    try:
+        # Dask's own attempt leaves threads behind that complain at the end.
+        with socket.create_connection((place.hostname or "", place.port or 0), REACHED_S):
+            pass
+        return Client(address, timeout=REACHED_S, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"no Dask scheduler answers at {address} ({error}); start one with: dask scheduler, "
+            f"workers with: dask worker tcp://HOST:8786, and name it as --cluster tcp://HOST:8786"
+        ) from error
+
+
+def _on_cluster(
+    client: Client, address: str, work: Work[T], left: Mapping[str, T], store: TaskStore | None
+) -> Iterator[tuple[str, Result]]:
+    from distributed import as_completed as dask_completed
+    from distributed.client import FutureCancelledError
+    from distributed.scheduler import KilledWorker
+
+    finished = "" if store is None else f"; what is finished is in {store.path}"
+    with client:
+        # A name that other work has not: the scheduler gives one result for one name.
+        key = client.id if store is None else store.key
+        futures = {
+            client.submit(partial(_outcome, work), item, key=f"benchtool-{key}-{name}"): name
+            for name, item in left.items()
+        }
+        try:
+            for future in dask_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
+                error = None if future.status == "finished" else future.exception()
+                if error is not None and not isinstance(error, KilledWorker | FutureCancelledError):
+                    raise _Fault(error)
+                outcome = future.result()
+                yield futures.pop(future), _result(outcome)
+                future.release()  # the scheduler need not hold what is on the disk
+        except _Fault as fault:
+            raise fault.args[0] from None
+        except KilledWorker as error:
+            raise LinkLost(
+                f"workers of {address} died several times at one task ({error}){finished}; look "
+                f"at the workers, and repeat the command"
+            ) from error
+        except (FutureCancelledError, OSError, TimeoutError) as error:
+            raise LinkLost(
+                f"the scheduler at {address} was lost{finished}; start a scheduler and workers "
+                f"again, and repeat the command"
+            ) from error
+
+
+class _Fault(Exception):
+    """Carry a fault of the work past what is said of a lost scheduler."""
