@@ -16,11 +16,12 @@ from benchtool.acquire.sweep_run import base_inputs, sweep_to_run
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import make
 from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.rig import Rig
+from benchtool.core.rig import Propeller, Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.data.catalogue.query import runs
 from benchtool.data.columns import frame, frame_of_rows, joined_frame
 from benchtool.data.derived import run_circumstances, widened, with_quantities
+from benchtool.data.propeller_file import propeller_named
 from benchtool.data.run.read import is_run
 from benchtool.explain.answer import Answer
 from benchtool.explain.inputs import ExplainInputs
@@ -156,21 +157,30 @@ def sweep(
     return _sweep(run.path)
 
 
-def motor(runs: Data | Sequence[Data], *, mass_kg: float | None = None) -> Result[MotorFit]:
+def motor(
+    runs: Data | Sequence[Data],
+    *,
+    mass_kg: float | None = None,
+    propeller: str | Path | None = None,
+    rig: Rig | str | Path | None = None,
+) -> Result[MotorFit]:
     """Fit thrust curve and motor constants to tests without a plate, as `benchtool motor` does.
 
     Tables: `constants` and `points`.
 
     Args:
-        runs: one or several run folders of one rig; references of a plate sweep count as well.
+        runs: one or several run folders of one rig, or logs of stands; references of a plate sweep
+            count as well.
         mass_kg: of the vehicle whose hover point is worked out; the rig's when left out.
+        propeller: of logs that do not state theirs: name, file, or size in inches.
+        rig: of logs; made from them when left out.
 
     Raises:
         InputError: none is given, the rigs differ, or the mass is too heavy.
         EstimationError: too few throttle levels, and no step of the pulse.
     """
     return Result(
-        found=fit_motor([Path(path) for path in paths_of(runs)], mass_kg),
+        found=fit_motor(paths_of(runs), mass_kg, *_stand(rig, propeller)),
         _page=MOTOR, _summary=motor_lines,
         _tables={
             "constants": lambda one: frame_of_rows([estimate_row(e) for e in one.estimates]),
@@ -243,15 +253,19 @@ def export(
     out: str | Path | None = None,
     *,
     motor: Data | Sequence[Data] = (),
+    propeller: str | Path | None = None,
+    rig: Rig | str | Path | None = None,
     permit: CodePermit = refuse_code,
 ) -> tuple[Path, ...]:
     """Write a fitted model for a simulator, autopilot or firmware, as `benchtool export` does.
 
     Args:
-        model: folder of a fit, model file, or shipped model.
+        model: folder of a fit or of a run without a plate, log of a stand, model file, or shipped
+            model.
         to: "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c", or "all".
         out: new file, or for "all" new folder; named after the rig when left out.
-        motor: runs without a plate, whose motor constants go before the rig's.
+        motor: runs without a plate or logs, whose motor constants go before the rig's.
+        propeller, rig: of logs, as `motor` takes them.
         permit: called with a model's own Python before it is run; refused when left out.
 
     Returns:
@@ -262,8 +276,18 @@ def export(
         InputError: its data rejected the model.
         WouldOverwrite: a file is there already; nothing was written.
     """
-    runs = tuple(Path(path) for path in paths_of(motor))
-    return write_targets(vehicle_of(model, runs, permit), to, None if out is None else Path(out))
+    vehicle = vehicle_of(model, paths_of(motor), permit, *_stand(rig, propeller))
+    return write_targets(vehicle, to, None if out is None else Path(out))
+
+
+def _stand(
+    rig: Rig | str | Path | None, propeller: str | Path | None
+) -> tuple[Rig | None, Propeller | None]:
+    """Return rig and propeller of logs."""
+    return (
+        rig_named(rig) if isinstance(rig, str | Path) else rig,
+        propeller_named(propeller) if propeller else None,
+    )
 
 
 def explain(

@@ -20,15 +20,26 @@ class ExportInputs(Inputs):
     model: Annotated[
         str,
         Input(
-            "Folder of a fit or of a run without a plate, model file, shipped model.",
+            "Folder of a fit or of a run without a plate, log of a stand, model file, shipped "
+            "model.",
             argument="MODEL",
         ),
     ]
     to: Annotated[To, Input("What it is written for; all: a folder with a file of each.")]
     motor: Annotated[
         tuple[Path, ...],
-        Input("Run without a plate, whose motor constants go before the rig's; repeat for more."),
+        Input(
+            "Run without a plate or log of a stand, whose motor constants go before the rig's; "
+            "repeat for more."
+        ),
     ] = ()
+    propeller: Annotated[
+        str | None,
+        Input("Of logs that do not state theirs: name, file, or size in inches, as 5x4.5."),
+    ] = None
+    rig: Annotated[
+        str | None, Input("Rig of logs: shipped name or path.", empty="made from the logs")
+    ] = None
     out: Annotated[
         Path | None,
         Input("New file, or new folder for all.", empty="named after the rig, in this folder"),
@@ -41,6 +52,12 @@ def export(inputs: ExportInputs) -> None:
     from benchtool.api import export as export_model
 
     for path in export_model(
-        inputs.model, inputs.to, inputs.out, motor=inputs.motor, permit=announce_code
+        inputs.model,
+        inputs.to,
+        inputs.out,
+        motor=inputs.motor,
+        propeller=inputs.propeller,
+        rig=inputs.rig,
+        permit=announce_code,
     ):
         print(f"wrote {path}")

@@ -19,11 +19,19 @@ class MotorInputs(Inputs):
     """What `benchtool motor` takes."""
 
     runs: Annotated[
-        tuple[Path, ...], Input("Run folders of tests without a plate, one rig.", argument="RUN")
+        tuple[Path, ...],
+        Input("Run folders of tests without a plate, or logs of a stand; one rig.", argument="RUN"),
     ] = ()
     mass_kg: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
-        Input("Mass of the vehicle that hovers.", "kg", empty="the rig's"),
+        Input("Mass of the vehicle that hovers.", "kg", empty="the rig's, where it states one"),
+    ] = None
+    propeller: Annotated[
+        str | None,
+        Input("Of logs that do not state theirs: name, file, or size in inches, as 5x4.5."),
+    ] = None
+    rig: Annotated[
+        str | None, Input("Rig of logs: shipped name or path.", empty="made from the logs")
     ] = None
     out: Annotated[Path | None, Input("Write the page to this new HTML file.")] = None
 
@@ -37,10 +45,14 @@ def motor(inputs: MotorInputs) -> None:
 
     if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out {inputs.out} does not end in .html, as the name of a page does")
-    result = motor_of(inputs.runs, mass_kg=inputs.mass_kg)
+    result = motor_of(
+        inputs.runs, mass_kg=inputs.mass_kg, propeller=inputs.propeller, rig=inputs.rig
+    )
     print(result.summary())
     first, *others = map(str, inputs.runs)
     given = [word for each in others for word in ("--motor", each)]
+    given += ["--propeller", inputs.propeller] if inputs.propeller else []
+    given += ["--rig", inputs.rig] if inputs.rig else []
     command = shlex.join(["benchtool", "export", first, *given, "--to", "all"])
     print(f"\nfor autopilots, simulators and firmware: {command}")
     if inputs.out is not None:

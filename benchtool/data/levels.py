@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel, error_name, unit_in_name
+from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
+from benchtool.data.derived import Circumstances, recording_circumstances
+from benchtool.data.formats.formats import import_file, is_stand_table
+from benchtool.data.repairs.imported import Options, import_facts
+from benchtool.data.run.facts import read_recording_facts
+from benchtool.data.run.recording_file import FORMAT, beside, read_recording
 
 STEADY = 0.5
 """Part of a level, its end, that is averaged: thrust and speed settle before. A choice."""
@@ -17,6 +25,25 @@ BIN_S = 0.5
 
 AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mechanical_power_W")
 """Channels whose means have a standard error, beside the speeds."""
+
+
+def read_levels(path: Path) -> tuple[Recording, Circumstances]:
+    """Return the levels of a recording, or of a stand's table as an import reads it.
+
+    Raises:
+        FileFormatError: neither.
+    """
+    if beside(path).is_file():
+        facts = read_recording_facts(beside(path), FORMAT)
+        return levels_of(read_recording(path)), recording_circumstances(facts, str(beside(path)))
+    if not path.is_file() or not is_stand_table(path):
+        raise FileFormatError(
+            str(path),
+            "it is no run folder and no recording; name one, or make one with benchtool import",
+        )
+    read = import_file(path)
+    facts = {**import_facts(read, Options()), "provenance": dict(read.recording.provenance)}
+    return levels_of(read.recording), recording_circumstances(facts, str(path))
 
 
 def levels_of(recording: Recording) -> Recording:

@@ -54,6 +54,11 @@ def _idle(vehicle: Vehicle) -> Number:
     return Number(pulse_us, "us", f"idle, {share:.2g} % of full thrust, a choice: rotors must turn")
 
 
+def _left_out(name: str, number: Number) -> str:
+    """Return the comment in place of what rests on a typical number: it must not be flown."""
+    return f"# {name} left out, measure it and state it in the rig: {number.why}"
+
+
 def ardupilot(vehicle: Vehicle) -> str:
     """Return a parameter file of ArduCopter: NAME,VALUE lines as Mission Planner writes them.
 
@@ -75,7 +80,11 @@ def ardupilot(vehicle: Vehicle) -> str:
     return "\n".join(
         line
         for name, number in numbers.items()
-        for line in (f"# {number.note}", f"{name},{number.value:.6g}")
+        for line in (
+            (f"# {number.note}", f"{name},{number.value:.6g}")
+            if number.stated
+            else (_left_out(name, number),)
+        )
     )
 
 
@@ -96,7 +105,11 @@ def px4(vehicle: Vehicle) -> str:
             (f"CA_ROTOR{i}_PX", Number(rotor.x_m, "m", f"{place}, forward"), PX4_FLOAT),
             (f"CA_ROTOR{i}_PY", Number(0.0 - rotor.y_m, "m", f"{place}, right"), PX4_FLOAT),
             (f"CA_ROTOR{i}_CT", vehicle.thrust_max.within(0.0, 100.0), PX4_FLOAT),
-            (f"CA_ROTOR{i}_KM", Number(rotor.spin * ratio.value, "m", ratio.why), PX4_FLOAT),
+            (
+                f"CA_ROTOR{i}_KM",
+                Number(rotor.spin * ratio.value, "m", ratio.why, ratio.stated),
+                PX4_FLOAT,
+            ),
         ]
     numbers += [
         ("THR_MDL_FAC", expo_over_idle(vehicle, 0.0), PX4_FLOAT),
@@ -111,6 +124,9 @@ def px4(vehicle: Vehicle) -> str:
         numbers += [(f"PWM_MAIN_{name}{i}", each, PX4_INT32) for name, each in pulses.items()]
     lines = ["# Vehicle-Id Component-Id Name Value Type"]
     for name, number, kind in numbers:
+        if not number.stated:
+            lines.append(_left_out(name, number))
+            continue
         value = f"{number.value:.0f}" if kind == PX4_INT32 else f"{number.value:.9g}"
         lines += [f"# {number.note}", f"1\t1\t{name}\t{value}\t{kind}"]
     return "\n".join(lines)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
@@ -14,7 +14,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.fit_result import Estimate
 from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.rig import Rig
+from benchtool.core.rig import NOT_STATED, Propeller, Rig
 from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.data.run.read import is_run
 from benchtool.fit.motor.constants import MotorFit, fit_motor
@@ -31,11 +31,13 @@ class Number:
 
     Attributes:
         why: its 95 % interval and the fit, or where it comes from.
+        stated: False where it is a typical number in place of one that the rig does not state.
     """
 
     value: float
     unit: str
     why: str
+    stated: bool = True
 
     @property
     def note(self) -> str:
@@ -47,11 +49,13 @@ class Number:
         value = min(max(self.value, low), high)
         if value == self.value:
             return self
-        return Number(value, self.unit, f"limit of the target, found {self.value:.4g}; {self.why}")
+        why = f"limit of the target, found {self.value:.4g}; {self.why}"
+        return replace(self, value=value, why=why)
 
     def of(self, factor: float, unit: str) -> Number:
         """Return the number times a factor, in another unit; an interval stays that of its own."""
-        return Number(self.value * factor, unit, f"of {self.value:.6g} {self.unit}, {self.why}")
+        why = f"of {self.value:.6g} {self.unit}, {self.why}"
+        return replace(self, value=self.value * factor, unit=unit, why=why)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +95,8 @@ class Vehicle:
         assert isinstance(value, float | int)
         source = self.rig.sources.get(key) or "no source is stated"
         assumed = "assumed: " if key in self.rig.assumed and "assumed" not in source else ""
-        return Number(float(value), unit, f"no interval; {assumed}{source}")
+        stated = not source.startswith(NOT_STATED)
+        return Number(float(value), unit, f"no interval; {assumed}{source}", stated)
 
     def _of_motor(self, name: str) -> Number | None:
         """Return a constant of the motor test; None where it is not determined."""
@@ -207,23 +212,28 @@ class Vehicle:
 
 
 def vehicle_of(
-    model: str | Path, motor: tuple[Path, ...] = (), permit: CodePermit = refuse_code
+    model: str | Path,
+    motor: Sequence[str | Path] = (),
+    permit: CodePermit = refuse_code,
+    rig: Rig | None = None,
+    propeller: Propeller | None = None,
 ) -> Vehicle:
-    """Return the vehicle of a model, a model file, the folder of a fit, or a run without a plate.
+    """Return the vehicle of a model, a fit's folder, a run without a plate, or a stand's log.
 
     Args:
-        model: shipped name or path. A run counts as a motor test of its own rig, whose thrust near
-            a surface is that of the paper's law.
-        motor: runs without a plate of the same rotors, whose constants go before the rig's.
+        model: shipped name or path. A run or log counts as a motor test of its own rig, whose
+            thrust near a surface is that of the paper's law.
+        motor: runs without a plate or logs of the same rotors, whose constants go before the rig's.
         permit: called with a model's own Python before it is run.
+        rig, propeller: of logs, see `fit_motor`; the rig of a model where there is one.
 
     Raises:
         FileFormatError, UnknownChoice: there is no such model.
         InputError: the model was rejected by its data, or the motor test is of another rig.
     """
     path = Path(model)
-    if is_run(path):
-        test = fit_motor((path, *motor))
+    if is_run(path) or (path.is_file() and path.suffix != ".toml"):
+        test = fit_motor((path, *motor), None, rig, propeller)
         of_rig = load_model("quad_body_lift" if test.rig.n_discs > 1 else "single", test.rig)
         return Vehicle(model=of_rig.model, motor=test, intervals={}, simulated=test.simulated)
     if path.is_dir():
@@ -244,7 +254,7 @@ def vehicle_of(
             for name, item in result["estimates"].items():
                 low, high = item["interval_95"]
                 intervals[name] = (float(low), float(high))
-    found = fit_motor(motor) if motor else None
+    found = fit_motor(motor, None, rig or loaded.rig, propeller) if motor else None
     # One rotor stands for each of a vehicle; another vehicle does not.
     if found is not None and found.rig.n_rotors not in (1, loaded.rig.n_rotors):
         raise InputError(

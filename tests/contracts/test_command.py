@@ -180,7 +180,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "ports": [("--baud 0", "--baud is 0, allowed is 1 to 100,000,000")],
     "motor": [
         ("steps --mass-kg 0", "--mass-kg is 0 kg, allowed is above 0, at most 1,000 kg"),
-        ("", "no run is given; name the folders of tests without a plate"),
+        ("", "nothing is given; name runs without a plate, or logs of a stand"),
     ],
     "doctor": [("--udevrule", "--udevrule")],
     "flow table": [

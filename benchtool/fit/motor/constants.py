@@ -13,36 +13,22 @@ scatter more (Birge ratio: Birge, Phys. Rev. 40 (1932) 207); intervals are Stude
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import pi, sqrt
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from benchtool.core.array import Array
-from benchtool.core.errors import EstimationError, FileFormatError, InputError
+from benchtool.core.counted import counted
+from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import Estimate
-from benchtool.core.recording import Recording
-from benchtool.core.rig import Rig
+from benchtool.core.rig import NOT_STATED, Propeller, Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.data.columns import code_of, speed_columns
-from benchtool.data.derived import run_circumstances
-from benchtool.data.run.facts import read_metadata
-from benchtool.data.run.read import read_points, read_samples
-from benchtool.data.run.run_rig import run_rig
-from benchtool.data.run.zero_noise import zero_covariance, zero_noise
-from benchtool.fit.motor.points import ThrottlePoints, joined_points, throttle_points
-from benchtool.fit.motor.response import (
-    StepResponse,
-    estimate_of,
-    lags_of,
-    solve_weighted,
-    step_responses,
-)
-from benchtool.physics.conditions import Conditions
-from benchtool.physics.model_file import load_model
+from benchtool.fit.motor.points import ThrottlePoints, joined_points
+from benchtool.fit.motor.response import StepResponse, estimate_of, lags_of, solve_weighted
+from benchtool.fit.motor.runs import read_motor_data
 
 FEWEST_LEVELS = 4
 """Throttle levels below which no curve is fitted; a choice, one more than its parameters."""
@@ -57,7 +43,7 @@ class MotorFit:
 
     Attributes:
         estimates: by law, in the order of the module's list; `open` where data do not determine it.
-        mass_kg: of the vehicle whose hover point is among them.
+        mass_kg: of the vehicle whose hover point is among them; None where nobody states it.
     """
 
     names: tuple[str, ...]
@@ -65,7 +51,7 @@ class MotorFit:
     points: ThrottlePoints
     steps: tuple[StepResponse, ...]
     estimates: tuple[Estimate, ...]
-    mass_kg: float
+    mass_kg: float | None
     simulated: bool
     warnings: tuple[str, ...] = field(default=())
 
@@ -100,20 +86,28 @@ def throttle_of(pulse_us: Array, rig: Rig) -> Array:
     return (pulse_us - p.pwm_start_us) / (p.pwm_max_us - p.pwm_start_us)
 
 
-def fit_motor(runs: Sequence[Path], mass_kg: float | None = None) -> MotorFit:
-    """Return thrust curve and motor constants from one or several runs of one rig.
+def fit_motor(
+    runs: Sequence[str | Path],
+    mass_kg: float | None = None,
+    rig: Rig | None = None,
+    propeller: Propeller | None = None,
+) -> MotorFit:
+    """Return thrust curve and motor constants from one or several runs or logs of one rig.
 
     Args:
-        runs: run folders; of a plate sweep its references are taken.
-        mass_kg: of the vehicle; the rig's when left out.
+        runs: run folders, of a plate sweep its references are taken; logs of stands, as
+            `benchtool import` wrote them or as the stand did.
+        mass_kg: of the vehicle; the rig's when left out, where it states one.
+        rig: of logs, whose pulses and voltage it states; made from the logs when left out.
+        propeller: of logs that do not state theirs.
 
     Raises:
         InputError: none is given, the runs have different rigs, or the mass is too heavy.
         EstimationError: too few throttle levels, and no step.
     """
     if not runs:
-        raise InputError("no run is given; name the folders of tests without a plate")
-    read = [_read(Path(path), number) for number, path in enumerate(runs)]
+        raise InputError("nothing is given; name runs without a plate, or logs of a stand")
+    read = read_motor_data([Path(path) for path in runs], rig, propeller)
     rig = read[0].rig
     for path, one in zip(runs, read, strict=True):
         if (one.rig.propulsion, one.rig.n_rotors) != (rig.propulsion, rig.n_rotors):
@@ -123,7 +117,8 @@ def fit_motor(runs: Sequence[Path], mass_kg: float | None = None) -> MotorFit:
             )
     points = joined_points([one.points for one in read])
     steps = tuple(step for one in read for step in one.steps)
-    mass = rig.body.mass_kg if mass_kg is None else mass_kg
+    stated = not rig.sources.get("body.mass_kg", "").startswith(NOT_STATED)
+    mass = rig.body.mass_kg if mass_kg is None and stated else mass_kg
     levels = len(np.unique(points.pulse_us))
     estimates: list[Estimate] = []
     if levels >= FEWEST_LEVELS:
@@ -134,7 +129,8 @@ def fit_motor(runs: Sequence[Path], mass_kg: float | None = None) -> MotorFit:
     estimates += lags_of(steps)
     if not estimates:
         raise EstimationError(
-            f"{levels} throttle levels far from the plate, {FEWEST_LEVELS} are needed for a curve, "
+            f"{counted(levels, 'throttle level')} at which the rotor turned far from a plate, "
+            f"{FEWEST_LEVELS} are needed for a curve, "
             f"and no step of the pulse; sweep with --plan steps or --plan response"
         )
     return MotorFit(
@@ -148,79 +144,11 @@ def fit_motor(runs: Sequence[Path], mass_kg: float | None = None) -> MotorFit:
     )
 
 
-class _Read(NamedTuple):
-    rig: Rig
-    points: ThrottlePoints
-    steps: tuple[StepResponse, ...]
-    zero_N2: Array
-    scale_sd: float
-    simulated: bool
-
-
-def _read(path: Path, number: int) -> _Read:
-    metadata = read_metadata(path)
-    rig = run_rig(path, metadata)
-    points = read_points(path)
-    parked = points.select(points.column("kind") == code_of("kind", "reference"))
-    if not len(parked):
-        raise FileFormatError(
-            str(path), "no point was measured without a plate; sweep with --plan steps"
-        )
-    scale = run_circumstances(path).scales.get("thrust_N")
-    steps: tuple[StepResponse, ...] = ()
-    if any((path / f"samples{suffix}").is_file() for suffix in (".csv", ".parquet")):
-        steps = step_responses(read_samples(path), rig)
-    scale_sd = 0.0 if scale is None else scale.sd
-    own = throttle_points(parked, rig, number)
-    far = _over_far(parked, rig)
-    own = replace(own, thrust_N=own.thrust_N / far, thrust_se_N=own.thrust_se_N / far)
-    zero_N2 = _zero_covariance(path, parked, rig)
-    return _Read(rig, own, steps, zero_N2, scale_sd, points.simulated)
-
-
-def _over_far(points: Recording, rig: Rig) -> Array:
-    """Return thrust over that without a plate (n,), eqs. (2) to (4) at the parked plate's distance.
-
-    1 where no distance is known: the plate is away.
-    """
-    z_m = points.column("plate_z_m")
-    model = load_model("quad_body_lift" if rig.n_discs > 1 else "single", rig).model
-    conditions = Conditions.of(
-        rig,
-        speed_rad_s=np.full((rig.n_rotors, len(points)), 100.0),
-        plate_z_m=np.where(np.isfinite(z_m), z_m, 1e3),
-        plate_x_m=np.zeros(len(points)),
-        plate_tilt_rad=np.zeros(len(points)),
-    )
-    far = conditions.out_of_ground_effect()
-    return np.asarray(model.thrust_N(conditions) / model.thrust_N(far), float)
-
-
-def _zero_covariance(path: Path, points: Recording, rig: Rig) -> Array:
-    """Return the covariance (n, n) of what the load cell's zero puts into a rotor's thrust: N2.
-
-    What the worst tare left is common to a run; from then on the zero wanders.
-    """
-    tared_N2 = 0.0
-    with suppress(FileFormatError):  # none is written
-        tares = read_points(path, ["tare"])
-        left = tares.column("thrust_N") ** 2 + tares.column("thrust_se_N") ** 2
-        tared_N2 = float(np.nanmax(left))
-    wander: Array = np.zeros((len(points), len(points)))
-    if "elapsed_s" in points:
-        since_s = np.nan_to_num(points.column("elapsed_s"))
-        wander = zero_covariance(since_s, zero_noise(points, rig))
-    pulses = [points.column(name) for name in speed_columns(points.names, "pwm")]
-    turning = np.maximum((np.array(pulses) > rig.propulsion.pwm_stop_us).sum(axis=0), 1)
-    return (wander + tared_N2) / np.outer(turning, turning)
-
-
 def _curves(
-    p: ThrottlePoints, rig: Rig, mass_kg: float, scale_sd: float, zero_N2: Array
+    p: ThrottlePoints, rig: Rig, mass_kg: float | None, scale_sd: float, zero_N2: Array
 ) -> list[Estimate]:
     """Return the constants of thrust and speed; nothing of speed where it was not measured."""
     found: list[Estimate] = []
-    hover_N = mass_kg * STANDARD_GRAVITY_M_S2 / rig.n_rotors
     exponent, exponent_sd, k = 1.0, 0.0, float("nan")
     if np.isfinite(p.speed_rad_s).all() and (p.speed_rad_s > 0.0).all():
         law = _thrust_law(p, scale_sd, zero_N2)
@@ -252,6 +180,9 @@ def _curves(
 
     found.append(derived("T_max", "N", full, (1.0, 1.0)))
     found.append(derived("expo", "1", square / full, (-square / full**2, linear / full**2)))
+    if mass_kg is None:
+        return found
+    hover_N = mass_kg * STANDARD_GRAVITY_M_S2 / rig.n_rotors
     if hover_N > full:
         raise InputError(
             f"{mass_kg:g} kg need {hover_N:.3g} N of each of {rig.n_rotors} rotors, which reach "

@@ -71,7 +71,7 @@ def throttle_points(points: Recording, rig: Rig, number: int) -> ThrottlePoints:
         pulse_us=level_us,
         way=_way(level_us),
         thrust_N=points.column("thrust_N") / turning,
-        thrust_se_N=points.column("thrust_se_N") / turning,
+        thrust_se_N=column_of(points, "thrust_se_N") / turning,
         speed_rad_s=speed,
         speed_se_rad_s=rad_s * np.sqrt((errors**2).sum(axis=0)) / turning,
         voltage_V=column_of(points, "voltage_V"),

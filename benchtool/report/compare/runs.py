@@ -18,18 +18,9 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.columns import code_of
-from benchtool.data.derived import (
-    QuantityValues,
-    derive,
-    recording_circumstances,
-    run_circumstances,
-)
-from benchtool.data.formats.formats import import_file, is_stand_table
-from benchtool.data.levels import levels_of
-from benchtool.data.repairs.imported import Options, import_facts
-from benchtool.data.run.facts import read_recording_facts
+from benchtool.data.derived import QuantityValues, derive, run_circumstances
+from benchtool.data.levels import levels_of, read_levels
 from benchtool.data.run.read import is_run, read_points, read_samples
-from benchtool.data.run.recording_file import FORMAT, beside, read_recording
 from benchtool.data.run.run import Run
 from benchtool.data.run.settings import aggregate, settings_quantities
 
@@ -110,21 +101,8 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
         chosen = parked if away else ~parked if over == "distance" else np.ones(len(rows), bool)
         run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=found)
         run = replace(_selected(run, chosen), away=away)
-    elif not beside(path).is_file() and path.is_file() and is_stand_table(path):
-        read = import_file(path)
-        facts = {**import_facts(read, Options()), "provenance": dict(read.recording.provenance)}
-        rows = levels_of(read.recording)
-        known = recording_circumstances(facts, str(path))
-        run = ComparedRun(name=path.stem, path=path, rows=rows, quantities=derive(rows, known))
-    elif not beside(path).is_file():
-        raise FileFormatError(
-            str(path),
-            "it is no run folder and no recording; name one, or make one with benchtool import",
-        )
     else:
-        facts = read_recording_facts(beside(path), FORMAT)
-        rows = levels_of(read_recording(path))
-        known = recording_circumstances(facts, str(beside(path)))
+        rows, known = read_levels(path)
         run = ComparedRun(name=path.stem, path=path, rows=rows, quantities=derive(rows, known))
     if run.values("thrust_N") is None:
         raise FileFormatError(str(path), "it holds no thrust, so there is nothing to compare")

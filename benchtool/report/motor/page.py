@@ -95,11 +95,11 @@ def motor_sentence(fit: MotorFit) -> str:
     """Say in a sentence or two what was found."""
     said = []
     if isfinite(fit.value("T_max")):
-        hover = 100.0 * fit.value("hover_throttle")
-        said.append(
-            f"a rotor gives {fit.value('T_max'):.3g} N at full throttle and carries its share of "
-            f"{fit.mass_kg:g} kg at {hover:.3g} %"
-        )
+        full = f"a rotor gives {fit.value('T_max'):.3g} N at full throttle"
+        if fit.mass_kg is not None:
+            hover = 100.0 * fit.value("hover_throttle")
+            full += f" and carries its share of {fit.mass_kg:g} kg at {hover:.3g} %"
+        said.append(full)
     if isfinite(fit.value("k")):
         k_rpm = fit.value("k") * (pi / 30.0) ** 2
         said.append(f"k is {fit.value('k'):.4g} N/(rad/s)² ({k_rpm:.4g} N/rpm²)")
