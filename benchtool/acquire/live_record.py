@@ -166,14 +166,12 @@ class _Live:
         setting = Setting(number, place, max(pulses_us), pulses_us)
         kind: Literal["measure", "reference"] = "reference" if place.parked else "measure"
         visit = Visit(self._number, kind, setting, self._visits[key])
-        point, averages = measure(
+        point, notes = measure(
             samples, visit, place.z_m, self.tared, self._calibration, self._rig.sensors,
             self._settled,
         )  # fmt: skip
-        for name, one in averages.items():
-            if text := one.rejection(name):
-                event = "suspect" if one.suspect else "outliers"
-                self._recorder.note(event, f"point {visit.point}: {text}", visit.point)
+        for event, text in notes:
+            self._recorder.note(event, text, visit.point)
         self._recorder.append_point(point)
         self._recorder.sync()
         self._progress.measured(point, 0.0)

@@ -5,13 +5,40 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import nan
 
+import numpy as np
+
 from benchtool.acquire.average import Average, average, quantum_of
 from benchtool.acquire.order import Visit
 from benchtool.acquire.tare import Tared
+from benchtool.core.array import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.points import Point, averaged_channels
+
+SLOWEST_BEAT = 1.0
+"""Cycles of a vibration in the samples of a point, below which it is not told from thrust; a
+choice: a mean over one whole cycle holds nothing of it."""
+
+
+def aliased(rpm: float, time_s: Array) -> str:
+    """Return that a rotor's vibration reads as thrust in samples at these times, "" where not.
+
+    A vibration at the shaft's frequency that lies at a multiple of the sampling rate is the same in
+    every sample: their scatter does not show it, and their mean is off by up to its amplitude.
+    """
+    span_s = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
+    if not (span_s > 0.0 and rpm > 0.0):
+        return ""
+    rate_Hz, turns_Hz = (len(time_s) - 1) / span_s, rpm / 60.0
+    multiple = round(turns_Hz / rate_Hz)
+    if not multiple or abs(turns_Hz - multiple * rate_Hz) * span_s >= SLOWEST_BEAT:
+        return ""
+    times = "" if multiple == 1 else f"{multiple} times "
+    return (
+        f"turned at {turns_Hz:.1f} Hz, {times}the {rate_Hz:.1f} Hz of the load cell's samples: its "
+        f"vibration reads as thrust there; measure at a pulse beside this one"
+    )
 
 
 def measure(
@@ -23,8 +50,8 @@ def measure(
     sensors: Mapping[str, Sensor],
     settled: bool,
     now_s: float = nan,
-) -> tuple[Point, dict[str, Average]]:
-    """Return the point that a visit's samples make, and the average of every channel in it.
+) -> tuple[Point, list[tuple[str, str]]]:
+    """Return the point that a visit's samples make, and events about it by kind and text.
 
     Args:
         reached_m: plate distance that the stage reported; used where the stream has none.
@@ -47,6 +74,17 @@ def measure(
 
     thrust = found["thrust_N"]
     speeds = [found.get(f"rpm{rotor + 1}", none) for rotor in range(n_rotors)]
+    thrust_s = times_s[np.isfinite(columns["thrust_N"])]
+    shakes = [
+        f"rotor {number} {text}"
+        for number, speed in enumerate(speeds, 1)
+        if (text := aliased(speed.mean, thrust_s))
+    ]
+    notes = [("suspect", f"point {visit.point}: {text}") for text in shakes]
+    for name, own in found.items():
+        if text := own.rejection(name):
+            kind = "suspect" if own.suspect else "outliers"
+            notes.append((kind, f"point {visit.point}: {text}"))
     point = Point(
         point=visit.point,
         kind=visit.kind,
@@ -72,9 +110,9 @@ def measure(
         temperature_degC=mean_of("temperature_degC"),
         settled=settled,
         rejected={name: own.n_rejected for name, own in found.items()},
-        suspect=any(own.suspect for own in found.values()),
+        suspect=any(kind == "suspect" for kind, _ in notes),
         voltage_se_V=found.get("voltage_V", none).se,
         current_se_A=found.get("current_A", none).se,
         torque_se_Nm=found.get("torque_Nm", none).se,
     )
-    return point, found
+    return point, notes

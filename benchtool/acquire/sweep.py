@@ -218,7 +218,7 @@ class _Sweep:
             self.recorder.note(
                 problem[0], f"point {visit.point}: {problem[1]}; {then}", visit.point
             )
-        point, averages = measure(
+        point, notes = measure(
             samples,
             visit,
             self._reached_m,
@@ -231,10 +231,8 @@ class _Sweep:
         if problem is not None:
             self._failed += 1
             return replace(point, kind="failed", settled=False)
-        for name, average in averages.items():
-            if text := average.rejection(name):
-                event = "suspect" if average.suspect else "outliers"
-                self.recorder.note(event, f"point {visit.point}: {text}", visit.point)
+        for event, text in notes:
+            self.recorder.note(event, text, visit.point)
         self._shown = _last_values(samples, checks.rates_Hz)
         more_m = self.stage.measures_to_m
         # Without a stage no place is known that the plate could leave.
@@ -359,7 +357,7 @@ class _Sweep:
             quality.samples,
             quality.lost,
         )
-        suspect = f", {self._suspect} of them suspect (outliers)" if self._suspect else ""
+        suspect = f", {self._suspect} of them suspect" if self._suspect else ""
         return summary, f"all is measured: {counted(summary.measured, 'visit')}{suspect}"
 
 

@@ -230,7 +230,7 @@ def _suspect(paths: Sequence[str], parts: Sequence[Recording]) -> Iterator[str]:
         if "suspect" in part and (count := int(np.nansum(part.column("suspect")))):
             yield (
                 f"{path}: {counted(count, 'point')} suspect: too many samples lie apart to be "
-                f"outliers, and all are in the means; see the run's events"
+                f"outliers, or a rotor's vibration reads as thrust; see the run's events"
             )
 
 

@@ -190,6 +190,11 @@ def _of_run(path: Path, number: int) -> MotorData:
         raise FileFormatError(
             str(path), "no point was measured without a plate; sweep with --plan steps"
         )
+    suspect = (
+        parked.column("suspect") == 1.0 if "suspect" in parked else np.zeros(len(parked), bool)
+    )
+    if suspect.sum() < 0.5 * len(parked):
+        parked = parked.select(~suspect)
     scale = run_circumstances(path).scales.get("thrust_N")
     steps: tuple[StepResponse, ...] = ()
     if any((path / f"samples{suffix}").is_file() for suffix in (".csv", ".parquet")):

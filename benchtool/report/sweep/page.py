@@ -156,8 +156,8 @@ def _outliers(run: SweepRun) -> Iterator[str]:
         yield f"{counted(total, 'outlier')} left out of the means: {listed}."
     if "suspect" in run.points and (count := int(run.points.column("suspect").sum())):
         yield (
-            f"{counted(count, 'point')} suspect: too many samples lie apart to be outliers, and "
-            f"none was left out."
+            f"{counted(count, 'point')} suspect: too many samples lie apart to be outliers, or a "
+            f"rotor's vibration reads as thrust; the events below say which."
         )
 
 

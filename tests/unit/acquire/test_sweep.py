@@ -405,7 +405,7 @@ def test_a_rotor_that_hunts_marks_its_points(tmp_path: Path) -> None:
     np.testing.assert_allclose(points.column("rpm1"), 3960.0, atol=2.0)
     assert "none is left out and the point is marked as suspect" in events_of(run, "suspect")[0]
     ended = read_events(run.path / "events.jsonl")[-1]
-    assert ended.text.endswith(f"{summary.measured} of them suspect (outliers)")
+    assert ended.text.endswith(f"{summary.measured} of them suspect")
 
 
 def test_a_speed_that_freezes_is_found_within_its_visit_and_measured_again(tmp_path: Path) -> None:
