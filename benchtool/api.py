@@ -265,7 +265,8 @@ def export(
         to: "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c", or "all".
         out: new file, or for "all" new folder; named after the rig when left out.
         motor: runs without a plate or logs, whose motor constants go before the rig's.
-        propeller, rig: of logs, as `motor` takes them.
+        propeller: of logs, as `motor` takes it.
+        rig: of logs, likewise.
         permit: called with a model's own Python before it is run; refused when left out.
 
     Returns:

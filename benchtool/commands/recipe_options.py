@@ -10,6 +10,7 @@ from annotated_types import Gt, Le
 
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
+from benchtool.data.atomic import data_hash
 from benchtool.fit.recipe import Recipe
 
 
@@ -33,6 +34,8 @@ def recipe_given(given: dict[str, Any], command: str) -> Recipe:
     if "model" not in given:
         from benchtool.physics.model_file import model_names
 
+        for path in given.get("data", ()):
+            data_hash(path)  # what is no file is reported as that
         raise InputError(f"which model? give --model with one of: {', '.join(model_names())}")
     data = tuple(given["data"])
     return Recipe(name=Path(data[0]).stem, data=data, model=given["model"])

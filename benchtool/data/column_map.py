@@ -188,8 +188,8 @@ NAMES: dict[str, str] = {
 """Names that people give to columns, in small letters, and the channel that they mean."""
 
 IN_RADII: dict[str, float] = {
-    **dict.fromkeys(("z_over_r", "z/r", "h/r", "h_over_r"), 1.0),
-    **dict.fromkeys(("z_over_d", "z/d", "h/d", "h_over_d"), 2.0),
+    **dict.fromkeys(("z_over_r", "z/r", "z_r", "h/r", "h_r", "h_over_r"), 1.0),
+    **dict.fromkeys(("z_over_d", "z/d", "z_d", "h/d", "h_d", "h_over_d"), 2.0),
 }
 """Names of distances that are counted in rotor radii, in small letters, and how many one is."""
 

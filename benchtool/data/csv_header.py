@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from benchtool.core.counted import counted
 from benchtool.data.repairs.foreign_units import head_of, is_unit
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -101,7 +102,7 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
         repairs.append(("header", words))
         many -= 1
     if many:
-        repairs.append(("comments", f"{many} lines of comments were left out"))
+        repairs.append(("comments", f"{counted(many, 'line')} of comments left out"))
     return data
 
 

@@ -205,7 +205,7 @@ def _show(path: str, choice: ColumnChoice, where: tuple[str, ...]) -> None:
             shown = f"{int(np.sum(values == values.max()))} rows with {source.reference!r}"
         else:
             shown = first_values(values)
-        rows.append((channel.name, theirs.replace("[", r"\["), channel.unit, shown))
+        rows.append((channel.name, theirs, channel.unit, shown))
     head = ("channel", "column", "unit", "first values, in that unit")
     print_table(console, Table(f"{path}: {len(recording)} rows", head, rows, text_columns=4))
     repairs = [text for text in recording.provenance["repairs"].split("; ") if text]

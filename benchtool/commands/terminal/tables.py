@@ -6,9 +6,9 @@ from typing import Literal
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn
 from rich.table import Table
+from rich.text import Text
 
 from benchtool.report import page
 
@@ -35,12 +35,12 @@ class Output(Console):
 
 def print_table(console: Console, shown: page.Table) -> None:
     """Print a table of the report on a terminal."""
-    table = Table(title=escape(shown.caption), title_justify="left", box=SIMPLE_HEAD)
+    table = Table(title=Text(shown.caption), title_justify="left", box=SIMPLE_HEAD)
     for position, head in enumerate(shown.header):
         justify: Literal["left", "right"] = "left" if position < shown.text_columns else "right"
-        table.add_column(escape(head), justify=justify, overflow="fold")
+        table.add_column(Text(head), justify=justify, overflow="fold")
     for row in shown.rows:
-        table.add_row(*map(escape, row))
+        table.add_row(*map(Text, row))
     console.print(table)
 
 

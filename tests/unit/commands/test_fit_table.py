@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.unit.commands.command_line import said
+from tests.unit.commands.command_line import run, said
 from tests.unit.commands.test_rig_new import Terminal
 
 RADIUS_M = 0.127
@@ -154,3 +154,19 @@ def test_published_tables_are_fitted_without_a_map(capsys: Capsys, reference_dat
     # T = C_T rho n^2 D^4 at C_T 0.15, between its 0.141 and 0.161.
     k = 0.1575 * 1.225 * 0.254**4 / (2.0 * np.pi) ** 2
     assert result("uiuc")["k"]["value"] == pytest.approx(k, rel=0.03)
+
+
+def test_units_in_brackets_are_shown_as_they_stand(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = ["# stand 3", "z_R;Schub [gf]"]
+    lines += [f"{z:g};{100.0 / (1.0 - (0.25 / z) ** 2):.2f}" for z in (0.6, 0.8, 1.0, 1.5, 2, 4)]
+    Path("a.csv").write_text("\n".join(lines).replace(".", ",") + "\n", encoding="utf-8")
+    assert run("fit", "a.csv", "--radius", "0.127") == 0
+    out = capsys.readouterr().out
+    assert "Schub [gf]" in out
+    assert "\\[" not in out
+    assert "1 line of comments left out" in out
+    assert run("fit", "nothing.csv") == 2
+    assert "nothing.csv: neither a file nor a run folder" in capsys.readouterr().err
