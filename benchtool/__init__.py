@@ -1,8 +1,9 @@
 """Drive rotor test benches near surfaces and fit ground-effect models to what they measure.
 
 `import benchtool as bt` gives what the commands do as functions: `bt.read`, `bt.sweep`, `bt.fit`,
-`bt.motor`, `bt.explain`, `bt.export`, `bt.simulate_pitch`, `bt.simulate_flight`, with `bt.Model`,
-`bt.Rig` and `bt.Effect`. Nothing is loaded before it is used; `benchtool.api` holds them.
+`bt.pool`, `bt.motor`, `bt.explain`, `bt.export`, `bt.simulate_pitch`, `bt.simulate_flight`, with
+`bt.Model`, `bt.Rig` and `bt.Effect`. Nothing is loaded before it is used; `benchtool.api` holds
+them.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ from typing import Any
 __version__ = "0.1.0"
 __all__ = [
     "Effect", "Model", "Result", "Rig", "__version__", "compare", "explain", "export", "fit",
-    "load_model", "load_rig", "motor", "read", "runs", "simulate_flight", "simulate_pitch", "sweep",
+    "load_model", "load_rig", "motor", "pool", "read", "runs", "simulate_flight", "simulate_pitch",
+    "sweep",
 ]  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from benchtool.api import explain as explain
 from benchtool.api import fit as fit
 from benchtool.api import load_model as load_model
 from benchtool.api import load_rig as load_rig
+from benchtool.api import pool as pool
 from benchtool.api import read as read
 from benchtool.api import runs as runs
 from benchtool.api import simulate_flight as simulate_flight

@@ -35,6 +35,7 @@ from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model as _load_model
 from benchtool.report.answer.folder import refuse_taken, write_json
 from benchtool.report.compare import page as comparing
+from benchtool.report.compare.pooled_fits import PooledFits
 from benchtool.report.compare.runs import Over
 from benchtool.report.flight.pitch_study import PitchStudy
 from benchtool.report.motor.page import MOTOR, motor_lines
@@ -44,7 +45,7 @@ from benchtool.report.report_file import kind_of
 from benchtool.report.result import Data, Found, Result, estimate_row, paths_of
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
-from benchtool.results import explain_result, fit_result, flight_result, pitch_result
+from benchtool.results import explain_result, fit_result, flight_result, pitch_result, pool_result
 from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.flight.study import Flown
 from benchtool.simulate.own_controller import Controllers
@@ -55,7 +56,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Effect", "Model", "Result", "Rig", "compare", "explain", "export", "fit", "load_model",
-    "load_rig", "motor", "read", "runs", "simulate_flight", "simulate_pitch", "sweep",
+    "load_rig", "motor", "pool", "read", "runs", "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 
@@ -215,6 +216,30 @@ def fit(
     base = Recipe(name=Path(paths[0]).stem, data=paths, model=str(model))
     inputs = make(FitInputs, options, base=FitInputs(recipe=base))
     return _saved(fit_result(inputs, permit=permit), inputs.out)
+
+
+def pool(
+    fits: Data | Sequence[Data],
+    *,
+    of: Sequence[str] = (),
+    shared: Sequence[str] = (),
+    seed: int = 1,
+) -> Result[PooledFits]:
+    """Pool fits of several rigs, as `benchtool pool` does: mean, spread, and which rigs differ.
+
+    Tables: `rigs` and `differences`. Draws of the posterior are in `result.found.pooled`.
+
+    Args:
+        fits: folders of `benchtool fit --out`, one of each rig.
+        of: parameters that may differ; those without a unit when left out.
+        shared: parameters that are the same in all rigs.
+        seed: of everything random.
+
+    Raises:
+        InputError: fewer than two fits, fits without an answer, or fits that share data.
+        NotConverged: the chains do not agree.
+    """
+    return pool_result([Path(path) for path in paths_of(fits)], of, shared, seed)
 
 
 def compare(

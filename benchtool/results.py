@@ -12,7 +12,7 @@ from pathlib import Path
 from time import monotonic
 
 from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.data.columns import frame
+from benchtool.data.columns import frame, frame_of_rows
 from benchtool.explain.answer import Answer, Request, answer_request, read_request
 from benchtool.explain.engine.judgement import Progress
 from benchtool.explain.engine.verdict import SURE
@@ -21,6 +21,8 @@ from benchtool.fit.recipe import FitInputs
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.answer.folder import PAGE, write_folder
 from benchtool.report.answer.page import ANSWER
+from benchtool.report.compare import pooled as pooling
+from benchtool.report.compare.pooled_fits import PooledFits, pool_fits
 from benchtool.report.fit.page import FIT, refuse_full, sentence, write_fit
 from benchtool.report.flight import flight as flight_report
 from benchtool.report.flight import pitch_study as pitch_report
@@ -74,6 +76,22 @@ def fit_result(
         _summary=sentence,
         _tables={"estimates": estimates_frame, "points": lambda one: frame(one.data.points)},
         _write=lambda folder, one, commands: [write_fit(folder, one, commands)],
+    )
+
+
+def pool_result(
+    folders: Sequence[Path], of: Sequence[str] = (), shared: Sequence[str] = (), seed: int = 1
+) -> Result[PooledFits]:
+    """Pool fits of several rigs, as `pool_fits` takes them. Tables: `rigs` and `differences`."""
+    return Result(
+        found=pool_fits(folders, of, shared, seed=seed),
+        _page=pooling.POOL,
+        _summary=pooling.summary,
+        _tables={
+            "rigs": lambda one: frame_of_rows(pooling.rigs_rows(one)),
+            "differences": lambda one: frame_of_rows(pooling.differences_rows(one)),
+        },
+        _write=pooling.write_pool,
     )
 
 

@@ -129,11 +129,14 @@ class TaskStore:
 
     def __exit__(self, *_: object) -> None:
         self._file.close()
-        if not self._places:  # nothing was done: nothing is left behind
+        if not len(self):  # nothing was done: nothing is left behind
             self.path.unlink(missing_ok=True)
             if self._made_folder:
                 with suppress(OSError):
                     self.path.parent.rmdir()
+
+    def __len__(self) -> int:
+        return len(self._places)
 
     def __contains__(self, task: str) -> bool:
         return task in self._places

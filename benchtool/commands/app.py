@@ -54,6 +54,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "recalibrate": ("runs:recalibrate_run", "Apply a calibration to a run, its raw data untouched"),
     "import": ("import_file:import_", "Import flight logs and other makers' files, repairs listed"),
     "fit": ("fit:fit", "Fit a ground-effect model to run folders or any CSV"),
+    "pool": ("pool:pool", "Pool fits of rigs: mean, spread, and which rigs differ"),
     "motor": ("motor:motor", "Fit thrust curve and motor constants to tests without a plate"),
     "export": ("export:export", "Write a fitted model for simulators, autopilots and firmware"),
     "plan": ("plan:plan", "Find visits and better inputs for a target uncertainty"),

@@ -128,6 +128,7 @@ def _fit_and_report(out: Path, runs: dict[str, Path], commands: list[str]) -> No
     from benchtool.commands.terminal.show_fit import print_fit, working
     from benchtool.report.fit.demo import STORY, fit_both, verdict
     from benchtool.report.fit.page import write_fit
+    from benchtool.report.fit.stored_fit import stored
     from benchtool.report.html import write_report
 
     both = "--method least_squares --method emcee"
@@ -137,7 +138,7 @@ def _fit_and_report(out: Path, runs: dict[str, Path], commands: list[str]) -> No
     ]
     with working() as show:
         story = fit_both(runs, show)
-    print_fit(story.eq4)
+    print_fit(stored(story.eq4))
     _say(4, "write the report")
     for name, output in (("single", story.single), ("quad", story.eq4)):
         write_fit(out / "fits" / name, output, commands)

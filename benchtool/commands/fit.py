@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
 from benchtool.commands.declared import declared
 from benchtool.commands.recipe_options import TableInputs, recipe_given
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.core.inputs import items
-from benchtool.core.own_code import refuse_code
-from benchtool.fit.recipe import FitInputs
-
-if TYPE_CHECKING:
-    from benchtool.fit.run_recipe import FitOutput
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import Input, items
+from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.fit.recipe import FitInputs, Recipe
+from benchtool.tasks import Cluster
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +28,14 @@ class FitWords(FitInputs):
     """
 
     table: TableInputs = field(default_factory=TableInputs)
+    each: Annotated[
+        bool,
+        Input(
+            "Fit each DATA by itself, side by side; --out holds a folder of each.",
+            group="Several runs",
+        ),
+    ] = False
+    cluster: Cluster = None
     one_by_one: tuple[str, ...] = ()
 
 
@@ -45,42 +54,101 @@ def _completed(given: dict[str, Any]) -> FitWords:
 @declared(FitWords, _completed)
 def fit(inputs: FitWords) -> None:
     """Fit a ground-effect model to run folders or any CSV."""
-    from benchtool.commands.terminal.show_fit import print_runs
-    from benchtool.fit.diagnose import refusal
-    from benchtool.report.fit.page import refuse_full
-
-    if inputs.out is not None:
-        refuse_full(inputs.out)
-    if not inputs.one_by_one:
-        problems = [refusal(_fitted(inputs).results)]
-    else:
-        outputs: dict[str, FitOutput] = {}
-        for only in inputs.one_by_one:
-            name = only.partition("=")[2]
-            print(f"\n{only}")
-            recipe = replace(inputs.recipe, name=name, where=(*inputs.recipe.where, only))
-            out = None if inputs.out is None else inputs.out / Path(name).name
-            outputs[name] = _fitted(replace(inputs, recipe=recipe, out=out))
-        print_runs(outputs)
-        problems = [refusal(one.results) for one in outputs.values()]
-    for problem in filter(None, problems):
-        raise problem
-
-
-def _fitted(inputs: FitWords) -> FitOutput:
-    """Return one fit, printed and written."""
     import sys
 
     from benchtool.commands.terminal.show_fit import print_fit, working
+    from benchtool.fit.diagnose import refusal
+    from benchtool.report.fit.stored_fit import stored
     from benchtool.results import fit_result
 
-    permit = announce_code if inputs.folder is None else refuse_code
+    command = shlex.join(["benchtool", *sys.argv[1:]])
+    if inputs.each or inputs.one_by_one:
+        _fit_each(inputs, command)
+        return
+    if inputs.cluster is not None:
+        raise InputError("--cluster is for several fits; add --each, or leave it out")
     with working() as report:
-        result = fit_result(inputs, report, permit)
-    print_fit(result.found)
+        result = fit_result(inputs, report, _permit(inputs))
+    print_fit(stored(result.found))
     if inputs.out is not None:
-        (page,) = result.save(inputs.out, [shlex.join(["benchtool", *sys.argv[1:]])])
+        (page,) = result.save(inputs.out, [command])
         has_model = (inputs.out / "model.toml").is_file()
         model = "model.toml" if has_model else "no model (there is no answer)"
         print(f"written: {page} and, beside it, result.json, {model} and the figures")
-    return result.found
+    if problem := refusal(result.found.results):
+        raise problem
+
+
+def _permit(inputs: FitInputs) -> CodePermit:
+    return announce_code if inputs.folder is None else refuse_code
+
+
+def _fit_each(inputs: FitWords, command: str) -> None:
+    """Fit several runs, each by itself; print and write them."""
+    from benchtool.commands.terminal.each import each_by_name, outcome, raise_first, run_each
+    from benchtool.commands.terminal.show_fit import print_fit, print_runs
+    from benchtool.fit.diagnose import refusal
+    from benchtool.fit.fit_data import recipe_model
+    from benchtool.report.fit.stored_fit import stored_from
+
+    recipe = inputs.recipe
+    if inputs.one_by_one:
+        recipes = {
+            Path(value).name: replace(recipe, name=value, where=(*recipe.where, only))
+            for only in inputs.one_by_one
+            for value in [only.partition("=")[2]]
+        }
+    else:
+        recipes = {
+            name: replace(recipe, name=name, data=(data,))
+            for name, data in each_by_name(recipe.data).items()
+        }
+    own = recipe_model(next(iter(recipes.values())), _permit(inputs)).effects_file
+    if own and inputs.cluster is not None:
+        raise InputError(
+            f"the model has Python of its own, {own}, which is not run on a cluster; leave "
+            f"--cluster out"
+        )
+    plain = FitInputs(
+        folder=inputs.folder, recipe=recipe, profile=inputs.profile, budget=inputs.budget
+    )
+    found = run_each(
+        partial(outcome, partial(_fit_one, plain, inputs.out, (command,))),
+        recipes,
+        out=inputs.out,
+        about={"fit": str(plain)},
+        cluster=inputs.cluster,
+        processes=0 if inputs.one_by_one else None,
+    )
+    fits = {name: stored_from(one["result"], name) for name, one in found.items() if one["result"]}
+    for name, one in fits.items() if inputs.one_by_one else ():
+        print(f"\n{name}")
+        print_fit(one)
+    if fits:
+        print_runs(fits)
+    if inputs.out is not None:
+        folders = [str(inputs.out / name) for name in fits]
+        print(f"written: {inputs.out}, with a folder of each")
+        if len(folders) > 1 and not inputs.one_by_one:
+            print(f"do they differ? {shlex.join(['benchtool', 'pool', *folders])}")
+    raise_first(found)
+    for problem in filter(None, (refusal(one.results) for one in fits.values())):
+        raise problem
+
+
+def _fit_one(
+    inputs: FitInputs, out: Path | None, commands: Sequence[str], recipe: Recipe
+) -> dict[str, Any]:
+    """Return one fit as result.json has it, its folder written; called in a process of its own.
+
+    Python of a model was announced before.
+    """
+    from benchtool.commands.terminal.each import written_once
+    from benchtool.fit.result_file import result_tables
+    from benchtool.results import fit_result
+
+    permit: CodePermit = (lambda file: None) if inputs.folder is None else refuse_code
+    result = fit_result(replace(inputs, recipe=recipe), permit=permit)
+    folder = None if out is None else out / Path(recipe.name).name
+    written_once(folder, lambda part: result.save(part, commands))
+    return result_tables(result.found)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from math import isfinite
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from benchtool.core.errors import FileFormatError
+from benchtool.core.errors import FileFormatError, WouldOverwrite
 from benchtool.core.parsed_text import parse_json
 from benchtool.core.user_file import MOST_FACTS_BYTES, open_file, read_text
 
@@ -92,6 +93,31 @@ def sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def partial_folder(out: Path) -> Path:
+    """Return the hidden name under which a folder is written; a list of runs does not show it."""
+    return out.with_name(f".{out.name}.part")
+
+
+@contextmanager
+def written_whole(out: Path) -> Iterator[Path]:
+    """Give the hidden name of a folder, empty; moved to `out` at the end of the block."""
+    part = partial_folder(out)
+    shutil.rmtree(part, ignore_errors=True)
+    yield part
+    complete_folder(out, out)
+
+
+def complete_folder(begun_for: Path, out: Path) -> None:
+    """Move the complete folder from its hidden name to `out`.
+
+    Raises:
+        WouldOverwrite: something of that name exists.
+    """
+    if out.exists():
+        raise WouldOverwrite(str(out))
+    partial_folder(begun_for).rename(out)
 
 
 DATA_FILES: tuple[str, ...] = ("points.csv", "samples.csv")

@@ -79,7 +79,7 @@ def fit_ensemble(
         start = start_walkers(problem, near, probability, ENSEMBLES, walkers, rng)
         moves = [(IslandDifference(ENSEMBLES), 0.5), (about_least_squares(problem, near), 0.5)]
         sampler = sampler_of(probability, start, moves, int(rng.integers(2**32)))
-        chains, verdict = _run(sampler, start, walkers, max_steps, progress)
+        chains, verdict = sample_until_agreed(sampler, start, walkers, max_steps, progress)
     return _result(problem, near, sampler, chains, verdict, walkers, seed, max_steps)
 
 
@@ -103,9 +103,10 @@ def advance(
     return state
 
 
-def _run(
+def sample_until_agreed(
     sampler: Any, start: Array, walkers: int, max_steps: int, progress: Progress
 ) -> tuple[Array, Convergence]:
+    """Return chains (steps, ensembles, walkers, n) of agreement, or of the most steps, judged."""
     done, target = 0, min(FIRST_STEPS, max_steps)
     state: Any = start
     while True:

@@ -14,17 +14,18 @@ import shutil
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
-from benchtool.core.errors import BenchtoolError, RunStopped, WouldOverwrite
+from benchtool.core.errors import BenchtoolError, RunStopped
+from benchtool.data.atomic import partial_folder
 from benchtool.tasks import end_with_parent
 
 T = TypeVar("T")
@@ -192,31 +193,6 @@ class Job(Generic[T]):
                 return False
             self._state = replace(self._state, **changes)
             return True
-
-
-def partial_folder(out: Path) -> Path:
-    """Return the hidden name under which a folder is written; a list of runs does not show it."""
-    return out.with_name(f".{out.name}.part")
-
-
-@contextmanager
-def written_whole(out: Path) -> Iterator[Path]:
-    """Give the hidden name of a folder, empty; moved to `out` at the end of the block."""
-    part = partial_folder(out)
-    shutil.rmtree(part, ignore_errors=True)
-    yield part
-    complete_folder(out, out)
-
-
-def complete_folder(begun_for: Path, out: Path) -> None:
-    """Move the complete folder from its hidden name to `out`.
-
-    Raises:
-        WouldOverwrite: something of that name exists.
-    """
-    if out.exists():
-        raise WouldOverwrite(str(out))
-    partial_folder(begun_for).rename(out)
 
 
 def fault_sentence(error: Exception) -> str:

@@ -23,10 +23,12 @@ from benchtool.explain.pitch.replay_track import pitch_track
 from benchtool.explain.pitch.replayed import Beside, Replay
 from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.fit.motor.constants import MotorFit, fit_motor
+from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.physics.wake_picture import Hover
 from benchtool.report.compare.page import compared
+from benchtool.report.compare.pooled_fits import PooledFits
 from benchtool.report.fit.demo import Story
 from benchtool.report.flight.campaign import CampaignMap, CampaignPanel
 from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
@@ -170,6 +172,25 @@ def motor() -> MotorFit:
         return fit_motor([swept(name, 1, Path(folder) / name) for name in ("steps", "response")])
 
 
+@cache
+def pooled_fits() -> PooledFits:
+    """Pool three rigs made up, one parameter shared."""
+    rigs = [
+        RigValues(
+            name=f"bench {n}",
+            names=("body_lift.K_b", "R_over_rotor_radius"),
+            values=np.array([1.9 + 0.05 * n, 1.0 + 0.05 * n]),
+            covariance=np.array([[4e-4, -5e-5], [-5e-5, 1e-4]]),
+        )
+        for n in range(3)
+    ]
+    names = rigs[0].names
+    return PooledFits(
+        pooled=pool_rigs(rigs, names, names[:1]), units=dict.fromkeys(names, "1"),
+        basis="joint", simulated=True, seed=1, hashes={},
+    )  # fmt: skip
+
+
 class Flights:
     """Fly the same second, whatever is asked for."""
 
@@ -191,6 +212,7 @@ def with_law() -> Answer:
 
 SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {
     "compare": lambda: [compared([ROOT / "datasets" / "quad" / "run"], thrust_N=20.0)],
+    "compare.pooled": lambda: [pooled_fits()],
     "answer": lambda: [answer(), answer("several"), answer("unknown"), with_law()],
     "fit": lambda: [sampled_fit(), fit("partial_area")],
     "fit.demo": lambda: [Story(fit("single_rotor"), fit("quad"), fit("quad"))],

@@ -178,6 +178,11 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("", "Missing option '--out'"),
     ],
     "ports": [("--baud 0", "--baud is 0, allowed is 1 to 100,000,000")],
+    "pool": [
+        ("", "0 fits given; pooling needs folders of 2 or more fits"),
+        ("a b --seed -1", "--seed is -1, allowed is 0 or more"),
+        ("nowhere elsewhere", "nowhere holds no fit; name folders of benchtool fit --out"),
+    ],
     "motor": [
         ("steps --mass-kg 0", "--mass-kg is 0 kg, allowed is above 0, at most 1,000 kg"),
         ("", "nothing is given; name runs without a plate, or logs of a stand"),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -24,11 +26,18 @@ LEVELS_RPM = (4200.0, 5400.0)
 DISTANCES_M = (0.075, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.2)
 
 
-def budget_sweep(seed: int, path: Path) -> dict[str, float]:
+def budget_sweep(
+    seed: int, path: Path, fixed: Mapping[str, float] = MappingProxyType({})
+) -> dict[str, float]:
     """Write a table of points of a drawn quadrotor and return what it was made with.
 
     k, R and K_b are drawn evenly; what `quad_bench` has priors for from those; what it lacks evenly
     within its tolerance; each law of thrust is off by its own standard error.
+
+    Args:
+        seed: of everything that is drawn.
+        path: of the table.
+        fixed: true values in place of drawn ones.
     """
     rng = np.random.default_rng([20261123, seed])
     model = load_model("quad_bench").model
@@ -47,6 +56,7 @@ def budget_sweep(seed: int, path: Path) -> dict[str, float]:
         model = model.with_effect(effect, **values)
         for own, half in default_tolerances(effect, model.rig, "sweep").items():
             truth[f"{name}.{own}"] = rng.uniform(-half, half)
+    truth |= fixed
     recording = _visits(rng)
     conditions = Conditions.from_recording(recording, model.rig)
     thrust_N = _thrust(model, conditions, truth)

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from rich.progress import TextColumn, TimeRemainingColumn
 
 from benchtool.commands.terminal.tables import Output, print_table, progress_bar
-from benchtool.fit.run_recipe import FitOutput
-from benchtool.report.fit.stored_fit import stored
+from benchtool.report.fit.stored_fit import StoredFit
+from benchtool.report.fit.tables import wanted_rank
 from benchtool.report.page import Paragraph, Table, Warnings
 
 WIDEST = 5
@@ -29,10 +29,10 @@ def working() -> Iterator[Callable[[str, int, int], None]]:
         yield report
 
 
-def print_fit(output: FitOutput) -> None:
+def print_fit(fit: StoredFit) -> None:
     """Print what a fit found."""
     console = Output()
-    for block in stored(output).blocks:
+    for block in fit.blocks:
         if isinstance(block, Table):
             print_table(console, block.narrowed(range(min(WIDEST, len(block.header)))))
         elif isinstance(block, Warnings):
@@ -41,13 +41,15 @@ def print_fit(output: FitOutput) -> None:
             console.say(block.text)
 
 
-def print_runs(outputs: Mapping[str, FitOutput]) -> None:
-    """Print the fits of several runs of one table beside each other."""
-    first = next(iter(outputs.values())).results[0]
-    names = [item.name for item in (*first.estimates, *first.derived)][: WIDEST - 2]
+def print_runs(fits: Mapping[str, StoredFit]) -> None:
+    """Print the fits of several runs beside each other."""
+    first = next(iter(fits.values())).results[0]
+    names = [item.name for item in (*first.estimates, *first.derived)]
+    names.sort(key=lambda name: (wanted_rank(name), name.startswith("noise.")))
+    names = names[: WIDEST - 2]
     rows = []
-    for run, output in outputs.items():
-        result = output.results[0]
+    for run, fit in fits.items():
+        result = fit.results[0]
         known = {item.name: item for item in (*result.estimates, *result.derived)}
         values = [
             f"{known[name].value:.4g} ± {known[name].sd:.2g}" if name in known else "–"

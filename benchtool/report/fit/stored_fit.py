@@ -83,7 +83,7 @@ class StoredFit:
 
 def stored(output: FitOutput) -> StoredFit:
     """Return a fit as its folder would store it."""
-    return _from_tables(result_tables(output), FIT_FILE)
+    return stored_from(result_tables(output), FIT_FILE)
 
 
 def read_stored(folder: Path) -> StoredFit:
@@ -92,7 +92,7 @@ def read_stored(folder: Path) -> StoredFit:
     Raises:
         FileFormatError: a result.json that does not say what it must.
     """
-    return _from_tables(read_result(folder), str(folder / FIT_FILE))
+    return stored_from(read_result(folder), str(folder / FIT_FILE))
 
 
 def figure_files(folder: Path) -> dict[str, Path]:
@@ -101,7 +101,8 @@ def figure_files(folder: Path) -> dict[str, Path]:
     return {name: path for name, path in files.items() if path.is_file()}
 
 
-def _from_tables(tables: Mapping[str, Any], where: str) -> StoredFit:
+def stored_from(tables: Mapping[str, Any], where: str) -> StoredFit:
+    """Return the fit that the contents of a result.json state; `where` they stand, in words."""
     try:
         points = tables["points"]
         shared: dict[str, Any] = {"model": str(tables["model"]), "basis": str(tables["basis"])}

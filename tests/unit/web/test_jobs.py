@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
+from benchtool.data.atomic import complete_folder, partial_folder
 from benchtool.web.context import ServerState
-from benchtool.web.jobs import NICENESS, Job, WorkerProcess, complete_folder, partial_folder
+from benchtool.web.jobs import NICENESS, Job, WorkerProcess
 from tests.unit.web import job_functions
 
 LONG_S = 60.0

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchtool.core.errors import InputError
+from benchtool.data.atomic import complete_folder, partial_folder
 from benchtool.explain.inputs import ExplainInputs
-from benchtool.web.jobs import Job, PageSection, ReportProgress, complete_folder, partial_folder
+from benchtool.web.jobs import Job, PageSection, ReportProgress
 
 DRAWN_FROM = 0.85
 """Share of the whole at which an answer is there and its figures are drawn; a guess."""

@@ -10,14 +10,14 @@ import numpy as np
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError
-from benchtool.data.atomic import replace_text
+from benchtool.data.atomic import replace_text, written_whole
 from benchtool.data.column_map import column_map_to_toml
 from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.data.table import read_table
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.uncertainty.budget import BudgetMethod
-from benchtool.web.jobs import PageSection, ReportProgress, written_whole
+from benchtool.web.jobs import PageSection, ReportProgress
 from benchtool.web.uploads import stand_blocks
 
 

@@ -12,6 +12,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 
 from benchtool.core.inputs import changed, words
+from benchtool.data.atomic import written_whole
 from benchtool.data.run.recording_file import beside
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.preview import ChartLine, DrawnMotion, Role, SimulationPreview
@@ -21,7 +22,6 @@ from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
 from benchtool.simulate.pitch.inputs import PitchInputs
 from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
-from benchtool.web.jobs import written_whole
 
 Shown = dict[str, Any]
 """What goes to the browser: plain values and arrays of 32 bits."""

@@ -10,6 +10,7 @@ import pytest
 
 from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.rig_file import rig_named
+from benchtool.data.atomic import partial_folder
 from benchtool.data.catalogue.index import list_entries
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
@@ -17,7 +18,6 @@ from benchtool.data.run.state import remember
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.report.fit.stored_fit import read_stored
-from benchtool.web.jobs import partial_folder
 from benchtool.web.tabs.fit.model_choice import (
     FitRequest,
     ParameterChoice,

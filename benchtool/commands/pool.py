@@ -1,0 +1,51 @@
+"""`benchtool pool`: what fits of several rigs share, and whether the rigs differ."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from annotated_types import Ge
+
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoolInputs(Inputs):
+    """What `benchtool pool` takes."""
+
+    fits: Annotated[
+        tuple[Path, ...], Input("Folders of benchtool fit --out, one of each rig.", argument="FIT")
+    ] = ()
+    of: Annotated[
+        tuple[str, ...],
+        Input("Parameter that may differ between rigs; repeatable.", empty="those without a unit"),
+    ] = ()
+    shared: Annotated[
+        tuple[str, ...], Input("Parameter that is the same in all rigs; repeatable.")
+    ] = ()
+    seed: Annotated[int, Ge(0), Input("Seed of everything random.")] = 1
+    out: Annotated[Path | None, Input("New folder for page, figure and pool.json.")] = None
+
+
+@declared(PoolInputs)
+def pool(inputs: PoolInputs) -> None:
+    """Pool fits of rigs: mean, spread, and which rigs differ"""
+    import sys
+
+    from benchtool.commands.terminal.tables import Output, print_table
+    from benchtool.report.compare.pooled import rigs_table
+    from benchtool.report.fit.page import refuse_full
+    from benchtool.results import pool_result
+
+    if inputs.out is not None:
+        refuse_full(inputs.out)
+    result = pool_result(inputs.fits, inputs.of, inputs.shared, inputs.seed)
+    print_table(Output(), rigs_table(result.found))
+    print(result.summary())
+    if inputs.out is not None:
+        for path in result.save(inputs.out, [shlex.join(["benchtool", *sys.argv[1:]])]):
+            print(f"written: {path}")

@@ -1,0 +1,1 @@
+"""Fits of several rigs together: what they share, and whether they differ."""
