@@ -89,9 +89,9 @@ def write_targets(vehicle: Vehicle, to: str, out: Path | None = None) -> tuple[P
             raise WouldOverwrite(str(folder))
         make_folder(folder)
     else:
-        target = target_named(to)
-        path = out if out is not None else Path(_file(target, vehicle))
-        texts = {path: target.text(vehicle)}
+        file, text = file_for(vehicle, to)
+        path = out if out is not None else Path(file)
+        texts = {path: text}
         if os.path.lexists(path):
             raise WouldOverwrite(str(path))
         if not path.parent.is_dir():
@@ -99,6 +99,12 @@ def write_targets(vehicle: Vehicle, to: str, out: Path | None = None) -> tuple[P
     for path, text in texts.items():
         replace_text(path, text)
     return tuple(texts)
+
+
+def file_for(vehicle: Vehicle, to: str) -> tuple[str, str]:
+    """Return name and content of the file of one target."""
+    target = target_named(to)
+    return _file(target, vehicle), target.text(vehicle)
 
 
 def _file(target: Target, vehicle: Vehicle) -> str:

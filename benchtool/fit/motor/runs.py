@@ -146,8 +146,9 @@ def _rig_of(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
         diameter_m = propeller.diameter_m
     if diameter_m is None:
         raise InputError(
-            f"{first} does not say which propeller turned; add --propeller with its size in "
-            f"inches, as 5x4.5, or its name (benchtool propellers), or --rig with a rig file"
+            f"{first} does not say which propeller turned; name it when the log is imported, or "
+            f"add --propeller with its size in inches, as 5x4.5, its name (benchtool propellers), "
+            f"or --rig with a rig file"
         )
 
     def joined(name: str, turning: bool = True) -> Array:

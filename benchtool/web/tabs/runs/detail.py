@@ -11,9 +11,12 @@ from nicegui import ui
 from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, Entry, entry_of
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import TABLES
+from benchtool.export.targets import TARGETS
 from benchtool.web.context import PageContext
 from benchtool.web.jobs import PageSection
 from benchtool.web.tabs.runs.view import (
+    MOTOR_PART,
+    export_file,
     report_bytes,
     table_bytes,
     view_comparison,
@@ -30,6 +33,9 @@ from benchtool.web.widgets import (
     show_waiting,
     shows_errors,
 )
+
+EXPORTED = ("fit", "sweep")
+"""Kinds of entries that may hold what autopilots and simulators take; logs with pulses do, too."""
 
 DRAWER = "figures"
 """The process that reads runs and draws."""
@@ -109,6 +115,8 @@ class RunDetail:
                     fit.on_click(lambda: open_tab("fit", data=name))
                 for download in downloads(entry):
                     self._button(download, (name,))
+                if not entry.problem and (entry.kind in EXPORTED or MOTOR_PART in parts):
+                    self._export(name)
             self._body(section)
             for part in parts:
                 self._expansion(name, part)
@@ -179,6 +187,26 @@ class RunDetail:
             # Another entry may have been opened meanwhile, so that the button is no more.
             with page:
                 ui.download(content, download.file)
+
+        button.on_click(take)
+
+    def _export(self, name: str) -> None:
+        """Offer the files of `benchtool export`."""
+        titles = {to: target.title.partition(":")[0] for to, target in TARGETS.items()}
+        with ui.row().classes("items-center gap-1"):
+            to = ui.select(titles, value="ardupilot", label="For").props("dense").classes("w-40")
+            button = ui.button("Export", icon="flight").props("outline dense")
+        page = self._place.client
+
+        @shows_errors
+        async def take() -> None:
+            button.props("loading")
+            try:
+                file, content = await self._work(WRITER, export_file, name, to.value)
+            finally:
+                button.props(remove="loading")
+            with page:
+                ui.download(content, file)
 
         button.on_click(take)
 

@@ -12,7 +12,6 @@ from benchtool.commands.import_file import ImportInputs
 from benchtool.commands.report import ReportInputs
 from benchtool.core.inputs import items
 from benchtool.data.catalogue.choice import ChoiceInputs, chosen
-from benchtool.data.propeller_file import propeller_names
 from benchtool.data.run.entry import ENTRY_KINDS, Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext, RunsListing
@@ -78,9 +77,7 @@ class RunsTab:
                 self._import = InputForm(ImportInputs, lambda: None)
                 with ui.element("div").classes("fit-form"):
                     self._import.add("flip", "tare", "scale", "air_density", "hover", "over")
-                    self._import.add("near_m")
-                    names = {"": "not stated"} | {name: name for name in propeller_names()}
-                    self._import.add("propeller", options=names)
+                    self._import.add("near_m", "propeller")
                 TableUpload(context, self._uploaded, self._import.make)
         context.remember("runs.search", self._words)
         context.remember("runs.kind", self._kind)

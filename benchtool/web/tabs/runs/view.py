@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.data.atomic import read_json
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.run.entry import ANSWER_FILE, Entry, entry_of
@@ -46,7 +46,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     if entry.kind == "explanation":
         return _answer(path, name), ()
     if entry.kind == "table":
-        return _table(path, name), ()
+        return _table(path, name), _motor_parts(path)
     if entry.summary == "no point yet":
         raise FileFormatError(name, "the sweep has measured no point yet; look again later")
     from benchtool.report.page import Facts, Paragraph
@@ -64,7 +64,8 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
         simulated=report.simulated,
         command=("report", str(path)),
     )
-    return section, tuple(part.title for part in report.sections[1:-1])
+    more = _motor_parts(path) if entry.kind == "recording" else ()
+    return section, (*(part.title for part in report.sections[1:-1]), *more)
 
 
 def view_part(root: Path, name: str, part: str) -> PageSection:
@@ -72,6 +73,8 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
     from benchtool.web.drawing import blocks_html
 
     folder = RunsFolder(root)
+    if part == MOTOR_PART:
+        return _motor(folder.path_of(name))
     report = _report(folder.path_of(name), entry_of(folder, name))
     for section in report.sections:
         if section.title == part:
@@ -79,6 +82,50 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
                 title=part, html=blocks_html(section.blocks), simulated=report.simulated
             )
     raise InputError(f"{name} has no part {part!r}; open it again")
+
+
+MOTOR_PART = "Thrust curve and motor constants"
+"""What is shown of a stand's log beside its numbers."""
+
+
+def _motor_parts(path: Path) -> tuple[str, ...]:
+    """Return the part for motor constants where a log of a stand has thrust over pulses."""
+    from benchtool.data.levels import read_levels
+
+    try:
+        names = read_levels(path)[0].names
+    except BenchtoolError:
+        return ()
+    return (MOTOR_PART,) if {"pwm1_us", "thrust_N"} <= set(names) else ()
+
+
+def _motor(path: Path) -> PageSection:
+    from benchtool.fit.motor.constants import fit_motor
+    from benchtool.report.motor.page import MOTOR, motor_sentence
+    from benchtool.report.page import Paragraph
+    from benchtool.web.drawing import blocks_html
+
+    fit = fit_motor([path])
+    blocks = [block for part in MOTOR.sections(fit)[:-1] for block in part.blocks]
+    return PageSection(
+        title=MOTOR_PART,
+        html=blocks_html([Paragraph(motor_sentence(fit)), *blocks]),
+        simulated=fit.simulated,
+        command=("motor", str(path)),
+    )
+
+
+def export_file(root: Path, name: str, to: str) -> tuple[str, bytes]:
+    """Return name and content of an entry's file for a simulator, an autopilot or firmware.
+
+    Raises:
+        InputError: it was rejected by its own data, or a log does not say what it needs.
+    """
+    from benchtool.export.targets import file_for
+    from benchtool.export.vehicle import vehicle_of
+
+    file, text = file_for(vehicle_of(RunsFolder(root).path_of(name)), to)
+    return file, text.encode("utf-8")
 
 
 def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | None) -> PageSection:
