@@ -126,8 +126,9 @@ class TagInputs(Inputs):
 @declared(TagInputs)
 def tag(inputs: TagInputs) -> None:
     """Give runs and fits tags, or take some away; without --add and --remove, show them"""
-    from benchtool.data.run.labels import label
+    from benchtool.data.run.labels import check_labels, label
 
+    check_labels(inputs.runs, inputs.add, inputs.remove)
     for path in inputs.runs:
         labels = label(path, inputs.add, inputs.remove)
         print(f"{path}: {', '.join(labels.tags) or 'no tag'}")
@@ -164,8 +165,8 @@ class ShowInputs(Inputs):
 @declared(ShowInputs)
 def show(inputs: ShowInputs) -> None:
     """Show what the catalogue knows of runs and fits, with their tags and notes"""
-    for path in inputs.runs:
-        for name, value in _facts(path).items():
+    for facts in [_facts(path) for path in inputs.runs]:
+        for name, value in facts.items():
             print(f"{name:<12} {value}".rstrip())
 
 
@@ -298,6 +299,25 @@ def export(inputs: RunExportInputs) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MergeInputs(Inputs):
+    """What `benchtool runs merge` takes."""
+
+    runs: Annotated[tuple[Path, ...], Input("Runs of one rig and propeller.", argument="RUN")]
+    out: Annotated[Path, Input("The new run folder.", also="-o")]
+
+
+@declared(MergeInputs)
+def merge(inputs: MergeInputs) -> None:
+    """Merge several runs of one rig and propeller into a new run folder"""
+    from benchtool.core.counted import counted
+    from benchtool.data.run.merge import merge_runs
+    from benchtool.data.run.read import parts_of
+
+    run = merge_runs(inputs.runs, inputs.out)
+    print(f"written: {inputs.out}, of {counted(len(parts_of(run.path)), 'run')}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CloseInputs(Inputs):
     """What `benchtool runs close` takes."""
 
@@ -310,13 +330,12 @@ def close(inputs: CloseInputs) -> None:
     from benchtool.acquire.resume import close_run
     from benchtool.data.run.run import Run
 
-    for path in inputs.runs:
-        run = Run.open(path)
+    for run in [Run.open(path) for path in inputs.runs]:
         written = close_run(run)
         facts = run.metadata
         reason = f" ({facts['reason']})" if facts.get("reason") else ""
         done = "closed" if written else "it was closed already"
-        print(f"{path}: {done}; {facts.get('state', '')}{reason}")
+        print(f"{run.path}: {done}; {facts.get('state', '')}{reason}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -50,7 +50,7 @@ def speed_columns(names: Iterable[str], family: str = "") -> list[str]:
 REJECTED = "_rejected"
 """Ending of the columns that hold how many samples of a channel a mean leaves out."""
 
-_WHOLE = {"point", "setting", "repeat", "n_samples", "n_repeats", "settled", "suspect"}
+_WHOLE = {"point", "setting", "repeat", "n_samples", "n_repeats", "settled", "suspect", "part"}
 
 
 def is_whole(name: str) -> bool:

@@ -13,6 +13,7 @@ from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import EstimationError, InputError, UnknownChoice
 from benchtool.core.fit_result import FitResult
 from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.data.run.read import parts_of
 from benchtool.fit.compare import Comparison, compare
 from benchtool.fit.compare_laws import compare_laws
 from benchtool.fit.diagnose import with_diagnosis
@@ -53,7 +54,7 @@ class FitOutput:
         laws: of thrust against distance on held-out distances, None when nobody wanted them.
     """
 
-    recipe: Recipe  # as it was given
+    recipe: Recipe  # as it was given, merged runs as their parts
     loaded: LoadedModel  # the model as it was fitted, before
     data: FitData  # the points
     problem: Problem  # as both estimators took it
@@ -113,6 +114,7 @@ def run_recipe(
             "--profile is of least squares with --loss linear; leave --profile out, or take "
             "--method least_squares --loss linear"
         )
+    recipe = replace(recipe, data=tuple(part for path in recipe.data for part in parts_of(path)))
     loaded = recipe_model(recipe, permit)
     data = read_fit_data(recipe, loaded)
     loaded = replace(loaded, model=_with_noise(loaded.model, recipe, data.errors))

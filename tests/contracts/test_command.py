@@ -45,6 +45,10 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "runs export": [("nowhere x.mcap", "nowhere: there is no such run")],
     "runs push": [("copies --folder nowhere", "there is no folder nowhere")],
     "runs pull": [("nowhere", "there is no copy at nowhere")],
+    "runs merge": [
+        ("nowhere --out x", "one run is named, nowhere; name two or more"),
+        ("nowhere other --out x", "nowhere: this is no run folder"),
+    ],
     "runs close": [("nowhere", "nowhere")],
     "calibrate": [("--gravity 1", "--gravity is 1 m/s2, allowed is 9.76 to 9.84 m/s2")],
     "recalibrate": [("nowhere", "nowhere")],

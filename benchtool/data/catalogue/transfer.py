@@ -21,7 +21,7 @@ from annotated_types import Ge
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.parsed_text import parse_json
 from benchtool.core.toml_text import build
-from benchtool.data.atomic import file_hash, make_folder, sync_folder
+from benchtool.data.atomic import data_hash, file_hash, make_folder, sync_folder
 from benchtool.data.catalogue.entry import Entry
 from benchtool.data.catalogue.extra import load_extra
 from benchtool.data.run.labels import LABELS_FILE
@@ -295,14 +295,24 @@ def verify_run(path: Path) -> list[str]:
     """
     from benchtool.data.run.entry import entry_of
     from benchtool.data.run.facts import read_metadata
-    from benchtool.data.run.read import is_run
+    from benchtool.data.run.read import is_run, parts_of
 
     entry = entry_of(RunsFolder(path.resolve().parent), path.resolve().name)
     if entry.problem:
         return [entry.problem]
     if not is_run(path):
         return []
-    stated = read_metadata(path).get("samples") or {}
+    facts = read_metadata(path)
+    if merged := facts.get("merged_from"):
+        return [
+            f"{Path(part).name}: {problem}"
+            for part, one in zip(parts_of(path), merged, strict=True)
+            for problem in (
+                *verify_run(Path(part)),
+                *(["its data have changed"] if data_hash(part) != one["sha256"] else ()),
+            )
+        ]
+    stated = facts.get("samples") or {}
     if entry.state == "running":
         return ["it is being measured, or its program died; then: benchtool runs close"]
     problems = []

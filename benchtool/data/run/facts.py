@@ -100,6 +100,12 @@ class _Plate(_Facts):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Merged(_Facts):
+    run: str
+    sha256: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Run(_Facts):
     format: str = ""
     state: str = ""
@@ -120,6 +126,7 @@ class _Run(_Facts):
     plate: _Plate | None = None
     visits: Count | None = None
     experiment: str = ""
+    merged_from: tuple[_Merged, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

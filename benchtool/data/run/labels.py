@@ -39,6 +39,33 @@ def read_labels(folder: Path) -> Labels:
     return build(Labels, read_json(path, follow=False), str(path))
 
 
+def check_labels(
+    folders: Iterable[Path], add: Iterable[str] = (), remove: Iterable[str] = ()
+) -> None:
+    """Refuse what `label` would refuse of any of some folders, before the first is changed."""
+    remove = tuple(remove)
+    for tag in add:
+        if not _TAG.fullmatch(tag):
+            raise InputError(
+                f"{tag[:70]!r} is no tag; give one word of at most 60 characters without commas "
+                f"and quotes"
+            )
+    for folder in folders:
+        if not folder.is_dir():
+            raise FileFormatError(
+                str(folder), "there is no such folder; name runs or fits, and tags with --add"
+            )
+        _left(folder, read_labels(folder), remove)
+
+
+def _left(folder: Path, labels: Labels, remove: tuple[str, ...]) -> Iterator[str]:
+    """Return the tags that are left."""
+    if missing := [tag for tag in remove if tag not in labels.tags]:
+        shown = ", ".join(labels.tags) or "none"
+        raise InputError(f"{folder} has no tag {missing[0]!r} to remove (it has: {shown})")
+    return (tag for tag in labels.tags if tag not in remove)
+
+
 def label(
     folder: Path, add: Iterable[str] = (), remove: Iterable[str] = (), note: str = ""
 ) -> Labels:
@@ -52,20 +79,10 @@ def label(
         OSError: the folder cannot be written.
     """
     add, remove = tuple(add), tuple(remove)
-    for tag in add:
-        if not _TAG.fullmatch(tag):
-            raise InputError(
-                f"{tag[:70]!r} is no tag; give one word of at most 60 characters without commas "
-                f"and quotes"
-            )
-    if not folder.is_dir():
-        raise FileFormatError(str(folder), "there is no such folder; name a run or fit")
+    check_labels((folder,), add)
     with _locked(folder):
         labels = read_labels(folder)
-        if missing := [tag for tag in remove if tag not in labels.tags]:
-            shown = ", ".join(labels.tags) or "none"
-            raise InputError(f"{folder} has no tag {missing[0]!r} to remove (it has: {shown})")
-        left = (tag for tag in labels.tags if tag not in remove)
+        left = _left(folder, labels, remove)
         new = Labels(
             tags=tuple(dict.fromkeys((*left, *add))),
             notes=(*labels.notes, *([note] if note else ())),

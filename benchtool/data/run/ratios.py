@@ -136,8 +136,10 @@ def _shares(points: Recording, parked: NDArray[np.bool_], level: Array) -> Array
     """Return `Ratios.share`: of references of the same pulses (nan from a device without echo)."""
     names, alone = speed_columns(points.names, "pwm"), np.zeros((len(points), 1))
     pulses = _stack(points, names).round(3) if names else alone
+    part = points.column("part") if "part" in points else alone[:, 0]  # of a merged run
     repeat = points.column("repeat") if "repeat" in points else alone[:, 0]
     alike = ((pulses[:, None] == pulses) | np.isnan(pulses)).all(axis=2) & parked
+    alike &= part[:, None] == part
     paired = alike & (repeat[:, None] == repeat)
     chosen = np.where(paired.any(axis=1)[:, None], paired, alike) & np.isfinite(level)
     out: Array = chosen / np.maximum(chosen.sum(axis=1), 1)[:, None]

@@ -30,6 +30,32 @@ def is_run(path: str | Path) -> bool:
     return os.path.lexists(Path(path) / "metadata.json")
 
 
+PARTS = "parts"
+"""Folder of a merged run with the runs that it was made of."""
+
+
+def parts_of(path: str | Path) -> tuple[str, ...]:
+    """Return the runs that a merged run holds, in their order; the path itself for all others.
+
+    Raises:
+        FileFormatError: one of them is missing.
+    """
+    stated = read_metadata(Path(path)).get("merged_from") if is_run(path) else None
+    if not stated:
+        return (str(path),)
+    folder = Path(path) / PARTS
+    found = folder.iterdir() if folder.is_dir() and not folder.is_symlink() else ()
+    there = sorted(item.name for item in found if is_run(item) and not item.is_symlink())
+    if there != (wanted := [str(one["run"]) for one in stated]):
+        missing = sorted({*wanted} ^ {*there})
+        raise FileFormatError(
+            f"{path}/{PARTS}",
+            f"it holds {len(there)} of the {len(wanted)} runs that metadata.json names "
+            f"({missing[0]} differs); restore it from a copy, or merge again",
+        )
+    return tuple(str(folder / name) for name in there)
+
+
 def read_points(
     path: str | Path, kinds: Iterable[str] = ("measure", "reference", "anchor")
 ) -> Recording:

@@ -25,6 +25,7 @@ from benchtool.data.run.entry import Entry, entry_of
 from benchtool.data.run.labels import label
 from benchtool.data.run.run import Run
 from benchtool.data.run.runs_folder import RunsFolder
+from tests.unit.commands.command_line import said
 from tests.unit.data.run_of import small_run
 
 TOP = Path(__file__).parents[3]
@@ -258,6 +259,20 @@ def test_a_word_that_is_no_tag_is_refused(root: Path, tag: str) -> None:
         label(root / "three", add=[tag])
     with pytest.raises(InputError, match=r"has no tag 'other' to remove \(it has: good, first-day"):
         label(root / "three", remove=["other"])
+
+
+def test_all_of_a_tag_command_is_checked_before_the_first_run_changes(
+    root: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = (root / "three" / "labels.json").read_bytes()
+    for arguments in (["three", "best"], ["three", "nowhere", "--add", "best"],
+                      ["three", "2026/one", "--remove", "good"]):  # fmt: skip
+        paths = [word if word.startswith("-") else str(root / word) for word in arguments[:2]]
+        code, out, why = said(capsys, "runs", "tag", *paths, *arguments[2:])
+        assert code == 2
+        assert out == ""
+        assert "and tags with --add" in why or "has no tag 'good' to remove" in why
+        assert (root / "three" / "labels.json").read_bytes() == before
 
 
 def test_a_missing_package_is_one_sentence(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
