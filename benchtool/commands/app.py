@@ -33,7 +33,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "runs search": ("runs:search",
         "Find runs by words that stand anywhere in name, rig, date, tags, notes"),
     "runs query": ("runs:query",
-        "Query points, settings and samples of all chosen runs with SQL (DuckDB)"),
+        "Query points, samples and fits of all that is chosen with SQL (DuckDB)"),
     "runs show": ("runs:show",
         "Show what the catalogue knows of runs and fits, with their tags and notes"),
     "runs compare": ("runs:compare",

@@ -85,7 +85,7 @@ class QueryInputs(ChoiceInputs):
 
     sql: Annotated[
         str,
-        Input("One SELECT over the tables runs, settings, points, samples.", argument="SELECT"),
+        Input("One SELECT over runs, settings, points, samples, fits.", argument="SELECT"),
     ]
     most: Annotated[int, Ge(1), Input("Show as many rows.")] = 40
     out: Annotated[Path | None, Input("Write every row into this .csv or .parquet file.")] = None
@@ -93,7 +93,7 @@ class QueryInputs(ChoiceInputs):
 
 @declared(QueryInputs)
 def query(inputs: QueryInputs) -> None:
-    """Query points, settings and samples of all chosen runs with SQL (DuckDB)"""
+    """Query points, samples and fits of all that is chosen with SQL (DuckDB)"""
     from benchtool.data.catalogue.choice import find_entries
     from benchtool.data.catalogue.query import queried, write_result
 

@@ -43,6 +43,10 @@ class ChoiceInputs(Inputs):
             "How it ended: ended, stopped, running; outcome of a fit; verdict of an explanation."
         ),
     ] = ""
+    fitted: Annotated[
+        tuple[str, ...],
+        Input("Fits with this parameter, or with a value between two, as body_lift.K_b=1.8..2.1."),
+    ] = ()
 
 
 def chosen(entries: Iterable[Entry], by: ChoiceInputs) -> tuple[Entry, ...]:
@@ -51,6 +55,7 @@ def chosen(entries: Iterable[Entry], by: ChoiceInputs) -> tuple[Entry, ...]:
     low, high = by.z_over_r or (0.0, inf)
     if low > high:
         raise InputError(f"z-over-r is {low:g} to {high:g}; give the smaller one first")
+    fitted = [_limits(text) for text in by.fitted]
     exact = {
         name: value.lower()
         for name in ("kind", "rig", "propeller", "operator", "state")
@@ -64,6 +69,7 @@ def chosen(entries: Iterable[Entry], by: ChoiceInputs) -> tuple[Entry, ...]:
         and (not until or ("" < entry.date[:10] <= until))
         and (by.z_over_r is None or _reaches(entry, low, high))
         and set(by.tag) <= set(entry.tags)
+        and all(_lies(entry, *one) for one in fitted)
         and (not by.words or entry.matches(by.words))
     )
 
@@ -87,6 +93,29 @@ def find_entries(by: ChoiceInputs, *, rebuild: bool = False) -> list[tuple[Path,
 
 def _reaches(entry: Entry, low: float, high: float) -> bool:
     return bool(entry.z_over_r) and entry.z_over_r[0] <= high and entry.z_over_r[1] >= low
+
+
+def _limits(text: str) -> tuple[str, float, float]:
+    """Return name and limits of a fitted parameter, typed as NAME or NAME=LOW..HIGH."""
+    name, given, limits = text.partition("=")
+    low, _, high = limits.partition("..")
+    try:
+        found = (float(low), float(high)) if given else (-inf, inf)
+    except ValueError:
+        found = (1.0, 0.0)
+    if not name or not found[0] <= found[1]:
+        raise InputError(
+            f"fitted is {text!r}; give a parameter, or one with two limits, the smaller first: "
+            f"body_lift.K_b=1.8..2.1"
+        )
+    return name, *found
+
+
+def _lies(entry: Entry, name: str, low: float, high: float) -> bool:
+    return any(
+        (known == name or known.endswith(f".{name}")) and low <= value <= high
+        for known, value in entry.values
+    )
 
 
 def _day(text: str, called: str) -> str:

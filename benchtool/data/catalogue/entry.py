@@ -32,6 +32,7 @@ class Entry:
             empty where that is not known.
         tags, notes: of `labels`.
         channels: short hash of the names of a run's channels; runs of one have samples of one form.
+        values: each parameter of a fit with its value, by its first method.
         started: when the run began, or when a result was written; None where it is not known.
         state: "ended", "stopped", "running"; a fit's outcome; an explanation's verdict.
         simulated: whether no physical bench made the data; None where it is not known.
@@ -53,6 +54,7 @@ class Entry:
     tags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     channels: str = ""
+    values: tuple[tuple[str, float], ...] = ()
 
     @property
     def date(self) -> str:

@@ -214,4 +214,6 @@ def _entry(values: dict[str, Any]) -> Entry:
     for name in ("z_over_r", "tags", "notes"):
         if name in values:
             values[name] = tuple(values[name])
+    if "values" in values:
+        values["values"] = tuple((name, value) for name, value in values["values"])
     return Entry(**values)

@@ -23,6 +23,8 @@ from benchtool.data.catalogue.tables import TABLES, row_numbers
 if TYPE_CHECKING:
     import pandas as pd
 
+_NAMED = "runs, settings, points, samples and fits"
+
 SAMPLES = "/samples.parquet"
 
 MEMORY_MB = 600
@@ -62,7 +64,7 @@ class ChosenRuns:
         return frame_of_rows(run_rows(self.found))
 
     def query(self, sql: str) -> pd.DataFrame:
-        """Return what a SELECT says of the tables runs, settings, points and samples.
+        """Return what a SELECT says of the tables runs, settings, points, samples and fits.
 
         Raises:
             InputError: DuckDB is not installed, or it refuses the statement.
@@ -130,7 +132,7 @@ def queried(found: Sequence[tuple[Path, Entry]], sql: str) -> Iterator[Any]:
             yield base.sql(sql)
     except duckdb.Error as error:
         reason = " ".join(str(error).split())[:300]
-        known = "the tables are runs, settings, points and samples"
+        known = f"the tables are {_NAMED}"
         raise InputError(f"DuckDB refuses the query: {reason}; {known}") from error
 
 
@@ -163,7 +165,7 @@ def _make_views(base: Any, found: Sequence[tuple[Path, Entry]], sql: str) -> Non
         parts = [
             part for root, entries in _roots(found) if (part := _stored(base, name, root, entries))
         ]
-        _view(base, name, parts, "they hold no point")
+        _view(base, name, parts, "they hold no point" if name != "fits" else "none of them is one")
     if "samples" in words:
         forms: dict[str, list[str]] = {}
         for path, one in found:
@@ -182,11 +184,11 @@ def _make_views(base: Any, found: Sequence[tuple[Path, Entry]], sql: str) -> Non
 
 def _stored(base: Any, name: str, root: Path, entries: Sequence[Entry]) -> str:
     """Return the SELECT of the stored rows of some entries of one folder."""
-    numbers, places = row_numbers(root, entries)
+    numbers, places = row_numbers(root, entries, TABLES[name])
     files = [file for place in places if (file := place / f"{name}.parquet").is_file()]
     if not files:
         return ""
-    own = f"numbers_{index_folder(root).name}"
+    own = f"numbers_{TABLES[name]}_{index_folder(root).name}"
     base.execute(
         f"CREATE TEMP TABLE IF NOT EXISTS {own} AS SELECT unnest(?::BIGINT[]) AS run_number",
         [numbers],

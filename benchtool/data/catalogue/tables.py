@@ -1,6 +1,6 @@
-"""Points and settings of many runs as a few Parquet files beside the index.
+"""Points and settings of many runs, and values of many fits, as a few Parquet files by the index.
 
-A run's rows are read once from its points.csv and settings.csv, and again when its folder changes.
+Rows are read once from points.csv, settings.csv and result.json, and again when a folder changes.
 They have a number; rows whose number the index no longer names are left out, and go when files are
 merged.
 """
@@ -21,7 +21,8 @@ from benchtool.data.atomic import read_json
 from benchtool.data.catalogue.entry import Entry
 from benchtool.data.catalogue.index import connect, index_folder
 
-TABLES = ("points", "settings")
+TABLES = {"points": "sweep", "settings": "sweep", "fits": "fit"}
+"""Tables that are stored, and the kind of the entries that have rows in them."""
 
 RUNS_AT_ONCE = 2000
 """Runs whose rows are in memory at once: 50 MB of them. A choice."""
@@ -33,27 +34,28 @@ UNUSED_S = 3600.0
 """A file that no index names may still be read by a query that began before; a choice."""
 
 
-def row_numbers(root: Path, entries: Sequence[Entry]) -> tuple[list[int], list[Path]]:
-    """Return the numbers of the rows of some runs, and the folders of files that hold them.
+def row_numbers(root: Path, entries: Sequence[Entry], kind: str) -> tuple[list[int], list[Path]]:
+    """Return the numbers of the rows of some runs or fits, and the folders of files with them.
 
-    What is missing is read from the runs first; a run that cannot be read has no rows.
+    What is missing is read from them first; one that cannot be read has no rows.
 
     Args:
-        entries: of one folder, as its index has them now.
+        entries: of one folder, as its index has them now; those of other kinds are left out.
     """
     folder = index_folder(root)
     with closing(connect(folder)) as store:
         _make(store)
         stamps = dict(store.execute("SELECT name, stamp FROM entry"))
         known = _known(store)
-        sweeps = [entry for entry in entries if entry.kind == "sweep" and entry.name in stamps]
-        new = [one for one in sweeps if known.get(one.name, ("",))[0] != stamps[one.name]]
+        own = [entry for entry in entries if entry.kind == kind and entry.name in stamps]
+        new = [one for one in own if known.get(one.name, ("",))[0] != stamps[one.name]]
         for start in range(0, len(new), RUNS_AT_ONCE):
             _write(store, folder, root, new[start : start + RUNS_AT_ONCE], stamps)
         if new:
             _merge(store, folder)
         known = _known(store)
-        rows = [known[one.name] for one in sweeps if one.name in known]
+        # One that cannot be read any more keeps no rows of earlier.
+        rows = [row for one in own if (row := known.get(one.name)) and row[0] == stamps[one.name]]
     return [row[1] for row in rows], [folder / name for name in sorted({row[2] for row in rows})]
 
 
@@ -80,8 +82,6 @@ def _write(
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from benchtool.data.run.entry import radius_of
-
     place = folder / uuid4().hex
     place.mkdir()
     parts: dict[str, list[Any]] = {name: [] for name in TABLES}
@@ -89,10 +89,9 @@ def _write(
     for entry in entries:
         number = int.from_bytes(os.urandom(7))
         try:
-            radius_m = radius_of(read_json(root / entry.name / "metadata.json", follow=False))
-            for name in TABLES:
-                parts[name] += _rows(root / entry.name / f"{name}.csv", entry, number, radius_m)
-        except BenchtoolError:
+            for name, tables in _tables_of(root / entry.name, entry).items():
+                parts[name] += [_numbered(table, entry, number) for table in tables]
+        except (BenchtoolError, KeyError, TypeError, ValueError, AttributeError):
             continue  # the list shows it with its problem
         rows.append((entry.name, stamps[entry.name], number, place.name))
     for name, tables in parts.items():
@@ -103,7 +102,17 @@ def _write(
         store.executemany("INSERT OR REPLACE INTO stored VALUES (?, ?, ?, ?)", rows)
 
 
-def _rows(path: Path, entry: Entry, number: int, radius_m: float) -> list[Any]:
+def _tables_of(path: Path, entry: Entry) -> dict[str, list[Any]]:
+    """Return the tables of one run or fit; one that it lacks has no part."""
+    from benchtool.data.run.entry import radius_of
+
+    if entry.kind == "fit":
+        return {"fits": _fit_rows(path)}
+    radius_m = radius_of(read_json(path / "metadata.json", follow=False))
+    return {name: _run_rows(path / f"{name}.csv", radius_m) for name in ("points", "settings")}
+
+
+def _run_rows(path: Path, radius_m: float) -> list[Any]:
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -115,13 +124,51 @@ def _rows(path: Path, entry: Entry, number: int, radius_m: float) -> list[Any]:
         if lines.lines < 1:
             return []
         table = pa.Table.from_batches(list(sample_batches(lines, path, lines.names)))
+    if "plate_z_m" in table.column_names:
+        z_over_r = pc.divide(table["plate_z_m"], radius_m)
+        table = table.add_column(0, "z_over_r", z_over_r)
+    return [table]
+
+
+def _fit_rows(path: Path) -> list[Any]:
+    """Return a row for each parameter and derived quantity by each method."""
+    import pyarrow as pa
+
+    from benchtool.data.run.entry import read_result
+
+    facts = read_result(path)
+    budget = ((facts.get("budget") or {}).get("quantities")) or {}
+    rows = [
+        {
+            "model": facts["model"], "basis": facts["basis"], "method": method,
+            "parameter": name, "value": one["value"], "sd": one["sd"],
+            "low_95": one["interval_95"][0], "high_95": one["interval_95"][1],
+            "combined_sd": (budget.get(name) or {}).get("combined"), "unit": one["unit"],
+            "derived": part == "derived", "outcome": result["outcome"]["status"],
+            "verdict": result["facts"].get("verdict", ""), "chi2_per_dof": result["chi2_per_dof"],
+            "points": facts["points"]["used"], "simulated": facts["simulated"],
+        }
+        for method, result in facts["results"].items()
+        for part in ("estimates", "derived")
+        for name, one in result[part].items()
+    ]  # fmt: skip
+    numbers = ("value", "sd", "low_95", "high_95", "combined_sd", "chi2_per_dof")
+    table = pa.Table.from_pylist(rows)
+    for name in numbers if rows else ():  # whole numbers and a missing one are numbers, too
+        place = table.column_names.index(name)
+        table = table.set_column(place, name, table[name].cast(pa.float64()))
+    return [table] if rows else []
+
+
+def _numbered(table: Any, entry: Entry, number: int) -> Any:
+    """Return rows with their number, the name of the run or fit, and its rig."""
+    import pyarrow as pa
+
     own = {"run_number": pa.array([number] * len(table), pa.int64())}
     for name, text in (("run", entry.name), ("rig", entry.rig)):
         codes = pa.array([0] * len(table), pa.int32())
         own[name] = pa.DictionaryArray.from_arrays(codes, pa.array([text]))
-    if "plate_z_m" in table.column_names:
-        own["z_over_r"] = pc.divide(table["plate_z_m"], radius_m)
-    return [pa.table({**own, **{name: table[name] for name in table.column_names}})]
+    return pa.table({**own, **{name: table[name] for name in table.column_names}})
 
 
 def _merge(store: sqlite3.Connection, folder: Path) -> None:

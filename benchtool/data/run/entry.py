@@ -152,13 +152,28 @@ def _fit(entry: Entry, path: Path) -> Entry:
     rejected = facts.get("answer") == "model rejected"
     state = "model rejected" if rejected else worst.replace("_", " ")
     recipe = _table(facts, "recipe")
+    first = _table(results, next(iter(results), ""))
+    verdict = str(_table(first, "facts").get("verdict", ""))
     return replace(
         entry,
         rig=str(facts["model"]),
         state=state,
         simulated=bool(facts["simulated"]),
-        summary=f"{', '.join(map(str, recipe['data']))}; "
-        f"{counted(_table(facts, 'points')['used'], 'point')}",
+        summary="; ".join(
+            filter(
+                None,
+                (
+                    ", ".join(map(str, recipe["data"])),
+                    counted(_table(facts, "points")["used"], "point"),
+                    verdict,
+                ),
+            )
+        ),
+        values=tuple(
+            (name, float(one["value"]))
+            for part in ("estimates", "derived")
+            for name, one in _table(first, part).items()
+        ),
     )
 
 

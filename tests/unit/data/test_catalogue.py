@@ -79,6 +79,10 @@ def names(root: Path, **by: Any) -> set[str]:
         ({"words": "nick ada"}, {"three"}),
         ({"state": "converged"}, {"fit"}),
         ({"kind": "fit"}, {"fit"}),
+        ({"words": "consistent"}, {"fit"}),
+        ({"fitted": ("body_lift.K_b=1.8..1.95",)}, {"fit"}),
+        ({"fitted": ("K_b", "R_m=0.12..0.13")}, {"fit"}),
+        ({"fitted": ("K_b=2..3",)}, set()),
     ],
 )
 def test_entries_are_found_by(root: Path, by: dict[str, Any], expected: set[str]) -> None:
@@ -90,6 +94,8 @@ def test_entries_are_found_by(root: Path, by: dict[str, Any], expected: set[str]
     [
         ({"since": "March"}, "since is 'March'; give a day"),
         ({"z_over_r": (2.0, 1.0)}, "z-over-r is 2 to 1; give the smaller one first"),
+        ({"fitted": ("K_b=2",)}, "fitted is 'K_b=2'; give a parameter, or one with two limits"),
+        ({"fitted": ("K_b=3..2",)}, "fitted is 'K_b=3..2'"),
         ({"kind": "swep"}, "kind"),
         ({"folder": (Path("nowhere"),)}, "there is no folder nowhere"),
     ],
@@ -159,6 +165,35 @@ def test_a_query_says_what_the_files_hold(root: Path) -> None:
     assert sorted(joined["operator"]) == ["Bob", "ada"]
 
 
+def test_fits_are_a_table_of_their_parameters(root: Path) -> None:
+    result = json.loads((root / "fit" / "result.json").read_text("utf-8"))
+    table = bt.runs(root).query("SELECT * FROM fits WHERE parameter = 'body_lift.K_b'")
+    assert list(table["method"]) == ["least_squares", "emcee"]
+    for _, row in table.iterrows():
+        stated = result["results"][row["method"]]
+        one = stated["estimates"]["body_lift.K_b"]
+        assert (row["value"], row["sd"], row["unit"]) == (one["value"], one["sd"], one["unit"])
+        assert [row["low_95"], row["high_95"]] == one["interval_95"]
+        assert (row["model"], row["verdict"]) == ("quad_bench", stated["facts"]["verdict"])
+        assert row["run"] == str(root / "fit")
+    combined = result["budget"]["quantities"]["body_lift.K_b"]["combined"]
+    assert set(table["combined_sd"]) == {combined}
+    derived = bt.runs(root).query("SELECT DISTINCT parameter FROM fits WHERE derived")
+    assert list(derived["parameter"]) == list(result["results"]["emcee"]["derived"])
+    both = bt.runs(root).query(
+        "SELECT (SELECT count(*) FROM points) AS points, (SELECT count(*) FROM fits) AS fits"
+    )
+    assert both["points"][0] == 15
+    with pytest.raises(InputError, match="the chosen runs have no fits: none of them is one"):
+        bt.runs(root, kind="sweep").query("SELECT * FROM fits")
+    for broken in ("{", json.dumps(result | {"results": {"emcee": {"estimates": 3}}})):
+        (root / "fit" / "result.json").write_text(broken, "utf-8")
+        left = bt.runs(root, kind="fit")
+        assert [entry.problem != "" for _, entry in left.found] == [True]
+        with pytest.raises(InputError, match="no fits"):
+            left.query("SELECT * FROM fits")
+
+
 def test_a_run_that_changes_has_its_new_rows_only(root: Path) -> None:
     runs = bt.runs(root, rig="hall")
     sql = "SELECT count(*) AS n FROM points"
@@ -186,7 +221,7 @@ def test_a_run_that_changes_has_its_new_rows_only(root: Path) -> None:
     ("sql", "said"),
     [
         ("SELECT foo FROM points", "DuckDB refuses the query: .*foo"),
-        ("SELECT * FROM bar", "the tables are runs, settings, points and samples"),
+        ("SELECT * FROM bar", "the tables are runs, settings, points, samples and fits"),
         ("COPY (SELECT 1) TO 'x.csv'", "a query is one SELECT"),
         ("SELECT 1; SELECT 2", "a query is one SELECT"),
         ("", "a query is one SELECT"),
