@@ -14,6 +14,7 @@ from time import monotonic
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.data.columns import frame, frame_of_rows
 from benchtool.explain.answer import Answer, Request, answer_request, read_request
+from benchtool.explain.engine.hypotheses import Bootstrap
 from benchtool.explain.engine.judgement import Progress
 from benchtool.explain.engine.verdict import SURE
 from benchtool.explain.inputs import ExplainInputs
@@ -130,7 +131,7 @@ def explain_result(
         commands=commands,
         seed=inputs.seed,
         draws=inputs.draws,
-        bootstrap=inputs.bootstrap,
+        bootstrap=Bootstrap(draws=inputs.bootstrap, cluster=inputs.cluster),
         sure=SURE if inputs.bench is None else inputs.until,
         minutes=minutes,
         progress=progress,

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 from benchtool.commands.declared import GroupedCommand, declared
 from benchtool.commands.terminal.messages import announce_code
+from benchtool.core.errors import InputError
+from benchtool.core.inputs import Input
+from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.explain.inputs import ExplainInputs
 
 if TYPE_CHECKING:
@@ -40,8 +45,21 @@ def spread(words: list[str]) -> list[str]:
     return out
 
 
-@declared(ExplainInputs)
-def explain(inputs: ExplainInputs) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplainWords(ExplainInputs):
+    """What `benchtool explain` takes on the command line."""
+
+    each: Annotated[
+        bool,
+        Input(
+            "Explain each RECORDING by itself, its --check in the same place, side by side.",
+            group="Several recordings",
+        ),
+    ] = False
+
+
+@declared(ExplainWords)
+def explain(inputs: ExplainWords) -> None:
     """Name the effect that a model lacks, and show the gap shrink
 
     The first line printed is the verdict: an effect, several, a class that this data cannot
@@ -50,12 +68,18 @@ def explain(inputs: ExplainInputs) -> None:
     where the answer is not sure, the experiment that separates what is likely. With --bench it is
     recorded, armed by hand each time, and explained with the others until the answer is sure.
     """
-    from dataclasses import replace
-
     from benchtool.commands.terminal.experiments import bench_for, record_next, why_no_more
     from benchtool.report.answer.folder import refuse_taken
     from benchtool.results import request_of
 
+    if inputs.cluster is not None and not inputs.each and not inputs.bootstrap:
+        raise InputError(
+            "--cluster is for --each, or for the draws of --bootstrap; add one, or leave it out"
+        )
+
+    if inputs.each:
+        _explain_each(inputs)
+        return
     request = request_of(inputs, announce_code)
     stands = bench_for(inputs.bench, request, inputs.out) if inputs.bench is not None else None
     if not inputs.overwrite:
@@ -106,3 +130,63 @@ def _answered(inputs: ExplainInputs, request: Request, minutes: float) -> Answer
         print_answer(result.found)
         print_next(result.found, inputs.out, inputs.json)
     return result.found
+
+
+def _explain_each(inputs: ExplainWords) -> None:
+    """Explain several recordings, each by itself; print and write the answers."""
+    import shlex
+    import sys
+    from functools import partial
+
+    from benchtool.commands.terminal.each import each_by_name, outcome, raise_first, run_each
+    from benchtool.commands.terminal.tables import Output, print_table
+    from benchtool.report.page import Table
+    from benchtool.results import request_of
+
+    for option, given in (("--bench", inputs.bench), ("--json", inputs.json)):
+        if given is not None:
+            raise InputError(f"{option} is for one explanation; leave it or --each out")
+    if len(inputs.check) not in (1, len(inputs.recordings)):
+        raise InputError(
+            f"{len(inputs.recordings)} recordings and {len(inputs.check)} to check on: with --each "
+            f"give one check recording for each, in their order, or one for all"
+        )
+    named = each_by_name(inputs.recordings)
+    checks = inputs.check * (len(named) // len(inputs.check))
+    tasks = {
+        name: replace(inputs, recordings=(data,), check=(check,), each=False, cluster=None)
+        for (name, data), check in zip(named.items(), checks, strict=True)
+    }
+    request_of(next(iter(tasks.values())), announce_code)
+    about = replace(inputs, out=None, cluster=None)
+    command = shlex.join(["benchtool", *sys.argv[1:]])
+    permitted = inputs.cluster is None  # Python of the user's own is announced, and stays here
+    found = run_each(
+        partial(outcome, partial(_explain_one, inputs.out, command, permitted)),
+        {name: (name, task) for name, task in tasks.items()},
+        out=inputs.out,
+        about={"explain": str(about)},
+        cluster=inputs.cluster,
+    )
+    rows = [(name, one["result"]["sentence"]) for name, one in found.items() if one["result"]]
+    if rows:
+        print_table(Output(), Table("Each by itself.", ("recording", "answer"), rows, 2))
+    if inputs.out is not None:
+        print(f"written: {inputs.out}, with a folder of each")
+    raise_first(found)
+
+
+def _explain_one(
+    out: Path | None, command: str, permitted: bool, item: tuple[str, ExplainInputs]
+) -> dict[str, Any]:
+    """Return one answer as its JSON has it, its folder written; called in a process of its own."""
+    from benchtool.commands.terminal.each import written_once
+    from benchtool.report.answer.folder import Written, answer_tables
+    from benchtool.results import explain_result
+
+    name, inputs = item
+    permit: CodePermit = (lambda file: None) if permitted else refuse_code
+    inputs = replace(inputs, out=None)
+    result = explain_result(inputs, permit=permit, commands=[command])
+    written_once(None if out is None else out / name, result.save)
+    return answer_tables(result.found, Written())

@@ -12,7 +12,8 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, MissingColumn
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.data.atomic import file_hash
-from benchtool.explain.engine.explain import Explanation, explain
+from benchtool.explain.engine.explain import NO_BOOTSTRAP, Explanation, explain
+from benchtool.explain.engine.hypotheses import Bootstrap
 from benchtool.explain.engine.judgement import Progress
 from benchtool.explain.engine.subject import Subject
 from benchtool.explain.engine.verdict import SURE, Verdict
@@ -112,7 +113,7 @@ def answer_request(
     commands: Sequence[str] = (),
     seed: int = 0,
     draws: int = 128,
-    bootstrap: int = 0,
+    bootstrap: Bootstrap = NO_BOOTSTRAP,
     sure: float = SURE,
     minutes: float | None = None,
     progress: Progress = lambda what, share: None,

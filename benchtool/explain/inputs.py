@@ -9,6 +9,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le, Lt
 
 from benchtool.core.inputs import Input, Inputs
+from benchtool.tasks import Cluster
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +44,7 @@ class ExplainInputs(Inputs):
         int, Ge(0), Input("Simulated records behind p-values; asymptotic ones without.")
     ] = 0
     overwrite: Annotated[bool, Input("Replace an earlier answer's files.")] = False
+    cluster: Cluster = None
     bench: Annotated[
         str | None,
         Input(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.array import Array
-from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis, p_value
+from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, Hypothesis, p_value
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.engine.shared_errors import BEYOND
 from benchtool.explain.engine.subject import EARLY, LATE, RowGroups, Subject
@@ -108,7 +108,7 @@ def fitted_nearest(
         name=effect.name, title=effect.title, phrase=effect.phrase, stage=effect.subsystem,
         probability=0.0, parameters=found_parameters(subject, hypotheses, one, effect.name),
         log_likelihood_ratio=0.5 * (base.cost - one.cost),
-        p_value=p_value(hypotheses, base, one, 0, np.random.default_rng(0)),
+        p_value=p_value(hypotheses, base, one, Bootstrap(), np.random.default_rng(0)),
     )  # fmt: skip
     evidence = subject.evidence
     parameters = parameters_at(evidence.model.parameters, evidence.parameters, one.at)

@@ -17,7 +17,7 @@ from benchtool.explain.engine.describe import (
     where_shown,
 )
 from benchtool.explain.engine.design import rivals
-from benchtool.explain.engine.hypotheses import Hypotheses, p_value
+from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, p_value
 from benchtool.explain.engine.judgement import Judgement, Progress
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.engine.posterior import judged
@@ -34,6 +34,8 @@ from benchtool.explain.found.search import dependence
 
 NO_EFFECT = ("none", "unknown")
 """Explanations that name no effect."""
+
+NO_BOOTSTRAP = Bootstrap()
 
 CLOSES = 0.05
 """The nearest effect is mentioned from this share of the gap on."""
@@ -62,7 +64,7 @@ def explain(
     *,
     seed: int = 0,
     draws: int = 128,
-    bootstrap: int = 0,
+    bootstrap: Bootstrap = NO_BOOTSTRAP,
     propose: bool = True,
     sure: float = SURE,
     minutes: float | None = None,
@@ -74,7 +76,7 @@ def explain(
         subject: recordings against a model.
         seed: of the noise behind floors and intervals.
         draws: of the noise behind the floor, 100 at least for a report.
-        bootstrap: records drawn from the null for p-values; asymptotic ones when 0.
+        bootstrap: records drawn from the null for p-values; asymptotic ones when none.
         propose: whether to design the next experiment, which takes as long as all the rest.
         sure: probability of the answer from which no experiment is needed, but for an unknown.
         minutes: that the next experiment may take; a usual time when None.

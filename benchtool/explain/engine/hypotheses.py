@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -20,6 +21,7 @@ from benchtool.explain.engine.shared_errors import AMPLITUDES, BEYOND, SharedErr
 from benchtool.explain.engine.subject import Evidence
 from benchtool.fit.bounded import Linearised, Minimum, Region, slopes
 from benchtool.fit.identifiability import evidence_against
+from benchtool.tasks import run_tasks
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
 
@@ -46,6 +48,21 @@ squares, is not followed further: its probability is nothing either way."""
 WORTH_A_FIT = 2.0
 """Gain in the sum of squares that the null's own neighbourhood must promise before a candidate
 gets a fit of its own."""
+
+
+BLOCK = 250
+"""Draws of a task of the bootstrap: most of a second."""
+
+WORTH_PROCESSES = 2000
+"""Draws from which processes of their own are quicker, which take two seconds to start."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bootstrap:
+    """State how many records are drawn from the null, and on which cluster (this machine: None)."""
+
+    draws: int = 0
+    cluster: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -303,26 +320,39 @@ class Hypotheses:
                 best = _of(base.opened, found, base.widened)
         return best
 
-    def null_gains(self, base: Hypothesis, draws: int, rng: np.random.Generator) -> Array:
+    def null_gains(self, base: Hypothesis, draws: Bootstrap, rng: np.random.Generator) -> Array:
         """Return the largest gain of any candidate (draws,) when the base is the truth.
 
         Errors drawn about the base, the shared ones among them, move the gradient of its
         neighbourhood; there every candidate's bounded problem is solved exactly.
         """
-        near = self.near(base.at, base.widened)
-        curvature = near.curvature
-        root = np.linalg.cholesky(curvature + 1e-9 * np.eye(len(curvature)))
+        curvature = self.near(base.at, base.widened).curvature
         regions = [self.region((*base.opened, e)) for e in self.effects if e not in base.opened]
-        own = self.region(base.opened)
-        out = np.empty(draws)
-        for k in range(draws):
-            drawn = Linearised(
-                at=base.at, cost=0.0, gradient=root @ rng.standard_normal(len(root)),
-                curvature=curvature,
-            )  # fmt: skip
-            _, least = drawn.step(own)
-            out[k] = max(least - drawn.step(region)[1] for region in regions)
-        return out
+        drawn = partial(_drawn_gains, base.at, curvature, self.region(base.opened), regions)
+        blocks = {
+            str(start): (int(rng.integers(2**63)), min(start + BLOCK, draws.draws) - start)
+            for start in range(0, draws.draws, BLOCK)
+        }
+        processes = None if draws.draws >= WORTH_PROCESSES else 0
+        found = dict(run_tasks(drawn, blocks, cluster=draws.cluster, processes=processes))
+        return np.concatenate([found[name] for name in blocks])
+
+
+def _drawn_gains(
+    at: Array, curvature: Array, own: Region, regions: Sequence[Region], block: tuple[int, int]
+) -> list[float]:
+    """Return the largest gains of a block of draws: its seed, and how many."""
+    seed, draws = block
+    rng = np.random.default_rng(seed)
+    root = np.linalg.cholesky(curvature + 1e-9 * np.eye(len(curvature)))
+    out = []
+    for _ in range(draws):
+        drawn = Linearised(
+            at=at, cost=0.0, gradient=root @ rng.standard_normal(len(root)), curvature=curvature
+        )
+        _, least = drawn.step(own)
+        out.append(max(least - drawn.step(region)[1] for region in regions))
+    return out
 
 
 def _of(
@@ -345,7 +375,7 @@ def p_value(
     hypotheses: Hypotheses,
     base: Hypothesis,
     one: Hypothesis,
-    bootstrap: int,
+    bootstrap: Bootstrap,
     rng: np.random.Generator,
 ) -> float:
     """Return the p-value of a candidate's gain over its base, for the largest of all candidates.
@@ -358,7 +388,7 @@ def p_value(
     gain = base.cost - one.cost
     name = one.opened[-1]
     numbers = sum(parameter.effect == name for parameter in hypotheses.evidence.parameters)
-    if bootstrap <= 0:
+    if bootstrap.draws <= 0:
         return float(min(1.0, len(hypotheses.effects) * chi2.sf(max(gain, 0.0), numbers)))
     drawn = hypotheses.null_gains(base, bootstrap, rng)
-    return float((1 + np.sum(drawn >= gain)) / (bootstrap + 1))
+    return float((1 + np.sum(drawn >= gain)) / (bootstrap.draws + 1))

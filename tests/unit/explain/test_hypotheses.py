@@ -11,7 +11,7 @@ import pytest
 
 from benchtool.core.array import Array
 from benchtool.explain.engine.describe import found_parameters
-from benchtool.explain.engine.hypotheses import Hypotheses, p_value
+from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, p_value
 from benchtool.explain.engine.judgement import Trial
 from benchtool.explain.engine.parameters import ScaledParameter
 from benchtool.explain.engine.posterior import Posterior, searched
@@ -118,11 +118,11 @@ def test_p_values_of_nothing_are_spread_out_and_of_something_small() -> None:
     hypotheses = Hypotheses(Linear(np.array([3.0, 0.0, 0.0, 0.0]), 5))
     null = hypotheses.null()
     best = hypotheses.with_one_more(null)[0]
-    assert p_value(hypotheses, null, best, 0, rng) < 1e-6
-    assert p_value(hypotheses, null, best, 60, rng) == pytest.approx(1.0 / 61.0)
+    assert p_value(hypotheses, null, best, Bootstrap(), rng) < 1e-6
+    assert p_value(hypotheses, null, best, Bootstrap(draws=60), rng) == pytest.approx(1.0 / 61.0)
     nothing = Hypotheses(Linear(np.zeros(4), 6))
     base = nothing.null()
-    assert p_value(nothing, base, nothing.with_one_more(base)[0], 60, rng) > 0.1
+    assert p_value(nothing, base, nothing.with_one_more(base)[0], Bootstrap(draws=60), rng) > 0.1
 
 
 def parameter(name: str, effect: str, *, held: bool = False) -> ScaledParameter:
