@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 from benchtool.commands.declared import declared
+from benchtool.commands.recipe_options import StandInputs
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.core.inputs import Input, Inputs
+from benchtool.core.inputs import Input, Inputs, values_of
 
 To = Literal["all", "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c"]
 
@@ -33,13 +34,7 @@ class ExportInputs(Inputs):
             "repeat for more."
         ),
     ] = ()
-    propeller: Annotated[
-        str | None,
-        Input("Of logs that do not state theirs: name, file, or size in inches, as 5x4.5."),
-    ] = None
-    rig: Annotated[
-        str | None, Input("Rig of logs: shipped name or path.", empty="made from the logs")
-    ] = None
+    stand: StandInputs = field(default_factory=StandInputs)
     out: Annotated[
         Path | None,
         Input("New file, or new folder for all.", empty="named after the rig, in this folder"),
@@ -56,8 +51,7 @@ def export(inputs: ExportInputs) -> None:
         inputs.to,
         inputs.out,
         motor=inputs.motor,
-        propeller=inputs.propeller,
-        rig=inputs.rig,
         permit=announce_code,
+        **values_of(inputs.stand),
     ):
         print(f"wrote {path}")

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 from annotated_types import Gt, Le
 
 from benchtool.commands.declared import declared
+from benchtool.commands.recipe_options import StandInputs
 from benchtool.core.errors import InputError
-from benchtool.core.inputs import Input, Inputs
+from benchtool.core.inputs import Input, Inputs, changed, values_of, words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,13 +27,7 @@ class MotorInputs(Inputs):
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
         Input("Mass of the vehicle that hovers.", "kg", empty="the rig's, where it states one"),
     ] = None
-    propeller: Annotated[
-        str | None,
-        Input("Of logs that do not state theirs: name, file, or size in inches, as 5x4.5."),
-    ] = None
-    rig: Annotated[
-        str | None, Input("Rig of logs: shipped name or path.", empty="made from the logs")
-    ] = None
+    stand: StandInputs = field(default_factory=StandInputs)
     out: Annotated[Path | None, Input("Write the page to this new HTML file.")] = None
 
 
@@ -45,14 +40,11 @@ def motor(inputs: MotorInputs) -> None:
 
     if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out {inputs.out} does not end in .html, as the name of a page does")
-    result = motor_of(
-        inputs.runs, mass_kg=inputs.mass_kg, propeller=inputs.propeller, rig=inputs.rig
-    )
+    result = motor_of(inputs.runs, mass_kg=inputs.mass_kg, **values_of(inputs.stand))
     print(result.summary())
     first, *others = map(str, inputs.runs)
     given = [word for each in others for word in ("--motor", each)]
-    given += ["--propeller", inputs.propeller] if inputs.propeller else []
-    given += ["--rig", inputs.rig] if inputs.rig else []
+    given += words(StandInputs, changed(inputs.stand))
     command = shlex.join(["benchtool", "export", first, *given, "--to", "all"])
     print(f"\nfor autopilots, simulators and firmware: {command}")
     if inputs.out is not None:

@@ -14,6 +14,19 @@ from benchtool.data.atomic import data_hash
 from benchtool.fit.recipe import Recipe
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StandInputs(Inputs):
+    """What a log of a stand may not state itself."""
+
+    TITLE = "Logs of stands"
+
+    propeller: Annotated[
+        str | None,
+        Input("Where a log does not state it: name, file, or size in inches, as 5x4.5."),
+    ] = None
+    rig: Annotated[str | None, Input("Shipped name or path.", empty="made from the logs")] = None
+
+
 def recipe_given(given: dict[str, Any], command: str) -> Recipe:
     """Return the recipe that options go over: that of a folder, or one of data and model."""
     from benchtool.fit.recipe import read_recipe
