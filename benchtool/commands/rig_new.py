@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,7 +14,7 @@ from benchtool.commands.declared import declared
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs, items
 
-Purpose = Literal["fit", "sweep"]
+Purpose = Literal["fit", "sweep", "pitch"]
 
 Length = Annotated[float, Gt(0.0), Le(100.0)]
 Pulse = Annotated[float, Gt(0.0), Le(20_000.0)]
@@ -26,7 +26,8 @@ class NewRigInputs(Inputs):
 
     file: Annotated[Path, Input("File to write, such as mine.toml.", argument="FILE")]
     purpose: Annotated[
-        Purpose, Input("What for: fit tables, or sweep a bench too.", option="for")
+        Purpose,
+        Input("What for: fit tables, sweep a bench too, or a beam on a hinge.", option="for"),
     ] = "fit"
     radius: Annotated[Length | None, Input("Rotor radius.", "m", empty="asked")] = None
     rotors: Annotated[int, Ge(1), Le(16), Input("How many rotors, evenly around the centre.")] = 1
@@ -49,6 +50,10 @@ class NewRigInputs(Inputs):
         tuple[Length, Length] | None,
         Input("Nearest and farthest plate.", "m", empty="asked for a sweep"),
     ] = None
+    inertia: Annotated[
+        Annotated[float, Gt(0.0), Le(1e4)] | None,
+        Input("Inertia of the beam about its hinge.", "kg m2", empty="asked for pitch"),
+    ] = None
     source: Annotated[str, Input("Where the numbers come from.")] = "stated by the bench's owner"
 
 
@@ -70,24 +75,13 @@ def new_rig(inputs: NewRigInputs) -> None:
         f"written: {file}; it leaves out {left_out} numbers, for which typical ones stand in where "
         f"something needs them"
     )
-    for why, words in (
-        ("see them", ["rigs", str(file)]),
-        (
-            "try a sweep on a virtual bench of this rig",
-            [
-                "sweep",
-                f"sim:{file}",
-                "--z-over-r",
-                "0.6,1,2",
-                "--pwm",
-                "1500",
-                "--repeats",
-                "2",
-                "--yes",
-            ],
-        ),
-    ):
-        print(f"# {why}\n{shlex.join(['benchtool', *words])}")
+    name = shlex.quote(str(file))
+    print(f"# see them\nbenchtool rigs {name}")
+    if inputs.purpose == "pitch":
+        print(f"# simulate it\nbenchtool simulate pitch --rig {name} --model pitch_beam")
+        return
+    print("# try a sweep on a virtual bench of this rig")
+    print(f"benchtool sweep sim:{name} --z-over-r 0.6,1,2 --pwm 1500 --repeats 2 --yes")
 
 
 def rig_text(inputs: NewRigInputs, name: str) -> str:
@@ -110,10 +104,14 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
         typed = ask(item.label, item.option, usual=usual, choices=item.choices, reason=reason)
         return item.read(typed, item.option)
 
-    sweeps, source = inputs.purpose == "sweep", inputs.source
+    sweeps, tilts, source = inputs.purpose == "sweep", inputs.purpose == "pitch", inputs.source
     propulsion: dict[str, Any] = {"source": source, "radius_m": asked("radius")}
     data: dict[str, Any] = {"name": name, "title": name}
-    if inputs.rotors > 1:
+    if tilts:
+        # Rotor 1 behind the hinge: positive pitch lifts it off the plate.
+        data["rotors"] = _rotors([(side * asked("arm"), 0.0) for side in (-1.0, 1.0)], source)
+        data["body"] = {"source": source, "inertia_yy_kgm2": asked("inertia")}
+    elif inputs.rotors > 1:
         data["rotors"] = _places(inputs.rotors, asked("arm"), source)
     data["propulsion"] = propulsion
     optional: dict[str, Callable[[], Any]] = {"cell": lambda: asked("cell")}
@@ -151,12 +149,16 @@ def _places(count: int, arm_m: float, source: str) -> list[dict[str, Any]]:
     from math import cos, pi, sin
 
     angles = [2.0 * pi * (index + 0.5) / count for index in range(count)]
+    return _rotors([(arm_m * cos(angle), arm_m * sin(angle)) for angle in angles], source)
+
+
+def _rotors(places_m: Sequence[tuple[float, float]], source: str) -> list[dict[str, Any]]:
     return [
         {
-            "name": f"rotor {index + 1}",
-            "x_m": {"value": round(arm_m * cos(angle), 6), "source": source},
-            "y_m": {"value": round(arm_m * sin(angle), 6), "source": source},
-            "spin": {"value": 1 if index % 2 == 0 else -1, "source": source},
+            "name": f"rotor {index}",
+            "x_m": {"value": round(x_m, 6), "source": source},
+            "y_m": {"value": round(y_m, 6), "source": source},
+            "spin": {"value": 1 if index % 2 else -1, "source": source},
         }
-        for index, angle in enumerate(angles)
+        for index, (x_m, y_m) in enumerate(places_m, 1)
     ]

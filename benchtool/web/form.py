@@ -77,8 +77,9 @@ class InputForm(Generic[T]):
     def show_empty(self, texts: Mapping[str, str]) -> None:
         """Show in empty fields what runs instead, by name."""
         for name, text in texts.items():
-            field, shown = self._fields[name], f"empty: {text}"
-            if field.props["placeholder"] != shown:
+            field, shown = self._fields.get(name), f"empty: {text}"
+            # A remembered value can come before the fields below it are made.
+            if field is not None and field.props["placeholder"] != shown:
                 field.props["placeholder"] = shown
                 field.update()
 

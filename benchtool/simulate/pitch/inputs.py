@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 class PitchInputs(Inputs):
     """What `benchtool simulate pitch` takes."""
 
-    rig: Annotated[str, Input("Rig on the hinge.")] = "pquad"
+    rig: Annotated[
+        str | None, Input("Rig on the hinge.", empty="the model's; pquad without a model")
+    ] = None
     model: Annotated[str, Input("Model or its file.", empty="the rig's pitch model")] = ""
     controllers: Annotated[
         tuple[str, ...],

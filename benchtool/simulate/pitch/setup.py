@@ -77,8 +77,12 @@ class PitchSetup:
         return rate_Hz
 
 
+PITCH_RIG = "pquad"
+"""The rig on the hinge where neither a rig nor a model is named: the paper's."""
+
+
 def pitch_setup(
-    rig: str = "pquad",
+    rig: str | None = None,
     model: str | None = None,
     gains: str = "s3",
     controllers: Sequence[str] = ("pid", "feedforward", "observer"),
@@ -88,17 +92,18 @@ def pitch_setup(
 ) -> PitchSetup:
     """Return the setup of these names; the model is the rig's own pitch model when left out.
 
+    The rig is the model's when left out, pquad without a model.
     `permit` is called with the file of a model's own effects before it is run.
     """
-    own = f"pitch_{rig}"
+    own = f"pitch_{rig or PITCH_RIG}"
     notes: tuple[str, ...] = ()
     if model is not None:
-        loaded = load_model(model, permit=permit)
+        loaded = load_model(model, None if rig is None else rig_named(rig), permit=permit)
         physics, notes = loaded.model, loaded.notes
     elif own in model_names():
         physics = load_model(own).model
     else:
-        physics = Model.single(rig_named(rig))
+        physics = Model.single(rig_named(rig or PITCH_RIG))
     set_ = gains_named(gains)
     return PitchSetup(
         bench=PitchBench.of(physics),

@@ -72,3 +72,29 @@ def test_a_file_that_is_there_stays(capsys: pytest.CaptureFixture[str]) -> None:
     code, _, error = said(capsys, *["rigs", "new", "mine.toml", "--radius", "0.1"])
     assert (code, "exists already" in error) == (2, True), error
     assert Path("mine.toml").read_text() == "mine"
+
+
+def test_a_beam_on_a_hinge_is_simulated_as_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    words = [
+        "rigs",
+        "new",
+        "mine.toml",
+        "--for",
+        "pitch",
+        "--radius",
+        "0.127",
+        "--arm",
+        "0.25",
+        "--inertia",
+        "0.03",
+    ]
+    code, out, _ = said(capsys, *words)
+    rig = rig_named("mine.toml")
+    assert code == 0
+    assert [rotor.x_m for rotor in rig.rotors] == [-0.25, 0.25]
+    assert rig.body.inertia_yy_kgm2 == 0.03
+    command = out.splitlines()[-1].split()[1:]
+    assert command == ["simulate", "pitch", "--rig", "mine.toml", "--model", "pitch_beam"]
+    code, out, _ = said(capsys, *command, "--duration-s", "1")
+    assert code == 0
+    assert "SIMULATED pitch bench mine, model pitch_beam" in out

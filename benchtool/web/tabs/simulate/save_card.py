@@ -18,7 +18,7 @@ def _bench_of(inputs: PitchInputs) -> tuple[str, dict[str, float]]:
     """Return what makes a bench another one: neither its controllers nor the plate."""
     others = ("gains.", "plate.")
     settings = inputs.study.settings.items()
-    return inputs.rig, {name: to for name, to in settings if not name.startswith(others)}
+    return str(inputs.rig), {name: to for name, to in settings if not name.startswith(others)}
 
 
 class SaveCard:
