@@ -230,12 +230,24 @@ def _limits(series: Sequence[RatioPoints], curves: Sequence[Curve]) -> tuple[flo
     return float(finite.min() - 0.05 * span), float(finite.max() + 0.06 * span)
 
 
+LINE_SHARE = 0.006
+"""Width of a curve's line over the height of its axes, about."""
+
+
 def _legend(axes: Axes, curves: Sequence[Curve]) -> None:
     """Name measured series first, then curves, then the levels of the bands."""
     entries = list(zip(*axes.get_legend_handles_labels(), strict=True))
     entries.sort(key=lambda entry: not isinstance(entry[0], ErrorbarContainer))
     for level in sorted({band.level for curve in curves for band in curve.bands}):
         patch = Patch(facecolor=GREY, alpha=2.0 * _BAND_ALPHA[level], linewidth=0.0)
-        entries.append((patch, f"{level} % band of the fit"))
+        widest = max(
+            float(np.nanmax((band.upper - band.lower)[curve.valid], initial=0.0))
+            for curve in curves
+            for band in curve.bands
+            if band.level == level
+        )
+        low, high = axes.get_ylim()
+        thin = ", thinner than its line" if widest < LINE_SHARE * (high - low) else ""
+        entries.append((patch, f"{level} % band of the fit{thin}"))
     if entries:
         axes.legend(*map(list, zip(*entries, strict=True)), loc="upper right")

@@ -61,9 +61,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     total("combined", budget.combined)
     total(f"expanded, {INTERVAL}", budget.expanded)
     rows.append(("coverage factor", "", *(f"{budget.coverage_factor[p]:.2f}" for p in places)))
-    rows.append(
-        ("effective degrees of freedom", "", *(numeral(budget.dof[p], ".0f") for p in places))
-    )
+    rows.append(("effective degrees of freedom", "", *(_dof(budget.dof[p]) for p in places)))
     if (drawn := budget.monte_carlo) is not None:
         total(f"Monte Carlo, {INTERVAL}: lower end", drawn.low)
         total("upper end", drawn.high)
@@ -75,6 +73,14 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
         rows,
         text_columns=2,
     )
+
+
+MOST_DOF = 10_000.0
+"""Degrees of freedom above which Student's t is the normal distribution to four digits."""
+
+
+def _dof(dof: float) -> str:
+    return f"above {MOST_DOF:,.0f}" if dof > MOST_DOF else numeral(dof, ".0f")
 
 
 def _name(budget: Budget, row: int) -> str:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import ScalarFormatter
 
 from benchtool.core.array import Array
-from benchtool.core.fit_result import FitResult
+from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.ensemble import convergence_of
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import figure
@@ -87,7 +87,7 @@ def corner(figure: Figure, fit: FitOutput) -> None:
         fill_contours=True, quantiles=[0.16, 0.5, 0.84], show_titles=False, max_n_ticks=4,
         hist_kwargs={"linewidth": 1.3},
     )  # fmt: skip
-    _tidy(figure, result.samples, [item.bound for item in result.estimates])
+    _tidy(figure, result.estimates)
     handles = [Line2D([], [], color=BLUE, label="posterior: 1 and 2 sd; dashed: 16, 50, 84 %")]
     dashes: Literal["-"] = "-"
     for label, values in marked.items():
@@ -111,17 +111,15 @@ def _ranges(samples: Array, marked: Mapping[str, Sequence[float]]) -> list[tuple
     return list(zip(low - 0.04 * span, high + 0.04 * span, strict=True))
 
 
-def _tidy(figure: Figure, samples: Array, notes: Sequence[str]) -> None:
-    """Make room for labels and titles, and write the median with its sd over each histogram."""
-    n, height_in = len(notes), figure.get_figheight()
+def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
+    """Make room for labels and titles, and write the table's numbers over each histogram."""
+    n, height_in = len(estimates), figure.get_figheight()
     figure.subplots_adjust(
         left=1.15 / height_in, bottom=1.10 / height_in, right=1.0 - 0.15 / height_in,
         top=1.0 - (1.05 if n == 1 else 0.75) / height_in, wspace=0.09, hspace=0.09,
     )  # fmt: skip
-    low, middle, high = np.percentile(samples, [16, 50, 84], axis=0)
-    for index, note in enumerate(notes):
-        shown = value_with_sd(middle[index], 0.5 * (high[index] - low[index]))
-        title = "\n".join(filter(None, (shown, note)))
+    for index, item in enumerate(estimates):
+        title = "\n".join(filter(None, (value_with_sd(item.value, item.sd), item.bound)))
         figure.axes[index * n + index].set_title(title, loc="center", fontsize=8.6)
     for axes in figure.axes:
         box = axes.get_position()
