@@ -87,6 +87,8 @@ class CopyPlace:
     def __init__(self, url: str, **options: Any) -> None:
         core = load_extra("fsspec.core", "catalogue", "a copy of runs")
         self.url = url
+        if url.startswith("ssh://"):
+            options = {"known_hosts": (), **options}  # ~/.ssh/known_hosts; sshfs checks no host key
         with self._faults():
             self._fs, root = core.url_to_fs(url, **options)
         self._root = str(root).rstrip("/")

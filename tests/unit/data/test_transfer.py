@@ -1,8 +1,12 @@
-"""Copies of runs: in a folder, and in an S3 store that moto serves on loopback."""
+"""Copies of runs: in a folder, in an S3 store that moto serves, and over SSH, both on loopback."""
 
 from __future__ import annotations
 
+import asyncio
+import gc
 import shutil
+import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,12 +30,58 @@ def served() -> Iterator[str]:
     server.stop()
 
 
-@pytest.fixture(params=["folder", "s3"])
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, int]]:
+    """Serve SFTP: the home of a user whose key the server knows, and the port."""
+    asyncssh = pytest.importorskip("asyncssh")
+    home, ready, loop = tmp_path_factory.mktemp("home"), threading.Event(), asyncio.new_event_loop()
+    user, host = (asyncssh.generate_private_key("ssh-ed25519") for _ in range(2))
+    (home / ".ssh").mkdir()
+    user.write_private_key(home / ".ssh" / "id_ed25519")
+    user.write_public_key(home / "authorized")
+    ports, done = [], asyncio.Event()
+
+    async def serve() -> None:
+        server = await asyncssh.listen(
+            "127.0.0.1", 0, server_host_keys=[host], sftp_factory=True,
+            authorized_client_keys=str(home / "authorized"),
+        )  # fmt: skip
+        ports.append(server.get_port())
+        ready.set()
+        await done.wait()
+        server.close()
+        await server.wait_closed()
+        if left := asyncio.all_tasks() - {asyncio.current_task()}:
+            await asyncio.wait(left, timeout=10.0)
+
+    def run() -> None:
+        loop.run_until_complete(serve())
+        loop.close()
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    assert ready.wait(20.0)
+    key = host.export_public_key().decode().strip()
+    (home / ".ssh" / "known_hosts").write_text(f"[127.0.0.1]:{ports[0]} {key}\n")
+    yield home, ports[0]
+    loop.call_soon_threadsafe(done.set)
+    thread.join(20.0)
+
+
+@pytest.fixture(params=["folder", "s3", "ssh"])
 def place(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[str]:
     if request.param == "folder":
         yield str(tmp_path / "copies")
+        return
+    if request.param == "ssh":
+        home, port = request.getfixturevalue("home")
+        monkeypatch.setenv("HOME", str(home))
+        monkeypatch.setenv("USER", "lab")
+        yield f"ssh://lab@127.0.0.1:{port}{tmp_path}/copies"
+        sys.modules["sshfs"].SSHFileSystem.clear_instance_cache()
+        gc.collect()  # closes the connections
         return
     import s3fs
 
@@ -143,6 +193,20 @@ def test_what_arrives_otherwise_is_seen(
     monkeypatch.setattr(CopyPlace, "_hash", lambda self, path: "0")
     with pytest.raises(InputError, match=r"arrived at .* otherwise than it was sent"):
         push(target, root)
+
+
+def test_a_server_that_is_not_known_gets_nothing(
+    home: tuple[Path, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another key in known_hosts, as where somebody stands between."""
+    other = shutil.copytree(home[0], tmp_path / "home")
+    key = sys.modules["asyncssh"].generate_private_key("ssh-ed25519").export_public_key().decode()
+    (other / ".ssh" / "known_hosts").write_text(f"[127.0.0.1]:{home[1]} {key}")
+    monkeypatch.setenv("HOME", str(other))
+    monkeypatch.setenv("USER", "lab")
+    with pytest.raises(InputError, match=r"cannot be used: Host key is not trusted"):
+        CopyPlace(f"ssh://lab@127.0.0.1:{home[1]}{tmp_path}/copies")
+    gc.collect()
 
 
 @pytest.mark.parametrize("name", ["../out", "/out", ".hidden", "a\\b", "metadata.json/.."])
