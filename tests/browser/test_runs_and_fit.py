@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 import pytest
 
+from benchtool.data.run.labels import label
 from tests.browser.conftest import Web, expect, serving
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     expect(names).to_have_count(4)
     assert set(names.all_inner_texts()) == {"quad", "single_rotor", "earlier", "broken"}
     expect(page.locator(".summary.problem")).to_contain_text("this is not valid JSON")
-    page.get_by_label("Search name, rig, date, state").fill("sweep pquad_single")
+    page.get_by_label("Search name, rig, date, state, note").fill("sweep pquad_single")
     page.get_by_text("1 of 4 in runs").wait_for()
     expect(names).to_have_text(["single_rotor"])
     page.get_by_role("button", name="single_rotor").click()
@@ -75,14 +76,14 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     # The points of the run, with quantities that follow from them behind.
     shown, run = (pd.read_csv(path) for path in (taken.value.path(), expected))
     pd.testing.assert_frame_equal(shown[run.columns], run, check_dtype=False)
-    page.get_by_label("Search name, rig, date, state").fill("fit")
+    page.get_by_label("Search name, rig, date, state, note").fill("fit")
     page.get_by_role("button", name="earlier").click()
     page.get_by_role("row", name=re.compile("^body_lift.K_b – 1.892 ± 0.014")).first.wait_for()
     with page.expect_download(timeout=COLD_MS) as report:
         page.get_by_role("button", name="Report, HTML").click()
     assert Path(report.value.path()).read_text("utf-8") == REPORT
     # A report that is still being made comes, although another entry was opened meanwhile.
-    page.get_by_label("Search name, rig, date, state").fill("")
+    page.get_by_label("Search name, rig, date, state, note").fill("")
     page.get_by_role("button", name="single_rotor").click()
     page.get_by_text("1.2343 ± 0.0016").wait_for(timeout=COLD_MS)
     with page.expect_download(timeout=COLD_MS) as late:
@@ -103,6 +104,32 @@ def test_two_sweeps_stand_in_one_plot(filled: Web, open_page: Opens) -> None:
     nearest = page.locator(".shown-body").get_by_role("row", name=re.compile("^0.6 1450 "))
     nearest.wait_for()
     assert all(ratio in nearest.inner_text() for ratio in ("1.2343 ± 0.0016", "1.8081 ± 0.0013"))
+
+
+def test_runs_are_chosen_by_tags_and_notes(web: Web, open_page: Opens) -> None:
+    for name in ("quad", "single_rotor"):
+        shutil.copytree(TOP / "datasets" / name / "run", web.runs / name)
+    for name in ("first", "second"):
+        shutil.copytree(TOP / "fits" / "quad", web.runs / name)
+        label(web.runs / name, add=["good", "wide"] if name == "first" else ["good"])
+    label(web.runs / "quad", add=["good"], note="a blade has a nick")
+    page = open_page(f"{web.url}?tab=runs")
+    names = page.locator(".run-name")
+    expect(names).to_have_count(4)
+    expect(page.get_by_role("row", name=re.compile("quad good"))).to_be_visible()
+    page.get_by_label("Tags").click()
+    page.get_by_role("option", name="good").click()
+    page.get_by_text("3 of 4 in runs").click()  # closes the menu
+    assert set(names.all_inner_texts()) == {"quad", "first", "second"}
+    for name in ("first", "second"):
+        page.get_by_label(f"Choose {name}", exact=True).click()
+    page.get_by_role("button", name="Compare 2 fits").click()
+    page.get_by_text("2 fits compared").wait_for(timeout=COLD_MS)
+    page.locator(".shown-body").get_by_text("body_lift.K_b").first.wait_for()
+    page.get_by_label("Search name, rig, date, state, note").fill("nick")
+    expect(names).to_have_text(["quad"])
+    label(web.runs / "single_rotor", add=["good"], note="nick, too")  # in another program
+    expect(names).to_have_count(2)
 
 
 @pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "%2Fetc%2Fpasswd"])

@@ -8,9 +8,19 @@ from pathlib import Path
 from typing import Literal, get_args
 
 EntryKind = Literal[
-    "sweep", "pitch recording", "fit", "explanation", "recording", "table", "unknown"
+    "sweep",
+    "live recording",
+    "pitch recording",
+    "fit",
+    "explanation",
+    "recording",
+    "table",
+    "unknown",
 ]
 """What an entry may be. A recording is one file with its JSON beside it, a table any CSV."""
+
+SWEEPS = ("sweep", "live recording")
+"""Runs with points: measured by a plan, or where motors were turned by hand."""
 
 ENTRY_KINDS: tuple[str, ...] = get_args(EntryKind)
 
@@ -64,7 +74,7 @@ class Entry:
     @property
     def can_fit(self) -> bool:
         """Whether `benchtool fit` takes it."""
-        return not self.problem and self.kind in ("sweep", "table")
+        return not self.problem and self.kind in (*SWEEPS, "table")
 
     def matches(self, words: str) -> bool:
         """Return whether each of some words stands anywhere in the entry, in any case."""

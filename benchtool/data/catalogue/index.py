@@ -21,7 +21,7 @@ from typing import Any
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.atomic import make_folder
-from benchtool.data.catalogue.entry import Entry, kind_of
+from benchtool.data.catalogue.entry import SWEEPS, Entry, kind_of
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import state_folder
 
@@ -36,8 +36,10 @@ Seen = dict[str, tuple[str, Entry]]
 
 _RUN = ("metadata.json", "points.csv")
 _CHANGING: dict[str, tuple[str, ...]] = {
-    "sweep": _RUN, "pitch recording": _RUN, "fit": ("result.json",), "explanation": ("answer.json",)
-}  # fmt: skip
+    **dict.fromkeys((*SWEEPS, "pitch recording"), _RUN),
+    "fit": ("result.json",),
+    "explanation": ("answer.json",),
+}
 """Files by kind that may change in place; when another one comes, goes or is replaced, the folder
 itself changes."""
 

@@ -15,7 +15,7 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.inputs import make
 from benchtool.data.catalogue.choice import ChoiceInputs, find_entries
-from benchtool.data.catalogue.entry import Entry
+from benchtool.data.catalogue.entry import SWEEPS, Entry
 from benchtool.data.catalogue.extra import load_extra
 from benchtool.data.catalogue.index import index_folder
 from benchtool.data.catalogue.tables import TABLES, row_numbers
@@ -169,7 +169,7 @@ def _make_views(base: Any, found: Sequence[tuple[Path, Entry]], sql: str) -> Non
     if "samples" in words:
         forms: dict[str, list[str]] = {}
         for path, one in found:
-            if one.kind in ("sweep", "pitch recording") and os.path.isfile(
+            if one.kind in (*SWEEPS, "pitch recording") and os.path.isfile(
                 file := f"{path}{SAMPLES}"
             ):
                 forms.setdefault(one.channels, []).append(_quoted(file))
@@ -188,7 +188,7 @@ def _stored(base: Any, name: str, root: Path, entries: Sequence[Entry]) -> str:
     files = [file for place in places if (file := place / f"{name}.parquet").is_file()]
     if not files:
         return ""
-    own = f"numbers_{TABLES[name]}_{index_folder(root).name}"
+    own = f"numbers_{TABLES[name][0]}_{index_folder(root).name}"
     base.execute(
         f"CREATE TEMP TABLE IF NOT EXISTS {own} AS SELECT unnest(?::BIGINT[]) AS run_number",
         [numbers],

@@ -18,11 +18,11 @@ from uuid import uuid4
 
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.atomic import read_json
-from benchtool.data.catalogue.entry import Entry
+from benchtool.data.catalogue.entry import SWEEPS, Entry
 from benchtool.data.catalogue.index import connect, index_folder
 
-TABLES = {"points": "sweep", "settings": "sweep", "fits": "fit"}
-"""Tables that are stored, and the kind of the entries that have rows in them."""
+TABLES = {"points": SWEEPS, "settings": SWEEPS, "fits": ("fit",)}
+"""Tables that are stored, and the kinds of the entries that have rows in them."""
 
 RUNS_AT_ONCE = 2000
 """Runs whose rows are in memory at once: 50 MB of them. A choice."""
@@ -34,7 +34,9 @@ UNUSED_S = 3600.0
 """A file that no index names may still be read by a query that began before; a choice."""
 
 
-def row_numbers(root: Path, entries: Sequence[Entry], kind: str) -> tuple[list[int], list[Path]]:
+def row_numbers(
+    root: Path, entries: Sequence[Entry], kinds: Sequence[str]
+) -> tuple[list[int], list[Path]]:
     """Return the numbers of the rows of some runs or fits, and the folders of files with them.
 
     What is missing is read from them first; one that cannot be read has no rows.
@@ -47,7 +49,7 @@ def row_numbers(root: Path, entries: Sequence[Entry], kind: str) -> tuple[list[i
         _make(store)
         stamps = dict(store.execute("SELECT name, stamp FROM entry"))
         known = _known(store)
-        own = [entry for entry in entries if entry.kind == kind and entry.name in stamps]
+        own = [entry for entry in entries if entry.kind in kinds and entry.name in stamps]
         new = [one for one in own if known.get(one.name, ("",))[0] != stamps[one.name]]
         for start in range(0, len(new), RUNS_AT_ONCE):
             _write(store, folder, root, new[start : start + RUNS_AT_ONCE], stamps)

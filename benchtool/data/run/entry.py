@@ -24,6 +24,7 @@ from benchtool.data.catalogue.entry import ANSWER_FILE as ANSWER_FILE
 from benchtool.data.catalogue.entry import ENTRY_KINDS as ENTRY_KINDS
 from benchtool.data.catalogue.entry import FIT_FILE as FIT_FILE
 from benchtool.data.catalogue.entry import RUN_FILES
+from benchtool.data.catalogue.entry import SWEEPS as SWEEPS
 from benchtool.data.catalogue.entry import Entry as Entry
 from benchtool.data.catalogue.entry import kind_of as kind_of
 from benchtool.data.columns import KINDS, code_of
@@ -100,10 +101,10 @@ def _run(entry: Entry, path: Path) -> Entry:
             f"its format is {facts.get('format')!r}, this version reads {RUN_FORMAT!r}",
         )
     channels = _table(_table(facts, "device"), "channels")
-    pitch = "theta_rad" in channels
+    pitch, live = "theta_rad" in channels, facts.get("experiment") == "live"
     entry = replace(
         entry,
-        kind="pitch recording" if pitch else "sweep",
+        kind="pitch recording" if pitch else "live recording" if live else "sweep",
         rig=str(_table(facts, "rig").get("name", "")),
         propeller=str(_table(_table(facts, "rig"), "propeller").get("name", "")),
         operator=str(facts.get("operator", "")),

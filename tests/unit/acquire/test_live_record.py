@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import benchtool as bt
 from benchtool.acquire.live_record import LiveSummary, live_plan, record_live
 from benchtool.acquire.new_run import new_live_run
 from benchtool.acquire.resume import close_run, unfinished
@@ -15,8 +16,10 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import InputError, RunStopped
 from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import code_of
+from benchtool.data.run.entry import entry_of
 from benchtool.data.run.read import read_points, read_samples, read_settings
 from benchtool.data.run.run import Run
+from benchtool.data.run.runs_folder import RunsFolder
 
 RIG = rig_named("pquad")
 
@@ -77,6 +80,9 @@ def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path: Path) ->
     assert (facts["experiment"], facts["state"]) == ("live", "ended")
     with pytest.raises(InputError, match="is a live recording, which has no visits left"):
         unfinished(run)
+    entry = entry_of(RunsFolder(tmp_path), run.path.name)
+    assert (entry.kind, entry.can_fit) == ("live recording", True)
+    assert len(bt.runs(tmp_path, kind="live recording").query("FROM points")) == len(points) + 1
     assert read_settings(run.path).column("n_repeats").sum() == summary.points
 
 

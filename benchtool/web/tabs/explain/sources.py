@@ -14,7 +14,7 @@ from benchtool.core.parsed_text import parse_toml
 from benchtool.core.user_file import MOST_TEXT_BYTES, read_text
 from benchtool.data.catalogue.index import list_entries
 from benchtool.data.csv_text import read_csv_header
-from benchtool.data.run.entry import Entry
+from benchtool.data.run.entry import SWEEPS, Entry
 from benchtool.data.run.facts import read_recording_facts
 from benchtool.data.run.read import sample_names
 from benchtool.data.run.recording_file import FORMAT, beside
@@ -81,7 +81,7 @@ def suggested_folder(sources: RecordingSources, learn: Sequence[str], date: str)
 EXAMPLE = "example: "
 """Begins what comes with a checkout of benchtool; no name in a runs folder has a colon."""
 
-RECORDED = ("sweep", "pitch recording", "recording", "table")
+RECORDED = (*SWEEPS, "pitch recording", "recording", "table")
 """Kinds of entries that can be explained."""
 
 

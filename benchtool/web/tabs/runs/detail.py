@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from nicegui import ui
 
-from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, Entry, entry_of
+from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, SWEEPS, Entry, entry_of
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import TABLES
 from benchtool.export.targets import TARGETS
@@ -34,7 +34,7 @@ from benchtool.web.widgets import (
     shows_errors,
 )
 
-EXPORTED = ("fit", "sweep")
+EXPORTED = ("fit", *SWEEPS)
 """Kinds of entries that may hold what autopilots and simulators take; logs with pulses do, too."""
 
 DRAWER = "figures"
@@ -75,7 +75,7 @@ def downloads(entry: Entry) -> tuple[Download, ...]:
         return report, *(
             Download(file, f"{flat}-{file}", path=f"{entry.name}/{file}") for file in files
         )
-    tables = TABLES if entry.kind == "sweep" else ("samples",)
+    tables = TABLES if entry.kind in SWEEPS else ("samples",)
     return (
         report,
         *(Download(f"{table}, CSV", f"{flat}-{table}.csv", table=table) for table in tables),
@@ -131,7 +131,7 @@ class RunDetail:
             thrust_N: at which they are ranked then; not at all when None.
         """
         kinds, names = {entry.kind for entry in entries}, tuple(entry.name for entry in entries)
-        what, ratios = f"comparing {len(names)}", kinds == {"sweep"} and not over
+        what, ratios = f"comparing {len(names)}", kinds <= {*SWEEPS} and not over
         if kinds == {"fit"}:
             section = await self._read(what, view_fits, names)
         elif ratios:

@@ -12,7 +12,7 @@ from benchtool.commands.import_file import ImportInputs
 from benchtool.commands.report import ReportInputs
 from benchtool.core.inputs import items
 from benchtool.data.catalogue.choice import ChoiceInputs, chosen
-from benchtool.data.run.entry import ENTRY_KINDS, Entry
+from benchtool.data.run.entry import ENTRY_KINDS, SWEEPS, Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.form import InputForm
@@ -41,7 +41,8 @@ COLUMNS = (
 
 _NAME = """
 <q-td :props="props"><button type="button" class="run-name"
-  @click="$parent.$emit('open', props.row.name)">{{ props.row.name }}</button></q-td>
+  @click="$parent.$emit('open', props.row.name)">{{ props.row.name }}</button>
+<span v-for="tag in props.row.tags" class="run-tag">{{ tag }}</span></q-td>
 """
 _SUMMARY = """
 <q-td :props="props"><span :class="props.row.problem ? 'summary problem' : 'summary'">
@@ -62,11 +63,13 @@ class RunsTab:
         ui.add_head_html(STYLE)
         with ui.card().classes("w-full"):
             with ui.row().classes("items-end w-full gap-4"):
-                self._words = ui.input("Search name, rig, date, state", on_change=self._fill)
+                self._words = ui.input("Search name, rig, date, state, note", on_change=self._fill)
                 self._words.classes("grow").props('debounce=120 clearable type="search"')
                 kinds = {"": "every kind", **{kind: kind for kind in ENTRY_KINDS}}
                 self._kind = ui.select(kinds, value="", label="Kind", on_change=self._fill)
                 self._kind.classes("w-44")
+                self._tags = ui.select([], multiple=True, label="Tags", on_change=self._fill)
+                self._tags.classes("w-44").props("clearable use-chips")
                 self._over = ui.select(OVER, value="", label="Compared", on_change=self._chosen)
                 self._over.classes("w-44")
                 self._thrust = ui.number("Ranked at thrust, N").classes("w-44")
@@ -121,7 +124,7 @@ class RunsTab:
         """Return what is chosen and can stand side by side: fits, or runs and recordings."""
         names = {str(row.get("name")) for row in self._table.selected}
         found = [one for one in self._listing.entries if one.name in names and not one.problem]
-        kinds = ("fit",) if found and found[0].kind == "fit" else ("sweep", "recording", "table")
+        kinds = ("fit",) if found and found[0].kind == "fit" else (*SWEEPS, "recording", "table")
         return [entry for entry in reversed(found) if entry.kind in kinds]
 
     async def _uploaded(self, name: str) -> None:
@@ -132,10 +135,18 @@ class RunsTab:
     @shows_errors
     async def _look(self) -> None:
         if await self._listing.look():
+            known = sorted({tag for entry in self._listing.entries for tag in entry.tags})
+            chosen_tags = [tag for tag in self._tags.value or () if tag in known]
+            self._tags.set_options(known, value=chosen_tags)
+            self._tags.set_visibility(bool(known))
             self._fill()
 
     def _fill(self) -> None:
-        by = ChoiceInputs(words=self._words.value or "", kind=self._kind.value or None)
+        by = ChoiceInputs(
+            words=self._words.value or "",
+            kind=self._kind.value or None,
+            tag=tuple(self._tags.value or ()),
+        )
         found = chosen(self._listing.entries, by)
         self._table.update_rows([_row(entry) for entry in found], clear_selection=False)
         whole = len(self._listing.entries)
@@ -172,4 +183,5 @@ def _row(entry: Entry) -> dict[str, Any]:
         "state": state.removeprefix(", "),
         "summary": entry.problem.removeprefix(f"{entry.name}: ") or entry.summary,
         "problem": bool(entry.problem),
+        "tags": entry.tags,
     }

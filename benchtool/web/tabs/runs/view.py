@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.data.atomic import read_json
 from benchtool.data.csv_text import read_csv_text
-from benchtool.data.run.entry import ANSWER_FILE, Entry, entry_of
+from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, entry_of
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import exported
 from benchtool.web.jobs import PageSection
@@ -54,7 +54,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
 
     report = _report(path, entry)
     blocks: list[Block] = [Paragraph(report.summary)]
-    if entry.kind == "sweep":
+    if entry.kind in SWEEPS:
         from benchtool.report.run_facts import simple_facts
 
         blocks.append(Facts(simple_facts(read_json(path / "metadata.json"))))
@@ -191,7 +191,7 @@ def _report(path: Path, entry: Entry) -> Report:
 def _made(path: Path, kind: str, stamp: int) -> Report:
     """Return the report of a run; its figures are drawn when they are shown."""
     del stamp  # another one after every change on the disk
-    if kind == "sweep":
+    if kind in SWEEPS:
         from benchtool.report.sweep.page import SWEEP
         from benchtool.report.sweep.run import read_sweep_run
 
