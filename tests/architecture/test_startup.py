@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -48,6 +50,31 @@ def test_help_imports_nothing_heavy(command: str) -> None:
     own = module_of(command) if command else ""
     others = {module_of(name) for name, (where, _) in COMMANDS.items() if where} - {own}
     assert modules.isdisjoint(others)
+
+
+def test_no_extra_is_imported_to_drive_a_bench() -> None:
+    program = """
+import importlib, pkgutil, sys
+import benchtool, benchtool.bench, benchtool.acquire
+for name in benchtool.__all__:
+    getattr(benchtool, name)
+for package in (benchtool.bench, benchtool.acquire):
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        importlib.import_module(module.name)
+print(sorted({"duckdb", "dask", "distributed", "fsspec", "mcap", "s3fs", "sshfs"} & {*sys.modules}))
+"""
+    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert answer.stdout == "[]\n", answer.stderr
+
+
+def test_no_extra_is_a_dependency() -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
+    needed = " ".join(project["project"]["dependencies"])
+    extras = project["project"]["optional-dependencies"]
+    optional = {one.partition(">")[0] for name in ("catalogue", "cluster", "mcap")
+                for one in extras[name]} - {"protobuf"}  # fmt: skip
+    assert {"duckdb", "fsspec", "distributed", "mcap"} <= optional
+    assert [name for name in optional if name in needed] == []
 
 
 def test_the_numbers_of_a_table_are_read_without_pandas() -> None:
