@@ -1,8 +1,9 @@
-"""Time the catalogue: python tests/benchmarks/bench_catalogue.py [RUNS] [ROWS of each run]
+"""Time the catalogue: python tests/benchmarks/bench_catalogue.py [RUNS] [ROWS of each run] [linked]
 
 Makes run folders of five rigs below build/, times list, search and queries against DuckDB
 statements written by hand for the same files, each in a process of its own, and says how much
-memory it took.
+memory it took. With `linked` the samples of all runs are one file under many names: as many rows as
+on a disk that holds them, but read from the system's cache.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ rows = base.sql({sql!r}.replace("FILES", str(files))).df()
 """
 
 
-def make_runs(runs: int, rows: int) -> None:
+def make_runs(runs: int, rows: int, *, linked: bool) -> None:
     """Make run folders whose samples are one run's own, taken as often as needed."""
     ROOT.mkdir(parents=True)
     samples = read_samples(SOURCE)
@@ -79,7 +80,8 @@ def make_runs(runs: int, rows: int) -> None:
         folder.mkdir(parents=True)
         for name in ("plan.toml", "points.csv", "settings.csv", "events.jsonl"):
             shutil.copyfile(SOURCE / name, folder / name)
-        shutil.copyfile(PLACE / "samples.parquet", folder / "samples.parquet")
+        place = os.link if linked else shutil.copyfile
+        place(PLACE / "samples.parquet", folder / "samples.parquet")
         own = facts | {
             "started": f"{2020 + number % 7}-{1 + number % 12:02}-{1 + number % 28:02}T10:00+00:00",
             "operator": ("ada", "bob", "cy")[number % 3],
@@ -88,10 +90,10 @@ def make_runs(runs: int, rows: int) -> None:
         (folder / "metadata.json").write_text(json.dumps(own), "utf-8")
 
 
-def timed(program: str) -> tuple[float, float]:
+def timed(program: str, repeats: int = REPEATS) -> tuple[float, float]:
     """Return the median time (s) and the largest memory (MiB) of a program, run several times."""
     results = []
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         out = subprocess.run(
             [sys.executable, "-c", TIMED.format(program)],
             capture_output=True,
@@ -122,7 +124,7 @@ def main() -> None:
     runs, rows = (int(word) for word in (*sys.argv[1:3], "1000", "10000")[:2])
     os.environ["BENCHTOOL_STATE"] = str(PLACE / "state")
     shutil.rmtree(PLACE, ignore_errors=True)
-    make_runs(runs, rows)
+    make_runs(runs, rows, linked="linked" in sys.argv)
     print(
         f"{runs:,} runs, {runs * rows:,} rows of {len(pq.read_schema(PLACE / 'samples.parquet'))}"
     )
@@ -140,13 +142,11 @@ def main() -> None:
     )
     print(f"first query (points and settings stored): {perf_counter() - start:.1f} s")
     stored = [str(path) for path in index_folder(ROOT).glob("*/settings.parquet")]
-    own = [
-        str(path.parent / "samples.parquet")
-        for path in ROOT.glob("*/*/metadata.json")
-        if json.loads(path.read_text("utf-8"))["rig"]["name"] == "rig2"
-    ]
-    listed = PLACE / "files.json"
-    listed.write_text(hand(own), "utf-8")
+    paths = sorted(ROOT.glob("*/*/samples.parquet"))
+    listed, all_listed = PLACE / "files.json", PLACE / "all.json"
+    all_listed.write_text(hand([str(path) for path in paths]), "utf-8")
+    rig2 = [str(path) for path in paths if int(path.parent.name[3:]) % 5 == 2]
+    listed.write_text(hand(rig2), "utf-8")
     for name, ours, files, by_hand in (
         ("settings", SETTINGS.format("settings"), hand(stored),
          SETTINGS.format("read_parquet(FILES)")),
@@ -157,8 +157,21 @@ def main() -> None:
         other, least = timed(BY_HAND.format(files=files, sql=by_hand))
         print(
             f"{name} of rig2: {one:.3f} s, by hand {other:.3f} s ({one / other:.2f} times); "
-            f"{memory:.0f} MiB, by hand {least:.0f} MiB"
+            f"{memory:.0f} MiB, by hand {least:.0f} MiB",
+            flush=True,
         )
+    # Every sample row of every run, once in one and once in the other order.
+    sql = SAMPLES.format("samples")
+    ours = OURS.format(root=str(ROOT), by="", sql=sql)
+    by_hand = BY_HAND.format(
+        files=f"json.load(open({str(all_listed)!r}))", sql=SAMPLES.format("read_parquet(FILES)")
+    )
+    turns = [timed(each, 1) for each in (ours, by_hand, by_hand, ours)]
+    one, other = (turns[0][0] + turns[3][0]) / 2, (turns[1][0] + turns[2][0]) / 2
+    print(
+        f"samples of all runs: {one:.2f} s, by hand {other:.2f} s ({one / other:.2f} times); "
+        f"{turns[3][1]:.0f} MiB, by hand {turns[1][1]:.0f} MiB"
+    )
 
 
 if __name__ == "__main__":

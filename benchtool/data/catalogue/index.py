@@ -54,7 +54,7 @@ def list_entries(folder: RunsFolder, seen: Seen | None = None) -> tuple[Entry, .
     if not folder.root.is_dir():
         seen.clear()
         return ()
-    found = list(_Look(folder, seen).through(folder.root, DEEPEST))
+    found = list(_Look(folder, seen).through(str(folder.root), DEEPEST))
     names = {entry.name for entry in found}
     for gone in seen.keys() - names:
         del seen[gone]
@@ -75,7 +75,7 @@ class _Look:
             if "/recalibrated-" in name:
                 self._within.setdefault(name.rpartition("/")[0], []).append(name)
 
-    def through(self, path: Path, depth: int) -> Iterator[Entry]:
+    def through(self, path: str, depth: int) -> Iterator[Entry]:
         with os.scandir(path) as items:
             there = sorted((item.name, item.is_symlink()) for item in items)
         for own, linked in there:
@@ -107,7 +107,9 @@ class _Look:
             for inner in sorted(within):
                 yield self._entry(self._folder.name_of(inner), str(inner))
         elif item.is_dir():
-            inside = list(self.through(item, depth - 1)) if depth > 1 else []
+            inside = (
+                list(self.through(os.path.join(self._root, name), depth - 1)) if depth > 1 else []
+            )
             yield from inside or [self._entry(name, str(item))]
 
     def _entry(self, name: str, path: str) -> Entry:

@@ -89,6 +89,16 @@ def test_entries_are_found_by(root: Path, by: dict[str, Any], expected: set[str]
     assert names(root, **by) == expected
 
 
+def test_the_present_folder_has_the_same_names(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = names(root)
+    monkeypatch.chdir(root)
+    assert names(Path()) == expected
+    assert [str(path) for path in bt.runs(".", operator="bob")] == ["2026/two"]
+    assert set(bt.runs(".").query("SELECT run FROM points")["run"]) == {
+        "2026/one", "2026/two", "three",
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("by", "said"),
     [
