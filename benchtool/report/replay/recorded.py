@@ -78,7 +78,9 @@ def read_recorded(path: Path) -> Recorded:
         provenance: Mapping[str, str] = provenance_of_run(facts)
         sha256 = data_hash(path)
     else:
-        facts, recording = read_recording_facts(facts_beside(path), FORMAT), read_recording(path)
+        own = path.suffix.lower() == ".mcap"  # it says itself what stands beside others
+        facts = {} if own else read_recording_facts(facts_beside(path), FORMAT)
+        recording = read_recording(path)
         provenance, plan_text, sha256 = recording.provenance, "", file_hash(path)
     return Recorded(
         path=path,

@@ -10,6 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+import benchtool as bt
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError
 from benchtool.core.recording import Recording
@@ -106,5 +107,16 @@ def test_another_s_file_is_refused(tmp_path: Path) -> None:
         channel = writer.register_channel("/x", "json", 0)
         writer.add_message(channel, 1, b"{}", 1)
         writer.finish()
-    with pytest.raises(FileFormatError, match="benchtool has not written this MCAP file"):
-        read_mcap(path)
+    for read in (read_mcap, bt.read):
+        with pytest.raises(FileFormatError, match="benchtool has not written this MCAP file"):
+            read(path)
+
+
+def test_python_reads_an_mcap_file_and_makes_its_page(tmp_path: Path) -> None:
+    made, path = recording(700), tmp_path / "a.mcap"
+    write_mcap(path, made)
+    found = bt.read(path)
+    table = found.to_dataframe()
+    np.testing.assert_array_equal(table["thrust_N"], made.column("thrust_N"))
+    found.report(tmp_path / "a.html")
+    assert "thrust_N" in (tmp_path / "a.html").read_text("utf-8")
