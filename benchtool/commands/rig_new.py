@@ -14,7 +14,7 @@ from benchtool.commands.declared import declared
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs, items
 
-Purpose = Literal["fit", "sweep", "pitch"]
+Purpose = Literal["fit", "motor", "sweep", "pitch"]
 
 Length = Annotated[float, Gt(0.0), Le(100.0)]
 Pulse = Annotated[float, Gt(0.0), Le(20_000.0)]
@@ -27,7 +27,10 @@ class NewRigInputs(Inputs):
     file: Annotated[Path, Input("File to write, such as mine.toml.", argument="FILE")]
     purpose: Annotated[
         Purpose,
-        Input("What for: fit tables, sweep a bench too, or a beam on a hinge.", option="for"),
+        Input(
+            "What for: fit tables, test motors without a plate, sweep a plate, a beam on a hinge.",
+            option="for",
+        ),
     ] = "fit"
     radius: Annotated[Length | None, Input("Rotor radius.", "m", empty="asked")] = None
     rotors: Annotated[int, Ge(1), Le(16), Input("How many rotors, evenly around the centre.")] = 1
@@ -36,11 +39,15 @@ class NewRigInputs(Inputs):
     ] = None
     cell: Annotated[
         Annotated[float, Gt(0.0), Le(1e5)] | None,
-        Input("Rating of the load cell.", "N", empty="asked for a sweep"),
+        Input("Rating of the load cell.", "N", empty="asked for motor, sweep"),
     ] = None
     pulses: Annotated[
         tuple[Pulse, Pulse, Pulse] | None,
-        Input("Pulses at which the motor stands, starts, and ends.", "us", empty="asked to sweep"),
+        Input(
+            "Pulses at which the motor stands, starts, and ends.",
+            "us",
+            empty="asked for motor, sweep",
+        ),
     ] = None
     plate: Annotated[
         Literal["device", "grbl", "hand"] | None,
@@ -80,6 +87,10 @@ def new_rig(inputs: NewRigInputs) -> None:
     if inputs.purpose == "pitch":
         print(f"# simulate it\nbenchtool simulate pitch --rig {name} --model pitch_beam")
         return
+    if inputs.purpose == "motor":
+        print("# try a test without a plate on a virtual bench of this rig")
+        print(f"benchtool sweep sim:{name} --plan steps --yes")
+        return
     print("# try a sweep on a virtual bench of this rig")
     print(f"benchtool sweep sim:{name} --z-over-r 0.6,1,2 --pwm 1500 --repeats 2 --yes")
 
@@ -105,6 +116,7 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
         return item.read(typed, item.option)
 
     sweeps, tilts, source = inputs.purpose == "sweep", inputs.purpose == "pitch", inputs.source
+    turns = ("cell", "pulses") if inputs.purpose == "motor" else ()
     propulsion: dict[str, Any] = {"source": source, "radius_m": asked("radius")}
     data: dict[str, Any] = {"name": name, "title": name}
     if tilts:
@@ -121,7 +133,7 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
     found = {
         key: question()
         for key, question in optional.items()
-        if sweeps or getattr(inputs, key) is not None
+        if sweeps or key in turns or getattr(inputs, key) is not None
     }
     if "pulses" in found:
         names = ("pwm_stop_us", "pwm_start_us", "pwm_max_us")

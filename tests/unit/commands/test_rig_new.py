@@ -98,3 +98,14 @@ def test_a_beam_on_a_hinge_is_simulated_as_printed(capsys: pytest.CaptureFixture
     code, out, _ = said(capsys, *command, "--duration-s", "1")
     assert code == 0
     assert "SIMULATED pitch bench mine, model pitch_beam" in out
+
+
+def test_a_stand_without_a_plate_is_tested_as_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    words = "rigs new mine.toml --for motor --radius 0.0635 --cell 50 --pulses 1000,1050,1950"
+    code, out, _ = said(capsys, *words.split())
+    assert code == 0
+    assert "plate.z_min_m" in rig_named("mine.toml").not_stated
+    command = out.splitlines()[-1].split()[1:]
+    code, out, _ = said(capsys, *command, "--out", "run")
+    assert code == 0, out
+    assert "16 points (simulated)" in out
