@@ -273,7 +273,7 @@ def compare(
 
 
 def export(
-    model: str | Path,
+    model: Data,
     to: str,
     out: str | Path | None = None,
     *,
@@ -302,7 +302,8 @@ def export(
         InputError: its data rejected the model.
         WouldOverwrite: a file is there already; nothing was written.
     """
-    vehicle = vehicle_of(model, paths_of(motor), permit, *_stand(rig, propeller))
+    (path,) = paths_of(model)
+    vehicle = vehicle_of(path, paths_of(motor), permit, *_stand(rig, propeller))
     return write_targets(vehicle, to, None if out is None else Path(out))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -92,7 +93,13 @@ def new_rig(inputs: NewRigInputs) -> None:
         print(f"benchtool sweep sim:{name} --plan steps --yes")
         return
     print("# try a sweep on a virtual bench of this rig")
-    print(f"benchtool sweep sim:{name} --z-over-r 0.6,1,2 --pwm 1500 --repeats 2 --yes")
+    nearest, farthest = (
+        at_m / rig.propulsion.radius_m for at_m in (rig.plate.z_min_m, rig.plate.z_max_m)
+    )
+    low = max(0.6, ceil(10.0 * nearest) / 10.0)
+    places = [f"{low * times:g}" for times in (1.0, 1.5, 3.0) if low * times <= farthest]
+    distances = ",".join(places)
+    print(f"benchtool sweep sim:{name} --z-over-r {distances} --pwm 1500 --repeats 2 --yes")
 
 
 def rig_text(inputs: NewRigInputs, name: str) -> str:

@@ -35,6 +35,7 @@ what to do next. The numbers are attributes too, so that no caller parses text.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from math import inf
 
 MOST_SHOWN = 60
 """Most names that a message lists, and most letters of a name that it repeats. A choice."""
@@ -56,6 +57,16 @@ class InputError(BenchtoolError):
     """Refuse something the user gave."""
 
     exit_code = 2
+
+
+def check_number(what: str, value: object, unit: str) -> None:
+    """Refuse what is no number above 0, where no input of a command has checked it.
+
+    Raises:
+        InputError: with the value and the unit it should have.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < inf:
+        raise InputError(f"{what} is {value!r}; give a number above 0, in {unit}")
 
 
 class UnknownChoice(InputError):

@@ -115,10 +115,13 @@ def word_of(column: str, code: float) -> str:
 
 
 def frame_of_rows(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
-    """Return rows, a value of each column in each, as a data frame."""
+    """Return rows, a value of each column in each, as a data frame, units in `attrs`."""
     import pandas as pd
 
-    return pd.DataFrame.from_records(list(rows))
+    table = pd.DataFrame.from_records(list(rows))
+    units = {str(name): unit_in_name(str(name)) for name in table}
+    table.attrs["units"] = {name: unit for name, unit in units.items() if unit}
+    return table
 
 
 def joined_frame(recordings: Mapping[str, Recording]) -> pd.DataFrame:
@@ -126,7 +129,10 @@ def joined_frame(recordings: Mapping[str, Recording]) -> pd.DataFrame:
     import pandas as pd
 
     parts = {name: frame(one) for name, one in recordings.items()}
-    return pd.concat(parts, names=["run"]).reset_index(level=0).reset_index(drop=True)
+    joined = pd.concat(parts, names=["run"]).reset_index(level=0).reset_index(drop=True)
+    units = {name: unit for part in parts.values() for name, unit in part.attrs["units"].items()}
+    joined.attrs["units"] = units
+    return joined
 
 
 def frame(recording: Recording) -> pd.DataFrame:

@@ -22,7 +22,7 @@ import numpy as np
 
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
-from benchtool.core.errors import EstimationError, InputError
+from benchtool.core.errors import EstimationError, InputError, check_number
 from benchtool.core.fit_result import Estimate
 from benchtool.core.rig import NOT_STATED, Propeller, Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
@@ -107,6 +107,8 @@ def fit_motor(
     """
     if not runs:
         raise InputError("nothing is given; name runs without a plate, or logs of a stand")
+    if mass_kg is not None:
+        check_number("the mass", mass_kg, "kg")
     read = read_motor_data([Path(path) for path in runs], rig, propeller)
     rig = read[0].rig
     for path, one in zip(runs, read, strict=True):

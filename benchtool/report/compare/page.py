@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from benchtool.core.channel import error_name
 from benchtool.core.counted import counted
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError, UnknownChoice, check_number
 from benchtool.core.recording import Recording
 from benchtool.data.derived import with_quantities
 from benchtool.data.quantities import QUANTITIES, Quantity
@@ -81,6 +81,8 @@ def compared(
         raise UnknownChoice("axis", over, AXES)
     if not paths:
         raise InputError("nothing to compare: name run folders or recordings")
+    if thrust_N is not None:
+        check_number("the thrust", thrust_N, "N")
     runs = [read_compared(path, over) for path in paths]
     names = [run.name for run in runs]
     runs = [run if names.count(run.name) == 1 else replace(run, name=str(run.path)) for run in runs]

@@ -78,6 +78,8 @@ def read_recorded(path: Path) -> Recorded:
         provenance: Mapping[str, str] = provenance_of_run(facts)
         sha256 = data_hash(path)
     else:
+        if not path.exists():
+            raise FileFormatError(str(path), "there is no such file or run folder; check the path")
         own = path.suffix.lower() == ".mcap"  # it says itself what stands beside others
         facts = {} if own else read_recording_facts(facts_beside(path), FORMAT)
         recording = read_recording(path)
