@@ -38,7 +38,7 @@ def expo_over_idle(vehicle: Vehicle, low: float) -> Number:
     share = share_over_idle(vehicle, _GRID)
     e = float(bend @ (share - _GRID) / (bend @ bend))
     found = Number(e, "1", f"over the range from idle; e from 0 is {vehicle.expo.value:.4g}, "
-                   f"{vehicle.expo.why}").within(low, 1.0)  # fmt: skip
+                   f"{vehicle.expo.why}", vehicle.expo.stated).within(low, 1.0)  # fmt: skip
     error = np.abs(_GRID + found.value * bend - share).max()
     return replace(found, why=f"thrust within {100.0 * error:.1f} % of full, {found.why}")
 
@@ -56,7 +56,7 @@ def _idle(vehicle: Vehicle) -> Number:
 
 def _left_out(name: str, number: Number) -> str:
     """Return the comment in place of what rests on a typical number: it must not be flown."""
-    return f"# {name} left out, measure it and state it in the rig: {number.why}"
+    return f"# {name} left out, measure it (a motor test, --motor) or state it: {number.why}"
 
 
 def ardupilot(vehicle: Vehicle) -> str:
@@ -149,6 +149,8 @@ def thrust_linear(vehicle: Vehicle) -> tuple[int, float]:
 
 def betaflight(vehicle: Vehicle) -> str:
     """Return lines for Betaflight's command line; names of its other settings change by version."""
+    if not vehicle.expo.stated:
+        return _left_out("thrust_linear", vehicle.expo)
     percent, error = thrust_linear(vehicle)
     idle, most = _idle(vehicle), _pulse(vehicle, "pwm_max_us")
     return "\n".join([

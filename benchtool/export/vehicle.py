@@ -159,7 +159,7 @@ class Vehicle:
         """
         found = self._of_motor("expo")
         why = "no interval; the rig's speed is linear in the pulse, thrust in its square"
-        return found if found is not None else Number(1.0, "1", why)
+        return found if found is not None else Number(1.0, "1", why, stated=False)
 
     def lag(self, way: str) -> Number:
         """Return the time constant of speed, throttle rising ("up") or falling ("down"): s."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchtool import __version__
+from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.derived import recording_circumstances, widened

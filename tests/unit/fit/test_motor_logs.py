@@ -71,7 +71,7 @@ def test_a_log_is_exported_with_its_intervals_and_without_a_hover_point(tmp_path
     assert "MOT_THST_EXPO," in text
     assert "motor test a.csv" in text
     assert "MOT_THST_HOVER," not in text
-    assert "# MOT_THST_HOVER left out, measure it and state it in the rig" in text
+    assert "# MOT_THST_HOVER left out, measure it" in text
 
 
 @measured
