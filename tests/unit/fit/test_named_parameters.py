@@ -9,12 +9,12 @@ from typing import Any, NoReturn
 
 import pytest
 
+from benchtool import results
 from benchtool.commands.app import main
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import changed, make, words
 from benchtool.core.parameter import full_name
-from benchtool.fit import run_recipe
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.report.fit import page
@@ -58,15 +58,15 @@ def test_a_parameter_is_not_named_twice(named: Mapping[str, object]) -> None:
 
 
 def test_noise_that_is_named_by_itself_is_heeded() -> None:
-    held = run_recipe.run_recipe(quad(fix={"noise.scale": 2.0}))
+    held = results.run_recipe(quad(fix={"noise.scale": 2.0}))
     assert held.problem.noise_name is None
     assert held.problem.sigma() == pytest.approx(2.0 * held.problem.standard_error)
-    freed = run_recipe.run_recipe(quad(noise="stated", free=("noise.scale",)))
+    freed = results.run_recipe(quad(noise="stated", free=("noise.scale",)))
     assert freed.problem.noise_name == "noise.scale"
 
 
 def test_a_result_is_asked_by_last_parts_too() -> None:
-    result = run_recipe.run_recipe(quad(noise="stated")).results[0]
+    result = results.run_recipe(quad(noise="stated")).results[0]
     assert result["K_b"] is result["body_lift.K_b"]
 
 
@@ -113,7 +113,7 @@ def captured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Recipe, dict[str, An
         asked.append((recipe, options))
         raise SystemExit(0)
 
-    monkeypatch.setattr(run_recipe, "run_recipe", run)
+    monkeypatch.setattr(results, "run_recipe", run)
     return asked
 
 
