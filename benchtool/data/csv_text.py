@@ -35,6 +35,9 @@ from benchtool.data.repairs.imported import Finding, Kind, line_ranges
 Positions = NDArray[np.intp]
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?")
+"""A number with points between thousands, as it stands beside decimal commas."""
+
 _CELL_WITH_COMMA = re.compile(rb"(?:^|[;\t])\s*[+-]?\d+,\d")
 _PIECE_BYTES = 1 << 18
 
@@ -120,16 +123,28 @@ def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
     cells = [
         row if len(row) == width else row[:width] + [""] * (width - len(row)) for row, _ in numbered
     ]
-    commas = 0
-    for row in cells if delimiter == ";" else ():
-        for index, cell in enumerate(row):
-            if _DECIMAL_COMMA.fullmatch(cell.strip()):
-                row[index] = cell.strip().replace(",", ".")
-                commas += 1
-    if commas:
-        repairs.append(f"{commas} decimal commas read as points")
+    if delimiter == ";":
+        repairs += _with_points(cells)
     lines = [line + first_line - 1 for _, line in numbered]
     return CsvTable(where, tuple(header), cells, lines, tuple(repairs))
+
+
+def _with_points(rows: list[list[str]]) -> list[str]:
+    """Write numbers of a table with decimal commas with points, and return what was done.
+
+    A point in such a table stands between thousands.
+    """
+    at = [(row, index) for row in rows for index in range(len(row))]
+    commas = [(row, i) for row, i in at if _DECIMAL_COMMA.fullmatch(row[i].strip())]
+    if not commas:
+        return []
+    thousands = [(row, i) for row, i in at if THOUSANDS.fullmatch(row[i].strip())]
+    for row, i in (*commas, *thousands):
+        row[i] = row[i].strip().replace(".", "").replace(",", ".")
+    done = [f"{len(commas)} decimal commas read as points"]
+    if thousands:
+        done.append(f"{counted(len(thousands), 'number')} with points between thousands")
+    return done
 
 
 def _cells(text: str, delimiter: str, where: str) -> tuple[list[list[str]], list[int]]:

@@ -95,11 +95,14 @@ def px4(vehicle: Vehicle) -> str:
     """
     rig = vehicle.rig
     ratio = vehicle.torque_per_thrust
-    numbers: list[tuple[str, Number, int]] = [
-        ("CA_AIRFRAME", Number(0, "1", "multirotor"), PX4_INT32),
-        ("CA_ROTOR_COUNT", Number(rig.n_rotors, "1", f"rig {rig.name}"), PX4_INT32),
-    ]
-    for i, rotor in enumerate(rig.rotors):
+    numbers: list[tuple[str, Number, int]] = []
+    # One rotor is a stand, whose geometry must not go over that of a vehicle.
+    if rig.n_rotors > 1:
+        numbers += [
+            ("CA_AIRFRAME", Number(0, "1", "multirotor"), PX4_INT32),
+            ("CA_ROTOR_COUNT", Number(rig.n_rotors, "1", f"rig {rig.name}"), PX4_INT32),
+        ]
+    for i, rotor in enumerate(rig.rotors if rig.n_rotors > 1 else ()):
         place = f"rotor {rotor.name}"
         numbers += [
             (f"CA_ROTOR{i}_PX", Number(rotor.x_m, "m", f"{place}, forward"), PX4_FLOAT),

@@ -16,7 +16,7 @@ from benchtool.commands.terminal.questions import ask
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
-from benchtool.data.column_map import guess_columns, name_and_unit
+from benchtool.data.column_map import IN_RADII, guess_columns, name_and_unit
 from benchtool.data.csv_text import CsvTable, read_csv_text
 from benchtool.data.repairs.foreign_units import conversion
 from benchtool.data.table import Where, rows_where
@@ -171,6 +171,10 @@ class _Chooser:
         if not cell:
             return
         radius_m, radii = self.rig.propulsion.radius_m, {"R": 1.0, "D": 2.0}
+        counted_in = IN_RADII.get(name_and_unit(cell)[0].lower()) if not given.z_unit else None
+        if counted_in is not None:
+            self.columns["plate_z_m"] = ColumnSource(column=cell, factor=counted_in * radius_m)
+            return
         if (unit := given.z_unit.upper()) in radii:
             self.columns["plate_z_m"] = ColumnSource(column=cell, factor=radii[unit] * radius_m)
             return

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
-from benchtool.data.csv_text import TextTable, evened
+from benchtool.data.csv_text import THOUSANDS, TextTable, evened
 from benchtool.data.repairs.imported import Finding, line_ranges
 
 _BLOCK_BYTES = 1 << 20
@@ -186,5 +186,7 @@ def _is_text(cell: bytes | None) -> bool:
 def _number(cell: bytes | None, decimal: str) -> float:
     clean = b"" if cell is None else cell.strip()
     if decimal == ",":
+        if THOUSANDS.fullmatch(clean.decode("latin-1")):
+            clean = clean.replace(b".", b"")
         clean = clean.replace(b",", b".")
     return float(clean) if _NUMBER.fullmatch(clean) else nan

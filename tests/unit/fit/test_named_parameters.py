@@ -17,7 +17,6 @@ from benchtool.core.inputs import changed, make, words
 from benchtool.core.parameter import full_name
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.recipe import FitInputs, Recipe
-from benchtool.report.fit import page
 
 QUAD = str(Path(__file__).parents[3] / "datasets" / "quad" / "run")
 
@@ -95,7 +94,7 @@ FULL = Recipe(
 @pytest.mark.parametrize("recipe", [PLAIN, FULL, replace(PLAIN, methods=("emcee",), columns="m")])
 def test_the_words_ask_for_the_same_recipe(recipe: Recipe, monkeypatch: pytest.MonkeyPatch) -> None:
     asked, outs = captured(monkeypatch), []
-    monkeypatch.setattr(page, "refuse_full", outs.append)
+    monkeypatch.setattr(results, "refuse_full", outs.append)
     more = {"out": "fits/new", "profile": recipe.seed == 7}
     with pytest.raises(SystemExit):
         main(["fit", *words(FitInputs, changed(recipe) | more)])
