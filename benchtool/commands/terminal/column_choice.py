@@ -307,7 +307,7 @@ ONE_RPM = 6000.0
 
 _SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 _ERROR = re.compile(
-    r"(?P<stem>.*?)[\s_]*(?:std|stdev|stddev|sd|se|sem|err|error|sigma|fehler|stabw)"
+    r"(?P<stem>.*?)[\s_]*(?:std|stdev|stddev|sd|se|sem|err|error|sigma|fehler|stabw|standardabweichung|streuung)"
 )
 
 

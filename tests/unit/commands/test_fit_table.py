@@ -104,6 +104,10 @@ OPEN = {
     "z,F,rpm": ("--radius 1e-5", "rotor radii, where there is no ground effect; give its unit"),
     "z (m),F (V),rpm": ("--radius 0.127", "(columns: z (m), F (V), rpm); give --thrust COLUMN"),
     "z (m),F (N),F_std": ("--radius 0.127", "give --error-is sd or --error-is se"),
+    "z (m),F (N),Standardabweichung [N]": (
+        "--radius 0.127",
+        "give --error-is sd or --error-is se",
+    ),
 }
 
 
