@@ -75,7 +75,7 @@ def load_model(model: str | Path, permit: CodePermit = refuse_code) -> Model:
 
 
 def read(path: str | Path) -> Result[SweepRun] | Result[Recorded]:
-    """Read a run folder, or a recording of `benchtool import` or `simulate`.
+    """Read a run folder, a recording of `import` or `simulate`, or a log that `import` reads.
 
     Tables: `points`, `settings` and `samples` of a sweep; `samples` of anything else.
 

@@ -49,10 +49,14 @@ def declared(
 
 def _parameter(name: str, item: Item, required: bool) -> inspect.Parameter:
     """Return the parameter of one input; None stands for what was not given."""
-    kind: Any = str if item.many else item.kind
+    # A number may carry a unit: the declaration reads it, not typer.
+    numeric = not item.many and item.kind in (int, float)
+    kind: Any = str if item.many or numeric else item.kind
     if item.kind is Mapping or (item.many and item.kind in (str, Path)):
         kind = list[str]
     options: dict[str, Any] = {"help": help_of(item), "show_default": False}
+    if numeric:
+        options["metavar"] = f"<{item.kind.__name__}>"
     if item.about.argument:
         option: Any = typer.Argument(metavar=item.about.argument, **options)
     elif item.kind is bool and item.default is True:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from math import ceil
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -33,7 +33,15 @@ class NewRigInputs(Inputs):
             option="for",
         ),
     ] = "fit"
-    radius: Annotated[Length | None, Input("Rotor radius.", "m", empty="asked")] = None
+    like: Annotated[
+        str, Input("Rig (name or file) whose numbers are taken where none is given.")
+    ] = ""
+    radius: Annotated[
+        Length | None, Input("Rotor radius.", "m", empty="the propeller's, or asked")
+    ] = None
+    propeller: Annotated[
+        str, Input("Propeller: name (benchtool propellers), file, or size in inches: 10x4.5.")
+    ] = ""
     rotors: Annotated[int, Ge(1), Le(16), Input("How many rotors, evenly around the centre.")] = 1
     arm: Annotated[
         Length | None, Input("Centre to each rotor's axis.", "m", empty="asked of several")
@@ -49,6 +57,10 @@ class NewRigInputs(Inputs):
             "us",
             empty="asked for motor, sweep",
         ),
+    ] = None
+    current: Annotated[
+        Annotated[float, Gt(0.0), Le(1e4)] | None,
+        Input("Largest current of the supply; a run stops beyond it.", "A", empty="no limit"),
     ] = None
     plate: Annotated[
         Literal["device", "grbl", "hand"] | None,
@@ -110,7 +122,21 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
     """
     import tomli_w
 
+    from benchtool.core.packaged import read_named
+    from benchtool.core.parsed_text import parse_toml
+
     known = {item.key: item for item in items(NewRigInputs)}
+    data = parse_toml(*read_named("rig", "rigs", inputs.like)) if inputs.like else {}
+    data |= {"name": name, "title": name}
+    sweeps, tilts, source = inputs.purpose == "sweep", inputs.purpose == "pitch", inputs.source
+
+    def table(key: str) -> dict[str, Any]:
+        made: dict[str, Any] = data.setdefault(key, {"source": source})
+        return made
+
+    def state(key: str, **numbers: float) -> None:
+        for one, value in numbers.items():
+            table(key)[one] = {"value": value, "source": source} if inputs.like else value
 
     def asked(key: str, usual: str = "") -> Any:
         from benchtool.commands.terminal.questions import ask
@@ -122,45 +148,53 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
         typed = ask(item.label, item.option, usual=usual, choices=item.choices, reason=reason)
         return item.read(typed, item.option)
 
-    sweeps, tilts, source = inputs.purpose == "sweep", inputs.purpose == "pitch", inputs.source
-    turns = ("cell", "pulses") if inputs.purpose == "motor" else ()
-    propulsion: dict[str, Any] = {"source": source, "radius_m": asked("radius")}
-    data: dict[str, Any] = {"name": name, "title": name}
-    if tilts:
+    def missing(key: str, *where: str) -> bool:
+        """Return whether a number is to be stated: given, or not in the file that is like it."""
+        return getattr(inputs, key) is not None or where[1] not in data.get(where[0], {})
+
+    if inputs.propeller:
+        _mount(inputs.propeller, data)
+        if inputs.radius is None:
+            state("propulsion", radius_m=data["propeller"]["diameter_m"] / 2.0)
+    if missing("radius", "propulsion", "radius_m"):
+        state("propulsion", radius_m=asked("radius"))
+    if tilts and (inputs.arm is not None or "rotors" not in data):
         # Rotor 1 behind the hinge: positive pitch lifts it off the plate.
         data["rotors"] = _rotors([(side * asked("arm"), 0.0) for side in (-1.0, 1.0)], source)
-        data["body"] = {"source": source, "inertia_yy_kgm2": asked("inertia")}
-    elif inputs.rotors > 1:
+    elif not tilts and inputs.rotors > 1:
         data["rotors"] = _places(inputs.rotors, asked("arm"), source)
-    data["propulsion"] = propulsion
-    optional: dict[str, Callable[[], Any]] = {"cell": lambda: asked("cell")}
-    optional["pulses"] = lambda: asked("pulses", "1000,1050,1950")
-    optional["plate"] = lambda: asked("plate", "device")
-    optional["travel"] = lambda: asked("travel")
-    found = {
-        key: question()
-        for key, question in optional.items()
-        if sweeps or key in turns or getattr(inputs, key) is not None
-    }
-    if "pulses" in found:
-        names = ("pwm_stop_us", "pwm_start_us", "pwm_max_us")
-        propulsion |= dict(zip(names, found["pulses"], strict=True))
-    plate: dict[str, Any] = {"source": source}
-    if "plate" in found:
-        plate["moved_by"] = found["plate"]
-    if "travel" in found:
-        nearest, farthest = found["travel"]
+    if tilts and missing("inertia", "body", "inertia_yy_kgm2"):
+        state("body", inertia_yy_kgm2=asked("inertia"))
+    turns = sweeps or inputs.purpose == "motor"
+    if (turns or inputs.cell is not None) and missing("cell", "limits", "load_cell_rating_N"):
+        state("limits", load_cell_rating_N=asked("cell"))
+    if inputs.current is not None:
+        state("limits", current_A=inputs.current)
+    if (turns or inputs.pulses is not None) and missing("pulses", "propulsion", "pwm_stop_us"):
+        stop_us, start_us, max_us = asked("pulses", "1000,1050,1950")
+        state("propulsion", pwm_stop_us=stop_us, pwm_start_us=start_us, pwm_max_us=max_us)
+    if (sweeps or inputs.plate is not None) and missing("plate", "plate", "moved_by"):
+        table("plate")["moved_by"] = asked("plate", "device")
+    if (sweeps or inputs.travel is not None) and missing("travel", "plate", "z_min_m"):
+        nearest, farthest = asked("travel")
         if not 0.0 < nearest < farthest:
             raise InputError(
                 f"--travel is {nearest:g},{farthest:g} m: the nearest plate must stand before the "
                 f"farthest, both above 0; give --travel NEAREST,FARTHEST"
             )
-        plate |= {"z_min_m": nearest, "z_max_m": farthest}
-    if len(plate) > 1:
-        data["plate"] = plate
-    if "cell" in found:
-        data["limits"] = {"source": source, "load_cell_rating_N": found["cell"]}
+        state("plate", z_min_m=nearest, z_max_m=farthest)
     return tomli_w.dumps(data)
+
+
+def _mount(named: str, data: dict[str, Any]) -> None:
+    """Put a propeller into the tables of a rig; coefficients of another one go."""
+    from benchtool.data.propeller_file import propeller_named
+
+    numbers = asdict(propeller_named(named))
+    stated = {key: value for key, value in numbers.items() if value}
+    data["propeller"] = {"source": f"propeller {named}", **stated}
+    for key in ("radius_m", "thrust_coefficient_N_s2", "drag_coefficient_Nm_s2"):
+        data.get("propulsion", {}).pop(key, None)
 
 
 def _places(count: int, arm_m: float, source: str) -> list[dict[str, Any]]:

@@ -138,7 +138,10 @@ def _described_rig(name: str) -> Iterator[str]:
     rig = rig_named(name)
     yield f"{rig.name}: {rig.title}"
     stated = {key: source for key, source in rig.sources.items() if key not in rig.not_stated}
-    yield f"{len(rig.assumed)} of {len(stated)} numbers are assumed (marked ?)"
+    if rig.assumed:
+        yield f"{len(rig.assumed)} of {len(stated)} numbers are assumed (marked ?)"
+    else:
+        yield f"all {len(stated)} numbers are stated"
     for key, source in stated.items():
         mark = "?" if key in rig.assumed else " "
         yield f"{mark} {key:<40} {_value(rig, key):>12}  {source}"

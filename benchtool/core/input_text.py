@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any
 
 from benchtool.core.errors import InputError
+
+_WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([^\s0-9.].*?)\s*")
 
 
 def are_texts(value: Any) -> bool:
@@ -22,18 +25,43 @@ def read_texts(value: str | Sequence[Any], *, commas: bool) -> list[Any]:
     return [part.strip() for word in words for part in word.split(",") if part.strip()]
 
 
-def read_number(text: str, called: str, kind: type[Any]) -> float:
-    """Return the number of a text, whole where `kind` is int."""
+def read_number(text: str, called: str, kind: type[Any], unit: str = "") -> float:
+    """Return the number of a text, whole where `kind` is int.
+
+    Args:
+        text: a number, with or without a unit: ``0.127``, ``127mm``, ``5 in``.
+        called: the input, for a refusal.
+        kind: int or float.
+        unit: of the number returned, and of a text without one.
+
+    Raises:
+        InputError: no number, or a unit of another dimension.
+    """
     try:
         number: float = kind(text)
     except ValueError:
-        wanted = "a whole number" if kind is int else "a number"
+        wanted, parts = "a whole number", None
+        if kind is float:
+            wanted, parts = "a number", _WITH_UNIT.fullmatch(text)
+        if parts and unit:
+            return _converted(float(parts[1]), parts[2], unit, f"{called} is {text!r}")
         raise InputError(f"{called} is {text!r}; type {wanted}") from None
     return number
 
 
+def _converted(number: float, given: str, unit: str, words: str) -> float:
+    """Return a number in another unit of its dimension."""
+    from benchtool.core.units import UNITS, from_si, to_si  # imports numpy, which help does without
+
+    known = UNITS.get(unit)
+    same = [one.symbol for one in UNITS.values() if known and one.dimension == known.dimension]
+    if given in same:
+        return from_si(to_si(number, given), unit)
+    raise InputError(f"{words}; type a number, with a unit of {', '.join(same) or unit} or none")
+
+
 def read_numbers(
-    value: str | Sequence[str], called: str, kind: type[Any], count: int | None
+    value: str | Sequence[str], called: str, kind: type[Any], count: int | None, unit: str = ""
 ) -> list[float]:
     """Return the numbers between commas, whole where `kind` is int.
 
@@ -42,12 +70,14 @@ def read_numbers(
         called: the input, for a refusal.
         kind: int or float.
         count: how many there must be; None for one or more.
+        unit: of the numbers returned, and of a text without one.
     """
     text = value if isinstance(value, str) else ",".join(value)
     wanted = "whole numbers" if kind is int else "numbers"
     try:
-        found = [kind(part) for part in text.split(",") if part.strip()]
-    except ValueError:
+        parts = [part for part in text.split(",") if part.strip()]
+        found = [read_number(part, called, kind, unit) for part in parts]
+    except InputError:
         found = []
     if count not in (None, len(found)):
         raise InputError(f"{called} is {text!r}; give {count} numbers with commas between")

@@ -187,11 +187,11 @@ class Item:
         elif self.many and self.kind is str:
             value = read_texts(value, commas=self.about.commas)
         elif self.many and (isinstance(value, str) or are_texts(value)):
-            value = read_numbers(value, called, self.kind, self.count)
+            value = read_numbers(value, called, self.kind, self.count, self.about.unit)
         elif self.many and isinstance(value, int | float):
             value = (value,)
         elif isinstance(value, str) and self.kind in (int, float):
-            value = read_number(value, called, self.kind)
+            value = read_number(value, called, self.kind, self.about.unit)
         try:
             return check_value(self.declared, value)
         except RefusedValue as refused:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchtool import __version__
-from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
+from benchtool.core.errors import UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import make_folder, replace_text
 from benchtool.export.autopilots import ardupilot, betaflight, px4
 from benchtool.export.c_header import c_header
@@ -77,7 +77,7 @@ def write_targets(vehicle: Vehicle, to: str, out: Path | None = None) -> tuple[P
 
     Raises:
         UnknownChoice: there is no such target.
-        InputError: a target cannot hold the model, or the path's folder is not there.
+        InputError: a target cannot hold the model.
         WouldOverwrite: the path exists; nothing was written.
     """
     if to == "all":
@@ -94,8 +94,7 @@ def write_targets(vehicle: Vehicle, to: str, out: Path | None = None) -> tuple[P
         texts = {path: text}
         if os.path.lexists(path):
             raise WouldOverwrite(str(path))
-        if not path.parent.is_dir():
-            raise InputError(f"{path.parent} is no folder; make it, or name another with --out")
+        make_folder(path.parent)
     for path, text in texts.items():
         replace_text(path, text)
     return tuple(texts)

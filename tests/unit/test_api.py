@@ -61,6 +61,20 @@ def test_a_run_shows_itself() -> None:
         run.to_dataframe("point")
 
 
+def test_a_log_of_a_stand_is_read_as_import_reads_it(tmp_path: Path) -> None:
+    log = tmp_path / "stand.csv"
+    log.write_text(
+        "Time (s),ESC signal (µs),Thrust (kgf),Motor Electrical Speed (RPM)\n"
+        + "".join(f"{0.1 * row},{1000 + 10 * row},{0.01 * row},{100 * row}\n" for row in range(20))
+    )
+    samples = bt.read(log).to_dataframe("samples")
+    assert samples["thrust_N"].iloc[-1] == pytest.approx(0.19 * 9.80665)
+    other = tmp_path / "other.csv"
+    other.write_text("a,b\n1,2\n")
+    with pytest.raises(InputError, match="column"):
+        bt.read(other)
+
+
 def test_a_fit_is_that_of_the_command(fitted: Any) -> None:
     recipe = Recipe(name="run", data=(str(RUN),), model="quad_body_lift", fix={"k": 1.0208e-5})
     expected = run_recipe(recipe).results[0]

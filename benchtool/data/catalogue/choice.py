@@ -85,7 +85,7 @@ def find_entries(by: ChoiceInputs, *, rebuild: bool = False) -> list[tuple[Path,
     found = []
     for root in by.folder:
         if not root.is_dir():
-            raise InputError(f"there is no folder {root}; name one of runs with --folder")
+            raise InputError(f"there is no folder {root}; name a folder of runs")
         entries = chosen(catalogued(root, rebuild=rebuild), by)
         found += [(root / entry.name, entry) for entry in entries]
     return found

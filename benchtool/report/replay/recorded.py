@@ -12,6 +12,8 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.derived import recording_circumstances, widened
+from benchtool.data.formats.formats import import_file
+from benchtool.data.repairs.imported import Options, import_facts
 from benchtool.data.run.facts import read_recording_facts
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import FORMAT, read_recording
@@ -72,7 +74,7 @@ class Recorded:
 
 
 def read_recorded(path: Path) -> Recorded:
-    """Return a pitch run or a recording file with what stands beside it."""
+    """Return a pitch run, a recording file with what stands beside it, or another maker's log."""
     if path.is_dir():
         run = Run.open(path)
         facts, recording, plan_text = run.metadata, read_pitch(path), run.plan_text
@@ -82,8 +84,12 @@ def read_recorded(path: Path) -> Recorded:
         if not path.exists():
             raise FileFormatError(str(path), "there is no such file or run folder; check the path")
         own = path.suffix.lower() == ".mcap"  # it says itself what stands beside others
-        facts = {} if own else read_recording_facts(facts_beside(path), FORMAT)
-        recording = read_recording(path)
+        if own or facts_beside(path).exists():
+            facts = {} if own else read_recording_facts(facts_beside(path), FORMAT)
+            recording = read_recording(path)
+        else:
+            read = import_file(path)
+            facts, recording = import_facts(read, Options()), read.recording
         provenance, plan_text, sha256 = recording.provenance, "", file_hash(path)
     return Recorded(
         path=path,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,8 @@ def test_what_is_missing_is_asked_on_a_terminal(
         ("", "--radius is missing (rotor radius, m); give --radius"),
         ("--radius 0.1 --rotors 4", "--arm is missing"),
         ("--radius -1", "--radius is -1 m, allowed is above 0"),
+        ("--radius 2kg", "--radius is '2kg'; type a number, with a unit of m, cm, mm, in or none"),
+        ("--propeller 10", "unknown propeller"),
         ("--radius 0.1 --travel 0.5,0.1", "nearest plate must stand before the farthest"),
         ("--radius 0.1 --pulses 1200,1100,1900", "pwm_stop_us <= pwm_start_us"),
     ],
@@ -109,3 +112,30 @@ def test_a_stand_without_a_plate_is_tested_as_printed(capsys: pytest.CaptureFixt
     code, out, _ = said(capsys, *command, "--out", "run")
     assert code == 0, out
     assert "16 points (simulated)" in out
+
+
+def test_the_next_propeller_of_a_motor_is_one_command(capsys: pytest.CaptureFixture[str]) -> None:
+    words = "rigs new a.toml --for motor --propeller 10x4.5 --cell 5kgf --pulses 1000,1050,1950"
+    assert said(capsys, *words.split(), "--current", "30")[0] == 0
+    words = "rigs new b.toml --for motor --like a.toml --propeller 9x6"
+    code, out, error = said(capsys, *words.split())
+    assert code == 0, error
+    first, second = rig_named("a.toml"), rig_named("b.toml")
+    assert first.propulsion.radius_m == pytest.approx(0.127)
+    assert second.propulsion.radius_m == pytest.approx(0.1143)
+    assert first.limits.load_cell_rating_N == pytest.approx(5.0 * 9.80665)
+    assert second.limits == replace(first.limits, rpm=second.limits.rpm)
+    assert (first.limits.current_A, second.name) == (30.0, "b")
+    assert second.propeller is not None
+    assert (second.propeller.name, second.propeller.pitch_m) == ("9x6", pytest.approx(0.1524))
+    code, out, _ = said(capsys, *out.splitlines()[-1].split()[1:], "--out", "run")
+    assert code == 0, out
+
+
+def test_the_numbers_of_another_rig_are_taken_over(capsys: pytest.CaptureFixture[str]) -> None:
+    words = "rigs new a.toml --for sweep --like pquad --travel 60mm,50cm"
+    code, _out, error = said(capsys, *words.split())
+    assert code == 0, error
+    mine, theirs = rig_named("a.toml"), rig_named("pquad")
+    assert (mine.plate.z_min_m, mine.plate.z_max_m) == (0.06, 0.5)
+    assert (mine.propulsion, mine.rotors) == (theirs.propulsion, theirs.rotors)

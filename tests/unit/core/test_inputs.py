@@ -91,6 +91,9 @@ def test_a_range_holds_and_is_named_as_the_source_names_it(
         ({"ramp_s": True}, "--ramp-s is True: input should be a valid number; correct it"),
         ({"offset_m": "1,inf"}, "--offset-m names inf m, allowed is a finite number; correct it"),
         ({"offset_m": "1"}, "--offset-m is '1'; give 2 numbers with commas between"),
+        ({"ramp_s": "1kg"}, "--ramp-s is '1kg'; type a number, with a unit of s, ms, us or none"),
+        ({"ramp_s": "fast"}, "--ramp-s is 'fast'; type a number"),
+        ({"repeats": "3s"}, "--repeats is '3s'; type a whole number"),
         ({"repeats": "1.5"}, "--repeats is '1.5'; type a whole number"),
         ({"repeats": 0}, "--repeats is 0, allowed is 1 or more; correct it"),
         ({"order": "givn"}, "unknown --order 'givn'; did you mean 'given'? known: given, random"),
@@ -122,6 +125,12 @@ def test_values_and_typed_text_come_to_the_same() -> None:
         Path("x"),
     )
     assert order(only=["a,b", "c"]).only == ("a,b", "c")
+
+
+@pytest.mark.parametrize("text", ["0.3", "300ms", "300 ms", "0.3s", "3e5us", "+.3 s"])
+def test_a_typed_number_may_carry_a_unit_of_its_dimension(text: str) -> None:
+    assert order(ramp_s=text).throttle.ramp_s == pytest.approx(0.3, rel=1e-12)
+    assert order(offset_m="5cm, -1in").offset_m == pytest.approx((0.05, -0.0254))
 
 
 def test_what_is_given_goes_over_the_base_and_no_default_does() -> None:

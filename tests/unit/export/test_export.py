@@ -309,10 +309,14 @@ def test_nothing_is_overwritten(exported: Path) -> None:
         bt.export("single", "c", exported / "all" / "pquad.h")
 
 
+def test_the_folder_of_a_new_file_is_made(tmp_path: Path) -> None:
+    (path,) = bt.export("single", "c", tmp_path / "made" / "x.h")
+    assert path == tmp_path / "made" / "x.h"
+    assert path.read_text(encoding="utf-8").startswith("/* rig")
+
+
 def test_bad_input_is_named(tmp_path: Path) -> None:
     with pytest.raises(UnknownChoice, match="target"):
         bt.export("single", "unity", tmp_path / "x")
-    with pytest.raises(InputError, match="is no folder"):
-        bt.export("single", "c", tmp_path / "missing" / "x.h")
     with pytest.raises(InputError, match="no model"):
         bt.export(tmp_path, "c", tmp_path / "x.h")
