@@ -9,8 +9,9 @@ from math import atan2, degrees, radians, tan
 import numpy as np
 
 from benchtool.acquire.order import Setting, least_duration_s, settings_of
-from benchtool.acquire.plan import Plan
+from benchtool.acquire.plan import Plan, PlatePart
 from benchtool.core.errors import PlanError
+from benchtool.core.inputs import changed, items
 from benchtool.core.rig import Rig
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
@@ -126,11 +127,23 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
     return expected
 
 
+def _of_a_plate(plan: Plan) -> str:
+    """Return an input of the plan's plate that is not the default; "" for none."""
+    given = changed(plan.plate)
+    found = (item for item in items(PlatePart) if item.name in given)
+    return next((f"plate.{item.key} ({item.option})" for item in found), "")
+
+
 def _check_lists(plan: Plan, rig: Rig) -> None:
     if not plan.plate.used and not plan.order.references:
         raise PlanError(
             "plate.used and order.references are both false, so nothing is visited; leave "
             "order.references out"
+        )
+    if not plan.plate.used and (extra := _of_a_plate(plan)):
+        raise PlanError(
+            f"{extra} is given, but the plan turns rotors without a plate (plate.used = false); "
+            f"leave it out, or take another plan"
         )
     if plan.plate.used and not plan.plate.distances_m:
         raise PlanError(

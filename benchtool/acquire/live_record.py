@@ -17,7 +17,7 @@ from benchtool.acquire.average import average, is_settled
 from benchtool.acquire.measure import measure
 from benchtool.acquire.motors import Motors, run_to_end
 from benchtool.acquire.order import PlatePosition, Setting, Visit
-from benchtool.acquire.plan import Plan
+from benchtool.acquire.plan import Plan, PlatePart
 from benchtool.acquire.record import Recorder, RunProgress, SafeProgress
 from benchtool.acquire.tare import Tared, tare, tare_point
 from benchtool.bench.bench import Readings
@@ -39,8 +39,7 @@ LOOK_S = 0.1
 def live_plan(name: str, rig: Rig) -> Plan:
     """Return what a live recording takes from a plan: tare, settling and length of a point."""
     plan = Plan(name=name).resolved(rig)
-    plate = replace(plan.plate, used=False, distances_m=())
-    return replace(plan, plate=plate, throttle=replace(plan.throttle, pwm_us=()))
+    return replace(plan, plate=PlatePart(used=False), throttle=replace(plan.throttle, pwm_us=()))
 
 
 @dataclass(frozen=True, slots=True)

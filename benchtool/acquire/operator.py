@@ -36,8 +36,8 @@ class Operator(Protocol):
             InputError: nobody answers.
         """
 
-    def display(self, radius_m: float) -> AbstractContextManager[RunProgress]:
-        """Show a sweep on a rotor of this radius while it runs."""
+    def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
+        """Show a sweep on a rotor of this radius while it runs; None: without a plate."""
 
 
 class Unattended:
@@ -55,7 +55,7 @@ class Unattended:
             f"give an operator that answers"
         )
 
-    def display(self, radius_m: float) -> AbstractContextManager[RunProgress]:
+    def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
         return nullcontext(ProgressLines(radius_m, self.say))
 
 

@@ -47,9 +47,11 @@ class Visit:
     setting: Setting
     repeat: int
 
-    def words(self, radius_m: float) -> str:
-        """Say what is visited, its distance in rotor radii."""
+    def words(self, radius_m: float | None) -> str:
+        """Say what is visited, its distance in rotor radii; None in a test without a plate."""
         place = self.setting.place
+        if radius_m is None:
+            return f"throttle {self.setting.level_us:.0f} us"
         where = "parked" if place.parked else f"z/R {place.z_m / radius_m:.2f}"
         return f"{self.kind} {where}, {self.setting.level_us:.0f} us"
 

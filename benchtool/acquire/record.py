@@ -209,9 +209,9 @@ QUIET = frozenset({"device"})
 
 
 class ProgressLines(RunProgress):
-    """Say one line for every point and event."""
+    """Say one line for every point and event; distances where `radius_m` is no None."""
 
-    def __init__(self, radius_m: float, say: Callable[[str], None]) -> None:
+    def __init__(self, radius_m: float | None, say: Callable[[str], None]) -> None:
         self._radius_m, self._say = radius_m, say
         self._visits = self._done = 0
 
@@ -221,9 +221,11 @@ class ProgressLines(RunProgress):
 
     def measured(self, point: Point, remaining_s: float) -> None:
         self._done += 1
-        ratio = point.plate_z_m / self._radius_m
+        where = ""
+        if self._radius_m is not None:
+            where = f"  {point.kind:<9} z/R {point.plate_z_m / self._radius_m:5.2f}"
         self._say(
-            f"{self._done}/{self._visits} {point.kind:<9} z/R {ratio:5.2f}"
+            f"{self._done}/{self._visits}{where}"
             f"  {max(point.pwm_us):4.0f} us  {point.thrust_N:8.3f} +- {point.thrust_se_N:.3f} N"
             f"  {'' if point.settled else 'not settled  '}{minutes(remaining_s)} left"
         )

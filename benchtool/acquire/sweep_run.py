@@ -124,14 +124,19 @@ def plan_text(plan: Plan, rig: Rig, expected: Expected, rest: Unfinished | None 
         if plan.plate.used
         else "no plate: parked where the bench moves one; else take it away, 4 radii at least"
     )
+    apart = (
+        f", of them {counted(counts['reference'], 'reference')} and "
+        f"{counted(counts['anchor'], 'anchor')}"
+        if plan.plate.used
+        else ""
+    )
     return (
         f"rig {rig.name}: {rig.title}\n"
         f"{where}\n"
         f"pulses {_list(plan.throttle.pwm_us)} us on rotors {_list(plan.throttle.rotors_on)}\n"
         f"{counted(len(settings_of(plan, rig)), 'setting')}, "
         f"{counted(plan.repeats or 1, 'repeat')}, {plan.order.kind} with seed {plan.order.seed}: "
-        f"{counted(len(left), 'visit')}, of them "
-        f"{counted(counts['reference'], 'reference')} and {counted(counts['anchor'], 'anchor')}\n"
+        f"{counted(len(left), 'visit')}{apart}\n"
         f"limits hold: at most {expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
         f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N\n"
         f"expected duration {minutes(expected_duration_s(plan, rig, left))}"
@@ -171,7 +176,7 @@ def _sweep(
                     lambda text: operator.answer(text, lambda: bench.listen(LOOK_S)),
                     plate=plan.plate.used,
                 )
-                by = f"calibration {scale.id}" if scale else "the device's own newtons"
+                by = f"calibration {scale.id}" if scale else "the device, without a calibration"
                 text = f"{arming_text(plan, rig, expected)}\nthrust by {by}"
                 arm(operator, text, bench, rig, unattended=inputs.yes)
                 with bench.interruptible():
@@ -191,9 +196,10 @@ def _sweep(
                             calibration=scale,
                         )
                     operator.say(f"run {run.path}")
+                    radius_m = rig.propulsion.radius_m if plan.plate.used else None
                     measured = True
                     closing.begin()
-                    with operator.display(rig.propulsion.radius_m) as display:
+                    with operator.display(radius_m) as display:
                         summary = run_sweep(
                             bench, mover, plan, rig, run, display, calibration=scale, start=start
                         )

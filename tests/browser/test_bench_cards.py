@@ -38,7 +38,7 @@ def weigh(page: Page, device: Device, mass_kg: float, count: int) -> None:
 
 def test_masses_make_a_line_that_later_runs_take(page: Page, web: Web, fast_device: Device) -> None:
     connect(page, fast_device.address)
-    page.get_by_text("the device's own newtons").wait_for()
+    page.get_by_text("none: thrust is what the device sends").wait_for()
     page.get_by_role("button", name="Calibrate").click()
     page.get_by_text("Hang a mass, wait until it is still").wait_for()
     expect(page.locator(".hold-button")).to_be_hidden()

@@ -24,7 +24,7 @@ LATEST = 8
 class LiveDisplay(RunProgress):
     """Draw a progress bar with the time left, and a table of the latest points and events."""
 
-    def __init__(self, radius_m: float, console: Console) -> None:
+    def __init__(self, radius_m: float | None, console: Console) -> None:
         self._radius_m = radius_m
         self._latest: deque[Point] = deque(maxlen=LATEST)
         self._event = ""
@@ -53,13 +53,14 @@ class LiveDisplay(RunProgress):
 
     def render(self) -> Group:
         table = Table(box=None, pad_edge=False)
-        for name in ("point", "kind", "z/R", "pwm us", "rpm", "thrust N", "+-", "V", ""):
+        radius_m = self._radius_m
+        places = () if radius_m is None else ("kind", "z/R")
+        for name in ("point", *places, "pwm us", "rpm", "thrust N", "+-", "V", ""):
             table.add_column(name, justify="left" if name == "kind" else "right")
         for point in list(self._latest):
             table.add_row(
                 str(point.point),
-                point.kind,
-                f"{point.plate_z_m / self._radius_m:.2f}",
+                *(() if radius_m is None else (point.kind, f"{point.plate_z_m / radius_m:.2f}")),
                 f"{max(point.pwm_us):.0f}",
                 f"{max(point.rpm):.0f}",
                 f"{point.thrust_N:.3f}",
@@ -71,7 +72,7 @@ class LiveDisplay(RunProgress):
 
 
 @contextmanager
-def display_for(radius_m: float) -> Iterator[RunProgress]:
+def display_for(radius_m: float | None) -> Iterator[RunProgress]:
     """Show a sweep live on a terminal, in plain lines elsewhere."""
     console = Console()
     if not console.is_terminal:

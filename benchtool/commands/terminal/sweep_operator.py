@@ -38,7 +38,7 @@ class TerminalOperator:
             reader.join(LOOK_S)
         return _line(typed[0] if typed else "")
 
-    def display(self, radius_m: float) -> AbstractContextManager[RunProgress]:
+    def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
         from benchtool.commands.terminal.sweep_display import display_for
 
         return display_for(radius_m)

@@ -216,9 +216,9 @@ def best_table(one: RunComparison) -> Table | None:
             (str(place) if has_rank else "–", found.run, *cells, _behind(one, found), remark or "–")
         )
     return Table(
-        f"At {one.thrust_N:g} N, the most efficient first ({TITLES[one.ranked_by]}): interpolated "
-        f"between rows ± standard errors. Behind: less efficient than the first, in standard "
-        f"deviations of the difference.",
+        f"At {one.thrust_N:g} N, the most efficient first ({TITLES[one.ranked_by]}): by a fit "
+        f"to the rows within a factor 1.5 of it ± standard errors. Behind: less efficient than the "
+        f"first, in standard deviations of the difference.",
         ("rank", "run", *(TITLES[key] for key in shown), "behind [sd]", "remark"),
         rows,
         text_columns=2,

@@ -58,6 +58,8 @@ def _without_samples(run: SweepRun) -> Block | None:
 def _drift(run: SweepRun) -> list[Block]:
     _, change, error = anchor_changes(run)
     text = "No anchor was repeated, so drift of the load cell was not watched."
+    if not run.uses_plate:
+        text = "What the load cell showed at rest after each tare:"
     if len(change) > 1:
         worst = int(np.argmax(np.abs(change)))
         moved = value_with_sd(1e3 * float(change[worst]), 1e3 * float(error[worst]))
@@ -98,7 +100,7 @@ def run_sentence(run: SweepRun) -> str:
             f"{np.nanmax(z[measured]):.3g}, pulses "
             f"{', '.join(f'{level:g}' for level in levels)} µs."
         )
-    elif run.metadata.get("plate", {}).get("used", True) is False:
+    elif not run.uses_plate:
         pulses = ", ".join(f"{level:g}" for level in np.unique(run.level_us()))
         words = (
             f"{counted(len(run.kinds), 'visit')} of {counted(len(run.settings), 'throttle level')} "

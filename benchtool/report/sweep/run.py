@@ -87,6 +87,11 @@ class SweepRun:
         """What each visit was for."""
         return tuple(word_of("kind", code) for code in self.points.column("kind"))
 
+    @property
+    def uses_plate(self) -> bool:
+        """Whether the run is one over a plate, not of throttle alone."""
+        return self.metadata.get("plate", {}).get("used", True) is not False
+
     def z_over_R(self, recording: Recording) -> Array:
         """Return the plate distance of rows over the rig's rotor radius; nan without one."""
         if "plate_z_m" not in recording:

@@ -248,6 +248,7 @@ def _rows_of_kinds(run: SweepRun) -> Mapping[str, NDArray[np.bool_]]:
     caption="Above: plate distances in the order of measurement. Below: change of thrust at the "
     "anchors, brought to the first anchor's rotor speed, and what the load cell showed after each "
     "tare.",
+    when=lambda run: run.uses_plate,
     height_in=4.8,
 )
 def order(figure: Figure, run: SweepRun) -> None:

@@ -67,6 +67,10 @@ def settings_table(run: SweepRun) -> Table:
                 else "–",
             )
         )
+    if not run.uses_plate:
+        head = ("pulse [µs]", "visits", "mean rpm", "thrust [N]")
+        caption = f"Each throttle level: means over its repeats ± {ERRORS}."
+        return Table(caption, head, [row[1:-1] for row in rows])
     return Table(
         f"Each setting: means over its repeats ± {ERRORS}. Ratios at {BASES[run.basis]}.",
         ("plate z/R", "pulse [µs]", "visits", "mean rpm", "thrust [N]", "T_IGE/T_OGE"),
@@ -78,10 +82,12 @@ def quantity_tables(run: SweepRun) -> list[Table]:
     """List the quantities of every setting, and what they are worked out from."""
     if not run.quantities:
         return []
-    names = [row[:2] for row in settings_table(run).rows]
+    settings = settings_table(run)
+    count = 2 if run.uses_plate else 1
+    names = [[str(cell) for cell in row[:count]] for row in settings.rows]
     caption = "Quantities of each setting ± standard errors, of what all settings share as well."
     return [
-        values_table(caption, names, ("plate z/R", "pulse [µs]"), run.quantities),
+        values_table(caption, names, settings.header[:count], run.quantities),
         origins_table(run.quantities),
     ]
 

@@ -78,7 +78,7 @@ class RunSupervisor(RunProgress):
     def __init__(self, publisher: EventPublisher) -> None:
         self._publisher = publisher
         self._state = SweepStatus()
-        self._radius_m = 1.0
+        self._radius_m: float | None = 1.0
         self._paused, self._ended = threading.Event(), threading.Event()
         self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._written: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -128,7 +128,7 @@ class RunSupervisor(RunProgress):
             plan, rig = rest.plan, rest.rig
         else:
             plan = inputs.plan.resolved(rig)
-        self._radius_m = rig.propulsion.radius_m
+        self._radius_m = rig.propulsion.radius_m if plan.plate.used else None
         check_plan(plan, rig, identity.limits)
         scale = rest.calibration if rest else calibration_for(inputs.calibration, identity)
         chosen = inputs.stage or (rest.stage if rest else None)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import benchtool as bt
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
@@ -26,6 +28,8 @@ from benchtool.core.own_code import refuse_code
 from benchtool.core.rig_file import rig_named, rig_names
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
+from benchtool.report.page import Table
+from benchtool.report.sweep.page import SWEEP
 from tests.unit.acquire.interrupted import Interrupted
 
 SHORT = Plan(
@@ -110,3 +114,36 @@ def test_wrong_plans_are_refused_in_one_sentence() -> None:
     nothing = plan_from_toml("[plate]\nused = false\n[order]\nreferences = false\n", "plan.toml")
     with pytest.raises(PlanError, match="both false, so nothing is visited"):
         check_plan(nothing.resolved(rig), rig)
+
+
+@pytest.mark.parametrize(
+    ("option", "key"),
+    [
+        ({"z_m": "0.3"}, r"plate.distances_m \(--z-m\)"),
+        ({"z_over_r": (1.0,)}, r"plate.distances_over_R \(--z-over-r\)"),
+        ({"tilt": 3.0}, r"plate.tilts_deg \(--tilt\)"),
+    ],
+)
+def test_a_plan_without_a_plate_refuses_where_a_plate_shall_stand(
+    option: dict[str, Any], key: str, tmp_path: Path
+) -> None:
+    with pytest.raises(PlanError, match=f"{key} is given, but the plan turns rotors without"):
+        bt.sweep("sim:pquad_single", plan="steps", yes=True, out=tmp_path / "run", **option)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_test_without_a_plate_speaks_of_none(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = bt.sweep(
+        "sim:pquad_single", plan="steps", yes=True, out=tmp_path / "run", throttle="30,60",
+        sample_s=0.2, repeats=1,
+    )  # fmt: skip
+    printed = capsys.readouterr().out
+    assert "1/2  14" in printed or "1/2  13" in printed, printed
+    assert not [word for word in ("reference", "anchor", "z/R") if word in printed], printed
+    blocks = [block for section in SWEEP.sections(run.found) for block in section.blocks]
+    heads = {head for block in blocks if isinstance(block, Table) for head in block.header}
+    assert "pulse [µs]" in heads
+    assert not {"plate z/R", "T_IGE/T_OGE"} & heads
+    assert not [block for block in blocks if "anchor" in getattr(block, "caption", "")]

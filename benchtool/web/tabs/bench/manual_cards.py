@@ -147,7 +147,9 @@ class LoadCellCard:
         if identity is None:
             return
         stored = connection.calibration
-        self._scale.set_text(f"calibration {stored.id}" if stored else "the device's own newtons")
+        self._scale.set_text(
+            f"calibration {stored.id}" if stored else "none: thrust is what the device sends"
+        )
         self._guarded.set_visibility(not connection.weighs)
         self._weighs.set_visibility(connection.weighs)
         self._plate.set_visibility(identity.moves_plate)

@@ -75,6 +75,8 @@ def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) 
     visits = visits_of(plan, rig)
     radius_m = rig.propulsion.radius_m
     kinds = [visit.kind for visit in visits]
+    apart = f", {kinds.count('reference')} references, {kinds.count('anchor')} anchors"
+    apart = apart if plan.plate.used else ""
     pulses = ", ".join(f"{pulse:g}" for pulse in plan.throttle.pwm_us)
     facts = {
         "rig": f"{rig.name}: {rig.title}",
@@ -83,8 +85,7 @@ def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) 
         "pulses": f"{pulses} us",
         "visits": (
             f"{len(visits)}, of {len(settings_of(plan, rig))} settings: "
-            f"{plan.repeats} repeats, {kinds.count('reference')} references, "
-            f"{kinds.count('anchor')} anchors"
+            f"{plan.repeats} repeats{apart}"
         ),
         "duration": f"about {minutes(expected_duration_s(plan, rig, visits))}",
         "limits hold": (
@@ -95,8 +96,15 @@ def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) 
     rows = []
     for visit in visits[:SHOWN_VISITS]:
         place, level = visit.setting.place, f"{visit.setting.level_us:g}"
-        distance = "parked" if place.parked else f"{place.z_m / radius_m:.2f}"
-        row = (str(visit.point), visit.kind, distance, level, str(visit.repeat))
+        distance = (
+            "–"
+            if not plan.plate.used
+            else "parked"
+            if place.parked
+            else f"{place.z_m / radius_m:.2f}"
+        )
+        kind = visit.kind if plan.plate.used else "throttle"
+        row = (str(visit.point), kind, distance, level, str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
     return PlanPreview(facts, arming_text(plan, rig, expected), rows)
 
