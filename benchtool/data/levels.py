@@ -36,10 +36,13 @@ def read_levels(path: Path) -> tuple[Recording, Circumstances]:
     if beside(path).is_file():
         facts = read_recording_facts(beside(path), FORMAT)
         return levels_of(read_recording(path)), recording_circumstances(facts, str(beside(path)))
+    if not path.exists():
+        raise FileFormatError(str(path), "there is no such file or run folder; check the path")
     if not path.is_file() or not is_stand_table(path):
         raise FileFormatError(
             str(path),
-            "it is no run folder and no recording; name one, or make one with benchtool import",
+            "it is no run folder, recording or log of a known stand; make a recording of it with "
+            "benchtool import, which takes a column map (--columns) of any table",
         )
     read = import_file(path)
     facts = {**import_facts(read, Options()), "provenance": dict(read.recording.provenance)}

@@ -334,7 +334,8 @@ def _selected(
     if used.any() and FAR_Z_OVER_R < float(z_over_R[used].min()) < NO_PLATE_Z_OVER_R:
         reasons.append(
             f"the nearest point lies at z/R = {z_over_R[used].min():.3g}, where there is no ground "
-            f"effect to fit; check the unit of plate_z_m"
+            f"effect to fit; check the unit of plate_z_m, or fit the thrust curve of a test "
+            f"without a plate with benchtool motor"
         )
     if not used.any():
         raise InputError(

@@ -17,7 +17,7 @@ from markupsafe import escape
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 
 ARROW_RADII = 3.0
-"""Length of the arrow of a rotor that carries its share of the weight, in rotor radii; a choice."""
+"""Length of the arrow of a rotor at hover thrust, in rotor radii; a choice."""
 
 ADDED_TIMES = 5.0
 """How many times enlarged is what a surface adds: at z/R = 2 it is a hundredth of the thrust."""

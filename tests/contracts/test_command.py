@@ -190,6 +190,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "motor": [
         ("steps --mass-kg 0", "--mass-kg is 0 kg, allowed is above 0, at most 1,000 kg"),
         ("", "nothing is given; name runs without a plate, or logs of a stand"),
+        ("nowhere.csv", "nowhere.csv: there is no such file or run folder; check the path"),
     ],
     "doctor": [("--udevrule", "--udevrule")],
     "flow table": [

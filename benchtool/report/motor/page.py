@@ -98,7 +98,7 @@ def motor_sentence(fit: MotorFit) -> str:
         full = f"a rotor gives {fit.value('T_max'):.3g} N at full throttle"
         if fit.mass_kg is not None:
             hover = 100.0 * fit.value("hover_throttle")
-            full += f" and carries its share of {fit.mass_kg:g} kg at {hover:.3g} %"
+            full += f", {fit.mass_kg:g} kg hover at {hover:.3g} % throttle"
         said.append(full)
     if isfinite(fit.value("k")):
         k_rpm = fit.value("k") * (pi / 30.0) ** 2

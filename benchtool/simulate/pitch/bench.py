@@ -125,7 +125,7 @@ class PitchBench:
 
     @property
     def hover_N(self) -> float:
-        """Thrust of one rotor that carries its share of the weight."""
+        """Thrust of one rotor at hover, N: weight over the number of rotors."""
         return self.model.rig.body.mass_kg * GRAVITY_M_S2 / self.model.rig.n_rotors
 
 

@@ -62,7 +62,7 @@ def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab: Path, column: int
 def test_distances_in_the_wrong_unit_are_noticed(lab: Path) -> None:
     Path("m.toml").write_text(MODEL.replace('unit = "mm"', 'unit = "m"'), "utf-8")
     output = run_recipe(Recipe(name="lab", data=("lab.csv",), model="m.toml"))
-    assert any("check the unit of plate_z_m" in item for item in output.results[0].warnings)
+    assert any("with benchtool motor" in item for item in output.results[0].warnings)
 
 
 def test_a_loss_that_emcee_does_not_know_is_named(lab: Path) -> None:

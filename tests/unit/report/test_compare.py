@@ -136,7 +136,7 @@ def test_what_cannot_be_compared_is_refused_with_the_axes_that_can(tmp_path: Pat
         compared([path], "volts")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="nothing to compare"):
         compared([])
-    with pytest.raises(FileFormatError, match="no run folder and no recording"):
+    with pytest.raises(FileFormatError, match="there is no such file or run folder"):
         compared([tmp_path / "nothing"])
     bare = written(tmp_path, "bare", table(rpm1=[1.0, 2.0]))
     with pytest.raises(FileFormatError, match="holds no thrust"):
