@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, Generic, TypeVar
 
 from nicegui import ui
@@ -78,10 +78,21 @@ class InputForm(Generic[T]):
         """Show in empty fields what runs instead, by name."""
         for name, text in texts.items():
             field, shown = self._fields.get(name), f"empty: {text}"
-            # A remembered value can come before the fields below it are made.
-            if field is not None and field.props["placeholder"] != shown:
+            if field is None:  # a remembered value can come before the fields below it are made
+                continue
+            if choices := self._items[name].choices:
+                options = {"": text} | {each: each for each in choices if each != text}
+                if field.options != options:
+                    field.set_options(options, value=field.value if field.value in options else "")
+            elif field.props["placeholder"] != shown:
                 field.props["placeholder"] = shown
                 field.update()
+
+    def show_fields(self, names: Collection[str], shown: bool) -> None:
+        """Show or hide fields; one with something typed in it stays."""
+        for name in names:
+            if (field := self._fields.get(name)) is not None:
+                field.set_visibility(shown or _given(field.value) is not None)
 
 
 def _given(value: Any) -> Any:

@@ -123,3 +123,16 @@ def test_a_plan_that_breaks_a_limit_is_refused_before_anything_spins(page: Page)
     page.locator("button:enabled", has_text="Start the sweep").wait_for()
     page.get_by_text("limits hold").wait_for()
     assert "1400 us" in facts.inner_text()
+
+
+def test_a_test_without_a_plate_shows_no_fields_of_one(page: Page) -> None:
+    connect(page, "sim:pquad_single")
+    go_to(page, "Sweep")
+    distances = page.get_by_label("Plate distances, z/R")
+    expect(distances).to_be_visible()
+    page.get_by_label("Test", exact=True).click()
+    page.get_by_role("option", name="steps").click()
+    page.get_by_text("no plate: throttle alone").wait_for()
+    expect(distances).to_be_hidden()
+    expect(page.get_by_label("Order", exact=True)).to_have_value("counterbalanced")
+    assert "references" not in page.locator(".facts-grid").first.inner_text()

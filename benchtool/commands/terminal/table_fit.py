@@ -130,7 +130,7 @@ def _rig(given: Mapping[str, Any], table: TableInputs, first: str, known: bool) 
     text = radius_rig(first, table.radius, known=known)
     if not text:
         reason = f"{first} does not say how large the rotor is"
-        typed = ask("Rotor radius in m", "--radius METRES (or --rig FILE)", reason=reason)
+        typed = ask("Rotor radius in m", "--radius, as 127mm or 5in (or --rig FILE)", reason=reason)
         radius_m = make(TableInputs, {"radius": typed}, source="option").radius
         text = radius_rig(first, radius_m, known=known)
     return rig_from_toml(text, f"rig of {first}"), text

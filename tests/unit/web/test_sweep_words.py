@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from benchtool.acquire.plan import Plan
+from benchtool.acquire.plan import Plan, read_plan
 from benchtool.core.inputs import make
 from benchtool.core.rig_file import rig_named
 from benchtool.web.bench_process.client import BenchClient
@@ -25,5 +25,7 @@ def test_what_an_empty_field_shows_is_what_would_be_typed_for_the_same_plan() ->
     rig = rig_named("pquad")
     resolved = Plan().resolved(rig)
     shown = plan_texts(resolved, rig)
-    assert set(shown) == {*FIELDS} - {"z_m", "throttle", "order"}
+    assert set(shown) == {*FIELDS} - {"z_m", "throttle"}
     assert make(Plan, shown, source="label").resolved(rig) == resolved
+    steps = read_plan("steps").resolved(rig)
+    assert plan_texts(steps, rig)["order"] == "counterbalanced"

@@ -13,7 +13,7 @@ from benchtool.acquire.arming import arming_text
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.order import expected_duration_s, minutes, settings_of, visits_of
-from benchtool.acquire.plan import THROTTLE_TESTS, Plan, plan_from_toml, read_plan
+from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
 from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.core.input_text import text_of
@@ -49,6 +49,9 @@ FIRST = (
 """Inputs of a plan that are always shown; the others can be opened."""
 
 FIELDS = tuple(item.name for item in items(Plan))
+OF_A_PLATE = (*(item.name for item in items(PlatePart)), "anchor_every")
+"""Inputs that a test without a plate does without."""
+
 AIR = tuple(item.name for item in items(Air))
 
 
@@ -96,14 +99,12 @@ def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) 
     rows = []
     for visit in visits[:SHOWN_VISITS]:
         place, level = visit.setting.place, f"{visit.setting.level_us:g}"
-        distance = (
-            "–"
-            if not plan.plate.used
-            else "parked"
-            if place.parked
-            else f"{place.z_m / radius_m:.2f}"
-        )
-        kind = visit.kind if plan.plate.used else "throttle"
+        kind: str = visit.kind
+        distance = f"{place.z_m / radius_m:.2f}"
+        if not plan.plate.used:
+            kind, distance = "throttle", "–"
+        elif place.parked:
+            distance = "parked"
         row = (str(visit.point), kind, distance, level, str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
     return PlanPreview(facts, arming_text(plan, rig, expected), rows)
@@ -116,9 +117,7 @@ def plan_texts(plan: Plan, rig: Rig) -> dict[str, str]:
     return {
         item.name: ",".join(f"{each:g}" for each in value) if item.many else text_of(value)
         for item in items(Plan)
-        if not item.choices
-        and item.name not in ("z_m", "throttle")
-        and (value := values[item.name]) is not None
+        if item.name not in ("z_m", "throttle") and (value := values[item.name]) is not None
     }
 
 
@@ -207,6 +206,7 @@ class PlanCard:
                 raise InputError("no bench is connected, so there is no rig; connect one first")
             plan = self._form.make(self._base).plan.resolved(rig)
             self._form.show_empty(plan_texts(plan, rig))
+            self._form.show_fields(OF_A_PLATE, plan.plate.used)
             limits = connection.identity.limits if connection.identity else None
             self._preview = preview_of(plan, rig, limits)
         except BenchtoolError as error:
