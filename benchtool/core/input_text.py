@@ -9,7 +9,9 @@ from typing import Any
 
 from benchtool.core.errors import InputError
 
-_WITH_UNIT = re.compile(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([^\s0-9.].*?)\s*")
+_WITH_UNIT = re.compile(
+    r"\s*([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*([^\s0-9.].*?)\s*"
+)
 
 
 def are_texts(value: Any) -> bool:

@@ -89,7 +89,7 @@ def test_the_python_page_has_every_public_name_with_its_text(site: Path) -> None
     text = (site / "reference" / "python.html").read_text("utf-8")
     for name in set(benchtool.__all__) - {"__version__"}:
         assert f'id="benchtool.api.{name}"' in text, name
-    assert "Read a run folder, or a recording" in text
+    assert "Read a run folder, a recording" in text
 
 
 def test_a_broken_link_and_a_missing_heading_are_refused(tmp_path: Path) -> None:
