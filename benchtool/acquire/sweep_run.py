@@ -17,6 +17,7 @@ from benchtool.acquire.order import expected_duration_s, minutes, settings_of, v
 from benchtool.acquire.plan import Plan, read_plan
 from benchtool.acquire.resume import Unfinished, prepare, require_same_device, unfinished
 from benchtool.acquire.stage_choice import check_stage, stage_for
+from benchtool.acquire.stop_listener import accept_stops
 from benchtool.acquire.sweep import Start, run_sweep
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
@@ -164,7 +165,7 @@ def _sweep(
     measured = False
     with ClosingSignals() as closing:
         try:
-            with GuardedBench(device, rig) as bench:
+            with accept_stops(GuardedBench(device, rig), inputs.address) as bench:
                 identity = bench.identity
                 say_of_bench(operator, identity, rig)
                 expected = check_plan(plan, rig, identity.limits)

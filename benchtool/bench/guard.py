@@ -11,7 +11,7 @@ them, so that they interrupt neither a stop nor the way of a sample to the disk.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from dataclasses import asdict
 from types import TracebackType
 from typing import Self
@@ -24,6 +24,7 @@ from benchtool.bench.driven import DrivenBench
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.bench.plate_check import PlateCheck, check_travel, wait_for_idle, wait_for_plate
 from benchtool.bench.signals import StopSignals
+from benchtool.bench.wrappers import Halts
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import (
@@ -266,6 +267,16 @@ class GuardedBench(DrivenBench):
         For waits that call neither, such as an operator's answer.
         """
         return self._signals.interruptible()
+
+    def request_stop(self, reason: str) -> None:
+        """Stop from any thread: the next command or read raises RunStopped.
+
+        Zero is sent from the calling thread where the bench can do that.
+        """
+        self._signals.request(reason)
+        if isinstance(self.bench, Halts):
+            with suppress(BenchtoolError, OSError):
+                self.bench.halt()
 
     def take_unread(self) -> Readings | None:
         """Return samples that were read but not handed out, such as those that broke a limit."""

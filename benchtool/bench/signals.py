@@ -81,6 +81,11 @@ class StopSignals(_Handlers):
         finally:
             self._raises = False
 
+    def request(self, reason: str) -> None:
+        """Request the end of the run as a signal does, from any thread."""
+        self._requested = self._requested or reason
+        self._note(self._requested)
+
     def raise_if_requested(self) -> None:
         """Raise what a signal has noted, again and again should somebody swallow it."""
         if self._requested is not None:
@@ -89,8 +94,7 @@ class StopSignals(_Handlers):
     def _handle(self, number: int, frame: FrameType | None) -> None:
         name = signal.Signals(number).name
         again = self._requested is not None
-        self._requested = self._requested or _WORDS.get(name, f"stopped by {name}")
-        self._note(self._requested)
+        self.request(_WORDS.get(name, f"stopped by {name}"))
         if self._raises and not again:
             self._raises = False
             self.raise_if_requested()

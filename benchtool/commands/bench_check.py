@@ -45,6 +45,7 @@ def map_motors(inputs: MapInputs) -> None:
     from benchtool.acquire.bench_check import learn_motors, low_throttle_us
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.operator import confirm_arming, say_of_bench, say_of_end
+    from benchtool.acquire.stop_listener import accept_stops
     from benchtool.bench.drivers import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
 
@@ -60,7 +61,8 @@ def map_motors(inputs: MapInputs) -> None:
     target = inputs.out or Path(f"{stands.name}.motors.toml")
     if target.exists():
         raise WouldOverwrite(str(target))
-    with GuardedBench(open_bench(address, announce_code), stands) as bench:
+    guard = GuardedBench(open_bench(address, announce_code), stands)
+    with accept_stops(guard, address) as bench:
         say_of_bench(TERMINAL, bench.identity, stands)
         text = (
             f"motors 1 to {stands.n_rotors} will turn one after another at "
@@ -140,12 +142,14 @@ def check(inputs: CheckInputs) -> None:
     from benchtool.acquire.bench_check import check_bench, low_throttle_us
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.operator import confirm_arming, say_of_bench, say_of_end
+    from benchtool.acquire.stop_listener import accept_stops
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
 
     stands = rig_for(inputs.address, inputs.rig)
     findings = []
-    with GuardedBench(open_bench(inputs.address, announce_code), stands) as bench:
+    guard = GuardedBench(open_bench(inputs.address, announce_code), stands)
+    with accept_stops(guard, inputs.address) as bench:
         identity = bench.identity
         say_of_bench(TERMINAL, identity, stands)
         text = (

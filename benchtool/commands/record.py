@@ -115,6 +115,7 @@ def _record(
     from benchtool.acquire.operator import arm, close_stopped, say_of_bench, say_of_end
     from benchtool.acquire.pitch_experiment import arming_text, expected_on, require_pitch
     from benchtool.acquire.pitch_record import record_pitch
+    from benchtool.acquire.stop_listener import accept_stops
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
     from benchtool.data.parquet import load_library
@@ -123,7 +124,8 @@ def _record(
     run: Run | None = None
     with ClosingSignals() as closing:
         try:
-            with GuardedBench(open_bench(inputs.address, announce_code), rig) as bench:
+            guard = GuardedBench(open_bench(inputs.address, announce_code), rig)
+            with accept_stops(guard, inputs.address) as bench:
                 identity = bench.identity
                 say_of_bench(TERMINAL, identity, rig)
                 require_pitch(identity)

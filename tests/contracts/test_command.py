@@ -160,6 +160,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("--vary K_b=1:2:3 --out taken.js", "taken.js exists already"),
     ],
     "simulate paper": [("--sensitivty", "--sensitivty")],
+    "stop": [("--adress x", "--adress"), ("", "no bench of this user runs on this machine")],
     "web": [("--port 99999", "--port is 99999, allowed is 0 to 65,535")],
     "bench check": [("usb:1", "unknown address scheme 'usb'")],
     "bench map": [("sim:pquad --motors 1,x", "--motors is '1,x', but whole numbers")],

@@ -1,0 +1,225 @@
+"""STOP listener of a process that owns a bench: HTTP on its own port, in threads of its own.
+
+A page's worker and `benchtool stop` send `POST /stop` with the token as body. Zero is commanded
+before the answer; the answer to `POST /stop?wait` follows the standstill check and reports it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from http.client import HTTPConnection, HTTPException
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from benchtool.bench.guard import GuardedBench
+from benchtool.data.atomic import make_folder, read_json
+from benchtool.data.run.state import state_folder
+
+VIRTUAL_CLOCKS = ("sim:", "replay:")  # addresses of benches without a motor
+TOKEN_BYTES = 24
+MAX_BODY_BYTES = 200
+MAX_REQUESTS = 32  # at a time; assumed
+REQUEST_TIMEOUT_S = 2.0  # for the lines of a request; assumed
+STANDSTILL_TIMEOUT_S = 6.0  # above SPIN_DOWN_S of bench.driven, the longest standstill check
+ANSWER_TIMEOUT_S = STANDSTILL_TIMEOUT_S + REQUEST_TIMEOUT_S
+POLL_INTERVAL_S = 0.02
+
+
+class StopReport(NamedTuple):
+    """Result of a stop; `text` is the standstill check's sentence."""
+
+    standing: bool
+    text: str
+
+
+def report_standstill(bench: GuardedBench | None) -> StopReport | None:
+    """Return the standstill of a bench; None while rotors may still coast."""
+    if bench is None:
+        return StopReport(True, "no motor is driven")
+    state = bench.standstill
+    if state is None or not state.seen:
+        return None
+    return StopReport(True, state.text or "no motor was driven")
+
+
+class StopListener:
+    """Listener for STOP, open within its `with` block.
+
+    Args:
+        listening: bound socket; closed with the listener.
+        stop: called with who stops, from the listener's threads.
+        report: polled after a stop until it returns a report.
+    """
+
+    def __init__(
+        self,
+        listening: socket.socket,
+        token: str,
+        stop: Callable[[str], object],
+        report: Callable[[], StopReport | None],
+    ) -> None:
+        self.port: int = listening.getsockname()[1]
+        self.token = token
+        self._stop, self._report = stop, report
+        self._over = threading.Event()
+        self._slots = threading.BoundedSemaphore(MAX_REQUESTS)
+        self._server = _server(listening, self)
+
+    def __enter__(self) -> Self:
+        threading.Thread(
+            target=self._server.serve_forever, args=(POLL_INTERVAL_S,), name="stop", daemon=True
+        ).start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Answer the requests that wait for the standstill check, then close."""
+        self._over.set()
+        self._server.shutdown()
+        deadline_s = time.monotonic() + REQUEST_TIMEOUT_S
+        for _ in range(MAX_REQUESTS):
+            self._slots.acquire(timeout=max(0.0, deadline_s - time.monotonic()))
+        self._server.server_close()
+
+    def handle(self, request: BaseHTTPRequestHandler) -> None:
+        """Answer one request: stop where its token is right."""
+        if not self._slots.acquire(blocking=False):
+            request.send_error(503)
+            return
+        try:
+            length = request.headers.get("Content-Length", "")
+            n_bytes = min(int(length), MAX_BODY_BYTES) if length.isdecimal() else 0
+            if not secrets.compare_digest(request.rfile.read(n_bytes), self.token.encode()):
+                request.send_error(403)
+                return
+            waits = request.path == "/stop?wait"
+            self._stop("benchtool stop" if waits else "the page")
+            answer = json.dumps(self._wait()._asdict()).encode() if waits else b"stopped"
+            request.send_response(200)
+            request.send_header("Content-Length", str(len(answer)))
+            request.send_header("Access-Control-Allow-Origin", "*")  # the page is on another port
+            request.end_headers()
+            request.wfile.write(answer)
+        finally:
+            self._slots.release()
+
+    def _wait(self) -> StopReport:
+        deadline_s = time.monotonic() + STANDSTILL_TIMEOUT_S
+        while time.monotonic() < deadline_s:
+            is_over = self._over.is_set()
+            if (report := self._report()) is not None:
+                return report
+            if is_over:
+                break
+            time.sleep(POLL_INTERVAL_S)
+        return StopReport(False, "rotors were not seen to stand; look, cut the power if they turn")
+
+
+def _server(listening: socket.socket, listener: StopListener) -> ThreadingHTTPServer:
+    """Return a server on a bound socket."""
+
+    class Handler(BaseHTTPRequestHandler):
+        timeout = REQUEST_TIMEOUT_S
+
+        def do_POST(self) -> None:
+            listener.handle(self)
+
+        def log_message(self, *arguments: object) -> None:
+            """No-op: the terminal belongs to the run."""
+
+    server = ThreadingHTTPServer(listening.getsockname()[:2], Handler, bind_and_activate=False)
+    server.socket.close()
+    server.socket = listening
+    server.daemon_threads, server.block_on_close = True, False
+    return server
+
+
+@contextmanager
+def announce(address: str, port: int, token: str) -> Iterator[None]:
+    """Write where `benchtool stop` reaches the bench at an address, readable by this user only.
+
+    Where the state folder cannot be written, `benchtool stop` does not find the bench.
+    """
+    path = stop_folder() / f"{os.getpid()}-{secrets.token_hex(4)}.json"
+    with suppress(OSError):
+        make_folder(path.parent)
+        with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            json.dump({"address": address, "port": port, "token": token}, file)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+
+
+def stop_folder() -> Path:
+    """Return the folder of the files that `announce` writes."""
+    return state_folder() / "stop"
+
+
+@contextmanager
+def accept_stops(bench: GuardedBench, address: str) -> Iterator[GuardedBench]:
+    """Open a guarded bench that `benchtool stop` can stop from another process."""
+    if address.startswith(VIRTUAL_CLOCKS):
+        with bench:
+            yield bench
+        return
+    listener = StopListener(
+        socket.create_server(("127.0.0.1", 0)),
+        secrets.token_urlsafe(TOKEN_BYTES),
+        lambda who: bench.request_stop(f"stopped by {who}"),
+        lambda: report_standstill(bench),
+    )
+    with listener, announce(address, listener.port, listener.token), bench:
+        yield bench
+
+
+class AnnouncedBench(NamedTuple):
+    """Bench of this user on this machine that listens for STOP."""
+
+    address: str
+    port: int
+    token: str
+    file: Path
+
+    def stop(self) -> StopReport | None:
+        """Stop the bench and wait for its standstill check; None if its process has ended.
+
+        Raises:
+            OSError, HTTPException: the process does not answer.
+        """
+        connection = HTTPConnection("127.0.0.1", self.port, timeout=ANSWER_TIMEOUT_S)
+        try:
+            connection.request("POST", "/stop?wait", self.token.encode())
+            response = connection.getresponse()
+            body = response.read()
+        except ConnectionRefusedError:
+            self.file.unlink(missing_ok=True)  # of a process that was killed
+            return None
+        finally:
+            connection.close()
+        if response.status != 200:
+            raise HTTPException(f"answer {response.status}")
+        return StopReport(**json.loads(body))
+
+
+def find_benches() -> list[AnnouncedBench]:
+    """Return the benches that listen for STOP."""
+    return [
+        AnnouncedBench(facts["address"], facts["port"], facts["token"], path)
+        for path in sorted(stop_folder().glob("*.json"))
+        if (facts := read_json(path))
+    ]

@@ -1,0 +1,65 @@
+"""`benchtool stop`: zero throttle for the benches of this user."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from benchtool.commands.declared import declared
+from benchtool.core.inputs import Input, Inputs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopInputs(Inputs):
+    """Inputs of `benchtool stop`."""
+
+    address: Annotated[
+        str | None, Input("Only the bench at this address.", empty="every bench of this user")
+    ] = None
+
+
+@declared(StopInputs)
+def stop(inputs: StopInputs) -> None:
+    """Stop the motors of every bench that this user runs on this machine."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from benchtool.acquire.stop_listener import (
+        AnnouncedBench,
+        StopReport,
+        find_benches,
+        stop_folder,
+    )
+    from benchtool.core.errors import InputError, StandstillNotSeen, UnknownChoice
+
+    benches = find_benches()
+    if not benches:
+        raise InputError(
+            f"no bench of this user runs on this machine (looked in {stop_folder()}); if a motor "
+            f"turns, cut the power"
+        )
+    if inputs.address is not None:
+        addresses = sorted({bench.address for bench in benches})
+        benches = [bench for bench in benches if bench.address == inputs.address]
+        if not benches:
+            raise UnknownChoice("bench", inputs.address, addresses)
+
+    def stop_bench(bench: AnnouncedBench) -> StopReport | None:
+        try:
+            return bench.stop()
+        except Exception as error:  # noqa: BLE001 -- the other benches are stopped all the same
+            return StopReport(False, f"no answer ({error}); cut the power")
+
+    with ThreadPoolExecutor(len(benches)) as pool:
+        reports = list(pool.map(stop_bench, benches))
+    for bench, report in zip(benches, reports, strict=True):
+        text = "its process had ended before" if report is None else report.text
+        print(f"{bench.address}: {text}")
+    unseen = [
+        bench.address
+        for bench, report in zip(benches, reports, strict=True)
+        if report is not None and not report.standing
+    ]
+    if unseen:
+        raise StandstillNotSeen(
+            f"MOTORS MAY STILL TURN: {', '.join(unseen)}; look, cut the power if they turn"
+        )
