@@ -21,6 +21,7 @@ from benchtool.bench.channel_checks import CHECKS
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stage.stage import PlateStage
+from benchtool.bench.wrappers import PauseRequested
 from benchtool.core.channel import family_of
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, RunStopped
@@ -158,9 +159,7 @@ class _Sweep:
         if old := age_text(self.run.metadata):
             self.recorder.note("calibration_old", old)
         for index, visit in enumerate(left):
-            self._wait()
-            self.progress.visiting(visit)
-            point = self._visit(visit)
+            point = self._visit_with_pauses(visit)
             self.recorder.append_point(point)
             self.recorder.sync()
             self._last = point
@@ -176,11 +175,23 @@ class _Sweep:
                     self._tared = None
                 self._first_anchor = self._first_anchor or point
 
-    def _wait(self) -> None:
+    def _visit_with_pauses(self, visit: Visit) -> Point:
+        """Return the point of a visit; a visit that is paused half-way is repeated."""
+        reason = "paused"
+        while True:
+            try:
+                self._wait(reason)
+                self.progress.visiting(visit)
+                return self._visit(visit)
+            except PauseRequested as pause:
+                self.bench.stop()  # the device has latched zero; the next pulse arms it again
+                reason = str(pause)
+
+    def _wait(self, reason: str) -> None:
         if not self.waits():
             return
         self.motors.stand_still(self.plan.tare.stop_timeout_s, "rest")
-        self.recorder.note("paused", "paused; motors at zero")
+        self.recorder.note("paused", f"{reason}; motors at zero")
         begun_s = self.recorder.now_s
         while self.waits():
             self.recorder.read("rest")
@@ -291,7 +302,12 @@ class _Sweep:
             self.recorder.collect("move", seconds)
 
         self.motors.stand_still(self.plan.tare.stop_timeout_s, "move")
-        self._reached_m = self.stage.move(place.z_m, place.x_m, radians(place.tilt_deg), pause)
+        self._place = None
+        try:
+            self._reached_m = self.stage.move(place.z_m, place.x_m, radians(place.tilt_deg), pause)
+        except PauseRequested:
+            self.stage.hold()
+            raise
         self.recorder.collect("move", CALM_S)
         self._place, self._shown = place, {}
 

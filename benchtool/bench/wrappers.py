@@ -116,15 +116,20 @@ class Halts(Protocol):
 
 
 class StopRequested(RunStopped):
-    """Report a requested stop: the bench may go on when its owner wants it to."""
+    """Requested stop; the owner of the bench decides whether it is used again."""
+
+
+class PauseRequested(StopRequested):
+    """Requested pause of a sweep, whose run stays open; elsewhere a stop."""
 
 
 class StoppableBench(BenchWrapper):
     """Be another bench until somebody asks to stop.
 
-    `request_stop` sends zero from the thread that asks, where the bench can do that, and lets the
-    owner's next call raise StopRequested once. A pulse that the owner sends in the same moment is
-    taken back, or refused by a device that the stop had reached before.
+    `request_stop` and `request_pause` send zero from the calling thread, where the bench can do
+    that, and the owner's next call raises StopRequested or PauseRequested once. A pulse that the
+    owner sends in the same moment is taken back, or refused by a device that the stop had reached
+    before.
 
     Args:
         listener: is given every sample once: as it comes from a bench that publishes them, else
@@ -137,18 +142,23 @@ class StoppableBench(BenchWrapper):
         if listener is not None and isinstance(bench, Subscribable):
             bench.subscribe(listener)
             self._listener = None
-        self._requested: str | None = None
+        self._requested: RunStopped | None = None
 
     def request_stop(self, reason: str) -> None:
         """Stop from any thread; the owner gets the reason."""
-        self._requested = reason
+        self._requested = StopRequested(f"{reason}; zero was commanded to the motors")
+        self._halt()
+
+    def request_pause(self, reason: str) -> None:
+        """Pause from any thread, unless a stop is requested already; the owner gets the reason."""
+        if self._requested is None:
+            self._requested = PauseRequested(reason)
+        self._halt()
+
+    def _halt(self) -> None:
         if isinstance(self._bench, Halts):
             with suppress(BenchtoolError, OSError):
                 self._bench.halt()
-
-    def forget(self) -> None:
-        """Forget a request that came when there was nothing to stop."""
-        self._requested = None
 
     def set_pwm(self, pwm_us: Array) -> None:
         self._raise_if_requested()
@@ -182,6 +192,6 @@ class StoppableBench(BenchWrapper):
         return readings
 
     def _raise_if_requested(self) -> None:
-        reason, self._requested = self._requested, None
-        if reason is not None:
-            raise StopRequested(f"{reason}; zero was commanded to the motors")
+        requested, self._requested = self._requested, None
+        if requested is not None:
+            raise requested

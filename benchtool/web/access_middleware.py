@@ -12,7 +12,7 @@ from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 
 from benchtool.data.run.runs_folder import MOST_BYTES
-from benchtool.web.access import Access, RequestFacts
+from benchtool.web.access import Access, RequestFacts, host_name
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -27,7 +27,7 @@ HEADERS = (
 POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; worker-src 'self'; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
-    "connect-src 'self' ws://{host} wss://{host}; form-action 'self'; base-uri 'none'; "
+    "connect-src 'self' ws://{host} wss://{host}{stop}; form-action 'self'; base-uri 'none'; "
     "frame-ancestors 'none'"
 )
 """Nothing is loaded from, or sent to, anywhere else. NiceGUI runs inline scripts and evaluates
@@ -61,8 +61,10 @@ class AccessMiddleware:
         access: Access,
         cookie: str,
         sleep: Callable[[float], Awaitable[object]] = asyncio.sleep,
+        stop_port: int | None = None,
     ) -> None:
         self._app, self._access, self._cookie, self._sleep = app, access, cookie, sleep
+        self._stop_port = stop_port
         self._turn = asyncio.Lock()
         self._waiting = 0
 
@@ -111,7 +113,12 @@ class AccessMiddleware:
                 headers={"cache-control": "no-store"},
             )
             answer.set_cookie(self._cookie, shown, httponly=True, samesite="strict")
-        policy = POLICY.format(host=request.host) if refusal is None else "default-src 'none'"
+        policy = "default-src 'none'"
+        if refusal is None:
+            name = host_name(request.host)
+            name = f"[{name}]" if ":" in name else name
+            stop = "" if self._stop_port is None else f" http://{name}:{self._stop_port}"
+            policy = POLICY.format(host=request.host, stop=stop)
         body = CountedBody(receive, _with_headers(send, policy))
         try:
             await (answer or self._app)(scope, body.receive, body.send)

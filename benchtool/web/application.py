@@ -38,7 +38,7 @@ def run_application(
 ) -> None:
     """Serve the page until Ctrl-C."""
     port = listening.getsockname()[1]
-    server = ServerState(runs=runs, bench=BenchClient(process))
+    server = ServerState(runs=runs, bench=BenchClient(process), stop_endpoint=process.stop_endpoint)
 
     def show_notice(notice: Notice) -> None:
         server.log.add(notice.text, is_error=notice.is_error)
@@ -56,7 +56,10 @@ def run_application(
     # NiceGUI answers differently under pytest; here the server decides.
     os.environ.pop("PYTEST_CURRENT_TEST", None)
     guarded = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-    guarded.add_middleware(AccessMiddleware, access=access, cookie=f"benchtool-{port}")
+    guarded.add_middleware(
+        AccessMiddleware, access=access, cookie=f"benchtool-{port}",
+        stop_port=process.stop_endpoint.port if process.stop_endpoint else None,
+    )  # fmt: skip
     # Quasar's bar at every request has no name for a screen reader and stands in no landmark.
     app.config.quasar_config["loadingBar"]["skipHijack"] = True
     ui.run_with(

@@ -15,6 +15,7 @@ from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Command
+from benchtool.web.bench_process.spawn import StopEndpoint
 from benchtool.web.jobs import Job, WorkerProcess
 from benchtool.web.page_memory import FormMemory, PageMessages
 
@@ -70,6 +71,42 @@ class ControlLock:
         return self.held_by(tab)
 
 
+MAX_BEAT_SILENCE_S = 1.0  # ten beats of a page's worker; the worst under load was 0.4 s
+MAX_BLOCKED_S = 2.0  # longest time without a turn of a page's main thread
+
+
+class PageWatch:
+    """Latest beat of each page: when it came, and the age of its main thread's last turn.
+
+    The time is handed in; `problem` may be called from any thread.
+    """
+
+    def __init__(self) -> None:
+        self._beats: dict[str, tuple[float, float]] = {}
+
+    def beat(self, tab: str, blocked_s: float, now_s: float) -> None:
+        """Note a beat."""
+        self._beats[tab] = (now_s, blocked_s)
+
+    def leave(self, tab: str) -> None:
+        """Note that a page's connection is closed."""
+        self._beats.pop(tab, None)
+
+    def problem(self, tab: str | None, now_s: float) -> str:
+        """Return why nobody can press STOP on a page; empty if the page responds."""
+        if tab is None:
+            return ""
+        beat = self._beats.get(tab)
+        if beat is None:
+            return "the page at the controls is closed, or its connection is lost"
+        silent_s, blocked_s = now_s - beat[0], now_s - beat[0] + beat[1]
+        if silent_s > MAX_BEAT_SILENCE_S:
+            return f"no beat of the page at the controls for {MAX_BEAT_SILENCE_S:g} s"
+        if blocked_s > MAX_BLOCKED_S:
+            return f"the page at the controls was blocked for {MAX_BLOCKED_S:g} s"
+        return ""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServerState:
     """Hold what every page of a server shares.
@@ -82,6 +119,8 @@ class ServerState:
     runs: Path
     bench: BenchClient = field(default_factory=BenchClient)
     control: ControlLock = field(default_factory=ControlLock)
+    watch: PageWatch = field(default_factory=PageWatch)
+    stop_endpoint: StopEndpoint | None = None
     workers: dict[str, WorkerProcess] = field(default_factory=dict)
     jobs: dict[str, Job[Any]] = field(default_factory=dict)
     log: PageMessages = field(default_factory=PageMessages)
@@ -89,6 +128,7 @@ class ServerState:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "forms", FormMemory(self.runs))
+        self.bench.page_problem = lambda: self.watch.problem(self.control.holder, monotonic())
 
     def close(self) -> None:
         """End the processes, and delete what jobs have not completed."""
@@ -211,6 +251,7 @@ class PageContext:
             InputError: another page is at the controls.
         """
         self.require_control()
+        self.server.watch.beat(self.tab, 0.0, monotonic())  # a page that sends responds
         self.bench.send(command)
 
     def worker(self, name: str) -> WorkerProcess:

@@ -17,6 +17,7 @@ LONGEST_NAME = 64
 
 _HOLD = re.compile(r"hold (\d{1,15}) (\d{1,5}) (\d{1,2}(?:,\d{1,2}){0,15}) (\d{1,6})")
 _RELEASE = re.compile(r"release (\d{1,15})")
+_BEAT = re.compile(r"beat (\d{1,9})")
 
 
 PAGES: dict[str, PageContext] = {}
@@ -32,6 +33,8 @@ def add_control_line(context: PageContext) -> None:
     PAGES[client.id] = context
     client.on_delete(lambda: PAGES.pop(client.id, None))
     facts = f'data-page="{client.id}" data-silence-ms="{1e3 * SILENCE_S:.0f}"'
+    if (stop := context.server.stop_endpoint) is not None:
+        facts += f' data-stop-port="{stop.port}" data-stop-token="{stop.token}"'
     ui.add_head_html(f'<script src="/static/stop.js" {facts}></script>')
 
 
@@ -100,8 +103,11 @@ def serve_control_line(server: ServerState) -> None:
         with suppress(WebSocketDisconnect):
             while True:
                 word = await socket.receive_text()
-                if server.control.held_by(tab):
+                if (match := _BEAT.fullmatch(word)) is not None:
+                    server.watch.beat(tab, 1e-3 * float(match[1]), monotonic())
+                elif server.control.held_by(tab):
                     forward(server, tab, word)
+        server.watch.leave(tab)
         server.bench.send(ReleaseThrottle(tab))
 
     @app.post("/stop")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from time import monotonic
 
 from nicegui import ui
 
+from benchtool.acquire.order import minutes
 from benchtool.web.bench_process.client import BenchClient
+from benchtool.web.bench_process.messages import SPEED_LIMIT
 from benchtool.web.context import PageContext
 from benchtool.web.widgets import notify, open_dialog, shows_errors
 
@@ -15,6 +18,8 @@ STOP = (
     "<small>space bar or Esc</small></button>"
     '<span class="stop-note" role="alert"></span>'
 )
+
+STANDING = "motors at zero"
 
 LOOK_S = 0.5
 
@@ -27,13 +32,14 @@ class Header:
 
     def __init__(self, context: PageContext, dark: ui.dark_mode) -> None:
         self._context, self._dark = context, dark
+        self._title = "benchtool"
         with ui.header().classes("q-py-xs q-px-md"):
             with ui.row(wrap=False).classes("items-center w-full gap-4"):
                 ui.label("benchtool").classes("text-h6 page-name").props(
                     "role=heading aria-level=1"
                 )
-                with ui.column().classes("grow gap-0 min-w-0"):
-                    self._state = ui.label().classes("ellipsis w-full").props("role=status")
+                with ui.row().classes("status-line grow gap-x-2 gap-y-0"):
+                    self._state = ui.label().props("role=status")
                     self._control = ui.label().classes("soft")
                 self._take = ui.button("Take over", on_click=self._take_over).props("outline")
                 self._theme = ui.button(on_click=self._next_theme).props("flat round dense")
@@ -53,18 +59,23 @@ class Header:
 
     def refresh(self) -> None:
         connection = self._context.bench.connection
-        words = {"off": "no bench", "opening": f"opening {connection.address}"}
-        self._state.set_text(words.get(connection.status, connection.address))
-        self._known.set_text(known(self._context.bench))
-        cause, motors = connection.unseen or connection.reason, bool(connection.unseen)
+        parts, in_control = status_parts(self._context.bench), self._context.in_control()
+        self._known.set_text(f"{', '.join(parts)}.")
+        self._state.set_text(" · ".join(parts))
+        self._control.set_text("at the controls" if in_control else "watching")
+        motors = motors_text(self._context.bench)
+        title = "benchtool" if motors == STANDING else f"{motors} – benchtool"
+        if title != self._title:
+            self._title = title
+            with self._state:  # also called from a websocket's task
+                ui.page_title(title)
+        cause, unseen = connection.unseen or connection.reason, bool(connection.unseen)
         self._alarm.set_visibility(bool(cause))
-        if motors and not cause.startswith("MOTORS MAY STILL TURN"):
+        if unseen and not cause.startswith("MOTORS MAY STILL TURN"):
             cause = f"MOTORS MAY STILL TURN: {cause}"
         self._cause.set_text(cause)
-        self._alarm.classes(**{"add" if motors else "remove": "motors"})
-        self._dismiss.set_text("I have looked: they stand" if motors else "Dismiss")
-        in_control = self._context.in_control()
-        self._control.set_text("at the controls" if in_control else "watching")
+        self._alarm.classes(**{"add" if unseen else "remove": "motors"})
+        self._dismiss.set_text("I have looked: they stand" if unseen else "Dismiss")
         free = self._context.server.control.is_free(monotonic())
         self._take.set_visibility(free and not in_control and bool(self._context.tab))
 
@@ -103,18 +114,30 @@ class Header:
         self._theme.props(f"icon={_THEMES[self._context.theme][0]}")
 
 
-def known(bench: BenchClient) -> str:
-    """Return what is known of motors and run, for a page that loses its server."""
-    if bench.connection.unseen:
-        motors = bench.connection.unseen
-    elif bench.connection.status == "off":
-        motors = "no bench is connected"
-    elif bench.live.pulses_us:
-        motors = f"{bench.connection.address}, motors ordered to {max(bench.live.pulses_us):.0f} us"
-    else:
-        motors = f"{bench.connection.address}, motors not ordered to turn"
-    sweep = bench.sweep
-    if sweep.status == "none":
-        return f"{motors}."
-    done = f", {sweep.done} of {sweep.visits} visits" if sweep.what == "sweep" else ""
-    return f"{motors}; {sweep.what} {sweep.run} {sweep.status}{done}."
+def status_parts(bench: BenchClient) -> list[str]:
+    """Return what is known of bench, motors and run, a phrase each."""
+    connection, live, sweep = bench.connection, bench.live, bench.sweep
+    parts = {
+        "off": ["no bench is connected"],
+        "opening": [f"opening {connection.address}"],
+        "on": [connection.address, motors_text(bench), "armed" if live.armed else "not armed"],
+    }[connection.status]
+    if connection.unseen:
+        parts = [connection.unseen]
+    if sweep.status != "none":
+        run = f"{sweep.what} {Path(sweep.run).name} {sweep.status}"
+        if sweep.active:
+            run += f", {sweep.done} of {sweep.visits} visits" if sweep.what == "sweep" else ""
+            run += f", about {minutes(sweep.left_s)} left" if sweep.left_s else ""
+        parts.append(run)
+    return parts
+
+
+def motors_text(bench: BenchClient) -> str:
+    """Return the highest commanded pulse, with the highest speed where it is measured."""
+    pulse_us = max(bench.live.pulses_us, default=0.0)
+    rig = bench.connection.rig
+    if rig is None or pulse_us <= rig.propulsion.pwm_stop_us:
+        return STANDING
+    rpm = [limit.value for limit in bench.live.limits if limit.name == SPEED_LIMIT]
+    return f"motors at {pulse_us:.0f} us" + "".join(f", {value:.0f} rpm" for value in rpm)

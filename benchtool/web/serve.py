@@ -14,7 +14,7 @@ from pathlib import Path
 from benchtool.core.errors import InputError
 from benchtool.data.run.state import state_folder
 from benchtool.web.access import LOOPBACK, Access, is_loopback
-from benchtool.web.bench_process.spawn import ProcessHandle, quick_import
+from benchtool.web.bench_process.spawn import ProcessHandle, StopEndpoint, quick_import
 
 
 def open_page(
@@ -84,7 +84,9 @@ def serve(
     url = f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
     opened = f"{url}?token={access.token}" if access.token else url
     # The two import side by side: the bench process what it needs, this one the web framework.
-    process = ProcessHandle()
+    token = access.token or secrets.token_urlsafe(TOKEN_BYTES)
+    stop_endpoint = StopEndpoint(_listening(host, 0), token)
+    process = ProcessHandle(stop_endpoint)
     process.start()
     try:
         announce(opened)
@@ -94,6 +96,7 @@ def serve(
     finally:
         process.end(0.0)
         listening.close()
+        stop_endpoint.listening.close()
 
 
 def access_for(host: str, *, wants_token: bool = False) -> Access:

@@ -270,13 +270,14 @@ def open_dialog(title: str) -> Iterator[ui.dialog]:
 
 
 def confirm_arming(
-    context: PageContext, place: ui.element, text: str, begin: Callable[[str], object]
+    context: PageContext, place: ui.element, text: str, begin: Callable[[str, bool], object]
 ) -> None:
     """Ask before motors turn: what will spin, and the typed word unless the bench is simulated.
 
     Args:
         place: what stays when the dialog is gone; errors are shown there.
-        begin: called with what was typed, empty on a simulated bench.
+        begin: called with what was typed, empty on a simulated bench, and whether the run needs
+            this page.
     """
     connection = context.bench.connection
     identity, rig = connection.identity, connection.rig
@@ -289,13 +290,17 @@ def confirm_arming(
         typed.set_visibility(not simulated)
         if simulated:
             ui.label("A simulated bench: no motor turns.").classes("soft")
+        without_page = ui.checkbox("Let it run without this page")
+        ui.label(
+            "Off: motors go to zero when this page is closed, blocked or loses its connection."
+        ).classes("soft")
 
         @shows_errors
         def confirmed() -> None:
             context.require_control()
             if not simulated and not typed.value.strip():
                 raise InputError(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
-            begin("" if simulated else typed.value)
+            begin("" if simulated else typed.value, not without_page.value)
 
         def press() -> None:
             # In a place that stays: a dialog that is closed is gone with all that is in it.

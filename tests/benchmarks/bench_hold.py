@@ -88,7 +88,7 @@ def main() -> None:
                 page = browser.new_page(viewport={"width": 1280, "height": 900})
                 page.set_default_timeout(60_000)
                 page.goto(url)
-                page.get_by_text("at the controls").wait_for()
+                page.get_by_text("at the controls", exact=True).wait_for()
                 connect(page, "sim:pquad?rate=1000")
                 page.locator(".hold-button:not([disabled])").hover()
                 for hogs in HOGS:

@@ -137,7 +137,7 @@ def open_page(browser: Browser) -> Iterator[Callable[[str], Page]]:
 def page(web: Web, open_page: Callable[[str], Page]) -> Page:
     """Give a page at the controls."""
     opened = open_page(web.url)
-    opened.get_by_text("at the controls").wait_for()
+    opened.get_by_text("at the controls", exact=True).wait_for()
     return opened
 
 
@@ -180,13 +180,20 @@ def go_to(page: Page, tab: str) -> None:
 SWEEP_MS = 60_000
 
 
-def begin(page: Page, device: Device, repeats: int = 1, distances: str = "0.6,1") -> None:
+def begin(
+    page: Page,
+    device: Device,
+    repeats: int = 1,
+    distances: str = "0.6,1",
+    *,
+    needs_page: bool = True,
+) -> None:
     """Connect and start a sweep of one pulse."""
     connect(page, device.address)
-    start(page, repeats, distances)
+    start(page, repeats, distances, needs_page=needs_page)
 
 
-def start(page: Page, repeats: int, distances: str) -> None:
+def start(page: Page, repeats: int, distances: str, *, needs_page: bool = True) -> None:
     """Start a sweep of one pulse on the bench that is connected."""
     go_to(page, "Sweep")
     for label, text in (
@@ -199,6 +206,8 @@ def start(page: Page, repeats: int, distances: str) -> None:
     page.get_by_text(f"settings: {repeats} repeats").wait_for()
     page.get_by_role("button", name="Start the sweep").click()
     page.get_by_text("expected thrust: about").wait_for()
+    if not needs_page:
+        page.get_by_role("checkbox", name="Let it run without this page").click()
     page.get_by_role("button", name="Start", exact=True).click()
 
 

@@ -26,10 +26,17 @@ from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.physics.model_file import load_model
 from benchtool.simulate import plate_bench
 from benchtool.simulate.imperfections import LoadCell
-from benchtool.virtual.devices import standard_truth, virtual_server
+from benchtool.virtual.devices import (
+    device_server,
+    pitch_hello,
+    pitch_plant,
+    standard_truth,
+    virtual_server,
+)
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink
 from benchtool.virtual.protocol import DeviceLink
+from benchtool.virtual.server import BenchServer
 from tests.wire.version_1 import VersionOne
 
 ROOT = Path(__file__).parents[2]
@@ -141,11 +148,16 @@ class Device:
 
 @contextmanager
 def served_device(
-    rig: str = "pquad", speed: float = 1.0, rate_Hz: float = 200.0, version: int = 2
+    rig: str = "pquad",
+    speed: float = 1.0,
+    rate_Hz: float = 200.0,
+    version: int = 2,
+    mode: str = "plate",
 ) -> Iterator[Device]:
     """Give a device in a process of its own; one of protocol version 1 prints no orders."""
+    options = [rig, str(speed), str(rate_Hz), str(version), mode]
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.browser.device", rig, str(speed), str(rate_Hz), str(version)],
+        [sys.executable, "-m", "tests.browser.device", *options],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -187,9 +199,13 @@ def read_masses() -> None:
     os._exit(0)
 
 
-def main(rig_name: str, speed: str, rate_Hz: str, version: str) -> None:
+def main(rig_name: str, speed: str, rate_Hz: str, version: str, mode: str) -> None:
     rig = rig_named(rig_name)
     link = PtyLink()
+    if mode == "pitch":
+        plant = pitch_plant(rig, schedule="identify")
+        serve(device_server(plant, pitch_hello(plant, 0), link, speak=PrintingLink), link)
+        return
     truth = load_model(standard_truth(rig), rig).model
     with patch.object(plate_bench, "LoadCell", LoadedCell):
         server = virtual_server(
@@ -200,6 +216,10 @@ def main(rig_name: str, speed: str, rate_Hz: str, version: str) -> None:
             rate_Hz=float(rate_Hz),
             speak=PrintingLink if version == "2" else VersionOne,
         )
+    serve(server, link)
+
+
+def serve(server: BenchServer, link: PtyLink) -> None:
     threading.Thread(target=read_masses, daemon=True).start()
     print(link.address, flush=True)
     with suppress(KeyboardInterrupt):  # a terminal's Ctrl-C ends whoever started this, too

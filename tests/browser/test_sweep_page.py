@@ -27,13 +27,16 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 
+@pytest.mark.parametrize("needs_page", [True, False])
 def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
-    page: Page, web: Web, fast_device: Device
+    needs_page: bool, page: Page, web: Web, fast_device: Device
 ) -> None:
-    begin(page, fast_device)
+    begin(page, fast_device, repeats=2, needs_page=needs_page)
     wait_for_points(page, 1)
     page.reload()
-    page.get_by_text("at the controls").wait_for()
+    page.get_by_text("at the controls", exact=True).wait_for()
+    if needs_page:
+        page.get_by_role("button", name="Continue", exact=True).click()
     run = only_run(web)
     page.get_by_text(f"ended: {run.path}").wait_for(timeout=SWEEP_MS)
     page.get_by_text("points, 0 not settled").wait_for()
@@ -42,6 +45,7 @@ def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
     assert run.metadata["state"] == "ended"
     assert run.metadata["link"]["lost"] == 0
     assert run.metadata["samples"]["parquet_sha256"]
+    assert run.metadata["needs_page"] is needs_page
     points = read_points(run.path)
     assert set(points.column("plate_z_m").round(3)) == {0.072, 0.12, 1.4}
     assert fast_device.turning_us() <= 1000.0

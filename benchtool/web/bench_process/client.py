@@ -17,6 +17,8 @@ from benchtool.web.bench_process.spawn import ProcessHandle
 SHOWN_EVENTS = 200
 """Events of a run that pages show; the run folder has them all."""
 
+HEARTBEAT_INTERVAL_S = 0.1
+
 PATIENCE_S = 5.0
 """The bench process has so long to stop motors and close a run when the server ends."""
 
@@ -38,14 +40,19 @@ class BenchClient:
         self.on_alarm: Callable[[str], None] = lambda text: None
         self.on_press_ended: Callable[[messages.PressEnded], None] = lambda ended: None
         self.on_frame: Callable[[bytes], None] = lambda frame: None
+        self.page_problem: Callable[[], str] = lambda: ""
         self._frame = b""
         self._process = process or ProcessHandle()
-        self._closing = False
+        self._closing = threading.Event()
 
     def start(self) -> None:
         if not self._process.started:
             self._process.start()
         loop = asyncio.get_running_loop()
+        threading.Thread(target=self._send_heartbeats, name="heartbeat", daemon=True).start()
+        self._listen_to_process(loop)
+
+    def _listen_to_process(self, loop: asyncio.AbstractEventLoop) -> None:
         threading.Thread(
             target=self._listen, args=(self._process, loop), name="bench events", daemon=True
         ).start()
@@ -64,9 +71,13 @@ class BenchClient:
 
     def close(self) -> None:
         """End the process: it stops the motors and closes its run first."""
-        self._closing = True
+        self._closing.set()
         self.send(messages.Shutdown())
         self._process.end(PATIENCE_S)
+
+    def _send_heartbeats(self) -> None:
+        while not self._closing.wait(HEARTBEAT_INTERVAL_S):
+            self.send(messages.ServerHeartbeat(self.page_problem()))
 
     def _listen(self, process: ProcessHandle, loop: asyncio.AbstractEventLoop) -> None:
         while True:
@@ -77,7 +88,7 @@ class BenchClient:
             # A loop that is closed has no page any more.
             with suppress(RuntimeError):
                 loop.call_soon_threadsafe(self._receive, message)
-        if not self._closing:
+        if not self._closing.is_set():
             loop.call_soon_threadsafe(self._restart)
 
     def _restart(self) -> None:
@@ -88,8 +99,9 @@ class BenchClient:
         )
         unseen = reason if self.connection.status == "on" else ""
         session = self.connection.session
-        self._process = ProcessHandle()
-        self.start()
+        self._process = self._process.successor()
+        self._process.start()
+        self._listen_to_process(asyncio.get_running_loop())
         self.connection = messages.ConnectionStatus(reason=reason, session=session, unseen=unseen)
         self.live = messages.LiveStatus()
         if self.sweep.active:

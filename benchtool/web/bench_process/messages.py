@@ -47,6 +47,17 @@ class StopMotors:
 
 
 @dataclass(frozen=True, slots=True)
+class ServerHeartbeat:
+    """Heartbeat of the page's server; silence stops the motors.
+
+    Attributes:
+        page_problem: why the page that has the control lock cannot press STOP; empty if it can.
+    """
+
+    page_problem: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Shutdown:
     """Stop, close the bench, and end the process."""
 
@@ -137,20 +148,25 @@ class StartSweep:
     """Start a sweep on the connected bench, or resume the run that its inputs name.
 
     Nothing `typed` to arm relies on a simulated or checked bench.
+
+    Attributes:
+        needs_page: pause with motors at zero when the page that has the control lock is lost.
     """
 
     inputs: SweepInputs
     typed: str = ""
+    needs_page: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartRecording:
-    """Record a pitch experiment; `typed` as for a sweep."""
+    """Record a pitch experiment; `typed` and `needs_page` as for a sweep, which is then stopped."""
 
     experiment: PitchExperiment
     runs: Path = Path("runs")
     name: str = "pitch"
     typed: str = ""
+    needs_page: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,9 +197,9 @@ class AnswerQuestion:
 
 
 Command = (
-    Connect | Disconnect | StopMotors | Shutdown | ArmMotors | HoldThrottle | ReleaseThrottle
-    | TareLoadCell | WeighMass | Calibrate | MovePlateTo | SetClockSpeed | StartSweep
-    | StartRecording | PauseSweep | AnswerQuestion | Annotate | StartLiveRecording
+    Connect | Disconnect | StopMotors | ServerHeartbeat | Shutdown | ArmMotors | HoldThrottle
+    | ReleaseThrottle | TareLoadCell | WeighMass | Calibrate | MovePlateTo | SetClockSpeed
+    | StartSweep | StartRecording | PauseSweep | AnswerQuestion | Annotate | StartLiveRecording
     | EndRecording | TightenLimits
 )  # fmt: skip
 
@@ -215,6 +231,9 @@ class ConnectionStatus:
     weighs: bool = False
     reason: str = ""
     unseen: str = ""
+
+
+SPEED_LIMIT = "speed, rpm"  # name of the LimitShare of speed
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,13 @@ import pickle
 import queue
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext, suppress
+from functools import partial
 from multiprocessing.connection import Connection as Pipe
 
 from benchtool.acquire.inputs import rig_for
+from benchtool.acquire.stop_listener import StopListener, announce, report_standstill
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import PacedBench, StoppableBench
@@ -22,6 +25,7 @@ from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import EventPublisher
 from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.session import Session
+from benchtool.web.bench_process.spawn import StopEndpoint
 from benchtool.web.bench_process.telemetry import Telemetry
 from benchtool.web.bench_process.throttle import DeadManSwitch
 
@@ -35,12 +39,28 @@ FASTEST = 100.0
 """Highest speed of a virtual clock, in multiples of real time; a choice."""
 
 
-def run_bench_process(pipe: Pipe) -> None:
-    """Serve a page's server over a pipe until it closes."""
+MAX_SERVER_SILENCE_S = 1.0  # ten heartbeats; assumed
+POLL_INTERVAL_S = 0.1
+
+
+def run_bench_process(pipe: Pipe, stop_endpoint: StopEndpoint | None = None) -> None:
+    """Serve a page's server over a pipe until it closes, with a STOP listener of its own."""
     # Where the system allows it this loop goes before others: it feeds the device's watchdog.
     with suppress(OSError, AttributeError):
         os.nice(PRIORITY)
-    BenchProcess(pipe).run()
+    process = BenchProcess(pipe)
+    if stop_endpoint is None:
+        process.run()
+        return
+    listener = StopListener(
+        stop_endpoint.listening,
+        stop_endpoint.token,
+        lambda who: process.stop(f"stopped from {who}"),
+        lambda: report_standstill(process.guard),
+    )
+    with listener:
+        process.announce = partial(announce, port=listener.port, token=listener.token)
+        process.run()
 
 
 class BenchProcess:
@@ -57,6 +77,9 @@ class BenchProcess:
         self._bench: StoppableBench | None = None
         self._paced: PacedBench | None = None
         self._sessions = 0
+        self._server_heard_s: float | None = None
+        self.guard: GuardedBench | None = None
+        self.announce: Callable[[str], AbstractContextManager[None]] = lambda address: nullcontext()
 
     def run(self) -> None:
         threading.Thread(target=self._listen, name="listen", daemon=True).start()
@@ -76,11 +99,15 @@ class BenchProcess:
         """Take commands; what cannot wait for the owner of the bench is done here."""
         while True:
             try:
-                command: messages.Command = pickle.loads(self._pipe.recv_bytes())
+                command = self._receive()
             except (EOFError, OSError):
                 command = messages.Shutdown()
-            if isinstance(command, messages.StopMotors):
-                self._stop(f"stopped from {command.who}")
+            if isinstance(command, messages.ServerHeartbeat):
+                self._server_heard_s = time.monotonic()
+                if command.page_problem and (bench := self._bench) is not None:
+                    self._runs.lose_page(bench, command.page_problem)
+            elif isinstance(command, messages.StopMotors):
+                self.stop(f"stopped from {command.who}")
             elif isinstance(command, messages.HoldThrottle):
                 self._dead_man.hold(command, time.monotonic())
             elif isinstance(command, messages.ReleaseThrottle):
@@ -97,7 +124,7 @@ class BenchProcess:
                 if (paced := self._paced) is not None:
                     paced.speed = min(max(command.speed, 0.1), FASTEST)
             elif isinstance(command, messages.Shutdown):
-                self._stop("the page's server is gone")
+                self.stop("the page's server is gone")
                 self._commands.put(command)
                 return
             elif self._runs.active:
@@ -116,7 +143,22 @@ class BenchProcess:
         else:
             self._runs.annotate(text)
 
-    def _stop(self, reason: str) -> None:
+    def _receive(self) -> messages.Command:
+        """Return the next command; stop the motors while the server is silent.
+
+        Raises:
+            EOFError, OSError: the server is gone.
+        """
+        while not self._pipe.poll(POLL_INTERVAL_S):
+            heard_s = self._server_heard_s
+            if heard_s is not None and time.monotonic() - heard_s > MAX_SERVER_SILENCE_S:
+                self._server_heard_s = None
+                self.stop(f"no heartbeat of the page's server for {MAX_SERVER_SILENCE_S:g} s")
+        command: messages.Command = pickle.loads(self._pipe.recv_bytes())
+        return command
+
+    def stop(self, reason: str) -> None:
+        """Stop the motors and what runs, from any thread."""
         self._dead_man.end_press(reason)
         if (bench := self._bench) is not None:
             bench.request_stop(reason)
@@ -142,7 +184,9 @@ class BenchProcess:
                 connect, number, rig, self._publisher, self._commands, self._dead_man, self._runs,
                 telemetry,
             )  # fmt: skip
-            with stoppable if connect.weighs else GuardedBench(stoppable, rig) as bench:
+            held = stoppable if connect.weighs else GuardedBench(stoppable, rig)
+            self.guard = held if isinstance(held, GuardedBench) else None
+            with self.announce(address), held as bench:
                 session.run(bench)
             state = bench.standstill if isinstance(bench, GuardedBench) else None
             if state is not None and not state.seen:
@@ -152,7 +196,7 @@ class BenchProcess:
             reason = str(error)
             unseen = reason if isinstance(error, StandstillNotSeen) else ""
         finally:
-            self._bench = self._paced = None
+            self._bench = self._paced = self.guard = None
             self._publisher.publish(
                 messages.ConnectionStatus(
                     address=address, session=number, reason=reason, unseen=unseen

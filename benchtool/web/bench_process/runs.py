@@ -28,6 +28,7 @@ from benchtool.acquire.stage_choice import stage_for
 from benchtool.acquire.sweep import Start, run_sweep
 from benchtool.bench.bench import Identity
 from benchtool.bench.guard import GuardedBench
+from benchtool.bench.wrappers import StoppableBench
 from benchtool.core.errors import BenchError, BenchtoolError, InputError, RunStopped
 from benchtool.core.rig import Rig
 from benchtool.data.run.append import Event
@@ -83,6 +84,7 @@ class RunSupervisor(RunProgress):
         self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._written: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._closing: threading.Thread | None = None
+        self._needs_page, self._page_lost = True, False
 
     @property
     def active(self) -> bool:
@@ -100,6 +102,22 @@ class RunSupervisor(RunProgress):
                 self._change(status="pausing")
         else:
             self._paused.clear()
+
+    def lose_page(self, bench: StoppableBench, problem: str) -> None:
+        """Pause a sweep, or stop a pitch recording, that needs its page; from any thread.
+
+        A throttle held by hand has its dead-man switch.
+        """
+        if not (self.active and self._needs_page) or self._state.status == "paused":
+            return
+        if self._page_lost:
+            return
+        self._page_lost = True
+        if self._state.kind == "sweep":
+            self._paused.set()
+            bench.request_pause(problem)
+        elif self._state.kind == "pitch":
+            bench.request_stop(problem)
 
     def answer(self, text: str) -> None:
         """Answer the sweep's question, from any thread."""
@@ -148,7 +166,8 @@ class RunSupervisor(RunProgress):
                 (inputs.runs, None), plan, rig, identity,
                 operator=inputs.operator, air=inputs.air, calibration=scale,
             )  # fmt: skip
-            self._begin(SweepStatus(status="running", run=str(run.path)))
+            run.update_metadata(needs_page=command.needs_page)
+            self._begin(SweepStatus(status="running", run=str(run.path)), command.needs_page)
             summary = run_sweep(
                 bench, stage, plan, rig, run, self,
                 calibration=scale, start=start, waits=self._paused.is_set,
@@ -175,6 +194,7 @@ class RunSupervisor(RunProgress):
         expected_on(identity, experiment, rig)
         require_armed(command.typed, identity, rig)
         run = new_pitch_run((command.runs, command.name, None), experiment, rig, identity)
+        run.update_metadata(needs_page=command.needs_page)
 
         def measure() -> str:
             summary = record_pitch(
@@ -182,7 +202,7 @@ class RunSupervisor(RunProgress):
             )
             return summary_line(summary)
 
-        self._record(bench, run, "pitch", measure)
+        self._record(bench, run, "pitch", measure, command.needs_page)
 
     def record_live(
         self,
@@ -221,8 +241,9 @@ class RunSupervisor(RunProgress):
         run: Run,
         kind: Literal["pitch", "live"],
         measure: Callable[[], str],
+        needs_page: bool = True,
     ) -> None:
-        self._begin(SweepStatus(status="running", kind=kind, run=str(run.path)))
+        self._begin(SweepStatus(status="running", kind=kind, run=str(run.path)), needs_page)
         try:
             self._close(run, "ended", measure())
         except BenchtoolError as error:
@@ -247,6 +268,7 @@ class RunSupervisor(RunProgress):
     def happened(self, event: Event) -> None:
         self._publisher.publish(RunEvent(event))
         if event.event == "paused":
+            self._page_lost = False
             self._change(status="paused")
         elif event.event == "went_on":
             self._change(status="running")
@@ -296,8 +318,9 @@ class RunSupervisor(RunProgress):
         self._closing = threading.Thread(target=close, name="closing")
         self._closing.start()
 
-    def _begin(self, state: SweepStatus) -> None:
+    def _begin(self, state: SweepStatus, needs_page: bool) -> None:
         self.annotations()  # of the run before
+        self._needs_page, self._page_lost = needs_page, False
         self._state = state
         self._publisher.publish(state)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gc
+import socket
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
-from typing import Any
+from typing import Any, NamedTuple
 
 UNUSED = ("aiohttp",)
 """What the framework's libraries import if it is installed, for a websocket client that a page's
@@ -34,15 +36,32 @@ def quick_import() -> Iterator[None]:
         gc.enable()
 
 
+class StopEndpoint(NamedTuple):
+    """Bound socket and token of the STOP listener."""
+
+    listening: socket.socket
+    token: str
+
+    @property
+    def port(self) -> int:
+        """Return the port of the listener."""
+        return int(self.listening.getsockname()[1])
+
+
 class ProcessHandle:
     """Own the process and the pipe to it.
+
+    Args:
+        stop_endpoint: for its STOP listener; stays open here, for a process that follows.
 
     The process ends by itself when the pipe closes: it stops the motors and closes its run first.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, stop_endpoint: StopEndpoint | None = None) -> None:
+        self.stop_endpoint = stop_endpoint
         self._process: Any = None
         self._pipe: Pipe | None = None
+        self._sending = threading.Lock()
 
     @property
     def started(self) -> bool:
@@ -51,15 +70,21 @@ class ProcessHandle:
     def start(self) -> None:
         spawn = get_context("spawn")
         self._pipe, theirs = spawn.Pipe()
-        self._process = spawn.Process(target=_run, args=(theirs,), name="benchtool bench")
+        self._process = spawn.Process(
+            target=_run, args=(theirs, self.stop_endpoint), name="benchtool bench"
+        )
         self._process.start()
         theirs.close()
 
     def send(self, message: bytes) -> None:
         """Send a message; that the process is gone is noticed by `receive`."""
         if self._pipe is not None:
-            with suppress(OSError):
+            with suppress(OSError), self._sending:
                 self._pipe.send_bytes(message)
+
+    def successor(self) -> ProcessHandle:
+        """Return a handle for the process that follows one that has ended."""
+        return ProcessHandle(self.stop_endpoint)
 
     def receive(self) -> bytes:
         """Wait for a message.
@@ -81,8 +106,8 @@ class ProcessHandle:
             self._pipe = None
 
 
-def _run(pipe: Pipe) -> None:
+def _run(pipe: Pipe, stop_endpoint: StopEndpoint | None) -> None:
     # A search for garbage among all that is imported would hold a Stop for tens of milliseconds.
     with quick_import():
         from benchtool.web.bench_process.process import run_bench_process
-    run_bench_process(pipe)
+    run_bench_process(pipe, stop_endpoint)

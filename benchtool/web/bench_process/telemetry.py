@@ -17,7 +17,13 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Limits, Rig
 from benchtool.data.derived import Circumstances, quantities_of, rig_circumstances
 from benchtool.data.quantities import QUANTITIES
-from benchtool.web.bench_process.messages import LimitShare, LiveStatus, LiveValue, Notice
+from benchtool.web.bench_process.messages import (
+    SPEED_LIMIT,
+    LimitShare,
+    LiveStatus,
+    LiveValue,
+    Notice,
+)
 from benchtool.web.bench_process.publisher import Decimator, EventPublisher, merged, split
 
 
@@ -28,7 +34,7 @@ def limit_shares(
     found = []
     for family, label, limit in (
         ("thrust_N", "thrust, N", min(limits.thrust_N, limits.load_cell_rating_N)),
-        ("rpm", "speed, rpm", limits.rpm),
+        ("rpm", SPEED_LIMIT, limits.rpm),
         ("current_A", "current, A", limits.current_A),
         ("temperature_degC", "ESC, degC", limits.temperature_degC),
     ):

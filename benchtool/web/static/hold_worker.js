@@ -1,10 +1,11 @@
-// Beats of the button that is held, from a thread that the page cannot hold up. A beat carries the
-// age of the main thread's last report that the button is held, so that silence of the page, of this
-// thread and of the line count together. Without such a report nothing is sent.
+// Heartbeats of the page, from a thread that the page cannot block. While the throttle button is held
+// a heartbeat carries the age of the main thread's last report of it; always, for the watch over a run,
+// the age of the main thread's last turn. In a hidden tab browsers slow the main thread and nobody can
+// press, so its age counts as 0. STOP goes from here to a port of its own.
 "use strict";
-const BEAT_MS = 25, RETRY_MS = 500;
+const BEAT_MS = 25, WATCH_MS = 100, RETRY_MS = 500;
 const now = () => performance.timeOrigin + performance.now();
-let socket, silenceMs, held, over = 0;
+let socket, silenceMs, stopUrl, token, held, over = 0, turnedAt = now(), hidden = false;
 
 function connect(url) {
   socket = new WebSocket(url);
@@ -24,6 +25,16 @@ function beat() {
   }
 }
 
+function watch() {
+  const age = hidden ? 0 : Math.max(0, now() - turnedAt);
+  if (socket.readyState === WebSocket.OPEN) socket.send(`beat ${age.toFixed(0)}`);
+}
+
+function stop(press) {
+  fetch(stopUrl, { method: "POST", keepalive: true, body: token })
+    .then(({ ok }) => postMessage({ stop: press, ok }), () => postMessage({ stop: press, ok: false }));
+}
+
 function end(why) {
   if (!held) return;
   postMessage({ ended: held.press, why });
@@ -37,11 +48,15 @@ function release(press) {
 }
 
 onmessage = ({ data }) => {
+  turnedAt = data.at ?? turnedAt;
   if (data.url) {
-    silenceMs = data.silenceMs;
+    ({ silenceMs, stopUrl, token } = data);
     connect(data.url);
     setInterval(beat, BEAT_MS);
-  } else if (data.released) release(data.released);
+    setInterval(watch, WATCH_MS);
+  } else if (data.stop) stop(data.stop);
+  else if (data.hidden !== undefined) hidden = data.hidden;
+  else if (data.released) release(data.released);
   else if (data.press > over) {
     const begins = held?.press !== data.press;
     held = data;

@@ -1,15 +1,16 @@
-// Stop, and the hand on the throttle, over a websocket of their own. The page's first script: its
-// listeners are the first on the window, so no other script can keep an event from them.
+// STOP and the throttle button, over a websocket and a port for STOP alone. The page's first script:
+// its listeners are the first on the window, so no other script can keep an event from them.
 "use strict";
 (() => {
-  const RETRY_MS = 500, NOTE_MS = 8000, PING_MS = 1000, LOST_PINGS = 3, RECENT_MS = 3000;
+  const RETRY_MS = 500, NOTE_MS = 8000, PING_MS = 1000, LOST_PINGS = 3, RECENT_MS = 3000, TURN_MS = 100;
   const SPACE = "The space bar is STOP wherever no text is typed, and does nothing else. Use Enter or a click instead.";
   const ESC = "Esc is STOP everywhere, and does nothing else. Close menus with a click beside them, dialogs with their buttons.";
-  const { page, silenceMs } = document.currentScript.dataset;
+  const COMPOSING = "Text is being composed, and Esc may reach the input method alone. Press the STOP button to stop.";
+  const { page, silenceMs, stopPort, stopToken } = document.currentScript.dataset;
   const tab = (sessionStorage.benchtoolTab ||= crypto.getRandomValues(new Uint32Array(3)).join("-"));
   const server = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}`;
-  const worker = new Worker("/static/hold_worker.js");
-  let socket, held, holder, press = Math.floor(performance.timeOrigin), stoppedAt = -1, stopping, noted, dark, dropped, unanswered = 0;
+  const worker = new Worker("/static/hold_worker.js"), answers = new Map();
+  let socket, held, holder, press = Math.floor(performance.timeOrigin), stoppedAt = -1, stops = 0, stopping, noted, dark, dropped, unanswered = 0;
 
   function send(word) {
     if (socket.readyState !== WebSocket.OPEN) return false;
@@ -39,6 +40,7 @@
     if (send("ping") && ++unanswered > LOST_PINGS) lose();
   }
 
+  const now = () => performance.timeOrigin + performance.now();
   const known = () => document.querySelector(".known")?.textContent ?? "";
 
   function lose() {
@@ -52,9 +54,9 @@
     if (document.body.classList.contains("server-lost")) return;
     document.body.classList.add("server-lost");
     const before = (sessionStorage.benchtoolLost = `at ${new Date().toLocaleTimeString()}.${hand} Last known: ${known()}`);
-    showNote(`No connection to benchtool since ${before.slice(3)} If benchtool web has ended, its bench process orders ` +
-      "the motors to zero and closes the run, which can be gone on with. If only the line is cut, a run goes on without this page, and STOP " +
-      "here does not reach it. Look at the motors; if they turn, cut the power.", Infinity);
+    showNote(`No connection to benchtool since ${before.slice(3)} This is what the page knew last and may be old. ` +
+      "Within 1 s a sweep pauses and a recording ends, motors at zero, unless it was started to run without this page. " +
+      "STOP here may not reach the bench: look at the motors; if they turn, cut the power.", Infinity);
   }
 
   function found() {
@@ -71,9 +73,12 @@
     if (event.timeStamp === stoppedAt) return;
     stoppedAt = event.timeStamp;
     release("STOP was pressed");
-    if (!send("stop")) fetch("/stop", { method: "POST", keepalive: true })
-      .then((reply) => reply.ok && flash())
-      .catch(() => showNote("STOP did not reach benchtool. Cut the power.", Infinity));
+    worker.postMessage({ stop: ++stops });
+    const answer = new Promise((resolve, reject) => answers.set(stops, (ok) => (ok ? resolve() : reject())));
+    const posted = () => fetch("/stop", { method: "POST", keepalive: true }).then((reply) => reply.ok || Promise.reject());
+    const sent = send("stop");
+    Promise.any(sent ? [answer] : [answer, posted()])
+      .then(flash, () => sent || showNote("STOP did not reach benchtool. Cut the power.", Infinity));
   }
 
   // By place, not by target: whatever lies over the button, or takes pointers away from everything
@@ -99,12 +104,15 @@
   // Report to the worker that the button is held; only this thread knows.
   function confirm() {
     const { pulse, rotors } = held.dataset;
-    if (held.isConnected) worker.postMessage({ press, pulse, rotors, at: performance.timeOrigin + performance.now() });
+    if (held.isConnected) worker.postMessage({ press, pulse, rotors, at: now() });
     else release("the button is gone");
   }
 
   worker.onmessage = ({ data }) => {
-    if (held && data.sent === press) confirm();
+    if (data.stop) {
+      answers.get(data.stop)?.(data.ok);
+      answers.delete(data.stop);
+    } else if (held && data.sent === press) confirm();
     else if (held && data.ended === press) {
       // The worker can see a dead server before this thread does.
       dropped = { pulse: held.dataset.pulse, at: performance.now() };
@@ -138,6 +146,16 @@
     if (text && milliseconds < Infinity) noted = setTimeout(() => showNote(""), milliseconds);
   }
 
+  // Keep STOP in sight, at its size, where the page is zoomed by two fingers.
+  function follow() {
+    const { scale, offsetLeft, offsetTop, width } = visualViewport;
+    document.body.classList.toggle("pinched", scale > 1.01);
+    const { style } = document.documentElement;
+    style.setProperty("--stop-right", `${document.documentElement.clientWidth - offsetLeft - width}px`);
+    style.setProperty("--stop-top", `${offsetTop}px`);
+    style.setProperty("--stop-scale", 1 / scale);
+  }
+
   function mark(name, on) {
     document.querySelectorAll(".stop-button").forEach((button) => button.classList.toggle(name, on));
   }
@@ -168,7 +186,7 @@
     if (event.key === "Enter" && field.classList?.contains("hold-button")) {
       event.preventDefault();
       if (!event.repeat) hold(field, event);
-    } else if (event.key === "Escape" || (event.key === " " && !typesText(field))) {
+    } else if (event.key === "Escape" || event.code === "Escape" || (event.key === " " && !typesText(field))) {
       // A key that stops does nothing else: no menu closes, no checkbox changes, now or when it comes up.
       event.stopImmediatePropagation();
       event.preventDefault();
@@ -192,12 +210,34 @@
   on(["pagehide"], () => release("the page was left"));
   // A field that loses the focus to the button tells of it here, too: only the window's own counts.
   on(["blur"], (event) => event.target === window && release("the window lost the focus"));
-  document.addEventListener("visibilitychange", () => release("the page was hidden"));
+  document.addEventListener("visibilitychange", () => {
+    worker.postMessage({ hidden: document.hidden, at: now() });
+    release("the page was hidden");
+  });
+  on(["compositionstart"], () => showNote(COMPOSING, Infinity));
+  on(["compositionend"], () => showNote(""));
+  for (const name of ["resize", "scroll"]) visualViewport.addEventListener(name, follow);
+  // A STOP button until the page has drawn its own.
+  let early;
+  const drawn = setInterval(() => {
+    if (document.querySelector(".stop-button:not(.early)")) {
+      early?.remove();
+      clearInterval(drawn);
+    } else if (document.body && !early) {
+      early = Object.assign(document.createElement("button"), { className: "stop-button early", textContent: "STOP" });
+      document.body.append(early);
+    }
+  }, TURN_MS);
   addEventListener("DOMContentLoaded", () => {
     new MutationObserver(sendDark).observe(document.body, { attributeFilter: ["class"] });
     sendDark();
   });
   connect();
   setInterval(ping, PING_MS);
-  worker.postMessage({ url: `${server}/hold?tab=${tab}`, silenceMs: Number(silenceMs) });
+  worker.postMessage({ url: `${server}/hold?tab=${tab}`, silenceMs: Number(silenceMs), token: stopToken, at: now(),
+    stopUrl: `${location.protocol}//${location.hostname}:${stopPort}/stop` });
+  const turn = () => worker.postMessage({ at: now() });
+  setInterval(turn, TURN_MS);
+  on(["pointerdown", "keydown"], turn);
+  worker.postMessage({ hidden: document.hidden, at: now() });
 })();

@@ -18,7 +18,9 @@ async def slept(seconds: float) -> None:
     """Wait for no time at all."""
 
 
-def ask(access: Access, scope: dict[str, Any]) -> tuple[list[dict[str, Any]], list[str]]:
+def ask(
+    access: Access, scope: dict[str, Any], stop_port: int | None = None
+) -> tuple[list[dict[str, Any]], list[str]]:
     """Return what is sent for a request, and which paths reached the application."""
     sent: list[dict[str, Any]] = []
     behind: list[str] = []
@@ -37,7 +39,9 @@ def ask(access: Access, scope: dict[str, Any]) -> tuple[list[dict[str, Any]], li
     async def send(message: Any) -> None:
         sent.append(message)
 
-    asyncio.run(AccessMiddleware(app, access, "benchtool-1", slept)(scope, receive, send))
+    asyncio.run(
+        AccessMiddleware(app, access, "benchtool-1", slept, stop_port)(scope, receive, send)
+    )
     return sent, behind
 
 
@@ -53,6 +57,12 @@ def http(path: str = "/", query: bytes = b"", *headers: tuple[bytes, bytes]) -> 
 
 def headers_of(sent: list[dict[str, Any]]) -> dict[bytes, bytes]:
     return dict(sent[0]["headers"])
+
+
+def test_the_page_may_reach_the_port_of_stop_alone_beside_its_own() -> None:
+    sent, _ = ask(Access(), http(), stop_port=9001)
+    policy = headers_of(sent)[b"content-security-policy"].decode()
+    assert "wss://127.0.0.1:8460 http://127.0.0.1:9001;" in policy
 
 
 def test_what_is_let_in_cannot_be_framed() -> None:

@@ -6,7 +6,14 @@ import pytest
 
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Command, HoldThrottle, ReleaseThrottle
-from benchtool.web.context import GRACE_S, ControlLock, ServerState
+from benchtool.web.context import (
+    GRACE_S,
+    MAX_BEAT_SILENCE_S,
+    MAX_BLOCKED_S,
+    ControlLock,
+    PageWatch,
+    ServerState,
+)
 from benchtool.web.control_line import forward
 
 
@@ -87,3 +94,39 @@ def test_controls_of_a_page_that_is_gone_are_taken_by_hand_and_only_by_a_page() 
 
 def test_no_name_has_no_controls() -> None:
     assert not ControlLock().held_by("")
+
+
+def test_a_page_that_responds_has_no_problem() -> None:
+    watch = PageWatch()
+    watch.beat("a", 0.1, 10.0)
+    assert watch.problem("a", 10.0 + 0.9 * MAX_BEAT_SILENCE_S) == ""
+    assert watch.problem(None, 10.0) == ""
+
+
+@pytest.mark.parametrize(
+    ("blocked_s", "later_s", "named"),
+    [
+        (0.0, 1.1 * MAX_BEAT_SILENCE_S, "no beat"),
+        (1.05 * MAX_BLOCKED_S, 0.0, "blocked"),
+        (MAX_BLOCKED_S - 0.1, 0.2, "blocked"),
+    ],
+)
+def test_a_page_that_cannot_press_stop_is_named(
+    blocked_s: float, later_s: float, named: str
+) -> None:
+    watch = PageWatch()
+    watch.beat("a", blocked_s, 10.0)
+    assert named in watch.problem("a", 10.0 + later_s)
+
+
+def test_a_page_that_is_closed_is_lost_and_another_takes_over_the_watch() -> None:
+    watch, lock = PageWatch(), ControlLock()
+    for tab in ("a", "b"):
+        lock.arrive(tab)
+        watch.beat(tab, 0.0, 10.0)
+    watch.leave("a")
+    lock.leave("a", 10.0)
+    assert watch.problem(lock.holder, 10.0)
+    assert lock.take("b", 10.0 + GRACE_S)
+    watch.beat("b", 0.0, 10.0 + GRACE_S)
+    assert watch.problem(lock.holder, 10.0 + GRACE_S) == ""

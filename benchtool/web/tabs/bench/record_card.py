@@ -126,10 +126,11 @@ class RecordCard:
         experiment = experiment_of(inputs, rig)
         text = arming_text(experiment, rig, expected_on(identity, experiment, rig))
 
-        def begin(typed: str) -> None:
+        def begin(typed: str, needs_page: bool) -> None:
             recording = StartRecording(
-                experiment=experiment, runs=inputs.runs, name=inputs.name, typed=typed
-            )
+                experiment=experiment, runs=inputs.runs, name=inputs.name, typed=typed,
+                needs_page=needs_page,
+            )  # fmt: skip
             self._context.bench.send(recording)
 
         confirm_arming(self._context, self._card, text, begin)

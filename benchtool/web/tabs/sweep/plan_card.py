@@ -233,10 +233,10 @@ class PlanCard:
         self._confirm(self._preview.arming, None)
 
     def _confirm(self, text: str, resume: Path | None) -> None:
-        def begin(typed: str) -> None:
+        def begin(typed: str, needs_page: bool) -> None:
             inputs = SweepInputs() if resume else self._form.make(self._base)
             inputs = replace(inputs, runs=self._context.runs, resume=resume)
-            self._context.bench.send(StartSweep(inputs, typed))
+            self._context.bench.send(StartSweep(inputs, typed, needs_page))
             # Its progress stands above.
             ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")
 

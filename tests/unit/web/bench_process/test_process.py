@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import pickle
+import socket
 import time
 from collections.abc import Callable, Iterator
+from http.client import HTTPConnection
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import pytest
 
 from benchtool.acquire.inputs import SweepInputs
@@ -18,8 +21,9 @@ from benchtool.acquire.plan import plan_from_toml
 from benchtool.data.run.read import read_pitch, read_points
 from benchtool.data.run.run import Run
 from benchtool.web.bench_process import messages
-from benchtool.web.bench_process.process import run_bench_process
+from benchtool.web.bench_process.process import MAX_SERVER_SILENCE_S, run_bench_process
 from benchtool.web.bench_process.publisher import FRAME
+from benchtool.web.bench_process.spawn import StopEndpoint
 
 T = TypeVar("T")
 PATIENCE_S = 60.0
@@ -238,6 +242,97 @@ def test_a_stopped_sweep_is_gone_on_with(bench: Server, tmp_path: Path) -> None:
     bench.send(messages.StartSweep(SweepInputs(resume=Path(stopped.run))))
     ended = bench.wait_for(messages.SweepStatus, over)
     assert (ended.status, ended.run, ended.done) == ("ended", stopped.run, 5)
+
+
+def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(
+    bench: Server, tmp_path: Path
+) -> None:
+    bench.connect("sim:pquad_single")
+    bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
+    bench.wait_for(messages.LiveStatus, lambda event: max(event.pulses_us, default=0.0) >= 1400.0)
+    for _ in range(3):
+        bench.send(messages.ServerHeartbeat("the page is closed"))
+    bench.wait_for(messages.SweepStatus, lambda event: event.status == "paused")
+    halted = bench.wait_for(messages.LiveStatus)
+    assert max(halted.pulses_us) == 1000.0
+    bench.send(messages.SetClockSpeed(100.0))
+    for _ in range(3):
+        bench.send(messages.ServerHeartbeat())
+    bench.send(messages.PauseSweep(False))
+    ended = bench.wait_for(messages.SweepStatus, over)
+    assert (ended.status, ended.done) == ("ended", 5), ended.reason
+    events = [each.event for each in bench.events if isinstance(each, messages.RunEvent)]
+    assert [each.text for each in events if each.event == "paused"] == [
+        "the page is closed; motors at zero"
+    ]
+    run = Run.open(Path(ended.run))
+    assert run.metadata["needs_page"] is True
+    points = read_points(run.path)
+    assert np.isfinite(points.column("thrust_N")).all()
+    assert len(set(points.column("point"))) == len(points) == 5
+
+
+def test_a_sweep_that_was_started_so_runs_without_its_page(bench: Server, tmp_path: Path) -> None:
+    bench.connect("sim:pquad_single")
+    bench.send(messages.SetClockSpeed(100.0))
+    bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path), needs_page=False))
+    bench.wait_for(messages.SweepStatus, lambda event: event.status == "running")
+    bench.send(messages.ServerHeartbeat("the page is closed"))
+    ended = bench.wait_for(messages.SweepStatus, over)
+    assert (ended.status, ended.done) == ("ended", 5), ended.reason
+    assert Run.open(Path(ended.run)).metadata["needs_page"] is False
+
+
+def test_a_lost_page_stops_a_pitch_recording(bench: Server, tmp_path: Path) -> None:
+    bench.connect("sim:beam?mode=pitch&schedule=steps")
+    bench.send(
+        messages.StartRecording(
+            experiment=PitchExperiment(seconds=60.0, collective_us=1610.0), runs=tmp_path
+        )
+    )
+    bench.wait_for(messages.SweepStatus, lambda event: event.left_s > 0.0)
+    bench.send(messages.ServerHeartbeat("the page is closed"))
+    stopped = bench.wait_for(messages.SweepStatus, over)
+    assert stopped.reason.startswith("the page is closed; zero was commanded")
+
+
+def test_a_server_that_hangs_stops_the_sweep(bench: Server, tmp_path: Path) -> None:
+    bench.connect("sim:pquad_single")
+    bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
+    bench.wait_for(messages.LiveStatus, lambda event: max(event.pulses_us, default=0.0) >= 1400.0)
+    silent_s = time.monotonic()
+    bench.send(messages.ServerHeartbeat())
+    stopped = bench.wait_for(messages.SweepStatus, lambda event: event.status == "closing")
+    assert time.monotonic() - silent_s >= MAX_SERVER_SILENCE_S
+    assert "no heartbeat of the page's server" in stopped.reason
+
+
+@pytest.mark.parametrize("token", ["right", "wrong"])
+def test_stop_has_a_port_of_its_own(token: str, tmp_path: Path) -> None:
+    spawn = get_context("spawn")
+    ours, theirs = spawn.Pipe()
+    endpoint = StopEndpoint(socket.create_server(("127.0.0.1", 0)), "right")
+    process = spawn.Process(target=run_bench_process, args=(theirs, endpoint))
+    process.start()
+    theirs.close()
+    server = Server(ours, process)
+    try:
+        server.connect("sim:pquad_single")
+        server.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
+        server.wait_for(
+            messages.LiveStatus, lambda event: max(event.pulses_us, default=0.0) >= 1400.0
+        )
+        sent = HTTPConnection("127.0.0.1", endpoint.port, timeout=PATIENCE_S)
+        sent.request("POST", "/stop", token)
+        assert sent.getresponse().status == (200 if token == "right" else 403)
+        if token == "right":
+            stopped = server.wait_for(messages.SweepStatus, over)
+            assert stopped.reason.startswith("stopped from the page; zero was commanded")
+    finally:
+        ours.send_bytes(pickle.dumps(messages.Shutdown()))
+        process.join(20)
+        ours.close()
+        endpoint.listening.close()
 
 
 def test_a_server_that_is_gone_stops_the_sweep_and_ends_the_process(

@@ -11,7 +11,7 @@ from benchtool.core.errors import LinkLost, StandstillNotSeen
 from benchtool.web.bench_process import process
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Connect, ConnectionStatus
-from benchtool.web.header import known
+from benchtool.web.header import status_parts
 
 TURNING = StandstillNotSeen("MOTORS MAY STILL TURN: rpm1 4479, cut the power", 4479.0)
 
@@ -37,7 +37,7 @@ def test_the_bench_process_tells_that_motors_may_still_turn(
 def test_what_is_known_of_motors_is_first_that_they_may_turn() -> None:
     bench = BenchClient()
     bench.connection = ConnectionStatus(reason=str(TURNING), unseen=str(TURNING))
-    assert known(bench).startswith("MOTORS MAY STILL TURN: rpm1 4479")
+    assert status_parts(bench) == [str(TURNING)]
     bench.dismiss_alarm()
-    assert known(bench) == "no bench is connected."
+    assert status_parts(bench) == ["no bench is connected"]
     assert bench.connection.reason == ""

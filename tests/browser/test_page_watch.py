@@ -1,0 +1,143 @@
+"""Runs that need their page: blocked, closed, hidden pages and servers that hang."""
+
+from __future__ import annotations
+
+import re
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import pytest
+
+from benchtool.web.bench_process.process import MAX_SERVER_SILENCE_S
+from benchtool.web.context import MAX_BLOCKED_S
+from tests.browser.conftest import Web, begin, centre, expect, only_run
+from tests.browser.device import Device
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+pytestmark = pytest.mark.real_time(deadline_s=0.1)
+
+STOPPED_S = 0.3
+"""Longest time from a press or from the end of a watch's limit to zero at the device."""
+
+BLOCK = """milliseconds => setTimeout(() => {
+  const end = performance.now() + milliseconds;
+  window.blockedAt = Date.now() / 1000;
+  while (performance.now() < end);
+}, 0)"""
+
+
+def wait_until_turning(page: Page, device: Device) -> None:
+    """Wait until a sweep turns the motors at its pulse."""
+    for _ in range(300):
+        if device.turning_us() >= 1500.0:
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"motors were not turned: {device.orders[-5:]}")
+
+
+@contextmanager
+def hanging(web: Web) -> Iterator[float]:
+    """Suspend the server; give the time of day at which it was suspended."""
+    web.process.send_signal(signal.SIGSTOP)
+    try:
+        yield time.time()
+    finally:
+        web.process.send_signal(signal.SIGCONT)
+
+
+def test_a_page_that_is_blocked_pauses_its_sweep(page: Page, web: Web, device: Device) -> None:
+    begin(page, device, repeats=9)
+    wait_until_turning(page, device)
+    page.evaluate(BLOCK, 3500)
+    page.wait_for_function("window.blockedAt")
+    zero_s = device.zero_after(page.evaluate("window.blockedAt"))
+    assert zero_s < MAX_BLOCKED_S + STOPPED_S
+    page.get_by_text("paused: ").first.wait_for()
+    page.get_by_text("the page at the controls was blocked").first.wait_for()
+    page.get_by_role("button", name="Continue", exact=True).click()
+    wait_until_turning(page, device)
+    assert only_run(web).metadata["needs_page"] is True
+
+
+def test_a_page_that_is_closed_pauses_its_sweep_and_another_goes_on(
+    page: Page, web: Web, device: Device
+) -> None:
+    begin(page, device, repeats=9)
+    wait_until_turning(page, device)
+    other = page.context.new_page()
+    other.goto(f"{web.url}?tab=sweep")
+    other.get_by_text("watching").wait_for()
+    closed = time.time()
+    page.close()
+    assert device.zero_after(closed) < STOPPED_S
+    other.get_by_text("paused: ").first.wait_for()
+    other.get_by_role("button", name="Take over").click()
+    other.get_by_role("button", name="Continue", exact=True).click()
+    wait_until_turning(other, device)
+
+
+def test_a_hidden_page_keeps_its_watch_and_names_what_turns(page: Page, device: Device) -> None:
+    begin(page, device, repeats=9)
+    wait_until_turning(page, device)
+    expect(page.locator(".status-line")).to_contain_text(re.compile(r"motors at 1500 us, \d+ rpm"))
+    expect(page.locator(".status-line")).to_contain_text(re.compile(r"sweep .* running, .* left"))
+    page.evaluate(
+        "() => { Object.defineProperty(document, 'hidden', { get: () => true });"
+        " document.dispatchEvent(new Event('visibilitychange')); }"
+    )
+    page.wait_for_function("document.title.startsWith('motors at 1')")
+    page.evaluate(BLOCK, 3000)
+    page.wait_for_timeout(3200)
+    expect(page.locator(".status-line")).to_contain_text("running")
+
+
+def test_a_server_that_hangs_stops_the_sweep(page: Page, web: Web, device: Device) -> None:
+    begin(page, device, repeats=9)
+    wait_until_turning(page, device)
+    with hanging(web) as hung:
+        assert device.zero_after(hung) < MAX_SERVER_SILENCE_S + STOPPED_S
+    page.get_by_text("stopped: ").first.wait_for()
+    assert "no heartbeat" in only_run(web).metadata["reason"]
+
+
+def test_stop_does_not_need_the_server(page: Page, web: Web, device: Device) -> None:
+    begin(page, device, repeats=9)
+    wait_until_turning(page, device)
+    page.mouse.move(*centre(page.locator(".stop-button")))
+    with hanging(web):
+        pressed = time.time()
+        page.mouse.down()
+        assert device.zero_after(pressed) < STOPPED_S
+
+
+def test_esc_stops_while_text_is_composed(page: Page, device: Device) -> None:
+    begin(page, device, repeats=9)
+    wait_until_turning(page, device)
+    page.get_by_label("Repeats").focus()
+    line = page.context.new_cdp_session(page)
+    line.send("Input.imeSetComposition", {"text": "n", "selectionStart": 1, "selectionEnd": 1})
+    page.locator(".stop-note").get_by_text("Press the STOP button to stop").wait_for()
+    pressed = time.time()
+    key = {"key": "Process", "code": "Escape", "windowsVirtualKeyCode": 229}
+    line.send("Input.dispatchKeyEvent", {"type": "rawKeyDown", **key})
+    assert device.zero_after(pressed) < STOPPED_S
+
+
+def test_stop_stays_in_sight_of_a_page_that_is_zoomed_by_two_fingers(
+    page: Page, device: Device
+) -> None:
+    begin(page, device, repeats=9)
+    wait_until_turning(page, device)
+    page.context.new_cdp_session(page).send("Emulation.setPageScaleFactor", {"pageScaleFactor": 3})
+    page.wait_for_function("visualViewport.scale > 2.9")
+    left, top, right, bottom = page.evaluate(
+        "() => { const { left, top, right, bottom } = document.querySelector('.stop-button')"
+        ".getBoundingClientRect(), { offsetLeft: x, offsetTop: y, width, height } = visualViewport;"
+        " return [left - x, top - y, x + width - right, y + height - bottom]; }"
+    )
+    assert min(left, top, right, bottom) > -1.0
