@@ -38,7 +38,7 @@ class Header:
                 ui.label("benchtool").classes("text-h6 page-name").props(
                     "role=heading aria-level=1"
                 )
-                with ui.row().classes("status-line grow gap-x-2 gap-y-0"):
+                with ui.row().classes("status-line grow"):
                     self._state = ui.label().props("role=status")
                     self._control = ui.label().classes("soft")
                 self._take = ui.button("Take over", on_click=self._take_over).props("outline")
