@@ -14,11 +14,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from http.client import HTTPConnection, HTTPException
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from benchtool.bench.guard import GuardedBench
 from benchtool.data.atomic import make_folder, read_json
@@ -27,7 +27,7 @@ from benchtool.data.run.state import state_folder
 VIRTUAL_CLOCKS = ("sim:", "replay:")  # addresses of benches without a motor
 TOKEN_BYTES = 24
 MAX_BODY_BYTES = 200
-MAX_REQUESTS = 32  # at a time; assumed
+MAX_THREADS = 64  # of the process; more requests are closed without an answer; assumed
 REQUEST_TIMEOUT_S = 2.0  # for the lines of a request; assumed
 STANDSTILL_TIMEOUT_S = 6.0  # above SPIN_DOWN_S of bench.driven, the longest standstill check
 ANSWER_TIMEOUT_S = STANDSTILL_TIMEOUT_S + REQUEST_TIMEOUT_S
@@ -70,56 +70,36 @@ class StopListener:
         self.port: int = listening.getsockname()[1]
         self.token = token
         self._stop, self._report = stop, report
-        self._over = threading.Event()
-        self._slots = threading.BoundedSemaphore(MAX_REQUESTS)
-        self._server = _server(listening, self)
+        self._is_over = False
+        self._server = _Server(("", 0), partial(_Handler, self), bind_and_activate=False)
+        self._server.socket.close()
+        self._server.socket = listening
 
     def __enter__(self) -> Self:
-        threading.Thread(
-            target=self._server.serve_forever, args=(POLL_INTERVAL_S,), name="stop", daemon=True
-        ).start()
+        serve = self._server.serve_forever
+        threading.Thread(target=serve, args=(POLL_INTERVAL_S,), name="stop", daemon=True).start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Answer the requests that wait for the standstill check, then close."""
-        self._over.set()
+        self._is_over = True
         self._server.shutdown()
-        deadline_s = time.monotonic() + REQUEST_TIMEOUT_S
-        for _ in range(MAX_REQUESTS):
-            self._slots.acquire(timeout=max(0.0, deadline_s - time.monotonic()))
         self._server.server_close()
 
-    def handle(self, request: BaseHTTPRequestHandler) -> None:
-        """Answer one request: stop where its token is right."""
-        if not self._slots.acquire(blocking=False):
-            request.send_error(503)
-            return
-        try:
-            length = request.headers.get("Content-Length", "")
-            n_bytes = min(int(length), MAX_BODY_BYTES) if length.isdecimal() else 0
-            if not secrets.compare_digest(request.rfile.read(n_bytes), self.token.encode()):
-                request.send_error(403)
-                return
-            waits = request.path == "/stop?wait"
-            self._stop("benchtool stop" if waits else "the page")
-            answer = json.dumps(self._wait()._asdict()).encode() if waits else b"stopped"
-            request.send_response(200)
-            request.send_header("Content-Length", str(len(answer)))
-            request.send_header("Access-Control-Allow-Origin", "*")  # the page is on another port
-            request.end_headers()
-            request.wfile.write(answer)
-        finally:
-            self._slots.release()
+    def answer(self, path: str, token: bytes) -> tuple[int, bytes]:
+        """Stop where the token is right; return status and body of the answer."""
+        if not secrets.compare_digest(token, self.token.encode()):
+            return 403, b""
+        if path != "/stop?wait":
+            self._stop("the page")
+            return 200, b"stopped"
+        self._stop("benchtool stop")
+        return 200, json.dumps(self._wait()._asdict()).encode()
 
     def _wait(self) -> StopReport:
         deadline_s = time.monotonic() + STANDSTILL_TIMEOUT_S
         while time.monotonic() < deadline_s:
-            is_over = self._over.is_set()
+            is_over = self._is_over
             if (report := self._report()) is not None:
                 return report
             if is_over:
@@ -128,23 +108,32 @@ class StopListener:
         return StopReport(False, "rotors were not seen to stand; look, cut the power if they turn")
 
 
-def _server(listening: socket.socket, listener: StopListener) -> ThreadingHTTPServer:
-    """Return a server on a bound socket."""
+class _Server(ThreadingHTTPServer):
+    daemon_threads = False  # closing waits for their answers
 
-    class Handler(BaseHTTPRequestHandler):
-        timeout = REQUEST_TIMEOUT_S
+    def verify_request(self, *_: object) -> bool:
+        return threading.active_count() < MAX_THREADS
 
-        def do_POST(self) -> None:
-            listener.handle(self)
 
-        def log_message(self, *arguments: object) -> None:
-            """No-op: the terminal belongs to the run."""
+class _Handler(BaseHTTPRequestHandler):
+    timeout = REQUEST_TIMEOUT_S
 
-    server = ThreadingHTTPServer(listening.getsockname()[:2], Handler, bind_and_activate=False)
-    server.socket.close()
-    server.socket = listening
-    server.daemon_threads, server.block_on_close = True, False
-    return server
+    def __init__(self, listener: StopListener, *arguments: Any) -> None:
+        self._listener = listener
+        super().__init__(*arguments)
+
+    def do_POST(self) -> None:
+        length = self.headers.get("Content-Length", "")
+        n_bytes = min(int(length), MAX_BODY_BYTES) if length.isdecimal() else 0
+        status, body = self._listener.answer(self.path, self.rfile.read(n_bytes))
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(body)))
+        self.send_header("Access-Control-Allow-Origin", "*")  # the page is on another port
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *arguments: object) -> None:
+        """No-op: the terminal belongs to the run."""
 
 
 @contextmanager
@@ -195,31 +184,22 @@ class AnnouncedBench(NamedTuple):
     token: str
     file: Path
 
-    def stop(self) -> StopReport | None:
-        """Stop the bench and wait for its standstill check; None if its process has ended.
-
-        Raises:
-            OSError, HTTPException: the process does not answer.
-        """
+    def stop(self) -> StopReport:
+        """Stop the bench and wait for its standstill check."""
         connection = HTTPConnection("127.0.0.1", self.port, timeout=ANSWER_TIMEOUT_S)
         try:
             connection.request("POST", "/stop?wait", self.token.encode())
-            response = connection.getresponse()
-            body = response.read()
+            return StopReport(**json.loads(connection.getresponse().read()))
         except ConnectionRefusedError:
-            self.file.unlink(missing_ok=True)  # of a process that was killed
-            return None
+            self.file.unlink(missing_ok=True)
+            return StopReport(False, "its process has ended; rotors were not seen to stand")
+        except (OSError, HTTPException, ValueError) as error:
+            return StopReport(False, f"no answer ({error}); cut the power")
         finally:
             connection.close()
-        if response.status != 200:
-            raise HTTPException(f"answer {response.status}")
-        return StopReport(**json.loads(body))
 
 
 def find_benches() -> list[AnnouncedBench]:
     """Return the benches that listen for STOP."""
-    return [
-        AnnouncedBench(facts["address"], facts["port"], facts["token"], path)
-        for path in sorted(stop_folder().glob("*.json"))
-        if (facts := read_json(path))
-    ]
+    files = sorted(stop_folder().glob("*.json"))
+    return [AnnouncedBench(**read_json(file), file=file) for file in files]

@@ -23,41 +23,25 @@ def stop(inputs: StopInputs) -> None:
     """Stop the motors of every bench that this user runs on this machine."""
     from concurrent.futures import ThreadPoolExecutor
 
-    from benchtool.acquire.stop_listener import (
-        AnnouncedBench,
-        StopReport,
-        find_benches,
-        stop_folder,
-    )
+    from benchtool.acquire.stop_listener import find_benches, stop_folder
     from benchtool.core.errors import InputError, StandstillNotSeen, UnknownChoice
 
-    benches = find_benches()
+    benches = announced = find_benches()
     if not benches:
         raise InputError(
             f"no bench of this user runs on this machine (looked in {stop_folder()}); if a motor "
             f"turns, cut the power"
         )
     if inputs.address is not None:
-        addresses = sorted({bench.address for bench in benches})
-        benches = [bench for bench in benches if bench.address == inputs.address]
+        benches = [bench for bench in announced if bench.address == inputs.address]
         if not benches:
-            raise UnknownChoice("bench", inputs.address, addresses)
-
-    def stop_bench(bench: AnnouncedBench) -> StopReport | None:
-        try:
-            return bench.stop()
-        except Exception as error:  # noqa: BLE001 -- the other benches are stopped all the same
-            return StopReport(False, f"no answer ({error}); cut the power")
-
+            raise UnknownChoice("bench", inputs.address, [bench.address for bench in announced])
     with ThreadPoolExecutor(len(benches)) as pool:
-        reports = list(pool.map(stop_bench, benches))
+        reports = list(pool.map(lambda bench: bench.stop(), benches))
     for bench, report in zip(benches, reports, strict=True):
-        text = "its process had ended before" if report is None else report.text
-        print(f"{bench.address}: {text}")
+        print(f"{bench.address}: {report.text}")
     unseen = [
-        bench.address
-        for bench, report in zip(benches, reports, strict=True)
-        if report is not None and not report.standing
+        bench.address for bench, report in zip(benches, reports, strict=True) if not report.standing
     ]
     if unseen:
         raise StandstillNotSeen(

@@ -79,5 +79,9 @@ def test_a_run_that_was_killed_is_reported_once(
         sweep.send_signal(signal.SIGKILL)
         sweep.communicate()
     found = run(["stop"], environment)
-    assert (found.returncode, found.stdout) == (0, f"{address}: its process had ended before\n")
+    assert (found.returncode, found.stdout) == (
+        8,
+        f"{address}: its process has ended; rotors were not seen to stand\n",
+    )
+    assert address in found.stderr
     assert not list(folder.glob("*.json"))
