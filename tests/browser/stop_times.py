@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -225,8 +225,15 @@ def count(kind: str, situation: str, counted: LongCount, number: int) -> None:
         (row["kind"], row["situation"]) == (kind, situation)
         for row in map(json.loads, counted.lines)
     )
+    from playwright.sync_api import Error as PlaywrightError
+
     while left > 0:
-        with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        # A busy machine may not get to open a dialog in time; trials then go on with a new scene.
+        with (
+            suppress(PlaywrightError),
+            tempfile.TemporaryDirectory() as folder,
+            ExitStack() as stack,
+        ):
             scene = Scene(kind, Path(folder), stack)
             while left > 0:
                 zero_s = measure(scene, situation)
