@@ -18,11 +18,13 @@ from functools import partial
 from http.client import HTTPConnection, HTTPException
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
-from benchtool.bench.guard import GuardedBench
 from benchtool.data.atomic import make_folder, read_json
 from benchtool.data.run.state import state_folder
+
+if TYPE_CHECKING:
+    from benchtool.bench.guard import GuardedBench
 
 VIRTUAL_CLOCKS = ("sim:", "replay:")  # addresses of benches without a motor
 TOKEN_BYTES = 24
