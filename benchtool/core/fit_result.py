@@ -34,7 +34,8 @@ class Estimate:
     """One fitted parameter: value, standard deviation and intervals in its own unit.
 
     Attributes:
-        bound: "at its upper bound" and the like, printed wherever the value is; empty inside.
+        bound: "at its upper bound", or where a motor constant holds, printed wherever the value is;
+            empty inside.
         open: why the data do not determine it, printed in place of the value; empty where they do.
     """
 

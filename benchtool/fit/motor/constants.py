@@ -3,10 +3,10 @@
 Each law is one least-squares fit. Errors of the points are its weights, inflated where the points
 scatter more (Birge ratio: Birge, Phys. Rev. 40 (1932) 207); intervals are Student's t. Per rotor:
 
-- thrust over speed: T = T_0 + k w^2, and T = T_0 + k' w^n for n; T_0 is what a tare left,
+- thrust over speed: k w^2, k w^2 + T_0 or c w^n, see `choose_law`,
 - speed over pulse: w = s (p - p_0) (V / V_n)^q,
-- thrust over throttle, brought to nominal voltage: T = T_max ((1 - e) u + e u^2), the form of
-  ArduPilot's MOT_THST_EXPO and PX4's THR_MDL_FAC, u from `pwm_start_us` to `pwm_max_us`,
+- thrust over throttle: T = T_max ((1 - e) u + e u^2), the form of ArduPilot's MOT_THST_EXPO and
+  PX4's THR_MDL_FAC, u from `pwm_start_us` to full throttle, see `FullThrottle`,
 - speed after a step: w = w_1 + (w_0 - w_1) exp(-(t - d) / tau), up and down apart.
 """
 
@@ -26,15 +26,104 @@ from benchtool.core.errors import EstimationError, InputError, check_number
 from benchtool.core.fit_result import Estimate
 from benchtool.core.rig import NOT_STATED, Propeller, Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
+from benchtool.fit.motor.law import (
+    ThrustLaw,
+    choose_law,
+    level_means,
+    level_numbers,
+    solve_levels,
+)  # fmt: skip
 from benchtool.fit.motor.points import ThrottlePoints, joined_points
-from benchtool.fit.motor.response import StepResponse, estimate_of, lags_of, solve_weighted
+from benchtool.fit.motor.response import (
+    Solved,
+    StepResponse,
+    estimate_of,
+    lags_of,
+    solve_weighted,
+)  # fmt: skip
 from benchtool.fit.motor.runs import read_motor_data
 
 FEWEST_LEVELS = 4
 """Throttle levels below which no curve is fitted; a choice, one more than its parameters."""
 
 LEAST_SURE = 0.25
-"""Standard deviation of the voltage exponent above which it is not determined; a choice."""
+"""Standard deviation of the voltage exponent above which it is not determined; a choice. It then
+counts as 1 with this standard uncertainty."""
+
+MAX_OVER_VOLTAGE, MAX_OVER_COMMAND = 0.15, 0.10
+"""Extrapolation, over what was measured, beyond which it must be requested; from issue 37."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FullThrottle:
+    """Pulse and voltage of full throttle, and how far they are from what was measured.
+
+    Attributes:
+        pulse_us: of throttle 1: the rig's longest, or the highest measured one where the rig's is
+            refused as an extrapolation.
+        voltage_V: the rig's nominal voltage, or nan for voltages as measured where it is refused or
+            no voltage was measured.
+        measured_us, measured_V: highest pulse, and the mean voltage at it.
+    """
+
+    pulse_us: float
+    voltage_V: float
+    measured_us: float
+    measured_V: float
+    over_command: float  # relative, of the rig's longest pulse
+    over_voltage: float  # relative, of the nominal voltage; nan where no voltage was measured
+
+    @classmethod
+    def of(cls, p: ThrottlePoints, rig: Rig, extrapolate: bool) -> FullThrottle:
+        """Return full throttle, as far as it may be extrapolated."""
+        own, top_us = rig.propulsion, float(p.pulse_us.max())
+        at_top = p.voltage_V[p.pulse_us == top_us]
+        top_V = float(np.nanmean(at_top)) if np.isfinite(at_top).any() else float("nan")
+        command = (own.pwm_max_us - own.pwm_start_us) / (top_us - own.pwm_start_us) - 1.0
+        voltage = own.voltage_nominal_V / top_V - 1.0
+        refused = not extrapolate and command > MAX_OVER_COMMAND
+        as_measured = not np.isfinite(voltage) or (
+            not extrapolate and abs(voltage) > MAX_OVER_VOLTAGE
+        )
+        return cls(
+            pulse_us=top_us if refused else own.pwm_max_us,
+            voltage_V=float("nan") if as_measured else own.voltage_nominal_V,
+            measured_us=top_us, measured_V=top_V, over_command=command, over_voltage=voltage,
+        )  # fmt: skip
+
+    def over_measured(self, voltage_V: Array) -> Array:
+        """Return the voltage of full throttle over measured ones (n,), 1 where either is absent."""
+        ratio = self.voltage_V / voltage_V
+        return np.asarray(np.where(np.isfinite(ratio), ratio, 1.0), float)
+
+    @property
+    def words(self) -> str:
+        """Where full throttle is: pulse and voltage."""
+        at = f"at {self.pulse_us:g} us"
+        if np.isfinite(self.voltage_V):
+            return f"{at} and {self.voltage_V:.4g} V"
+        return f"{at}, as measured at {self.measured_V:.4g} V" if self.measured_V > 0.0 else at
+
+    def note(self, exponent: Estimate, power: float) -> str:
+        """Return where full throttle is, what is extrapolated, and what is refused."""
+        out = self.words
+        if self.pulse_us > self.measured_us:
+            out += f"; extrapolated by {100.0 * self.over_command:.1f} % in command"
+        elif self.over_command > 0.0:
+            out += (
+                f"; {100.0 * self.over_command:.0f} % more command is refused without --extrapolate"
+            )
+        if np.isfinite(self.voltage_V):
+            out += (
+                f"; extrapolated by {100.0 * self.over_voltage:.1f} % in voltage from "
+                f"{self.measured_V:.4g} V, thrust as V^{power * exponent.value:.3g} "
+                f"(± {power * exponent.sd:.2g})"
+            )
+        elif np.isfinite(self.over_voltage):
+            out += (
+                f"; {100.0 * self.over_voltage:+.0f} % in voltage is refused without --extrapolate"
+            )
+        return out
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -43,7 +132,9 @@ class MotorFit:
 
     Attributes:
         estimates: by law, in the order of the module's list; `open` where data do not determine it.
-        mass_kg: of the vehicle whose hover point is among them; None where nobody states it.
+        mass_kg: of the vehicle whose hover point is among them; None where it is not stated.
+        full: what throttle 1 is.
+        law: of thrust over speed; None where no speed was measured.
     """
 
     names: tuple[str, ...]
@@ -53,6 +144,9 @@ class MotorFit:
     estimates: tuple[Estimate, ...]
     mass_kg: float | None
     simulated: bool
+    full: FullThrottle
+    law: ThrustLaw | None
+    rotors: int = 1  # that carry the mass
     warnings: tuple[str, ...] = field(default=())
 
     def __getitem__(self, name: str) -> Estimate:
@@ -65,25 +159,38 @@ class MotorFit:
 
     @property
     def throttle(self) -> Array:
-        """Throttle of every point (n,), 0 to 1 of the rig's pulse range."""
-        return throttle_of(self.points.pulse_us, self.rig)
+        """Throttle of every point (n,), 1 at full throttle."""
+        return throttle_of(self.points.pulse_us, self.rig, self.full.pulse_us)
 
-    def curve_N(self, throttle: Any) -> Any:
-        """Return the fitted thrust of one rotor at nominal voltage: N."""
+    def thrust_at_throttle_N(self, throttle: Any) -> Any:
+        """Return the fitted thrust of one rotor at throttles: N.
+
+        Throttle is 0 at `pwm_start_us` and 1 at `full.pulse_us`, voltage `full.voltage_V`.
+        """
         expo = self.value("expo")
         u = np.asarray(throttle, float)
         return self.value("T_max") * ((1.0 - expo) * u + expo * u * u)
 
+    def thrust_at_speed_N(self, speed_rad_s: Any) -> Any:
+        """Return the fitted thrust of one rotor at speeds: N; nan where no speed was measured."""
+        if self.law is None:
+            return np.full_like(np.asarray(speed_rad_s, float), np.nan)
+        return self.law.thrust_N(speed_rad_s)
+
     @property
-    def nominal_thrust_N(self) -> Array:
-        """Measured thrust brought to nominal voltage (n,): N."""
-        return self.points.thrust_N * _to_nominal(self.points, self.rig, _exponent_of(self))
+    def thrust_at_full_voltage_N(self) -> Array:
+        """Measured thrust brought to the voltage of full throttle (n,): N."""
+        power = 2.0 if self.law is None else self.law.exponent
+        exponent = self.value("voltage_exponent")
+        exponent = exponent if np.isfinite(exponent) else 1.0
+        ratio = self.full.over_measured(self.points.voltage_V)
+        return np.asarray(self.points.thrust_N * ratio ** (power * exponent), float)
 
 
-def throttle_of(pulse_us: Array, rig: Rig) -> Array:
-    """Return pulses as throttle, 0 at `pwm_start_us`, 1 at `pwm_max_us`."""
-    p = rig.propulsion
-    return (pulse_us - p.pwm_start_us) / (p.pwm_max_us - p.pwm_start_us)
+def throttle_of(pulse_us: Array, rig: Rig, full_us: float) -> Array:
+    """Return pulses as throttle, 0 at `pwm_start_us`, 1 at full throttle."""
+    start_us = rig.propulsion.pwm_start_us
+    return (pulse_us - start_us) / (full_us - start_us)
 
 
 def fit_motor(
@@ -91,6 +198,9 @@ def fit_motor(
     mass_kg: float | None = None,
     rig: Rig | None = None,
     propeller: Propeller | None = None,
+    *,
+    rotors: int | None = None,
+    extrapolate: bool = False,
 ) -> MotorFit:
     """Return thrust curve and motor constants from one or several runs or logs of one rig.
 
@@ -100,6 +210,8 @@ def fit_motor(
         mass_kg: of the vehicle; the rig's when left out, where it states one.
         rig: of logs, whose pulses and voltage it states; made from the logs when left out.
         propeller: of logs that do not state theirs.
+        rotors: that carry the mass; the rig's when left out.
+        extrapolate: full throttle is the rig's longest pulse and nominal voltage, however far.
 
     Raises:
         InputError: none is given, the runs have different rigs, or the mass is too heavy.
@@ -123,11 +235,15 @@ def fit_motor(
     mass = rig.body.mass_kg if mass_kg is None and stated else mass_kg
     levels = len(np.unique(points.pulse_us))
     estimates: list[Estimate] = []
+    law, full = None, FullThrottle.of(points, rig, extrapolate)
+    n_rotors = rig.n_rotors if rotors is None else rotors
+    if rig.n_rotors not in (1, n_rotors) or n_rotors < 1:
+        raise InputError(f"--rotors is {n_rotors}, but rig {rig.name!r} has {rig.n_rotors}")
     if levels >= FEWEST_LEVELS:
         from scipy.linalg import block_diag
 
-        zero_N2 = block_diag(*[one.zero_N2 for one in read])
-        estimates += _curves(points, rig, mass, max(one.scale_sd for one in read), zero_N2)
+        zero_N2, scale_sd = block_diag(*[e.zero_N2 for e in read]), max(e.scale_sd for e in read)
+        estimates, law = _curves(points, rig, mass, scale_sd, zero_N2, n_rotors, full)
     estimates += lags_of(steps)
     if not estimates:
         raise EstimationError(
@@ -143,68 +259,93 @@ def fit_motor(
         estimates=tuple(estimates),
         mass_kg=mass,
         simulated=any(one.simulated for one in read),
+        full=full,
+        law=law,
+        rotors=n_rotors,
     )
 
 
 def _curves(
-    p: ThrottlePoints, rig: Rig, mass_kg: float | None, scale_sd: float, zero_N2: Array
-) -> list[Estimate]:
-    """Return the constants of thrust and speed; nothing of speed where it was not measured."""
-    found: list[Estimate] = []
-    exponent, exponent_sd, k = 1.0, 0.0, float("nan")
+    p: ThrottlePoints, rig: Rig, mass_kg: float | None, scale_sd: float, zero_N2: Array,
+    rotors: int, full: FullThrottle,
+) -> tuple[list[Estimate], ThrustLaw | None]:  # fmt: skip
+    """Return the constants of thrust and speed, and the law; no speed where it was not measured."""
+    found, law, level = [_measured_maximum(p)], None, level_numbers(p.pulse_us)
+    error, exponent, power = _thrust_error(p), estimate_of("", "1", 1.0, LEAST_SURE, 1), 2.0
     if np.isfinite(p.speed_rad_s).all() and (p.speed_rad_s > 0.0).all():
-        law = _thrust_law(p, scale_sd, zero_N2)
+        law, free = choose_law(p.speed_rad_s, p.thrust_N, error, zero_N2, level)
         speed = _speed_law(p, rig)
-        k, exponent = law[0].value, 1.0 if speed[-1].open else speed[-1].value
-        exponent_sd = 0.0 if speed[-1].open else speed[-1].sd
-        found += [*law, *speed]
-    at_nominal = _to_nominal(p, rig, exponent)
-    u, thrust = throttle_of(p.pulse_us, rig), p.thrust_N * at_nominal
-    # How far off the highest thrusts are where the voltage exponent is: T goes with V^2q.
-    at_top = p.pulse_us == p.pulse_us.max()
-    to_nominal_sd = abs(float(np.log(at_nominal[at_top]).mean())) / exponent * exponent_sd
-    white = _whitener(_thrust_error(p) * at_nominal, zero_N2 * np.outer(at_nominal, at_nominal))
+        exponent = exponent if speed[-1].open else speed[-1]
+        power = law.exponent
+        found += [*_law_estimates(law, free, scale_sd), *speed]
+    u = throttle_of(p.pulse_us, rig, full.pulse_us)
 
-    def residuals(values: Array) -> Array:
-        return np.asarray(white @ (values[0] * u + values[1] * u * u - thrust), float)
+    def curve_at(q: float) -> tuple[Solved, float]:
+        """Fit the curve at the voltage of full throttle, speed in proportion to its power q."""
+        at_full = full.over_measured(p.voltage_V) ** (power * q)
+        thrust = p.thrust_N * at_full
+        top = float(thrust.max())
+        return solve_levels(
+            lambda values: np.asarray(values[0] * u + values[1] * u * u - thrust, float),
+            error * at_full, zero_N2 * np.outer(at_full, at_full), level, (0.1 * top, 0.9 * top),
+        )  # fmt: skip
 
-    top = float(thrust.max())
-    curve = solve_weighted(residuals, (0.1 * top, 0.9 * top))
+    curve, misfit_N = curve_at(exponent.value)
+    shift = curve_at(exponent.value + exponent.sd)[0].values - curve.values
+    covariance = curve.covariance + np.outer(shift, shift)
     linear, square = curve.values
-    full = linear + square
+    full_N = linear + square
 
-    def derived(name: str, unit: str, value: float, gradient: tuple[float, float]) -> Estimate:
-        way = np.array(gradient)
-        sd = float(np.sqrt(way @ curve.covariance @ way))
-        if unit == "N":
-            sd = float(np.hypot(np.hypot(sd, scale_sd * value), to_nominal_sd * value))
-        return estimate_of(name, unit, float(value), sd, curve.dof)
+    def derived(name: str, unit: str, value: float, way: tuple[float, float], per_N: float) -> None:
+        """Add what changes by `way` with the two coefficients, by `per_N` with their thrust."""
+        own = np.array(way) @ covariance @ np.array(way)
+        at_N = full_N if name in ("T_max", "expo") else hover_N
+        beside = np.hypot(misfit_N, scale_sd * at_N if name != "expo" else 0.0) * per_N
+        note = {"T_max": full.note(exponent, power), "expo": full.words}.get(name, "")
+        if name == "hover_throttle":
+            start_us = rig.propulsion.pwm_start_us
+            note = f"{start_us + value * (full.pulse_us - start_us):.0f} us"
+        found.append(
+            estimate_of(name, unit, float(value), float(np.hypot(sqrt(own), beside)), curve.dof,
+                        note=note)
+        )  # fmt: skip
 
-    found.append(derived("T_max", "N", full, (1.0, 1.0)))
-    found.append(derived("expo", "1", square / full, (-square / full**2, linear / full**2)))
+    derived("T_max", "N", full_N, (1.0, 1.0), 1.0)
+    derived("expo", "1", square / full_N, (-square / full_N**2, linear / full_N**2), 1.0 / full_N)
     if mass_kg is None:
-        return found
-    hover_N = mass_kg * STANDARD_GRAVITY_M_S2 / rig.n_rotors
-    if hover_N > full:
+        return found, law
+    hover_N = mass_kg * STANDARD_GRAVITY_M_S2 / rotors
+    if hover_N > full_N:
         raise InputError(
-            f"{mass_kg:g} kg need {hover_N:.3g} N of each of {rig.n_rotors} rotors, which reach "
-            f"{full:.3g} N at full throttle; give another --mass-kg"
+            f"{mass_kg:g} kg need {hover_N:.3g} N of each of {rotors} rotors, which reach "
+            f"{full_N:.3g} N {full.words}; give another --mass-kg or --rotors"
         )
     hover = (-linear + sqrt(linear**2 + 4.0 * square * hover_N)) / (2.0 * square) if (
-        abs(square) > 1e-12 * full
+        abs(square) > 1e-12 * full_N
     ) else hover_N / linear  # fmt: skip
     slope = linear + 2.0 * square * hover
-    # The scale of the load cell moves every thrust, and with it where the mass hovers.
-    sd = np.array([-hover, -(hover**2)]) / slope
-    own = float(np.sqrt(sd @ curve.covariance @ sd))
-    hover_sd = float(np.hypot(own, scale_sd * hover_N / slope))
-    found.append(estimate_of("hover_throttle", "1", float(hover), hover_sd, curve.dof))
-    share_sd = hover_N / full * found[-3].sd / full
-    found.append(estimate_of("hover_thrust_share", "1", hover_N / full, share_sd, curve.dof))
-    if np.isfinite(k):
-        rpm = sqrt(hover_N / k) * 30.0 / pi
-        found.append(estimate_of("hover_rpm", "rpm", rpm, 0.5 * rpm * found[0].sd / k, curve.dof))
-    return found
+    derived("hover_throttle", "1", hover, (-hover / slope, -(hover**2) / slope), 1.0 / slope)
+    share_sd = hover_N / full_N * found[-3].sd / full_N
+    found.append(estimate_of("hover_thrust_share", "1", hover_N / full_N, share_sd, curve.dof))
+    if law is not None:
+        rpm, sd = (30.0 / pi * each for each in law.speed_at(hover_N, scale_sd))
+        found.append(estimate_of("hover_rpm", "rpm", rpm, sd, law.dof))
+    return found, law
+
+
+def _measured_maximum(p: ThrottlePoints) -> Estimate:
+    """Return the highest mean thrust of a pulse and run."""
+    _, number = np.unique(np.column_stack([p.run, p.pulse_us]), axis=0, return_inverse=True)
+    number = number.ravel()
+    here = number == int(np.argmax(level_means(p.thrust_N, number)))
+    count = int(here.sum())
+    own = float(np.sqrt(np.sum(_thrust_error(p)[here] ** 2))) / count
+    scatter = float(p.thrust_N[here].std(ddof=1)) / sqrt(count) if count > 1 else 0.0
+    at = f"at {p.pulse_us[here][0]:g} us"
+    if np.isfinite(p.voltage_V[here]).any():
+        at += f" and {np.nanmean(p.voltage_V[here]):.4g} V"
+    mean = float(p.thrust_N[here].mean())
+    return estimate_of("T_measured", "N", mean, max(own, scatter), max(count - 1, 3), note=at)
 
 
 def _thrust_error(p: ThrottlePoints) -> Array:
@@ -216,33 +357,20 @@ def _thrust_error(p: ThrottlePoints) -> Array:
     return np.where(np.isfinite(error) & (error > 0.0), error, least)
 
 
-def _whitener(error: Array, zero_N2: Array) -> Array:
-    """Return the matrix (n, n) that makes independent unit errors of those of the thrusts."""
-    return np.linalg.inv(np.linalg.cholesky(np.diag(error**2) + zero_N2))
-
-
-def _thrust_law(p: ThrottlePoints, scale_sd: float, zero_N2: Array) -> list[Estimate]:
-    error, w = _thrust_error(p), p.speed_rad_s
-    white = _whitener(error, zero_N2)
-    middle = float(np.exp(np.log(w).mean()))
-    start_k = float(np.median(p.thrust_N / w**2))
-
-    def square(values: Array) -> Array:
-        return np.asarray(white @ (values[0] * w**2 + values[1] - p.thrust_N), float)
-
-    def free(values: Array) -> Array:
-        law = values[0] * (w / middle) ** values[2] + values[1]
-        return np.asarray(white @ (law - p.thrust_N), float)
-
-    rest = max(1e-3, float(error.min()))
-    fixed = solve_weighted(square, (start_k, rest))
-    power = solve_weighted(free, (start_k * middle**2, rest, 2.0))
-    k = float(fixed.values[0])
-    k_sd = float(np.hypot(sqrt(fixed.covariance[0, 0]), scale_sd * k))
-    return [
-        estimate_of("k", "N/(rad/s)^2", k, k_sd, fixed.dof),
-        estimate_of("n", "1", float(power.values[2]), sqrt(power.covariance[2, 2]), power.dof),
+def _law_estimates(law: ThrustLaw, free: ThrustLaw, scale_sd: float) -> list[Estimate]:
+    """Return k with its largest error, the free exponent, and the law's offset where it has one."""
+    low, high = (each * 30.0 / pi for each in law.k_speed_rad_s)
+    over = "" if law.name == "k w^2" else "of the best T = k w^2, "
+    note = f"{over}{low:.0f} to {high:.0f} rpm"
+    k_sd = float(np.hypot(law.k_sd, scale_sd * law.k))
+    found = [
+        estimate_of("k", "N/(rad/s)^2", law.k, k_sd, law.dof, note=note),
+        estimate_of("k_error", "1", law.k_error, 0.0, law.dof, note=note),
+        estimate_of("n", "1", free.exponent, sqrt(free.covariance[2, 2]), free.dof),
     ]
+    if law.name == "k w^2 + T_0":
+        found.append(estimate_of("T_0", "N", law.zero_N, sqrt(law.covariance[1, 1]), law.dof))
+    return found
 
 
 def _speed_law(p: ThrottlePoints, rig: Rig) -> list[Estimate]:
@@ -275,14 +403,3 @@ def _speed_law(p: ThrottlePoints, rig: Rig) -> list[Estimate]:
         estimate_of("pulse_zero", "us", float(solved.values[1]), sds[1], solved.dof),
         estimate_of("voltage_exponent", "1", float(free.values[2]), sd, free.dof, remark),
     ]
-
-
-def _exponent_of(fit: MotorFit) -> float:
-    exponent = fit.value("voltage_exponent")
-    return exponent if np.isfinite(exponent) else 1.0
-
-
-def _to_nominal(p: ThrottlePoints, rig: Rig, exponent: float) -> Array:
-    """Return what brings thrust to nominal voltage (n,); 1 where no voltage was measured."""
-    ratio = rig.propulsion.voltage_nominal_V / p.voltage_V
-    return np.asarray(np.where(np.isfinite(ratio), ratio, 1.0) ** (2.0 * exponent), float)

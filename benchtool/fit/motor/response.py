@@ -46,14 +46,16 @@ class StepResponse:
 
 
 class Solved(NamedTuple):
-    """Hold a solution, its covariance and degrees of freedom."""
+    """Solution, its covariance inflated by the squared Birge ratio, and degrees of freedom."""
 
     values: Array
     covariance: Array
     dof: int
+    birge: float  # squared, at least 1
+    jacobian: Array
 
 
-def solve_weighted(residuals: Callable[[Array], Array], start: Sequence[float]) -> Solved:
+def solve_weighted(residuals: Callable[[Array], Array], start: Sequence[float] | Array) -> Solved:
     """Return the least-squares solution of weighted residuals, errors inflated by their scatter."""
     from scipy.optimize import least_squares
 
@@ -62,11 +64,11 @@ def solve_weighted(residuals: Callable[[Array], Array], start: Sequence[float]) 
     birge = max(1.0, 2.0 * found.cost / dof) if dof > 0 else 1.0
     jacobian = np.asarray(found.jac, float)
     covariance = np.linalg.pinv(jacobian.T @ jacobian) * birge
-    return Solved(np.asarray(found.x, float), covariance, max(dof, 1))
+    return Solved(np.asarray(found.x, float), covariance, max(dof, 1), birge, jacobian)
 
 
 def estimate_of(
-    name: str, unit: str, value: float, sd: float, dof: int, open_: str = ""
+    name: str, unit: str, value: float, sd: float, dof: int, open_: str = "", note: str = ""
 ) -> Estimate:
     """Return an estimate with intervals from Student's t."""
     from scipy.stats import t
@@ -75,7 +77,7 @@ def estimate_of(
         half = float(t.ppf(0.5 + 0.5 * level, dof)) * sd
         return value - half, value + half
 
-    return Estimate(name, unit, value, sd, interval(0.6827), interval(0.95), open=open_)
+    return Estimate(name, unit, value, sd, interval(0.6827), interval(0.95), note, open_)
 
 
 def step_responses(samples: Recording, rig: Rig) -> tuple[StepResponse, ...]:

@@ -29,6 +29,8 @@ from benchtool.fit.motor.response import StepResponse, step_responses
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model
 
+SCALE_ERROR = 0.005  # of the highest thrust, of a load cell without stated errors; assumed
+
 AT_REST = 0.02
 """A rotor stands below this share of its greatest speed, or thrust without one. A choice."""
 
@@ -121,7 +123,8 @@ class _Log(NamedTuple):
 def _with_scatter(p: ThrottlePoints) -> ThrottlePoints:
     """Return points whose thrusts have errors: where none is stated, their scatter about a cubic.
 
-    The cubic is of the logarithm of thrust over that of speed, or of the pulse.
+    The cubic is of the logarithm of thrust over that of speed, or of the pulse. `SCALE_ERROR` is
+    added: the lowest levels, whose relative scatter is that of the others, would else decide.
     """
     good = p.thrust_N > 0.0
     over = p.speed_rad_s if np.isfinite(p.speed_rad_s).all() else p.pulse_us
@@ -131,7 +134,8 @@ def _with_scatter(p: ThrottlePoints) -> ThrottlePoints:
     x, y = np.log(over[good]), np.log(p.thrust_N[good])
     left = y - np.polyval(np.polyfit(x - x.mean(), y, degree), x - x.mean())
     relative = float(np.sqrt(left @ left / (len(x) - degree - 1)))
-    return replace(p, thrust_se_N=np.maximum(relative, 1e-4) * np.abs(p.thrust_N))
+    error = np.hypot(relative * p.thrust_N, SCALE_ERROR * p.thrust_N.max())
+    return replace(p, thrust_se_N=error)
 
 
 def _rig_of(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:

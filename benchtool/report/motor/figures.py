@@ -34,33 +34,35 @@ def _both_ways(axes: Axes, fit: MotorFit, x: Array, y: Array, error: Array | Non
     page="motor",
     name="thrust",
     title="Thrust curve and its residuals",
-    caption="Thrust of one rotor over throttle at nominal voltage (left) and over speed (right), "
-    "throttle rising and falling apart; lines: the fitted laws. Below: what they leave over; bars: "
+    caption="Thrust of one rotor over throttle at the voltage of T_max (left) and over speed "
+    "(right), throttle rising and falling apart; lines: the fitted laws. Below: residuals; bars: "
     "standard errors of the points.",
     when=lambda fit: bool(np.isfinite(fit.value("T_max"))),
     height_in=5.2,
 )
 def thrust(figure: Figure, fit: MotorFit) -> None:
     """Draw thrust over throttle and over speed with the fitted laws and residuals."""
-    has_speed = np.isfinite(fit.value("k"))
+    has_speed = fit.law is not None
     axes = figure.subplots(
         2, 2 if has_speed else 1, sharex="col", height_ratios=[2.2, 1.0], squeeze=False
     )
     p, error_mN = fit.points, 1e3 * fit.points.thrust_se_N
-    u, at_nominal = 100.0 * fit.throttle, fit.nominal_thrust_N
+    u, at_full = 100.0 * fit.throttle, fit.thrust_at_full_voltage_N
     shown = np.linspace(0.0, u.max(), 200)
-    _both_ways(axes[0, 0], fit, u, at_nominal)
-    axes[0, 0].plot(shown, fit.curve_N(0.01 * shown), color=VERMILION, label="fit")
+    _both_ways(axes[0, 0], fit, u, at_full)
+    axes[0, 0].plot(shown, fit.thrust_at_throttle_N(0.01 * shown), color=VERMILION, label="fit")
     axes[0, 0].set_ylabel("thrust of a rotor [N]")
     axes[0, 0].legend(loc="upper left")
-    _both_ways(axes[1, 0], fit, u, 1e3 * (at_nominal - fit.curve_N(fit.throttle)), error_mN)
+    left_mN = 1e3 * (at_full - fit.thrust_at_throttle_N(fit.throttle))
+    _both_ways(axes[1, 0], fit, u, left_mN, error_mN)
     axes[1, 0].set(xlabel="throttle [%]", ylabel="residual [mN]")
     if has_speed:
-        k, rpm = fit.value("k"), p.speed_rad_s * 30.0 / np.pi
+        rpm = p.speed_rad_s * 30.0 / np.pi
         fine = np.linspace(0.0, rpm.max(), 200)
         _both_ways(axes[0, 1], fit, rpm, p.thrust_N)
-        axes[0, 1].plot(fine, k * (fine * np.pi / 30.0) ** 2, color=VERMILION)
-        _both_ways(axes[1, 1], fit, rpm, 1e3 * (p.thrust_N - k * p.speed_rad_s**2), error_mN)
+        axes[0, 1].plot(fine, fit.thrust_at_speed_N(fine * np.pi / 30.0), color=VERMILION)
+        residual_mN = 1e3 * (p.thrust_N - fit.thrust_at_speed_N(p.speed_rad_s))
+        _both_ways(axes[1, 1], fit, rpm, residual_mN, error_mN)
         axes[1, 1].set_xlabel("speed [rpm]")
     for below in axes[1]:
         below.axhline(0.0, color=GREY, linewidth=0.9)

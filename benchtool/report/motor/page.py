@@ -16,12 +16,15 @@ from benchtool.report.numbers import numeral, unit_for_people, value_with_sd
 from benchtool.report.page import Paragraph, Table
 
 MEANS = {
+    "T_measured": "highest measured thrust of a rotor",
     "k": "thrust over squared speed: T = k ω²",
+    "k_error": "largest error of k ω² over thrust",
     "n": "exponent of thrust over speed, free",
+    "T_0": "thrust that T = k ω² + T₀ has beside k ω²",
     "speed_per_us": "speed per pulse at nominal voltage",
     "pulse_zero": "pulse at which the speed line crosses zero",
     "voltage_exponent": "speed goes with voltage to this power",
-    "T_max": "thrust of a rotor at full throttle and nominal voltage",
+    "T_max": "thrust of a rotor at full throttle",
     "expo": "T = T_max ((1 − e) u + e u²) over throttle u",
     "hover_throttle": "throttle that carries the mass",
     "hover_thrust_share": "thrust that carries the mass over T_max",
@@ -47,10 +50,13 @@ def constants_table(fit: MotorFit) -> Table:
 def _row(one: Estimate) -> tuple[str, ...]:
     if one.open:
         return one.name, f"not determined: {one.open}", "–", "–", unit_for_people(one.unit)
+    means = f"{MEANS[one.name]}, {one.bound}" if one.bound else MEANS[one.name]
     low, high = (numeral(each, ".5g") for each in one.interval_95)
     interval = f"{low} to {high}"
+    if one.sd == 0.0:
+        return one.name, means, numeral(one.value, ".2g"), "–", unit_for_people(one.unit)
     value = value_with_sd(one.value, one.sd)
-    return one.name, MEANS[one.name], value, interval, unit_for_people(one.unit)
+    return one.name, means, value, interval, unit_for_people(one.unit)
 
 
 def hysteresis(fit: MotorFit) -> Iterator[tuple[float, float, float, float]]:

@@ -56,7 +56,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def fitted(runs: list[Path]) -> MotorFit:
-    return fit_motor(runs)
+    return fit_motor(runs, extrapolate=True)
 
 
 @pytest.mark.parametrize("name", TRUTH)
@@ -75,7 +75,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path: Path) -> None:
     held = dict.fromkeys(TRUTH, 0)
     for seed in range(20):
         runs = [swept(name, seed, tmp_path / f"{name}{seed}") for name in ("steps", "response")]
-        found = fit_motor(runs)
+        found = fit_motor(runs, extrapolate=True)
         for name, truth in TRUTH.items():
             low, high = found[name].interval_95
             held[name] += low <= truth <= high
@@ -131,7 +131,7 @@ def test_a_steps_sag_is_taken_out_of_its_lag() -> None:
 
 
 def test_a_heavier_vehicle_hovers_at_more_throttle(runs: list[Path]) -> None:
-    found = fit_motor(runs, mass_kg=0.5)
+    found = fit_motor(runs, mass_kg=0.5, extrapolate=True)
     assert found["hover_throttle"].value == pytest.approx(
         sqrt(0.5 * 9.80665 / TRUTH["T_max"]), rel=1e-3
     )

@@ -10,6 +10,8 @@ import pytest
 
 import benchtool as bt
 from benchtool.core.errors import InputError
+from benchtool.fit.motor.constants import MotorFit
+from tests.unit.commands.command_line import run
 
 HEAD = "Time (s),ESC signal (µs),Thrust (gf),Voltage (V),Current (A),Motor Electrical Speed (RPM)"
 K, SLOPE, ZERO_US = 1.1e-6, 1.9, 900.0
@@ -74,24 +76,41 @@ def test_a_log_is_exported_with_its_intervals_and_without_a_hover_point(tmp_path
     assert "# MOT_THST_HOVER left out, measure it" in text
 
 
-@measured
-@pytest.mark.parametrize("name", ["b4_7", "d2_11", "e4_11", "h7_11"])
-def test_the_curve_of_a_measured_log_is_that_of_a_parabola_by_hand(name: str) -> None:
+LOGS = (
+    *(f"rcbenchmark_1520/{name}.csv" for name in (
+        "a1_11", "a1_7", "b4_11", "b4_7", "c4_11", "d2_11",
+        "e4_11", "g1_7", "h7_11", "i8_11", "k3_7",
+    )),
+    "rcbenchmark_1580/StepsTest_2020-05-22_102946.csv",
+    "rcbenchmark_1580/StepsTest_2020-06-16_214537.csv",
+    "rcbenchmark_1780/Run_0_Polar_2021-10-15_151643.csv",
+    "rcbenchmark_1580/xNova-SR-steps-up.csv",
+)  # fmt: skip
+
+
+def measured_fit(name: str, folder: Path, **options: object) -> MotorFit:
+    """Return the fit of a shared log, its thrust positive."""
     assert DATA is not None
-    path = Path(DATA) / "rcbenchmark_1520" / f"{name}.csv"
-    found = bt.motor(path, propeller="5x4").found
-    table = np.genfromtxt(path, delimiter=",", skip_header=1, usecols=(1, 5, 6, 8))
-    pulse, thrust_gf, voltage, rpm = table[(table[:, 3] > 0.0)].T
-    p = found.rig.propulsion
-    u = (pulse - p.pwm_start_us) / (p.pwm_max_us - p.pwm_start_us)
-    exponent = 1.0 if found["voltage_exponent"].open else found.value("voltage_exponent")
-    thrust = GF_N * thrust_gf * (np.nanmax(table[:, 2]) / voltage) ** (2.0 * exponent)
-    both = np.linalg.lstsq(np.column_stack([u, u * u]), thrust, rcond=None)[0]
-    assert found.value("T_max") == pytest.approx(both.sum(), rel=0.03)
-    speed = rpm * np.pi / 30.0
-    by_hand = np.linalg.lstsq(
-        np.column_stack([speed**2, np.ones(len(u))]), thrust_gf * GF_N, rcond=None
-    )
-    assert found.value("k") == pytest.approx(by_hand[0][0], rel=0.05)
-    # ArduPilot's own table of start values: 0.55 for 5-inch propellers, 0.65 for 10-inch ones.
-    assert 0.4 < found.value("expo") < 0.9
+    path = Path(DATA) / name
+    if "xNova" in name:
+        options_of_import = ("--flip", "thrust_N", "--out", folder / path.name)
+        assert run("import", path, *options_of_import) == 0
+        path = folder / path.name
+    return bt.motor(path, propeller="5x4", **options).found  # type: ignore[arg-type]
+
+
+@measured
+@pytest.mark.parametrize("name", LOGS)
+def test_the_law_of_a_measured_log_follows_its_levels(name: str, tmp_path: Path) -> None:
+    found = measured_fit(name, tmp_path)
+    law, p = found.law, found.points
+    assert law is not None
+    speed, thrust = p.speed_rad_s, p.thrust_N
+    order = np.argsort(thrust)
+    rising = np.maximum.accumulate(speed[order])
+    for share in (0.3, 0.5, 0.7, 0.9):
+        wanted_N = share * thrust.max()
+        by_hand = np.interp(np.sqrt(wanted_N), np.sqrt(thrust[order]), rising)
+        value, sd = law.speed_at(wanted_N)
+        assert abs(value - by_hand) < max(3.0 * sd, 0.012 * by_hand)
+        assert found.thrust_at_speed_N(value) == pytest.approx(wanted_N, rel=1e-6)
