@@ -187,6 +187,11 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
     nearest = recipe.min_z_over_R
     nearest = model.nearest_z_over_R if nearest is None else nearest
     used, left_out = _selected(observed, error, conditions.known, z_over_R, nearest)
+    if used.any() and z_over_R[used].min() >= NO_PLATE_Z_OVER_R and model.parameters["R_m"].free:
+        left_out += (
+            "no point has a plate distance, so that R_m cannot be determined; fit the thrust curve "
+            "with benchtool motor, or k alone with --fix R_m",
+        )
     groups = None
     if recipe.basis != "joint" and not has_ratios:
         parked_m = np.concatenate([_parked_m(part) for part in parts])

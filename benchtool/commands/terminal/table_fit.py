@@ -68,9 +68,6 @@ def prepare_table(given: dict[str, Any]) -> tuple[str, ...]:
     where = tuple(given.get("where", ()))
     if known:
         _write_rig(given, first, rig_text)
-        recording = import_file(first).recording
-        if "plate_z_m" not in recording:
-            given["hold"] = [*given.get("hold", []), "R_m"]
         return ()
     if given.get("columns") is not None:
         _write_rig(given, first, rig_text)
@@ -88,8 +85,6 @@ def prepare_table(given: dict[str, Any]) -> tuple[str, ...]:
     )
     if choice.has_ratios:
         given["basis"] = given.get("basis") or "equal_rpm2"
-    if not choice.has_plate:
-        given["hold"] = [*given.get("hold", []), "R_m"]
     if any(name.endswith(("_sd", "_sd_N")) for name in choice.columns):
         given.setdefault("noise", "scale")
     return one

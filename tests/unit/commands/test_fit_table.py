@@ -149,12 +149,15 @@ def test_published_tables_are_fitted_without_a_map(capsys: Capsys, reference_dat
     pairs = f"{data}/ground_effect/rotor_pairs.csv --radius 0.1651 --error-is se"
     code, _, error = fit(capsys, f"{pairs} --where series=Fz0 --out pair")
     assert (code, "chi2/dof = 35" in error) == (9, True), error  # SOURCES.md: 35
-    code, _, error = fit(capsys, f"{data}/crazyflie/eckart1.csv --radius 0.0231 --out cf")
+    code, out, error = fit(capsys, f"{data}/crazyflie/eckart1.csv --radius 0.0231 --out no")
+    assert (code, "no point has a plate distance" in out) == (6, True), error
+    assert not Path("no/model.toml").exists()
+    code, _, error = fit(capsys, f"{data}/crazyflie/eckart1.csv --radius 0.0231 --fix R_m --out cf")
     assert code == 0, error
     # SOURCES.md: kf 2.26e-8 g/rpm2 over the four rotors.
     k = 2.26e-8 * 9.80665e-3 / (np.pi / 30.0) ** 2
     assert result("cf")["k"]["value"] == pytest.approx(k, rel=5e-3)
-    code, _, error = fit(capsys, f"{data}/uiuc/apcsf_10x7_static_kt0827.txt --out uiuc")
+    code, _, error = fit(capsys, f"{data}/uiuc/apcsf_10x7_static_kt0827.txt --fix R_m --out uiuc")
     assert code == 0, error
     # T = C_T rho n^2 D^4 at C_T 0.15, between its 0.141 and 0.161.
     k = 0.1575 * 1.225 * 0.254**4 / (2.0 * np.pi) ** 2
