@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import nan
 from typing import Literal
 
 import numpy as np
@@ -34,6 +35,8 @@ class Estimate:
     """One fitted parameter: value, standard deviation and intervals in its own unit.
 
     Attributes:
+        sd, interval_68, interval_95: statistical, as the fit alone has them.
+        combined_sd, combined_95: with every source of the uncertainty budget; nan without one.
         bound: "at its upper bound", or where a motor constant holds, printed wherever the value is;
             empty inside.
         open: why the data do not determine it, printed in place of the value; empty where they do.
@@ -47,6 +50,8 @@ class Estimate:
     interval_95: tuple[float, float]
     bound: str = ""
     open: str = ""
+    combined_sd: float = nan
+    combined_95: tuple[float, float] = (nan, nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,7 +26,7 @@ from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import NOISE_PLACE, Problem
 from benchtool.fit.profile import with_profile
 from benchtool.fit.recipe import LAWS, Recipe
-from benchtool.fit.uncertainty.budget import Budget, BudgetMethod
+from benchtool.fit.uncertainty.budget import Budget, BudgetMethod, with_budget
 from benchtool.fit.uncertainty.density import STANDARD_K, Density, density_of
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
@@ -147,7 +147,8 @@ def run_recipe(
         laws=laws,
         density=density,
     )
-    return replace(output, budget=_budget(output, budget == "mc", progress))
+    made = _budget(output, budget == "mc", progress)
+    return replace(output, budget=made, results=with_budget(results, made))
 
 
 def _others(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:

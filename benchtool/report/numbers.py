@@ -52,6 +52,20 @@ def scaled(value: float, exponent: int, decimals: int) -> str:
     return numeral(value / 10.0**exponent, f".{decimals}f")
 
 
+def with_statistical(value: float, sd: float, statistical: float, symbol: str = "1") -> str:
+    """Return "0.808 ± 0.075 (statistical 0.016)", the statistical part with two digits of its own.
+
+    An `sd` of nan is no budget; the error is then the statistical: "0.808 ± 0.016 (statistical)".
+    """
+    if not isfinite(sd):
+        text = with_unit(value_with_sd(value, statistical), symbol)
+        return f"{text} (statistical)" if isfinite(statistical) else text
+    exponent = exponent_of(value, sd)
+    part = scaled(statistical, exponent, decimals_for(statistical / 10.0**exponent))
+    power = f"·{power_of_ten(exponent)}" if exponent else ""
+    return f"{with_unit(value_with_sd(value, sd), symbol)} (statistical {part}{power})"
+
+
 def value_with_sd(value: float, sd: float) -> str:
     """Return "1.974 ± 0.021", a common power of ten taken out of awkward numbers; no sd, no ±."""
     exponent = exponent_of(value, sd)

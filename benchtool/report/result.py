@@ -143,8 +143,10 @@ def estimate_row(item: Estimate) -> dict[str, Any]:
     """Return one estimate as a row of a table."""
     low, high = item.interval_95
     return {
-        "parameter": item.name, "value": item.value, "sd": item.sd, "low_95": low,
-        "high_95": high, "unit": item.unit, "remark": item.open or item.bound,
+        "parameter": item.name, "value": item.value, "combined_sd": item.combined_sd,
+        "combined_low_95": item.combined_95[0], "combined_high_95": item.combined_95[1],
+        "sd": item.sd, "low_95": low, "high_95": high, "unit": item.unit,
+        "remark": item.open or item.bound,
     }  # fmt: skip
 
 

@@ -133,7 +133,7 @@ def test_the_coplanar_pair_agrees_with_an_independent_fit() -> None:
 def test_crazyflie_coefficients_are_the_published_ones() -> None:
     """IMRCLab's kf: 2.26e-8, 2.13e-8 and (eckart1) 2.26e-8 g/rpm^2."""
     gram_rpm2 = RAD_S_PER_RPM**2 / (GRAVITY_M_S2 * 1e-3)
-    k = numbers_after("k 10⁻⁸ N/(rad/s)²", "Crazyflie")
+    k = numbers_after("k =", "Crazyflie")
     assert [value * gram_rpm2 for value in k[:3]] == pytest.approx([2.26, 2.13, 2.26], abs=0.005)
 
 

@@ -9,7 +9,7 @@ from rich.progress import TextColumn, TimeRemainingColumn
 
 from benchtool.commands.terminal.tables import Output, print_table, progress_bar
 from benchtool.report.fit.stored_fit import StoredFit
-from benchtool.report.fit.tables import wanted_rank
+from benchtool.report.fit.tables import printed, wanted_rank
 from benchtool.report.page import Paragraph, Table, Warnings
 
 WIDEST = 5
@@ -51,10 +51,7 @@ def print_runs(fits: Mapping[str, StoredFit]) -> None:
     for run, fit in fits.items():
         result = fit.results[0]
         known = {item.name: item for item in (*result.estimates, *result.derived)}
-        values = [
-            f"{known[name].value:.4g} ± {known[name].sd:.2g}" if name in known else "–"
-            for name in names
-        ]
+        values = [printed(known[name]) if name in known else "–" for name in names]
         rows.append((run, *values, f"{result.chi2_per_dof:.3g}"))
     head = ("run", *names, "chi2/dof")
-    print_table(Output(), Table("Each run by itself, ± one standard deviation.", head, rows))
+    print_table(Output(), Table("Each run by itself: value ± standard uncertainty.", head, rows))

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from benchtool.report import page
 
-FILE_WIDTH = 110
+FILE_WIDTH = 120
 """Width where no terminal gives one: room for the longest parameter names."""
 
 

@@ -7,7 +7,7 @@ factor, its annex G; Monte Carlo as the check, JCGM 101:2008.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from math import inf
 from typing import Any, Literal
@@ -17,6 +17,7 @@ from scipy.special import stdtrit
 
 from benchtool.core.array import Array
 from benchtool.core.error_source import effective_dof
+from benchtool.core.fit_result import Estimate, FitResult
 
 BudgetMethod = Literal["propagation", "mc"]
 
@@ -152,6 +153,27 @@ class Budget:
         scatter = END_SCATTER / self.monte_carlo.draws**0.5 * self.combined
         return tuple(bool(one) for one in off <= digit + 3.0 * scatter)
 
+    def added_to(self, item: Estimate, first: bool) -> Estimate:
+        """Return an estimate with its combined uncertainty; the budget is of the first method's.
+
+        Monte Carlo goes before a propagation that it does not confirm (JCGM 101, 8.1). Another
+        method has the sources outside of the fit in quadrature on each side of its interval.
+        """
+        if item.name not in self.names:
+            return item
+        place = self.names.index(item.name)
+        sd, width = float(self.combined[place]), float(self.expanded[place])
+        low, high = -width, width
+        if self.monte_carlo is not None and not self.confirmed[place]:
+            sd, low, high = (getattr(self.monte_carlo, key)[place] for key in _DRAWN)
+        if not first:
+            held = np.linalg.norm([u.contribution[place] for u in self.lines if not u.in_fit])
+            sd = float(np.hypot(item.sd, held))
+            ends = np.array(item.interval_95) - item.value
+            low, high = np.hypot(ends, self.coverage_factor[place] * held) * (-1.0, 1.0)
+        ends_95 = item.value + float(low), item.value + float(high)
+        return replace(item, combined_sd=sd, combined_95=ends_95)
+
     def tables(self) -> dict[str, Any]:
         """Return it for JSON; what stands for each quantity is named by it."""
         columns: dict[str, Sequence[Any]] = {
@@ -185,6 +207,20 @@ class Budget:
             "traceability": self.traceability,
             "monte_carlo": drawn and {"draws": drawn.draws, "seed": drawn.seed},
         }
+
+
+def with_budget(results: Sequence[FitResult], budget: Budget | None) -> tuple[FitResult, ...]:
+    """Return the results of a fit with the budget's uncertainty beside each statistical one."""
+    if budget is None:
+        return tuple(results)
+    return tuple(
+        replace(
+            result,
+            estimates=tuple(budget.added_to(item, place == 0) for item in result.estimates),
+            derived=tuple(budget.added_to(item, place == 0) for item in result.derived),
+        )
+        for place, result in enumerate(results)
+    )
 
 
 _EACH = ("contribution", "sensitivity")

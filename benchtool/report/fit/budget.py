@@ -57,7 +57,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     def total(name: str, numbers: object) -> None:
         rows.append((name, "", *shares(numbers)))
 
-    total("without *", budget.fit_sd)
+    total("statistical, without *", budget.fit_sd)
     total("combined", budget.combined)
     total(f"expanded, {INTERVAL}", budget.expanded)
     rows.append(("coverage factor", "", *(f"{budget.coverage_factor[p]:.2f}" for p in places)))
@@ -101,7 +101,7 @@ def _header(budget: Budget, place: int) -> str:
 
 def budget_sentence(budget: Budget) -> str:
     """Say what the marks of the table mean, and whether Monte Carlo confirms it."""
-    words = "* not in the errors that stand beside the values: held fixed by the model, or its law"
+    words = "* not in the statistical error: held fixed by the model, or its law"
     if (drawn := budget.monte_carlo) is not None:
         places = shown_quantities(budget)
         off = [budget.names[place] for place in places if not budget.confirmed[place]]

@@ -49,8 +49,8 @@ def titled(what: str, fit: FitOutput) -> str:
     name="ratio",
     title=lambda fit: titled("Ground effect", fit),
     caption="Thrust near the plate over thrust far from it. Points: mean and standard deviation "
-    "over repeats; solid line: the fitted model with its 68 % and 95 % bands; dashed: the closed "
-    "image formulae (PFI).",
+    "over repeats; solid line: the fitted model with its statistical 68 % and 95 % bands; dashed: "
+    "the closed image formulae (PFI).",
     when=lambda fit: bool(np.any(fit.data.z_over_R[fit.data.used] < FAR_Z_OVER_R)),
 )
 def ratio(figure: Figure, fit: FitOutput) -> None:

@@ -24,7 +24,7 @@ from benchtool.report.fit.tables import (
     wanted_rank,
 )
 from benchtool.report.html import write_report
-from benchtool.report.numbers import unit_for_people, value_with_sd, with_unit
+from benchtool.report.numbers import unit_for_people
 from benchtool.report.page import Block, Facts, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections
 
@@ -143,10 +143,7 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
     if first.outcome.status != "converged":
         return f"No answer to use from {used} of {read} points: {first.outcome.message}."
     values = ", ".join(
-        f"{item.name} not determined"
-        if item.open
-        else with_unit(f"{item.name} = {value_with_sd(item.value, item.sd)}", item.unit)
-        + (f" ({item.bound})" if item.bound else "")
+        f"{item.name} not determined" if item.open else f"{item.name} = {printed(item, item.unit)}"
         for item in first.estimates
         if not item.name.startswith("noise.")
     )

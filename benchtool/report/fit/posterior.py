@@ -16,7 +16,7 @@ from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.ensemble import convergence_of
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import figure
-from benchtool.report.numbers import unit_for_people, value_with_sd
+from benchtool.report.numbers import unit_for_people, with_statistical
 from benchtool.report.palette import BLUE, CYCLE, VERMILION
 from benchtool.report.panels import rows_of
 
@@ -119,7 +119,8 @@ def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
         top=1.0 - (1.05 if n == 1 else 0.75) / height_in, wspace=0.09, hspace=0.09,
     )  # fmt: skip
     for index, item in enumerate(estimates):
-        title = "\n".join(filter(None, (value_with_sd(item.value, item.sd), item.bound)))
+        title = with_statistical(item.value, item.combined_sd, item.sd).replace(" (", "\n(")
+        title = "\n".join(filter(None, (title, item.bound)))
         figure.axes[index * n + index].set_title(title, loc="center", fontsize=8.6)
     for axes in figure.axes:
         box = axes.get_position()

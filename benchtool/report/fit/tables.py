@@ -16,6 +16,7 @@ from benchtool.report.numbers import (
     scaled,
     unit_for_people,
     value_with_sd,
+    with_statistical,
 )
 from benchtool.report.page import Table
 
@@ -42,10 +43,13 @@ METHODS = {"least_squares": "least squares", "emcee": "emcee"}
 
 
 def estimates_table(result: FitResult) -> Table:
-    """List every fitted and derived value with its sd; powers of ten stand by the unit."""
+    """List every fitted and derived value with its errors; powers of ten are in the unit."""
     return Table(
-        f"Fitted values of {result.model}, {METHODS[result.method]}.",
-        ("parameter", "unit", "value", "sd", "68 % interval", "95 % interval"),
+        f"Fitted values of {result.model}, {METHODS[result.method]}; ± {_kind(result)}.",
+        (
+            *("parameter", "unit", "value", "standard uncertainty", "95 % interval"),
+            *("statistical sd", "68 % statistical", "95 % statistical"),
+        ),
         [
             (name, unit, value + _bound(item), *rest)
             for item in (*result.estimates, *result.derived)
@@ -55,16 +59,21 @@ def estimates_table(result: FitResult) -> Table:
     )
 
 
+def _kind(result: FitResult) -> str:
+    has_budget = any(isfinite(item.combined_sd) for item in result.estimates)
+    return "uncertainty of the budget" if has_budget else "statistical sd, without a budget"
+
+
 def short_table(result: FitResult) -> Table:
     """List every fitted and derived value in the width of a terminal."""
     rows = []
     for item in (*result.estimates, *result.derived):
-        row = _estimate_row(item)
-        value = row[2] if item.open else f"{row[2]} ± {row[3]}"
-        rows.append((row[0], row[1], value + _bound(item), row[5]))
+        name, unit, value, sd, interval, statistical, *_ = _estimate_row(item)
+        value += "" if item.open else f" ± {sd}"
+        rows.append((name, unit, value + _bound(item), interval, statistical))
     return Table(
-        f"{result.model}, {METHODS[result.method]}",
-        ("parameter", "unit", "value ± sd", "95 % interval"),
+        f"{result.model}, {METHODS[result.method]}; ± {_kind(result)}",
+        ("parameter", "unit", "value", "95 % interval", "statistical"),
         rows,
         text_columns=2,
     )
@@ -87,14 +96,16 @@ def fits_table(fits: Mapping[str, Sequence[FitResult]]) -> Table:
     rows.append(("chi²/dof", *(f"{one.chi2_per_dof:.3g}" for one in first.values())))
     rows.append(("outcome", *(one.outcome.status.replace("_", " ") for one in first.values())))
     return Table(
-        "Fits side by side: value ± standard deviation; – where a fit holds or lacks it.",
+        "Fits side by side: value ± standard uncertainty; – where a fit holds or lacks it.",
         ("parameter", *first), rows,
     )  # fmt: skip
 
 
-def printed(item: Estimate) -> str:
+def printed(item: Estimate, unit: str = "1") -> str:
     """Return an estimate as people read it, with the bound that it ended at."""
-    return "not determined" if item.open else f"{value_with_sd(item.value, item.sd)}{_bound(item)}"
+    if item.open:
+        return "not determined"
+    return with_statistical(item.value, item.combined_sd, item.sd, unit) + _bound(item)
 
 
 def _bound(item: Estimate) -> str:
@@ -104,12 +115,15 @@ def _bound(item: Estimate) -> str:
 def _estimate_row(item: Estimate) -> tuple[str, ...]:
     if item.open:
         why = f"not determined: {item.open}"
-        return (item.name, unit_for_people(item.unit), why, "–", "–", "–")
-    exponent = exponent_of(item.value, item.sd)
-    decimals = decimals_for(item.sd / 10.0**exponent)
+        return (item.name, unit_for_people(item.unit), why, *("–",) * 5)
+    has_budget = isfinite(item.combined_sd)
+    sd = item.combined_sd if has_budget else item.sd
+    ends = item.combined_95 if has_budget else item.interval_95
+    exponent = exponent_of(item.value, sd)
+    digits, own_digits = (decimals_for(each / 10.0**exponent) for each in (sd, item.sd))
 
-    def shown(value: float) -> str:
-        return scaled(value, exponent, decimals)
+    def shown(*values: float, decimals: int = own_digits) -> str:
+        return " … ".join(scaled(value, exponent, decimals) for value in values)
 
     unit = unit_for_people(item.unit)
     if exponent:
@@ -117,10 +131,12 @@ def _estimate_row(item: Estimate) -> tuple[str, ...]:
     return (
         item.name,
         unit,
-        shown(item.value),
+        shown(item.value, decimals=digits),
+        shown(sd, decimals=digits),
+        shown(*ends, decimals=digits),
         shown(item.sd),
-        f"{shown(item.interval_68[0])} … {shown(item.interval_68[1])}",
-        f"{shown(item.interval_95[0])} … {shown(item.interval_95[1])}",
+        shown(*item.interval_68),
+        shown(*item.interval_95),
     )
 
 

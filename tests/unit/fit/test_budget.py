@@ -12,13 +12,15 @@ import pytest
 
 from benchtool.core.air import Air, air_density_kg_m3
 from benchtool.core.error_source import ErrorSource, effective_dof
+from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.core.parameter import Prior
 from benchtool.data.atomic import json_ready
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.recipe import Recipe
-from benchtool.fit.run_recipe import run_recipe
+from benchtool.fit.result_file import result_tables
+from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.fit.uncertainty.budget import Budget, budget_from
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import drawn, monte_carlo
@@ -26,7 +28,11 @@ from benchtool.fit.uncertainty.propagation import Propagation, budget_of, propag
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
+from benchtool.report.figure import drawn as drawn_figures
 from benchtool.report.fit.budget import budget_table
+from benchtool.report.fit.page import FIT, sentence
+from benchtool.report.fit.tables import estimates_table, printed, short_table
+from benchtool.report.result import Result, estimates_frame
 from tests.unit.fit.cases import (
     X,
     calibrated_line,
@@ -284,3 +290,71 @@ def test_a_value_of_nothing_has_contributions_in_its_own_unit() -> None:
     table = budget_table(budget)
     assert table.header[2] == "mu [–]"
     assert table.rows[0][2] == f"{budget.combined[0]:.2g}"
+
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture(scope="module")
+def quad() -> FitOutput:
+    recipe = Recipe(name="quad", data=(str(ROOT / "datasets/quad/run"),), model="quad_bench")
+    return run_recipe(replace(recipe, methods=("least_squares", "emcee")))
+
+
+def test_the_headline_of_a_fit_has_the_error_of_its_budget(quad: FitOutput) -> None:
+    """With it K_b is known half as well as by the scatter alone."""
+    budget, item = quad.budget, quad.results[0]["K_b"]
+    assert budget is not None
+    row = budget.tables()["quantities"]["body_lift.K_b"]
+    assert item.combined_sd == row["combined"] > 1.5 * item.sd
+    assert item.combined_95 == pytest.approx(
+        (item.value - row["expanded"], item.value + row["expanded"])
+    )
+    headline = f"{item.value:.3f} ± {item.combined_sd:.3f} (statistical {item.sd:.3f})"
+    assert f"body_lift.K_b = {headline}" in sentence(quad)
+    assert f"body_lift.K_b = {headline}" in repr(Result(found=quad, _page=FIT, _summary=sentence))
+    assert FIT.highlights(quad)["body_lift.K_b"] == headline  # type: ignore[misc]
+    (short,) = (one for one in short_table(quad.results[0]).rows if one[0] == "body_lift.K_b")
+    assert short[2] == f"{item.value:.3f} ± {item.combined_sd:.3f}"
+    assert short[-1] == f"{item.sd:.3f}"
+    for table in (short_table(quad.results[0]), estimates_table(quad.results[0])):
+        assert "uncertainty of the budget" in table.caption
+    frame = estimates_frame(quad).set_index(["method", "parameter"])
+    assert frame.loc[("least_squares", "body_lift.K_b"), "combined_sd"] == item.combined_sd
+    assert frame.loc[("least_squares", "body_lift.K_b"), "sd"] == item.sd
+    stated = result_tables(quad)["results"]["least_squares"]["estimates"]["body_lift.K_b"]
+    assert (stated["combined_sd"], stated["sd"]) == (item.combined_sd, item.sd)
+
+
+def test_a_posterior_has_the_sources_outside_of_it_as_well(quad: FitOutput) -> None:
+    budget, (first, other) = quad.budget, (one["K_b"] for one in quad.results)
+    assert budget is not None
+    place = budget.names.index("body_lift.K_b")
+    held = np.linalg.norm([one.contribution[place] for one in budget.lines if not one.in_fit])
+    assert other.combined_sd == pytest.approx(np.hypot(other.sd, held))
+    assert other.combined_95 == pytest.approx(first.combined_95, abs=0.2 * first.sd)
+    drawing = drawn_figures("fit", quad, ["corner"])["corner"].figure
+    titles = {axes.get_title() for axes in drawing.axes}
+    sd, combined = f"{other.sd:.3f}", f"{other.combined_sd:.3f}"
+    assert f"{other.value:.3f} ± {combined}\n(statistical {sd})" in titles
+
+
+def test_a_fit_without_a_budget_says_that_its_error_is_statistical() -> None:
+    item = Estimate("R_m", "m", 0.125, 0.002, (0.123, 0.127), (0.121, 0.129))
+    assert printed(item, item.unit) == "0.1250 ± 0.0020 m (statistical)"
+    result = FitResult(
+        method="least_squares", basis="joint", model="line", estimates=(item,),
+        covariance=np.eye(1), chi2=1.0, dof=3, log_likelihood=0.0, outcome=Outcome("converged", ""),
+    )  # fmt: skip
+    for table in (short_table(result), estimates_table(result)):
+        assert "without a budget" in table.caption
+
+
+def test_monte_carlo_goes_before_a_propagation_that_it_refutes() -> None:
+    source = shared(3, 10.0, distribution="uniform")
+    way = carried(weighted_mean())
+    budget = replace(budget_of(way, [source]), monte_carlo=monte_carlo(way, [source]))
+    item = budget.added_to(way.items[0], first=True)
+    ends = np.array(item.combined_95) - item.value
+    assert ends == pytest.approx(np.array([-1.0, 1.0]) * 10.0 * 0.95 * 3.0**0.5, rel=0.03)
+    assert item.combined_sd == pytest.approx(10.0, rel=0.03)

@@ -206,6 +206,8 @@ def test_fitted_values_are_listed_with_unit_and_intervals() -> None:
         "10⁻⁵\u00a0N/(rad/s)²",
         "1.2000",
         "0.0010",
+        "1.1980 … 1.2020",
+        "0.0010",
         "1.1990 … 1.2010",
         "1.1980 … 1.2020",
     )
@@ -216,6 +218,6 @@ def test_fitted_values_are_listed_with_unit_and_intervals() -> None:
 def test_methods_stand_side_by_side_with_the_truth() -> None:
     table = methods_table([result("least_squares"), result("emcee", 1e-9)], {"body_lift.K_b": 2.0})
     assert tuple(table.header) == ("parameter", "least squares", "emcee", "truth")
-    assert list(table.rows[1]) == ["body_lift.K_b", "1.974 ± 0.021", "1.974 ± 0.021", "2"]
+    assert list(table.rows[1]) == ["body_lift.K_b", *["1.974 ± 0.021 (statistical)"] * 2, "2"]
     assert table.rows[0][3] == "–"
     assert table.rows[2][1] == "83.2 / 77"
