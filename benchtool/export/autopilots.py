@@ -1,12 +1,15 @@
 """Parameters of autopilots: ArduPilot, PX4 and Betaflight.
 
-All three linearise thrust over throttle v, 0 at the idle pulse, at which rotors must turn, 1 at the
-longest. ArduPilot (MOT_THST_EXPO) and PX4 (THR_MDL_FAC) invert T = T_max ((1 - e) v + e v^2);
-Betaflight (thrust_linear) commands x (1 + t (1 - x)^2) for a wanted share x of full thrust.
+Each commands a throttle for a demand d, 0 at the idle pulse, at which rotors must turn, 1 at the
+longest. ArduPilot (MOT_THST_EXPO) and PX4 (THR_MDL_FAC) command the v of d = (1 - e) v + e v^2.
+Betaflight (thrust_linear, t in percent over 100) commands d (1 + t (1 - d) (1 + t (1 - 2 d))) from
+2026.6 on, d (1 + t (1 - d)^2) in 4.3 to 2025.12. The parameter is that of the least spread of the
+gain dT/dd, by which ArduPilot's ThrustExpo tool judges.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -24,23 +27,57 @@ MAX_THRUST_LINEAR = 150
 PX4_FLOAT, PX4_INT32 = 9, 6
 """MAV_PARAM_TYPE of a parameter file's last column."""
 
-_GRID = np.linspace(0.0, 1.0, 201)
+DEMANDS = np.linspace(0.0, 1.0, 1001)  # the step of ArduPilot's ThrustExpo tool
+EXPO_STEP = 0.005  # of the same tool
+MAX_USUAL_EXPO = 0.75  # largest in ArduPilot's page "Setting the Aircraft Up for Tuning"
+
+ARDUPILOT = (
+    "linearised as AP_Motors_Thrust_Linearization.cpp of ArduPilot 04dc0b71 does, by the criterion "
+    "of WebTools/ThrustExpo 18e89bc0"
+)
+PX4 = "linearised as mixer_module/functions/FunctionMotors.hpp of PX4 15c4f088 does"
 
 
-def share_over_idle(vehicle: Vehicle, v: Array) -> Array:
-    """Return thrust over full thrust at throttles from idle (0) to full (1) (n,)."""
-    return vehicle.thrust_N(IDLE + (1.0 - IDLE) * v) / vehicle.thrust_max.value
+def expo_throttle(expo: float, demand: Array) -> Array:
+    """Return the throttle from idle (0) to full (1) that ArduPilot and PX4 command."""
+    if expo == 0.0:
+        return demand
+    linear = 1.0 - expo
+    root = np.sqrt(linear * linear + 4.0 * expo * demand)
+    return np.asarray((root - linear) / (2.0 * expo), float)
 
 
-def expo_over_idle(vehicle: Vehicle, low: float) -> Number:
-    """Return the e of least squared error of thrust over the range from idle, `low` to 1."""
-    bend = _GRID * _GRID - _GRID
-    share = share_over_idle(vehicle, _GRID)
-    e = float(bend @ (share - _GRID) / (bend @ bend))
-    found = Number(e, "1", f"over the range from idle; e from 0 is {vehicle.expo.value:.4g}, "
-                   f"{vehicle.expo.why}", vehicle.expo.stated).within(low, 1.0)  # fmt: skip
-    error = np.abs(_GRID + found.value * bend - share).max()
-    return replace(found, why=f"thrust within {100.0 * error:.1f} % of full, {found.why}")
+def betaflight_throttle(share: float, demand: Array) -> Array:
+    """Return the throttle that Betaflight 2026.6 commands."""
+    rest = 1.0 - demand
+    return np.asarray(demand * (1.0 + share * rest * (1.0 + share * (rest - demand))), float)
+
+
+def cubic_throttle(share: float, demand: Array) -> Array:
+    """Return the throttle that Betaflight 4.3 to 2025.12 commands."""
+    return np.asarray(demand * (1.0 + share * (1.0 - demand) ** 2), float)
+
+
+def most_linear(
+    vehicle: Vehicle, throttle: Callable[[float, Array], Array], settings: Array
+) -> tuple[float, str]:
+    """Return the setting of the least spread of the gain, and that spread in words."""
+    found = []
+    for setting in settings.tolist():
+        command = IDLE + (1.0 - IDLE) * np.clip(throttle(setting, DEMANDS), 0.0, 1.0)
+        gain = np.diff(vehicle.thrust_N(command))
+        found.append((float(gain.std() / gain.mean()), setting, float(gain.max() / gain.min())))
+    spread, best, ratio = min(found)
+    return best, f"gain dT/d(demand) from idle to full: sd {100.0 * spread:.2g} %, 1 to {ratio:.3g}"
+
+
+def expo_over_idle(vehicle: Vehicle, low: float, source: str) -> Number:
+    """Return the e, from `low` to 1, of the most linear thrust over demand from idle on."""
+    settings = np.round(np.arange(low, 1.0 + 0.5 * EXPO_STEP, EXPO_STEP), 3)
+    value, spread = most_linear(vehicle, expo_throttle, settings)
+    limit = "limit of the target; " if value in (low, 1.0) else ""
+    why = f"{limit}{source}; {spread}; thrust over throttle: {vehicle.expo.why}"
+    return Number(value, "1", why, vehicle.expo.stated)
 
 
 def _pulse(vehicle: Vehicle, key: str) -> Number:
@@ -50,7 +87,7 @@ def _pulse(vehicle: Vehicle, key: str) -> Number:
 def _idle(vehicle: Vehicle) -> Number:
     p = vehicle.rig.propulsion
     pulse_us = p.pwm_start_us + IDLE * (p.pwm_max_us - p.pwm_start_us)
-    share = 100.0 * float(share_over_idle(vehicle, np.zeros(1))[0])
+    share = 100.0 * float(vehicle.thrust_N(np.array(IDLE))) / vehicle.thrust_max.value
     return Number(pulse_us, "us", f"idle, {share:.2g} % of full thrust, a choice: rotors must turn")
 
 
@@ -67,12 +104,20 @@ def ardupilot(vehicle: Vehicle) -> str:
     """
     idle, stop, most = _idle(vehicle), _pulse(vehicle, "pwm_stop_us"), _pulse(vehicle, "pwm_max_us")
     span_us = most.value - stop.value
+    expo = expo_over_idle(vehicle, -1.0, ARDUPILOT)
+    if expo.value > MAX_USUAL_EXPO:
+        expo = replace(
+            expo,
+            why=f"CAUTION: above {MAX_USUAL_EXPO}, the most that ArduPilot states for propellers "
+            f"of 20 inches and larger; see that the middle of the throttle is linear, do not chase "
+            f"a perfect fit of its ends (WebTools/ThrustExpo); {expo.why}",
+        )
     numbers = {
         "MOT_PWM_MIN": stop,
         "MOT_PWM_MAX": most,
         "MOT_SPIN_MIN": Number((idle.value - stop.value) / span_us, "1", idle.why),
         "MOT_SPIN_MAX": Number(1.0, "1", "where the fitted curve ends"),
-        "MOT_THST_EXPO": expo_over_idle(vehicle, -1.0),
+        "MOT_THST_EXPO": expo,
         "MOT_THST_HOVER": vehicle.hover_share.within(0.125, 0.6875),
         "MOT_BAT_VOLT_MAX": vehicle.of_rig("propulsion.voltage_nominal_V", "V"),
         "MOT_BAT_VOLT_MIN": vehicle.of_rig("limits.voltage_min_V", "V"),
@@ -115,7 +160,7 @@ def px4(vehicle: Vehicle) -> str:
             ),
         ]
     numbers += [
-        ("THR_MDL_FAC", expo_over_idle(vehicle, 0.0), PX4_FLOAT),
+        ("THR_MDL_FAC", expo_over_idle(vehicle, 0.0, PX4), PX4_FLOAT),
         ("MPC_THR_HOVER", vehicle.hover_share.within(0.1, 0.8), PX4_FLOAT),
     ]
     pulses = {
@@ -135,31 +180,20 @@ def px4(vehicle: Vehicle) -> str:
     return "\n".join(lines)
 
 
-def thrust_linear(vehicle: Vehicle) -> tuple[int, float]:
-    """Return Betaflight's thrust_linear in percent, and the largest error of thrust over T_max.
-
-    The curve x (1 + t (1 - x)^2) has one number for every throttle; it is the t of the least
-    squared error of thrust.
-    """
-    found = []
-    for percent in range(MAX_THRUST_LINEAR + 1):
-        throttle = _GRID * (1.0 + 0.01 * percent * (1.0 - _GRID) ** 2)
-        error = share_over_idle(vehicle, throttle) - _GRID
-        found.append((float(error @ error), percent, float(np.abs(error).max())))
-    _, best, error_max = min(found)
-    return best, error_max
-
-
 def betaflight(vehicle: Vehicle) -> str:
     """Return lines for Betaflight's command line; names of its other settings change by version."""
     if not vehicle.expo.stated:
         return _left_out("thrust_linear", vehicle.expo)
-    percent, error = thrust_linear(vehicle)
+    settings = np.arange(MAX_THRUST_LINEAR + 1, dtype=float) / 100.0
+    now, spread = most_linear(vehicle, betaflight_throttle, settings)
+    before, cubic_spread = most_linear(vehicle, cubic_throttle, settings)
     idle, most = _idle(vehicle), _pulse(vehicle, "pwm_max_us")
     return "\n".join([
-        f"# %; thrust within {100.0 * error:.1f} % of full; expo {vehicle.expo.value:.4g}, "
-        f"{vehicle.expo.why}",
+        f"# %; thrust over throttle: expo {vehicle.expo.value:.4g}, {vehicle.expo.why}",
         f"# holds for motors from {idle.value:.0f} us ({idle.why}) to {most.value:.0f} us",
-        f"set thrust_linear = {percent}",
+        f"# Betaflight 4.3 to 2025.12, in place of the next line; {cubic_spread}:",
+        f"# set thrust_linear = {100.0 * before:.0f}",
+        f"# Betaflight 2026.6 and later (pull request 15226); {spread}:",
+        f"set thrust_linear = {100.0 * now:.0f}",
         "save",
     ])  # fmt: skip

@@ -7,6 +7,8 @@ import re
 import runpy
 import shutil
 import subprocess
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -18,7 +20,8 @@ from pymavlink.mavparm import MAVParmDict
 
 import benchtool as bt
 from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
-from benchtool.export.autopilots import IDLE
+from benchtool.data.propeller_file import propeller_named
+from benchtool.export.autopilots import IDLE, ardupilot, betaflight
 from benchtool.export.targets import TARGETS
 from benchtool.export.vehicle import Vehicle, vehicle_of
 from tests.unit.commands.command_line import run
@@ -131,11 +134,37 @@ def test_the_parser_of_sdf_reads_it(exported: Path) -> None:
     assert plant.CalcTotalMass(plant.CreateDefaultContext()) == pytest.approx(1.4)
 
 
-def expo_error(expo: float, vehicle: Vehicle) -> float:
-    """Return how far the law of ArduPilot and PX4 is off over the range from idle, of full."""
-    v = THROTTLES
-    truth = vehicle.thrust_N(IDLE + (1.0 - IDLE) * v) / vehicle.thrust_max.value
-    return float(np.abs((1.0 - expo) * v + expo * v * v - truth).max())
+DEMANDS = np.linspace(0.0, 1.0, 1001)
+
+
+def gain_sd(thrust_N: np.ndarray) -> float:
+    """Return the scatter of dT/d(demand) over its mean: the criterion of ArduPilot's tool."""
+    gain = np.diff(thrust_N)
+    return float(gain.std() / gain.mean())
+
+
+def ardupilot_pulse_us(parameters: Any, expo: float) -> np.ndarray:
+    """Return what thrust_to_actuator and output_to_pwm of ArduPilot make of demands."""
+    ratio = DEMANDS
+    if expo != 0.0:
+        root = np.sqrt((1.0 - expo) * (1.0 - expo) + 4.0 * expo * DEMANDS)
+        ratio = np.clip(((expo - 1.0) + root) / (2.0 * expo), 0.0, 1.0)
+    spin_min, spin_max = parameters["MOT_SPIN_MIN"], parameters["MOT_SPIN_MAX"]
+    actuator = spin_min + (spin_max - spin_min) * ratio
+    least, most = parameters["MOT_PWM_MIN"], parameters["MOT_PWM_MAX"]
+    return np.asarray(least + (most - least) * actuator)
+
+
+def thrust_at(pulse_us: np.ndarray, vehicle: Vehicle) -> np.ndarray:
+    p = vehicle.rig.propulsion
+    return vehicle.thrust_N((pulse_us - p.pwm_start_us) / (p.pwm_max_us - p.pwm_start_us))
+
+
+def by_ardupilots_tool(parameters: Any, thrust: Callable[[np.ndarray], np.ndarray]) -> float:
+    """Return the expo of the least scatter, from -1 to 1 in its steps."""
+    tried = np.round(np.arange(-1.0, 1.0025, 0.005), 3)
+    scatter = [gain_sd(thrust(ardupilot_pulse_us(parameters, expo))) for expo in tried]
+    return float(tried[int(np.argmin(scatter))])
 
 
 def test_ardupilot_reads_its_parameters(exported: Path, vehicle: Vehicle) -> None:
@@ -148,7 +177,64 @@ def test_ardupilot_reads_its_parameters(exported: Path, vehicle: Vehicle) -> Non
     assert found["MOT_BAT_VOLT_MAX"] == pytest.approx(11.1)
     hover = 1.4 * 9.80665 / 4 / vehicle.thrust_max.value
     assert found["MOT_THST_HOVER"] == pytest.approx(hover, rel=1e-4)
-    assert expo_error(found["MOT_THST_EXPO"], vehicle) < 0.012
+    by_tool = by_ardupilots_tool(found, lambda pulse_us: thrust_at(pulse_us, vehicle))
+    assert found["MOT_THST_EXPO"] == pytest.approx(by_tool, abs=1e-6)
+    assert gain_sd(thrust_at(ardupilot_pulse_us(found, by_tool), vehicle)) < 0.002
+
+
+def with_expo(vehicle: Vehicle, expo: float) -> Vehicle:
+    motor = vehicle.motor
+    assert motor is not None
+    estimates = [replace(one, value=expo) if one.name == "expo" else one for one in motor.estimates]
+    return replace(vehicle, motor=replace(motor, estimates=tuple(estimates)))
+
+
+def written_expo(vehicle: Vehicle) -> tuple[str, float]:
+    """Return the comment of MOT_THST_EXPO and its value."""
+    head, _, rest = ardupilot(vehicle).partition("\nMOT_THST_EXPO,")
+    return head.rpartition("\n")[2], float(rest.partition("\n")[0])
+
+
+@pytest.mark.parametrize("expo", [0.2, 0.59, 0.9])
+def test_a_parabola_is_inverted_exactly(vehicle: Vehicle, expo: float) -> None:
+    """Over throttles from idle it is a parabola again, whose e has a closed form."""
+    span = 1.0 - IDLE
+    exact = expo * span / (1.0 - expo + 2.0 * expo * IDLE + expo * span)
+    assert written_expo(with_expo(vehicle, expo))[1] == pytest.approx(exact, abs=0.0026)
+
+
+@pytest.mark.parametrize("name", ["b4_7", "d2_11", "e4_11", "h7_11"])
+def test_the_expo_of_a_measured_log_is_that_of_ardupilots_tool(
+    name: str, reference_data: Path, tmp_path: Path
+) -> None:
+    """By plain least squares of the log's own columns, through the formulas of ArduPilot."""
+    path = reference_data / "rcbenchmark_1520" / f"{name}.csv"
+    (file,) = bt.export(path, "ardupilot", tmp_path / "a.param", propeller="5x4")
+    found = MAVParmDict()
+    assert found.load(str(file), use_excludes=False)
+    vehicle = vehicle_of(path, propeller=propeller_named("5x4"))
+    assert vehicle.motor is not None
+    exponent = np.nan_to_num(vehicle.motor.value("voltage_exponent"), nan=1.0)
+    table = np.genfromtxt(path, delimiter=",", skip_header=1, usecols=(1, 5, 6, 8))
+    pulse, thrust_gf, voltage, _ = table[table[:, 3] > 0.0].T
+    thrust_N = 9.80665e-3 * thrust_gf * (np.nanmax(table[:, 2]) / voltage) ** (2.0 * exponent)
+    u = (pulse - 1000.0) / 1000.0
+    linear, square = np.linalg.lstsq(np.column_stack([u, u * u]), thrust_N, rcond=None)[0]
+
+    def by_hand(pulse_us: np.ndarray) -> np.ndarray:
+        v = (pulse_us - 1000.0) / 1000.0
+        return np.asarray(linear * v + square * v * v)
+
+    assert found["MOT_THST_EXPO"] == pytest.approx(by_ardupilots_tool(found, by_hand), abs=0.03)
+
+
+def test_an_expo_above_those_that_ardupilot_states_has_its_caution(vehicle: Vehicle) -> None:
+    high, value = written_expo(with_expo(vehicle, 0.95))
+    assert value > 0.75
+    assert "CAUTION" in high
+    usual, value = written_expo(with_expo(vehicle, 0.80))
+    assert value < 0.75
+    assert "CAUTION" not in usual
 
 
 def test_px4_takes_the_file_of_a_ground_station(exported: Path, vehicle: Vehicle) -> None:
@@ -168,22 +254,43 @@ def test_px4_takes_the_file_of_a_ground_station(exported: Path, vehicle: Vehicle
         assert (found[f"CA_ROTOR{i}_PX"], found[f"CA_ROTOR{i}_PY"]) == (rotor.x_m, -rotor.y_m)
         moment = rotor.spin * 1.6e-7 / vehicle.k.value
         assert found[f"CA_ROTOR{i}_KM"] == pytest.approx(moment)
-    assert expo_error(found["THR_MDL_FAC"], vehicle) < 0.012
+    # FunctionMotors::updateValues, and the range of the output.
+    factor, (least, most) = found["THR_MDL_FAC"], (found["PWM_MAIN_MIN1"], found["PWM_MAIN_MAX1"])
+
+    def thrust(factor: float) -> np.ndarray:
+        half = (1.0 - factor) / (2.0 * factor)
+        command = -half + np.sqrt(half * half + DEMANDS / factor)
+        return thrust_at(least + command * (most - least), vehicle)
+
+    assert gain_sd(thrust(factor)) < min(gain_sd(thrust(factor + step)) for step in (-0.01, 0.01))
+    assert gain_sd(thrust(factor)) < 0.01  # whole microseconds of the range
 
 
 def test_betaflight_makes_thrust_linear(exported: Path, vehicle: Vehicle) -> None:
     text = (exported / "all" / "pquad.cli.txt").read_text("utf-8")
-    (percent,) = re.findall(r"^set thrust_linear = (\d+)$", text, re.MULTILINE)
-    stated = float(re.findall(r"thrust within ([\d.]+) %", text)[0])
+    before, now = map(int, re.findall(r"^(?:# )?set thrust_linear = (\d+)$", text, re.MULTILINE))
 
-    def off(percent: float) -> float:
-        x = np.linspace(0.0, 1.0, 101)
-        output = x * (1.0 + 0.01 * percent * (1.0 - x) ** 2)
-        share = vehicle.thrust_N(IDLE + (1.0 - IDLE) * output) / vehicle.thrust_max.value
-        return float(100.0 * np.abs(share - x).max())
+    def of_2026_6(percent: int) -> np.ndarray:
+        e, inv = 0.01 * percent, 1.0 - DEMANDS
+        return np.asarray(DEMANDS * (1.0 + e * inv * (1.0 + e * (inv - DEMANDS))))
 
-    assert off(float(percent)) == pytest.approx(stated, abs=0.06)
-    assert off(float(percent)) < 0.4 * off(0.0)
+    def of_4_3(percent: int) -> np.ndarray:
+        return np.asarray(DEMANDS * (1.0 + 0.01 * percent * (1.0 - DEMANDS) ** 2))
+
+    # The cubic halves the scatter at best: it does nothing at full demand.
+    for percent, law, share in ((before, of_4_3, 0.5), (now, of_2026_6, 0.4)):
+
+        def scatter(percent: int, law: Callable[[int], np.ndarray] = law) -> float:
+            return gain_sd(vehicle.thrust_N(IDLE + (1.0 - IDLE) * law(percent)))
+
+        assert scatter(percent) == min(map(scatter, range(151)))
+        assert scatter(percent) < share * scatter(0)
+    assert now < before
+    # The later curve is a series of ArduPilot's in small expos: 100 of one are 1 of the other.
+    mild = with_expo(vehicle, 0.4)
+    written = float(re.findall(r"\nset thrust_linear = (.+)", betaflight(mild))[0])
+    assert written == pytest.approx(100.0 * written_expo(mild)[1], abs=2.0)
+    assert text.index("4.3 to 2025.12") < text.index("2026.6 and later")
     assert text.endswith("save\n")
 
 
