@@ -35,6 +35,10 @@ ARDUPILOT = (
     "linearised as AP_Motors_Thrust_Linearization.cpp of ArduPilot 04dc0b71 does, by the criterion "
     "of WebTools/ThrustExpo 18e89bc0"
 )
+CAUTION = (
+    f"CAUTION: above {MAX_USUAL_EXPO}, ArduPilot's value for propellers of 20 inches and larger; "
+    "see that the middle of the throttle is linear, do not chase a perfect fit of its ends"
+)
 PX4 = "linearised as mixer_module/functions/FunctionMotors.hpp of PX4 15c4f088 does"
 
 
@@ -42,9 +46,8 @@ def expo_throttle(expo: float, demand: Array) -> Array:
     """Return the throttle from idle (0) to full (1) that ArduPilot and PX4 command."""
     if expo == 0.0:
         return demand
-    linear = 1.0 - expo
-    root = np.sqrt(linear * linear + 4.0 * expo * demand)
-    return np.asarray((root - linear) / (2.0 * expo), float)
+    root = np.sqrt((1.0 - expo) ** 2 + 4.0 * expo * demand)
+    return np.asarray((root + expo - 1.0) / (2.0 * expo), float)
 
 
 def betaflight_throttle(share: float, demand: Array) -> Array:
@@ -68,7 +71,8 @@ def most_linear(
         gain = np.diff(vehicle.thrust_N(command))
         found.append((float(gain.std() / gain.mean()), setting, float(gain.max() / gain.min())))
     spread, best, ratio = min(found)
-    return best, f"gain dT/d(demand) from idle to full: sd {100.0 * spread:.2g} %, 1 to {ratio:.3g}"
+    words = f"sd {100.0 * spread:.2g} %, largest over smallest {ratio:.3g}"
+    return best, f"gain dT/d(demand) from idle to full: {words}"
 
 
 def expo_over_idle(vehicle: Vehicle, low: float, source: str) -> Number:
@@ -85,8 +89,8 @@ def _pulse(vehicle: Vehicle, key: str) -> Number:
 
 
 def _idle(vehicle: Vehicle) -> Number:
-    p = vehicle.rig.propulsion
-    pulse_us = p.pwm_start_us + IDLE * (p.pwm_max_us - p.pwm_start_us)
+    start_us = vehicle.rig.propulsion.pwm_start_us
+    pulse_us = start_us + IDLE * (vehicle.full[0].value - start_us)
     share = 100.0 * float(vehicle.thrust_N(np.array(IDLE))) / vehicle.thrust_max.value
     return Number(pulse_us, "us", f"idle, {share:.2g} % of full thrust, a choice: rotors must turn")
 
@@ -103,23 +107,18 @@ def ardupilot(vehicle: Vehicle) -> str:
     with voltage below MOT_BAT_VOLT_MAX, which is therefore the voltage of the thrust curve.
     """
     idle, stop, most = _idle(vehicle), _pulse(vehicle, "pwm_stop_us"), _pulse(vehicle, "pwm_max_us")
-    span_us = most.value - stop.value
+    full, span_us = vehicle.full[0], most.value - stop.value
     expo = expo_over_idle(vehicle, -1.0, ARDUPILOT)
     if expo.value > MAX_USUAL_EXPO:
-        expo = replace(
-            expo,
-            why=f"CAUTION: above {MAX_USUAL_EXPO}, the most that ArduPilot states for propellers "
-            f"of 20 inches and larger; see that the middle of the throttle is linear, do not chase "
-            f"a perfect fit of its ends (WebTools/ThrustExpo); {expo.why}",
-        )
+        expo = replace(expo, why=f"{CAUTION}; {expo.why}")
     numbers = {
         "MOT_PWM_MIN": stop,
         "MOT_PWM_MAX": most,
         "MOT_SPIN_MIN": Number((idle.value - stop.value) / span_us, "1", idle.why),
-        "MOT_SPIN_MAX": Number(1.0, "1", "where the fitted curve ends"),
+        "MOT_SPIN_MAX": Number((full.value - stop.value) / span_us, "1", f"curve ends; {full.why}"),
         "MOT_THST_EXPO": expo,
         "MOT_THST_HOVER": vehicle.hover_share.within(0.125, 0.6875),
-        "MOT_BAT_VOLT_MAX": vehicle.of_rig("propulsion.voltage_nominal_V", "V"),
+        "MOT_BAT_VOLT_MAX": vehicle.full[1],
         "MOT_BAT_VOLT_MIN": vehicle.of_rig("limits.voltage_min_V", "V"),
     }
     return "\n".join(
@@ -166,7 +165,7 @@ def px4(vehicle: Vehicle) -> str:
     pulses = {
         "DIS": _pulse(vehicle, "pwm_stop_us"),
         "MIN": _idle(vehicle),
-        "MAX": _pulse(vehicle, "pwm_max_us"),
+        "MAX": vehicle.full[0],
     }
     for i in range(1, rig.n_rotors + 1):
         numbers += [(f"PWM_MAIN_{name}{i}", each, PX4_INT32) for name, each in pulses.items()]
@@ -187,7 +186,7 @@ def betaflight(vehicle: Vehicle) -> str:
     settings = np.arange(MAX_THRUST_LINEAR + 1, dtype=float) / 100.0
     now, spread = most_linear(vehicle, betaflight_throttle, settings)
     before, cubic_spread = most_linear(vehicle, cubic_throttle, settings)
-    idle, most = _idle(vehicle), _pulse(vehicle, "pwm_max_us")
+    idle, most = _idle(vehicle), vehicle.full[0]
     return "\n".join([
         f"# %; thrust over throttle: expo {vehicle.expo.value:.4g}, {vehicle.expo.why}",
         f"# holds for motors from {idle.value:.0f} us ({idle.why}) to {most.value:.0f} us",

@@ -122,7 +122,7 @@ def mujoco(vehicle: Vehicle) -> str:
         "gainprm: thrust of a full share,": full,
         "gear: torque over thrust,": ratio,
         "dynprm: lag of thrust,": lag,
-        "share of thrust over throttle: e,": vehicle.expo,
+        f"control of throttle u: (1 - e) u + e u^2, e = {vehicle.expo.value:.9g};": vehicle.expo,
     }
     lines = [
         f'<mujoco model="{vehicle.name}">',

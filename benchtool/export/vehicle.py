@@ -65,7 +65,8 @@ class Vehicle:
     Attributes:
         model: physics of the thrust near a surface.
         motor: constants of a test without a plate; None where only the rig's are known.
-        intervals: 95 % intervals of the model's fitted parameters, by full name.
+        intervals: 95 % intervals of the model's fitted parameters, by full name; with every source
+            of the fit's budget where it has one.
         fitted: what the intervals are of, as in "fit bench-1".
         simulated: whether no physical bench made the data of the fit or of the motor test.
     """
@@ -104,8 +105,24 @@ class Vehicle:
             return None
         found: Estimate = self.motor[name]
         low, high = found.interval_95
+        note = f"{found.bound}; " if found.bound else ""
         runs = ", ".join(self.motor.names)
-        return Number(found.value, found.unit, f"95 %: {low:.5g} to {high:.5g}, motor test {runs}")
+        why = f"{note}95 %: {low:.5g} to {high:.5g}, motor test {runs}"
+        return Number(found.value, found.unit, why)
+
+    @cached_property
+    def full(self) -> tuple[Number, Number]:
+        """Pulse and voltage of full command: us, V; the rig's, or the highest measured."""
+        pulse = self.of_rig("propulsion.pwm_max_us", "us")
+        voltage = self.of_rig("propulsion.voltage_nominal_V", "V")
+        if self.motor is not None and self._of_motor("T_max") is not None:
+            full, why = self.motor.full, f"highest measured, motor test {self.motor.names[0]}"
+            volts = full.voltage_V if isfinite(full.voltage_V) else full.measured_V
+            if full.pulse_us != pulse.value:
+                pulse = Number(full.pulse_us, "us", why)
+            if isfinite(volts) and volts != voltage.value:
+                voltage = Number(volts, "V", why)
+        return pulse, voltage
 
     def parameter(self, name: str) -> Number:
         """Return a parameter of the model by its full name."""
@@ -116,16 +133,38 @@ class Vehicle:
         return Number(item.value, item.unit, f"no interval; {item.source or 'the rig'}")
 
     @cached_property
-    def k(self) -> Number:
-        """Thrust over squared speed of one rotor: N/(rad/s)^2; the motor test's where there is one.
-
-        The rig's own stands in for a model that was never fitted.
-        """
+    def _k(self) -> Number:
+        """Thrust over squared speed of one rotor: of motor test, fit or rig, in this order."""
         if (found := self._of_motor("k")) is not None:
             return found
         if "k" in self.intervals:
             return self.parameter("k")
         return self.of_rig("propulsion.thrust_coefficient_N_s2", "N/(rad/s)^2")
+
+    @cached_property
+    def k(self) -> Number:
+        """Thrust over squared speed at full command: N/(rad/s)^2.
+
+        A target whose thrust is k w^2 reaches `thrust_max` at `speed_max`; how far it is off at
+        lower throttles is stated.
+        """
+        k = self.thrust_max.value / self.speed_max.value**2
+        thrust = self.thrust_N(np.linspace(0.1, 1.0, 91))
+        error = np.abs(k * self.speed_rad_s(thrust) ** 2 - thrust)
+        worst = int(error.argmax())
+        share, there = error[worst] / thrust[-1], error[worst] / thrust[worst]
+        if share < 1e-9:
+            return self._k
+        why = f"exact at full command, k w^2 within {100.0 * share:.2g} % of full thrust"
+        why += f" ({100.0 * there:.3g} % of the thrust there) from throttle 0.1 on; fitted"
+        return Number(k, self._k.unit, f"{why} {self._k.value:.6g}, {self._k.why}", self._k.stated)
+
+    def speed_rad_s(self, thrust_N: Array) -> Array:
+        """Return the speeds (n,) at thrusts far from any surface: rad/s."""
+        if self.motor is None or self.motor.law is None:
+            return np.asarray(np.sqrt(thrust_N / self._k.value), float)
+        speed_at = self.motor.law.speed_at
+        return np.asarray(np.vectorize(lambda one: speed_at(one)[0], otypes=[float])(thrust_N))
 
     @cached_property
     def torque_per_thrust(self) -> Number:
@@ -136,20 +175,19 @@ class Vehicle:
 
     @cached_property
     def speed_max(self) -> Number:
-        """Speed at the longest pulse and nominal voltage: rad/s."""
-        p = self.rig.propulsion
-        per_us = self._of_motor("speed_per_us")
-        zero = self._of_motor("pulse_zero")
-        if per_us is not None and zero is not None:
-            return per_us.of(p.pwm_max_us - zero.value, "rad/s")
-        slope = self.of_rig("propulsion.speed_per_us_rad_s", "rad/s/us")
-        return slope.of(p.pwm_max_us - p.pwm_start_us, "rad/s")
+        """Speed at full command, of the thrust there: rad/s."""
+        full = self.thrust_max
+        speed = float(self.speed_rad_s(np.array(full.value)))
+        return Number(speed, "rad/s", f"where thrust is {full.value:.6g} N, {full.why}")
 
     @cached_property
     def thrust_max(self) -> Number:
-        """Thrust of one rotor at full throttle and nominal voltage: N."""
-        found = self._of_motor("T_max")
-        return found if found is not None else self.k.of(self.speed_max.value**2, "N")
+        """Thrust of one rotor at pulse and voltage of `full`: N."""
+        if (found := self._of_motor("T_max")) is not None:
+            return found
+        p = self.rig.propulsion
+        slope = self.of_rig("propulsion.speed_per_us_rad_s", "rad/s/us")
+        return self._k.of((slope.value * (p.pwm_max_us - p.pwm_start_us)) ** 2, "N")
 
     @cached_property
     def expo(self) -> Number:
@@ -174,7 +212,10 @@ class Vehicle:
         return mass.of(9.80665 / (self.rig.n_rotors * self.thrust_max.value), "1")
 
     def thrust_N(self, throttle: Array) -> Array:
-        """Return the thrust of one rotor far from any surface, nominal voltage (n,): N."""
+        """Return the thrust of one rotor at throttles (n,), far from any surface: N.
+
+        Every target has its thrust from here. Throttle: 0 at `pwm_start_us`, 1 at `full`.
+        """
         e = self.expo.value
         u = np.asarray(throttle, float)
         return np.asarray(self.thrust_max.value * ((1.0 - e) * u + e * u * u), float)
@@ -252,7 +293,8 @@ def vehicle_of(
         simulated = bool(tables["simulated"])
         for result in tables["results"].values():
             for name, item in result["estimates"].items():
-                low, high = item["interval_95"]
+                own = item.get("combined_95", (None,))
+                low, high = item["interval_95"] if None in own else own
                 intervals[name] = (float(low), float(high))
     found = fit_motor(motor, None, rig or loaded.rig, propeller) if motor else None
     # One rotor stands for each of a vehicle; another vehicle does not.

@@ -156,8 +156,9 @@ def ardupilot_pulse_us(parameters: Any, expo: float) -> np.ndarray:
 
 
 def thrust_at(pulse_us: np.ndarray, vehicle: Vehicle) -> np.ndarray:
-    p = vehicle.rig.propulsion
-    return vehicle.thrust_N((pulse_us - p.pwm_start_us) / (p.pwm_max_us - p.pwm_start_us))
+    start_us = vehicle.rig.propulsion.pwm_start_us
+    assert vehicle.motor is not None
+    return vehicle.thrust_N((pulse_us - start_us) / (vehicle.motor.full.pulse_us - start_us))
 
 
 def by_ardupilots_tool(parameters: Any, thrust: Callable[[np.ndarray], np.ndarray]) -> float:
@@ -172,7 +173,10 @@ def test_ardupilot_reads_its_parameters(exported: Path, vehicle: Vehicle) -> Non
     assert found.load(str(exported / "all" / "pquad.param"), use_excludes=False)
     assert found["MOT_PWM_MIN"] == 1000.0
     assert found["MOT_PWM_MAX"] == 1950.0
-    idle_us = 1050.0 + IDLE * 900.0
+    assert vehicle.motor is not None
+    full_us = float(vehicle.motor.points.pulse_us.max())  # 1950 us is too far beyond it
+    assert found["MOT_SPIN_MAX"] == pytest.approx((full_us - 1000.0) / 950.0, rel=1e-4)
+    idle_us = 1050.0 + IDLE * (full_us - 1050.0)
     assert found["MOT_SPIN_MIN"] == pytest.approx((idle_us - 1000.0) / 950.0, rel=1e-4)
     assert found["MOT_BAT_VOLT_MAX"] == pytest.approx(11.1)
     hover = 1.4 * 9.80665 / 4 / vehicle.thrust_max.value
