@@ -7,6 +7,7 @@ wrong one is refused with the same sentence.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -162,6 +163,8 @@ def motor(
     runs: Data | Sequence[Data],
     *,
     mass_kg: float | None = None,
+    rotors: int | None = None,
+    extrapolate: bool = False,
     propeller: str | Path | None = None,
     rig: Rig | str | Path | None = None,
 ) -> Result[MotorFit]:
@@ -172,7 +175,8 @@ def motor(
     Args:
         runs: one or several run folders of one rig, or logs of stands; references of a plate sweep
             count as well.
-        mass_kg: of the vehicle whose hover point is worked out; the rig's when left out.
+        mass_kg, rotors: of the vehicle whose hover point is worked out; the rig's when left out.
+        extrapolate: thrust to the rig's longest pulse and nominal voltage, however far.
         propeller: of logs that do not state theirs: name, file, or size in inches.
         rig: of logs; made from them when left out.
 
@@ -181,7 +185,7 @@ def motor(
         EstimationError: too few throttle levels, and no step of the pulse.
     """
     return Result(
-        found=fit_motor(paths_of(runs), mass_kg, *_stand(rig, propeller)),
+        found=fit_motor(paths_of(runs), mass_kg, *_stand(rig, propeller), rotors, extrapolate),
         _page=MOTOR, _summary=motor_lines,
         _tables={
             "constants": lambda one: frame_of_rows([estimate_row(e) for e in one.estimates]),
@@ -278,6 +282,9 @@ def export(
     out: str | Path | None = None,
     *,
     motor: Data | Sequence[Data] = (),
+    mass_kg: float | None = None,
+    rotors: int | None = None,
+    extrapolate: bool = False,
     propeller: str | Path | None = None,
     rig: Rig | str | Path | None = None,
     permit: CodePermit = refuse_code,
@@ -290,7 +297,8 @@ def export(
         to: "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c", or "all".
         out: new file, or for "all" new folder; named after the rig when left out.
         motor: runs without a plate or logs, whose motor constants go before the rig's.
-        propeller: of logs, as `motor` takes it.
+        mass_kg, rotors: of the vehicle, for its hover point; the rig's when left out.
+        extrapolate, propeller: of the motor test, as `motor` takes them.
         rig: of logs, likewise.
         permit: called with a model's own Python before it is run; refused when left out.
 
@@ -303,7 +311,8 @@ def export(
         WouldOverwrite: a file is there already; nothing was written.
     """
     (path,) = paths_of(model)
-    vehicle = vehicle_of(path, paths_of(motor), permit, *_stand(rig, propeller))
+    vehicle = vehicle_of(path, paths_of(motor), permit, *_stand(rig, propeller), extrapolate)
+    vehicle = replace(vehicle, mass_kg=mass_kg, rotors=rotors)
     return write_targets(vehicle, to, None if out is None else Path(out))
 
 

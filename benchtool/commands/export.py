@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from benchtool.commands.declared import declared
-from benchtool.commands.recipe_options import StandInputs
+from benchtool.commands.recipe_options import MotorTestInputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.inputs import Input, Inputs, values_of
 
@@ -34,7 +34,7 @@ class ExportInputs(Inputs):
             "repeat for more."
         ),
     ] = ()
-    stand: StandInputs = field(default_factory=StandInputs)
+    stand: MotorTestInputs = field(default_factory=MotorTestInputs)
     out: Annotated[
         Path | None,
         Input("New file, or new folder for all.", empty="named after the rig, in this folder"),

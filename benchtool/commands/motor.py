@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-from annotated_types import Gt, Le
-
 from benchtool.commands.declared import declared
-from benchtool.commands.recipe_options import StandInputs
+from benchtool.commands.recipe_options import MotorTestInputs
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs, changed, values_of, words
 
@@ -23,11 +21,7 @@ class MotorInputs(Inputs):
         tuple[Path, ...],
         Input("Run folders of tests without a plate, or logs of a stand; one rig.", argument="RUN"),
     ] = ()
-    mass_kg: Annotated[
-        Annotated[float, Gt(0.0), Le(1000.0)] | None,
-        Input("Mass of the vehicle that hovers.", "kg", empty="the rig's, where it states one"),
-    ] = None
-    stand: StandInputs = field(default_factory=StandInputs)
+    stand: MotorTestInputs = field(default_factory=MotorTestInputs)
     out: Annotated[Path | None, Input("Write the page to this new HTML file.")] = None
 
 
@@ -40,11 +34,11 @@ def motor(inputs: MotorInputs) -> None:
 
     if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out {inputs.out} does not end in .html, as the name of a page does")
-    result = motor_of(inputs.runs, mass_kg=inputs.mass_kg, **values_of(inputs.stand))
+    result = motor_of(inputs.runs, **values_of(inputs.stand))
     print(result.summary())
     first, *others = map(str, inputs.runs)
     given = [word for each in others for word in ("--motor", each)]
-    given += words(StandInputs, changed(inputs.stand))
+    given += words(MotorTestInputs, changed(inputs.stand))
     command = shlex.join(["benchtool", "export", first, *given, "--to", "all"])
     print(f"\nfor autopilots, simulators and firmware: {command}")
     if inputs.out is not None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from annotated_types import Gt, Le
+from annotated_types import Ge, Gt, Le
 
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
@@ -25,6 +25,25 @@ class StandInputs(Inputs):
         Input("Where a log does not state it: name, file, or size in inches, as 5x4.5."),
     ] = None
     rig: Annotated[str | None, Input("Shipped name or path.", empty="made from the logs")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorTestInputs(StandInputs):
+    """Vehicle of a motor test, and how far its thrust is extrapolated."""
+
+    TITLE = "Motor tests"
+
+    mass_kg: Annotated[
+        Annotated[float, Gt(0.0), Le(1000.0)] | None,
+        Input("Mass of the vehicle that hovers.", "kg", empty="the rig's, where it states one"),
+    ] = None
+    rotors: Annotated[
+        Annotated[int, Ge(1), Le(64)] | None,
+        Input("Number of rotors that carry the mass.", empty="the rig's"),
+    ] = None
+    extrapolate: Annotated[
+        bool, Input("Extrapolate thrust beyond 10 % in command and 15 % in voltage, too.")
+    ] = False
 
 
 def recipe_given(given: dict[str, Any], command: str) -> Recipe:

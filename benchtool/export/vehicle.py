@@ -76,6 +76,8 @@ class Vehicle:
     intervals: Mapping[str, tuple[float, float]]
     fitted: str = ""
     simulated: bool = False
+    mass_kg: float | None = None  # in place of the rig's
+    rotors: int | None = None  # that carry the mass, in place of the rig's
 
     @property
     def rig(self) -> Rig:
@@ -90,6 +92,8 @@ class Vehicle:
 
     def of_rig(self, key: str, unit: str) -> Number:
         """Return a number of the rig by its dotted key, such as "body.mass_kg"."""
+        if key == "body.mass_kg" and self.mass_kg is not None:
+            return Number(self.mass_kg, unit, "no interval; as stated for the export")
         value: object = self.rig
         for part in key.split("."):
             value = getattr(value, part)
@@ -209,7 +213,8 @@ class Vehicle:
     def hover_share(self) -> Number:
         """Thrust that carries the vehicle over full thrust."""
         mass = self.of_rig("body.mass_kg", "kg")
-        return mass.of(9.80665 / (self.rig.n_rotors * self.thrust_max.value), "1")
+        rotors = self.rotors or self.rig.n_rotors
+        return mass.of(9.80665 / (rotors * self.thrust_max.value), "1")
 
     def thrust_N(self, throttle: Array) -> Array:
         """Return the thrust of one rotor at throttles (n,), far from any surface: N.
@@ -258,6 +263,7 @@ def vehicle_of(
     permit: CodePermit = refuse_code,
     rig: Rig | None = None,
     propeller: Propeller | None = None,
+    extrapolate: bool = False,
 ) -> Vehicle:
     """Return the vehicle of a model, a fit's folder, a run without a plate, or a stand's log.
 
@@ -266,7 +272,7 @@ def vehicle_of(
             thrust near a surface is that of the paper's law.
         motor: runs without a plate or logs of the same rotors, whose constants go before the rig's.
         permit: called with a model's own Python before it is run.
-        rig, propeller: of logs, see `fit_motor`; the rig of a model where there is one.
+        rig, propeller, extrapolate: see `fit_motor`; the rig of a model where there is one.
 
     Raises:
         FileFormatError, UnknownChoice: there is no such model.
@@ -274,7 +280,7 @@ def vehicle_of(
     """
     path = Path(model)
     if is_run(path) or (path.is_file() and path.suffix != ".toml"):
-        test = fit_motor((path, *motor), None, rig, propeller)
+        test = fit_motor((path, *motor), None, rig, propeller, extrapolate=extrapolate)
         of_rig = load_model("quad_body_lift" if test.rig.n_discs > 1 else "single", test.rig)
         return Vehicle(model=of_rig.model, motor=test, intervals={}, simulated=test.simulated)
     if path.is_dir():
@@ -296,7 +302,8 @@ def vehicle_of(
                 own = item.get("combined_95", (None,))
                 low, high = item["interval_95"] if None in own else own
                 intervals[name] = (float(low), float(high))
-    found = fit_motor(motor, None, rig or loaded.rig, propeller) if motor else None
+    of_log = (None, rig or loaded.rig, propeller)
+    found = fit_motor(motor, *of_log, extrapolate=extrapolate) if motor else None
     # One rotor stands for each of a vehicle; another vehicle does not.
     if found is not None and found.rig.n_rotors not in (1, loaded.rig.n_rotors):
         raise InputError(

@@ -13,100 +13,68 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.fit.motor.response import Solved, solve_weighted
 
-LAWS = {"k w^2": (0,), "k w^2 + T_0": (0, 1), "c w^n": (0, 2)}
-"""Free ones of (scale, T_0, n) by law, the simplest first."""
-
+# Free ones of (scale, T_0, n) by law, the simplest first.
+LAWS = {"k w^2": [0], "k w^2 + T_0": [0, 1], "c w^n": [0, 2]}
 MAX_LEVELS = 12  # adjacent pulses are joined to this many levels; assumed
-
 MISFIT_ITERATIONS = 6  # of weights with the misfit; assumed
-
-MIN_THRUST_SHARE = 0.1  # of the highest thrust, from which the best single k is stated; assumed
+MIN_THRUST_SHARE = 0.1  # of the highest thrust, from which a single k is the best; assumed
 
 IntArray = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ThrustLaw:
-    """Thrust of one rotor over its speed w: scale (w / middle)^n + T_0.
+    """Thrust of one rotor over its speed w: scale (w / middle)^n + T_0."""
 
-    Attributes:
-        name: a key of `LAWS`.
-        covariance: of scale, T_0 and n (3, 3), 0 for those that the law lacks.
-        speed_rad_s: lowest and highest level.
-        scores: mean squared error of held-out levels by law, in squared standard errors.
-    """
-
-    name: str
-    scale_N: float
-    zero_N: float
-    exponent: float
+    name: str  # a key of `LAWS`
+    values: tuple[float, float, float]  # scale in N, T_0 in N, n
     middle_rad_s: float
-    covariance: Array
+    covariance: Array  # (3, 3) of the values, 0 for those that the law lacks
     dof: int
-    misfit_N: float  # standard deviation of level means about the law, beyond their errors
-    speed_rad_s: tuple[float, float]
+    residual_N: float  # standard deviation of level means about the law
     level_speed_rad_s: Array  # (m,), root mean square
     level_thrust_N: Array  # (m,)
-    scores: dict[str, float]
+    scores: dict[str, float]  # by law: squared error of held-out levels over standard error
 
     def thrust_N(self, speed_rad_s: Any) -> Any:
         """Return the thrust of one rotor, not below 0: N."""
+        scale, zero, power = self.values
         x = np.asarray(speed_rad_s, float) / self.middle_rad_s
-        return np.maximum(self.scale_N * x**self.exponent + self.zero_N, 0.0)
+        return np.maximum(scale * x**power + zero, 0.0)
 
-    def speed_at(self, thrust_N: float, scale_sd: float = 0.0) -> tuple[float, float]:
-        """Return the speed of a thrust and its standard uncertainty: rad/s.
-
-        Args:
-            scale_sd: relative standard uncertainty of the load cell's scale.
-        """
-        power = max(thrust_N - self.zero_N, 1e-9 * self.scale_N) / self.scale_N
-        x = float(power ** (1.0 / self.exponent))
-        way = np.array([power, 1.0, self.scale_N * power * np.log(x)])
-        own = way @ self.covariance @ way + self.misfit_N**2
-        slope = self.exponent * self.scale_N * power / (x * self.middle_rad_s)
-        return x * self.middle_rad_s, sqrt(own + (scale_sd * thrust_N) ** 2) / slope
+    def speed_at(self, thrust_N: float) -> tuple[float, float]:
+        """Return the speed of a thrust and its standard uncertainty: rad/s."""
+        scale, zero, power = self.values
+        share = max(thrust_N / scale - zero / scale, 1e-9)
+        x = float(share ** (1.0 / power))
+        way = np.array([share, 1.0, scale * share * np.log(x)])
+        sd = sqrt(way @ self.covariance @ way + self.residual_N**2)
+        speed = x * self.middle_rad_s
+        return speed, sd * speed / (power * scale * share)
 
     @property
     def coefficient(self) -> float:
         """The c of c w^n, k where n is 2: N/(rad/s)^n."""
-        return float(self.scale_N / self.middle_rad_s**self.exponent)
+        return float(self.values[0] / self.middle_rad_s ** self.values[2])
 
     @property
-    def _upper(self) -> NDArray[np.bool_]:
-        least = MIN_THRUST_SHARE * self.level_thrust_N.max()
-        return np.asarray(self.level_thrust_N >= least, bool)
+    def single_k(self) -> tuple[float, float, float, float, float]:
+        """The k of T = k w^2, its standard uncertainty, largest relative error, speeds from and to.
 
-    @property
-    def k_speed_rad_s(self) -> tuple[float, float]:
-        """Lowest and highest speed for which the single k is the best."""
-        speed = self.level_speed_rad_s[self._upper]
-        return float(speed.min()), float(speed.max())
-
-    @property
-    def k(self) -> float:
-        """The law's own k, else that of k w^2 with the smallest largest relative error.
-
-        Over `k_speed_rad_s`, in which T / w^2 is monotonic: k lies between its two ends.
+        It is the law's own, else the one of smallest largest error from `MIN_THRUST_SHARE` of the
+        highest thrust up, which then counts as a rectangular distribution.
         """
-        if self.name == "k w^2":
-            return self.coefficient
-        ends = np.array(self.k_speed_rad_s)
-        low, high = self.thrust_N(ends) / ends**2
-        return float(2.0 * low * high / (low + high))
-
-    @property
-    def k_error(self) -> float:
-        """Largest relative error of k w^2 at the levels over which it is stated."""
-        speed, thrust = self.level_speed_rad_s[self._upper], self.level_thrust_N[self._upper]
-        return float(np.abs(self.k * speed**2 / thrust - 1.0).max())
-
-    @property
-    def k_sd(self) -> float:
-        """Standard uncertainty of k; its error counts as rectangular where the law is another."""
-        own = self.k * sqrt(self.covariance[0, 0]) / self.scale_N
-        error = 0.0 if self.name == "k w^2" else self.k * self.k_error / sqrt(3.0)
-        return float(np.hypot(own, error))
+        used = self.level_thrust_N >= MIN_THRUST_SHARE * self.level_thrust_N.max()
+        speed, thrust = self.level_speed_rad_s[used], self.level_thrust_N[used]
+        low, high = float(speed.min()), float(speed.max())
+        # T / w^2 is monotonic in every law: its extremes are at the ends.
+        k_low, k_high = (float(self.thrust_N(end)) / end**2 for end in (low, high))
+        exact = self.name == "k w^2"
+        k = self.coefficient if exact else 2.0 * k_low * k_high / (k_low + k_high)
+        error = float(np.abs(k * speed**2 / thrust - 1.0).max())
+        relative = sqrt(self.covariance[0, 0]) / self.values[0]
+        sd = k * float(np.hypot(relative, 0.0 if exact else error / sqrt(3.0)))
+        return k, sd, error, low, high
 
 
 def level_numbers(pulse_us: Array) -> IntArray:
@@ -116,11 +84,6 @@ def level_numbers(pulse_us: Array) -> IntArray:
     return np.asarray(np.searchsorted(first, pulse_us, side="right") - 1, np.intp)
 
 
-def level_means(values: Array, level: IntArray) -> Array:
-    """Return the mean over the points of each level (m,)."""
-    return np.asarray(np.bincount(level, values) / np.bincount(level), float)
-
-
 def solve_levels(
     residuals_N: Callable[[Array], Array],
     error_N: Array,
@@ -128,91 +91,79 @@ def solve_levels(
     level: IntArray,
     start: Sequence[float] | Array,
 ) -> tuple[Solved, float]:
-    """Return the weighted solution and the misfit, the standard deviation of level means about it.
+    """Return the weighted solution and the standard deviation of level means about it: N.
 
-    Points of a level share the misfit, so that their number does not reduce it; its variance is the
-    excess of that of the level means over their errors (method of moments). Errors of the zero are
-    in the covariance, not in the solution: thrusts are as they were measured.
+    Points of a level share the misfit, whose variance is the excess of that of level means over
+    their errors (method of moments). Thrusts are as measured: the zero counts in the covariance.
 
     Args:
         error_N, zero_N2: independent errors of points (n,), covariance of their zero (n, n).
     """
-    count = int(level.max()) + 1
-    mean = np.zeros((count, len(level)))
-    mean[level, np.arange(len(level))] = (1.0 / np.bincount(level))[level]
-    own = float(np.mean(np.diag(mean @ (np.diag(error_N**2) + zero_N2) @ mean.T)))
-    dof, misfit_N2 = max(count - len(start), 1), 0.0
+    mean = (level == np.arange(level.max() + 1)[:, None]) / np.bincount(level)[:, None]
+    own_N2 = float(np.mean(np.diag(mean @ (np.diag(error_N**2) + zero_N2) @ mean.T)))
+    dof, misfit_N2 = max(len(mean) - len(start), 1), 0.0
     for _ in range(MISFIT_ITERATIONS):
         sd = np.sqrt(error_N**2 + np.diag(zero_N2) + misfit_N2)
-        solved = solve_weighted(
-            lambda values, sd=sd: np.asarray(residuals_N(values) / sd),  # type: ignore[misc]
-            start,
-        )
-        left = mean @ residuals_N(solved.values)
-        misfit_N2 = max(float(left @ left) / dof - own, 0.0)
+        solved = solve_weighted(lambda values, sd=sd: residuals_N(values) / sd, start)  # type: ignore[misc]
+        residual_N2 = float(np.sum((mean @ residuals_N(solved.values)) ** 2)) / dof
+        misfit_N2 = max(residual_N2 - own_N2, 0.0)
     gain = np.linalg.pinv(solved.jacobian) / sd
     shared = misfit_N2 * (level[:, None] == level)
     covariance = gain @ (np.diag(solved.birge * error_N**2) + zero_N2 + shared) @ gain.T
-    return solved._replace(covariance=covariance, dof=dof), sqrt(misfit_N2)
+    return solved._replace(covariance=covariance, dof=dof), sqrt(residual_N2)
 
 
 def choose_law(
-    speed_rad_s: Array, thrust_N: Array, error_N: Array, zero_N2: Array, level: IntArray
-) -> tuple[ThrustLaw, ThrustLaw]:
+    speed_rad_s: Array, thrust_N: Array, error_N: Array, zero_N2: Array, scale_sd: float,
+    level: IntArray,
+) -> tuple[ThrustLaw, ThrustLaw]:  # fmt: skip
     """Return the law that the data support, and that with a free exponent.
 
     Each level is held out once. The law is the simplest whose mean squared error of held-out levels
     is within one standard error of that of the best, the standard error being that of the
     difference (Hastie, Tibshirani and Friedman, The Elements of Statistical Learning, 2009, 7.10).
+    `scale_sd` is the relative standard uncertainty of the load cell's scale.
     """
     middle = float(np.exp(np.log(speed_rad_s).mean()))
     x, error = speed_rad_s / middle, np.sqrt(error_N**2 + np.diag(zero_N2))
     start = np.array([np.median(thrust_N / x**2), max(1e-3, float(error.min())), 2.0])
+    points = np.bincount(level)
 
-    def whole(values: Array, free: tuple[int, ...]) -> Array:
+    def whole(values: Array, free: list[int]) -> Array:
         law = np.array([0.0, 0.0, 2.0])
-        law[list(free)] = values
+        law[free] = values
         return law
 
-    def left(values: Array, free: tuple[int, ...], rows: Any = slice(None)) -> Array:
+    def residuals(values: Array, free: list[int], rows: Any = slice(None)) -> Array:
         scale, zero, power = whole(values, free)
         return np.asarray(scale * x[rows] ** power + zero - thrust_N[rows], float)
 
-    def held_out(free: tuple[int, ...]) -> Array:
-        losses = []
-        for number in range(level.max() + 1):
-            test, rest = level == number, level != number
-            solved = solve_weighted(
-                lambda values, rows=rest: left(values, free, rows) / error[rows],  # type: ignore[misc]
-                start[list(free)],
-            )
-            losses.append(np.mean((left(solved.values, free, test) / error[test]) ** 2))
-        return np.array(losses)
+    def held_out(free: list[int], number: int) -> float:
+        test, rest = level == number, level != number
+        solved = solve_weighted(lambda v: residuals(v, free, rest) / error[rest], start[free])
+        return float(np.mean((residuals(solved.values, free, test) / error[test]) ** 2))
 
-    losses = {name: held_out(free) for name, free in LAWS.items()}
+    losses = {n: np.array([held_out(f, i) for i in range(len(points))]) for n, f in LAWS.items()}
     best = min(losses.values(), key=lambda loss: float(loss.mean()))
 
-    def supported(loss: Array) -> bool:
-        behind = loss - best
-        return bool(behind.mean() <= behind.std(ddof=1) / sqrt(len(behind)))
-
-    means = level_means(thrust_N, level)
+    behind = {name: loss - best for name, loss in losses.items()}
+    is_supported = (b.mean() <= b.std(ddof=1) / sqrt(len(b)) for b in behind.values())
+    chosen = next(name for name, supported in zip(LAWS, is_supported, strict=True) if supported)
 
     def law(name: str) -> ThrustLaw:
         free = LAWS[name]
-        solved, misfit_N = solve_levels(
-            lambda values: left(values, free), error_N, zero_N2, level, start[list(free)]
+        solved, residual_N = solve_levels(
+            lambda values: residuals(values, free), error_N, zero_N2, level, start[free]
         )
-        scale, zero, power = whole(solved.values, free)
-        covariance = np.zeros((3, 3))
-        covariance[np.ix_(free, free)] = solved.covariance
+        scale, zero, power = (float(value) for value in whole(solved.values, free))
+        covariance = scale_sd**2 * np.outer((scale, zero, 0.0), (scale, zero, 0.0))
+        covariance[np.ix_(free, free)] += solved.covariance
         return ThrustLaw(
-            name=name, scale_N=float(scale), zero_N=float(zero), exponent=float(power),
-            middle_rad_s=middle, covariance=covariance, dof=solved.dof,
-            misfit_N=misfit_N,
-            speed_rad_s=(float(speed_rad_s.min()), float(speed_rad_s.max())),
-            level_speed_rad_s=np.sqrt(level_means(speed_rad_s**2, level)), level_thrust_N=means,
-            scores={each: float(loss.mean()) for each, loss in losses.items()},
+            name=name, values=(scale, zero, power), middle_rad_s=middle, covariance=covariance,
+            dof=solved.dof, residual_N=residual_N,
+            level_speed_rad_s=np.sqrt(np.bincount(level, speed_rad_s**2) / points),
+            level_thrust_N=np.bincount(level, thrust_N) / points,
+            scores={name: float(loss.mean()) for name, loss in losses.items()},
         )  # fmt: skip
 
-    return law(next(name for name, loss in losses.items() if supported(loss))), law("c w^n")
+    return law(chosen), law("c w^n")

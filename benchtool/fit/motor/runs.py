@@ -29,7 +29,7 @@ from benchtool.fit.motor.response import StepResponse, step_responses
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model
 
-SCALE_ERROR = 0.005  # of the highest thrust, of a load cell without stated errors; assumed
+THRUST_ERROR = 0.005  # of a thrust and of the highest one, where no error is stated; assumed
 
 AT_REST = 0.02
 """A rotor stands below this share of its greatest speed, or thrust without one. A choice."""
@@ -112,30 +112,15 @@ class _Log(NamedTuple):
         turning = self.turning
         rest_N = self.levels.column("thrust_N")[~turning]
         left_N = float(np.abs(rest_N).max()) if rest_N.size else 0.0
-        points = _with_scatter(throttle_points(self.levels.select(turning), rig, number))
+        points = throttle_points(self.levels.select(turning), rig, number)
+        if not np.isfinite(points.thrust_se_N).any():  # scatter enlarges it where laws are fitted
+            error_N = THRUST_ERROR * np.hypot(points.thrust_N, points.thrust_N.max())
+            points = replace(points, thrust_se_N=error_N)
         scale = self.known.scales.get("thrust_N")
         return MotorData(
             rig, points, (), np.full((len(points.run),) * 2, left_N**2),
             0.0 if scale is None else scale.sd, self.levels.simulated,
         )  # fmt: skip
-
-
-def _with_scatter(p: ThrottlePoints) -> ThrottlePoints:
-    """Return points whose thrusts have errors: where none is stated, their scatter about a cubic.
-
-    The cubic is of the logarithm of thrust over that of speed, or of the pulse. `SCALE_ERROR` is
-    added: the lowest levels, whose relative scatter is that of the others, would else decide.
-    """
-    good = p.thrust_N > 0.0
-    over = p.speed_rad_s if np.isfinite(p.speed_rad_s).all() else p.pulse_us
-    degree = min(3, int(good.sum()) - 2)
-    if np.isfinite(p.thrust_se_N).any() or degree < 1:
-        return p
-    x, y = np.log(over[good]), np.log(p.thrust_N[good])
-    left = y - np.polyval(np.polyfit(x - x.mean(), y, degree), x - x.mean())
-    relative = float(np.sqrt(left @ left / (len(x) - degree - 1)))
-    error = np.hypot(relative * p.thrust_N, SCALE_ERROR * p.thrust_N.max())
-    return replace(p, thrust_se_N=error)
 
 
 def _rig_of(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:

@@ -100,15 +100,19 @@ EXPORT = (
 def motor_sentence(fit: MotorFit) -> str:
     """Say in a sentence or two what was found."""
     said = []
-    if isfinite(fit.value("T_max")):
-        full = f"a rotor gives {fit.value('T_max'):.3g} N at full throttle"
-        if fit.mass_kg is not None:
-            hover = 100.0 * fit.value("hover_throttle")
-            full += f", {fit.mass_kg:g} kg hover at {hover:.3g} % throttle"
-        said.append(full)
-    if isfinite(fit.value("k")):
-        k_rpm = fit.value("k") * (pi / 30.0) ** 2
-        said.append(f"k is {fit.value('k'):.4g} N/(rad/s)² ({k_rpm:.4g} N/rpm²)")
+    if isfinite(fit.value("T_measured")):
+        for name, words in (("T_measured", "a rotor gave at most"), ("T_max", "T_max is")):
+            said.append(f"{words} {fit.value(name):.3g} N ({fit[name].bound})")
+        if isfinite(hover := 100.0 * fit.value("hover_throttle")):
+            said.append(f"{fit.mass_kg:g} kg hover at {hover:.3g} % throttle")
+    if fit.law is not None:
+        (_, zero_N, n), k = fit.law.values, fit.value("k")
+        offset = f" {zero_N:+.3g}" if zero_N else ""
+        said.append(f"held-out levels support T = {fit.law.coefficient:.4g} ω^{n:.4g}{offset}")
+        said.append(
+            f"k is {k:.4g} N/(rad/s)² ({k * (pi / 30.0) ** 2:.4g} N/rpm²), {fit['k'].bound}, where "
+            f"k ω² is off by {100.0 * fit.value('k_error'):.2g} % at most"
+        )
     if isfinite(fit.value("lag_up")):
         up, down = (f"{1e3 * fit.value(name):.3g}" for name in ("lag_up", "lag_down"))
         said.append(f"speed follows with {up} ms up and {down} ms down")
