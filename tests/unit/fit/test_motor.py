@@ -139,6 +139,24 @@ def test_a_heavier_vehicle_hovers_at_more_throttle(runs: list[Path]) -> None:
         fit_motor(runs, mass_kg=5.0)
 
 
+def test_full_throttle_is_the_highest_measured_pulse_unless_requested(
+    runs: list[Path], fitted: MotorFit
+) -> None:
+    found = fit_motor(runs)
+    assert found.points.pulse_us.max() == found.full.pulse_us == 1770.0  # 80 % of 1050 to 1950 us
+    exact_N = TRUTH["k"] * (1.05 * 720.0) ** 2
+    assert found.value("T_max") == pytest.approx(exact_N, abs=3.0 * found["T_max"].sd)
+    assert fitted.full.pulse_us == 1950.0
+    speed_rad_s = np.linspace(300.0, 700.0, 5)
+    assert found.thrust_at_speed_N(speed_rad_s) == pytest.approx(
+        TRUTH["k"] * speed_rad_s**2, rel=5e-3
+    )
+    for result in (found, fitted):
+        u = (1500.0 - 1050.0) / (result.full.pulse_us - 1050.0)
+        exact_N = TRUTH["k"] * (1.05 * 450.0) ** 2
+        assert result.thrust_at_throttle_N(u) == pytest.approx(exact_N, rel=5e-3)
+
+
 def test_python_gives_tables_and_figures(runs: list[Path]) -> None:
     result = bt.motor(runs)
     table = result.to_dataframe("constants").set_index("parameter")
