@@ -107,8 +107,8 @@ def motor_sentence(fit: MotorFit) -> str:
             said.append(f"{fit.mass_kg:g} kg hover at {hover:.3g} % throttle")
     if fit.law is not None:
         (_, zero_N, n), k = fit.law.values, fit.value("k")
-        offset = f" {zero_N:+.3g}" if zero_N else ""
-        said.append(f"held-out levels support T = {fit.law.coefficient:.4g} ω^{n:.4g}{offset}")
+        law = f"{fit.law.coefficient:.4g} ω^{n:.4g}{f' {zero_N:+.3g}' if zero_N else ''}"
+        said.append(f"held-out levels support T = {law} (N, rad/s)")
         said.append(
             f"k is {k:.4g} N/(rad/s)² ({k * (pi / 30.0) ** 2:.4g} N/rpm²), {fit['k'].bound}, where "
             f"k ω² is off by {100.0 * fit.value('k_error'):.2g} % at most"
