@@ -26,7 +26,7 @@ def load_library() -> None:
     """Import what closing a run needs, so that it cannot fail once motors turn."""
     # Arrow's own allocator takes 1 GB of addresses at once, which a limit on them may not allow.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
-    for name in ("pyarrow.compute", "pyarrow.csv", "pyarrow.parquet"):
+    for name in ("pyarrow.compute", "pyarrow.parquet"):
         import_module(name)
     import pyarrow as pa
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
-from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.errors import FileFormatError, InputError, ResourceExhausted
 from benchtool.data.run.append import Event, read_events
 from benchtool.data.run.closing import (
     DIED,
@@ -75,6 +77,54 @@ def test_left_overs_are_hidden_files_that_were_being_written(tmp_path: Path) -> 
     (tmp_path / ".folder.new").mkdir()
     remove_left_overs(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"x.new", ".x.newer", ".x", ".folder.new"}
+
+
+@pytest.mark.parametrize("error", [MemoryError(), OSError(28, "No space left on device")])
+def test_a_writer_that_fails_ends_the_close_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    run = small_run(tmp_path / "run")
+
+    def fail(writer: pq.ParquetWriter, batch: object) -> None:
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pq.ParquetWriter, "write_batch", fail)
+        with pytest.raises(ResourceExhausted, match="run cannot be closed"):
+            run.close()
+    assert not list(run.path.glob("*parquet*"))
+    assert "samples" not in run.metadata
+    assert run.close()
+    assert (run.path / "samples.parquet").is_file()
+
+
+@pytest.mark.parametrize(
+    ("lines", "problem"),
+    [
+        ("\n1,2,3,settle,1,2,3\n\n5,6,7,settle,8,9\n", "line 15 has 6 cells, its header 7"),
+        ("1,2,3,settle,1,2,3\n1,2,3,settle,1,2,3,4\n", "line 13 has 8 cells, its header 7"),
+        ('1,2,3,settle,"1",2,3\n', "column 'pwm1_us'"),
+        ("1,2,3,settle,1,2 3,3\n", "column 'rpm1'"),
+    ],
+)
+def test_a_line_that_cannot_be_read_is_named(tmp_path: Path, lines: str, problem: str) -> None:
+    run = small_run(tmp_path / "run")
+    with open(run.path / "samples.csv", "a") as file:
+        file.write(lines)
+    with pytest.raises(FileFormatError, match=problem):
+        run.close()
+    assert not list(run.path.glob("*parquet*"))
+
+
+def test_blank_lines_and_spaces_change_no_number(tmp_path: Path) -> None:
+    run = small_run(tmp_path / "run")
+    path = run.path / "samples.csv"
+    rows = read_samples(path).values
+    text = path.read_text().replace(",1500.0", ", 1500.0 ").replace("\n", "\r\n\r\n")
+    path.write_bytes(text.encode())
+    run.close()
+    path.unlink()
+    assert np.array_equal(read_samples(run.path).values, rows, equal_nan=True)
 
 
 @pytest.mark.parametrize("name", ["samples.csv", "samples.parquet"])
