@@ -118,6 +118,7 @@ def _grbl(place: str, rig: Rig, opening: Pause = lambda duration_s: None) -> Pla
         distance,
         rig.plate.speed_m_s,
         lateral,
+        rig.plate.z_min_m,
         name=f"the stage on {port}",
         opening=opening,
         option=f"grbl:{place}",

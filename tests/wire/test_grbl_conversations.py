@@ -215,7 +215,7 @@ def test_a_homing_whose_alarm_was_lost_is_not_good():
 
 
 def test_a_slow_stage_gets_the_time_to_stop_after_a_hold():
-    slow = Turn(b"$$\n", settings_text("", {122: 5}))
+    slow = Turn(b"$$\n", settings_text("", {122: 8}))
     link = ScriptedLink(
         *(Turn(b"\x18", LOCKED), slow, Turn(b"$H\n", b"ok\r\n")),
         Turn(b"!"),

@@ -24,7 +24,8 @@ CHANGED: dict[str, dict[int, str]] = {
     "driver_corrupt_f_hold": {1: "StageError: .* was held: it says Hold:0 for 5 s"},
     "driver_corrupt_one_report": {1: "returned 1.300000 m"},
     "driver_corrupt_order_digit": {1: r"StageError: .* held: it is at Z -219\.900 mm, outside"},
-    "driver_corrupt_report_digit": {1: r"StageError: .* stands at Z -320\.000 mm instead"},
+    # Asked 20 times a second, it has said Idle at the target before the digit goes wrong.
+    "driver_corrupt_report_digit": {1: "returned 1.200000 m"},
     "driver_generic_settings": {0: r"StageError: the stage has no soft limits \(\$20=0\)"},
     "driver_hold_button": {1: "StageError: .* was held: it says Hold:0 for 5 s"},
     "driver_homing_off": {0: r"StageError: the stage has homing switched off \(\$22=0\)"},
@@ -39,6 +40,7 @@ CHANGED: dict[str, dict[int, str]] = {
 COMPARED = {
     # The driver that was recorded gave up a good move, or homed after one; today's goes on.
     "driver_coarse_steps": 3,
+    "driver_corrupt_report_digit": 2,
     "driver_second_ok_late_far": 1,
     "driver_slow_axis": 1,
 }

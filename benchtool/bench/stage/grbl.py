@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from benchtool.bench.stage import grbl_lines
-from benchtool.bench.stage.grbl_link import ANSWER_S, POLL_S, GrblLink
+from benchtool.bench.stage.grbl_link import ANSWER_S, MAX_REACTION_S, POLL_S, GrblLink
 from benchtool.bench.stage.stage import Pause
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import BenchtoolError, StageError
@@ -32,6 +32,9 @@ STILL_S = 5.0
 """Margin on the time that slowing down takes."""
 
 
+MIN_FEED_MM_MIN = 300.0  # no move is slower for its braking: 1.4 m take 5 minutes; assumed
+
+
 def _no_pause(duration_s: float) -> None:
     """Listen to nothing else meanwhile."""
 
@@ -42,6 +45,7 @@ class GrblStage:
     Args:
         distance: axis of the plate distance.
         lateral: axis of the lateral position, None where there is none.
+        min_gap_m: plate distance that a move does not come nearer than, its braking included.
         opening: called while the stage homes on opening, which takes long; a bench beside it would
             run over if nobody listened to it.
     """
@@ -54,6 +58,7 @@ class GrblStage:
         distance: GrblAxis,
         feed_m_s: float,
         lateral: GrblAxis | None = None,
+        min_gap_m: float = 0.0,
         clock: Callable[[], float] = time.monotonic,
         name: str = "the stage",
         opening: Pause = _no_pause,
@@ -65,6 +70,7 @@ class GrblStage:
         self._distance = distance
         self._lateral = lateral
         self._feed_mm_min = 60e3 * feed_m_s
+        self._min_gap_m = min_gap_m
         self._facts: dict[str, str | float] = {
             "stage": option,
             "axis": distance.letter,
@@ -110,11 +116,12 @@ class GrblStage:
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
         targets_mm = self._targets_mm(z_m, x_m, tilt_rad)
+        feed_mm_min = self._braked_feed_mm_min(z_m)
         self._make_ready(pause)
         what = f"the move to {z_m:g} m"
         start_mm = self._link.position_mm(pause)
         way = PlatePath(start_mm, targets_mm, {a: self._known().steps_mm(a) for a in targets_mm})
-        stands_mm = self._until_there(way, what, pause)
+        stands_mm = self._until_there(way, feed_mm_min, what, pause)
         return self._distance.to_m(stands_mm[self._distance.letter])
 
     def hold(self) -> None:
@@ -128,10 +135,29 @@ class GrblStage:
         self._link.send(grbl_lines.RESUME)
         self._held = False
 
-    def _until_there(self, way: PlatePath, what: str, pause: Pause) -> dict[str, float]:
+    def _braked_feed_mm_min(self, z_m: float) -> float:
+        """Return the feed from which a hold beyond the target stops outside of the least gap.
+
+        Raises:
+            StageError: the target is so near that no feed is slow enough.
+        """
+        margin_mm = 1e3 * (z_m - self._min_gap_m) - BESIDE_MM
+        slowest = min(self._feed_mm_min, MIN_FEED_MM_MIN)
+        feed = self._known().feed_that_stops_mm_min(self._letters, margin_mm, MAX_REACTION_S)
+        if feed < slowest:
+            raise StageError(
+                f"the plate was not moved to {z_m:g} m: to be held before the least gap of "
+                f"{self._min_gap_m:g} m {self._link.name} may move at {feed:.0f} mm/min, and does "
+                f"at {slowest:g}; choose a greater distance"
+            )
+        return min(self._feed_mm_min, feed)
+
+    def _until_there(
+        self, way: PlatePath, feed_mm_min: float, what: str, pause: Pause
+    ) -> dict[str, float]:
         """Send the plate on its way and return where it stands at the end: Idle at the target."""
-        line = grbl_lines.move_line(way.target_mm, self._feed_mm_min)
-        longest_s = SPARE_S + 60.0 * way.length_mm / self._allowed_mm_min()
+        line = grbl_lines.move_line(way.target_mm, feed_mm_min)
+        longest_s = SPARE_S + 60.0 * way.length_mm / min(feed_mm_min, self._allowed_mm_min())
         longest_s += self._stopping_s()
         begun_s = since_s = self._clock()
         state = ""

@@ -269,7 +269,18 @@ class GrblSettings:
         return min(self._of_axis(FASTEST, letter) for letter in letters)
 
     def stopping_s(self, letters: Iterable[str], feed_mm_min: float) -> float:
-        return feed_mm_min / 60.0 / min(self._of_axis(ACCELERATION, letter) for letter in letters)
+        return feed_mm_min / 60.0 / self._slowest_mm_s2(letters)
+
+    def feed_that_stops_mm_min(
+        self, letters: Iterable[str], within_mm: float, reaction_s: float
+    ) -> float:
+        """Return the feed from which a stage stops within v t + v^2 / (2 a); a: $120 to $122."""
+        slowest_mm_s2 = self._slowest_mm_s2(letters)
+        root_s = math.sqrt(reaction_s**2 + 2.0 * max(within_mm, 0.0) / slowest_mm_s2)
+        return 60.0 * slowest_mm_s2 * (root_s - reaction_s)
+
+    def _slowest_mm_s2(self, letters: Iterable[str]) -> float:
+        return min(self._of_axis(ACCELERATION, letter) for letter in letters)
 
     @property
     def homing_s(self) -> float:

@@ -22,6 +22,8 @@ AFTER_BANNER_S = 0.1
 """The word that G-code is locked follows the banner at once."""
 
 POLL_S = 0.2
+REPORT_INTERVAL_S = 0.05  # while it moves: 5 mm at 100 mm/s
+MAX_REACTION_S = 0.1  # interval, answer (95 % in 13 ms) and a read of the bench; assumed
 SETTINGS_TRIES = 3
 MOST_REPORTS = 40
 """The work offset comes in every 10th to 30th report (Grbl 1.1 configuration)."""
@@ -120,26 +122,32 @@ class GrblLink:
     def watched(self, line: bytes, what: str, pause: Pause) -> Iterator[grbl_lines.StatusReport]:
         """Send a line and give every report from then on, asking all the while; never ends.
 
+        A report that was asked for is waited for, not found after the next pause.
+
         The line's `ok` proves nothing that the reports do not: it may be lost, and noise that
         ends a line twice makes two of them.
         """
         self.unanswered = True
         self._transport.write(line)
         report_s = requested_s = self._clock()
+        is_asked = False
         while True:
-            if self._clock() - report_s > ANSWER_S:
+            now_s = self._clock()
+            if now_s - report_s > ANSWER_S:
                 self._transport.write(grbl_lines.HOLD)  # it may receive what it cannot answer
                 raise self.given_up(what, ANSWER_S)
-            if self._clock() - requested_s >= POLL_S:
-                requested_s = self._clock()
+            since_s = now_s - requested_s
+            if since_s >= REPORT_INTERVAL_S:
+                requested_s, is_asked = now_s, True
                 self._transport.write(grbl_lines.STATUS)
-            pause(LISTEN_S)
-            for word in self._receive():
+            elif not is_asked or since_s >= LISTEN_S:
+                pause(LISTEN_S)
+            for word in self._receive(LISTEN_S if is_asked else 1e-3):
                 self._raise_for(word, what)
                 if isinstance(word, grbl_lines.Ok):
                     self.unanswered = False
                 if isinstance(word, grbl_lines.StatusReport):
-                    report_s = self._clock()
+                    report_s, is_asked = self._clock(), False
                     yield word
 
     def listen(self, seconds: float, what: str, pause: Pause) -> None:

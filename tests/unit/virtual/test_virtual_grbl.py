@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,51 @@ class Looped(ScriptedLink):
 
 def quiet(duration_s: float) -> None:
     pass
+
+
+class Misheard(Looped):
+    """The stage reads another digit than was sent and would go on to its end of travel."""
+
+    def write(self, data: bytes) -> None:
+        super().write(re.sub(rb"Z-\d+", b"Z-1499", data))
+
+    def read(self, timeout_s: float) -> bytes:
+        return super().read(min(timeout_s, ANSWER_S) if self._answer else timeout_s)
+
+
+ANSWER_S = 0.013
+"""95 % of the answers of Grbl 1.1h came within it."""
+
+
+@pytest.mark.parametrize("start_mm", range(0, 40, 4))
+@pytest.mark.parametrize("z_m", [0.3, 0.08, 0.06, 0.052])
+def test_a_plate_that_runs_past_its_target_is_held_outside_of_the_least_gap(
+    z_m: float, start_mm: int
+) -> None:
+    link = Misheard()
+    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, min_gap_m=0.05, clock=link.clock)
+    stage.open()
+    link.stage.position_mm["Z"] = -1000.0 - start_mm
+    with pytest.raises(StageError, match="was held: it is at Z"):
+        stage.move(z_m, 0.0, 0.0, link.pause)
+    for _ in range(50):
+        link.read(0.02)
+    assert link.stage.state == "Hold:0"
+    past_mm = 1e3 * z_m - 1500.0 - link.stage.position_mm["Z"]
+    # 0.5 mm until it is off its way, 7 mm until the report, v^2 / (2 a) = 10 mm to brake.
+    assert 0.5 < past_mm < 17.5
+    assert link.stage.position_mm["Z"] > -1450.0
+
+
+def test_a_distance_without_room_to_brake_is_refused_before_anything_moves() -> None:
+    link = Looped()
+    stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, min_gap_m=0.05, clock=link.clock)
+    stage.open()
+    # 0.5 mm until it is off its way, and 0.5 + 0.025 mm from 5 mm/s.
+    with pytest.raises(StageError, match=r"not moved to 0\.051 m: .* at 286 mm/min, .* at 300;"):
+        stage.move(0.051, 0.0, 0.0, quiet)
+    assert link.stage.position_mm["Z"] == -1.0
+    assert stage.move(0.0511, 0.0, 0.0, quiet) == pytest.approx(0.0511)
 
 
 def test_the_host_homes_moves_waits_and_leaves_a_soft_limit_by_a_reset() -> None:
