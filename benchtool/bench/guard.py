@@ -164,14 +164,14 @@ class GuardedBench(DrivenBench):
             raise
 
     def confirm_plate(self, target_m: float, stage_m: float, more_m: float = 0.0) -> None:
-        """Hold a move that has ended against the bench's own reading, where there is one.
+        """Compare target, stage and the bench's own reading, where there is one, after a move.
 
         `move_plate` does this by itself; whoever moves a separate stage asks for it afterwards.
 
         Raises:
             StageError: target, stage and reading disagree, or nothing was read.
         """
-        if self._plate is None or not self._plate.measured:
+        if self._plate is None:
             return
         problem = wait_for_plate(self, self._plate, target_m, stage_m, more_m)
         if problem is not None:

@@ -1,4 +1,4 @@
-"""Whether the plate may move, and whether it stands where its stage says.
+"""Whether the plate may move, and whether it stands where it was sent.
 
 A position is trusted only where it is measured: a stage that counts its own steps cannot know that
 it lost some, and a position channel may be frozen.
@@ -75,12 +75,20 @@ class PlateCheck:
         Args:
             target_m: where it was sent.
             stage_m: where what moves it says that it stands.
-            more_m: allowed on top of the tolerance, for a position that a person measured.
+            more_m: allowed on top of the tolerance, for a position that a person measured and
+                compared with the target.
         """
-        if not self.measured:
-            return None
         allowed_m = self.tolerance_m + more_m
         after = f"after the move to {target_m:.4g} m"
+        limit = f"tolerance {1e3 * allowed_m:.1f} mm"
+        is_off = more_m == 0.0 and not abs(stage_m - target_m) <= allowed_m
+        if not self.measured and is_off:
+            return StageError(
+                f"the stage says {stage_m:.4f} m {after}, {limit}; check the axes, zero_mm and "
+                f"direction of --stage"
+            )
+        if not self.measured:
+            return None
         least_m = self._rig.plate.z_min_m
         if not isfinite(self.read_m):
             return StageError(
@@ -93,10 +101,10 @@ class PlateCheck:
                 f"m of rig {self._rig.name!r}; move the plate away by hand, then check stage and "
                 f"sensor"
             )
-        if abs(self.read_m - stage_m) <= allowed_m:
+        others_m = (stage_m,) if more_m else (stage_m, target_m)
+        if not is_off and all(abs(self.read_m - other_m) <= allowed_m for other_m in others_m):
             return None
         stage = "" if stage_m == target_m else f", the stage says {stage_m:.4f} m"
-        limit = f"tolerance {1e3 * allowed_m:.1f} mm"
         if abs(self.read_m - self._before_m) <= allowed_m < abs(target_m - self._before_m):
             return StageError(
                 f"{CHANNEL} still reads {self.read_m:.4f} m {after}{stage}, {limit}: the plate did "
@@ -104,7 +112,7 @@ class PlateCheck:
             )
         return StageError(
             f"{CHANNEL} reads {self.read_m:.4f} m {after}{stage}, {limit}; home the stage and "
-            f"measure the distance by hand, then correct zero, sensor or the rig's "
+            f"measure the distance by hand, then correct axis, zero, sensor or the rig's "
             f"sensors.{CHANNEL} (noise, quantum)"
         )
 
@@ -187,7 +195,8 @@ def wait_for_plate(
     plate.arrives()
     until_s = bench.now_s() + PLATE_S
     while True:
-        bench.listen(LOOK_S)
+        if plate.measured:
+            bench.listen(LOOK_S)
         problem = plate.problem(target_m, stage_m, more_m)
-        if problem is None or bench.now_s() > until_s:
+        if problem is None or not plate.measured or bench.now_s() > until_s:
             return problem

@@ -124,6 +124,29 @@ def test_lost_steps_end_the_run_before_motors_turn(
     assert events[-1] == "stopped"
 
 
+class Miswired(Carries):
+    """The plate goes elsewhere than it was sent, and the stage says so."""
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
+        return super().move(z_m + 0.2, x_m, tilt_rad, pause)
+
+
+def test_a_stage_that_reports_another_place_than_its_target_ends_the_run(tmp_path: Path) -> None:
+    bench = bench_beside()
+    stage = Miswired(bench)
+    said = r"reads 1\.3000 m after the move to 1\.1 m, the stage says 1\.3000 m, tolerance 1\.5 mm"
+    with pytest.raises(StageError, match=said):
+        sweep(bench, stage, "1.1", tmp_path / "run")
+    assert stage.highest_us == 1000.0
+
+
+def test_it_does_so_without_a_position_channel() -> None:
+    with GuardedBench(FakeBench(), RIG) as bench:
+        bench.confirm_plate(1.1, 1.1014)
+        with pytest.raises(StageError, match=r"stage says 1\.1016 m after the move to 1\.1 m"):
+            bench.confirm_plate(1.1, 1.1016)
+
+
 def test_without_a_position_channel_distances_are_called_commanded(tmp_path: Path) -> None:
     bench, plan = FakeBench(), PLAN.resolved(RIG)
     run = Run.create(tmp_path / "run", plan_to_toml(plan), run_metadata(plan, RIG, bench.identity))
