@@ -138,12 +138,13 @@ def rig_for(address: str, named: str | None) -> Rig:
     Raises:
         InputError: no rig named, or one that leaves out what a bench needs (`BENCH_KEYS`).
     """
+    from benchtool.bench.addresses import SimAddress
     from benchtool.bench.drivers import parse_address
     from benchtool.core.rig_file import require_stated, rig_named, rig_names
 
     parsed = parse_address(address)
-    if parsed.scheme == "sim":
-        return rig_named(named or parsed.place)
+    if isinstance(parsed, SimAddress):
+        return rig_named(named or parsed.rig)
     if named:
         rig = rig_named(named)
         require_stated(rig, BENCH_KEYS, "a bench")

@@ -97,7 +97,7 @@ def record_sweep(
         rest: a run to go on with.
     """
     # Everything that was given is looked at before anything is said or opened.
-    check_stage(inputs.stage, rig, plate=inputs.plan.plate.used)
+    check_stage(inputs.stage, plate=inputs.plan.plate.used)
     if inputs.calibration not in (None, "none"):
         read_calibration(Path(str(inputs.calibration)))
     bench = open_bench(inputs.address, permit)

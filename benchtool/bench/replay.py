@@ -13,8 +13,8 @@ from typing import NoReturn
 
 import numpy as np
 
+from benchtool.bench.addresses import ReplayAddress
 from benchtool.bench.bench import Identity, Opened, Readings
-from benchtool.bench.drivers import Address
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel, unit_in_name
 from benchtool.core.counted import counted
@@ -107,9 +107,9 @@ class ReplayBench(Opened):
         raise CommandRefused(command, "a replay takes no commands; name a bench to drive one")
 
 
-def open_replay(address: Address) -> ReplayBench:
+def open_replay(address: ReplayAddress) -> ReplayBench:
     """Return the bench that plays a run, not opened yet."""
-    return ReplayBench.of_run(address.text, Path(address.place))
+    return ReplayBench.of_run(address.text, Path(address.run))
 
 
 def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:

@@ -144,19 +144,14 @@ def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], 
 
 
 def _bridged(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
-    from benchtool.bench.rcbenchmark.lines import GUI_PORT, LOOPBACK
     from benchtool.virtual.bridge import VirtualBridge
-    from benchtool.virtual.links import UdpLink, one_line
+    from benchtool.virtual.links import link_named
 
-    port = inputs.link.partition(":")[2] or str(GUI_PORT)
-    if inputs.symlink is not None or inputs.mode != "plate" or not port.isdecimal():
-        raise InputError(
-            f"link {inputs.link!r} is rcbudp or rcbudp:PORT, with a load cell and without "
-            f"--symlink; leave --symlink and --mode out"
-        )
-    where = UdpLink(LOOPBACK, int(port), listen=True, fitting=one_line, ending=b"\n")
+    if inputs.mode != "plate":
+        raise InputError("--link rcbudp serves a load cell; leave --mode pitch out")
+    where = link_named(inputs.link, inputs.symlink)
     # This stand answers whoever speaks, so that a host may listen on any port.
-    return VirtualBridge, where, lambda: f"rcbudp:{where.place}?listen=0"
+    return VirtualBridge, where, lambda: f"rcbudp:{where.address.partition(':')[2]}?listen=0"
 
 
 def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable[[], str]]:

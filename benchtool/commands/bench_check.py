@@ -46,6 +46,7 @@ def map_motors(inputs: MapInputs) -> None:
     from benchtool.acquire.inputs import rig_for
     from benchtool.acquire.operator import confirm_arming, say_of_bench, say_of_end
     from benchtool.acquire.stop_listener import accept_stops
+    from benchtool.bench.addresses import MavlinkAddress
     from benchtool.bench.drivers import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
 
@@ -53,7 +54,7 @@ def map_motors(inputs: MapInputs) -> None:
     stands = rig_for(address, inputs.rig)
     numbers = _numbers(inputs.motors, stands, inputs.yes)
     parsed = parse_address(address)
-    if parsed.scheme != "mavlink" or "map" in parsed.options:
+    if not isinstance(parsed, MavlinkAddress) or parsed.map is not None:
         raise InputError(
             "a map is learnt from a mavlink: address without map=; name one, for example "
             "mavlink:udpin:127.0.0.1:14550"

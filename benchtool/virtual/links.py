@@ -9,9 +9,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
-from benchtool.bench.drivers import LOOPBACK
-from benchtool.bench.mavlink.settings import DEFAULT_BAUD
+from benchtool.bench.addresses import TELEMETRY_BAUD, ServedLink
 from benchtool.bench.serial.commands import DeviceEvent
 from benchtool.bench.serial.frames import frame_fields
 from benchtool.core.errors import InputError, NoDevice, PortBusy
@@ -126,12 +126,9 @@ def _opened(kind: socket.SocketKind, host: str, port: int) -> Iterator[socket.so
     try:
         yield opened
         opened.setblocking(False)
-    except (OSError, OverflowError, UnicodeError) as error:
+    except (OSError, UnicodeError) as error:
         opened.close()
         where = f"{name} {host}:{port}"
-        if isinstance(error, OverflowError):
-            problem = f"{name} port {port} is outside 0 to 65535; choose one in it"
-            raise InputError(problem) from error
         if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
             busy = f"another program listens on {where}; choose another port"
             raise PortBusy(busy) from error
@@ -323,39 +320,23 @@ class UdpLink(ServerLink):
         self._socket = opened
 
 
-USUAL_PORT = 14550
-"""Where ground stations listen."""
-
-
 def link_named(text: str, symlink: Path | None = None) -> ServerLink:
-    """Return the link that `--link` names: `pty`, `tcp:PORT` or `tcp:HOST:PORT`.
-
-    `mavlink` stands for UDP to port 14550 of this computer; `mavlink:pty`, `mavlink:tcp:5760`,
-    `mavlink:udpout:HOST:PORT` (sends there) and `mavlink:udpin:PORT` (waits there) are the others.
-
-    """
-    mavlink = text == "mavlink" or text.startswith("mavlink:")
-    kind, _, place = (text[len("mavlink:") :] if mavlink else text).partition(":")
-    if kind == "pty" and not place:
+    """Return the link that `--link` names, opened; see `ServedLink.parse`."""
+    link = ServedLink.parse(text)
+    if link.kind == "pty":
         return PtyLink(symlink)
     if symlink is not None:
-        only = "mavlink:pty" if mavlink else "pty"
+        only = "mavlink:pty" if link.protocol == "mavlink" else "pty"
         raise InputError(f"--symlink goes with --link {only} only; leave it out")
-    usual = f"{LOOPBACK}:{USUAL_PORT}" if mavlink else ""
-    host, _, port = (place or usual).rpartition(":")
-    if port.isdecimal() and kind == "tcp":
-        return TcpLink(host or LOOPBACK, int(port))
-    if port.isdecimal() and mavlink and kind in ("", "udpout", "udpin"):
-        return UdpLink(host or LOOPBACK, int(port), listen=kind == "udpin")
-    known = "pty, tcp:PORT, tcp:HOST:PORT"
-    if mavlink:
-        known = (
-            "mavlink, mavlink:pty, mavlink:tcp:PORT, mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
-        )
-    raise InputError(f"link {text!r} is none; known: {known}")
+    if link.kind == "tcp":
+        return TcpLink(link.host, link.port)
+    lines: dict[str, Any] = (
+        {"fitting": one_line, "ending": b"\n"} if link.protocol == "rcbudp" else {}
+    )
+    return UdpLink(link.host, link.port, listen=link.kind == "udpin", **lines)
 
 
 def host_address(link: ServerLink, n_rotors: int, options: str = "") -> str:
     """Return the address that a host opens: link, and how many rotors hang on the autopilot."""
-    place = link.address + (f":{DEFAULT_BAUD}" if link.address.startswith("serial:") else "")
+    place = link.address + (f":{TELEMETRY_BAUD}" if link.address.startswith("serial:") else "")
     return f"mavlink:{place}?rotors={n_rotors}{options}"

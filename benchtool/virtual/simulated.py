@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from benchtool.bench.addresses import SimAddress
 from benchtool.bench.bench import Identity, Opened, Readings
-from benchtool.bench.drivers import Address
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.array import Array
@@ -235,39 +235,25 @@ class SimulatedPitch(SimulatedBench):
         self._power_up(address, plant, pitch_hello(plant, seed), LOOK_S)
 
 
-MODES = ("plate", "pitch")
-"""What a virtual bench is: a load cell over a plate, or a pitch hinge with a controller."""
-
-_PITCH_OPTIONS = ("schedule", "controller", "gains", "hidden")
-
-
-def open_simulated(address: Address) -> SimulatedBench:
+def open_simulated(address: SimAddress) -> SimulatedBench:
     """Return the virtual bench of an address, not opened yet."""
-    mode = address.choice("mode", "plate", MODES)
-    rig = rig_named(address.place)
-    seed = address.whole("seed", 0, 0, 2**32 - 1)
-    if mode == "pitch":
-        rate_Hz = address.number("rate", 0.0, 1.0, 5000.0)
+    rig, seed = rig_named(address.rig), address.seed
+    if address.mode == "pitch":
         # A plus sign in an address reads as a space.
+        names = ("truth", "schedule", "controller", "gains", "hidden")
         named: dict[str, Any] = {
-            name: address.options[name].replace(" ", "+")
-            for name in ("truth", *_PITCH_OPTIONS)
-            if name in address.options
+            name: text.replace(" ", "+") for name in names if (text := getattr(address, name))
         }
-        plant = pitch_plant(rig, seed=seed, rate_Hz=rate_Hz or None, permit=address.permit, **named)
+        rate_Hz = address.rate_Hz
+        plant = pitch_plant(rig, seed=seed, rate_Hz=rate_Hz, permit=address.permit, **named)
         return SimulatedPitch(address.text, plant, seed)
-    for name in _PITCH_OPTIONS:
-        if name in address.options:
-            raise InputError(
-                f"option {name} of address {address.text!r} is for mode=pitch; add &mode=pitch"
-            )
-    truth = address.options.get("truth", standard_truth(rig))
+    truth = address.truth or standard_truth(rig)
     loaded = load_model(truth, rig, address.permit)
     return SimulatedBench(
         address.text,
         rig,
         loaded.model,
         seed=seed,
-        rate_Hz=address.number("rate", 200.0, 1.0, 5000.0),
+        rate_Hz=address.rate_Hz or 200.0,
         imperfections=build(Imperfections, dict(loaded.imperfections), f"{truth}: [imperfections]"),
     )

@@ -14,7 +14,7 @@ import pytest
 import benchtool.bench
 import benchtool.virtual
 from benchtool.bench.bench import Bench, Opened
-from benchtool.bench.drivers import DRIVERS, ends_of, load, open_bench, parse_address
+from benchtool.bench.drivers import DRIVERS, load, open_bench, parse_address
 from benchtool.bench.wrappers import BenchWrapper
 from benchtool.core.errors import BenchError, BenchtoolError, DeviceStopped, UnknownChoice
 from tests.contracts.benches import CASES, STOP_US, Case, stand_case
@@ -61,9 +61,9 @@ def test_every_driver_has_a_case() -> None:
 def test_an_address_leads_to_its_opener_and_ends(scheme: str) -> None:
     driver = DRIVERS[scheme]
     address = parse_address(driver.example)
-    assert address.scheme == scheme
+    assert type(address) is driver.address
     assert callable(load(driver.opener))
-    assert all(end.place or end.port for end in ends_of(address))
+    assert all(end.place or end.port for end in address.ends)
     with pytest.raises(UnknownChoice, match="option of"):
         open_bench(f"{scheme}:somewhere?no_such_option=1")
 

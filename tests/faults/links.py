@@ -12,11 +12,10 @@ from functools import partial
 from typing import Protocol
 from unittest import mock
 
-from benchtool.bench.drivers import Address
+from benchtool.bench.addresses import Address, RcbAddress
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import settings_of, transport_of
 from benchtool.bench.rcbenchmark.bench import RcbBench
-from benchtool.bench.rcbenchmark.link import rcb_settings_of
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.stage.grbl import GrblStage
 from benchtool.bench.transport.serial_port import SerialPort
@@ -231,14 +230,13 @@ def on_the_clock(  # type: ignore[no-untyped-def]
     def lines(real: object, address: Address) -> SerialBench:
         return SerialBench(wrapped(real), address.text, world.clock)
 
-    def words(address: Address) -> RcbBench:
-        found = rcb_settings_of(address)
-        real = UdpSocket(found.host, found.port, listen=False, own_port=found.listen)
-        return RcbBench(wrapped(real), address.text, found, world.clock)
+    def words(address: RcbAddress) -> RcbBench:
+        real = UdpSocket(address.host, address.port, listen=False, own_port=address.listen)
+        return RcbBench(wrapped(real), address.text, address, world.clock)
 
     openers = {
-        "serial.bench.open_tcp": lambda a: lines(TcpSocket(*a.host_and_port()), a),
-        "serial.bench.open_serial": lambda a: lines(SerialPort(a.place, 2_000_000), a),
+        "serial.bench.open_tcp": lambda a: lines(TcpSocket(a.host, a.port), a),
+        "serial.bench.open_serial": lambda a: lines(SerialPort(a.port, 2_000_000), a),
         "mavlink.bench.open_mavlink": lambda a: MavlinkBench(
             wrapped(transport_of(a)), a.text, settings_of(a), clock=world.clock
         ),

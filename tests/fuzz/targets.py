@@ -21,7 +21,8 @@ from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.acquire.resume import unfinished
-from benchtool.bench.drivers import ends_of, parse_address
+from benchtool.bench.addresses import ServedLink, parse_stage
+from benchtool.bench.drivers import parse_address
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.mavlink.rows import MavlinkRows
@@ -358,6 +359,8 @@ ADDRESSES = (
     b"sim:pquad?seed=3&truth=single&rate=200",
     b"replay:runs/first",
 )
+STAGES = (b"grbl:/dev/x?axis=Z&zero_mm=1500&direction=1&lateral=X&lateral_zero_mm=0", b"hand")
+LINKS = (b"mavlink:udpout:127.0.0.1:14550", b"tcp:localhost:5555", b"rcbudp:55047", b"mavlink:pty")
 OPTIONS = b"z_over_r 0.5:2:0.5\n1 0.5,1\n2 1450\n3 0.1 m\n4 yes\n5 1e3\n6 a=1,b=2\n7 12"
 REQUEST = b"""\
 GET /?token=tttttttttttttttttttt&a=1
@@ -401,7 +404,9 @@ def targets(on_disk: Files) -> dict[str, Target]:
         Target("columns", on_disk.columns,
                (COLUMNS,)),
         Target("recipe", on_disk.recipe, (RECIPE,)),
-        Target("address", lambda data: ends_of(parse_address(text(data))), ADDRESSES),
+        Target("address", lambda data: parse_address(text(data)).ends, ADDRESSES),
+        Target("stage", lambda data: parse_stage(text(data)), STAGES),
+        Target("link", lambda data: ServedLink.parse(text(data)), LINKS),
         Target("virtual fault", lambda data: fault_from(text(data)),
                (b"silence:at_s=12,for_s=1", b"stuck:channel=rpm1,at_s=2")),
         Target("options of sweep", one_word(SweepInputs), (OPTIONS,)),

@@ -20,8 +20,8 @@ FOUND = Path(__file__).parent / "found"
 
 NAMES = ("bench link", "bench hello", "mavlink", "side cell", "grbl", "rcbenchmark", "csv",
          "import", "import log", "plan", "rig", "model", "gains", "schedule", "motor map",
-         "columns", "recipe", "address", "virtual fault", "options of sweep", "options of fit",
-         "options of calibrate",
+         "columns", "recipe", "address", "stage", "link", "virtual fault", "options of sweep",
+         "options of fit", "options of calibrate",
          "where", "web request", "calibration", "recording facts", "fit result", "run metadata",
          "run plan", "run points", "run samples", "run settings", "run events")  # fmt: skip
 

@@ -8,8 +8,9 @@ from collections.abc import Callable
 from importlib import resources
 from typing import Literal, NamedTuple
 
+from benchtool.bench.addresses import Endpoint
 from benchtool.bench.doctor.ports import UDEV_RULE, HostEnvironment
-from benchtool.bench.drivers import DRIVERS, Endpoint, ends_of, parse_address
+from benchtool.bench.drivers import DRIVERS, parse_address
 from benchtool.bench.transport.transport import Holder
 from benchtool.core.errors import InputError
 
@@ -226,7 +227,7 @@ def serial_port_of(text: str) -> str | None:
     """Return the serial port that a port's name or an address names, None for a network address."""
     if text.partition(":")[0] not in DRIVERS:
         return text.partition("?")[0]
-    ends = ends_of(parse_address(text))
+    ends = parse_address(text).ends
     if not ends:
         raise InputError(
             f"{text!r} has no port to look at; name a serial port or a network address"
@@ -236,7 +237,7 @@ def serial_port_of(text: str) -> str | None:
 
 def network_findings(text: str) -> tuple[PortFinding, ...]:
     """Return what was found for each end of a network address."""
-    ends = ends_of(parse_address(text))
+    ends = parse_address(text).ends
     names = ("listening" if end.kind == "listens" else "other end" for end in ends)
     return tuple(PortFinding(name, *_state(end)) for name, end in zip(names, ends, strict=True))
 

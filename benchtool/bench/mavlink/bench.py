@@ -14,9 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchtool.bench.addresses import LEAST_HZ, MOST_HZ, MavlinkAddress
 from benchtool.bench.bench import Identity, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.drivers import Address
 from benchtool.bench.mavlink import streams
 from benchtool.bench.mavlink.drive import Drive, PitchDrive, RunWatch
 from benchtool.bench.mavlink.frames import MavlinkFrames, MavlinkQuality
@@ -27,8 +27,6 @@ from benchtool.bench.mavlink.motor_test import TestDrive
 from benchtool.bench.mavlink.pilots import SEEN_S, AutopilotInfo, read_autopilot
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.bench.mavlink.settings import (
-    LEAST_HZ,
-    MOST_HZ,
     THRUST_MESSAGES,
     MavlinkSettings,
     live_channels,
@@ -338,7 +336,7 @@ class MavlinkBench(StreamingBench):
         )
 
 
-def open_mavlink(address: Address) -> MavlinkBench:
+def open_mavlink(address: MavlinkAddress) -> MavlinkBench:
     """Return the bench behind an autopilot, not opened yet."""
     from benchtool.bench.transport.serial_port import SerialPort
 

@@ -13,9 +13,10 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from benchtool.bench.addresses import DOWN
 from benchtool.bench.mavlink.frames import BootTime, CompanionTime
 from benchtool.bench.mavlink.messages import Message
-from benchtool.bench.mavlink.settings import DOWN, Wiring, channels_of
+from benchtool.bench.mavlink.settings import Wiring, channels_of
 from benchtool.core.array import Array
 
 UNKNOWN_U16 = 65535

@@ -1,4 +1,4 @@
-"""What a `mavlink:` address says: link, target, and which message carries which channel."""
+"""What a `mavlink:` bench is told: target, and which message carries which channel."""
 
 from __future__ import annotations
 
@@ -13,20 +13,17 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, Len
 
-from benchtool.bench.drivers import LOOPBACK, Address, Endpoint, is_loopback
+from benchtool.bench.addresses import DOWN, MavlinkAddress
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
-from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.toml_text import FiniteTable, read_strict
 from benchtool.core.user_file import read_file, read_text
 
 THRUST_MESSAGES = ("NAMED_VALUE_FLOAT", "DEBUG_VECT", "DEBUG_FLOAT_ARRAY")
 
 PITCH_CHANNELS = ("theta_rad", "gyro_rad_s", "theta_ref_rad")
-
-DOWN = 25
-"""MAV_SENSOR_ROTATION_PITCH_270: a distance sensor that looks down, where the plate is."""
 
 _THRUST = re.compile(r"(?P<name>[^.\[\]]{1,10})(?:\.(?P<axis>[xyz])|\[(?P<index>\d{1,2})\])?")
 
@@ -181,18 +178,9 @@ def read_motor_map(path: Path) -> MotorMap:
     return found
 
 
-LINKS = ("udpin", "udpout", "tcp", "serial")
-
-
-DEFAULT_BAUD = 115_200
-"""Usual rate of a telemetry port over USB; radios have 57600."""
-
 KEY_BYTES = 32
 MOST_KEY_BYTES = 4096
 """Longest pass phrase; a choice."""
-
-LEAST_HZ, MOST_HZ = 10.0, 1000.0
-"""Rates at which outputs are requested: too rarely, and nobody sees soon what they do."""
 
 RATE_HZ, PITCH_HZ = 50.0, 250.0
 """By default. A loop on board moves its outputs some hundred times a second; what is not reported
@@ -231,60 +219,36 @@ class MavlinkSettings:
     warning: str = ""
 
 
-def settings_of(address: Address) -> MavlinkSettings:
-    """Return what the options of an address say; refuse one that makes no sense."""
-    mode = address.choice("mode", "plate", ("plate", "pitch"))
-    pitch = mode == "pitch"
-    seen = address.choice("distance", "on" if pitch else "off", ("on", "off"))
-    options = address.options
+def settings_of(address: MavlinkAddress) -> MavlinkSettings:
+    """Return what the options of an address mean; its map and its key are read."""
+    pitch = address.mode == "pitch"
     return MavlinkSettings(
-        system=address.whole("system", 1, 1, 255) if "system" in options else None,
-        rotors=address.whole("rotors", 4, 1, 12) if "rotors" in options else None,
-        motor_map=read_motor_map(Path(options["map"])) if "map" in options else None,
-        mode="pitch" if pitch else "plate",
-        arm="host" if address.choice("arm", "operator", ("operator", "host")) == "host"
-        else "operator",
-        rate_Hz=address.number("rate", PITCH_HZ if pitch else RATE_HZ, LEAST_HZ, MOST_HZ),
-        key=read_key(Path(options["key"])) if "key" in options else None,
-        thrust=ThrustSource.named(options.get("thrust", "thrust")),
-        thrust_scale_N=address.number("thrust_scale", 1.0, -1e6, 1e6),
-        speeds=address.choice("rpm", "auto", ("auto", "none")) == "auto",
-        distance=seen == "on",
-        orientation=address.whole("orientation", DOWN, 0, 100),
-        cell=_port_and_baud(options["cell"]) if "cell" in options else None,
-        warning=_wide(address.place),
-    )  # fmt: skip
+        system=address.system,
+        rotors=address.rotors,
+        motor_map=None if address.map is None else read_motor_map(address.map),
+        mode=address.mode,
+        arm=address.arm,
+        rate_Hz=address.rate_Hz or (PITCH_HZ if pitch else RATE_HZ),
+        key=None if address.key is None else read_key(address.key),
+        thrust=ThrustSource.named(address.thrust),
+        thrust_scale_N=address.thrust_scale_N,
+        speeds=address.rpm == "auto",
+        distance=(address.distance or ("on" if pitch else "off")) == "on",
+        orientation=address.orientation,
+        cell=address.cell_port_and_baud,
+        warning=address.warning,
+    )
 
 
-def transport_of(address: Address) -> Transport:
-    """Return the link that the place of an address names, not opened yet."""
-    kind, _, rest = address.place.partition(":")
-    if kind not in LINKS:
-        raise UnknownChoice(f"link of address {address.text!r}", kind, LINKS)
-    if kind == "serial":
+def transport_of(address: MavlinkAddress) -> Transport:
+    """Return the link of an address, not opened yet."""
+    if address.link == "serial":
         from benchtool.bench.transport.serial_port import SerialPort
 
-        if not rest:
-            raise InputError(
-                f"address {address.text!r} names no port; write for example "
-                f"mavlink:serial:/dev/ttyACM0:{DEFAULT_BAUD}"
-            )
-        port, baud = _port_and_baud(rest)
-        return SerialPort(port, baud)
-    host, port_number = address.host_and_port(rest, LOOPBACK)
-    if kind == "tcp":
-        return TcpSocket(host, port_number)
-    return UdpSocket(host, port_number, listen=kind == "udpin")
-
-
-def mavlink_ends(address: Address) -> tuple[Endpoint, ...]:
-    """Return the end of the link that the place of an address names."""
-    link = transport_of(address)
-    if isinstance(link, UdpSocket):
-        return (Endpoint("listens" if link.listens else "sends", link.host, link.port),)
-    if isinstance(link, TcpSocket):
-        return (Endpoint("connects", link.host, link.port),)
-    return (Endpoint("serial", _port_and_baud(address.place.partition(":")[2])[0]),)
+        return SerialPort(address.serial_port, address.baud)
+    if address.link == "tcp":
+        return TcpSocket(address.host, address.port)
+    return UdpSocket(address.host, address.port, listen=address.link == "udpin")
 
 
 def read_key(path: Path) -> bytes:
@@ -299,21 +263,3 @@ def read_key(path: Path) -> bytes:
     if re.fullmatch(rb"[0-9A-Fa-f]{64}", text):
         return bytes.fromhex(text.decode())
     return sha256(text).digest()
-
-
-def _port_and_baud(text: str) -> tuple[str, int]:
-    """Split `/dev/ttyACM0:57600`; Windows and macOS ports have no colon of their own."""
-    port, _, baud = text.rpartition(":")
-    return (port, int(baud)) if port and baud.isdecimal() else (text, DEFAULT_BAUD)
-
-
-def _wide(place: str) -> str:
-    """Return the warning of an address that listens beyond this computer, or nothing."""
-    kind, _, rest = place.partition(":")
-    host = rest.rpartition(":")[0] or LOOPBACK
-    if kind != "udpin" or is_loopback(host):
-        return ""
-    return (
-        f"listening on {host}: any computer that reaches this one can send, and MAVLink accepts "
-        f"whoever sends unless key= signs it; mavlink:udpin:{LOOPBACK} listens to this one alone"
-    )

@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from benchtool.bench.addresses import LEAST_HZ
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import ACCEPTED, dialect, interval, number_of
 from benchtool.bench.mavlink.pilots import RESEND_S
 from benchtool.bench.mavlink.rows import SPEEDS, TELEMETRY
-from benchtool.bench.mavlink.settings import LEAST_HZ, THRUST_MESSAGES, MavlinkSettings
+from benchtool.bench.mavlink.settings import THRUST_MESSAGES, MavlinkSettings
 from benchtool.bench.transport.transport import BITS_PER_BYTE
 from benchtool.core.errors import InputError, ProtocolError
 

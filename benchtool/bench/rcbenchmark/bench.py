@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchtool.bench.addresses import RcbAddress
 from benchtool.bench.bench import Identity, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.drivers import Address
 from benchtool.bench.rcbenchmark.lines import PULSE, BridgeHello, BridgeLine, StandClock, pulse_text
-from benchtool.bench.rcbenchmark.link import BridgeLink, RcbSettings, rcb_settings_of
+from benchtool.bench.rcbenchmark.link import BridgeLink
 from benchtool.bench.transport.sockets import UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.array import Array
@@ -57,11 +57,11 @@ class RcbBench(StreamingBench):
         self,
         transport: Transport,
         address: str,
-        settings: RcbSettings | None = None,
+        settings: RcbAddress | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(address)
-        self._settings = settings or RcbSettings()
+        self._settings = settings or RcbAddress()
         self._link = BridgeLink(transport, address, clock)
         self._clock = clock
         self._speed = 1.0
@@ -324,8 +324,7 @@ class RcbBench(StreamingBench):
         )
 
 
-def open_rcbudp(address: Address) -> RcbBench:
+def open_rcbudp(address: RcbAddress) -> RcbBench:
     """Return the bench behind the RCbenchmark GUI, not opened yet."""
-    settings = rcb_settings_of(address)
-    port = UdpSocket(settings.host, settings.port, listen=False, own_port=settings.listen)
-    return RcbBench(port, address.text, settings)
+    port = UdpSocket(address.host, address.port, listen=False, own_port=address.listen)
+    return RcbBench(port, address.text, address)

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
-from benchtool.bench.drivers import Address, Endpoint, is_loopback
 from benchtool.bench.identify import mismatch
 from benchtool.bench.rcbenchmark.lines import (
-    GUI_PORT,
-    HOST_PORT,
-    LOOPBACK,
     BridgeDecoder,
     BridgeHello,
     BridgeLine,
@@ -127,50 +122,3 @@ class BridgeLink(LinkEnd):
                 f"address"
             )
         return ProtocolError(f"{self.address} {mismatch('bridge', self.received)}")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RcbSettings:
-    """Say where the two ends of the bridge are.
-
-    Attributes:
-        host, port: where the script in the GUI listens.
-        listen: port of this computer that the script sends to; 0 takes any, for a virtual stand.
-        thrust_scale: factor on thrust, -1 for a stand that pushes where it should pull.
-    """
-
-    host: str = LOOPBACK
-    port: int = GUI_PORT
-    listen: int = HOST_PORT
-    thrust_scale: float = 1.0
-
-    @property
-    def warning(self) -> str:
-        """Warning of an end that listens beyond this computer, or nothing."""
-        if is_loopback(self.host):
-            return ""
-        return (
-            f"listening on UDP port {self.listen} of every network of this computer for "
-            f"{self.host}: neither end can check who sends, anybody there can turn the motor; use "
-            f"a network of the two computers alone, or run benchtool beside the GUI"
-        )
-
-
-def rcb_settings_of(address: Address) -> RcbSettings:
-    """Return what an address says."""
-    host, port = address.host_and_port(default_host=LOOPBACK, of=" of the GUI")
-    return RcbSettings(
-        host=host,
-        port=port,
-        listen=address.whole("listen", HOST_PORT, 0, 65535),
-        thrust_scale=address.number("thrust_scale", 1.0, -1e6, 1e6),
-    )
-
-
-def rcbudp_ends(address: Address) -> tuple[Endpoint, ...]:
-    """Return both ends of the bridge."""
-    settings = rcb_settings_of(address)
-    return (
-        Endpoint("listens", "", settings.listen),
-        Endpoint("sends", settings.host, settings.port),
-    )

@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchtool.bench.addresses import SerialAddress, TcpAddress
 from benchtool.bench.bench import Identity, Readings, StreamingBench
-from benchtool.bench.drivers import Address
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.conversation import Conversation
 from benchtool.bench.serial.hello import Hello, check_rate, highest_rate_Hz
@@ -30,9 +30,6 @@ from benchtool.core.errors import (
     ProtocolError,
     StageError,
 )
-
-DEFAULT_BAUD = 2_000_000
-"""Rate of an address that names none: what the protocol's description recommends."""
 
 STALE_S = 1.0
 """A stream that brings nothing for so long is lost (wall time); a choice, four watchdogs."""
@@ -299,14 +296,13 @@ def _refused(command: wire.Command, reason: str) -> CommandRefused:
     return CommandRefused(",".join(wire.fields_of(command)), f"{reason}{late}")
 
 
-def open_serial(address: Address) -> SerialBench:
+def open_serial(address: SerialAddress) -> SerialBench:
     """Return the bench on a serial port, not opened yet."""
     from benchtool.bench.transport.serial_port import SerialPort
 
-    baud = address.whole("baud", DEFAULT_BAUD, 1200, 12_000_000)
-    return SerialBench(SerialPort(address.place, baud), address.text)
+    return SerialBench(SerialPort(address.port, address.baud), address.text)
 
 
-def open_tcp(address: Address) -> SerialBench:
+def open_tcp(address: TcpAddress) -> SerialBench:
     """Return the bench behind a TCP port, not opened yet."""
-    return SerialBench(TcpSocket(*address.host_and_port()), address.text)
+    return SerialBench(TcpSocket(address.host, address.port), address.text)

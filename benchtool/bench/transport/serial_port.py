@@ -7,7 +7,6 @@ from contextlib import suppress
 
 import serial
 
-from benchtool.bench.drivers import Address, Endpoint
 from benchtool.bench.transport.transport import first_bytes, lost_error, opening_error
 from benchtool.core.errors import InputError, LinkLost
 
@@ -15,11 +14,6 @@ WRITE_TIMEOUT_S = 0.2
 """A device that takes nothing for so long is lost; a watchdog of 250 ms has nearly run out then."""
 
 _MOST_READS = 16
-
-
-def serial_ends(address: Address) -> tuple[Endpoint, ...]:
-    """Return the port of an address."""
-    return (Endpoint("serial", address.place),)
 
 
 class SerialPort:

@@ -7,17 +7,11 @@ import socket
 from abc import ABC, abstractmethod
 from contextlib import suppress
 
-from benchtool.bench.drivers import Address, Endpoint
 from benchtool.bench.transport.transport import first_bytes, lost_error, opening_error
 from benchtool.core.errors import LinkLost, NoDevice, PortBusy
 
 CONNECT_S = 3.0
 WRITE_TIMEOUT_S = 0.2
-
-
-def tcp_ends(address: Address) -> tuple[Endpoint, ...]:
-    """Return where an address connects to."""
-    return (Endpoint("connects", *address.host_and_port()),)
 
 
 class SocketTransport(ABC):

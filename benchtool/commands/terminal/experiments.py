@@ -111,13 +111,10 @@ def record_next(
 
 def _running(address: str, schedule: Path) -> str:
     """Return the address of a bench whose device runs a schedule; a virtual one is given it."""
-    from urllib.parse import urlencode
+    from urllib.parse import parse_qsl, urlencode
 
-    from benchtool.bench.drivers import parse_address
-
-    found = parse_address(address)
-    if found.scheme == "sim":
-        options = {**found.options, "schedule": str(schedule)}
-        return f"sim:{found.place}?{urlencode(options)}"
+    if address.startswith("sim:"):
+        place, _, query = address.partition("?")
+        return f"{place}?{urlencode({**dict(parse_qsl(query)), 'schedule': str(schedule)})}"
     print(f"the device runs the schedule by itself: load {schedule} into it before you arm")
     return address

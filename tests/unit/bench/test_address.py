@@ -1,10 +1,30 @@
 """Addresses lead to the bench they name, and to nothing else."""
 
+from dataclasses import replace
+
 import pytest
 
+from benchtool.acquire.inputs import SweepInputs
+from benchtool.acquire.operator import Unattended
+from benchtool.acquire.sweep_run import sweep_to_run
+from benchtool.bench.addresses import (
+    LOOPBACK,
+    Address,
+    GrblAddress,
+    MavlinkAddress,
+    RcbAddress,
+    ReplayAddress,
+    SerialAddress,
+    ServedLink,
+    SimAddress,
+    TcpAddress,
+    parse_stage,
+)
 from benchtool.bench.drivers import open_bench, parse_address
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.inputs import make
+from benchtool.core.own_code import refuse_code
 from benchtool.virtual.simulated import SimulatedBench
 
 TRUTH = """
@@ -22,20 +42,33 @@ start_offset_N = 2.0
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "options"),
+    ("text", "address"),
     [
-        ("sim:pquad?seed=3&rate=500", "pquad", {"seed": "3", "rate": "500"}),
-        ("serial:/dev/ttyUSB0?baud=2000000", "/dev/ttyUSB0", {"baud": "2000000"}),
-        ("serial:COM12", "COM12", {}),
-        (r"serial:\\.\COM12", r"\\.\COM12", {}),
-        (r"serial:\\?\usb#vid_0403?baud=9600", r"\\?\usb#vid_0403", {"baud": "9600"}),
-        ("tcp:[::1]:5555", "[::1]:5555", {}),
-        ("replay:C:/runs/2026-01-31-first", "C:/runs/2026-01-31-first", {}),
+        ("sim:pquad?seed=3&rate=500", SimAddress(rig="pquad", seed=3, rate_Hz=500.0)),
+        ("serial:/dev/ttyUSB0?baud=9600", SerialAddress(port="/dev/ttyUSB0", baud=9600)),
+        ("serial:COM12", SerialAddress(port="COM12", baud=2_000_000)),
+        (r"serial:\\.\COM12", SerialAddress(port=r"\\.\COM12")),
+        (r"serial:\\?\usb#vid?baud=9600", SerialAddress(port=r"\\?\usb#vid", baud=9600)),
+        ("tcp:[::1]:5555", TcpAddress(host="::1", port=5555)),
+        ("replay:C:/runs/first", ReplayAddress(run="C:/runs/first")),
+        (
+            "mavlink:tcp:5760?system=7&cell=COM3:38400&distance=on",
+            MavlinkAddress(
+                link="tcp", host=LOOPBACK, port=5760, system=7, cell="COM3:38400", distance="on"
+            ),
+        ),
+        (
+            "mavlink:serial:/dev/ttyACM0:57600",
+            MavlinkAddress(link="serial", serial_port="/dev/ttyACM0", baud=57600),
+        ),
+        (
+            "rcbudp:192.168.1.7:5000?listen=0",
+            RcbAddress(host="192.168.1.7", port=5000, listen=0),
+        ),
     ],
 )
-def test_an_address_is_split_into_its_parts(text, place, options):
-    address = parse_address(text)
-    assert (address.place, dict(address.options)) == (place, options)
+def test_an_address_is_parsed_into_typed_values(text: str, address: Address) -> None:
+    assert parse_address(text) == replace(address, text=text)
 
 
 @pytest.mark.parametrize(
@@ -47,28 +80,41 @@ def test_an_address_is_split_into_its_parts(text, place, options):
         ("", "sim:pquad"),
         ("sim:", "names no place"),
         ("sim:pquad?sede=3", "did you mean 'seed'"),
-        ("sim:pquad?seed=x", "not a number"),
-        ("sim:pquad?seed=1.5", "not a whole number"),
-        ("sim:pquad?seed=-1", "outside 0"),
-        ("sim:pquad?rate=nan", "outside 1 to 5000"),
+        ("sim:pquad?seed=x", "seed .* 'x'"),
+        ("sim:pquad?seed=1.5", "seed .* '1.5'; type a whole number"),
+        ("sim:pquad?seed=-1", "seed .* -1, allowed is 0 to"),
+        ("sim:pquad?seed=1&seed=1", "seed .* twice"),
+        ("sim:pquad?seed=", "seed .* without a value"),
+        ("sim:pquad?truth= ", "truth .* without a value"),
+        ("sim:pquad?rate=nan", "rate .* nan, allowed is 1 to 5,000"),
+        ("sim:pquad?rate=inf", "rate .* inf, allowed is 1 to 5,000"),
         ("sim:pquad?seed", "name=value"),
         ("sim:pquod", "did you mean 'pquad'"),
-        ("serial:COM3?baud=fast", "not a number"),
+        ("sim:pquad?schedule=plate", "schedule .* is for mode=pitch"),
+        (f"sim:{'p' * 1024}", "1,028 characters, limit 1,024"),
+        ("serial:COM3?baud=fast", "baud .* 'fast'"),
+        ("serial:COM3?baud=1199", "baud .* 1199, allowed is 1,200 to 12,000,000"),
+        (f"serial:COM3?baud={'1' * 900}", "baud .* allowed is 1,200 to 12,000,000"),
         ("tcp:5555", "host and port"),
         ("tcp:localhost:70000", "host and port"),
+        (f"tcp:localhost:{'1' * 900}", "host and port"),
         ("tcp:localhost:", "host and port"),
         ("mavlink:usb:1", "unknown link of address"),
-        ("mavlink:udpin:host:port", "needs host and port; write for example mavlink:udpin:127"),
+        ("mavlink:udpin:host:port", "needs host and port, .* write for example mavlink:udpin:127"),
+        ("mavlink:udpout:127.0.0.1:99999", "host and port, 1 to 65535"),
         ("mavlink:serial:", "names no port"),
-        ("mavlink:udpin:14550?system=0", "outside 1 to 255"),
+        ("mavlink:serial:COM3:1", "baud rate .* 1, allowed is 1,200"),
+        ("mavlink:udpin:14550?cell=COM3:1", "baud rate .* 1, allowed is 1,200"),
+        ("mavlink:udpin:14550?system=0", "system .* 0, allowed is 1 to 255"),
         ("mavlink:udpin:14550?mode=yaw", "unknown mode of address"),
-        ("mavlink:udpin:14550?rate=5", "outside 10 to 1000"),
+        ("mavlink:udpin:14550?rate=5", "rate .* 5, allowed is 10 to 1,000"),
+        ("mavlink:udpin:14550?thrust_scale=nan", "thrust_scale .* nan"),
         ("mavlink:udpin:14550?map=no-such-file.toml", "make one with benchtool bench map"),
         ("mavlink:udpin:14550?key=no-such-file", "no-such-file: there is no such file"),
         ("mavlink:udpin:14550?colour=red", "known: arm, cell, distance"),
-        ("rcbudp:127.0.0.1", "needs host and port of the GUI; write for example rcbudp:127"),
-        ("rcbudp:127.0.0.1:99999", "needs host and port of the GUI"),
-        ("rcbudp:127.0.0.1:55047?listen=70000", "outside 0 to 65535"),
+        ("rcbudp:127.0.0.1", "needs host and port, .* write for example rcbudp:127"),
+        ("rcbudp:127.0.0.1:99999", "needs host and port"),
+        ("rcbudp:127.0.0.1:55047?listen=70000", "listen .* 70000, allowed is 0 to 65,535"),
         ("rcbudp:127.0.0.1:55047?colour=red", "known: listen, thrust_scale"),
     ],
 )
@@ -76,6 +122,88 @@ def test_a_wrong_address_says_what_is_wrong(text, said):
     with pytest.raises(InputError, match=said) as caught:
         open_bench(text)
     assert "\n" not in str(caught.value)
+
+
+GRBL = "grbl:/dev/x"
+
+
+def test_a_stage_is_parsed_into_typed_values() -> None:
+    assert parse_stage("hand") == "hand"
+    text = f"{GRBL}?axis=X&zero_mm=1500.5&direction=-1&lateral=Z&lateral_zero_mm=-3&baud=9600"
+    assert parse_stage(text) == GrblAddress(
+        text=text, port="/dev/x", baud=9600, axis="X", zero_mm=1500.5, direction=-1,
+        lateral="Z", lateral_zero_mm=-3.0,
+    )  # fmt: skip
+    plain = GrblAddress(text=GRBL, port="/dev/x", axis="Z", zero_mm=None, direction=1)
+    assert parse_stage(GRBL) == plain
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("feet", "unknown stage 'feet'.* known: device, grbl:PORT, hand, none"),
+        ("grbl", "names no place"),
+        ("grbl:", "names no place"),
+        (f"{GRBL}?axis=Z&zero_mm=1500&direction=1&lateral=Z", "axis and lateral .* both Z"),
+        (f"{GRBL}?lateral=Z", "axis and lateral .* both Z"),
+        (f"{GRBL}?direction=0", "direction .* is 0; write 1 or -1"),
+        (f"{GRBL}?direction=2", "direction .* 2, allowed is -1 to 1"),
+        (f"{GRBL}?direction=0.5", "direction .* '0.5'"),
+        (f"{GRBL}?zero_mm=", "zero_mm .* without a value"),
+        (f"{GRBL}?zero_mm=1500&zero_mm=1400", "zero_mm .* twice"),
+        (f"{GRBL}?zero_mm=nan", "zero_mm .* nan, allowed is -100,000 to 100,000"),
+        (f"{GRBL}?zero_mm=1e999", "zero_mm .* inf, allowed is -100,000 to 100,000"),
+        (f"{GRBL}?zero_mm=1,5", "zero_mm .* '1,5'"),
+        (f"{GRBL}?zero_mm", "name=value"),
+        (f"{GRBL}?axis=A", "unknown axis of address .* 'A'.* known: X, Y, Z"),
+        (f"{GRBL}?axis=", "axis .* without a value"),
+        (f"{GRBL}?lateral=z", "unknown lateral of address .* 'z'"),
+        (f"{GRBL}?baud=0", "baud .* 0, allowed is 1,200"),
+        (f"{GRBL}?tilt=A", "unknown option of grbl: addresses 'tilt'"),
+    ],
+)
+def test_a_wrong_stage_is_refused_in_a_dry_run_too(option: str, said: str) -> None:
+    given = {"address": "serial:/dev/none", "rig": "pquad_single", "stage": option, "dry_run": True}
+    inputs = make(SweepInputs, {**given, "z_over_r": "2", "pwm": "1500"}, base=SweepInputs())
+    with pytest.raises(InputError, match=said):
+        sweep_to_run(inputs, Unattended(), refuse_code)
+
+
+@pytest.mark.parametrize(
+    ("text", "link"),
+    [
+        ("pty", ServedLink("bench", "pty")),
+        ("tcp:0", ServedLink("bench", "tcp", LOOPBACK, 0)),
+        ("tcp:localhost:5555", ServedLink("bench", "tcp", "localhost", 5555)),
+        ("mavlink", ServedLink("mavlink", "udpout", LOOPBACK, 14550)),
+        ("mavlink:pty", ServedLink("mavlink", "pty")),
+        ("mavlink:tcp:5760", ServedLink("mavlink", "tcp", LOOPBACK, 5760)),
+        ("mavlink:udpin:14551", ServedLink("mavlink", "udpin", LOOPBACK, 14551)),
+        ("mavlink:udpout:host:14551", ServedLink("mavlink", "udpout", "host", 14551)),
+        ("rcbudp", ServedLink("rcbudp", "udpin", LOOPBACK, 55047)),
+        ("rcbudp:5000", ServedLink("rcbudp", "udpin", LOOPBACK, 5000)),
+    ],
+)
+def test_a_served_link_is_parsed_into_typed_values(text: str, link: ServedLink) -> None:
+    assert ServedLink.parse(text) == link
+
+
+DIGITS = "1" * 5000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("", "usb", "tcp:", "tcp:x", "tcp:99999", "pty:1", "mavlink:usb:1", "mavlink:pty:1"),
+        *(DIGITS, f"tcp:{DIGITS}", f"rcbudp:{DIGITS}", f"mavlink:tcp:{DIGITS}"),
+        *("mavlink:udpout:127.0.0.1:99999", "mavlink:udpout:127.0.0.1:0", "rcbudp:x:1"),
+    ],
+    ids=lambda text: text[:30],
+)
+def test_a_wrong_link_is_refused_with_the_known_ones(text: str) -> None:
+    with pytest.raises(InputError, match=r"0 .any. to 65535; known: pty, tcp:PORT") as caught:
+        ServedLink.parse(text)
+    assert len(str(caught.value)) < 300
 
 
 def test_ports_are_not_opened_before_they_are_entered():

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.drivers import DRIVERS, parse_address
+from benchtool.bench.addresses import MavlinkAddress
 from benchtool.bench.mavlink.settings import (
     MotorMap,
     read_key,
@@ -19,19 +19,19 @@ from benchtool.core.errors import FileFormatError, InputError, PortBusy, Unknown
 
 
 def test_links() -> None:
-    udp = transport_of(parse_address("mavlink:udpin:14550"))
+    udp = transport_of(MavlinkAddress.parse("mavlink:udpin:14550"))
     assert isinstance(udp, UdpSocket)
     assert (udp.host, udp.port) == ("127.0.0.1", 14550)
-    assert isinstance(transport_of(parse_address("mavlink:tcp:127.0.0.1:5760")), TcpSocket)
-    port = transport_of(parse_address("mavlink:serial:/dev/ttyACM0:57600"))
+    assert isinstance(transport_of(MavlinkAddress.parse("mavlink:tcp:127.0.0.1:5760")), TcpSocket)
+    port = transport_of(MavlinkAddress.parse("mavlink:serial:/dev/ttyACM0:57600"))
     assert isinstance(port, SerialPort)
     assert (port.port, port.baud) == ("/dev/ttyACM0", 57600)
-    assert transport_of(parse_address("mavlink:serial:COM12")).baud == 115_200
+    assert transport_of(MavlinkAddress.parse("mavlink:serial:COM12")).baud == 115_200
 
 
 def test_listening_wider_than_this_computer_is_said_aloud() -> None:
     def warning(place: str) -> str:
-        return settings_of(parse_address(f"mavlink:{place}")).warning
+        return settings_of(MavlinkAddress.parse(f"mavlink:{place}")).warning
 
     assert warning("udpin:14550") == warning("udpin:localhost:14550") == ""
     assert warning("udpout:192.168.4.1:14550") == ""
@@ -43,17 +43,16 @@ def test_options(tmp_path: Path) -> None:
     path = tmp_path / "pquad.motors.toml"
     path.write_text(made.to_toml())
     options = f"system=7&map={path}&thrust=cell.z&thrust_scale=-0.5&rpm=none&cell=COM3:38400"
-    found = settings_of(parse_address(f"mavlink:udpin:14550?{options}"))
+    found = settings_of(MavlinkAddress.parse(f"mavlink:udpin:14550?{options}"))
     assert found.system == 7
     assert found.motor_map == made
     assert found.thrust.message == "DEBUG_VECT"
     assert (found.thrust_scale_N, found.speeds, found.cell) == (-0.5, False, ("COM3", 38400))
     assert not found.distance
-    pitch = settings_of(parse_address("mavlink:udpin:14550?mode=pitch"))
+    pitch = settings_of(MavlinkAddress.parse("mavlink:udpin:14550?mode=pitch"))
     assert pitch.distance
     assert pitch.rate_Hz == 250.0  # the loop on board is followed, a motor test is looked at
-    assert settings_of(parse_address("mavlink:udpin:14550")).rate_Hz == 50.0
-    assert set(DRIVERS["mavlink"].options) >= {"system", "map", "thrust", "cell", "key"}
+    assert settings_of(MavlinkAddress.parse("mavlink:udpin:14550")).rate_Hz == 50.0
 
 
 def test_keys(tmp_path: Path) -> None:

@@ -9,10 +9,10 @@ from contextlib import contextmanager
 
 import pytest
 
+from benchtool.bench.addresses import RcbAddress
 from benchtool.bench.drivers import open_bench, parse_address
 from benchtool.bench.rcbenchmark import link as rcb_talk
 from benchtool.bench.rcbenchmark.bench import RcbBench
-from benchtool.bench.rcbenchmark.link import RcbSettings, rcb_settings_of
 from benchtool.core.errors import NoDevice, PortBusy, ProtocolError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
@@ -23,10 +23,12 @@ from benchtool.virtual.firmware import Firmware
 
 
 def test_an_address_says_both_ports() -> None:
-    found = rcb_settings_of(parse_address("rcbudp:127.0.0.1:55047"))
-    assert found == RcbSettings(host="127.0.0.1", port=55047, listen=64126)
+    text = "rcbudp:127.0.0.1:55047"
+    found = parse_address(text)
+    assert found == RcbAddress(text=text, host="127.0.0.1", port=55047, listen=64126)
     assert found.warning == ""
-    other = rcb_settings_of(parse_address("rcbudp:192.168.1.7:5000?listen=5001&thrust_scale=-1"))
+    other = parse_address("rcbudp:192.168.1.7:5000?listen=5001&thrust_scale=-1")
+    assert isinstance(other, RcbAddress)
     assert (other.port, other.listen, other.thrust_scale) == (5000, 5001, -1.0)
     assert "listening on UDP port 5001 of every network" in other.warning
 

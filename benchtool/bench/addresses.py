@@ -1,0 +1,392 @@
+"""Addresses of benches, stages and served links, parsed once into typed values with ranges.
+
+Nothing is opened and no file is read here. The fields of an `Address` with an `Input` are the
+options behind the `?` of its text, by the names and within the ranges that they declare.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+from urllib.parse import parse_qsl
+
+from annotated_types import Ge, Le
+
+from benchtool.bench.rcbenchmark.lines import GUI_PORT, HOST_PORT
+from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.inputs import Input, items
+from benchtool.core.own_code import CodePermit, refuse_code
+
+LOOPBACK = "127.0.0.1"
+MAX_LENGTH = 1024  # characters: a path and some options; assumed
+MAX_PORT = 65535
+TELEMETRY_BAUD = 115_200  # usual over USB; radios have 57600
+DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270: a distance sensor that looks at the plate
+LEAST_HZ, MOST_HZ = 10.0, 1000.0  # of outputs; below it a stop would be seen late; assumed
+GROUND_STATION_PORT = 14550
+
+Baud = Annotated[int, Ge(1200), Le(12_000_000), Input("Baud rate of the port.")]
+Scale = Annotated[float, Ge(-1e6), Le(1e6), Input("Factor on thrust.", option="thrust_scale")]
+Millimetres = Annotated[float, Ge(-1e5), Le(1e5), Input("Plate coordinate at machine position 0.")]
+StageAxis = Literal["X", "Y", "Z"]
+MavlinkKind = Literal["udpin", "udpout", "tcp", "serial"]
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """One end of a link, for `benchtool doctor`.
+
+    Attributes:
+        kind: "serial" (`place` is its port), "listens" (a UDP port of ours), "sends" (a UDP port of
+            theirs), "connects" (TCP).
+    """
+
+    kind: Literal["serial", "listens", "sends", "connects"]
+    place: str
+    port: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Address:
+    """Address of one kind.
+
+    Attributes:
+        text: as a person wrote it, or as data contain it.
+        permit: called with the file of a user's own code before it is run.
+    """
+
+    TITLE: ClassVar[str] = ""
+    EXAMPLE: ClassVar[str] = ""
+    PLACE: ClassVar[str] = "port"
+    text: str = ""
+    permit: CodePermit = refuse_code
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Return the values of an address of this kind.
+
+        Raises:
+            InputError: no place; an option that is unknown, empty, repeated or out of range.
+        """
+        if len(text) > MAX_LENGTH:
+            raise InputError(
+                f"the address {text[:40]!r}... has {len(text):,} characters, limit {MAX_LENGTH:,}; "
+                f"write for example {cls.EXAMPLE}"
+            )
+        scheme, _, rest = text.strip().partition(":")
+        # Windows device paths (\\?\...) contain a question mark before any option.
+        head = rest[:4] if rest.startswith("\\\\?\\") else ""
+        place, _, query = rest[len(head) :].partition("?")
+        if not head + place:
+            raise InputError(f"address {text!r} names no place; write for example {cls.EXAMPLE}")
+        try:
+            pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True) if query else []
+        except ValueError:
+            raise InputError(
+                f"the options of address {text!r} cannot be read; write them as name=value joined "
+                f"by &"
+            ) from None
+        if not all(map(str.isprintable, (place, *(value for _, value in pairs)))):
+            raise InputError(f"address {text!r} holds characters that no name has; type it anew")
+        known, values = {item.name: item for item in items(cls)}, dict[str, Any]()
+        for name, value in pairs:
+            called = f"{name} of address {text!r}"
+            if name not in known:
+                raise UnknownChoice(f"option of {scheme}: addresses", name, known)
+            if known[name].key in values or not value.strip():
+                problem = "twice" if known[name].key in values else "without a value"
+                raise InputError(f"{called} is given {problem}; write {name}=VALUE once")
+            values[known[name].key] = known[name].read(value, called)
+        address = cls(text=text, **cls.parse_place(head + place, text), **values)
+        address.check()
+        return address
+
+    @classmethod
+    def parse_place(cls, place: str, text: str) -> dict[str, Any]:
+        """Return the fields that the place makes; errors name the whole text."""
+        return {cls.PLACE: place}
+
+    def check(self) -> None:
+        """Refuse options that contradict each other."""
+
+    @property
+    def ends(self) -> tuple[Endpoint, ...]:
+        """Ends of the link, none where there is none."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimAddress(Address):
+    """Virtual bench in this process; the pitch options are empty where not given."""
+
+    EXAMPLE: ClassVar[str] = "sim:pquad?seed=3"
+    PLACE: ClassVar[str] = "rig"
+    rig: str
+    truth: Annotated[str, Input("Model whose thrust the load cell shows.")] = ""
+    seed: Annotated[int, Ge(0), Le(2**32 - 1), Input("Seed of noise.")] = 0
+    rate_Hz: Annotated[float, Ge(1.0), Le(5000.0), Input("Rate.", option="rate")] | None = None
+    mode: Annotated[Literal["plate", "pitch"], Input("A load cell, or a pitch hinge.")] = "plate"
+    schedule: Annotated[str, Input("Pitch: schedule.")] = ""
+    controller: Annotated[str, Input("Pitch: controller.")] = ""
+    gains: Annotated[str, Input("Pitch: gain set.")] = ""
+    hidden: Annotated[str, Input("Pitch: hidden truth.")] = ""
+
+    def check(self) -> None:
+        for name in ("schedule", "controller", "gains", "hidden"):
+            if getattr(self, name) and self.mode != "pitch":
+                raise InputError(
+                    f"option {name} of address {self.text!r} is for mode=pitch; add &mode=pitch"
+                )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SerialAddress(Address):
+    """Bench on a serial port; the protocol's description recommends its rate."""
+
+    EXAMPLE: ClassVar[str] = "serial:/dev/ttyUSB0?baud=2000000"
+    port: str
+    baud: Baud = 2_000_000
+
+    @property
+    def ends(self) -> tuple[Endpoint, ...]:
+        return (Endpoint("serial", self.port),)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TcpAddress(Address):
+    """Bench behind a TCP port."""
+
+    EXAMPLE: ClassVar[str] = "tcp:127.0.0.1:5555"
+    DEFAULT_HOST: ClassVar[str] = ""
+    host: str
+    port: int
+
+    @classmethod
+    def parse_place(cls, place: str, text: str) -> dict[str, Any]:
+        return parse_host_and_port(place, text, cls.EXAMPLE, cls.DEFAULT_HOST)
+
+    @property
+    def ends(self) -> tuple[Endpoint, ...]:
+        return (Endpoint("connects", self.host, self.port),)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MavlinkAddress(Address):
+    """Flight controller; see `MavlinkSettings` for the options.
+
+    Attributes:
+        host, port: of UDP and TCP.
+        serial_port, baud: of a serial link.
+    """
+
+    EXAMPLE: ClassVar[str] = "mavlink:udpin:127.0.0.1:14550"
+    link: MavlinkKind
+    host: str = ""
+    port: int = 0
+    serial_port: str = ""
+    baud: int = TELEMETRY_BAUD
+    system: Annotated[int, Ge(1), Le(255), Input("Number of the autopilot.")] | None = None
+    rotors: Annotated[int, Ge(1), Le(12), Input("How many rotors.")] | None = None
+    map: Annotated[Path, Input("Map of motors.")] | None = None
+    mode: Annotated[Literal["plate", "pitch"], Input("Motor tests, or its own loop.")] = "plate"
+    arm: Annotated[Literal["operator", "host"], Input("Who arms.")] = "operator"
+    rate_Hz: Annotated[float, Ge(LEAST_HZ), Le(MOST_HZ), Input("", option="rate")] | None = None
+    key: Annotated[Path, Input("Signing key.")] | None = None
+    thrust: Annotated[str, Input("Name of the value that is thrust.")] = "thrust"
+    thrust_scale_N: Scale = 1.0
+    rpm: Annotated[Literal["auto", "none"], Input("Speeds.")] = "auto"
+    distance: Annotated[Literal["on", "off"], Input("Distance sensor.")] | None = None
+    orientation: Annotated[int, Ge(0), Le(100), Input("Of that sensor.")] = DOWN
+    cell: Annotated[str, Input("Port of a load cell.")] = ""
+
+    @classmethod
+    def parse_place(cls, place: str, text: str) -> dict[str, Any]:
+        kind, _, rest = place.partition(":")
+        if kind not in get_args(MavlinkKind):
+            raise UnknownChoice(f"link of address {text!r}", kind, get_args(MavlinkKind))
+        if kind != "serial":
+            return {"link": kind, **parse_host_and_port(rest, text, cls.EXAMPLE, LOOPBACK)}
+        port, baud = parse_port_and_baud(rest, text)
+        return {"link": kind, "serial_port": port, "baud": baud}
+
+    @property
+    def cell_port_and_baud(self) -> tuple[str, int] | None:
+        return parse_port_and_baud(self.cell, self.text) if self.cell else None
+
+    @property
+    def ends(self) -> tuple[Endpoint, ...]:
+        if self.link == "serial":
+            return (Endpoint("serial", self.serial_port),)
+        kinds: dict[str, Any] = {"udpin": "listens", "udpout": "sends", "tcp": "connects"}
+        return (Endpoint(kinds[self.link], self.host, self.port),)
+
+    @property
+    def warning(self) -> str:
+        """Warning of an address that listens beyond this computer, or nothing."""
+        if self.link != "udpin" or is_loopback(self.host):
+            return ""
+        return (
+            f"listening on {self.host}: any computer that reaches this one can send, and MAVLink "
+            f"accepts whoever sends unless key= signs it; mavlink:udpin:{LOOPBACK} listens to this "
+            f"one alone"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RcbAddress(TcpAddress):
+    """Both ends of the bridge to an RCbenchmark stand.
+
+    Attributes:
+        host, port: where the script in the GUI listens.
+        listen: port of this computer that the script sends to; 0 takes any, for a virtual stand.
+        thrust_scale: factor on thrust, -1 for a stand that pushes where it should pull.
+    """
+
+    EXAMPLE: ClassVar[str] = "rcbudp:127.0.0.1:55047"
+    DEFAULT_HOST: ClassVar[str] = LOOPBACK
+    host: str = LOOPBACK
+    port: int = GUI_PORT
+    listen: Annotated[int, Ge(0), Le(MAX_PORT), Input("Port of this computer.")] = HOST_PORT
+    thrust_scale: Scale = 1.0
+
+    @property
+    def ends(self) -> tuple[Endpoint, ...]:
+        return (Endpoint("listens", "", self.listen), Endpoint("sends", self.host, self.port))
+
+    @property
+    def warning(self) -> str:
+        """Warning of an end that listens beyond this computer, or nothing."""
+        if is_loopback(self.host):
+            return ""
+        return (
+            f"listening on UDP port {self.listen} of every network of this computer for "
+            f"{self.host}: neither end can check who sends, anybody there can turn the motor; use "
+            f"a network of the two computers alone, or run benchtool beside the GUI"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayAddress(Address):
+    """Run that is played back."""
+
+    EXAMPLE: ClassVar[str] = "replay:runs/2026-01-31-first"
+    PLACE: ClassVar[str] = "run"
+    run: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GrblAddress(Address):
+    """G-code stage that moves the plate.
+
+    Attributes:
+        axis, lateral: of the plate distance, and of the lateral position where there is one.
+        zero_mm: plate distance at machine position 0; the rig's parking distance where left out.
+        direction: +1 when the distance grows with machine position, -1 when it falls.
+    """
+
+    EXAMPLE: ClassVar[str] = "grbl:/dev/ttyACM0?axis=Z&zero_mm=1500&direction=1"
+    port: str
+    baud: Baud = 115_200
+    axis: Annotated[StageAxis, Input("Axis of the distance.")] = "Z"
+    zero_mm: Millimetres | None = None
+    direction: Annotated[int, Ge(-1), Le(1), Input("Sign.")] = 1
+    lateral: Annotated[StageAxis, Input("Axis of the lateral position.")] | None = None
+    lateral_zero_mm: Millimetres = 0.0
+
+    def check(self) -> None:
+        if not self.direction:
+            raise InputError(f"direction of address {self.text!r} is 0; write 1 or -1")
+        if self.lateral == self.axis:
+            raise InputError(
+                f"axis and lateral of address {self.text!r} are both {self.axis}, so one motor "
+                f"would move the plate two ways; name two axes"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class ServedLink:
+    """Where a virtual device listens or sends; port 0 takes any that is free."""
+
+    protocol: str
+    kind: str
+    host: str = LOOPBACK
+    port: int = 0
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Return the link that `--link` names.
+
+        `mavlink` is UDP to port 14550 of this computer; `mavlink:udpout:HOST:PORT` sends there,
+        `mavlink:udpin:PORT` and `rcbudp:PORT` wait there, `pty`, `tcp:PORT`, `tcp:HOST:PORT` and
+        the same behind `mavlink:` are the others.
+        """
+        protocol, _, rest = text.partition(":")
+        if protocol == "mavlink":
+            kind, _, place = rest.partition(":")
+            kind, place = kind or "udpout", place or str(GROUND_STATION_PORT)
+        elif protocol == "rcbudp":
+            kind, place = "udpin", rest or str(GUI_PORT)
+        else:
+            protocol, kind, place = "bench", protocol, rest
+        if text in ("pty", "mavlink:pty"):
+            return cls(protocol, "pty")
+        host, _, digits = place.rpartition(":")
+        kinds = {"bench": "tcp", "rcbudp": "udpin", "mavlink": "tcp udpin udpout"}[protocol]
+        port = parse_port(digits, min_port=int(kind == "udpout"))
+        if port is None or kind not in kinds.split() or (host and protocol == "rcbudp"):
+            raise InputError(
+                f"{text!r:.60} is no link with a port of 0 (any) to {MAX_PORT}; known: pty, "
+                f"tcp:PORT, tcp:HOST:PORT, rcbudp, rcbudp:PORT, mavlink, mavlink:pty, "
+                f"mavlink:tcp:PORT, mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
+            )
+        return cls(protocol, kind, host or LOOPBACK, port)
+
+
+def parse_port(digits: str, min_port: int = 1) -> int | None:
+    """Return the number of a TCP or UDP port, None for text that is none."""
+    port = int(digits) if digits.isdecimal() and len(digits) < 10 else -1
+    return port if min_port <= port <= MAX_PORT else None
+
+
+def parse_host_and_port(place: str, text: str, example: str, default: str) -> dict[str, Any]:
+    """Return host and port of a place `HOST:PORT`; errors name the whole text."""
+    host, _, digits = place.rpartition(":")
+    host, port = host.strip("[]") or default, parse_port(digits)
+    if not host or port is None:
+        raise InputError(
+            f"address {text!r} needs host and port, 1 to {MAX_PORT}; write for example {example}"
+        )
+    return {"host": host, "port": port}
+
+
+def parse_port_and_baud(place: str, text: str) -> tuple[str, int]:
+    """Split `/dev/ttyACM0:57600`; Windows and macOS ports have no colon of their own."""
+    port, _, digits = place.rpartition(":")
+    if not port or not digits.isdecimal():
+        port, digits = place, str(TELEMETRY_BAUD)
+    if not port:
+        raise InputError(
+            f"address {text!r} names no port; write for example "
+            f"mavlink:serial:/dev/ttyACM0:{TELEMETRY_BAUD}"
+        )
+    baud = next(item for item in items(SerialAddress) if item.name == "baud")
+    return port, baud.read(digits, f"baud rate of address {text!r}")
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether a host is this computer."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def parse_stage(option: str) -> GrblAddress | str:
+    """Return what `--stage` names: `device`, `hand`, `none`, or the address of a stage."""
+    if option in ("device", "hand", "none"):
+        return option
+    if option.partition(":")[0] != "grbl":
+        raise UnknownChoice("stage", option[:60], ("device", "hand", "grbl:PORT", "none"))
+    return GrblAddress.parse(option)
