@@ -230,7 +230,7 @@ def count(kind: str, situation: str, counted: LongCount, number: int) -> None:
     while left > 0:
         # A busy machine may not get to open a dialog in time; trials then go on with a new scene.
         with (
-            suppress(PlaywrightError),
+            suppress(PlaywrightError, AssertionError),
             tempfile.TemporaryDirectory() as folder,
             ExitStack() as stack,
         ):
