@@ -90,12 +90,10 @@ def read(path: str | Path) -> Result[SweepRun] | Result[Recorded]:
     rows = len(recorded.recording)
     names = ", ".join(recorded.recording.names)
     return Result(
-        found=recorded,
-        path=path,
-        _page=STAND,
+        found=recorded, path=path, _page=STAND,
         _summary=lambda one: f"{one.name}: {rows} rows of {names}",
         _tables={"samples": lambda one: frame(one.with_quantities())},
-    )
+    )  # fmt: skip
 
 
 def _sweep(path: Path) -> Result[SweepRun]:
@@ -268,12 +266,8 @@ def compare(
     }
     if not one.found:
         del tables["best"]
-    return Result(
-        found=one,
-        _page=comparing.COMPARISON,
-        _summary=comparing.comparison_sentence,
-        _tables=tables,
-    )
+    page, summary = comparing.COMPARISON, comparing.comparison_sentence
+    return Result(found=one, _page=page, _summary=summary, _tables=tables)
 
 
 def export(
@@ -312,18 +306,16 @@ def export(
     """
     (path,) = paths_of(model)
     vehicle = vehicle_of(path, paths_of(motor), permit, *_stand(rig, propeller), extrapolate)
-    vehicle = replace(vehicle, mass_kg=mass_kg, rotors=rotors)
-    return write_targets(vehicle, to, None if out is None else Path(out))
+    hovering = replace(vehicle, mass_kg=mass_kg, rotors=rotors)
+    return write_targets(hovering, to, None if out is None else Path(out))
 
 
 def _stand(
     rig: Rig | str | Path | None, propeller: str | Path | None
 ) -> tuple[Rig | None, Propeller | None]:
     """Return rig and propeller of logs."""
-    return (
-        rig_named(rig) if isinstance(rig, str | Path) else rig,
-        propeller_named(propeller) if propeller else None,
-    )
+    read_rig = rig_named(rig) if isinstance(rig, str | Path) else rig
+    return read_rig, propeller_named(propeller) if propeller else None
 
 
 def explain(
