@@ -12,6 +12,7 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from benchtool.core.user_file import read_file
 from benchtool.data.csv_header import (
     BYTE_ORDER_MARK,
     START_BYTES,
+    HeaderLine,
     Repairs,
     decode,
     delimiter_of,
@@ -78,11 +80,15 @@ def read_csv_header(path: Path) -> tuple[str, ...]:
     data = read_file(path, MOST_TABLE_BYTES)
     if data[:2] not in UTF_16 and data[:4] != PARQUET:
         data = data[: data.rfind(b"\n", 0, START_BYTES) + 1] or data
-    return parse_csv(data, str(path)).header
+    return parse_csv(data, str(path), whole=False).header
 
 
-def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
-    """Return the cells of CSV bytes; see `read_csv_text`."""
+def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True) -> CsvTable:
+    """Return the cells of CSV bytes; see `read_csv_text`.
+
+    Args:
+        whole: the bytes are all of the file; else they may end within quotes.
+    """
     mended: Repairs = []
     data = plain_text(data, where, mended)
     text, first_line = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", mended), 1
@@ -97,7 +103,7 @@ def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
     repairs = [words for _, words in mended]
     check_columns(first.count(delimiter) + 1, where)
     check_cells(text.count(delimiter) + text.count("\n"), where)
-    rows, lines = _cells(text, delimiter, where)
+    rows, lines = _cells(text, delimiter, where, first_line, whole=whole)
     header = [cell.strip() for cell in rows[0]]
     while header and not header[-1]:
         header.pop()
@@ -125,8 +131,7 @@ def parse_csv(data: bytes, where: str, *, own: bool = False) -> CsvTable:
     ]
     if delimiter == ";":
         repairs += _with_points(cells)
-    lines = [line + first_line - 1 for _, line in numbered]
-    return CsvTable(where, tuple(header), cells, lines, tuple(repairs))
+    return CsvTable(where, tuple(header), cells, [line for _, line in numbered], tuple(repairs))
 
 
 def _with_points(rows: list[list[str]]) -> list[str]:
@@ -147,18 +152,55 @@ def _with_points(rows: list[list[str]]) -> list[str]:
     return done
 
 
-def _cells(text: str, delimiter: str, where: str) -> tuple[list[list[str]], list[int]]:
-    """Return the cells of each row, and the line in which it ends."""
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
-    rows, lines = [], []
+_END = "end of the table"
+
+
+def _cells(
+    text: str, delimiter: str, where: str, first_line: int, *, whole: bool = True
+) -> tuple[list[list[str]], list[int]]:
+    """Return the cells of each row, and the line in which it ends.
+
+    Args:
+        first_line: of the text in its file, from 1.
+        whole: the text is not cut.
+
+    Raises:
+        FileFormatError: a quote that is never closed, or that contains whole rows.
+    """
+    # A quote that is open at the end takes this row into its cell.
+    source = chain(io.StringIO(text, newline=""), [_END])
+    reader = csv.reader(source, delimiter=delimiter)
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    end = 0
     try:
         for row in reader:
+            begin, end = end + 1, reader.line_num
+            if end > begin and rows and _contains_rows(row, delimiter, end - begin + 1, rows[0]):
+                raise _open_quote(where, first_line + begin - 1)
             rows.append(row)
-            lines.append(reader.line_num)
+            lines.append(first_line + end - 1)
     except csv.Error as error:
-        problem = f"line {reader.line_num} cannot be read: {error}; mend that line"
-        raise FileFormatError(where, problem) from error
-    return rows, lines
+        if reader.line_num > end + 1:  # a cell of many rows is longer than csv allows
+            raise _open_quote(where, first_line + end) from error
+        line = first_line + reader.line_num - 1
+        raise FileFormatError(where, f"line {line} cannot be read: {error}; mend it") from error
+    if whole and rows[-1] != [_END]:
+        raise _open_quote(where, first_line + begin - 1)
+    return rows[:-1], lines[:-1]
+
+
+def _contains_rows(row: Sequence[str], delimiter: str, n_lines: int, header: Sequence[str]) -> bool:
+    """Return whether each line of a quoted cell has as many cells as the header has."""
+    count = len(row) - 1 + sum(cell.count(delimiter) for cell in row)
+    return len(header) > 2 and count >= n_lines * (len(header) - 1)
+
+
+def _open_quote(where: str, line: int) -> FileFormatError:
+    return FileFormatError(
+        f"{where}, line {line}",
+        "a quote that opens in this row contains the rows below it; close or delete the quote",
+    )
 
 
 def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
@@ -259,7 +301,7 @@ def lay_out(data: bytes, where: str) -> TextTable:
     body: bytes | memoryview = memoryview(data)[rest_at:]
     line_of = None
     if b'"' in data:
-        first, body, line_of = _unquoted(first, data[rest_at:], delimiter, where)
+        first, body, line_of = _unquoted(header, data[rest_at:], delimiter, where)
     check_columns(first.count(delimiter) + 1, where)
     names = tuple(cell.strip() for cell in first.split(delimiter))
     if not any(names):
@@ -289,18 +331,21 @@ def lay_out(data: bytes, where: str) -> TextTable:
     return evened(table)
 
 
-def _unquoted(first: str, body: bytes, delimiter: str, where: str) -> tuple[str, bytes, Positions]:
+def _unquoted(
+    header: HeaderLine, body: bytes, delimiter: str, where: str
+) -> tuple[str, bytes, Positions]:
     """Return header and rows without quotes, and the line of each row, counted from the header's.
 
     A delimiter or line end within quotes becomes a blank: no number holds one.
     """
     clean = str.maketrans({delimiter: " ", "\n": " "})
-    cells, lines = _cells(f"{first}\n{body.decode('utf-8', 'replace')}", delimiter, where)
+    text = f"{header.text}\n{body.decode('utf-8', 'replace')}"
+    cells, lines = _cells(text, delimiter, where, header.line)
     rows = [delimiter.join(cell.translate(clean) for cell in row) for row in cells]
     whole = "".join(f"{row}\n" for row in rows[1:])
     if not body.endswith(b"\n") and rows[-1]:
         whole = whole[:-1]
-    return rows[0], whole.encode(), np.array(lines[1:], np.intp) - 1
+    return rows[0], whole.encode(), np.array(lines[1:], np.intp) - header.line
 
 
 def _count(body: bytes | memoryview, letter: str) -> int:

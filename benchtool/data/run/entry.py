@@ -201,7 +201,7 @@ def _csv(entry: Entry, path: Path) -> Entry:
         beginning = file.read(HEAD_BYTES)
     if b"\n" in beginning:
         beginning = beginning[: beginning.rindex(b"\n") + 1]
-    header = parse_csv(beginning, entry.name).header
+    header = parse_csv(beginning, entry.name, whole=False).header
     return replace(entry, summary=", ".join(header[:8]) + (", ..." if len(header) > 8 else ""))
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -114,3 +115,39 @@ def test_a_header_is_read_without_the_rows(tmp_path: Path, encoding: str) -> Non
     one = tmp_path / "one.csv"
     one.write_text("a,b", encoding=encoding)
     assert read_csv_header(one) == ("a", "b")
+
+
+OPEN_QUOTES = {
+    "never closed": ('# stand\nz,F,rpm\n1,2,3\n4,"5,6\n7,8,9\n', 4),
+    "never closed, one line": ('z,F,rpm\n1,2,"3', 2),
+    "of a long file": ('z,F,rpm\n1,"2,3\n' + "4,5,6\n" * 30_000, 2),
+    "closed in a later row": ('z,F,rpm\n1,2,3\n4,"5,6\n7,8,9\n1,"2,3\n4,5,6\n', 3),
+}
+
+
+@pytest.mark.parametrize("case", OPEN_QUOTES)
+@pytest.mark.parametrize("read", [parse_csv, lay_out])
+def test_a_quote_that_contains_rows_is_refused_with_its_line(
+    case: str, read: Callable[[bytes, str], object]
+) -> None:
+    text, line = OPEN_QUOTES[case]
+    with pytest.raises(FileFormatError) as refused:
+        read(text.encode(), "x.csv")
+    assert refused.value.where == f"x.csv, line {line}"
+
+
+@pytest.mark.parametrize("note", ["calm\nair", "calm, dry\nair", 'the "good" cell'])
+def test_text_in_quotes_is_one_cell(note: str) -> None:
+    quoted = note.replace('"', '""')
+    data = f'z,F,note\n1,2,"{quoted}"\n3,4,\n'.encode()
+    table = parse_csv(data, "x.csv")
+    assert table.rows == [["1", "2", note], ["3", "4", ""]]
+    assert numbers_of(lay_out(data, "x.csv"), [0, 1]).columns.tolist() == [[1.0, 3.0], [2.0, 4.0]]
+
+
+def test_a_header_is_read_from_bytes_that_end_within_quotes(tmp_path: Path) -> None:
+    row = '1,2,"a note\nof two lines"\n'
+    path = tmp_path / "long.csv"
+    path.write_text("z,F,note\n" + row * 10_000)
+    assert read_csv_header(path) == ("z", "F", "note")
+    assert parse_csv(b'z,F\n1,"2', "x.csv", whole=False).header == ("z", "F")
