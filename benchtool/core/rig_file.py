@@ -50,7 +50,6 @@ def rig_from_toml(text: str, where: str) -> Rig:
     """
     found = Sources()
     data = unwrap_quantities(parse_toml(text, where), found)
-    data.pop("source", None)
     require_sources(found, where)
     _complete(data, found)
     rig = build(Rig, data, where)

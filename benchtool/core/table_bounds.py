@@ -19,6 +19,8 @@ MOST_LOG_BYTES = 1 << 30
 MOST_DECODED_BYTES = 1 << 31
 """Most memory that the numbers of one recording take: 10^7 rows of 25 channels. A choice."""
 
+MAX_NUMBER = 1e20  # largest magnitude in any unit: its products stay finite; assumed
+
 
 def check_columns(count: int, where: str) -> None:
     """Refuse a table with more columns than anybody would map."""

@@ -61,19 +61,20 @@ class Sources:
 def unwrap_quantities(data: Mapping[str, Any], found: Sources) -> dict[str, Any]:
     """Return `data` with every `{value, source}` replaced by its value, noting the sources."""
     return {
-        key: _unwrap(value, key, str(data.get("source", "")), found) for key, value in data.items()
+        key: _unwrap(value, key, data.get("source", ""), found)
+        for key, value in data.items()
+        if key != "source"
     }
 
 
-def _unwrap(value: Any, key: str, source: str, found: Sources) -> Any:
+def _unwrap(value: Any, key: str, source: Any, found: Sources) -> Any:
     if isinstance(value, dict):
         if "value" in value and set(value) <= _QUANTITY_KEYS:
             return _note(
                 value["value"], key, value.get("source", source), value.get("assumed"), found
             )
-        own = str(value.get("source", source))
         return {
-            name: _unwrap(item, f"{key}.{name}", own, found)
+            name: _unwrap(item, f"{key}.{name}", value.get("source", source), found)
             for name, item in value.items()
             if name != "source"
         }

@@ -11,6 +11,7 @@ import numpy as np
 from benchtool.core.channel import Channel, unit_in_name
 from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.recording import Recording
+from benchtool.core.table_bounds import MAX_NUMBER
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,14 +72,14 @@ def check_numbers(recording: Recording, where: str) -> None:
     """Refuse numbers that none of our own files holds.
 
     Raises:
-        FileFormatError: an infinite number, a time that is none, a number of a visit that is not
+        FileFormatError: a number beyond `MAX_NUMBER`, a time that is none, a number of a visit that is not
             whole.
     """
     for name in recording.names:
         column = recording.column(name)
         for start in range(0, len(column), _PIECE):  # a few bytes a row, not three copies
             values = column[start : start + _PIECE]
-            wrong = np.isinf(values)
+            wrong = np.abs(values) > MAX_NUMBER
             if is_whole(name):
                 wrong |= ~((values >= 0.0) & (values < 2.0**53) & (values == np.floor(values)))
             elif name == "time_s":

@@ -55,6 +55,5 @@ def read_propeller(name_or_path: str) -> tuple[Propeller, Mapping[str, str]]:
     text, where = read_named("propeller", FOLDER, name_or_path)
     found = Sources()
     data = unwrap_quantities(parse_toml(text, where), found)
-    data.pop("source", None)
     require_sources(found, where)
     return build(Propeller, data, where), found.by_key

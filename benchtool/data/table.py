@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
@@ -13,12 +14,15 @@ from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
+from benchtool.core.table_bounds import MAX_NUMBER
 from benchtool.data.atomic import file_hash
 from benchtool.data.column_map import ColumnMap, MappedColumn, index_of, mapped_column
 from benchtool.data.columns import WORDS, channel_called, code_of
 from benchtool.data.csv_text import CsvTable, no_rows, read_csv_text
 
 _BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null"})
+
+_ERROR = re.compile(r".+_(se|sd)(_.+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +76,7 @@ def read_table(
             raise FileFormatError(table.where, "the mapped columns hold no numbers; check the map")
     else:
         pairs = _own_names(table, rows)
+    _check_errors(table, rows, pairs)
     provenance = {
         "file": table.where,
         "sha256": file_hash(Path(path)),
@@ -100,7 +105,28 @@ def numbers_in(table: CsvTable, index: int, rows: Sequence[int], blank: str = ""
                 f"column {name!r} holds {cell[:40]!r}, which is no number; mend the cell or leave "
                 f"it empty",
             ) from None
+    wrong = np.flatnonzero(np.abs(values) > MAX_NUMBER)
+    if wrong.size:
+        raise FileFormatError(
+            f"{table.where}, line {table.lines[rows[wrong[0]]]}",
+            f"column {name!r} is {values[wrong[0]]:g}; allowed: -{MAX_NUMBER:g} to {MAX_NUMBER:g}; "
+            f"correct the cell or leave it empty",
+        )
     return values
+
+
+def _check_errors(
+    table: CsvTable, rows: Sequence[int], pairs: Iterable[tuple[Channel, Array]]
+) -> None:
+    """Raise FileFormatError for a standard error or standard deviation below 0."""
+    for channel, values in pairs:
+        wrong = np.flatnonzero((values < 0.0) | ((values > 0.0) & (values < 1.0 / MAX_NUMBER)))
+        if wrong.size and _ERROR.fullmatch(channel.name):
+            raise FileFormatError(
+                f"{table.where}, line {table.lines[rows[wrong[0]]]}",
+                f"{channel.name} is {values[wrong[0]]:g} {channel.unit}; a standard error is "
+                f"positive; correct the cell or leave it empty",
+            )
 
 
 def columns_of(table: CsvTable) -> list[tuple[Channel, Array]]:

@@ -326,7 +326,7 @@ def _selected(
     if not finite.all():
         reasons.append(
             f"{np.count_nonzero(~finite)} of {len(observed)} points have an empty cell in thrust, "
-            f"its error, speed or plate and were left out (the first: data row "
+            f"its error, speed or plate, or an error of 0, and were left out (the first: data row "
             f"{int(np.argmax(~finite)) + 1})"
         )
     if near.any():

@@ -169,7 +169,6 @@ def gains_from_toml(text: str, where: str) -> Gains:
     """
     found = Sources()
     data = unwrap_quantities(parse_toml(text, where), found)
-    data.pop("source", None)
     require_sources(found, where)
     gains = build(Gains, data, where)
     if gains.control_rate_Hz > 1e5:

@@ -76,6 +76,12 @@ def test_the_assumed_rotors_carry_the_vehicle_at_mid_throttle(name: str) -> None
             FileFormatError,
             "solidity has no source",
         ),
+        (
+            '[limits]\nsource = "',
+            '[limits]\nsource = ["sheet"] # "',
+            FileFormatError,
+            r"limits\.\w+ has no source",
+        ),
     ],
 )
 def test_what_is_wrong_is_said(
@@ -84,6 +90,11 @@ def test_what_is_wrong_is_said(
     assert old in text
     with pytest.raises(error, match=words):
         rig_from_toml(text.replace(old, new, 1), "pquad.toml")
+
+
+def test_a_table_in_place_of_a_source_is_no_quantity(text: str) -> None:
+    rig = rig_from_toml(f"source = {{ sheet = 1.0 }}\n{text}", "pquad.toml")
+    assert rig == rig_from_toml(text, "pquad.toml")
 
 
 def test_an_unknown_rig_lists_the_known_ones() -> None:

@@ -107,3 +107,28 @@ def test_a_unit_in_the_name_of_a_column_is_not_passed_over(tmp_path: Path) -> No
     )
     assert found.column("thrust_N")[0] == pytest.approx(38e-3 * 9.80665)
     assert (found.column("rpm1")[0], found.column("plate_z_m")[0]) == (9000.0, 0.1)
+
+
+@pytest.mark.parametrize("cell", ["1e308", "-1e308", "1e400", "inf", "-inf"])
+def test_a_number_that_no_bench_measures_is_refused_with_its_line(
+    tmp_path: Path, cell: str
+) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text(f"thrust_N,rpm1\n1.0,5000\n{cell},5000\n")
+    with pytest.raises(FileFormatError, match="'thrust_N' is") as refused:
+        read_table(file)
+    assert refused.value.where == f"{file}, line 3"
+
+
+@pytest.mark.parametrize("column", ["thrust_se_N", "thrust_sd_N", "rpm1_se"])
+@pytest.mark.parametrize("cell", ["-0.005", "1e-308"])
+def test_a_standard_error_below_0_is_refused_with_its_line(
+    tmp_path: Path, column: str, cell: str
+) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text(f"thrust_N,{column}\n1.0,0.005\n-1.0,{cell}\n")
+    with pytest.raises(FileFormatError, match=f"{column} is {float(cell):g}") as refused:
+        read_table(file)
+    assert refused.value.where == f"{file}, line 3"
+    file.write_text(f"thrust_N,{column}\n1.0,0.005\n-1.0,\n")
+    assert np.isnan(read_table(file).column(column)).tolist() == [False, True]
