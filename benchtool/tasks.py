@@ -16,6 +16,7 @@ import signal
 import socket
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -36,6 +37,7 @@ from benchtool.core.errors import (
     ResourceExhausted,
 )
 from benchtool.core.inputs import Input
+from benchtool.core.shown_text import show_warning
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -261,7 +263,11 @@ def _in_processes(
 
 
 def end_with_parent(lifeline: Pipe) -> None:
-    """End this process when its parent closes the other end of a pipe, or is gone."""
+    """Prepare a worker process: print warnings as lines, and end with its parent.
+
+    The parent is gone when the other end of the pipe is closed.
+    """
+    warnings.showwarning = show_warning
     # Ctrl-C in the terminal ends the parent, which ends this.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

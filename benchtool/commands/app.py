@@ -9,7 +9,9 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import warnings
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
 from typing import Annotated, Any
 
@@ -18,9 +20,15 @@ from typer.core import TyperGroup
 
 from benchtool import __version__
 from benchtool.commands.declared import GroupedCommand, help_of
-from benchtool.commands.terminal.messages import exhaustion_behind, flush_output, say_error
-from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice
+from benchtool.commands.terminal.messages import (
+    EscapedStream,
+    exhaustion_behind,
+    flush_output,
+    say_error,
+)
+from benchtool.core.errors import BenchtoolError, DataWarning, InputError, UnknownChoice
 from benchtool.core.inputs import items
+from benchtool.core.shown_text import show_warning
 from benchtool.core.user_file import shown_name
 
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -109,7 +117,9 @@ REMOVED: dict[str, str] = {
 """Commands, subcommands and options (``command --option``) of earlier versions, and what does their
 work now."""
 
-_OF_A_NAME = {errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP}
+_OF_A_NAME = {
+    *(errno.ENOENT, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP)
+}
 """What the system says of a path that cannot be one; where it was typed does not matter."""
 
 COMPLETING = "_BENCHTOOL_COMPLETE"
@@ -128,6 +138,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
         # A console that cannot show a character gets a stand-in for it instead of a traceback.
         if reconfigure := getattr(stream, "reconfigure", None):
             reconfigure(errors="replace")
+    with (
+        redirect_stdout(EscapedStream(sys.stdout)),
+        redirect_stderr(EscapedStream(sys.stderr)),
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("default", DataWarning)
+        warnings.showwarning = show_warning
+        _run(words)
+
+
+def _run(words: list[str]) -> None:
+    """Run one command and leave the process with its exit code."""
     try:
         _check_text(words)
         _refuse_removed(words)

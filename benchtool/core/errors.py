@@ -139,6 +139,10 @@ class MissingColumn(InputError):
         return MissingColumn(self.where, self.column, self.known, mapped_by)
 
 
+class DataWarning(UserWarning):
+    """Defect of data that can still be read."""
+
+
 class PlanError(InputError):
     """Refuse a plan that the bench or its limits do not allow."""
 

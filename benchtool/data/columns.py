@@ -72,8 +72,8 @@ def check_numbers(recording: Recording, where: str) -> None:
     """Refuse numbers that none of our own files holds.
 
     Raises:
-        FileFormatError: a number beyond `MAX_NUMBER`, a time that is none, a number of a visit that is not
-            whole.
+        FileFormatError: a number beyond `MAX_NUMBER`, a time that is none, a number of a
+            visit that is not whole.
     """
     for name in recording.names:
         column = recording.column(name)

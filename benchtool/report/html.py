@@ -11,6 +11,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from benchtool import __version__
+from benchtool.core.shown_text import show_controls
 from benchtool.report.files import figure_bytes, refuse_existing, write_whole
 from benchtool.report.page import FigureBlock, Report
 
@@ -43,7 +44,7 @@ def render_report(report: Report) -> str:
         for b, block in enumerate(section.blocks)
         if isinstance(block, FigureBlock)
     }
-    return environment.get_template(_PAGE).render(
+    page = environment.get_template(_PAGE).render(
         report=report,
         style=Markup((texts / _STYLE).read_text("utf-8")),
         anchors=_anchors([section.title for section in report.sections]),
@@ -51,6 +52,7 @@ def render_report(report: Report) -> str:
         kind=lambda block: type(block).__name__,
         made=f"benchtool {__version__}",
     )
+    return show_controls(page)
 
 
 def write_report(path: Path, report: Report, *, replace: bool = False) -> Path:

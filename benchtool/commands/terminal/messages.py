@@ -7,9 +7,11 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any, TextIO
 
 from benchtool.core.errors import InputError, ResourceExhausted, WouldOverwrite
 from benchtool.core.exhausted import exhausted, is_exhaustion
+from benchtool.core.shown_text import show_controls
 
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")
 """What loaders and threads say where an allocation failed; they raise no MemoryError for it."""
@@ -38,16 +40,29 @@ def exhaustion_behind(error: BaseException) -> ResourceExhausted | None:
     return None
 
 
-def printable(text: str) -> str:
-    """Keep what a device or a file says from being orders to a terminal."""
-    return "".join(letter if letter.isprintable() or letter == "\n" else "�" for letter in text)
+class EscapedStream:
+    """Text stream that writes control characters as visible escapes.
+
+    Names and texts of files and devices must not control the terminal. Consoles of Rich write to
+    the stream behind it; see `tables.EscapedConsole`.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self.rich_proxied_file = stream
+
+    def write(self, text: str) -> int:
+        """Write a text, escaped."""
+        return self.rich_proxied_file.write(show_controls(text))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.rich_proxied_file, name)
 
 
 def say_error(text: str) -> None:
     """Print a sentence on standard error, where that can still be written."""
     _output_error()
     with suppress(OSError, ValueError):
-        print(f"benchtool: {printable(text)}", file=sys.stderr, flush=True)
+        print(f"benchtool: {text}", file=sys.stderr, flush=True)
 
 
 def _output_error(text: str = "") -> OSError | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from benchtool.commands.terminal.messages import printable
 from benchtool.core.errors import InputError, UnknownChoice
 
 
@@ -29,7 +28,7 @@ def ask(
     offered = f" ({', '.join(choices)})" if choices else ""
     end = f" [{usual}]: " if usual else ": "
     while True:
-        print(printable(f"{question}?{offered}{end}"), end="", flush=True)
+        print(f"{question}?{offered}{end}", end="", flush=True)
         line = sys.stdin.readline()
         if not line:
             raise InputError(f"the input has ended; give {option}")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
+from rich.text import Text
 
-from benchtool.commands.terminal.messages import printable
 from benchtool.commands.terminal.tables import Output
 from benchtool.data.repairs.imported import Imported
 
@@ -44,10 +44,5 @@ def _table(read: Imported) -> Table:
     for item in read.findings:
         lines = item.lines if len(item.lines) <= 40 else f"{item.lines[:36]} ..."
         words = f"{item.words} (line {lines})" if item.lines else item.words
-        table.add_row(*map(_plain, (item.kind, item.what, item.channel, words)))
+        table.add_row(*map(Text, (item.kind, item.what, item.channel, words)))
     return table
-
-
-def _plain(text: str) -> str:
-    """Keep what a foreign file says from being taken for markup, or for orders to a terminal."""
-    return printable(text).replace("[", r"\[")

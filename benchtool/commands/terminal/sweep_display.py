@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -13,7 +14,7 @@ from rich.table import Table
 
 from benchtool.acquire.order import Visit, minutes
 from benchtool.acquire.record import QUIET, ProgressLines, RunProgress
-from benchtool.commands.terminal.messages import printable
+from benchtool.commands.terminal.tables import EscapedConsole
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 
@@ -49,7 +50,7 @@ class LiveDisplay(RunProgress):
 
     def happened(self, event: Event) -> None:
         if event.event not in QUIET:
-            self._event = printable(f"{event.time_s:.1f} s  {event.event}: {event.text}")
+            self._event = f"{event.time_s:.1f} s  {event.event}: {event.text}"
 
     def render(self) -> Group:
         table = Table(box=None, pad_edge=False)
@@ -74,9 +75,9 @@ class LiveDisplay(RunProgress):
 @contextmanager
 def display_for(radius_m: float | None) -> Iterator[RunProgress]:
     """Show a sweep live on a terminal, in plain lines elsewhere."""
-    console = Console()
+    console = EscapedConsole()
     if not console.is_terminal:
-        yield ProgressLines(radius_m, lambda text: print(printable(text), flush=True))
+        yield ProgressLines(radius_m, partial(print, flush=True))
         return
     display = LiveDisplay(radius_m, console)
     with Live(console=console, refresh_per_second=4, get_renderable=display.render):

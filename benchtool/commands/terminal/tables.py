@@ -2,21 +2,45 @@
 
 from __future__ import annotations
 
-from typing import Literal
+import sys
+from collections.abc import Iterable
+from typing import Any, Literal, TextIO
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
+from benchtool.core.shown_text import show_controls
 from benchtool.report import page
 
 FILE_WIDTH = 120
 """Width where no terminal gives one: room for the longest parameter names."""
 
 
-class Output(Console):
+class EscapedConsole(Console):
+    """Console that renders control characters of its texts as visible escapes.
+
+    It writes to the stream behind `EscapedStream`, as the styles need control characters.
+    """
+
+    def __init__(self, stream: TextIO | None = None, **options: Any) -> None:
+        stream = stream or sys.stdout
+        while (behind := getattr(stream, "rich_proxied_file", None)) is not None:
+            stream = behind
+        super().__init__(file=stream, **options)
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            text = segment.text if segment.control else show_controls(segment.text)
+            yield segment._replace(text=text)
+
+
+class Output(EscapedConsole):
     """A console of whole lines that leaves it to its caller what a closed pipe means."""
 
     def __init__(self) -> None:
@@ -40,13 +64,13 @@ def print_table(console: Console, shown: page.Table) -> None:
         justify: Literal["left", "right"] = "left" if position < shown.text_columns else "right"
         table.add_column(Text(head), justify=justify, overflow="fold")
     for row in shown.rows:
-        table.add_row(*map(Text, row))
+        table.add_row(*(Text(show_controls(cell)) for cell in row))
     console.print(table)
 
 
 def progress_bar(*columns: ProgressColumn, transient: bool = True) -> Progress:
     """Return a bar that shows on a terminal and nowhere else."""
-    console = Console(stderr=True)
+    console = EscapedConsole(sys.stderr)
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),

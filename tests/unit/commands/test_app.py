@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import sys
+import warnings
 from collections.abc import Callable
+from io import StringIO
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated
@@ -14,7 +17,10 @@ import typer
 
 from benchtool import __version__
 from benchtool.commands import app
-from benchtool.core.errors import BenchtoolError, LinkLost, UnknownChoice
+from benchtool.commands.terminal.messages import EscapedStream
+from benchtool.commands.terminal.tables import EscapedConsole, print_table
+from benchtool.core.errors import BenchtoolError, DataWarning, LinkLost, UnknownChoice
+from benchtool.report.page import Table
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -132,6 +138,63 @@ def test_a_fault_shows_its_traceback_when_asked(run: Run, monkeypatch: pytest.Mo
     monkeypatch.setenv("BENCHTOOL_DEBUG", "1")
     with pytest.raises(ZeroDivisionError):
         run("try", raising=ZeroDivisionError())
+
+
+def test_a_place_that_cannot_be_written_is_named(run: Run) -> None:
+    error = FileNotFoundError(errno.ENOENT, "No such file or directory", "gone/out")
+    code, _, err = run("try", raising=error)
+    assert code == 2
+    assert err.startswith("benchtool: gone/out: ")
+
+
+HOSTILE, SHOWN = "a\x1b[2Jb\u202ec\x9bd\te", "a\\x1b[2Jb\\u202ec\\u009bd\te"
+
+
+def test_control_characters_are_shown_escaped(
+    run: Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("try", raising=LinkLost(HOSTILE)) == (3, "", f"benchtool: {SHOWN}\n")
+    module = ModuleType("benchtool.commands.hostile")
+    module.hostile = lambda: print(HOSTILE)  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(app, "COMMANDS", {"hostile": ("hostile:hostile", "Print")})
+    with pytest.raises(SystemExit):
+        app.main(["hostile"])
+    assert capsys.readouterr().out == f"{SHOWN}\n"
+
+
+def test_rich_styles_reach_a_terminal_and_controls_of_texts_do_not() -> None:
+    shown = StringIO()
+    console = EscapedConsole(
+        EscapedStream(shown),  # type: ignore[arg-type]
+        force_terminal=True,
+        color_system="standard",
+        highlight=False,
+        _environ={},
+    )
+    console.print(HOSTILE[:6], style="bold")
+    print_table(console, Table("names", ("name",), [(HOSTILE[:6],)]))
+    assert "\x1b[1m" in shown.getvalue()
+    assert shown.getvalue().count(SHOWN[:9]) == 2
+    assert HOSTILE[:5] not in shown.getvalue()
+
+
+def test_warnings_of_data_are_lines_and_those_of_python_are_not_shown(
+    run: Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def warn() -> None:
+        warnings.simplefilter("default")
+        warnings.warn("p.csv has changed\x07", DataWarning, stacklevel=1)
+        warnings.warn("overflow in square", RuntimeWarning, stacklevel=1)
+
+    module = ModuleType("benchtool.commands.warn")
+    module.warn = warn  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setattr(app, "COMMANDS", {"warn": ("warn:warn", "Warn")})
+    monkeypatch.delenv("BENCHTOOL_DEBUG", raising=False)
+    with pytest.raises(SystemExit):
+        app.main(["warn"])
+    assert capsys.readouterr().err == "benchtool: warning: p.csv has changed\\x07\n"
 
 
 def test_a_group_loads_the_subcommand_that_was_named(

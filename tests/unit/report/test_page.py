@@ -127,6 +127,13 @@ def test_the_page_holds_what_it_was_given_with_markup_quoted() -> None:
         assert text in page
     assert page.count("<svg") == 2
     assert page.count('class="warnings"') == 1
+
+
+def test_the_page_shows_bidi_and_control_characters_escaped() -> None:
+    page = render_report(replace(report(), title="pquad\u202egnp", summary="a\x1b[2J"))
+    assert "pquad\\u202egnp" in page
+    assert "a\\x1b[2J" in page
+    assert not {"\u202e", "\x1b"} & {*page}
     assert 'aria-label="First."' in page
 
 
