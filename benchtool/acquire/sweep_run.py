@@ -24,12 +24,12 @@ from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.signals import ClosingSignals
 from benchtool.core.counted import counted
-from benchtool.core.errors import InputError
+from benchtool.core.errors import InputError, check_name
 from benchtool.core.inputs import Source, items
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
 from benchtool.data.calibration import read_calibration
-from benchtool.data.run.run import Run, check_run_name, refuse_taken
+from benchtool.data.run.run import Run, refuse_taken
 
 
 def base_inputs(given: Mapping[str, Any], source: Source) -> SweepInputs:
@@ -67,7 +67,7 @@ def sweep_to_run(
         resolved = inputs.plan.resolved(stands)
         if inputs.out is not None:
             refuse_taken(inputs.out)
-        check_run_name(resolved.name)
+        check_name("run", resolved.name, ascii_only=True)
         return record_sweep(replace(inputs, plan=resolved), stands, operator, permit)
     rest = unfinished(Run.open(inputs.resume))
     if not rest.left and not inputs.dry_run:

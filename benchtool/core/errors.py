@@ -34,6 +34,7 @@ what to do next. The numbers are attributes too, so that no caller parses text.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from math import inf
 
@@ -67,6 +68,23 @@ def check_number(what: str, value: object, unit: str) -> None:
     """
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < inf:
         raise InputError(f"{what} is {value!r}; give a number above 0, in {unit}")
+
+
+_NAME = re.compile(r"[^\W_][\w.-]*")
+
+
+def check_name(kind: str, name: str, *, max_length: int = 255, ascii_only: bool = False) -> None:
+    """Raise InputError for a name with other characters than letters, digits and `._-`.
+
+    Args:
+        kind: what is named ("run", "rig", "tag").
+    """
+    if not _NAME.fullmatch(name) or len(name) > max_length or (ascii_only and not name.isascii()):
+        letters = "letters from a to z" if ascii_only else "letters"
+        raise InputError(
+            f"{name[:80]!r} cannot name a {kind}; use {letters}, digits, '.', '_' and '-', a "
+            f"letter or digit first, at most {max_length} characters"
+        )
 
 
 class UnknownChoice(InputError):

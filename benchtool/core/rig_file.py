@@ -11,7 +11,7 @@ from typing import Any
 
 import tomli_w
 
-from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.errors import FileFormatError, InputError, check_name
 from benchtool.core.packaged import own_names, packaged_names, read_named
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import NOT_STATED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
@@ -186,6 +186,10 @@ def require_stated(rig: Rig, keys: Sequence[str], purpose: str) -> None:
 
 
 def _check(rig: Rig, where: str) -> None:
+    try:
+        check_name("rig", rig.name)
+    except InputError as error:
+        raise FileFormatError(where, str(error)) from error
     limits, plate, propulsion = rig.limits, rig.plate, rig.propulsion
     if limits.thrust_N > limits.load_cell_rating_N:
         raise FileFormatError(

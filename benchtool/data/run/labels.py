@@ -7,20 +7,17 @@ memory, and would take a label away that was written there meanwhile.
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.errors import FileFormatError, InputError, check_name
 from benchtool.core.toml_text import build
 from benchtool.data.atomic import read_json, replace_json
 
 LABELS_FILE = "labels.json"
-
-_TAG = re.compile(r"[^\s,;\"']{1,60}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,11 +42,7 @@ def check_labels(
     """Refuse what `label` would refuse of any of some folders, before the first is changed."""
     remove = tuple(remove)
     for tag in add:
-        if not _TAG.fullmatch(tag):
-            raise InputError(
-                f"{tag[:70]!r} is no tag; give one word of at most 60 characters without commas "
-                f"and quotes"
-            )
+        check_name("tag", tag, max_length=60)
     for folder in folders:
         if not folder.is_dir():
             raise FileFormatError(

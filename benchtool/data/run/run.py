@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ from benchtool.core.errors import (
     ResourceExhausted,
     RunStopped,
     WouldOverwrite,
+    check_name,
 )
 from benchtool.core.exhausted import exhausted, is_exhaustion
 from benchtool.core.recording import Recording
@@ -41,8 +41,6 @@ from benchtool.data.run.read import read_settings as read_written_settings
 from benchtool.data.run.settings import settings_of
 
 RUN_FORMAT = "benchtool-run-1"
-
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 class Run:
@@ -284,18 +282,9 @@ def read_settings(path: str | Path) -> Recording:
     return read_written_settings(path)
 
 
-def check_run_name(name: str) -> None:
-    """Refuse a name that no folder should have."""
-    if not _NAME.fullmatch(name):
-        raise InputError(
-            f"{name!r} cannot name a run; use letters, digits, '.', '_' and '-' and begin with a "
-            f"letter or digit"
-        )
-
-
 def free_run_path(folder: Path, date: str, name: str) -> Path:
     """Return FOLDER/DATE-NAME, with -2, -3 and so on behind it while that is taken."""
-    check_run_name(name)
+    check_name("run", name, ascii_only=True)
     return free_path(folder / f"{date}-{name}")
 
 

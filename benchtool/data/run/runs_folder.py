@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING
 
-from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
+from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite, check_name
 
 if TYPE_CHECKING:
     from benchtool.data.csv_text import CsvTable
@@ -66,9 +66,7 @@ class RunsFolder:
             InputError: a name that no folder should have.
             WouldOverwrite: something of that name is there.
         """
-        from benchtool.data.run.run import check_run_name
-
-        check_run_name(name)
+        check_name("run", name, ascii_only=True)
         path = self.inside(name)
         if os.path.lexists(path):
             raise WouldOverwrite(name)

@@ -298,12 +298,18 @@ def test_labels_of_two_programs_are_both_there(root: Path) -> None:
     assert {f"t{number}" for number in range(20)} <= set(entry.tags)
 
 
-@pytest.mark.parametrize("tag", ["two words", "a,b", "", "x" * 61])
+@pytest.mark.parametrize(
+    "tag", ["two words", "a,b", "", "x" * 61, "a\x1b[2J", "a\u202eb", "-a", "a/b"]
+)
 def test_a_word_that_is_no_tag_is_refused(root: Path, tag: str) -> None:
-    with pytest.raises(InputError, match="is no tag"):
+    with pytest.raises(InputError, match="cannot name a tag"):
         label(root / "three", add=[tag])
     with pytest.raises(InputError, match=r"has no tag 'other' to remove \(it has: good, first-day"):
         label(root / "three", remove=["other"])
+
+
+def test_a_tag_has_letters_of_any_script(root: Path) -> None:
+    assert "gute_Düse-2.1" in label(root / "three", add=["gute_Düse-2.1"]).tags
 
 
 def test_all_of_a_tag_command_is_checked_before_the_first_run_changes(
