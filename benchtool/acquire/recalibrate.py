@@ -55,9 +55,10 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
         "calibration_of_other_device": calibration.device_id != device_id,
         "recalibrated_from": {"run": run.path.name, "sha256": data_hash(run.path)},
         "samples": {},
+        "points": {},
     }
     anew = Run.create(run.path / f"recalibrated-{name}", run.plan_text, facts)
-    write_table(anew.path / "points.csv", fresh)
+    anew.write_points(fresh)
     write_table(anew.path / "settings.csv", settings_of(anew.path, fresh))
     return anew.path
 

@@ -16,7 +16,7 @@ from benchtool.data.atomic import data_hash
 from benchtool.data.columns import VALID_KINDS
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import kind_of
-from benchtool.data.run.read import is_run, read_pitch, read_points, sample_names
+from benchtool.data.run.read import changed_points, is_run, read_pitch, read_points, sample_names
 from benchtool.data.run.recording_file import beside, read_recording
 from benchtool.data.table import read_table
 from benchtool.fit.uncertainty.zero_walk import with_zero_walk
@@ -134,7 +134,8 @@ def _source(path: str, name: str, digest: str, loaded: LoadedModel) -> Source:
             run = read_pitch(path)
         else:
             run = with_zero_walk(read_points(path, VALID_KINDS), path, loaded.model.rig)
-        return Source(path=path, name=name, recording=run, sha256=digest)
+        changed = tuple(filter(None, (changed_points(path),)))
+        return Source(path=path, name=name, recording=run, sha256=digest, remarks=changed)
     if beside(Path(path)).is_file():
         return Source(path=path, name=name, recording=read_recording(path), sha256=digest)
     if Path(path).suffix.lower() == ".parquet":

@@ -24,7 +24,7 @@ from benchtool.data.column_map import read_column_map
 from benchtool.data.columns import code_of
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.run.ratios import ratio_error, ratios, thrust_error
-from benchtool.data.run.read import is_pitch_run, is_run, read_points
+from benchtool.data.run.read import changed_points, is_pitch_run, is_run, read_points
 from benchtool.data.table import read_table
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import Basis, Recipe
@@ -230,8 +230,10 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
 
 
 def _suspect(paths: Sequence[str], parts: Sequence[Recording]) -> Iterator[str]:
-    """Say which data hold points with too many outliers; they are fitted all the same."""
+    """Yield warnings on data that are fitted: points changed by hand, or with many outliers."""
     for path, part in zip(paths, parts, strict=True):
+        if changed := changed_points(path):
+            yield changed
         if "suspect" in part and (count := int(np.nansum(part.column("suspect")))):
             yield (
                 f"{path}: {counted(count, 'point')} suspect: too many samples lie apart to be "

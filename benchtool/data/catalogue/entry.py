@@ -48,6 +48,7 @@ class Entry:
         simulated: whether no physical bench made the data; None where it is not known.
         summary: a few words on what is in it.
         problem: one sentence on why it cannot be read; empty where it can.
+        is_empty: whether it is a run without a measured point.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Entry:
     notes: tuple[str, ...] = ()
     channels: str = ""
     values: tuple[tuple[str, float], ...] = ()
+    is_empty: bool = False
 
     @property
     def date(self) -> str:
@@ -74,7 +76,7 @@ class Entry:
     @property
     def can_fit(self) -> bool:
         """Whether `benchtool fit` takes it."""
-        return not self.problem and self.kind in (*SWEEPS, "table")
+        return not (self.problem or self.is_empty) and self.kind in (*SWEEPS, "table")
 
     def matches(self, words: str) -> bool:
         """Return whether each of some words stands anywhere in the entry, in any case."""

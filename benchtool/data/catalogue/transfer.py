@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from benchtool.core.toml_text import build
 from benchtool.data.atomic import data_hash, file_hash, make_folder, sync_folder
 from benchtool.data.catalogue.entry import Entry
 from benchtool.data.catalogue.extra import load_extra
+from benchtool.data.run.closing import has_rows
 from benchtool.data.run.labels import LABELS_FILE
 from benchtool.data.run.runs_folder import RunsFolder
 
@@ -293,7 +294,7 @@ def _stored(path: Path) -> StoredFile:
 def verify_run(path: Path) -> list[str]:
     """Return what of a run or fit is not as its own files say, empty where all is.
 
-    Hashes of samples are those of metadata.json; a run without any is closed first.
+    Hashes are those of metadata.json. The Parquet of the samples alone is enough.
     """
     from benchtool.data.run.entry import entry_of
     from benchtool.data.run.facts import read_metadata
@@ -305,28 +306,38 @@ def verify_run(path: Path) -> list[str]:
     if not is_run(path):
         return []
     facts = read_metadata(path)
+    problems = _differing(path, facts)
     if merged := facts.get("merged_from"):
-        return [
+        problems += [
             f"{Path(part).name}: {problem}"
             for part, one in zip(parts_of(path), merged, strict=True)
-            for problem in (
-                *verify_run(Path(part)),
-                *(["its data have changed"] if data_hash(part) != one["sha256"] else ()),
-            )
+            for problem in verify_run(Path(part))
+            or (["its data have changed"] if data_hash(part) != one["sha256"] else ())
         ]
-    stated = facts.get("samples") or {}
-    if entry.state == "running":
+    elif entry.state == "running":
         return ["it is being measured, or its program died; then: benchtool runs close"]
-    problems = []
-    for key, name in (("csv_sha256", "samples.csv"), ("parquet_sha256", "samples.parquet")):
-        file = path / name
-        if not stated.get(key):
-            problems.append(f"metadata.json states no hash of {name}: benchtool runs close")
-        elif not file.is_file():
-            problems.append(f"{name} is missing")
-        elif file_hash(file, follow=False) != stated[key]:
-            problems.append(f"{name} has changed since the run was closed")
     return problems
+
+
+def _differing(path: Path, facts: Mapping[str, Any]) -> list[str]:
+    """Return which points and samples of a run are not those of its hashes."""
+    points, samples = facts.get("points") or {}, facts.get("samples") or {}
+    hashes = {
+        "points.csv": points.get("csv_sha256"),
+        "samples.csv": samples.get("csv_sha256"),
+        "samples.parquet": samples.get("parquet_sha256"),
+    }
+    found = []
+    for name, stated in hashes.items():
+        file = path / name
+        if stated and not file.is_file():
+            found.append(f"{name} is missing")
+        elif stated and file_hash(file, follow=False) != stated:
+            found.append(f"{name} has changed since the run was closed")
+        elif not stated and name == "samples.csv" and has_rows(file):
+            found.append(f"metadata.json states no hash of {name}: benchtool runs close")
+    # The Parquet contains every sample, so the CSV may be left out.
+    return [] if found == ["samples.csv is missing"] and hashes["samples.parquet"] else found
 
 
 def copied_line(copied: Copied, done: str) -> str:

@@ -61,6 +61,10 @@ def close_run(run: Run, visits: int | None = None) -> bool:
             missing = not settings.is_file()
             write_table(settings, settings_of(run.path))
         changes |= _seal(run.path, before)
+        points = run.path / "points.csv"
+        unsealed = missing or changes or not before.get("samples")
+        if unsealed and not before.get("points") and has_rows(points):
+            changes["points"] = {"csv_sha256": file_hash(points, follow=False)}
         if changes:
             run.update_metadata(**changes)
     return missing or bool(changes)

@@ -95,6 +95,11 @@ class _Samples(_Facts):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Points(_Facts):
+    csv_sha256: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Plate(_Facts):
     stage: str | None = None
 
@@ -123,6 +128,7 @@ class _Run(_Facts):
     versions: Mapping[str, str] | None = None
     link: _Link | None = None
     samples: _Samples | None = None
+    points: _Points | None = None
     plate: _Plate | None = None
     visits: Count | None = None
     experiment: str = ""

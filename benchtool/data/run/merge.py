@@ -64,7 +64,7 @@ def merge_runs(paths: Sequence[Path], out: Path) -> Run:
             )
         if [data_hash(beside / PARTS / name) for name in names] != hashes:
             raise InputError("a run changed while it was copied; merge again when none is written")
-        write_table(run.path / "points.csv", points)
+        run.write_points(points)
         write_table(run.path / "settings.csv", settings_of(run.path))
         refuse_taken(out)
         if out.is_dir():
@@ -144,7 +144,7 @@ def _common(facts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return what metadata of several runs say in common, and the mean of their air."""
     first = facts[0]
     shared = {key: first[key] for key in first if all(one.get(key) == first[key] for one in facts)}
-    for key in ("format", "samples", "reason", "link"):
+    for key in ("format", "samples", "points", "reason", "link"):
         shared.pop(key, None)
     airs = [one.get("air") or {} for one in facts]
     if all(airs):

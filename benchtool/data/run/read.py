@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.channel import Channel
-from benchtool.core.errors import BenchtoolError, FileFormatError
+from benchtool.core.errors import BenchtoolError, DataWarning, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import data_hash, file_hash
@@ -57,14 +57,21 @@ def parts_of(path: str | Path) -> tuple[str, ...]:
 
 
 def read_points(
-    path: str | Path, kinds: Iterable[str] = ("measure", "reference", "anchor")
+    path: str | Path,
+    kinds: Iterable[str] = ("measure", "reference", "anchor"),
+    *,
+    warn: bool = True,
 ) -> Recording:
     """Return the points of a run folder, or of any points.csv, without the tares.
 
     Args:
         kinds: which kinds of points to keep, of `columns.KINDS`.
+        warn: give a `DataWarning` if they have changed since the run was closed.
     """
     recording = _read(_file(path, "points.csv"), Path(path))
+    if warn and (changed := changed_points(path)):
+        # Python shows one text of one line once; the caller's line would repeat it.
+        warnings.warn(changed, DataWarning, stacklevel=1)
     if "kind" not in recording:
         return recording
     wanted = [code_of("kind", kind) for kind in kinds]
@@ -74,6 +81,26 @@ def read_points(
             str(path), f"no point of kind {', '.join(kinds)} stands in it; let the sweep measure"
         )
     return chosen
+
+
+def changed_points(path: str | Path) -> str:
+    """Return a sentence if points.csv is not the one whose hash the run states, else "".
+
+    Args:
+        path: a run folder, or a points.csv in one; "" for other files and runs without a hash.
+    """
+    given = Path(path)
+    file = given / "points.csv" if given.is_dir() else given
+    if file.name != "points.csv" or not file.is_file() or not is_run(file.parent):
+        return ""
+    stated = (read_metadata(file.parent).get("points") or {}).get("csv_sha256")
+    if not stated or stated == file_hash(file, follow=file == given):
+        return ""
+    return (
+        f"{file} has changed since the run was closed; restore it from a copy; if the edit was on "
+        f"purpose, say so with benchtool runs note, or edit a table made with benchtool runs "
+        f"export --table points"
+    )
 
 
 def read_settings(path: str | Path) -> Recording:
@@ -100,7 +127,8 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
             recording = read_parquet(parquet, names)
             check_numbers(recording, str(parquet))
             return _with_provenance(recording, parquet, path, ())
-        warnings.warn(f"{parquet}: {problem}; samples.csv was read instead", stacklevel=2)
+        text = f"{parquet}: {problem}; samples.csv was read instead"
+        warnings.warn(text, DataWarning, stacklevel=2)
         recording = _read_samples(path / "samples.csv", path, names)
         repairs = "; ".join(filter(None, (recording.provenance["repairs"], problem)))
         return replace(recording, provenance={**recording.provenance, "repairs": repairs})

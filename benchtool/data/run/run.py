@@ -23,7 +23,7 @@ from benchtool.core.errors import (
 from benchtool.core.exhausted import exhausted, is_exhaustion
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import read_text
-from benchtool.data.atomic import make_folder, replace_json, replace_text, sync_folder
+from benchtool.data.atomic import file_hash, make_folder, replace_json, replace_text, sync_folder
 from benchtool.data.run.append import AppendFile, EventLog, SampleWriter
 from benchtool.data.run.closing import (
     LEFT_OVER,
@@ -35,8 +35,8 @@ from benchtool.data.run.closing import (
     write_marked,
 )
 from benchtool.data.run.facts import read_metadata
-from benchtool.data.run.points import PointWriter
-from benchtool.data.run.read import is_run
+from benchtool.data.run.points import PointWriter, write_table
+from benchtool.data.run.read import changed_points, is_run
 from benchtool.data.run.read import read_settings as read_written_settings
 from benchtool.data.run.settings import settings_of
 
@@ -221,8 +221,16 @@ class Run:
         """Take away what `close` made, before samples or points change."""
         for name in ("samples.parquet", "settings.csv"):
             (self.path / name).unlink(missing_ok=True)
-        if self.metadata.get("samples"):
-            self.update_metadata(samples={})
+        # The hash of points that were changed by hand stays, so that they never match it.
+        keys = ("samples",) if changed_points(self.path) else ("samples", "points")
+        if any(self.metadata.get(key) for key in keys):
+            self.update_metadata(**{key: {} for key in keys})
+
+    def write_points(self, points: Recording) -> None:
+        """Write points.csv in one step and state its hash."""
+        path = self.path / "points.csv"
+        write_table(path, points)
+        self.update_metadata(points={"csv_sha256": file_hash(path)})
 
     @contextmanager
     def locked(self) -> Iterator[EventLog]:

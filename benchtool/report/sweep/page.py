@@ -12,6 +12,7 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.calibration import age_text
 from benchtool.data.columns import REJECTED
+from benchtool.data.run.read import changed_points
 from benchtool.fit.motor.constants import fit_motor
 from benchtool.report.figure import Page, drawn
 from benchtool.report.fit.budget import budget_blocks
@@ -188,6 +189,8 @@ def run_warnings(run: SweepRun) -> list[str]:
     stated = (run.metadata.get("samples") or {}).get("csv_sha256")
     if stated and run.files.get("samples.csv") not in (None, stated):
         out.append("samples.csv has changed since the run was closed: its hash is another one.")
+    if changed := changed_points(run.path):
+        out.append(f"{changed}.")
     for recording in (run.points, run.samples):
         repairs = recording.provenance.get("repairs", "") if recording is not None else ""
         if repairs:

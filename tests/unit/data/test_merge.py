@@ -138,6 +138,8 @@ def test_a_part_that_is_missing_or_changed_is_said(tmp_path: Path) -> None:
     part = Path(parts_of(merged)[1])
     with (part / "points.csv").open("a") as file:
         file.write((part / "points.csv").read_text("utf-8").splitlines()[-1] + "\n")
+    assert verify_run(merged) == ["002-two: points.csv has changed since the run was closed"]
+    Run.open(part).update_metadata(points={})
     assert verify_run(merged) == ["002-two: its data have changed"]
     shutil.rmtree(part)
     with pytest.raises(BenchtoolError, match="holds 1 of the 2 runs that"):

@@ -1,0 +1,191 @@
+"""Points that were changed after their run was closed say so at every reading."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import benchtool as bt
+from benchtool.core.errors import DataWarning
+from benchtool.data.catalogue.transfer import verify_run
+from benchtool.data.run.merge import merge_runs
+from benchtool.data.run.read import changed_points, read_points
+from benchtool.data.run.run import Run
+from benchtool.data.run.run_writer import RunWriter
+from benchtool.explain.recordings import read_sources
+from benchtool.physics.model_file import load_model
+from tests.unit.commands.command_line import said
+from tests.unit.data.run_of import CHANNELS, point, small_run
+
+QUAD = Path(__file__).parents[3] / "datasets/quad/run"
+
+
+@pytest.fixture
+def closed(tmp_path: Path) -> Run:
+    run = small_run(tmp_path / "run")
+    run.update_metadata(state="running", visits=4)
+    run.close()
+    return run
+
+
+def edit(folder: Path) -> None:
+    file = folder / "points.csv"
+    file.write_text(file.read_text("utf-8").replace(",11.0,", ",11.165,"), "utf-8")
+
+
+def test_a_closed_run_states_the_hash_of_its_points(closed: Run) -> None:
+    assert changed_points(closed.path) == changed_points(closed.path / "points.csv") == ""
+    assert verify_run(closed.path) == []
+    edit(closed.path)
+    for path in (closed.path, closed.path / "points.csv"):
+        with pytest.warns(DataWarning, match=str(closed.path / "points.csv")):
+            assert read_points(path).column("thrust_N")[0] == 11.165
+    assert verify_run(closed.path) == ["points.csv has changed since the run was closed"]
+    (closed.path / "points.csv").unlink()
+    assert "points.csv" in verify_run(closed.path)[0]
+
+
+def test_closing_again_does_not_state_the_hash_of_changed_points(closed: Run) -> None:
+    edit(closed.path)
+    (closed.path / "settings.csv").unlink()
+    with pytest.warns(DataWarning):
+        assert closed.close()
+    assert changed_points(closed.path)
+
+
+def test_a_run_of_an_earlier_version_has_no_hash_and_gives_no_warning(closed: Run) -> None:
+    closed.update_metadata(points={})
+    edit(closed.path)
+    assert len(read_points(closed.path)) == 4
+    assert verify_run(closed.path) == []
+    assert not closed.close()
+
+
+@pytest.mark.parametrize("left", ["open", "killed", "closed"])
+def test_points_of_a_resumed_run_give_no_warning(closed: Run, left: str) -> None:
+    with (closed.path / "points.csv").open("a") as file:
+        file.write("5,meas")  # as a kill leaves it
+    closed.update_metadata(points={}, samples={})
+    closed.close()
+    writer = RunWriter(closed, CHANNELS, 1)
+    writer.point(point(5, "measure", 1, 3, 11.1))
+    if left != "open":
+        writer.close()
+    if left == "closed":
+        closed.close()
+    assert len(read_points(closed.path)) == 5
+    writer.close()
+
+
+def test_resuming_does_not_hide_a_change(closed: Run) -> None:
+    edit(closed.path)
+    writer = RunWriter(closed, CHANNELS, 1)
+    writer.point(point(5, "measure", 1, 3, 11.1))
+    writer.close()
+    with pytest.warns(DataWarning):
+        closed.close()
+    assert changed_points(closed.path)
+
+
+def test_merged_points_have_their_own_hash(tmp_path: Path, closed: Run) -> None:
+    shutil.copytree(QUAD, tmp_path / "first")
+    shutil.copytree(QUAD, tmp_path / "second")
+    second = tmp_path / "second/points.csv"
+    second.write_text("\n".join(second.read_text().splitlines()[:-1]) + "\n")
+    merged = merge_runs([tmp_path / "first", tmp_path / "second"], tmp_path / "both")
+    assert verify_run(merged.path) == []
+    text = (merged.path / "points.csv").read_text()
+    (merged.path / "points.csv").write_text(text + text.splitlines()[-1] + "\n")
+    assert verify_run(merged.path) == ["points.csv has changed since the run was closed"]
+
+
+@pytest.fixture
+def quad(tmp_path: Path) -> Path:
+    """Return a run with a hash whose first thrust is 1.5 % larger."""
+    folder = tmp_path / "quad"
+    shutil.copytree(QUAD, folder)
+    run = Run.open(folder)
+    points = read_points(folder, ["measure", "reference", "anchor", "tare"])
+    run.write_points(points)
+    header, first, *rows = (folder / "points.csv").read_text().splitlines()
+    at = header.split(",").index("thrust_N")
+    cells = first.split(",")
+    cells[at] = repr(1.015 * float(cells[at]))
+    (folder / "points.csv").write_text("\n".join([header, ",".join(cells), *rows]) + "\n")
+    return folder
+
+
+def test_fit_and_its_result_name_changed_points(
+    quad: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = quad.parent / "fit"
+    code, _, err = said(capsys, "fit", quad, "--model", "quad_bench", "--out", out)
+    assert code == 0
+    assert err.startswith(f"benchtool: warning: {quad / 'points.csv'}")
+    stored = json.loads((out / "result.json").read_text())["results"]["least_squares"]
+    assert any(str(quad / "points.csv") in line for line in stored["warnings"])
+
+
+COMMANDS: dict[str, Callable[[Path], list[object]]] = {
+    "report": lambda run: ["report", run, "--out", run.parent / "page.html"],
+    "export": lambda run: ["runs", "export", run, run.parent / "p.csv", "--table", "points"],
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_commands_name_changed_points(
+    quad: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, _, err = said(capsys, *COMMANDS[name](quad))
+    assert code == 0
+    assert err.count(str(quad / "points.csv")) == 1
+    if name == "report":
+        assert f"{quad / 'points.csv'} has changed" in (quad.parent / "page.html").read_text()
+
+
+def test_runs_show_and_verify_name_changed_points(
+    quad: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "points.csv has changed" in said(capsys, "runs", "show", quad)[1]
+    code, out, _ = said(capsys, "runs", "verify", quad)
+    assert (code, "points.csv has changed" in out) == (2, True)
+
+
+def test_python_and_explain_name_changed_points(quad: Path) -> None:
+    with pytest.warns(DataWarning, match=r"points\.csv"):
+        bt.read(quad)
+    loaded = load_model("quad_bench")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DataWarning)
+        learn, check = read_sources([str(quad)], [str(QUAD)], loaded)
+    assert str(quad / "points.csv") in learn[0].remarks[0]
+    assert check[0].remarks == ()
+
+
+def test_a_stopped_run_without_a_measured_point_is_as_stated(tmp_path: Path) -> None:
+    run = Run.create(tmp_path / "run", "name = 'x'\n", {"simulated": True, "rig": {"name": "one"}})
+    writer = RunWriter(run, CHANNELS, 1)
+    writer.point(point(0, "tare", 0, 0, 0.001))
+    writer.close()
+    run.update_metadata(state="stopped", visits=4, reason="Ctrl-C")
+    run.close()
+    assert verify_run(run.path) == []
+    text = (run.path / "points.csv").read_text()
+    (run.path / "points.csv").write_text(text.replace(",0.001,", ",0.002,"))
+    assert verify_run(run.path) == ["points.csv has changed since the run was closed"]
+
+
+@pytest.mark.parametrize("name", ["quad", "single_rotor", "amuse_rotor"])
+def test_samples_as_parquet_alone_are_as_stated(name: str, tmp_path: Path) -> None:
+    source = QUAD.parents[1] / name / "run"
+    assert not (source / "samples.csv").exists()
+    assert verify_run(source) == []
+    shutil.copytree(source, tmp_path / "copy")
+    (tmp_path / "copy/samples.parquet").unlink()
+    found = verify_run(tmp_path / "copy")
+    assert found == ["samples.csv is missing", "samples.parquet is missing"]
