@@ -224,7 +224,8 @@ class _Tape:
 
     def _note(self, kind: str, **facts: Any) -> None:
         self._before(len(self.changes))
-        said = len(sys.stdout.getvalue()) if isinstance(sys.stdout, io.StringIO) else 0
+        getvalue = getattr(sys.stdout, "getvalue", None)
+        said = len(getvalue()) if getvalue is not None else 0
         change = Change(kind, said=said, **facts)
         self.changes.append(change)
         self._disk.apply(change)
