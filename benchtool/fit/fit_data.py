@@ -38,6 +38,8 @@ from benchtool.physics.model_file import LoadedModel, load_model
 FAR_Z_OVER_R = 9.0
 """Beyond it eq. (4) leaves less than one per cent; the tables of the literature end at 5 to 6."""
 
+MAX_POINTS = 10_000  # their shared errors take 12 GB of memory; assumed
+
 RATIO_BASIS: Basis = "equal_rpm2"
 """The basis of ratios that a table gives without forces."""
 
@@ -150,6 +152,11 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         raise InputError(
             f"there is no thrust_N to fit, only {', '.join(points.names)}; map it in [columns] of "
             f"the model: thrust_N = {{ column = 'their name', unit = 'gf' }}"
+        )
+    if len(points) > MAX_POINTS:
+        raise InputError(
+            f"{len(points):,} points are too many for a fit; allowed: {MAX_POINTS:,}; average the "
+            f"rows of each setting, or choose rows with --where"
         )
     model = loaded.model
     for path, part in zip(recipe.data, parts, strict=True):

@@ -88,6 +88,7 @@ def _fitted(model: Model, result: FitResult, name: str) -> Model:
     return model.at(parameters)
 
 
+@np.errstate(all="ignore")  # what is not finite is left out or refused by name
 def run_recipe(
     recipe: Recipe,
     progress: Progress = lambda what, done, expected: None,

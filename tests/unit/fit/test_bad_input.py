@@ -46,6 +46,28 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
     return int(str(left.value.code or 0)), capsys.readouterr().err.strip()
 
 
+@pytest.mark.parametrize("gap_mm", ["0", "1e-15"])
+def test_a_row_without_a_gap_is_left_out_without_a_warning(
+    lab: Path, gap_mm: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("zero.csv").write_text("\n".join([*ROWS[:2], f"{gap_mm},424,1.6,5500", *ROWS[2:]]))
+    assert told(capsys, "zero.csv", "--model", "lab.toml") == (0, "")
+    output = run_recipe(Recipe(name="zero", data=("zero.csv",), model="lab.toml"))
+    assert output.data.used.tolist() == [True, False, *[True] * 6]
+
+
+@pytest.mark.parametrize("column", ["thrust_N", "thrust_ratio"])
+def test_more_points_than_memory_allows_are_refused(
+    lab: Path, column: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "0.1,5000,1.1\n" * 10_001
+    Path("many.csv").write_text(f"plate_z_m,rpm1,{column}\n{rows}")
+    basis = ["--basis", "equal_rpm2"] if column == "thrust_ratio" else []
+    code, err = told(capsys, "many.csv", "--model", "single", "--rig", "pquad_single", *basis)
+    assert code == 2
+    assert "10,001 points" in err
+
+
 @pytest.mark.parametrize("column", [0, 1, 2, 3])
 def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab: Path, column: int) -> None:
     cells = ROWS[3].split(",")
