@@ -24,6 +24,7 @@ from benchtool.commands.terminal.messages import (
     EscapedStream,
     exhaustion_behind,
     flush_output,
+    numbers_behind,
     say_error,
 )
 from benchtool.core.errors import BenchtoolError, DataWarning, InputError, UnknownChoice
@@ -174,9 +175,9 @@ def _run(words: list[str]) -> None:
             reason = (error.strerror or "it cannot be used").lower()
             say_error(f"{shown_name(error.filename)}: {reason}; name another")
             sys.exit(InputError.exit_code)
-        if (exhausted := exhaustion_behind(error)) is not None:
-            say_error(str(exhausted))
-            sys.exit(exhausted.exit_code)
+        if (known := exhaustion_behind(error) or numbers_behind(error)) is not None:
+            say_error(str(known))
+            sys.exit(known.exit_code)
         say_error(_describe_fault(error))
         sys.exit(UNEXPECTED)
 

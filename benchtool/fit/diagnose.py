@@ -293,7 +293,7 @@ def _hint(problem: Problem, column: str) -> str:
 def _of_outliers(problem: Problem, rows: Array, far: tuple[int, ...]) -> tuple[str, ...]:
     if not far:
         return ()
-    named = ", ".join(f"{problem.label(i)}: {rows[i]:+.1f} sd" for i in far[:MOST_NAMED])
+    named = ", ".join(f"{problem.label(i)}: {rows[i]:+.3g} sd" for i in far[:MOST_NAMED])
     more = f" and {len(far) - MOST_NAMED} more" if len(far) > MOST_NAMED else ""
     return (
         f"far out: {len(far)} of {counted(len(rows), 'point')} ({named}{more}); look there in "

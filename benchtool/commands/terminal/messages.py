@@ -9,12 +9,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
-from benchtool.core.errors import InputError, ResourceExhausted, WouldOverwrite
+from benchtool.core.errors import EstimationError, InputError, ResourceExhausted, WouldOverwrite
 from benchtool.core.exhausted import exhausted, is_exhaustion
 from benchtool.core.shown_text import show_controls
 
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")
 """What loaders and threads say where an allocation failed; they raise no MemoryError for it."""
+
+_NOT_FINITE = ("infs or NaNs", "not finite in the initial point")
+"""What SciPy says of such numbers."""
 
 
 def flush_output() -> None:
@@ -38,6 +41,17 @@ def exhaustion_behind(error: BaseException) -> ResourceExhausted | None:
     if isinstance(error, OSError) and is_exhaustion(error):
         return exhausted(error, "a file cannot be read or written")
     return None
+
+
+def numbers_behind(error: BaseException) -> EstimationError | None:
+    """Return the error for people where NumPy or SciPy met numbers they cannot solve for."""
+    text = str(error)
+    if type(error).__name__ != "LinAlgError" and not any(words in text for words in _NOT_FINITE):
+        return None
+    return EstimationError(
+        f"numbers of the data or the model are out of the range that can be computed ({text}); "
+        f"look for impossible rows and parameter values"
+    )
 
 
 class EscapedStream:

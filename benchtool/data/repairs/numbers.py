@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
+from benchtool.core.table_bounds import MAX_NUMBER
 from benchtool.data.csv_text import THOUSANDS, TextTable, evened
 from benchtool.data.repairs.imported import Finding, line_ranges
 
@@ -57,10 +58,10 @@ def numbers_of(table: TextTable, positions: Sequence[int]) -> Numbers:
         if table.is_even:
             return numbers_of(evened(table), positions)
         columns, lines, findings = _with_text(table, positions)
-    endless = np.isinf(columns)
+    endless = np.abs(columns) > MAX_NUMBER
     if many := int(np.count_nonzero(endless)):
         columns[endless] = nan
-        words = f"{counted(many, 'cell')} that read infinity are blank now"
+        words = f"{counted(many, 'cell')} beyond {MAX_NUMBER:g} or infinite are blank now"
         at = line_ranges(lines[endless.any(axis=0)])
         findings.append(Finding("repaired", "infinite numbers", words, count=many, lines=at))
     return Numbers(table, columns, lines, tuple(findings))

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Annotated
 
+import numpy as np
 import pytest
 import typer
 
@@ -19,7 +20,13 @@ from benchtool import __version__
 from benchtool.commands import app
 from benchtool.commands.terminal.messages import EscapedStream
 from benchtool.commands.terminal.tables import EscapedConsole, print_table
-from benchtool.core.errors import BenchtoolError, DataWarning, LinkLost, UnknownChoice
+from benchtool.core.errors import (
+    BenchtoolError,
+    DataWarning,
+    EstimationError,
+    LinkLost,
+    UnknownChoice,
+)
 from benchtool.report.page import Table
 
 Run = Callable[..., tuple[int, str, str]]
@@ -145,6 +152,19 @@ def test_a_place_that_cannot_be_written_is_named(run: Run) -> None:
     code, _, err = run("try", raising=error)
     assert code == 2
     assert err.startswith("benchtool: gone/out: ")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        np.linalg.LinAlgError("SVD did not converge"),
+        ValueError("array must not contain infs or NaNs"),
+    ],
+)
+def test_numbers_that_cannot_be_solved_for_are_no_fault(run: Run, error: Exception) -> None:
+    code, _, err = run("try", raising=error)
+    assert code == EstimationError.exit_code
+    assert str(error) in err
 
 
 HOSTILE, SHOWN = "a\x1b[2Jb\u202ec\x9bd\te", "a\\x1b[2Jb\\u202ec\\u009bd\te"
