@@ -263,10 +263,7 @@ def _in_processes(
 
 
 def end_with_parent(lifeline: Pipe) -> None:
-    """Prepare a worker process: print warnings as lines, and end with its parent.
-
-    The parent is gone when the other end of the pipe is closed.
-    """
+    """Print warnings as lines, and end this process when its parent closes a pipe or is gone."""
     warnings.showwarning = show_warning
     # Ctrl-C in the terminal ends the parent, which ends this.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

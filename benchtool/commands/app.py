@@ -22,9 +22,8 @@ from benchtool import __version__
 from benchtool.commands.declared import GroupedCommand, help_of
 from benchtool.commands.terminal.messages import (
     EscapedStream,
-    exhaustion_behind,
+    cause_behind,
     flush_output,
-    numbers_behind,
     say_error,
 )
 from benchtool.core.errors import BenchtoolError, DataWarning, InputError, UnknownChoice
@@ -145,7 +144,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("default", DataWarning)
-        warnings.showwarning = show_warning
+        if not os.environ.get("BENCHTOOL_DEBUG"):
+            warnings.showwarning = show_warning
         _run(words)
 
 
@@ -175,9 +175,9 @@ def _run(words: list[str]) -> None:
             reason = (error.strerror or "it cannot be used").lower()
             say_error(f"{shown_name(error.filename)}: {reason}; name another")
             sys.exit(InputError.exit_code)
-        if (known := exhaustion_behind(error) or numbers_behind(error)) is not None:
-            say_error(str(known))
-            sys.exit(known.exit_code)
+        if (cause := cause_behind(error)) is not None:
+            say_error(str(cause))
+            sys.exit(cause.exit_code)
         say_error(_describe_fault(error))
         sys.exit(UNEXPECTED)
 

@@ -74,16 +74,11 @@ _NAME = re.compile(r"[^\W_][\w.-]*")
 
 
 def check_name(kind: str, name: str, *, max_length: int = 255, ascii_only: bool = False) -> None:
-    """Raise InputError for a name with other characters than letters, digits and `._-`.
-
-    Args:
-        kind: what is named ("run", "rig", "tag").
-    """
+    """Raise InputError for a name with other characters than letters, digits and `._-`."""
     if not _NAME.fullmatch(name) or len(name) > max_length or (ascii_only and not name.isascii()):
-        letters = "letters from a to z" if ascii_only else "letters"
         raise InputError(
-            f"{name[:80]!r} cannot name a {kind}; use {letters}, digits, '.', '_' and '-', a "
-            f"letter or digit first, at most {max_length} characters"
+            f"{name[:80]!r} cannot name a {kind}; use letters, digits, '.', '_' and '-', a letter "
+            f"or digit first, at most {max_length} characters"
         )
 
 

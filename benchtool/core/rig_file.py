@@ -186,10 +186,7 @@ def require_stated(rig: Rig, keys: Sequence[str], purpose: str) -> None:
 
 
 def _check(rig: Rig, where: str) -> None:
-    try:
-        check_name("rig", rig.name)
-    except InputError as error:
-        raise FileFormatError(where, str(error)) from error
+    check_name(f"rig in {where}", rig.name)
     limits, plate, propulsion = rig.limits, rig.plate, rig.propulsion
     if limits.thrust_N > limits.load_cell_rating_N:
         raise FileFormatError(

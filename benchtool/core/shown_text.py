@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
-import warnings
+from typing import Any
 
 from benchtool.core.errors import DataWarning
 
@@ -13,7 +12,6 @@ from benchtool.core.errors import DataWarning
 _CONTROLS = re.compile(
     "[\0-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]"
 )
-_show_python_warning = warnings.showwarning
 
 
 def show_controls(text: str) -> str:
@@ -24,17 +22,8 @@ def show_controls(text: str) -> str:
     )
 
 
-def show_warning(
-    message: Warning | str,
-    category: type[Warning],
-    filename: str,
-    lineno: int,
-    file: object = None,
-    line: str | None = None,
-) -> None:
-    """Print a `DataWarning` as one line, and others with BENCHTOOL_DEBUG alone."""
+def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    """Print a `DataWarning` as one line; warnings of Python itself are not shown."""
     if issubclass(category, DataWarning):
         sys.stderr.write(f"benchtool: warning: {show_controls(str(message))}\n")
         sys.stderr.flush()
-    elif os.environ.get("BENCHTOOL_DEBUG"):
-        _show_python_warning(message, category, filename, lineno)

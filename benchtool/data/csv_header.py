@@ -156,8 +156,6 @@ def find_header(data: bytes, repairs: Repairs) -> HeaderLine:
             text = named
             end = data.find(b"\n", start) + 1 or len(data)
             line = data.count(b"\n", 0, start) + 1
-    # A name may reach a terminal, and must give it no orders.
-    text = "".join(letter if letter.isprintable() or letter == "\t" else "�" for letter in text)
     return HeaderLine(text, line, end)
 
 

@@ -37,6 +37,7 @@ from benchtool.data.repairs.imported import Finding, Kind, line_ranges
 Positions = NDArray[np.intp]
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_END = "end of the table"
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?")
 """A number with points between thousands, as it stands beside decimal commas."""
 
@@ -84,11 +85,7 @@ def read_csv_header(path: Path) -> tuple[str, ...]:
 
 
 def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True) -> CsvTable:
-    """Return the cells of CSV bytes; see `read_csv_text`.
-
-    Args:
-        whole: the bytes are all of the file; else they may end within quotes.
-    """
+    """Return the cells of CSV bytes; see `read_csv_text`. Not `whole`, they may end in quotes."""
     mended: Repairs = []
     data = plain_text(data, where, mended)
     text, first_line = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", mended), 1
@@ -158,49 +155,33 @@ _END = "end of the table"
 def _cells(
     text: str, delimiter: str, where: str, first_line: int, *, whole: bool = True
 ) -> tuple[list[list[str]], list[int]]:
-    """Return the cells of each row, and the line in which it ends.
-
-    Args:
-        first_line: of the text in its file, from 1.
-        whole: the text is not cut.
-
-    Raises:
-        FileFormatError: a quote that is never closed, or that contains whole rows.
-    """
+    """Return the cells of each row, and the line of the file in which it ends."""
     # A quote that is open at the end takes this row into its cell.
-    source = chain(io.StringIO(text, newline=""), [_END])
-    reader = csv.reader(source, delimiter=delimiter)
+    reader = csv.reader(chain(io.StringIO(text, newline=""), [_END]), delimiter=delimiter)
     rows: list[list[str]] = []
-    lines: list[int] = []
-    end = 0
+    lines = [0]
+    opened = 0
     try:
         for row in reader:
-            begin, end = end + 1, reader.line_num
-            if end > begin and rows and _contains_rows(row, delimiter, end - begin + 1, rows[0]):
-                raise _open_quote(where, first_line + begin - 1)
             rows.append(row)
-            lines.append(first_line + end - 1)
+            n_lines, per_line = reader.line_num - lines[-1], len(rows[0]) - 1
+            if n_lines > 1 < per_line and not opened:
+                marks = len(row) - 1 + sum(cell.count(delimiter) for cell in row)
+                opened = lines[-1] + 1 if marks >= n_lines * per_line else 0
+            lines.append(reader.line_num)
+        if whole and rows[-1] != [_END]:
+            opened = opened or lines[-2] + 1
     except csv.Error as error:
-        if reader.line_num > end + 1:  # a cell of many rows is longer than csv allows
-            raise _open_quote(where, first_line + end) from error
         line = first_line + reader.line_num - 1
-        raise FileFormatError(where, f"line {line} cannot be read: {error}; mend it") from error
-    if whole and rows[-1] != [_END]:
-        raise _open_quote(where, first_line + begin - 1)
-    return rows[:-1], lines[:-1]
-
-
-def _contains_rows(row: Sequence[str], delimiter: str, n_lines: int, header: Sequence[str]) -> bool:
-    """Return whether each line of a quoted cell has as many cells as the header has."""
-    count = len(row) - 1 + sum(cell.count(delimiter) for cell in row)
-    return len(header) > 2 and count >= n_lines * (len(header) - 1)
-
-
-def _open_quote(where: str, line: int) -> FileFormatError:
-    return FileFormatError(
-        f"{where}, line {line}",
-        "a quote that opens in this row contains the rows below it; close or delete the quote",
-    )
+        if reader.line_num == lines[-1] + 1:
+            raise FileFormatError(where, f"line {line} cannot be read: {error}; mend it") from error
+        opened = opened or lines[-1] + 1  # a cell of many rows is longer than csv allows
+    if opened:
+        raise FileFormatError(
+            f"{where}, line {first_line + opened - 1}",
+            "a quote that opens in this row contains the rows below it; close or delete the quote",
+        )
+    return rows[:-1], [first_line + line - 1 for line in lines[1:-1]]
 
 
 def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
@@ -76,7 +76,9 @@ def read_table(
             raise FileFormatError(table.where, "the mapped columns hold no numbers; check the map")
     else:
         pairs = _own_names(table, rows)
-    _check_errors(table, rows, pairs)
+    for channel, values in pairs:
+        if _ERROR.fullmatch(channel.name):
+            _check_range(table, rows, channel.name, values, 1.0 / MAX_NUMBER)
     provenance = {
         "file": table.where,
         "sha256": file_hash(Path(path)),
@@ -105,28 +107,21 @@ def numbers_in(table: CsvTable, index: int, rows: Sequence[int], blank: str = ""
                 f"column {name!r} holds {cell[:40]!r}, which is no number; mend the cell or leave "
                 f"it empty",
             ) from None
-    wrong = np.flatnonzero(np.abs(values) > MAX_NUMBER)
-    if wrong.size:
-        raise FileFormatError(
-            f"{table.where}, line {table.lines[rows[wrong[0]]]}",
-            f"column {name!r} is {values[wrong[0]]:g}; allowed: -{MAX_NUMBER:g} to {MAX_NUMBER:g}; "
-            f"correct the cell or leave it empty",
-        )
+    _check_range(table, rows, name, values, -MAX_NUMBER)
     return values
 
 
-def _check_errors(
-    table: CsvTable, rows: Sequence[int], pairs: Iterable[tuple[Channel, Array]]
+def _check_range(
+    table: CsvTable, rows: Sequence[int], name: str, values: Array, lower: float
 ) -> None:
-    """Raise FileFormatError for a standard error or standard deviation below 0."""
-    for channel, values in pairs:
-        wrong = np.flatnonzero((values < 0.0) | ((values > 0.0) & (values < 1.0 / MAX_NUMBER)))
-        if wrong.size and _ERROR.fullmatch(channel.name):
-            raise FileFormatError(
-                f"{table.where}, line {table.lines[rows[wrong[0]]]}",
-                f"{channel.name} is {values[wrong[0]]:g} {channel.unit}; a standard error is "
-                f"positive; correct the cell or leave it empty",
-            )
+    """Raise FileFormatError for a value outside `lower` to `MAX_NUMBER`; nan and 0 are allowed."""
+    wrong = np.flatnonzero(((values < lower) & (values != 0.0)) | (values > MAX_NUMBER))
+    if wrong.size:
+        raise FileFormatError(
+            f"{table.where}, line {table.lines[rows[wrong[0]]]}",
+            f"{name} is {values[wrong[0]]:g}; allowed: {lower:g} to {MAX_NUMBER:g}; correct the "
+            f"cell or leave it empty",
+        )
 
 
 def columns_of(table: CsvTable) -> list[tuple[Channel, Array]]:

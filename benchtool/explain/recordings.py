@@ -134,8 +134,9 @@ def _source(path: str, name: str, digest: str, loaded: LoadedModel) -> Source:
             run = read_pitch(path)
         else:
             run = with_zero_walk(read_points(path, VALID_KINDS), path, loaded.model.rig)
-        changed = tuple(filter(None, (changed_points(path),)))
-        return Source(path=path, name=name, recording=run, sha256=digest, remarks=changed)
+        return Source(
+            path=path, name=name, recording=run, sha256=digest, remarks=changed_points(path)
+        )
     if beside(Path(path)).is_file():
         return Source(path=path, name=name, recording=read_recording(path), sha256=digest)
     if Path(path).suffix.lower() == ".parquet":

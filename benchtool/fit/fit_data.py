@@ -239,8 +239,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
 def _suspect(paths: Sequence[str], parts: Sequence[Recording]) -> Iterator[str]:
     """Yield warnings on data that are fitted: points changed by hand, or with many outliers."""
     for path, part in zip(paths, parts, strict=True):
-        if changed := changed_points(path):
-            yield changed
+        yield from changed_points(path)
         if "suspect" in part and (count := int(np.nansum(part.column("suspect")))):
             yield (
                 f"{path}: {counted(count, 'point')} suspect: too many samples lie apart to be "

@@ -16,8 +16,7 @@ from benchtool.core.shown_text import show_controls
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")
 """What loaders and threads say where an allocation failed; they raise no MemoryError for it."""
 
-_NOT_FINITE = ("infs or NaNs", "not finite in the initial point")
-"""What SciPy says of such numbers."""
+_NOT_FINITE = ("infs or NaNs", "not finite in the initial point")  # in messages of SciPy
 
 
 def flush_output() -> None:
@@ -30,8 +29,8 @@ def flush_output() -> None:
         raise exhausted(error, "standard output cannot be written") from error
 
 
-def exhaustion_behind(error: BaseException) -> ResourceExhausted | None:
-    """Return the error for people where something was used up or refused, else None."""
+def cause_behind(error: BaseException) -> ResourceExhausted | EstimationError | None:
+    """Return the error for people where resources ended or numbers cannot be solved for."""
     # A write that failed names no file, and fails again where it was that of standard output.
     unnamed = isinstance(error, OSError) and error.filename is None
     if (output := _output_error("\n" if unnamed else "")) is not None:
@@ -40,26 +39,16 @@ def exhaustion_behind(error: BaseException) -> ResourceExhausted | None:
         return exhausted(MemoryError(), "this command was given up")
     if isinstance(error, OSError) and is_exhaustion(error):
         return exhausted(error, "a file cannot be read or written")
+    if type(error).__name__ == "LinAlgError" or any(words in str(error) for words in _NOT_FINITE):
+        return EstimationError(
+            f"numbers of the data or the model are out of the range that can be computed "
+            f"({error}); look for impossible rows and parameter values"
+        )
     return None
 
 
-def numbers_behind(error: BaseException) -> EstimationError | None:
-    """Return the error for people where NumPy or SciPy met numbers they cannot solve for."""
-    text = str(error)
-    if type(error).__name__ != "LinAlgError" and not any(words in text for words in _NOT_FINITE):
-        return None
-    return EstimationError(
-        f"numbers of the data or the model are out of the range that can be computed ({text}); "
-        f"look for impossible rows and parameter values"
-    )
-
-
 class EscapedStream:
-    """Text stream that writes control characters as visible escapes.
-
-    Names and texts of files and devices must not control the terminal. Consoles of Rich write to
-    the stream behind it; see `tables.EscapedConsole`.
-    """
+    """Text stream that writes control characters of files and devices as visible escapes."""
 
     def __init__(self, stream: TextIO) -> None:
         self.rich_proxied_file = stream

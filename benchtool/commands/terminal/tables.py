@@ -21,10 +21,7 @@ FILE_WIDTH = 120
 
 
 class EscapedConsole(Console):
-    """Console that renders control characters of its texts as visible escapes.
-
-    It writes to the stream behind `EscapedStream`, as the styles need control characters.
-    """
+    """Console that escapes its texts, not its styles, and writes behind an `EscapedStream`."""
 
     def __init__(self, stream: TextIO | None = None, **options: Any) -> None:
         stream = stream or sys.stdout

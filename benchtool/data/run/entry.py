@@ -32,7 +32,7 @@ from benchtool.data.csv_text import parse_csv
 from benchtool.data.run.closing import has_rows
 from benchtool.data.run.facts import read_metadata, read_recording_facts
 from benchtool.data.run.labels import read_labels
-from benchtool.data.run.read import changed_points, is_run, read_points
+from benchtool.data.run.read import is_run, read_points
 from benchtool.data.run.recording_file import FORMAT as RECORDING_FORMAT
 from benchtool.data.run.recording_file import beside
 from benchtool.data.run.run import RUN_FORMAT
@@ -122,25 +122,19 @@ def _run(entry: Entry, path: Path) -> Entry:
         count = _table(facts, "link").get("samples")
         stored = counted(int(count), "sample") if count is not None else ""
         return replace(entry, summary="; ".join(filter(None, (stored, reason))))
-    table, samples = path / "points.csv", path / "samples.csv"
-    begun = has_rows(samples) or samples.with_suffix(".parquet").is_file()
-    if not has_rows(table) and (table.is_file() or not begun or entry.state == "running"):
-        nothing = "no point yet" if entry.state == "running" else "no point"
-        return replace(entry, summary="; ".join(filter(None, (nothing, reason))), is_empty=True)
+    table, running = path / "points.csv", entry.state == "running"
+    begun = has_rows(path / "samples.csv") or (path / "samples.parquet").is_file()
+    if not has_rows(table) and (table.is_file() or running or not begun):
+        return replace(entry, summary="no point yet" if running else "no point", is_empty=True)
     try:
-        points = read_points(path, KINDS, warn=False)
+        points = read_points(path, KINDS)
     except BenchtoolError as error:
         return replace(entry, problem=str(error))
     if "kind" in points:
         points = points.select(np.isin(points.column("kind"), range(3)))
-    changed = "points.csv has changed since the run was closed" if changed_points(path) else ""
-    summary = "; ".join(filter(None, (counted(len(points), "point"), changed, reason)))
-    return replace(
-        entry,
-        summary=summary,
-        z_over_r=_distances(points, radius_of(facts)),
-        is_empty=not len(points),
-    )
+    summary = "; ".join(filter(None, (counted(len(points), "point"), reason)))
+    z_over_r = _distances(points, radius_of(facts))
+    return replace(entry, summary=summary, z_over_r=z_over_r, is_empty=not len(points))
 
 
 def radius_of(facts: dict[str, Any]) -> float:

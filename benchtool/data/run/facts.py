@@ -89,13 +89,8 @@ class _Rig(_Facts):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Samples(_Facts):
+class _Hashes(_Facts):
     parquet_sha256: str = ""
-    csv_sha256: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Points(_Facts):
     csv_sha256: str = ""
 
 
@@ -127,8 +122,8 @@ class _Run(_Facts):
     air: _Air | None = None
     versions: Mapping[str, str] | None = None
     link: _Link | None = None
-    samples: _Samples | None = None
-    points: _Points | None = None
+    samples: _Hashes | None = None
+    points: _Hashes | None = None
     plate: _Plate | None = None
     visits: Count | None = None
     experiment: str = ""

@@ -57,21 +57,16 @@ def parts_of(path: str | Path) -> tuple[str, ...]:
 
 
 def read_points(
-    path: str | Path,
-    kinds: Iterable[str] = ("measure", "reference", "anchor"),
-    *,
-    warn: bool = True,
+    path: str | Path, kinds: Iterable[str] = ("measure", "reference", "anchor")
 ) -> Recording:
     """Return the points of a run folder, or of any points.csv, without the tares.
 
     Args:
         kinds: which kinds of points to keep, of `columns.KINDS`.
-        warn: give a `DataWarning` if they have changed since the run was closed.
     """
     recording = _read(_file(path, "points.csv"), Path(path))
-    if warn and (changed := changed_points(path)):
-        # Python shows one text of one line once; the caller's line would repeat it.
-        warnings.warn(changed, DataWarning, stacklevel=1)
+    for changed in changed_points(path):
+        warnings.warn(changed, DataWarning, stacklevel=1)  # shown once for all callers
     if "kind" not in recording:
         return recording
     wanted = [code_of("kind", kind) for kind in kinds]
@@ -83,23 +78,18 @@ def read_points(
     return chosen
 
 
-def changed_points(path: str | Path) -> str:
-    """Return a sentence if points.csv is not the one whose hash the run states, else "".
-
-    Args:
-        path: a run folder, or a points.csv in one; "" for other files and runs without a hash.
-    """
-    given = Path(path)
-    file = given / "points.csv" if given.is_dir() else given
+def changed_points(path: str | Path) -> tuple[str, ...]:
+    """Return a sentence if points.csv (or that of a run) has not the hash that its run states."""
+    file = Path(path) / "points.csv" if os.path.isdir(path) else Path(path)
     if file.name != "points.csv" or not file.is_file() or not is_run(file.parent):
-        return ""
+        return ()
     stated = (read_metadata(file.parent).get("points") or {}).get("csv_sha256")
-    if not stated or stated == file_hash(file, follow=file == given):
-        return ""
+    if not stated or stated == file_hash(file, follow=file == Path(path)):
+        return ()
     return (
         f"{file} has changed since the run was closed; restore it from a copy; if the edit was on "
         f"purpose, say so with benchtool runs note, or edit a table made with benchtool runs "
-        f"export --table points"
+        f"export --table points",
     )
 
 

@@ -189,8 +189,7 @@ def run_warnings(run: SweepRun) -> list[str]:
     stated = (run.metadata.get("samples") or {}).get("csv_sha256")
     if stated and run.files.get("samples.csv") not in (None, stated):
         out.append("samples.csv has changed since the run was closed: its hash is another one.")
-    if changed := changed_points(run.path):
-        out.append(f"{changed}.")
+    out += changed_points(run.path)
     for recording in (run.points, run.samples):
         repairs = recording.provenance.get("repairs", "") if recording is not None else ""
         if repairs:

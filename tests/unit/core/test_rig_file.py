@@ -76,8 +76,8 @@ def test_the_assumed_rotors_carry_the_vehicle_at_mid_throttle(name: str) -> None
             FileFormatError,
             "solidity has no source",
         ),
-        ('name = "pquad"', 'name = "pquad\\u202e"', FileFormatError, "cannot name a rig"),
-        ('name = "pquad"', 'name = "the quad"', FileFormatError, "'the quad' cannot name a rig"),
+        ('name = "pquad"', 'name = "pquad\\u202e"', InputError, "cannot name a rig in"),
+        ('name = "pquad"', 'name = "the quad"', InputError, "'the quad' cannot name a rig"),
         (
             '[limits]\nsource = "',
             '[limits]\nsource = ["sheet"] # "',

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
+from benchtool.core.errors import BenchtoolError, DataWarning, InputError, WouldOverwrite
 from benchtool.data.atomic import data_hash
 from benchtool.data.catalogue.transfer import manifest_of, verify_run
 from benchtool.data.run.merge import merge_runs
@@ -138,7 +138,8 @@ def test_a_part_that_is_missing_or_changed_is_said(tmp_path: Path) -> None:
     part = Path(parts_of(merged)[1])
     with (part / "points.csv").open("a") as file:
         file.write((part / "points.csv").read_text("utf-8").splitlines()[-1] + "\n")
-    assert verify_run(merged) == ["002-two: points.csv has changed since the run was closed"]
+    with pytest.warns(DataWarning):
+        assert verify_run(merged) == ["002-two: points.csv has changed since the run was closed"]
     Run.open(part).update_metadata(points={})
     assert verify_run(merged) == ["002-two: its data have changed"]
     shutil.rmtree(part)

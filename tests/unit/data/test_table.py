@@ -115,7 +115,7 @@ def test_a_number_that_no_bench_measures_is_refused_with_its_line(
 ) -> None:
     file = tmp_path / "a.csv"
     file.write_text(f"thrust_N,rpm1\n1.0,5000\n{cell},5000\n")
-    with pytest.raises(FileFormatError, match="'thrust_N' is") as refused:
+    with pytest.raises(FileFormatError, match="thrust_N is") as refused:
         read_table(file)
     assert refused.value.where == f"{file}, line 3"
 

@@ -128,6 +128,7 @@ def test_what_was_pushed_comes_back_the_same(place: str, root: Path, tmp_path: P
         assert target.pull(name, back).sent == 0
 
 
+@pytest.mark.filterwarnings("ignore::benchtool.core.errors.DataWarning")
 def test_labels_follow_and_other_data_are_refused(place: str, root: Path) -> None:
     target = CopyPlace(place)
     push(target, root)
