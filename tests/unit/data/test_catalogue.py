@@ -204,6 +204,7 @@ def test_fits_are_a_table_of_their_parameters(root: Path) -> None:
             left.query("SELECT * FROM fits")
 
 
+@pytest.mark.filterwarnings("ignore::benchtool.core.errors.DataWarning")
 def test_a_run_that_changes_has_its_new_rows_only(root: Path) -> None:
     runs = bt.runs(root, rig="hall")
     sql = "SELECT count(*) AS n FROM points"

@@ -3,6 +3,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError
@@ -151,3 +152,14 @@ def test_a_header_is_read_from_bytes_that_end_within_quotes(tmp_path: Path) -> N
     path.write_text("z,F,note\n" + row * 10_000)
     assert read_csv_header(path) == ("z", "F", "note")
     assert parse_csv(b'z,F\n1,"2', "x.csv", whole=False).header == ("z", "F")
+
+
+def test_impossible_numbers_of_a_foreign_file_are_blanked_and_counted() -> None:
+    table = lay_out(b"z,F\n1,2\n1e308,-9e99\n3,inf\n1e20,4\n", "x.csv")
+    numbers = numbers_of(table, [0, 1])
+    assert np.isnan(numbers.columns).tolist() == [
+        [False, True, False, False],
+        [False, True, True, False],
+    ]
+    (finding,) = numbers.findings
+    assert (finding.what, finding.count, finding.lines) == ("infinite numbers", 3, "3-4")
