@@ -118,7 +118,7 @@ def read_samples(path: str | Path, names: Sequence[str] | None = None) -> Record
             check_numbers(recording, str(parquet))
             return _with_provenance(recording, parquet, path, ())
         text = f"{parquet}: {problem}; samples.csv was read instead"
-        warnings.warn(text, DataWarning, stacklevel=2)
+        warnings.warn(text, DataWarning, stacklevel=1)
         recording = _read_samples(path / "samples.csv", path, names)
         repairs = "; ".join(filter(None, (recording.provenance["repairs"], problem)))
         return replace(recording, provenance={**recording.provenance, "repairs": repairs})
