@@ -35,9 +35,9 @@ from benchtool.core.errors import (
     LinkLost,
     MissingLibrary,
     ResourceExhausted,
+    show_warning,
 )
 from benchtool.core.inputs import Input
-from benchtool.core.shown_text import show_warning
 
 if TYPE_CHECKING:
     from distributed import Client

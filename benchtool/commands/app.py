@@ -26,9 +26,14 @@ from benchtool.commands.terminal.messages import (
     flush_output,
     say_error,
 )
-from benchtool.core.errors import BenchtoolError, DataWarning, InputError, UnknownChoice
+from benchtool.core.errors import (
+    BenchtoolError,
+    DataWarning,
+    InputError,
+    UnknownChoice,
+    show_warning,
+)
 from benchtool.core.inputs import items
-from benchtool.core.shown_text import show_warning
 from benchtool.core.user_file import shown_name
 
 COMMANDS: dict[str, tuple[str, str]] = {

@@ -35,8 +35,10 @@ what to do next. The numbers are attributes too, so that no caller parses text.
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterable, Sequence
 from math import inf
+from typing import Any
 
 MOST_SHOWN = 60
 """Most names that a message lists, and most letters of a name that it repeats. A choice."""
@@ -358,3 +360,22 @@ class ResourceExhausted(BenchtoolError):
     """The disk, the memory, the descriptors or the output of the process are full or closed."""
 
     exit_code = 10
+
+
+_CONTROLS = re.compile(
+    "[\0-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]"
+)
+
+
+def show_controls(text: str) -> str:
+    r"""Return a text with control and bidi characters but line ends and tabs as `\u202e`."""
+    return _CONTROLS.sub(
+        lambda found: f"\\x{ord(found[0]):02x}" if found[0] < "\x80" else f"\\u{ord(found[0]):04x}",
+        text,
+    )
+
+
+def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+    """Print a `DataWarning` as one line; warnings of Python itself are not shown."""
+    if issubclass(category, DataWarning):
+        sys.stderr.write(f"benchtool: warning: {show_controls(str(message))}\n")

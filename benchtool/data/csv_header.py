@@ -1,12 +1,16 @@
-"""Find the header of a CSV: below a title and comments, units in a line of their own, blanks."""
+"""Header of a CSV, below a title and comments, with a line of units; and the cells of its rows."""
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from benchtool.core.counted import counted
+from benchtool.core.errors import FileFormatError
 from benchtool.data.repairs.foreign_units import head_of, is_unit
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -17,6 +21,7 @@ Repairs = list[tuple[str, str]]
 START_BYTES = 1 << 16
 """A header stands within so much of a file; a choice."""
 
+_END = "end of the table"
 _MARKS = (b"#", b"%", b"//")
 _COMMENT = re.compile(rb"(?m)^(#+|%+|//+)([^\n]*)")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|[+-]?(nan|inf)", re.IGNORECASE)
@@ -192,3 +197,35 @@ def _with_units(header: str, below: str) -> str:
         f"{name} [{unit}]" if unit and head_of(name).unit is None else name
         for name, unit in zip(names, units, strict=True)
     )
+
+
+def split_cells(
+    text: str, delimiter: str, where: str, first_line: int, *, whole: bool = True
+) -> tuple[list[list[str]], list[int]]:
+    """Return the cells of each row, and the line of the file in which it ends."""
+    # A quote that is open at the end takes this row into its cell.
+    reader = csv.reader(chain(io.StringIO(text, newline=""), [_END]), delimiter=delimiter)
+    rows: list[list[str]] = []
+    lines = [0]
+    opened = 0
+    try:
+        for row in reader:
+            rows.append(row)
+            n_lines, per_line = reader.line_num - lines[-1], len(rows[0]) - 1
+            if n_lines > 1 < per_line and not opened:
+                marks = len(row) - 1 + sum(cell.count(delimiter) for cell in row)
+                opened = lines[-1] + 1 if marks >= n_lines * per_line else 0
+            lines.append(reader.line_num)
+        if whole and rows[-1] != [_END]:
+            opened = opened or lines[-2] + 1
+    except csv.Error as error:
+        line = first_line + reader.line_num - 1
+        if reader.line_num == lines[-1] + 1:
+            raise FileFormatError(where, f"line {line} cannot be read: {error}; mend it") from error
+        opened = opened or lines[-1] + 1  # a cell of many rows is longer than csv allows
+    if opened:
+        raise FileFormatError(
+            f"{where}, line {first_line + opened - 1}",
+            "a quote that opens in this row contains the rows below it; close or delete the quote",
+        )
+    return rows[:-1], [first_line + line - 1 for line in lines[1:-1]]

@@ -7,12 +7,10 @@ leaves them bytes, so that a million rows take as long as finding their commas d
 
 from __future__ import annotations
 
-import csv
 import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -31,13 +29,13 @@ from benchtool.data.csv_header import (
     delimiter_of,
     find_header,
     plain_rows,
+    split_cells,
 )
 from benchtool.data.repairs.imported import Finding, Kind, line_ranges
 
 Positions = NDArray[np.intp]
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
-_END = "end of the table"
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?")
 """A number with points between thousands, as it stands beside decimal commas."""
 
@@ -100,7 +98,7 @@ def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True)
     repairs = [words for _, words in mended]
     check_columns(first.count(delimiter) + 1, where)
     check_cells(text.count(delimiter) + text.count("\n"), where)
-    rows, lines = _cells(text, delimiter, where, first_line, whole=whole)
+    rows, lines = split_cells(text, delimiter, where, first_line, whole=whole)
     header = [cell.strip() for cell in rows[0]]
     while header and not header[-1]:
         header.pop()
@@ -147,41 +145,6 @@ def _with_points(rows: list[list[str]]) -> list[str]:
     if thousands:
         done.append(f"{counted(len(thousands), 'number')} with points between thousands")
     return done
-
-
-_END = "end of the table"
-
-
-def _cells(
-    text: str, delimiter: str, where: str, first_line: int, *, whole: bool = True
-) -> tuple[list[list[str]], list[int]]:
-    """Return the cells of each row, and the line of the file in which it ends."""
-    # A quote that is open at the end takes this row into its cell.
-    reader = csv.reader(chain(io.StringIO(text, newline=""), [_END]), delimiter=delimiter)
-    rows: list[list[str]] = []
-    lines = [0]
-    opened = 0
-    try:
-        for row in reader:
-            rows.append(row)
-            n_lines, per_line = reader.line_num - lines[-1], len(rows[0]) - 1
-            if n_lines > 1 < per_line and not opened:
-                marks = len(row) - 1 + sum(cell.count(delimiter) for cell in row)
-                opened = lines[-1] + 1 if marks >= n_lines * per_line else 0
-            lines.append(reader.line_num)
-        if whole and rows[-1] != [_END]:
-            opened = opened or lines[-2] + 1
-    except csv.Error as error:
-        line = first_line + reader.line_num - 1
-        if reader.line_num == lines[-1] + 1:
-            raise FileFormatError(where, f"line {line} cannot be read: {error}; mend it") from error
-        opened = opened or lines[-1] + 1  # a cell of many rows is longer than csv allows
-    if opened:
-        raise FileFormatError(
-            f"{where}, line {first_line + opened - 1}",
-            "a quote that opens in this row contains the rows below it; close or delete the quote",
-        )
-    return rows[:-1], [first_line + line - 1 for line in lines[1:-1]]
 
 
 def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
@@ -321,7 +284,7 @@ def _unquoted(
     """
     clean = str.maketrans({delimiter: " ", "\n": " "})
     text = f"{header.text}\n{body.decode('utf-8', 'replace')}"
-    cells, lines = _cells(text, delimiter, where, header.line)
+    cells, lines = split_cells(text, delimiter, where, header.line)
     rows = [delimiter.join(cell.translate(clean) for cell in row) for row in cells]
     whole = "".join(f"{row}\n" for row in rows[1:])
     if not body.endswith(b"\n") and rows[-1]:

@@ -39,7 +39,6 @@ FAR_Z_OVER_R = 9.0
 """Beyond it eq. (4) leaves less than one per cent; the tables of the literature end at 5 to 6."""
 
 MAX_POINTS = 10_000  # their shared errors take 12 GB of memory; assumed
-
 RATIO_BASIS: Basis = "equal_rpm2"
 """The basis of ratios that a table gives without forces."""
 
@@ -155,8 +154,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         )
     if len(points) > MAX_POINTS:
         raise InputError(
-            f"{len(points):,} points are too many for a fit; allowed: {MAX_POINTS:,}; average the "
-            f"rows of each setting, or choose rows with --where"
+            f"{len(points):,} points are too many; allowed: {MAX_POINTS:,}; average or filter rows"
         )
     model = loaded.model
     for path, part in zip(recipe.data, parts, strict=True):

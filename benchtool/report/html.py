@@ -11,7 +11,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from benchtool import __version__
-from benchtool.core.shown_text import show_controls
+from benchtool.core.errors import show_controls
 from benchtool.report.files import figure_bytes, refuse_existing, write_whole
 from benchtool.report.page import FigureBlock, Report
 

@@ -9,9 +9,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
-from benchtool.core.errors import EstimationError, InputError, ResourceExhausted, WouldOverwrite
+from benchtool.core.errors import (
+    EstimationError,
+    InputError,
+    ResourceExhausted,
+    WouldOverwrite,
+    show_controls,
+)
 from benchtool.core.exhausted import exhausted, is_exhaustion
-from benchtool.core.shown_text import show_controls
 
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")
 """What loaders and threads say where an allocation failed; they raise no MemoryError for it."""

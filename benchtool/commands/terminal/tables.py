@@ -13,7 +13,7 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from benchtool.core.shown_text import show_controls
+from benchtool.core.errors import show_controls
 from benchtool.report import page
 
 FILE_WIDTH = 120
