@@ -52,8 +52,7 @@ def _own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ["BENCHTOOL_STATE"] = str(tmp_path_factory.mktemp("state"))
 
 
-ALONE = ("tests/avr/test_firmware_sweep", "tests/browser/", "tests/rcb/test_bridge_script",
-         "tests/soak/",
+ALONE = ("tests/avr/test_firmware_sweep", "tests/browser/", "tests/soak/",
          "tests/system/test_bench_link", "tests/system/test_mavlink",
          "tests/system/test_pitch_recorded", "tests/system/test_sweep_killed",
          "tests/system/test_sweep_staged")  # fmt: skip

@@ -14,7 +14,6 @@ from urllib.parse import parse_qsl
 
 from annotated_types import Ge, Le
 
-from benchtool.bench.rcbenchmark.lines import GUI_PORT, HOST_PORT
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import Input, items
 from benchtool.core.own_code import CodePermit, refuse_code
@@ -159,13 +158,12 @@ class TcpAddress(Address):
     """Bench behind a TCP port."""
 
     EXAMPLE: ClassVar[str] = "tcp:127.0.0.1:5555"
-    DEFAULT_HOST: ClassVar[str] = ""
     host: str
     port: int
 
     @classmethod
     def parse_place(cls, place: str, text: str) -> dict[str, Any]:
-        return parse_host_and_port(place, text, cls.EXAMPLE, cls.DEFAULT_HOST)
+        return parse_host_and_port(place, text, cls.EXAMPLE)
 
     @property
     def ends(self) -> tuple[Endpoint, ...]:
@@ -235,39 +233,6 @@ class MavlinkAddress(Address):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RcbAddress(TcpAddress):
-    """Both ends of the bridge to an RCbenchmark stand.
-
-    Attributes:
-        host, port: where the script in the GUI listens.
-        listen: port of this computer that the script sends to; 0 takes any, for a virtual stand.
-        thrust_scale: factor on thrust, -1 for a stand that pushes where it should pull.
-    """
-
-    EXAMPLE: ClassVar[str] = "rcbudp:127.0.0.1:55047"
-    DEFAULT_HOST: ClassVar[str] = LOOPBACK
-    host: str = LOOPBACK
-    port: int = GUI_PORT
-    listen: Annotated[int, Ge(0), Le(MAX_PORT), Input("Port of this computer.")] = HOST_PORT
-    thrust_scale: Scale = 1.0
-
-    @property
-    def ends(self) -> tuple[Endpoint, ...]:
-        return (Endpoint("listens", "", self.listen), Endpoint("sends", self.host, self.port))
-
-    @property
-    def warning(self) -> str:
-        """Warning of an end that listens beyond this computer, or nothing."""
-        if is_loopback(self.host):
-            return ""
-        return (
-            f"listening on UDP port {self.listen} of every network of this computer for "
-            f"{self.host}: neither end can check who sends, anybody there can turn the motor; use "
-            f"a network of the two computers alone, or run benchtool beside the GUI"
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayAddress(Address):
     """Run that is played back."""
 
@@ -319,27 +284,25 @@ class ServedLink:
         """Return the link that `--link` names.
 
         `mavlink` is UDP to port 14550 of this computer; `mavlink:udpout:HOST:PORT` sends there,
-        `mavlink:udpin:PORT` and `rcbudp:PORT` wait there, `pty`, `tcp:PORT`, `tcp:HOST:PORT` and
-        the same behind `mavlink:` are the others.
+        `mavlink:udpin:PORT` waits there, `pty`, `tcp:PORT`, `tcp:HOST:PORT` and the same behind
+        `mavlink:` are the others.
         """
         protocol, _, rest = text.partition(":")
         if protocol == "mavlink":
             kind, _, place = rest.partition(":")
             kind, place = kind or "udpout", place or str(GROUND_STATION_PORT)
-        elif protocol == "rcbudp":
-            kind, place = "udpin", rest or str(GUI_PORT)
         else:
             protocol, kind, place = "bench", protocol, rest
         if text in ("pty", "mavlink:pty"):
             return cls(protocol, "pty")
         host, _, digits = place.rpartition(":")
-        kinds = {"bench": "tcp", "rcbudp": "udpin", "mavlink": "tcp udpin udpout"}[protocol]
+        kinds = {"bench": "tcp", "mavlink": "tcp udpin udpout"}[protocol]
         port = parse_port(digits, min_port=int(kind == "udpout"))
-        if port is None or kind not in kinds.split() or (host and protocol == "rcbudp"):
+        if port is None or kind not in kinds.split():
             raise InputError(
                 f"{text!r:.60} is no link with a port of 0 (any) to {MAX_PORT}; known: pty, "
-                f"tcp:PORT, tcp:HOST:PORT, rcbudp, rcbudp:PORT, mavlink, mavlink:pty, "
-                f"mavlink:tcp:PORT, mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
+                f"tcp:PORT, tcp:HOST:PORT, mavlink, mavlink:pty, mavlink:tcp:PORT, "
+                f"mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
             )
         return cls(protocol, kind, host or LOOPBACK, port)
 
@@ -350,7 +313,7 @@ def parse_port(digits: str, min_port: int = 1) -> int | None:
     return port if min_port <= port <= MAX_PORT else None
 
 
-def parse_host_and_port(place: str, text: str, example: str, default: str) -> dict[str, Any]:
+def parse_host_and_port(place: str, text: str, example: str, default: str = "") -> dict[str, Any]:
     """Return host and port of a place `HOST:PORT`; errors name the whole text."""
     host, _, digits = place.rpartition(":")
     host, port = host.strip("[]") or default, parse_port(digits)

@@ -14,7 +14,6 @@ from typing import Any
 from benchtool.bench.addresses import (
     Address,
     MavlinkAddress,
-    RcbAddress,
     ReplayAddress,
     SerialAddress,
     SimAddress,
@@ -47,7 +46,6 @@ DRIVERS: dict[str, Driver] = {
     "serial": Driver(address=SerialAddress, opener="benchtool.bench.serial.bench:open_serial"),
     "tcp": Driver(address=TcpAddress, opener="benchtool.bench.serial.bench:open_tcp"),
     "mavlink": Driver(address=MavlinkAddress, opener="benchtool.bench.mavlink.bench:open_mavlink"),
-    "rcbudp": Driver(address=RcbAddress, opener="benchtool.bench.rcbenchmark.bench:open_rcbudp"),
     "replay": Driver(address=ReplayAddress, opener="benchtool.bench.replay:open_replay"),
 }
 """Every driver by the scheme of its addresses."""

@@ -10,7 +10,7 @@ from benchtool.bench.serial.frames import frame_command, messages_in
 from benchtool.bench.stage.grbl_lines import Other, parse_line
 from benchtool.bench.transport.transport import Transport
 
-Kind = Literal["bench", "mavlink", "grbl", "stand", "text", "frames", "noise"]
+Kind = Literal["bench", "mavlink", "grbl", "text", "frames", "noise"]
 
 PROBE = frame_command(1, RequestHello()) + b"?"
 """What makes those speak that are quiet until asked, and turns no motor: a bench answers the
@@ -26,8 +26,8 @@ PRINTABLE_SHARE = 0.9
 def kind_of(received: bytes) -> Kind:
     """Return what the sender of some bytes is.
 
-    `stand` is a script of the RCbenchmark GUI, `frames` looks like MAVLink without one whole frame
-    in it, `noise` is what a wrong baud rate gives.
+    `frames` looks like MAVLink without one whole frame in it, `noise` is what a wrong baud rate
+    gives.
     """
     from benchtool.bench.mavlink.frames import MavlinkFrames
 
@@ -35,8 +35,6 @@ def kind_of(received: bytes) -> Kind:
         return "bench"
     if MavlinkFrames().parse(received):
         return "mavlink"
-    if b'"workingValue"' in received or b'{"benchtool"' in received:
-        return "stand"
     if _is_grbl(received):
         return "grbl"
     letters = sum(32 <= byte < 127 or byte in b"\r\n\t" for byte in received)
@@ -54,13 +52,12 @@ def probe_answer(transport: Transport, clock: Callable[[], float]) -> bytes:
     return received
 
 
-Expected = Literal["mavlink", "bench", "stage", "bridge"]
+Expected = Literal["mavlink", "bench", "stage"]
 
 SENTENCES: dict[Expected, dict[Kind | Literal["else"], str]] = {
     "mavlink": {
         "bench": "speaks the bench protocol, not MAVLink; use a serial: or tcp: address for it",
         "grbl": "is a G-code stage, not an autopilot; give it as --stage grbl:PORT",
-        "stand": "is a script of the RCbenchmark GUI, not an autopilot; use rcbudp: for it",
         "text": "sends text ({shown}), not MAVLink; it is another device, or the autopilot's "
         "console port: choose its telemetry port",
         "noise": "sends bytes that are not MAVLink ({shown}); the baud rate is wrong: try 57600 or "
@@ -73,7 +70,6 @@ SENTENCES: dict[Expected, dict[Kind | Literal["else"], str]] = {
         "bytes, or its firmware is not whole: look at the cable, then at the firmware",
         "mavlink": "speaks MAVLink: it is a flight controller; use mavlink:{place} for it",
         "grbl": "is no bench: it is a G-code stage; give it as --stage grbl:{port}",
-        "stand": "is a script of the RCbenchmark GUI, not a bench; use rcbudp: for it",
         "text": "sends text ({shown}), which is not the bench protocol; it is another device, or "
         "a board with another program: `benchtool firmware` writes one for an Arduino",
         "else": "sends bytes that are no text ({shown}), and benches speak text; the baud rate is "
@@ -88,11 +84,6 @@ SENTENCES: dict[Expected, dict[Kind | Literal["else"], str]] = {
         "unless ?baud= says otherwise",
         "else": "did not say its name after a reset, but sends text ({shown}); it is another "
         "device, or no GRBL 1.1",
-    },
-    "bridge": {
-        "mavlink": "speaks MAVLink: it is a flight controller; use a mavlink: address for it",
-        "bench": "speaks the bench protocol, not that of a script in the GUI; check host and port",
-        "else": "sends {shown}, which no bridge script says; check host and port",
     },
 }
 """What a sentence that begins with an address ends in, by what was expected and what answers."""

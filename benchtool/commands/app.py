@@ -89,8 +89,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle"),
     "bench map": ("bench_check:map_motors",
         "Turn each motor of a flight controller alone, slowly, and write down what it drives"),
-    "bench bridge": ("firmware:bridge",
-        "Write the script that makes the RCbenchmark GUI a bench with a watchdog"),
     "bench serve": ("bench:serve",
         "Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C"),
     "firmware": ("firmware:firmware", "Write the firmware that makes an Arduino a rotor bench"),

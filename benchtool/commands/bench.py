@@ -37,9 +37,7 @@ class ServeInputs(Inputs):
     ] = None
     link: Annotated[
         str,
-        Input(
-            "pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...), rcbudp.", group="Link"
-        ),
+        Input("pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...).", group="Link"),
     ] = "pty"
     symlink: Annotated[Path | None, Input("A path that always leads to the pseudo-terminal.")] = (
         None
@@ -90,11 +88,8 @@ def serve(inputs: ServeInputs) -> None:
     device = _pitch if inputs.mode == "pitch" else _plate
     if inputs.settings and inputs.mode != "pitch":
         raise InputError("--set changes a pitch bench; add --mode pitch, or give --truth a file")
-    kind = inputs.link.partition(":")[0]
-    if kind == "mavlink":
+    if inputs.link.partition(":")[0] == "mavlink":
         speak, where, address = _mavlink(inputs, stands)
-    elif kind == "rcbudp":
-        speak, where, address = _bridged(inputs)
     else:
         speak, where, address = _own_protocol(inputs)
     stage = None if inputs.grbl is None else _carried(inputs.grbl, inputs.mode)
@@ -141,17 +136,6 @@ def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], 
 
     where = link_named(inputs.link, inputs.symlink)
     return DeviceLink, where, lambda: where.address
-
-
-def _bridged(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
-    from benchtool.virtual.bridge import VirtualBridge
-    from benchtool.virtual.links import link_named
-
-    if inputs.mode != "plate":
-        raise InputError("--link rcbudp serves a load cell; leave --mode pitch out")
-    where = link_named(inputs.link, inputs.symlink)
-    # This stand answers whoever speaks, so that a host may listen on any port.
-    return VirtualBridge, where, lambda: f"rcbudp:{where.address.partition(':')[2]}?listen=0"
 
 
 def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable[[], str]]:

@@ -6,10 +6,9 @@ import errno
 import os
 import socket
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from benchtool.bench.addresses import TELEMETRY_BAUD, ServedLink
 from benchtool.bench.serial.commands import DeviceEvent
@@ -239,44 +238,23 @@ def whole_frames(data: bytes, start: int) -> int:
     return min(at, len(data)) - start
 
 
-def one_line(data: bytes, start: int) -> int:
-    """Return how many bytes from `start` make one line, whatever its length."""
-    end = data.find(b"\n", start)
-    return (len(data) if end < 0 else end + 1) - start
-
-
 class UdpLink(ServerLink):
     """Carry frames in datagrams, whole ones only.
 
     Args:
         listen: True waits for a host; False sends to it from the start, as autopilots do.
-        fitting: how many bytes of data, from an index in it, go into one datagram.
-        ending: what a datagram that came is ended with, where it does not say itself where it ends.
     """
 
-    def __init__(
-        self,
-        host: str,
-        port: int,
-        listen: bool,
-        fitting: Callable[[bytes, int], int] = whole_frames,
-        ending: bytes = b"",
-    ) -> None:
+    def __init__(self, host: str, port: int, listen: bool) -> None:
         self._host, self._port, self._listen = host, port, listen
-        self._fitting, self._ending = fitting, ending
         self._socket: socket.socket | None = None
         self._peer: tuple[str, int] | None = None
         self.replug()
 
     @property
-    def place(self) -> str:
-        """Host and port."""
-        return f"{self._host}:{self._port}"
-
-    @property
     def address(self) -> str:
         """What follows `mavlink:` in the address of a host."""
-        return f"{'udpout' if self._listen else 'udpin'}:{self.place}"
+        return f"{'udpout' if self._listen else 'udpin'}:{self._host}:{self._port}"
 
     def read(self) -> bytes:
         parts = []
@@ -285,7 +263,7 @@ class UdpLink(ServerLink):
                 data, peer = self._socket.recvfrom(65536)
             except OSError:  # nothing there, or nobody
                 break
-            parts.append(data + self._ending)
+            parts.append(data)
             if self._listen:
                 self._peer = peer
         return b"".join(parts)
@@ -295,7 +273,7 @@ class UdpLink(ServerLink):
             return len(data)
         sent = 0
         while sent < len(data):
-            size = self._fitting(data, sent)
+            size = whole_frames(data, sent)
             try:
                 self._socket.sendto(data[sent : sent + size], self._peer)
             except BlockingIOError:
@@ -330,10 +308,7 @@ def link_named(text: str, symlink: Path | None = None) -> ServerLink:
         raise InputError(f"--symlink goes with --link {only} only; leave it out")
     if link.kind == "tcp":
         return TcpLink(link.host, link.port)
-    lines: dict[str, Any] = (
-        {"fitting": one_line, "ending": b"\n"} if link.protocol == "rcbudp" else {}
-    )
-    return UdpLink(link.host, link.port, listen=link.kind == "udpin", **lines)
+    return UdpLink(link.host, link.port, listen=link.kind == "udpin")
 
 
 def host_address(link: ServerLink, n_rotors: int, options: str = "") -> str:

@@ -13,14 +13,12 @@ from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings
-from benchtool.bench.rcbenchmark.bench import RcbBench
 from benchtool.bench.replay import ReplayBench
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
 from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.bridge import VirtualBridge
 from benchtool.virtual.devices import (
     hello_of,
     pitch_hello,
@@ -94,14 +92,6 @@ def px4() -> Bench:
     return flown("px4")
 
 
-def bridged() -> Bench:
-    plant = virtual_plant(RIG, TRUTH, 2)
-    link = LoopbackLink(
-        VirtualBridge(Firmware(plant, hello_of(plant, TRUTH, 2))), lambda: plant.rate_Hz
-    )
-    return RcbBench(link, "rcbudp:loop", clock=link.clock)
-
-
 def pitching_flown() -> Bench:
     plant = pitch_plant(rig_named("pquad"), seed=2)
     firmware = Firmware(plant, replace(pitch_hello(plant, 2), speed=20.0))
@@ -111,7 +101,7 @@ def pitching_flown() -> Bench:
 
 
 MAKERS = {"sim": simulated, "loop": looped, "guarded": guarded}
-MAKERS |= {"ardupilot": ardupilot, "px4": px4, "rcbudp": bridged}
+MAKERS |= {"ardupilot": ardupilot, "px4": px4}
 PITCH_MAKERS = {"pitch": pitching, "pitch loop": pitching_looped, "pitch flown": pitching_flown}
 
 
@@ -144,10 +134,6 @@ def mavlink_case() -> Case:
     )
 
 
-def rcbudp_case() -> Case:
-    return linked(VirtualBridge, lambda link: RcbBench(link, "rcbudp:loop", clock=link.clock))
-
-
 def stand_case() -> Case:
     """Return the driver that the page "write a driver" writes."""
     driver = driver_of_the_page()
@@ -170,7 +156,6 @@ CASES: dict[str, Callable[[], Case]] = {
     "serial": serial_case,
     "tcp": serial_case,
     "mavlink": mavlink_case,
-    "rcbudp": rcbudp_case,
     "replay": replay_case,
 }
 """A case for every driver, by the scheme of its addresses."""

@@ -1,6 +1,6 @@
 """One contract for every bench: simulated, over a loop-back wire, TCP, a pseudo-terminal, behind an
-autopilot, behind the RCbenchmark GUI, guarded; what of it a pitch bench keeps, whose loop
-commands the motors; and what a replay, which only listens, has in common with them."""
+autopilot, guarded; what of it a pitch bench keeps, whose loop commands the motors; and what a
+replay, which only listens, has in common with them."""
 
 from __future__ import annotations
 

@@ -164,15 +164,6 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "web": [("--port 99999", "--port is 99999, allowed is 0 to 65,535")],
     "bench check": [("usb:1", "unknown address scheme 'usb'")],
     "bench map": [("sim:pquad --motors 1,x", "--motors is '1,x', but whole numbers")],
-    "bench bridge": [
-        ("--out a.js --port 0", "--port is 0, allowed is 1 to 65,535"),
-        ("--out taken.js", "taken.js exists already and was left as it is"),
-        ("--out bridge", "is no name of a script; end it in .js"),
-        ("--out nowhere/bridge.js", "cannot be written"),
-        ("--out x.js --rig pquad", "has 4 rotors"),
-        ("--out x.js --host lab", "is no IPv4 address"),
-        ("", "Missing option '--out'"),
-    ],
     "bench serve": [("--system 0", "--system is 0, allowed is 1 to 250")],
     "firmware": [
         ("--out a --board due", "unknown board 'due'"),

@@ -15,7 +15,7 @@ from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
-from tests.contracts.benches import RIG, TRUTH, bridged, looped
+from tests.contracts.benches import RIG, TRUTH, looped
 
 LONGEST_S = 0.15
 """Longest silence that a watcher may see."""
@@ -33,7 +33,6 @@ MAKERS: dict[str, Callable[[], Bench]] = {
     "loop": looped,
     "ardupilot": lambda: flown("ardupilot"),
     "px4": lambda: flown("px4"),
-    "rcbudp": bridged,
 }
 
 

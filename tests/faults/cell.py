@@ -148,19 +148,12 @@ def check_folder(outcome: Outcome, visits: int) -> None:
         assert len(read_points(run)) == len(measured)
 
 
-COMPARED = {
-    "mavlink": {"thrust_raw": "thrust_N", "plate_z_m": "plate_z_m"},
-    "rcbudp": {name: name for name in ("thrust_N", "rpm1", "plate_z_m", "voltage_V", "current_A")},
-}
+COMPARED = {"mavlink": {"thrust_raw": "thrust_N", "plate_z_m": "plate_z_m"}}
 """Columns that hold a device's own value at its own time, where these are not all columns."""
 
 TICK_US = 5000
 TICKS = {"mavlink": 3}
 """A row that is made of several messages holds values of so many ticks around its time."""
-
-OFFSETS_US = {"rcbudp": range(0, 2600 * TICK_US, TICK_US)}
-"""The device's time when its reading came that counts as the first: 13 s at most, as a fault may
-last 2 s of the host's time."""
 
 
 def check_rows(outcome: Outcome, link: str, fault: Fault) -> None:
@@ -183,29 +176,20 @@ def check_rows(outcome: Outcome, link: str, fault: Fault) -> None:
         if own != falsified and name in names
     }
 
-    def other(offset_us: int) -> str:
-        """Return the first value that is not the device's of that time; empty where all are."""
-        at = np.searchsorted(true_us, times_us + offset_us, "right") - 1
-        beside = range(-TICKS.get(link, 0), TICKS.get(link, 0) + 1)
-        for name, (values, column) in stored.items():
-            near = [true[np.clip(at + step, 0, len(true) - 1), column] for step in beside]
-            right = np.isclose(near, values, rtol=2e-6, atol=2e-9).any(axis=0)
-            wrong = np.flatnonzero(np.isfinite(values) & ~right)
-            if len(wrong):
-                return f"{name} {values[wrong[0]]:g} at {times_us[wrong[0]]:.0f} us"
-        return ""
-
-    offsets_us = OFFSETS_US.get(link, (0,))
-    assert any(not other(offset_us) for offset_us in offsets_us), (
-        f"the device did not measure {other(offsets_us[0])}"
-    )
+    at = np.searchsorted(true_us, times_us, "right") - 1
+    beside = range(-TICKS.get(link, 0), TICKS.get(link, 0) + 1)
+    for name, (values, column) in stored.items():
+        near = [true[np.clip(at + step, 0, len(true) - 1), column] for step in beside]
+        right = np.isclose(near, values, rtol=2e-6, atol=2e-9).any(axis=0)
+        wrong = np.flatnonzero(np.isfinite(values) & ~right)
+        assert not len(wrong), (
+            f"the device did not measure {name} {values[wrong[0]]:g} at {times_us[wrong[0]]:.0f} us"
+        )
 
 
 def check_lost(outcome: Outcome, link: str, fault: Fault) -> None:
     """The run counts the samples that it missed: each that a fault kept from between its rows, and
-    none that came. An autopilot's messages bear one number for all kinds, so that it counts those;
-    of datagrams that come at once the system drops some, and a reading that comes behind a later
-    one is not stored and counts as lost.
+    none that came. An autopilot's messages bear one number for all kinds, so that it counts those.
     """
     times_us = [float(row["device_time_us"] or "nan") for row in outcome.rows()]
     if not times_us or link == "mavlink":
@@ -215,10 +199,9 @@ def check_lost(outcome: Outcome, link: str, fault: Fault) -> None:
     between = sum(times_us[0] < at_us < times_us[-1] for at_us in dropped_us)
     lost = outcome.metadata["link"]["lost"]
     assert between <= lost
-    late = fault.hit if link == "rcbudp" and fault.kind in ("stall", "reorder") else 0
-    # Of a datagram that was cut within its time nobody knows the time; it cost one sample at most.
+    # Of a line that was cut within its time nobody knows the time; it cost one sample at most.
     untimed = max(0, fault.hit - len(dropped_us)) if fault.kind == "truncate" else 0
-    assert lost <= len(dropped_us) + untimed + late
+    assert lost <= len(dropped_us) + untimed
 
 
 def held(values: np.ndarray) -> np.ndarray:

@@ -1,11 +1,10 @@
-"""What host and device say to each other, in four dialects: cut it into units, follow the phases of
-a run in them, falsify them. Nothing of the program under test is imported.
+"""What host and device say to each other, in three dialects: cut it into units, follow the phases
+of a run in them, falsify them. Nothing of the program under test is imported.
 """
 
 from __future__ import annotations
 
 import binascii
-import json
 import re
 import struct
 from abc import ABC, abstractmethod
@@ -285,63 +284,6 @@ class MavlinkFrames(Dialect):
             byte = (byte ^ byte << 4) & 0xFF
             crc = crc >> 8 ^ byte << 8 ^ byte << 3 ^ byte >> 4
         return b"\xfd" + body + payload + struct.pack("<H", crc)
-
-
-READINGS = {"plate_z_m": ("plateDistance", 1.0), "thrust_N": ("thrust", 101.971621)}
-"""Name of a channel in the GUI, and its units per SI unit."""
-
-
-class BridgeWords(Dialect):
-    """The bridge of the RCbenchmark GUI: a word to it in each datagram, a line of JSON from it."""
-
-    answers = (b'{"benchtool":{"to"',)
-
-    def __init__(self, seen: Seen | None = None) -> None:
-        super().__init__(seen)
-        self._answer: dict[str, dict[str, object]] = {}
-
-    def note(self, way: Way, unit: bytes, now_s: float) -> None:
-        if way == "host":
-            if self.is_answer(unit):
-                self._answer = json.loads(unit)
-            return
-        word = unit.strip().decode("latin-1")
-        if word == "hello":
-            self.begin("hello", now_s)
-        elif word.startswith("average") and self.phase == "hello":
-            self.begin("arming", now_s)
-        elif word == "tare":
-            self.begin("tare", now_s)
-        elif word.startswith("virtual plate"):
-            self.begin("moving", now_s)
-        elif word == "stop":
-            self.stopped(now_s)
-        elif word[:1].isdigit():
-            self.ordered(float(word), now_s)
-
-    def is_sample(self, unit: bytes) -> bool:
-        return unit.startswith(b'{"benchtool":{"n"')
-
-    def sample_us(self, unit: bytes) -> int:
-        return round(1e6 * json.loads(unit)["time"]["workingValue"])
-
-    def value(self, unit: bytes, channel: str) -> float | None:
-        name, scale = READINGS[channel]
-        return float(json.loads(unit)[name]["workingValue"]) / scale
-
-    def with_value(self, unit: bytes, channel: str, value: float) -> bytes:
-        line, (name, scale) = json.loads(unit), READINGS[channel]
-        line[name]["workingValue"] = value * scale
-        return json.dumps(line, separators=(",", ":")).encode() + b"\n"
-
-    def acknowledged(self, unit: bytes) -> tuple[bytes, bytes] | None:
-        word = unit.strip()
-        if word != b"stop" and not word[:1].isdigit():
-            return None
-        entry = self._answer["benchtool"] | {"to": word.decode(), "refused": ""}
-        # The watchdog is fed by the pulse that the motor has.
-        turns = b"%d\n" % entry["us"]
-        return json.dumps({"benchtool": entry}, separators=(",", ":")).encode() + b"\n", turns
 
 
 class StageLines(Dialect):

@@ -12,25 +12,23 @@ from functools import partial
 from typing import Protocol
 from unittest import mock
 
-from benchtool.bench.addresses import Address, RcbAddress
+from benchtool.bench.addresses import Address
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import settings_of, transport_of
-from benchtool.bench.rcbenchmark.bench import RcbBench
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.stage.grbl import GrblStage
 from benchtool.bench.transport.serial_port import SerialPort
-from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
+from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import LinkLost
 from benchtool.core.rig import Rig
 from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.bridge import VirtualBridge
 from benchtool.virtual.devices import stage_option
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.links import PtyLink, ServerLink, TcpLink, UdpLink, one_line
+from benchtool.virtual.links import PtyLink, ServerLink, TcpLink
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import ServedDevice
-from tests.faults.dialects import BenchLines, BridgeWords, Dialect, MavlinkFrames
+from tests.faults.dialects import BenchLines, Dialect, MavlinkFrames
 from tests.faults.proxy import Proxy
 
 STEP_S = 0.004
@@ -71,7 +69,7 @@ class Far(ServerLink):
 
 
 class Port:
-    """The proxy's near end in the kernel: a terminal, a TCP port or a UDP port."""
+    """The proxy's near end in the kernel: a terminal or a TCP port."""
 
     def __init__(self, proxy: Proxy, link: ServerLink) -> None:
         self.link, self.host = link, None
@@ -178,10 +176,6 @@ def _tcp() -> ServerLink:
     return TcpLink("127.0.0.1", 0)
 
 
-def _words() -> ServerLink:
-    return UdpLink("127.0.0.1", 0, listen=True, fitting=one_line, ending=b"\n")
-
-
 @dataclass(frozen=True)
 class Link:
     """One link: its port (None is memory), the device's protocol and the proxy's, the address."""
@@ -201,12 +195,6 @@ LINKS = {
         speak=VirtualAutopilot,
         dialect=MavlinkFrames,
         address=lambda port: f"mavlink:{port.address}?rotors=1",
-    ),
-    "rcbudp": Link(
-        port=_words,
-        speak=VirtualBridge,
-        dialect=BridgeWords,
-        address=lambda port: f"rcbudp:{port.place}?listen=0",  # type: ignore[attr-defined]
     ),
     "grbl": Link(has_stage=True),
 }
@@ -230,17 +218,12 @@ def on_the_clock(  # type: ignore[no-untyped-def]
     def lines(real: object, address: Address) -> SerialBench:
         return SerialBench(wrapped(real), address.text, world.clock)
 
-    def words(address: RcbAddress) -> RcbBench:
-        real = UdpSocket(address.host, address.port, listen=False, own_port=address.listen)
-        return RcbBench(wrapped(real), address.text, address, world.clock)
-
     openers = {
         "serial.bench.open_tcp": lambda a: lines(TcpSocket(a.host, a.port), a),
         "serial.bench.open_serial": lambda a: lines(SerialPort(a.port, 2_000_000), a),
         "mavlink.bench.open_mavlink": lambda a: MavlinkBench(
             wrapped(transport_of(a)), a.text, settings_of(a), clock=world.clock
         ),
-        "rcbenchmark.bench.open_rcbudp": words,
         "stage.grbl.GrblStage": partial(GrblStage, clock=world.clock),
         "transport.serial_port.SerialPort": lambda *given: staged(SerialPort(*given)),
     }

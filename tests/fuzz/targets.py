@@ -28,7 +28,6 @@ from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.bench.mavlink.settings import MotorMap, Wiring
 from benchtool.bench.mavlink.side_cell import CellLines
-from benchtool.bench.rcbenchmark.lines import BridgeDecoder
 from benchtool.bench.serial.frames import Decoder, frame, messages_in
 from benchtool.bench.serial.hello import hello_from
 from benchtool.bench.stage.grbl_lines import GrblDecoder, StatusReport
@@ -149,10 +148,6 @@ def grbl(data: bytes) -> None:
             str(line)
             if isinstance(line, StatusReport):
                 decoder.machine_mm(line)
-
-
-def rcbenchmark(data: bytes) -> None:
-    BridgeDecoder().feed(data)
 
 
 def csv_table(data: bytes) -> None:
@@ -314,13 +309,6 @@ $110=500.000\r
 [MSG:'$H'|'$X' to unlock]\r
 <Run:1|WPos:1.0,2.0,3.0|Ov:100,100,100>\r
 """
-RCB = b"""\
-{"benchtool":{"n":1,"bridge":1,"t_ms":1.5,"us":1000.0,"why":""},"thrust":{"workingValue":1.5,\
-"workingUnit":"N"},"time":{"workingValue":0.1,"workingUnit":"s"}}
-{"benchtool":{"to":"hello","refused":"","board":"b","version":"v","firmware":"f","output":"esc",\
-"speed":"motorOpticalSpeed","low_us":1000,"high_us":2000,"silence_ms":250,"ramp_ms":500,\
-"limits":{"thrust_N":12},"bridge":1,"t_ms":0,"us":1000,"why":""}}
-"""
 PLAN = b"""\
 name = "quad"
 repeats = 2
@@ -355,12 +343,11 @@ ADDRESSES = (
     b"mavlink:serial:/dev/ttyACM0:115200?rotors=1&thrust_scale=0.1&system=2&cell=/dev/x:1",
     b"mavlink:udpin:127.0.0.1:14550?map=m.toml",
     b"mavlink:tcp:[::1]:5760?key=k&mode=pitch&arm=host",
-    b"rcbudp:127.0.0.1:55047?listen=0&thrust_scale=-1",
     b"sim:pquad?seed=3&truth=single&rate=200",
     b"replay:runs/first",
 )
 STAGES = (b"grbl:/dev/x?axis=Z&zero_mm=1500&direction=1&lateral=X&lateral_zero_mm=0", b"hand")
-LINKS = (b"mavlink:udpout:127.0.0.1:14550", b"tcp:localhost:5555", b"rcbudp:55047", b"mavlink:pty")
+LINKS = (b"mavlink:udpout:127.0.0.1:14550", b"tcp:localhost:5555", b"mavlink:pty")
 OPTIONS = b"z_over_r 0.5:2:0.5\n1 0.5,1\n2 1450\n3 0.1 m\n4 yes\n5 1e3\n6 a=1,b=2\n7 12"
 REQUEST = b"""\
 GET /?token=tttttttttttttttttttt&a=1
@@ -389,7 +376,6 @@ def targets(on_disk: Files) -> dict[str, Target]:
         Target("mavlink", mavlink, (tlog(link_hop()[:20]), bytes(range(256))), binary=True),
         Target("side cell", side_cell, (b"HX711 reading: 124006\r\none reading:\t16.1\t| x: 4\n",)),
         Target("grbl", grbl, (GRBL,)),
-        Target("rcbenchmark", rcbenchmark, (RCB,)),
         Target("csv", csv_table, (table, stand[:2000])),
         Target("import", imported, (stand[:4000], table, text_log(hop(0.2)).encode())),
         Target("import log", imported, (dataflash(hop(0.2)), tlog(link_hop()[:40])), binary=True),

@@ -18,7 +18,7 @@ from tests.fuzz.targets import Files, Target, targets
 FOUND = Path(__file__).parent / "found"
 """Inputs that were faults, one a file: TARGET--WHAT; all are read or refused today."""
 
-NAMES = ("bench link", "bench hello", "mavlink", "side cell", "grbl", "rcbenchmark", "csv",
+NAMES = ("bench link", "bench hello", "mavlink", "side cell", "grbl", "csv",
          "import", "import log", "plan", "rig", "model", "gains", "schedule", "motor map",
          "columns", "recipe", "address", "stage", "link", "virtual fault", "options of sweep",
          "options of fit", "options of calibrate",

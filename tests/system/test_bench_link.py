@@ -304,7 +304,6 @@ def test_a_stage_that_refuses_on_demand(tmp_path: Path) -> None:
         (("--link", "carrier-pigeon"), "known: pty, tcp:PORT"),
         (("--link", "tcp:99999"), "port of 0 (any) to 65535"),
         (("--link", f"tcp:{'1' * 5000}"), "port of 0 (any) to 65535"),
-        (("--link", f"rcbudp:{'1' * 5000}"), "port of 0 (any) to 65535"),
         (("--link", f"mavlink:tcp:{'1' * 5000}"), "port of 0 (any) to 65535"),
         (("--link", "mavlink:udpout:127.0.0.1:99999"), "port of 0 (any) to 65535"),
         (("--speed", "0"), "--speed is 0"),

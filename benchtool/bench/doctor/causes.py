@@ -243,7 +243,7 @@ def network_findings(text: str) -> tuple[PortFinding, ...]:
 
 
 def _state(end: Endpoint) -> State:
-    where = f"{end.place}:{end.port}" if end.place else f"port {end.port}"
+    where = f"{end.place}:{end.port}"
     try:
         if end.kind == "listens":
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

@@ -49,8 +49,15 @@ def _rig_numbers(board: Board, rig: Rig) -> dict[str, str]:
             f"rig {rig.name} has {rig.n_rotors} motors, and the timer of board {board.name} makes "
             f"pulses for {MOST_MOTORS}; take a rig with 1 or {MOST_MOTORS} rotors"
         )
-    range_us = f"ESC pulses lie from {SHORTEST_US:g} to {LONGEST_US:g} us"
-    refuse_pulses_outside(rig, SHORTEST_US, LONGEST_US, range_us)
+    for name, pulse_us in (
+        ("propulsion.pwm_stop_us", pulse.pwm_stop_us),
+        ("limits.pwm_us", limits.pwm_us),
+    ):
+        if not SHORTEST_US <= pulse_us <= LONGEST_US:
+            raise InputError(
+                f"{name} of rig {rig.name} is {pulse_us:g} us, and ESC pulses lie from "
+                f"{SHORTEST_US:g} to {LONGEST_US:g} us; correct the rig"
+            )
     return {
         "BOARD": board.name,
         "RIG": rig.name,
@@ -88,19 +95,3 @@ def board_named(name: str) -> Board:
         if board.name == name:
             return board
     raise UnknownChoice("board", name, (board.name for board in BOARDS))
-
-
-def refuse_pulses_outside(rig: Rig, shortest_us: float, longest_us: float, why: str) -> None:
-    """Refuse a rig whose pulses at rest or at its limit lie outside a range.
-
-    Args:
-        why: the range in words.
-    """
-    for name, pulse_us in (
-        ("propulsion.pwm_stop_us", rig.propulsion.pwm_stop_us),
-        ("limits.pwm_us", rig.limits.pwm_us),
-    ):
-        if not shortest_us <= pulse_us <= longest_us:
-            raise InputError(
-                f"{name} of rig {rig.name} is {pulse_us:g} us, and {why}; correct the rig"
-            )

@@ -106,13 +106,12 @@ class UdpSocket(SocketTransport):
     Args:
         listen: True binds and answers whoever has sent; False sends to `host` first, and only
             datagrams from that very address and port are received.
-        own_port: port of ours that `host` sends to, 0 for any.
     """
 
-    def __init__(self, host: str, port: int, listen: bool, own_port: int | None = None) -> None:
+    def __init__(self, host: str, port: int, listen: bool) -> None:
         super().__init__(host, port)
         self.where = f"UDP {host}:{port}"
-        self.listens, self._own_port = listen, own_port
+        self.listens = listen
         self._peers: list[tuple[str, int]] = []
 
     def open(self) -> None:
@@ -125,19 +124,15 @@ class UdpSocket(SocketTransport):
             else:
                 peer = socket.gethostbyname(self.host)
                 self._peers = [(peer, self.port)]
-                if self._own_port is not None:
-                    # Wider than this computer only where the other end is not on it.
-                    opened.bind(("127.0.0.1" if peer.startswith("127.") else "", self._own_port))
                 # The system drops what comes from any other address or port.
                 opened.connect((peer, self.port))
             opened.setblocking(False)
         except (OSError, OverflowError, UnicodeError) as error:
             opened.close()
             if getattr(error, "errno", None) == errno.EADDRINUSE:
-                taken = self.where if self._own_port is None else f"UDP port {self._own_port}"
                 raise PortBusy(
-                    f"another program listens on {taken} (a ground station, another run?); end "
-                    f"it, or choose another port at both ends"
+                    f"another program listens on {self.where} (a ground station, another run?); "
+                    f"end it, or choose another port at both ends"
                 ) from error
             raise opening_error(error, self.where) from error
         self._socket = opened

@@ -12,7 +12,6 @@ from benchtool.bench.addresses import (
     Address,
     GrblAddress,
     MavlinkAddress,
-    RcbAddress,
     ReplayAddress,
     SerialAddress,
     ServedLink,
@@ -61,10 +60,6 @@ start_offset_N = 2.0
             "mavlink:serial:/dev/ttyACM0:57600",
             MavlinkAddress(link="serial", serial_port="/dev/ttyACM0", baud=57600),
         ),
-        (
-            "rcbudp:192.168.1.7:5000?listen=0",
-            RcbAddress(host="192.168.1.7", port=5000, listen=0),
-        ),
     ],
 )
 def test_an_address_is_parsed_into_typed_values(text: str, address: Address) -> None:
@@ -74,7 +69,7 @@ def test_an_address_is_parsed_into_typed_values(text: str, address: Address) -> 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("usb:1", "known: mavlink, rcbudp, replay, serial, sim, tcp"),
+        ("usb:1", "known: mavlink, replay, serial, sim, tcp"),
         ("/dev/ttyUSB0", "sim:pquad"),
         ("pquad", "sim:pquad"),
         ("", "sim:pquad"),
@@ -112,10 +107,6 @@ def test_an_address_is_parsed_into_typed_values(text: str, address: Address) -> 
         ("mavlink:udpin:14550?map=no-such-file.toml", "make one with benchtool bench map"),
         ("mavlink:udpin:14550?key=no-such-file", "no-such-file: there is no such file"),
         ("mavlink:udpin:14550?colour=red", "known: arm, cell, distance"),
-        ("rcbudp:127.0.0.1", "needs host and port, .* write for example rcbudp:127"),
-        ("rcbudp:127.0.0.1:99999", "needs host and port"),
-        ("rcbudp:127.0.0.1:55047?listen=70000", "listen .* 70000, allowed is 0 to 65,535"),
-        ("rcbudp:127.0.0.1:55047?colour=red", "known: listen, thrust_scale"),
     ],
 )
 def test_a_wrong_address_says_what_is_wrong(text, said):
@@ -180,8 +171,6 @@ def test_a_wrong_stage_is_refused_in_a_dry_run_too(option: str, said: str) -> No
         ("mavlink:tcp:5760", ServedLink("mavlink", "tcp", LOOPBACK, 5760)),
         ("mavlink:udpin:14551", ServedLink("mavlink", "udpin", LOOPBACK, 14551)),
         ("mavlink:udpout:host:14551", ServedLink("mavlink", "udpout", "host", 14551)),
-        ("rcbudp", ServedLink("rcbudp", "udpin", LOOPBACK, 55047)),
-        ("rcbudp:5000", ServedLink("rcbudp", "udpin", LOOPBACK, 5000)),
     ],
 )
 def test_a_served_link_is_parsed_into_typed_values(text: str, link: ServedLink) -> None:
@@ -195,8 +184,8 @@ DIGITS = "1" * 5000
     "text",
     [
         *("", "usb", "tcp:", "tcp:x", "tcp:99999", "pty:1", "mavlink:usb:1", "mavlink:pty:1"),
-        *(DIGITS, f"tcp:{DIGITS}", f"rcbudp:{DIGITS}", f"mavlink:tcp:{DIGITS}"),
-        *("mavlink:udpout:127.0.0.1:99999", "mavlink:udpout:127.0.0.1:0", "rcbudp:x:1"),
+        *(DIGITS, f"tcp:{DIGITS}", f"mavlink:tcp:{DIGITS}"),
+        *("mavlink:udpout:127.0.0.1:99999", "mavlink:udpout:127.0.0.1:0"),
     ],
     ids=lambda text: text[:30],
 )

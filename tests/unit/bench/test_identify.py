@@ -23,7 +23,6 @@ HEARD: dict[Kind, bytes] = {
     "bench": frame(b"E,boot,ready"),
     "mavlink": b"\x12\x00" + BEAT + BEAT[:5],
     "grbl": b"k\r\nok\r\nerror:20\r\n<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\no",
-    "stand": b'{"thrust": {"workingValue": 1.0, "workingUnit": "g"}}',
     "text": b"HX711 reading: 124006\r\nHX711 reading: 124011\r\n",
     "frames": NOISE + b"\xfd\x80\x01",
     "noise": NOISE,
@@ -38,10 +37,9 @@ def test_what_speaks_is_known(kind: Kind) -> None:
 @pytest.mark.parametrize(
     ("expected", "own", "sentences"),
     [
-        ("bench", None, 6),  # both kinds of garbage are a wrong baud rate
-        ("mavlink", "mavlink", 6),
-        ("stage", "grbl", 4),  # and a script of the GUI is text as any other
-        ("bridge", "stand", 3),  # a socket has no baud rate
+        ("bench", None, 5),  # both kinds of garbage are a wrong baud rate
+        ("mavlink", "mavlink", 5),
+        ("stage", "grbl", 4),
     ],
 )
 def test_each_is_named_in_one_sentence(
@@ -58,7 +56,6 @@ def test_each_is_named_in_one_sentence(
     [
         ("mavlink", "use mavlink:serial:/dev/x for it"),
         ("grbl", "it is a G-code stage; give it as --stage grbl:/dev/x"),
-        ("stand", "use rcbudp: for it"),
         ("text", "`benchtool firmware` writes one for an Arduino"),
         ("noise", "the baud rate is wrong: write the device's own as ?baud="),
         ("frames", "the baud rate is wrong: write the device's own as ?baud="),

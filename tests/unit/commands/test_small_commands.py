@@ -1,4 +1,4 @@
-"""Commands that write or show one thing: bridge, firmware, flow, demo, record --dry-run."""
+"""Commands that write or show one thing: firmware, flow, demo, record --dry-run."""
 
 from __future__ import annotations
 
@@ -12,15 +12,6 @@ import pytest
 from benchtool.commands import demo
 from benchtool.virtual.devices import LARGEST_SPEED
 from tests.unit.commands.command_line import run
-
-
-def test_a_bridge_script_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "bridge.js"
-    assert run("bench", "bridge", "--out", str(out), "--host-port", "5001") == 0
-    assert "var HOST_PORT = 5001;" in out.read_text("utf-8")
-    said = capsys.readouterr().out
-    assert "benchtool bench check rcbudp:127.0.0.1:55047?listen=5001" in said
-    assert "a GUI that crashes or sleeps" in said
 
 
 def test_firmware_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

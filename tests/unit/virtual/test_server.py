@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import select
-import socket
-
 from benchtool.bench.serial.commands import RequestHello
 from benchtool.bench.serial.frames import frame_command, messages_in
-from benchtool.commands.bench import ServeInputs, _bridged
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.links import ServerLink, UdpLink
+from benchtool.virtual.links import ServerLink
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import BenchServer
 from tests.wire.still_plant import StillPlant, still_hello
@@ -51,16 +47,3 @@ def test_a_bench_that_cannot_keep_its_speed_says_so() -> None:
     said = text + "for --speed 20"
     # At every doubling: 0.2, 0.3 and 0.5 s of wall time were left out so far.
     assert reports == [[], [], [said.format(4.0)], [], [], [], [said.format(10.0)]]
-
-
-def test_words_that_came_in_datagrams_of_their_own_stay_apart() -> None:
-    _, link, _ = _bridged(ServeInputs(link="rcbudp:0"))
-    assert isinstance(link, UdpLink)
-    host, port = link.place.split(":")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        for word in (b"1500", b"1500", b"stop"):
-            sender.sendto(word, (host, int(port)))
-    select.select([link._socket], [], [], 5.0)
-    words = link.read()
-    link.close()
-    assert words.split() == [b"1500", b"1500", b"stop"]

@@ -1,1 +1,0 @@
-"""RCbenchmark stands."""
