@@ -109,17 +109,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
 """Each command, in the order of the help: "module:function" in this package ("" for a group of
 subcommands) and its line there, which is also the first line of the command's docstring."""
 
-REMOVED: dict[str, str] = {
-    "figures": "benchtool report --layout paper takes the same options",
-    "flow export": "benchtool flow picture draws the flow, benchtool flow table prints it",
-    "simulate attitude": "benchtool simulate paper --out FOLDER draws its curve (fig09-attitude)",
-    "simulate pitch --feedforward": "benchtool simulate pitch takes plate distances from the "
-    "schedule, with errors as --set feedforward.height_error_m=0.02 states them",
-    "report --pdf": "benchtool report writes the page, and a browser prints it to a PDF file",
-}
-"""Commands, subcommands and options (``command --option``) of earlier versions, and what does their
-work now."""
-
 _OF_A_NAME = {
     *(errno.ENOENT, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP)
 }
@@ -156,7 +145,6 @@ def _run(words: list[str]) -> None:
     """Run one command and leave the process with its exit code."""
     try:
         _check_text(words)
-        _refuse_removed(words)
         code = build(words)(args=words, prog_name="benchtool", standalone_mode=False)
         flush_output()
         sys.exit(code if isinstance(code, int) else 0)
@@ -203,15 +191,6 @@ def _check_text(words: Sequence[str]) -> None:
         except UnicodeEncodeError:
             shown = word[:60].encode("ascii", "backslashreplace").decode()
             raise InputError(f"the word {shown} is not UTF-8 text; write it otherwise") from None
-
-
-def _refuse_removed(words: Sequence[str]) -> None:
-    """Refuse what earlier versions had, in a sentence that names what does its work now."""
-    for removed, instead in REMOVED.items():
-        *command, last = removed.split()
-        given = words[len(command) :] if list(words[: len(command)]) == command else []
-        if last in (given if last.startswith("--") else given[:1]):
-            raise InputError(f"benchtool {removed} was removed; {instead}")
 
 
 def build(words: Sequence[str]) -> typer.Typer:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
-from benchtool.commands.app import COMMANDS, REMOVED, module_of
+from benchtool.commands.app import COMMANDS, module_of
 from benchtool.core.input_text import text_of
 from benchtool.core.inputs import Item, items
 
@@ -40,8 +40,7 @@ def page() -> str:
             parts.append(
                 f"\n| option | meaning | takes | when left out |\n|---|---|---|---|\n{rows}"
             )
-    removed = "".join(f"- `benchtool {name}`: {text}\n" for name, text in REMOVED.items())
-    return "".join(parts) + f"\n## Removed\n\n{removed}"
+    return "".join(parts)
 
 
 if __name__ == "__main__":

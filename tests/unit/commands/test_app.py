@@ -107,27 +107,6 @@ def test_bad_words_end_as_one_sentence(run: Run, words: list[str], sentence: str
     assert run(*words) == (2, "", f"benchtool: {sentence}\n")
 
 
-@pytest.mark.parametrize("removed", app.REMOVED)
-def test_what_was_removed_is_refused_with_what_does_its_work(
-    removed: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as leaving:
-        app.main(removed.split())
-    assert leaving.value.code == 2
-    sentence = capsys.readouterr().err
-    assert sentence == f"benchtool: benchtool {removed} was removed; {app.REMOVED[removed]}\n"
-    assert "benchtool " in app.REMOVED[removed]
-
-
-def test_an_option_that_was_removed_is_refused_wherever_it_stands(
-    run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(app, "REMOVED", {"try --loudly": "raise the volume"})
-    sentence = "benchtool: benchtool try --loudly was removed; raise the volume\n"
-    assert run("try", "--times", "2", "--loudly") == (2, "", sentence)
-    assert run("try", "--times", "2")[0] == 0
-
-
 def test_a_fault_keeps_its_traceback_in_a_file(
     run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
