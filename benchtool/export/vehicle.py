@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchtool.core.array import Array
+from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.fit_result import Estimate
 from benchtool.core.own_code import CodePermit, refuse_code
@@ -77,7 +78,13 @@ class Vehicle:
     fitted: str = ""
     simulated: bool = False
     mass_kg: float | None = None  # in place of the rig's
-    rotors: int | None = None  # that carry the mass, in place of the rig's
+    rotors: int | None = None  # that carry the mass; other than the rig's, for hover alone
+
+    def __post_init__(self) -> None:
+        if self.rotors is not None and self.rig.n_rotors not in (1, self.rotors):
+            raise InputError(
+                f"--rotors is {self.rotors}, but rig {self.rig.name!r} has {self.rig.n_rotors}"
+            )
 
     @property
     def rig(self) -> Rig:
@@ -92,7 +99,8 @@ class Vehicle:
 
     def of_rig(self, key: str, unit: str) -> Number:
         """Return a number of the rig by its dotted key, such as "body.mass_kg"."""
-        if key == "body.mass_kg" and self.mass_kg is not None:
+        is_rig = self.rotors in (None, self.rig.n_rotors)
+        if key == "body.mass_kg" and self.mass_kg is not None and is_rig:
             return Number(self.mass_kg, unit, "no interval; as stated for the export")
         value: object = self.rig
         for part in key.split("."):
@@ -213,8 +221,16 @@ class Vehicle:
     def hover_share(self) -> Number:
         """Thrust that carries the vehicle over full thrust."""
         mass = self.of_rig("body.mass_kg", "kg")
+        if self.mass_kg is not None:
+            mass = Number(self.mass_kg, "kg", "no interval; as stated for the export")
         rotors = self.rotors or self.rig.n_rotors
-        return mass.of(9.80665 / (rotors * self.thrust_max.value), "1")
+        share = mass.of(9.80665 / (rotors * self.thrust_max.value), "1")
+        if share.value > 1.0 and (self.mass_kg, self.rotors) != (None, None):
+            raise InputError(
+                f"{mass.value:g} kg on {counted(rotors, 'rotor')} need {share.value:.3g} of full "
+                f"thrust; give another --mass-kg or --rotors"
+            )
+        return share
 
     def thrust_N(self, throttle: Array) -> Array:
         """Return the thrust of one rotor at throttles (n,), far from any surface: N.

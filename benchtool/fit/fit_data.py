@@ -14,7 +14,7 @@ from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.counted import counted
 from benchtool.core.error_source import ErrorSource, joined
-from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.errors import EstimationError, FileFormatError, InputError
 from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.parameter import full_name
 from benchtool.core.recording import Recording
@@ -187,6 +187,13 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         raise InputError(
             f"no rotor turns in {counted(len(points), 'point')} while thrust reaches {most:.3g} N: "
             f"the speed channel is dead, or another column holds the speed; map that one to rpm1"
+        )
+    turning = np.any(conditions.speed_rad_s > 0.0, axis=0)
+    if recipe.basis == "joint" and (negative := observed[turning] < 0.0).mean() > 0.5:
+        raise EstimationError(
+            f"thrust_N is negative at {negative.sum()} of {counted(len(negative), 'point')} with "
+            f"turning rotors, as on a pusher mount; reverse it with benchtool import "
+            f"{recipe.data[0]} --flip thrust_N and fit the result"
         )
     z_over_R = model.z_over_R(conditions)
     nearest = recipe.min_z_over_R

@@ -250,12 +250,13 @@ def _curves(
     hover_N = mass_kg * STANDARD_GRAVITY_M_S2 / rotors
     if hover_N > full_N:
         raise InputError(
-            f"{mass_kg:g} kg need {hover_N:.3g} N of each of {rotors} rotors, which reach "
-            f"{full_N:.3g} N {full.note}; give another --mass-kg or --rotors"
+            f"{mass_kg:g} kg on {counted(rotors, 'rotor')} need {hover_N:.3g} N of each, which "
+            f"reaches {full_N:.3g} N {full.note}; give another --mass-kg or --rotors"
         )
     hover = 2.0 * hover_N / (linear + sqrt(linear**2 + 4.0 * square * hover_N))
     slope = linear + 2.0 * square * hover
     note = f"{start_us + hover * (full.pulse_us - start_us):.0f} us"
+    note += f" at {full.voltage_V:.4g} V" if np.isfinite(full.voltage_V) else ""
     way = (-hover / slope, -(hover**2) / slope)
     add("hover_throttle", "1", hover, way, 1.0 / slope)
     share_sd = hover_N / full_N * found[-3].sd / full_N

@@ -164,6 +164,15 @@ def test_published_tables_are_fitted_without_a_map(capsys: Capsys, reference_dat
     assert result("uiuc")["k"]["value"] == pytest.approx(k, rel=0.03)
 
 
+def test_thrust_of_the_wrong_sign_is_named(capsys: Capsys, reference_data: Path) -> None:
+    pusher = f"{reference_data}/rcbenchmark_1580/xNova-SR-steps-up.csv"
+    code, _, error = fit(capsys, f"{pusher} --radius 0.0635 --out no")
+    assert code == 6, error
+    assert "thrust_N is negative at 352 of 352 points" in error
+    assert "--flip thrust_N" in error
+    assert not Path("no").exists()
+
+
 def test_units_in_brackets_are_shown_as_they_stand(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

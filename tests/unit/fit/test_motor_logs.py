@@ -171,6 +171,19 @@ def test_a_log_of_one_motor_gives_the_hover_point_of_four(tmp_path: Path) -> Non
     assert [float(line.partition(",")[2]) for line in lines] == pytest.approx([share], rel=1e-4)
     with pytest.raises(InputError, match="--rotors is 3"):
         bt.motor(path, rig="pquad", mass_kg=0.4, rotors=3)
+    with pytest.raises(InputError, match="on 2 rotors"):
+        bt.motor(path, propeller="5x4", mass_kg=100.0, rotors=2)
+    with pytest.raises(InputError, match="on 2 rotors"):
+        bt.export(path, "px4", tmp_path / "b.params", propeller="5x4", mass_kg=100.0, rotors=2)
+    with pytest.raises(InputError, match="--rotors is 3"):
+        bt.export("virtual_pquad", "px4", tmp_path / "b.params", rotors=3)
+
+
+def test_the_mass_of_four_rotors_is_not_that_of_a_simulated_stand(tmp_path: Path) -> None:
+    path = log(tmp_path / "a.csv", 1)
+    bt.export(path, "sdf", tmp_path / "stand.sdf", propeller="5x4")
+    bt.export(path, "sdf", tmp_path / "four.sdf", propeller="5x4", mass_kg=0.4, rotors=4)
+    assert (tmp_path / "four.sdf").read_text() == (tmp_path / "stand.sdf").read_text()
 
 
 LOGS = (
