@@ -82,7 +82,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "simulate paper": ("simulate_paper:paper",
         "Hold simulations against what the paper claims of control"),
     "stop": ("stop:stop",
-        "Stop the motors of every bench that this user runs on this machine"),
+        "Stop the motors of every bench of this user"),
     "web": ("web:web", "Serve a page to watch, sweep, fit and explain in a browser"),
     "bench": ("", "Serve a virtual bench; check a bench before motors spin"),
     "bench check": ("bench_check:check",

@@ -20,7 +20,7 @@ class StopInputs(Inputs):
 
 @declared(StopInputs)
 def stop(inputs: StopInputs) -> None:
-    """Stop the motors of every bench that this user runs on this machine."""
+    """Stop the motors of every bench of this user."""
     from concurrent.futures import ThreadPoolExecutor
 
     from benchtool.acquire.stop_listener import find_benches, stop_folder

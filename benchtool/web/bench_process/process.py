@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import pickle
 import queue
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -25,7 +26,6 @@ from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import EventPublisher
 from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.session import Session
-from benchtool.web.bench_process.spawn import StopEndpoint
 from benchtool.web.bench_process.telemetry import Telemetry
 from benchtool.web.bench_process.throttle import DeadManSwitch
 
@@ -43,18 +43,22 @@ MAX_SERVER_SILENCE_S = 1.0  # ten heartbeats; assumed
 POLL_INTERVAL_S = 0.1
 
 
-def run_bench_process(pipe: Pipe, stop_endpoint: StopEndpoint | None = None) -> None:
-    """Serve a page's server over a pipe until it closes, with a STOP listener of its own."""
+def run_bench_process(pipe: Pipe, listening: socket.socket | None = None, token: str = "") -> None:
+    """Serve a page's server over a pipe until it closes.
+
+    Args:
+        listening: bound socket of the STOP listener; none without one.
+    """
     # Where the system allows it this loop goes before others: it feeds the device's watchdog.
     with suppress(OSError, AttributeError):
         os.nice(PRIORITY)
     process = BenchProcess(pipe)
-    if stop_endpoint is None:
+    if listening is None:
         process.run()
         return
     listener = StopListener(
-        stop_endpoint.listening,
-        stop_endpoint.token,
+        listening,
+        token,
         lambda who: process.stop(f"stopped from {who}"),
         lambda: report_standstill(process.guard),
     )

@@ -70,9 +70,8 @@ class ProcessHandle:
     def start(self) -> None:
         spawn = get_context("spawn")
         self._pipe, theirs = spawn.Pipe()
-        self._process = spawn.Process(
-            target=_run, args=(theirs, self.stop_endpoint), name="benchtool bench"
-        )
+        arguments = (theirs, *(self.stop_endpoint or ()))
+        self._process = spawn.Process(target=_run, args=arguments, name="benchtool bench")
         self._process.start()
         theirs.close()
 
@@ -106,8 +105,8 @@ class ProcessHandle:
             self._pipe = None
 
 
-def _run(pipe: Pipe, stop_endpoint: StopEndpoint | None) -> None:
+def _run(pipe: Pipe, *stop_endpoint: Any) -> None:
     # A search for garbage among all that is imported would hold a Stop for tens of milliseconds.
     with quick_import():
         from benchtool.web.bench_process.process import run_bench_process
-    run_bench_process(pipe, stop_endpoint)
+    run_bench_process(pipe, *stop_endpoint)

@@ -135,7 +135,7 @@ def test_a_heavier_vehicle_hovers_at_more_throttle(runs: list[Path]) -> None:
     assert found["hover_throttle"].value == pytest.approx(
         sqrt(0.5 * 9.80665 / TRUTH["T_max"]), rel=1e-3
     )
-    with pytest.raises(InputError, match="5 kg need 49 N of each of 1 rotors, which reach"):
+    with pytest.raises(InputError, match="5 kg on 1 rotor need 49 N of each"):
         fit_motor(runs, mass_kg=5.0)
 
 

@@ -199,7 +199,6 @@ def test_the_layout_of_the_paper_draws_recipes(
         (("{table}",), "benchtool import"),
         (("{run}/points.csv",), "name its folder"),
         (("{run}", "--out", "page.pdf"), "does not end in .html"),
-        (("{run}", "--pdf"), "a browser prints it to a PDF file"),
         (("{run}", "--single", "{empty}"), "--single needs --layout paper"),
         (("{run}", "--layout", "paper"), "--layout paper takes recipe folders"),
         (("--layout", "paper"), "nothing to draw: give --three for figure 8"),

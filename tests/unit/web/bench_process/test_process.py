@@ -312,7 +312,7 @@ def test_stop_has_a_port_of_its_own(token: str, tmp_path: Path) -> None:
     spawn = get_context("spawn")
     ours, theirs = spawn.Pipe()
     endpoint = StopEndpoint(socket.create_server(("127.0.0.1", 0)), "right")
-    process = spawn.Process(target=run_bench_process, args=(theirs, endpoint))
+    process = spawn.Process(target=run_bench_process, args=(theirs, *endpoint))
     process.start()
     theirs.close()
     server = Server(ours, process)
