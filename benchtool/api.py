@@ -171,9 +171,9 @@ def motor(
     Tables: `constants` and `points`.
 
     Args:
-        runs: one or several run folders of one rig, or logs of stands; references of a plate sweep
-            count as well.
-        mass_kg, rotors: of the vehicle whose hover point is worked out; the rig's when left out.
+        runs: run folders of one rig, references of plate sweeps among them, or logs of stands.
+        mass_kg: of the vehicle whose hover point is worked out; the rig's when left out.
+        rotors: that carry it; the rig's when left out.
         extrapolate: thrust to the rig's longest pulse and nominal voltage, however far.
         propeller: of logs that do not state theirs: name, file, or size in inches.
         rig: of logs; made from them when left out.
@@ -207,8 +207,7 @@ def fit(
         data: one or several.
         model: shipped name or path of a model file.
         permit: called with a model's own Python before it is run; refused when left out.
-        options: of the command by name: ``basis="equal_rpm2"``, ``free=("R_m",)``,
-            ``method=("least_squares", "emcee")``, ``profile=True``.
+        options: of the command by name: ``free=("R_m",)``, ``method=("emcee",)``.
 
     Raises:
         InputError: the data or the model do not allow the fit.
@@ -291,8 +290,10 @@ def export(
         to: "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c", or "all".
         out: new file, or for "all" new folder; named after the rig when left out.
         motor: runs without a plate or logs, whose motor constants go before the rig's.
-        mass_kg, rotors: of the vehicle, for its hover point; the rig's when left out.
-        extrapolate, propeller: of the motor test, as `motor` takes them.
+        mass_kg: of the vehicle, for its hover point; the rig's when left out.
+        rotors: that carry it; the rig's when left out.
+        extrapolate: of the motor test, as `motor` takes it.
+        propeller: of logs, likewise.
         rig: of logs, likewise.
         permit: called with a model's own Python before it is run; refused when left out.
 
@@ -367,8 +368,7 @@ def simulate_pitch(
     Args:
         controllers: built-in names, and classes of your own.
         permit: called with a model's own Python before it is run; refused when left out.
-        options: of the command by name: ``rig="pquad"``, ``schedule="plate"``,
-            ``gains="s3"``, ``seed=3``, ``set={"body_lift.K_b": 2}``, ``out="study"``.
+        options: of the command by name: ``schedule="plate"``, ``set={"body_lift.K_b": 2}``.
     """
     inputs = make(PitchInputs, options)
     return _saved(pitch_result(inputs, controllers, permit), inputs.study.out)

@@ -20,6 +20,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
+from benchtool.core.errors import BenchtoolError
 from benchtool.data.atomic import make_folder, read_json
 from benchtool.data.run.state import state_folder
 
@@ -202,6 +203,9 @@ class AnnouncedBench(NamedTuple):
 
 
 def find_benches() -> list[AnnouncedBench]:
-    """Return the benches that listen for STOP."""
-    files = sorted(stop_folder().glob("*.json"))
-    return [AnnouncedBench(**read_json(file), file=file) for file in files]
+    """Return the benches that listen for STOP; a file that a kill cut short is left out."""
+    benches = []
+    for file in sorted(stop_folder().glob("*.json")):
+        with suppress(BenchtoolError, TypeError):
+            benches.append(AnnouncedBench(**read_json(file), file=file))
+    return benches

@@ -61,7 +61,9 @@ def test_a_killed_process_leaves_what_the_disk_says(tmp_path: Path) -> None:
 def shape(tree: dict[str, bytes | None]) -> dict[str, int | bytes | None]:
     """Return a tree without the times of day and the process numbers in it."""
     return {
-        re.sub(r"\.\d+\.new", ".new", name): data if name.endswith(".csv") else data and len(data)
+        re.sub(r"(stop/|\.)[\da-f-]+\.(new|json)", r"\1\2", name): data
+        if name.endswith(".csv")
+        else data and len(data)
         for name, data in tree.items()
     }
 

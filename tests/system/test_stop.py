@@ -78,7 +78,9 @@ def test_a_run_that_was_killed_is_reported_once(
         assert file.stat().st_mode & 0o077 == 0
         sweep.send_signal(signal.SIGKILL)
         sweep.communicate()
+    (folder / "cut.json").write_text('{"address": "tc')
     found = run(["stop"], environment)
+    (folder / "cut.json").unlink()
     assert (found.returncode, found.stdout) == (
         8,
         f"{address}: its process has ended; rotors were not seen to stand\n",

@@ -129,7 +129,7 @@ def _cut_back(run: Path, points: int) -> None:
     (run / "settings.csv").unlink()
     (run / "samples.parquet").unlink()
     facts = json.loads((run / "metadata.json").read_text())
-    facts |= {"state": "running", "samples": {}}
+    facts |= {"state": "running", "samples": {}, "points": {}}
     (run / "metadata.json").write_text(json.dumps(facts))
 
 
