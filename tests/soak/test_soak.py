@@ -15,7 +15,7 @@ from tests.soak.world import REAL
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 
 SAMPLE = [
-    *(("memory", 24), ("memory", 30), ("mavlink", 22), ("grbl", 23)),
+    *(("memory", 24), ("memory", 30), ("mavlink", 22), ("grbl", 24)),
     ("memory", 930676091),  # holds 850 samples back
     ("grbl", 598985610),  # turns a bit of a line of one byte
     *(("pty", 3), ("tcp", 11)),
