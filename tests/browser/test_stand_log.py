@@ -31,7 +31,7 @@ def test_a_log_gives_its_thrust_curve_and_a_file_for_an_autopilot(
     page.locator("input[type=file]").set_input_files(written)
     page.locator(".card-title", has_text="stand").wait_for(timeout=COLD_MS)
     page.get_by_text("Thrust curve and motor constants").click()
-    page.get_by_text(re.compile("12 points of 1 run on rig stand: a rotor gives")).wait_for(
+    page.get_by_text(re.compile("12 points of 1 run on rig stand: a rotor gave")).wait_for(
         timeout=COLD_MS
     )
     expect(page.get_by_role("img", name=re.compile("Thrust of one rotor"))).to_be_visible()
