@@ -70,13 +70,19 @@ class StopListener:
         stop: Callable[[str], object],
         report: Callable[[], StopReport | None],
     ) -> None:
-        self.port: int = listening.getsockname()[1]
         self.token = token
         self._stop, self._report = stop, report
         self._is_over = False
         self._server = _Server(("", 0), partial(_Handler, self), bind_and_activate=False)
         self._server.socket.close()
         self._server.socket = listening
+
+    @property
+    def endpoint(self) -> dict[str, Any]:
+        """Host and port at which this machine reaches the listener, and the token."""
+        host, port = self._server.socket.getsockname()[:2]
+        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)  # noqa: S104 -- compared
+        return {"host": host, "port": port, "token": self.token}
 
     def __enter__(self) -> Self:
         serve = self._server.serve_forever
@@ -140,7 +146,7 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 @contextmanager
-def announce(address: str, port: int, token: str) -> Iterator[None]:
+def announce(address: str, listener: StopListener) -> Iterator[None]:
     """Write where `benchtool stop` reaches the bench at an address, readable by this user only.
 
     Where the state folder cannot be written, `benchtool stop` does not find the bench.
@@ -149,7 +155,7 @@ def announce(address: str, port: int, token: str) -> Iterator[None]:
     with suppress(OSError):
         make_folder(path.parent)
         with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
-            json.dump({"address": address, "port": port, "token": token}, file)
+            json.dump({"address": address, **listener.endpoint}, file)
     try:
         yield
     finally:
@@ -175,7 +181,7 @@ def accept_stops(bench: GuardedBench, address: str) -> Iterator[GuardedBench]:
         lambda who: bench.request_stop(f"stopped by {who}"),
         lambda: report_standstill(bench),
     )
-    with listener, announce(address, listener.port, listener.token), bench:
+    with listener, announce(address, listener), bench:
         yield bench
 
 
@@ -183,13 +189,14 @@ class AnnouncedBench(NamedTuple):
     """Bench of this user on this machine that listens for STOP."""
 
     address: str
+    host: str
     port: int
     token: str
     file: Path
 
     def stop(self) -> StopReport:
         """Stop the bench and wait for its standstill check."""
-        connection = HTTPConnection("127.0.0.1", self.port, timeout=ANSWER_TIMEOUT_S)
+        connection = HTTPConnection(self.host, self.port, timeout=ANSWER_TIMEOUT_S)
         try:
             connection.request("POST", "/stop?wait", self.token.encode())
             return StopReport(**json.loads(connection.getresponse().read()))

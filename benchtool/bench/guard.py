@@ -11,7 +11,7 @@ them, so that they interrupt neither a stop nor the way of a sample to the disk.
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack, suppress
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict
 from types import TracebackType
 from typing import Self
@@ -24,7 +24,7 @@ from benchtool.bench.driven import DrivenBench
 from benchtool.bench.limit_check import LimitCheck
 from benchtool.bench.plate_check import PlateCheck, check_travel, wait_for_idle, wait_for_plate
 from benchtool.bench.signals import StopSignals
-from benchtool.bench.wrappers import Halts
+from benchtool.bench.wrappers import send_halt
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import (
@@ -274,9 +274,7 @@ class GuardedBench(DrivenBench):
         Zero is sent from the calling thread where the bench can do that.
         """
         self._signals.request(reason)
-        if isinstance(self.bench, Halts):
-            with suppress(BenchtoolError, OSError):
-                self.bench.halt()
+        send_halt(self.bench)
 
     def take_unread(self) -> Readings | None:
         """Return samples that were read but not handed out, such as those that broke a limit."""

@@ -115,6 +115,13 @@ class Halts(Protocol):
         """
 
 
+def send_halt(bench: Bench) -> None:
+    """Send zero from any thread, where a bench can do that and its link is not lost."""
+    if isinstance(bench, Halts):
+        with suppress(BenchtoolError, OSError):
+            bench.halt()
+
+
 class StopRequested(RunStopped):
     """Requested stop; the owner of the bench decides whether it is used again."""
 
@@ -147,18 +154,13 @@ class StoppableBench(BenchWrapper):
     def request_stop(self, reason: str) -> None:
         """Stop from any thread; the owner gets the reason."""
         self._requested = StopRequested(f"{reason}; zero was commanded to the motors")
-        self._halt()
+        send_halt(self._bench)
 
     def request_pause(self, reason: str) -> None:
         """Pause from any thread, unless a stop is requested already; the owner gets the reason."""
         if self._requested is None:
             self._requested = PauseRequested(reason)
-        self._halt()
-
-    def _halt(self) -> None:
-        if isinstance(self._bench, Halts):
-            with suppress(BenchtoolError, OSError):
-                self._bench.halt()
+        send_halt(self._bench)
 
     def set_pwm(self, pwm_us: Array) -> None:
         self._raise_if_requested()

@@ -17,7 +17,12 @@ from functools import partial
 from multiprocessing.connection import Connection as Pipe
 
 from benchtool.acquire.inputs import rig_for
-from benchtool.acquire.stop_listener import StopListener, announce, report_standstill
+from benchtool.acquire.stop_listener import (
+    VIRTUAL_CLOCKS,
+    StopListener,
+    announce,
+    report_standstill,
+)
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import PacedBench, StoppableBench
@@ -28,9 +33,6 @@ from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.session import Session
 from benchtool.web.bench_process.telemetry import Telemetry
 from benchtool.web.bench_process.throttle import DeadManSwitch
-
-VIRTUAL = ("sim:", "replay:")
-"""Addresses of benches on a virtual clock."""
 
 PRIORITY = -10
 """Niceness of the bench process, for users that may have it; a choice."""
@@ -63,7 +65,7 @@ def run_bench_process(pipe: Pipe, listening: socket.socket | None = None, token:
         lambda: report_standstill(process.guard),
     )
     with listener:
-        process.announce = partial(announce, port=listener.port, token=listener.token)
+        process.announce = partial(announce, listener=listener)
         process.run()
 
 
@@ -178,7 +180,7 @@ class BenchProcess:
         try:
             rig = rig_for(address, connect.rig or None)
             device = open_bench(address)
-            paced = PacedBench(device) if address.startswith(VIRTUAL) else None
+            paced = PacedBench(device) if address.startswith(VIRTUAL_CLOCKS) else None
             telemetry = Telemetry(
                 number, rig, self._publisher, lambda: paced.speed if paced else 0.0
             )
