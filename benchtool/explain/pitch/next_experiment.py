@@ -26,8 +26,7 @@ from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.simulate import simulate_pitch
 
-COARSE = 5
-"""So many rows are one where experiments are compared, which takes the time of a fifth of them."""
+COARSE = 5  # rows averaged into one where experiments are compared
 
 RATE_HZ = 250.0
 
@@ -44,11 +43,8 @@ COLLECTIVES = {
 }
 DITHER = Signal(shape="prbs", level=15.0, bit_s=0.04, seed=1)
 Z_OVER_R = (0.9, 1.3, 2.0, 3.0)
-LENGTHS_S = (20.0, 30.0, 45.0, 60.0)
-"""What a design is chosen from. Choices."""
-
-SLIDE_S = 1.0
-"""Between visits of the plate, for it to go; a choice."""
+LENGTHS_S = (20.0, 30.0, 45.0, 60.0)  # what a design is chosen from; assumed
+SLIDE_S = 1.0  # between visits of the plate, for it to go; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +137,7 @@ def next_pitch(
     def weighed(design: PitchDesign, drawn: np.random.Generator | None = None) -> Prospect:
         sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
         recording = simulate_pitch(job, sampled, seed).recording(model.rig)
-        log = pitch_log(recording, model.rig, "the next one").logged
+        log = pitch_log(recording, model.rig, "the simulated next experiment").logged
         new, both = (evidence.of(some, together) for some in ([log], [*known, log]))
         return forecast.expected(new, both, drawn)
 

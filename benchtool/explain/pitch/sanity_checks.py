@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import savgol_filter
+from scipy.signal import coherence, csd, savgol_filter, welch
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
@@ -17,17 +17,12 @@ from benchtool.core.rig import Rig
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.simulate.pitch.filter_log import LoggedPitch
 
-STEEPEST_RAD = 1.6
-"""No beam on a hinge turns farther; an angle in degrees does at once."""
-
-SMOOTHED_S = 0.05
-"""Width of the quadratic whose slope is a rate or an acceleration; a choice."""
-
-SURE = 0.6
-"""Correlation from which a slope is used."""
-
-FACTOR = 3.0
-"""A gyro that is off by more than this factor has another unit or sign, no error of scale."""
+STEEPEST_RAD = 1.6  # no beam on a hinge turns farther; an angle in degrees does at once
+SMOOTHED_S = 0.05  # width of the quadratic whose slope is a rate or an acceleration; assumed
+SURE = 0.6  # correlation or coherence from which a slope is used
+FACTOR = 3.0  # a gyro off by more has another unit or sign; assumed
+SLOW_HZ = 3.0  # below, a gyro and an encoder on one beam must agree; assumed
+SEGMENT_S = 2.0  # length of a segment of the spectra; assumed
 
 FOLLOWS = 0.4
 """Correlation from which the beam is taken to follow the rotors' thrusts: noise alone, over the
@@ -41,11 +36,8 @@ ALIKE = 0.75
 """Cosine between the turning effects that rotors show and those that their places give. One rotor
 exchanged with one at the side leaves 0.5; ground effect and unlike rotors leave 0.9. A choice."""
 
-WEAK = 0.1
-"""Ways of pushing that vary less than this share of the strongest say nothing."""
-
-STILL = 5.0
-"""A beam that moves less than so many standard deviations of its sensor's noise stands still."""
+WEAK = 0.1  # ways of pushing that vary less than this share of the strongest say nothing
+STILL = 5.0  # sd of the sensor's noise below which a beam stands still; assumed
 
 
 def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
@@ -63,13 +55,14 @@ def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
             f"perhaps"
         )
     change, gyro = _change(theta, logged.rate_Hz), logged.gyro_rad_s
-    both = np.isfinite(change) & np.isfinite(gyro)
-    related = abs(_correlation(change, gyro)) >= SURE
-    slope = change[both] @ gyro[both] / (change[both] @ change[both]) if related else 1.0
+    frequency_Hz, ratio = _gyro_over_rate(logged)
+    slow = ratio[frequency_Hz <= SLOW_HZ]
+    slope = float(np.median(slow)) if len(slow) else 1.0
     if not 1.0 / FACTOR < slope < FACTOR:
         raise InputError(
-            f"gyro_rad_s of {name} is {slope:.2g} times the change of theta_rad and should be "
-            f"once; mend the sign or the unit of one of them in the model's [columns]"
+            f"gyro_rad_s of {name} is {slope:.2g} times the change of theta_rad below "
+            f"{SLOW_HZ:g} Hz and should be once; mend the sign or the unit of one of them in the "
+            f"model's [columns]"
         )
     rate = gyro if np.isfinite(gyro).any() else change
     acceleration = _change(rate, logged.rate_Hz)
@@ -91,6 +84,43 @@ def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
             f"the sign of theta_rad are not as rig {rig.name!r} has them; exchange the columns of "
             f"the rotors or change the sign in the model's [columns]"
         )
+
+
+def gyro_disagreement(logged: LoggedPitch) -> str:
+    """Return where a gyro turns faster than its encoder, as a sentence; "" where it does not."""
+    frequency_Hz, ratio = _gyro_over_rate(logged)
+    apart = (frequency_Hz > SLOW_HZ) & (np.abs(ratio) > FACTOR)
+    if not apart.any():
+        return ""
+    first = int(np.argmax(apart))
+    return (
+        f"gyro_rad_s is {ratio[first]:.2g} times the change of theta_rad at "
+        f"{frequency_Hz[first]:.3g} Hz and agrees with it below {SLOW_HZ:g} Hz: gyro and encoder "
+        f"sit on parts that move against each other"
+    )
+
+
+def _gyro_over_rate(logged: LoggedPitch) -> tuple[Array, Array]:
+    """Return frequencies (n,) in Hz where gyro and encoder are coherent, and gyro over rate there.
+
+    The ratio is signed by the phase; nothing is returned without a gyro.
+    """
+    known = np.isfinite(logged.gyro_rad_s) & np.isfinite(logged.theta_rad)
+    if known.sum() < 2:
+        return np.empty(0), np.empty(0)
+    rows = np.arange(len(known))
+    theta, gyro = (
+        np.interp(rows, rows[known], values[known])
+        for values in (logged.theta_rad, logged.gyro_rad_s)
+    )
+    fs = logged.rate_Hz
+    nperseg = min(len(known), round(SEGMENT_S * fs))
+    frequency_Hz, cross = csd(theta, gyro, fs=fs, nperseg=nperseg)
+    shared = coherence(theta, gyro, fs=fs, nperseg=nperseg)[1]
+    coherent = (shared > SURE) & (frequency_Hz > 0.0)
+    power = welch(theta, fs=fs, nperseg=nperseg)[1][coherent]
+    ratio = np.asarray(cross[coherent] / (2j * np.pi * frequency_Hz[coherent] * power))
+    return frequency_Hz[coherent], np.abs(ratio) * np.sign(ratio.real)
 
 
 def rotors_in_order(logged: LoggedPitch, rig: Rig) -> tuple[LoggedPitch, list[str]]:

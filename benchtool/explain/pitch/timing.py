@@ -17,47 +17,31 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
+from benchtool.explain.pitch.sanity_checks import gyro_disagreement
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.filter_log import LoggedPitch
 
-SHORTEST_S = 8.0
-"""A piece without a gap must be so long before offsets are looked for."""
-
-SLOWEST_HZ = 90.0
-"""Below this rate of rows a millisecond is a tenth of a row, and nothing is claimed."""
-
-FARTHEST_S = 0.08
-"""Offsets beyond this are not looked for: no logger is later by itself."""
-
-BLOCKS = 10
-"""Parts that are left out in turn (jackknife) for the standard error."""
-
-SURE = 5.0
-"""An offset above so many of its standard errors is one."""
-
-RELATED = 0.95
-"""Correlation of two channels from which their offset means anything."""
-
-READ_S = 0.001
-"""Gyro against angle: later than this is more than the filter of a sensor (0.5 ms at 300 Hz)."""
+SHORTEST_S = 8.0  # a piece without a gap must be so long before offsets are looked for
+SLOWEST_HZ = 90.0  # rate of rows; 1 ms is a tenth of a row there; assumed
+FARTHEST_S = 0.08  # offsets beyond this are not looked for: no logger is later by itself
+BLOCKS = 10  # parts that are left out in turn (jackknife) for the standard error
+SURE = 5.0  # an offset above so many of its standard errors is one
+RELATED = 0.95  # correlation of two channels from which their offset means anything
+READ_S = 0.001  # gyro against angle; a sensor's filter takes 0.5 ms at 300 Hz
 
 DRIVEN_S = 0.008
 """Beam against thrust, speed against pulses: damping of the air, friction and a lag that a chirp
 alone does not separate from a delay shift these by up to 5 ms."""
 
-ALIKE_S, DELAY_S = 0.004, 0.01
-"""Two offsets that should be one differ by no more; a delay of commands is no longer."""
+ALIKE_S, DELAY_S = 0.004, 0.01  # largest difference of like offsets, and of a delay; assumed
 
 FILTERED = 0.2
 """A low-pass must leave less than this share of the variance that a delay leaves: on filters of 6
 to 12 Hz it left 0.02, on delays 0.5 and more."""
 
-LAG_LEAST, LAG_MOST = 0.3, 2.5
-"""A motor's lag is looked for between these shares of the one that the rig states."""
-
-LAG_ROUNDS = 3
-"""How often it is looked for more finely: to half a per cent in the end."""
+LAG_LEAST, LAG_MOST = 0.3, 2.5  # shares of the stated motor lag; assumed
+LAG_ROUNDS = 3  # how often it is looked for more finely: to half a per cent in the end
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +77,10 @@ def in_time(logged: LoggedPitch, rig: Rig, name: str) -> tuple[LoggedPitch, list
     remarks: list[str] = []
     gyro = np.isfinite(piece.gyro_rad_s).any()
     thrust_late = _of_thrust(piece, rig)
-    if gyro:
+    if apart := gyro_disagreement(piece):  # its phase says nothing of clocks
+        remarks.append(apart)
+        thrust_late = _of_thrust(replace(piece, gyro_rad_s=np.nan * piece.theta_rad), rig)
+    elif gyro:
         read = offset(_angle_of(piece), _known(piece.theta_rad), rate_Hz, (0.5, 8.0))
         if read.beyond(READ_S):  # of the angle against the rate
             if _filtered(piece, read):

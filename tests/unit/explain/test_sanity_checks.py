@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import iirpeak, lfilter
 
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
@@ -92,3 +93,17 @@ def test_a_beam_that_stands_still_is_said(model: Model, good: Recording) -> None
     )
     remarks = pitch_log(still, model.rig).remarks
     assert any("the beam hardly moves" in remark for remark in remarks)
+
+
+def test_a_gyro_on_a_compliant_part_is_a_finding_with_its_frequency(
+    model: Model, good: Recording
+) -> None:
+    """The part adds a resonance at 12 Hz to the rate; slow motion agrees."""
+    rate_Hz = (len(good) - 1) / float(np.ptp(good.column("time_s")))
+    resonance = iirpeak(12.0, 8.0, fs=rate_Hz)
+    gyro = good.column("gyro_rad_s")
+    soft = changed(good, gyro_rad_s=gyro + 6.0 * lfilter(*resonance, gyro))
+    (remark,) = pitch_log(soft, model.rig).remarks
+    assert "gyro_rad_s is" in remark
+    frequency_Hz = float(remark.partition(" at ")[2].split()[0])
+    assert 9.0 < frequency_Hz < 13.0
