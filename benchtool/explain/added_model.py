@@ -15,14 +15,9 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, model_to_toml
 
-MODEL = "model.toml"
-"""Name of the new model's file in the folder of an answer."""
-
-NEAREST = "model_nearest.toml"
-"""Name of the file of a model with the effect that comes nearest to something unknown."""
-
-NOTHING = 1e-15
-"""What an optimiser leaves of a zero, in any unit; a choice."""
+MODEL = "model.toml"  # name of the new model's file in the folder of an answer
+NEAREST = "model_nearest.toml"  # model with the effect nearest to something unknown
+NOTHING = 1e-15  # what an optimiser leaves of a zero, in any unit; assumed
 
 
 def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
@@ -126,7 +121,7 @@ def _with(answer: Answer, model: Model, effect: NamedEffect) -> Model:
             f"{effect.name}.{item.name}",
             value=item.value,
             tolerance=item.tolerance,
-            # A sweep can be fitted again from here; a pitch recording is explained again.
+            # a sweep can be fitted again from here; a pitch recording is explained again.
             free=answer.verdict.bench == "sweep",
             source=f"{source}: {item.text}",
         )

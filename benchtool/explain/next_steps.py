@@ -106,7 +106,10 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
     return (
         again,
         Step("fit what was found, with its uncertainty", _typed(fit)),
-        Step("sweep a virtual bench that has it", _typed([*sweep, "--out", f"{folder}-sweep"])),
+        Step(
+            "sweep a virtual bench that has it",
+            _typed([*sweep, "--yes", "--out", f"{folder}-sweep"]),
+        ),
     )
 
 

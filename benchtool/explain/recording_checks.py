@@ -26,24 +26,15 @@ Mended = tuple[Mapping[str, Array], list[str]]
 
 RPM_PER_RAD_S = 30.0 / np.pi
 
-UNIT_SHARE = 0.15
-"""A speed within this share of one in rad/s, told by the rig's map or thrust, is in rad/s."""
-
-SPIKE = 30.0
-"""A reading so many standard deviations beside the median of five is a spike; a beam that is
-thrown about comes to 20."""
+UNIT_SHARE = 0.15  # of a speed in rad/s from the map or thrust; assumed
+SPIKE = 30.0  # sd beside the median of five; a beam thrown about reaches 20
 
 CURVE = np.array([-0.4, 0.9, 0.0, 0.0, 0.0, 0.9, -0.4])
 """Weights of readings two and three rows away that give the value of a cubic between them."""
 
-FEW = 0.02
-"""More rows than this share are no spikes but how the sensor is."""
-
-HUNG_S = 0.2
-"""A reading that stays exactly the same for so long may hang; a choice."""
-
-UNUSUAL = 5.0
-"""It hangs if it does so for this many times longer than readings of the channel usually stay."""
+FEW = 0.02  # more rows than this share are no spikes but how the sensor is
+HUNG_S = 0.2  # a reading that stays exactly the same for so long may hang; assumed
+UNUSUAL = 5.0  # times the usual stay of a reading from which it is frozen; assumed
 
 
 def mended_readings(recording: Recording, rig: Rig, name: str) -> tuple[Recording, list[str]]:
@@ -258,8 +249,7 @@ def _noise(recording: Recording, rig: Rig, channel: str) -> float:
     return float(max(np.hypot(sensor.noise, sensor.quantum), 1e-6))
 
 
-SAME = 0.15
-"""A point whose thrust over squared speed is so far off all others of its place is a spike."""
+SAME = 0.15  # departure of thrust over squared speed at one place: a spike; assumed
 
 
 def spikes_of_a_sweep(recording: Recording, rig: Rig, name: str) -> Mended:
@@ -329,8 +319,7 @@ SWEEP: tuple[Check, ...] = (plate_in_metres, speeds_in_rpm, hung_load_cell, spik
 ANOTHER = {"speed over pulse": 1.25}
 """Recordings of one bench never differ by these factors: a full battery against an empty one."""
 
-USUALLY = 1.2
-"""The same of everything else; good pairs of recordings differ by 1 %."""
+USUALLY = 1.2  # the same of everything else; good pairs of recordings differ by 1 %
 
 
 def refuse_other_bench(benches: Iterable[tuple[str, Mapping[str, float]]]) -> None:

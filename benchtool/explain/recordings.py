@@ -197,8 +197,7 @@ def _alive(source: Source) -> Source:
 
 _DIES = re.compile(r"rpm\d+|pwm\d+_us|gyro_rad_s")
 
-STEADY = 0.05
-"""A rotor whose speed changes by more than this share of it had other pulses than one; a choice."""
+STEADY = 0.05  # share of a speed that changed: other pulses than one; assumed
 
 
 def _changed_speed(recording: Recording, pulse: str) -> bool:
@@ -247,8 +246,7 @@ def _present(
     )
 
 
-MOST_LISTED = 6
-"""As many recordings of a folder are named; a choice."""
+MOST_LISTED = 6  # as many recordings of a folder are named; assumed
 
 OTHERS = {
     ".toml": "a TOML file (a model goes behind --model)",

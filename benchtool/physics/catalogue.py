@@ -42,6 +42,17 @@ def candidates(bench: BenchKind) -> tuple[Effect, ...]:
     return tuple(effect for effect in EFFECTS.values() if bench in effect.benches)
 
 
+def never_tried(bench: BenchKind) -> tuple[Effect, ...]:
+    """Return effects that act on a bench of that kind and that no explanation may name."""
+    return tuple(
+        effect
+        for effect in EFFECTS.values()
+        if not effect.benches
+        and effect.subsystem == {"sweep": "rpm_to_thrust", "pitch": "hinge"}[bench]
+        and (effect.hooks.factor or effect.hooks.dry_friction or effect.hooks.torque) is not None
+    )
+
+
 def laws_of(surface: Surface) -> tuple[Effect, ...]:
     """Return the laws of thrust against the distance of a surface that lies there, in order."""
     return tuple(

@@ -17,15 +17,10 @@ from benchtool.explain.engine.subject import EARLY, LATE, RowGroups, Subject
 from benchtool.explain.engine.verdict import FoundParameter, NamedEffect, Nearest, WhereShown
 from benchtool.physics.effects.effect import Effect, Subsystem
 
-SIGMA_95 = 1.959964
-"""Half of a 95 % interval in standard deviations."""
-
-NO_BETTER = 0.7
-"""A number whose error is this part of its prior's, or more, is what the prior says."""
-
-CLOCK_FACTOR = 1.1
-"""How much denser residuals must be in a part of the run than in any regime of plate, speed or
-motion to be named by the clock; a choice."""
+SIGMA_95 = 1.959964  # half of a 95 % interval in standard deviations
+NO_BETTER = 0.7  # a number whose error is this part of its prior's, or more, is what the prior says
+AT_BOUND = 0.01  # tolerances between a number and its bound below which it is at it
+CLOCK_FACTOR = 1.1  # density of residuals by the clock over any other regime; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -52,24 +47,28 @@ def found_parameters(
 ) -> tuple[FoundParameter, ...]:
     """Return an effect's numbers under a hypothesis that opens it.
 
-    Their errors are what the data leave open, everything else free within its tolerance, the
-    effect's law among it. A number of which the data say no more than its prior or the range that
-    physics leaves it is not determined; its error is then that of anywhere in the range.
+    Errors are what the data leave open with everything else free within its tolerance, the shape
+    of the effect's law among it, and the law's scale as a share of the effect. A number at its
+    bound, or known no better than its prior, is not determined: its interval is physics' range.
     """
     spread = np.sqrt(np.diag(hypotheses.spread(one)))
+    law = subject.evidence.model.discrepancy.law
     effect = effect_of(subject, name)
     neutral = {item.name: item.neutral for item in effect.parameters}
     out = []
     for parameter, scaled, sd in zip(hypotheses.evidence.parameters, one.at, spread, strict=True):
         if parameter.effect != name:
             continue
-        value, std = parameter.value(float(scaled)), float(sd) * parameter.scale
+        value = parameter.value(float(scaled))
         own = parameter.name.partition(".")[2]
         stated = neutral[own]
         rest = parameter.start if stated is None else stated
+        std = float(np.hypot(sd * parameter.scale, law * (value - rest)))
         low, high = value - SIGMA_95 * std, value + SIGMA_95 * std
+        margin = AT_BOUND * parameter.scale
+        inside = parameter.lower + margin < value < parameter.upper - margin
         within = low > parameter.lower or high < parameter.upper
-        determined = within and float(sd) < NO_BETTER * BEYOND
+        determined = inside and within and float(sd) < NO_BETTER * BEYOND
         if not determined and np.isfinite(parameter.upper - parameter.lower):
             low, high = parameter.lower, parameter.upper
             std = (high - low) / sqrt(12.0)

@@ -35,26 +35,13 @@ ESC_MODE = (
 )
 """For what is unknown between pulse and speed."""
 
-MOST_RIVALS = 6
-"""So many explanations an experiment is designed for at most."""
-
-LEAST_CHANCE = 0.01
-"""What a rival counts as at least, once it is one."""
-
-CLEAR = 0.01
-"""Prospect confusion at which nothing more is added to a design; a choice."""
-
-WORTH = 0.01
-"""What is added lowers the logarithm of the expected confusion by so much at least; a choice."""
-
-DRAWS = 64
-"""Simulated experiments behind what is stated of the chosen one."""
-
-SHOWN = 100.0
-"""A larger expected log evidence ratio is not stated: it rests on few draws far out."""
-
-LEAST_S = 20.0
-"""Time that an addition counts as at least; a choice."""
+MOST_RIVALS = 6  # so many explanations an experiment is designed for at most
+LEAST_CHANCE = 0.01  # what a rival counts as at least, once it is one
+CLEAR = 0.01  # prospect confusion at which nothing more is added to a design; assumed
+WORTH = 0.01  # least decrease of the log of the expected confusion; assumed
+DRAWS = 64  # simulated experiments behind what is stated of the chosen one
+SHOWN = 100.0  # a larger expected log evidence ratio is not stated: it rests on few draws far out
+LEAST_S = 20.0  # time that an addition counts as at least; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from math import inf
 
 import numpy as np
 
@@ -31,14 +32,13 @@ from benchtool.explain.engine.verdict import (
     Verdict,
 )
 from benchtool.explain.found.search import dependence
+from benchtool.physics.catalogue import never_tried
 
-NO_EFFECT = ("none", "unknown")
-"""Explanations that name no effect."""
+NO_EFFECT = ("none", "unknown")  # explanations that name no effect
 
 NO_BOOTSTRAP = Bootstrap()
 
-CLOSES = 0.05
-"""The nearest effect is mentioned from this share of the gap on."""
+CLOSES = 0.05  # the nearest effect is mentioned from this share of the gap on
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -130,7 +130,7 @@ def explain(
                 {gap.channel: gap.after for gap in gaps},
             )
     found = None
-    if kind == "unknown" and any(one.stage != "pwm_to_rpm" for one in judgement.unnamed):
+    if kind == "unknown" and {one.stage for one in judgement.unnamed} != {"pwm_to_rpm"}:
         progress("looking for what it depends on", 0.92)
         missed = subject.missed(null.at, [name for name, _ in judgement.beside])
         found = dependence(missed, evidence.model.rig.propulsion.radius_m)
@@ -143,6 +143,8 @@ def explain(
             )
             for gap in gaps
         )  # fmt: skip
+    needed = subject.free_law if kind == "class" else ""
+    remarks = (*subject.remarks, needed) if needed else subject.remarks
     refused = where.stage if kind == "unknown" and where is not None else None
     verdict = Verdict(
         kind=kind,
@@ -161,13 +163,17 @@ def explain(
             name: NotJudged.below(size)
             for name, size in hypotheses.unseen(null).items()
             if name not in {effect.name for effect in effects}
+        }
+        | {
+            effect.name: NotJudged(reason="not_tried", size=inf)
+            for effect in never_tried(subject.kind)
         },
         unnamed=tuple(judgement.unnamed),
         beside={
             effect_of(subject, name).phrase: probability for name, probability in judgement.beside
         },
         depends=found,
-        remarks=subject.remarks,
+        remarks=remarks,
         next=None,
         parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.at),
         window_s=subject.window_s,

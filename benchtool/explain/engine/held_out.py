@@ -12,18 +12,10 @@ from benchtool.explain.engine.learned import Learned
 from benchtool.explain.engine.subject import ChannelErrors, Subject
 from benchtool.explain.engine.verdict import ChannelGap
 
-UPPER = 0.95
-"""Quantile of the floor's draws that counts as the upper end of noise."""
-
-MOSTLY = 0.8
-"""Part of a gap above the floor that an explanation which is right closes; a choice."""
-
-RESAMPLES = 1000
-"""Draws of the block bootstrap."""
-
-
-DOUBT_DRAWS = 64
-"""Draws of a floor with uncertain numbers."""
+UPPER = 0.95  # quantile of the floor's draws that counts as the upper end of noise
+CLOSED = 0.8  # share of the gap above the floor that a right explanation closes; assumed
+RESAMPLES = 1000  # draws of the block bootstrap
+DOUBT_DRAWS = 64  # draws of a floor with uncertain numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -64,15 +56,19 @@ class HeldOut:
         )
 
     @property
-    def left(self) -> float:
-        """The largest error over the median of its floor, of channels that hardly gain."""
-        left = [0.0]
-        for name, found in self.errors.items():
-            _, before, after = np.mean(found.squares, axis=0)
+    def left(self) -> tuple[float, float]:
+        """The largest error over the median of its floor: of all channels, of those hardly gained.
+
+        A channel hardly gains where less than `CLOSED` of its gap above the floor is closed.
+        """
+        ratios, unclosed = [0.0], [0.0]
+        for name, channel in self.errors.items():
+            _, before, after = np.mean(channel.squares, axis=0)
             floor = float(np.median(self.floor[name])) ** 2
-            if before - after < MOSTLY * (before - floor):
-                left.append(float(np.sqrt(min(before, after) / floor)))
-        return max(left)
+            ratios.append(float(np.sqrt(after / floor)))
+            if before - after < CLOSED * (before - floor):
+                unclosed.append(float(np.sqrt(min(before, after) / floor)))
+        return max(ratios), max(unclosed)
 
     def gaps(self, rng: np.random.Generator) -> tuple[ChannelGap, ...]:
         """Return the gap of each channel."""

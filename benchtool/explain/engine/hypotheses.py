@@ -25,36 +25,18 @@ from benchtool.tasks import run_tasks
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
 
-SMALL = 1.0 / 3.0
-"""Standard deviation of an effect that is there within its tolerance, in tolerances: what is said
-to be too small to matter reaches to three of them. A choice, not a fit."""
-
-REACH = 2.0
-"""How many standard errors a number that the owner knows roughly may be off."""
-
-UNSEEN = 2.0
-"""An effect that would have to be this many tolerances large to show is called not judged."""
-
-FIRST_STEPS = 1
-"""Steps that every candidate gets, from the base's own neighbourhood; only the best go on."""
-
-FINISHED = 4
-"""How many of the best go on."""
-
-BEHIND = 60.0
-"""A candidate whose neighbourhood promises no better than so far behind the best, in the sum of
-squares, is not followed further: its probability is nothing either way."""
-
-WORTH_A_FIT = 2.0
-"""Gain in the sum of squares that the null's own neighbourhood must promise before a candidate
-gets a fit of its own."""
-
-
-BLOCK = 250
-"""Draws of a task of the bootstrap: most of a second."""
-
-WORTH_PROCESSES = 2000
-"""Draws from which processes of their own are quicker, which take two seconds to start."""
+SMALL = 1.0 / 3.0  # prior sd of an effect within tolerance, in tolerances; assumed
+REACH = 2.0  # how many standard errors a number that the owner knows roughly may be off
+UNSEEN = 2.0  # tolerances; an effect that needs more to show is not judged
+FIRST_STEPS = 1  # steps of every candidate from the base's neighbourhood
+FINISHED = 4  # how many of the best go on
+BEHIND = 60.0  # sum of squares behind the best at which a candidate is dropped
+WORTH_A_FIT = 2.0  # promised decrease of the sum of squares below which nothing is fitted
+OTHER_LAW_SIZE = (
+    10.0  # times its tolerance: as far as the effect itself where that is 10 %; assumed
+)
+BLOCK = 250  # draws of a task of the bootstrap: most of a second
+WORTH_PROCESSES = 2000  # draws; worker processes take 2 s to start
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -227,6 +209,11 @@ class Hypotheses:
         draws = factor**2 * (discrepancy.columns.T @ self.errors.left(one.at, one.widened))
         return discrepancy.columns @ draws, discrepancy.shares @ draws
 
+    def size(self, one: Hypothesis) -> float:
+        """Return how large the effect opened last is, in tolerances of its largest parameter."""
+        own = np.array([item.effect == one.opened[-1] for item in self.evidence.parameters])
+        return float(np.max(np.abs(one.at[own])))
+
     def contribution(self, one: Hypothesis, names: Collection[str]) -> Array:
         """Return what named effects change in the residuals (n_rows,) of a hypothesis."""
         own = np.array([parameter.effect in names for parameter in self.evidence.parameters])
@@ -277,6 +264,18 @@ class Hypotheses:
             at, cost = self.near(one.at, widened).step(region)
             out.append(replace(one, at=at, about=one.at, cost=cost, widened=widened))
         return out
+
+    def by_other_law(self, one: Hypothesis) -> float:
+        """Return the log evidence of a hypothesis whose last effect follows quite another law."""
+        law = f"{one.opened[-1]}: law"
+        if not any(name.startswith(law) for name in one.widened):
+            (one,) = self.with_laws([one])
+        widened = {
+            name: OTHER_LAW_SIZE if name.startswith(law) else size
+            for name, size in one.widened.items()
+        }
+        at, cost = self.near(one.about, widened).step(self.region(one.opened))
+        return self.log_evidence(replace(one, at=at, cost=cost, widened=widened))
 
     def near_fit(self, one: Hypothesis) -> Hypothesis:
         """Return a hypothesis about other rows fitted to these, by one neighbourhood.

@@ -12,9 +12,7 @@ from benchtool.explain.engine.verdict import Kind, Unnamed
 Progress = Callable[[str, float], None]
 """progress(what is being done, share of the whole)"""
 
-CLASS_FROM = 0.05
-"""A rival for the same place that is likelier than this makes a class with the best, if the best
-model's own information says that such data cannot tell the two apart."""
+CLASS_FROM = 0.05  # probability of a rival from which it can make a class; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -162,9 +162,7 @@ def all_shape_names(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()
     return [name for effect in effects for name in shape_names(model, effect, bench)]
 
 
-RADIUS_FITTED = 0.05
-"""Standard error of R_m over its value where a model leaves it to a fit: an effective radius is
-within a tenth of the rotor's; a choice."""
+RADIUS_FITTED = 0.05  # sd of R_m over its value where it is fitted; assumed
 
 K_KNOWN, K_FITTED = 0.01, 0.1
 """The same two for k; a load cell's scale is known to a per cent, a rotor's coefficient is not."""

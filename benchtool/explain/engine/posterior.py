@@ -21,17 +21,12 @@ from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.judgement import CLASS_FROM, Judgement, Progress, Trial
 from benchtool.explain.engine.shared_errors import AMPLITUDES
 from benchtool.explain.engine.subject import Subject
-from benchtool.explain.engine.verdict import Kind, Unnamed
+from benchtool.explain.engine.verdict import MOSTLY, Kind, Unnamed
 from benchtool.fit.identifiability import CANNOT_TELL
 
-EFFECTS_MISSING = 0.3
-"""How often a bench lacks an effect of the library beyond its tolerance; shared among them."""
-
-UNNAMED = 0.1
-"""How often it departs in a way that no effect describes; shared among the discrepancies."""
-
-MOST_NAMES = 5
-"""How many effects and discrepancies one explanation may have."""
+EFFECTS_MISSING = 0.3  # prior probability of an effect, shared among them; assumed
+UNNAMED = 0.1  # prior probability of a discrepancy, shared among them; assumed
+MOST_NAMES = 5  # how many effects and discrepancies one explanation may have
 
 CONTENDERS, BEHIND = 4, 12.0
 """So many of a place are held against the check recordings, none further behind in log odds."""
@@ -40,16 +35,17 @@ MATTERS, NAMED_STILL = 2.0, 0.05
 """What is left of an explanation on the check recordings, in floors, from which on something that
 matters is missing, whatever was named; and the part that names then keep of their probability."""
 
+MOSTLY_NAMED = 0.9  # the same part where more than MOSTLY floors are left; assumed
+LARGE = 4.0  # tolerances; from here on an effect competes with a different law; assumed
+DECISIVE = log(100.0)  # log evidence ratio (Jeffreys, Theory of Probability, 1961)
+OTHER_LAW = "different law"  # in log odds: what acts like the likeliest effect by another law
+
 APART = ("pwm_to_rpm", "sensor")
 """Stages whose departures leave the names of others alone: thrust and torques are predicted from
 speeds that were read, and a reading's error is no force."""
 
-AS_WELL = 0.15
-"""An effect and a discrepancy that are both likelier than this for the one place make a class."""
-
-OVERSHADOWED = 0.2
-"""What has no name goes before the names of its stage from this part of their squares on: a law's
-own departures stay below, and something larger could be all of it."""
+AS_WELL = 0.15  # an effect and a discrepancy likelier than this for one place make a class
+OVERSHADOWED = 0.2  # part of the squares of its names from which a stage is unknown; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -70,15 +66,18 @@ def judged(
 ) -> Judgement:
     """Return what is missing by the marginal likelihood of every hypothesis."""
     search = searched(hypotheses, Hypotheses(subject.all_evidence), progress)
+    trials = [_with_law(subject, hypotheses, trial) for trial in search.trials]
+    search = replace(search, trials=tuple(trials))
     unnamed = _unnamed(hypotheses, search)
     kind, members = _decided(hypotheses, search, unnamed)
-    if (rivals := _inseparable(hypotheses, search)) is not None:
-        effect, other = rivals
+    alone = kind != "unknown" or len(search.trials) == 1
+    if alone and (rivals := _inseparable(hypotheses, search)) is not None:
+        place, effect, other = rivals
         search = replace(search, best=hypotheses.settled(effect))
-        kind, members = "class", [(0, effect.opened[-1])]
-        unnamed = [_described(hypotheses, other, search.trials[0])]
-    named = tuple(name for _, name in members)
-    if kind in ("effect", "several") and set(search.best.opened) != set(named):
+        kind, members = "class", [(place, effect.opened[-1])]
+        unnamed = [_described(hypotheses, other, search.trials[place]), *unnamed]
+    named = tuple(name for _, name in (members[:1] if kind == "class" else members))
+    if members and set(search.best.opened) != set(named):
         # Predictions are those of what is named: nothing beside it goes on without a name.
         search = replace(search, best=hypotheses.fitted(named, search.best.at))
     near = _nearest(subject, search, unnamed) if kind == "unknown" else None
@@ -86,9 +85,13 @@ def judged(
     progress("predicting the check recordings", 0.8)
     held = HeldOut.of(subject, hypotheses, search.null, shown, rng, draws)
     weights = [_weights(hypotheses, trial) for trial in search.trials]
-    if members and held.left > MATTERS:
+    left, unclosed = held.left
+    if (members and unclosed > MATTERS) or (kind == "none" and left > MATTERS):
         kind, members = "unknown", []
-        weights = [_refused(one) for one in weights]
+        weights = [_refused(one, NAMED_STILL) for one in weights]
+    elif members and left > MOSTLY:
+        kind = "class" if kind == "effect" else kind
+        weights = [_refused(one, MOSTLY_NAMED) for one in weights]
     unknown = [one["unknown"] for one in weights]
     return Judgement(
         kind=kind,
@@ -105,10 +108,27 @@ def judged(
     )
 
 
-def _refused(weights: Mapping[str, float]) -> dict[str, float]:
-    """Return probabilities for one place where something larger than what is named is left."""
-    left = {name: NAMED_STILL * one for name, one in weights.items() if name != "unknown"}
-    return {**left, "unknown": 1.0 - sum(left.values())}
+def _refused(weights: Mapping[str, float], kept: float) -> dict[str, float]:
+    """Return probabilities of a place with errors left: names keep a share of theirs."""
+    names = {name: kept * share for name, share in weights.items() if name != "unknown"}
+    return {**names, "unknown": 1.0 - sum(names.values())}
+
+
+def _with_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Trial:
+    """Return a trial whose likeliest effect competes with one like it by a different law.
+
+    Only where it is large or nothing fixes the law; less than decisive evidence does not count.
+    """
+    top = trial.log_odds[trial.name]
+    if trial.name not in hypotheses.effects or top <= 0.0:
+        return trial
+    effect = trial.tried[0]
+    if hypotheses.size(effect) < LARGE and not subject.free_law:
+        return trial
+    ahead = hypotheses.by_other_law(effect) - hypotheses.log_evidence(effect)
+    if ahead < -DECISIVE:
+        return trial
+    return replace(trial, log_odds={**trial.log_odds, OTHER_LAW: top + max(ahead, 0.0)})
 
 
 def _beside(
@@ -162,15 +182,24 @@ def _described(hypotheses: Hypotheses, one: Hypothesis, trial: Trial) -> Unnamed
     )
 
 
-def _inseparable(hypotheses: Hypotheses, search: Posterior) -> tuple[Hypothesis, Hypothesis] | None:
-    """Return the likeliest effect and the discrepancy that may as well be all there is."""
-    if len(search.trials) != 1 or not search.best.opened:
+def _inseparable(
+    hypotheses: Hypotheses, search: Posterior
+) -> tuple[int, Hypothesis, Hypothesis] | None:
+    """Return the place of the only effect, it, and the discrepancy that is about as likely."""
+    if not search.best.opened:
         return None
-    chances = probabilities(search.trials[0])
-    likely = [one for one in search.trials[0].tried if chances[one.opened[-1]] > AS_WELL]
-    effects = [one for one in likely if one.opened[-1] in hypotheses.effects]
-    others = [one for one in likely if one.opened[-1] in hypotheses.discrepancies]
-    return (effects[0], others[0]) if effects and others else None
+    places = []
+    for place, trial in enumerate(search.trials):
+        chances = probabilities(trial)
+        likely = [one for one in trial.tried if chances[one.opened[-1]] > AS_WELL]
+        effects = [one for one in likely if one.opened[-1] in hypotheses.effects]
+        others = [one for one in likely if one.opened[-1] in hypotheses.discrepancies]
+        if effects:
+            places.append((place, effects[0], others))
+    if len(places) != 1 or not places[0][2]:
+        return None
+    place, effect, others = places[0]
+    return place, effect, others[0]
 
 
 def _decided(
@@ -199,6 +228,8 @@ def _decided(
         return "several", [(place, trial.name) for place, trial in named]
     ((place, trial),) = named
     chances = probabilities(trial)
+    if (law := chances.get(OTHER_LAW, 0.0)) > 1.0 - CLASS_FROM:
+        return "unknown", []
     total = sum(chances[name] for name in hypotheses.effects if name in chances)
     truth = trial.tried[0]
     members = [trial.name] + [
@@ -208,12 +239,13 @@ def _decided(
         and chances[one.opened[-1]] > CLASS_FROM * total
         and hypotheses.evidence_against(truth, one.opened[-1]) < CANNOT_TELL
     ]
-    return "effect" if len(members) == 1 else "class", [(place, name) for name in members]
+    alone = len(members) == 1 and not law
+    return "effect" if alone else "class", [(place, name) for name in members]
 
 
 def _nearest(subject: Subject, search: Posterior, unnamed: Sequence[Unnamed]) -> Hypothesis | None:
     """Return the likeliest effect in the stage of what has no name, if any is worth a mention."""
-    stages = {one.stage == "pwm_to_rpm" for one in unnamed}
+    stages = {one.stage == "pwm_to_rpm" for one in unnamed} or {True, False}
     for trial in search.trials:
         for one in trial.tried:
             name = one.opened[-1]
@@ -228,7 +260,7 @@ def _nearest(subject: Subject, search: Posterior, unnamed: Sequence[Unnamed]) ->
 def _weights(hypotheses: Hypotheses, trial: Trial) -> dict[str, float]:
     """Return probabilities for one place: of every effect, of "none" and of "unknown"; sum 1."""
     chances = probabilities(trial)
-    unknown = sum(chances.pop(name, 0.0) for name in hypotheses.discrepancies)
+    unknown = sum(chances.pop(name, 0.0) for name in (OTHER_LAW, *hypotheses.discrepancies))
     return {**chances, "unknown": unknown}
 
 
@@ -280,7 +312,7 @@ def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
     tried = hypotheses.with_one_more(base)
     effects = [one for one in tried if one.opened[-1] in hypotheses.effects]
     base = hypotheses.secured(base, effects[:2])
-    # A candidate is never above its base: the base is one of its points.
+    # a candidate is never above its base: the base is one of its points.
     tried = [
         replace(base, opened=one.opened)
         if one.widened == base.widened and one.cost > base.cost
@@ -293,7 +325,7 @@ def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
         for one in tried[:CONTENDERS]
         if one.opened[-1] in hypotheses.effects and hypotheses.log_evidence(one) > least
     ]
-    # A law is exact or off by its tolerance, each as likely before: the better of both stands.
+    # a law is exact or off by its tolerance, each as likely before: the better of both stands.
     rough = {one.opened[-1]: one for one in hypotheses.with_laws(likely)}
     tried = [max(one, rough.get(one.opened[-1], one), key=hypotheses.log_evidence) for one in tried]
     without = hypotheses.log_evidence(base)

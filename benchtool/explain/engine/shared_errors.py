@@ -18,17 +18,10 @@ from benchtool.core.array import Array
 from benchtool.explain.engine.subject import Evidence
 from benchtool.fit.bounded import BoundedSearch, Linearised, slopes
 
-BEYOND = 5.0
-"""Standard deviation of an effect that breaks its tolerance, in tolerances; a choice."""
-
-AMPLITUDES = (3.0, 10.0, 30.0)
-"""How many times its usual size a discrepancy beyond tolerance may be; each as likely."""
-
-STATED = 20.0
-"""What the stated noise counts beside the recordings' own, in rows: known to a sixth or so."""
-
-AT_ONCE = 1_000_000
-"""Numbers of a block of rows."""
+BEYOND = 5.0  # standard deviation of an effect that breaks its tolerance, in tolerances; assumed
+AMPLITUDES = (3.0, 10.0, 30.0)  # sizes of a discrepancy beyond tolerance, in its sd; assumed
+STATED = 20.0  # rows that the stated noise counts for: known to a sixth or so; assumed
+AT_ONCE = 1_000_000  # numbers of a block of rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)

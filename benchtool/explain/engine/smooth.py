@@ -8,11 +8,8 @@ import numpy as np
 
 from benchtool.core.array import Array
 
-SHOWN = 1e-4
-"""Directions below this share of the largest variance are left out."""
-
-STEP = 0.01
-"""Places are rounded to so much of the length over which the process changes."""
+SHOWN = 1e-4  # directions below this share of the largest variance are left out
+STEP = 0.01  # places are rounded to so much of the length over which the process changes
 
 
 def smooth_root(places: Array, step: float = STEP) -> Array:

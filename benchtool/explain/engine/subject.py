@@ -162,6 +162,11 @@ class Subject(ABC):
         logs = (*self.learn, *self.check)
         return tuple(dict.fromkeys(f"{log.name}: {line}" for log in logs for line in log.remarks))
 
+    @property
+    def free_law(self) -> str:
+        """What must be known before a law of distance can be told from an effect; "" if it is."""
+        return ""
+
     @abstractmethod
     def missed(self, at: Array, opened: Sequence[str]) -> Sequence[Missed]:
         """Return what readings miss about parameters (n_parameters,), over all it may depend on.

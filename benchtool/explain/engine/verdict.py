@@ -33,24 +33,15 @@ PLACES = {
 
 Kind = Literal["effect", "several", "class", "none", "unknown"]
 KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
-Unjudged = Literal["too_weak", "no_trace"]
-"""Why an effect is not judged: it would have to be larger to show, or no size would do."""
+Unjudged = Literal["too_weak", "no_trace", "not_tried"]
+"""Why an effect is not judged: it would have to be larger, no size would do, no candidate."""
 
-EVERYWHERE = "everywhere"
-"""The regime of a disagreement that no part of the recordings has more of than others."""
-
-SURE, LIKELY = 0.9, 0.7
-"""Probabilities from which a model lacks an effect, and probably lacks it; choices."""
-
-BLIND = 3.0
-"""Data are blind for an effect that would have to be more than this many tolerances large."""
-
-NEVER = 100.0
-"""An effect that would have to be this many tolerances large is said to leave no trace."""
-
-
-DECIDES = 1.0
-"""An experiment with a smaller expected log evidence ratio decides nothing; a choice."""
+EVERYWHERE = "everywhere"  # regime of a disagreement that is alike in all parts
+SURE, LIKELY = 0.9, 0.7  # probabilities of "lacks" and of "probably lacks"; assumed
+MOSTLY = 1.5  # floors left on the check recordings above which no answer is whole; assumed
+BLIND = 3.0  # tolerances; an effect that needs more to show makes the data blind for it
+NEVER = 100.0  # tolerances; an effect that needs more leaves no trace
+DECIDES = 1.0  # an experiment with a smaller expected log evidence ratio decides nothing; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,6 +278,19 @@ class Verdict:
         return self.kind != "class" and all(one.probability >= probability for one in self.effects)
 
     @property
+    def left(self) -> float:
+        """The largest error on the check recordings after what is named, over its floor."""
+        return max((gap.after / gap.floor for gap in self.gaps if gap.floor > 0.0), default=0.0)
+
+    @property
+    def class_members(self) -> tuple[str, ...]:
+        """Names of a class, "unknown" among them where something without a name is."""
+        if self.kind != "class":
+            return ()
+        unknown = ("unknown",) if self.unnamed or len(self.names) == 1 else ()
+        return (*self.names, *unknown)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the effects in the verdict."""
         return tuple(effect.name for effect in self.effects)
@@ -324,10 +328,26 @@ def _named(verdict: Verdict) -> str:
         stated = f"{'' if verb == before else f'{verb} '}{_effect(one)}, probability {shown}"
         parts.append(stated)
         before = verb
-    return f"The model {'; and '.join(parts)}."
+    return f"The model {'; and '.join(parts)}{_left(verdict)}."
+
+
+def _left(verdict: Verdict) -> str:
+    """State what is left where it is more than noise explains."""
+    if verdict.left <= MOSTLY:
+        return ""
+    return f"; {verdict.left:.1f} times what noise explains is left"
 
 
 def _class(verdict: Verdict) -> str:
+    if len(verdict.effects) == 1 and not verdict.unnamed:
+        (effect,) = verdict.effects
+        shown = f"{_effect(effect)}, probability {_shown(effect.probability)}"
+        if verdict.left > MOSTLY:
+            return f"What the model lacks is mostly like {shown}{_left(verdict)}."
+        return (
+            f"The model {_lacks(effect.probability)} {shown}, or lacks something that looks like "
+            f"it by a different law; this data cannot separate them."
+        )
     together = sum(one.probability for one in verdict.effects)
     members = [one.phrase for one in verdict.effects]
     if verdict.unnamed:  # something without a name that may as well be all there is
@@ -335,7 +355,7 @@ def _class(verdict: Verdict) -> str:
         members.append(verdict.unnamed[0].text)
     return (
         f"The model {_lacks(together)} one of {', '.join(members)}; this data cannot separate "
-        f"them; of the named the likeliest is {_effect(verdict.effects[0])}."
+        f"them; of the named the likeliest is {_effect(verdict.effects[0])}{_left(verdict)}."
     )
 
 
@@ -344,10 +364,12 @@ def _none(verdict: Verdict) -> str:
     if verdict.mostly_blind:
         return (
             f"This data can show only {tried - blind} of {tried} effects, and none of "
-            f"those is missing from the model beyond its tolerance."
+            f"those is missing from the model beyond its tolerance{_left(verdict)}."
         )
     limits = f"; {blind} of {tried} effects were not judged" if blind else ""
-    return f"Nothing beyond the stated tolerances is missing from the model{limits}."
+    return (
+        f"Nothing beyond the stated tolerances is missing from the model{limits}{_left(verdict)}."
+    )
 
 
 def _unknown(verdict: Verdict) -> str:
@@ -359,6 +381,8 @@ def _unknown(verdict: Verdict) -> str:
         share = f"{100.0 * near.share_closed:.0f} % of the gap"
         nearest = f"; the nearest is {near.phrase}, which closes {share}"
     shown = f": {verdict.unnamed[0].text}" if verdict.unnamed else ""
+    if not (shown or nearest):
+        shown = _left(verdict)
     for phrase, probability in verdict.beside.items():
         nearest += f"; beside it {phrase}, probability {_shown(probability)}"
     depends = f"; it {verdict.depends.text}" if verdict.depends is not None else ""

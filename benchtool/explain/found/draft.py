@@ -12,11 +12,8 @@ from benchtool import __version__
 from benchtool.explain.found.law import Dependence, Hook
 from benchtool.physics.effects.effect import Subsystem
 
-FOUND = "found_effect"
-"""Name of a drafted effect and of its file."""
-
-OWN = 0.1
-"""Part of a law that does not matter either: no law is better known."""
+FOUND = "found_effect"  # name of a drafted effect and of its file
+OWN = 0.1  # part of a law that does not matter either: no law is better known
 
 HELD = 0.3
 """How far a shape may be moved, one standard deviation: of a place in widths, of others in parts of

@@ -48,16 +48,14 @@ class Family:
         return found
 
 
-PLACES = np.linspace(0.04, 0.96, 16)
-"""Quantiles of the values at which a law may have its place."""
+PLACES = np.linspace(0.04, 0.96, 16)  # quantiles of the values at which a law may have its place
 
 
 def _none(u: Array) -> Array:
     return np.empty((0, 1))
 
 
-LESS = np.array([0.0, 0.06, 0.12, 0.25, 0.4, 0.6, 0.8, 1.0])
-"""Parts of a law near z/R = 1 that replace what the model's own law has there."""
+LESS = np.array([0.0, 0.06, 0.12, 0.25, 0.4, 0.6, 0.8, 1.0])  # parts of the model's own law
 
 
 def _widths(u: Array) -> Array:

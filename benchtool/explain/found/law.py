@@ -14,8 +14,7 @@ from benchtool.physics.effects.effect import BenchKind
 Hook = Literal["factor", "thrust_reading", "torque", "gyro_reading"]
 """What a law that was found may become in an effect."""
 
-DISTANCE = "flow.height_m[i] / p.radius_m"
-"""The plate's distance as a hook sees it."""
+DISTANCE = "flow.height_m[i] / p.radius_m"  # the plate's distance as a hook sees it
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

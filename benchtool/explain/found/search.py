@@ -19,26 +19,13 @@ from benchtool.core.array import Array
 from benchtool.explain.found.families import FAMILIES, Family
 from benchtool.explain.found.law import Dependence, Form, Law, LawCurve, Variable
 
-SIZE = 0.03
-"""Standard deviation of what a law changes, root mean square over the weights; a choice."""
-
-SURE = 5.0
-"""Least log odds of a dependence over none, the look around paid for."""
-
-WORTH = 0.3
-"""Least share of the held-out gap that a law closes to be drafted."""
-
-FOLDS = 10
-"""Parts of the readings that are held out in turn."""
-
-BENDS = 0.3
-"""Part of a variable's range over which a smooth function of it may change; a choice."""
-
-ZOOMS = 10
-"""Rounds in which the shape of a law is refined."""
-
-SMOOTH = (0.01, 0.04)
-"""Sizes of a smooth function that are tried, as parts of the weights."""
+SIZE = 0.03  # standard deviation of what a law changes, root mean square over the weights; assumed
+SURE = 5.0  # least log odds of a dependence over none, the look around paid for
+WORTH = 0.3  # least share of the held-out gap that a law closes to be drafted
+FOLDS = 10  # parts of the readings that are held out in turn
+BENDS = 0.3  # part of a variable's range over which a smooth function of it may change; assumed
+ZOOMS = 10  # rounds in which the shape of a law is refined
+SMOOTH = (0.01, 0.04)  # sizes of a smooth function that are tried, as parts of the weights
 
 
 @dataclass(frozen=True, slots=True, eq=False)

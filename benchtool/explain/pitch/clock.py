@@ -23,20 +23,11 @@ from benchtool.simulate.pitch.filter_log import PARKED_FROM_M
 
 Mask = NDArray[np.bool_]
 
-EVEN = 0.1
-"""Steps within this share of the usual one are even; scattered clocks are worse."""
-
-BRIDGED = 1.6
-"""A reading is interpolated between two that lie at most this many steps apart."""
-
-HELD_S = 0.05
-"""How long the drive of a plant may stay unknown and count as held: some lags of a motor."""
-
-UNSEEN_S = 0.25
-"""How long the angle may stay unknown before a filter must begin anew; a choice."""
-
-SLOWEST_HZ = 20.0
-"""Below this many angles a second nothing quick can be seen, and steps of a plant are too long."""
+EVEN = 0.1  # steps within this share of the usual one are even; scattered clocks are worse
+BRIDGED = 1.6  # a reading is interpolated between two that lie at most this many steps apart
+HELD_S = 0.05  # longest hold of an unknown drive: some lags of a motor; assumed
+UNSEEN_S = 0.25  # how long the angle may stay unknown before a filter must begin anew; assumed
+SLOWEST_HZ = 20.0  # lowest rate of the angle: steps of a plant are too long below; assumed
 
 READINGS = re.compile(r"theta_rad|gyro_rad_s|rpm\d+")
 """Channels that were measured at a moment; all others hold until the next."""
@@ -195,16 +186,14 @@ def _held(clock: Array, times: Array, values: Array, step_s: float) -> Array:
     return np.where(fresh, np.diff(total) / step_s, np.nan)
 
 
-READ_S = 0.1
-"""Two readings of a sensor that reads twenty times a second; a guess where nothing says."""
+READ_S = 0.1  # two readings at 20 Hz; assumed
 
 TRANSIT_S = 0.5 + READ_S
 """How long before and after its distance jumps a plate may cover a part of a disc, where nobody
 says how fast it is: plates of shipped schedules take half a second. Before as well, because a plate
 on its way out is still read. A choice."""
 
-BLINK_S = 0.2
-"""A distance that comes and goes within half of this is a missed echo, no plate that moves."""
+BLINK_S = 0.2  # a distance that returns within half of this is a missed echo; assumed
 
 
 def on_its_way(plate_m: Array, rate_Hz: float, reach_s: float = TRANSIT_S) -> tuple[Mask, int]:

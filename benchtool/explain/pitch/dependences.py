@@ -23,17 +23,10 @@ from benchtool.explain.found.search import FOLDS, Fold, Missed, Says
 from benchtool.explain.pitch.discrepancies import Departing
 from benchtool.explain.pitch.evidence import PitchEvidence
 
-KNOTS = 21
-"""So many at even quantiles of a variable and so many at even steps of its range."""
-
-BLOCK_S = 2.0
-"""Length of what is held out as one: far longer than a filter remembers."""
-
-TORQUE, FACTOR = 3.0, 0.005
-"""Departures that do not matter: of a torque in tolerances, of a factor of thrust."""
-
-TYPICAL = 0.3
-"""What a law of the torque counts in, over thrust times arm; a choice."""
+KNOTS = 21  # so many at even quantiles of a variable and so many at even steps of its range
+BLOCK_S = 2.0  # length of what is held out as one: far longer than a filter remembers
+TORQUE, FACTOR = 3.0, 0.005  # departures that do not matter, in tolerances and as a factor
+TYPICAL = 0.3  # what a law of the torque counts in, over thrust times arm; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

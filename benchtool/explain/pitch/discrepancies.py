@@ -26,28 +26,17 @@ from benchtool.physics.tilt import height_over
 from benchtool.simulate.pitch import filter_ticks
 from benchtool.simulate.pitch.lane import plane_below
 
-WITHIN = 1.0 / 3.0
-"""Standard deviation over tolerance, as that of effects within theirs."""
+WITHIN = 1.0 / 3.0  # standard deviation over tolerance, as that of effects within theirs
 
 LENGTH, DISTANCE, TIME = 0.3, 0.5, 0.25
 """Over what change a departure looks different: of the range seen, of the logarithm of distance, of
 the duration of a recording."""
 
-NEAR, NEAREST = 3.0, 0.1
-"""Distance over radius at which half of a departure by the plate is left, and the least that is
-counted; choices."""
-
-BEFORE_S = 0.02
-"""Readings over which an angle or a rate is averaged."""
-
-APART = 100.0
-"""Lengths between functions that have nothing to do with each other."""
-
-COARSE = 0.05
-"""Places are rounded to so much of a length."""
-
-MOST_NUMBERS = 1_000_000
-"""Of smooth functions that are run through the filter at a time: half an hour in 100 MB."""
+NEAR, NEAREST = 3.0, 0.1  # z/R of half a departure, and the least counted; assumed
+BEFORE_S = 0.02  # readings over which an angle or a rate is averaged
+APART = 100.0  # lengths between functions that have nothing to do with each other
+COARSE = 0.05  # places are rounded to so much of a length
+MOST_NUMBERS = 1_000_000  # filtered at a time: half an hour in 100 MB
 
 DEPENDS = {
     "torque": ("angle", "rate", "thrust", "time", "distance"),

@@ -34,21 +34,15 @@ from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench, rig_sensors
 from benchtool.simulate.pitch.filter_log import LoggedPitch, Predictions, filter_log
 
-PLANT_HZ = 500.0
-"""Least plant steps per second; a motor lag of 20 ms then takes ten of them."""
-
-LEAST_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ
-"""Shortest motor lag that is tried; a quicker one is none at these steps."""
+PLANT_HZ = 500.0  # least plant steps per second; a motor lag of 20 ms then takes ten of them
+LEAST_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ  # shortest lag at these steps
 
 MOST_ROWS = 40000
 """Rows of a channel in all recordings together; longer ones are averaged over as many ticks as it
 takes. Innovations are white, and what explains them changes over tens of milliseconds."""
 
-LANES = 8
-"""Sets of parameters that are run at once; each takes memory as long as a piece of a recording."""
-
-SETTLING_S = 0.3
-"""What a filter needs after it began anew before its innovations count."""
+LANES = 8  # sets of parameters run at once; each takes as much memory as a piece
+SETTLING_S = 0.3  # what a filter needs after it began anew before its innovations count
 
 
 class PitchEvidence:
@@ -226,14 +220,9 @@ class PitchEvidence:
         return tuple(np.sqrt(log.together) * log.rows(row) for row in rows)
 
 
-NEAR_Z_OVER_R = 2.0
-"""Below this distance over radius the plate is near; a choice."""
-
-SLOW_RAD_S = 0.05
-"""Below this rate the beam is slow; a choice, 3 degrees a second."""
-
-AROUND_S = 0.15
-"""How long before and after a change of sign a reversal lasts; a choice."""
+NEAR_Z_OVER_R = 2.0  # below this distance over radius the plate is near; assumed
+SLOW_RAD_S = 0.05  # below this rate the beam is slow; assumed, 3 degrees a second
+AROUND_S = 0.15  # how long before and after a change of sign a reversal lasts; assumed
 
 
 def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, NDArray[np.bool_]]:

@@ -18,11 +18,8 @@ from benchtool.core.array import Array
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
 from benchtool.simulate.pitch.filter_log import LoggedPitch
 
-QUIET_WAKE = 1e-3
-"""Standard deviation of the wake's torque over m g L where a model states none; a guess."""
-
-USUAL_CORRELATION_S = 0.1
-"""Correlation time of the wake's torque where a model states none; a guess."""
+QUIET_WAKE = 1e-3  # sd of the wake's torque over m g L where none is stated; assumed
+USUAL_CORRELATION_S = 0.1  # of the wake's torque where none is stated; assumed
 
 SPEED_GAIN = 0.02
 """How far a reading of rotor speed corrects the speed: what the pulses do wrong is gone from the
@@ -30,8 +27,7 @@ thrust after some fifty readings. A larger gain feeds the readings' noise back t
 the likelihood then prefers a shorter lag that forgets it: at 0.1 a lag of 20 ms seemed to be 16 ms
 where little moved."""
 
-PIECE = 40_000
-"""Rows of a recording that are filtered at once; memory goes as their number."""
+PIECE = 40_000  # rows of a recording that are filtered at once; memory goes as their number
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -31,21 +31,15 @@ UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
 
 RPM = 30.0 / np.pi
 
-LEAD_S = 0.1
-"""How much of the pulses before a window a delay may still hold."""
-
-AT_ONCE = 32
-"""How many truths are simulated together."""
-
-MOST_NUMBERS = 2_000_000
-"""Rows times lanes that are predicted at once: two minutes of 250 Hz, longer logs in parts."""
+LEAD_S = 0.1  # how much of the pulses before a window a delay may still hold
+AT_ONCE = 32  # how many truths are simulated together
+MOST_NUMBERS = 2_000_000  # rows times lanes predicted at once: two minutes at 250 Hz
 
 OVERLAP = 2
 """A window begins in the middle of the one before: what it misses is then counted twice, which
 steadies the mean nearly as much as half as many windows more would."""
 
-BLOCK_S = 1.0
-"""Length of the blocks that errors are reported for, longer than what windows and wake share."""
+BLOCK_S = 1.0  # of reported errors; longer than what windows and wake share
 
 
 def read_channels(logged: LoggedPitch) -> dict[str, Array]:

@@ -45,24 +45,12 @@ SPEED_SMOOTHING_S = 0.025
 which speeds cannot kink. Wider ones round off dither; narrower ones leave more of the readings'
 noise in the thrust."""
 
-QUICK_S = 0.012
-"""A drive that comes at longer steps leaves out what a motor follows; half a usual lag."""
-
-SLOWER = 0.1
-"""Pulses may come so much more seldom than the angle is read without a remark: clocks differ."""
-
-THINNED = 0.02
-"""A log is thinned if so nearly a whole number of readings of the angle fall on each row."""
-
-EXACT_RAD = 1e-4
-"""An encoder whose noise and quantum are below this shows what pulses between two rows did; one of
-4096 counts does not. A choice."""
-
-LONGEST_PIECE_S = 1.5
-"""A filter settles in 0.3 s and a prediction lasts 1 s; some of each is needed in one piece."""
-
-SHORTEST_S = 4.0
-"""Below this length a recording says next to nothing about any effect; a choice."""
+QUICK_S = 0.012  # longest step of a drive that a motor follows: half a lag; assumed
+SLOWER = 0.1  # share by which pulses may come more seldom than angles; assumed
+THINNED = 0.02  # deviation of the readings per row from a whole number; assumed
+EXACT_RAD = 1e-4  # noise and quantum of an encoder that shows single pulses; assumed
+LONGEST_PIECE_S = 1.5  # a filter settles in 0.3 s and a prediction lasts 1 s; assumed
+SHORTEST_S = 4.0  # below this length a recording says next to nothing about any effect; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -15,9 +15,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.schedule import PARKED_M
 from benchtool.simulate.pitch.filter_log import PARKED_FROM_M
 
-LONGEST_GAP_S = 1.0
-"""A silence of the attitude for longer is left blank, and nothing is simulated across it. As for
-`benchtool import`."""
+LONGEST_GAP_S = 1.0  # longer silences of the attitude are left blank, as in import
 
 SLOWEST_HZ, FASTEST_HZ = 50.0, 500.0
 """Least and greatest rate of the clock: slower logs are filled in between, faster ones thinned. The
@@ -28,8 +26,7 @@ UNDER_FIRST = (
     "at once where plate_z_m is near."
 )
 
-CRUDE_HZ = 20.0
-"""Outputs logged more seldom than this say little of what a rate loop did between; a guess."""
+CRUDE_HZ = 20.0  # outputs logged more seldom say little of a rate loop; assumed
 
 _ROTOR = re.compile(r"pwm(\d+)_us|motor(\d+)_share|rpm(\d+)")
 
@@ -240,9 +237,7 @@ on, a line drawn at the log's mean is nearer to the log than a plant under the l
 closed loop has noise of its own: with the same swing, but always the opposite way, it is two
 away."""
 
-STRAYED = 5.0
-"""A simulated run that covers so many times the recorded range goes where its vehicle never was; a
-choice."""
+STRAYED = 5.0  # times the recorded range that a simulated run may cover; assumed
 
 _CHECK = (
     "check that the model is of this vehicle and the order of its motors (--motors), and that it "

@@ -38,8 +38,7 @@ RATE_SMOOTHING_S = 0.05
 would turn a single reading into a drift of most of a degree within a window; wider means lag behind
 what the rate does."""
 
-LONGEST_S = 1200.0
-"""A longer recording is drawn without a simulated run; flights last less. A choice."""
+LONGEST_S = 1200.0  # longer recordings are drawn without a simulated run; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -32,14 +32,9 @@ ALIKE = 0.05
 window to count as predictable. Half of the tenth by which a gap may stand above its floor; the
 other half is left to the wake, whose size nobody states to better than that. A choice."""
 
-ALIKE_DRAWS = 32
-"""Simulated recordings behind that choice."""
-
-ONE_SIDED_95 = 1.645
-"""Normal quantile."""
-
-BREAK = np.full((1, 4), np.nan)
-"""Put between windows, so that lines break there."""
+ALIKE_DRAWS = 32  # simulated recordings behind that choice
+ONE_SIDED_95 = 1.645  # normal quantile
+BREAK = np.full((1, 4), np.nan)  # put between windows, so that lines break there
 
 
 class PitchSubject(Subject):

@@ -16,11 +16,8 @@ from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.physics.effects.effect import PAST_S
 
-FARTHEST = 12.0
-"""Distance over radius from which on a plate is as good as away."""
-
-TOLERANCE = 0.005
-"""Departure of thrust that does not matter, as a share of it, where a law is greatest."""
+FARTHEST = 12.0  # distance over radius from which on a plate is as good as away
+TOLERANCE = 0.005  # departure of thrust that does not matter, over it; assumed
 
 
 def sweep_variables(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array) -> list[Variable]:

@@ -20,11 +20,8 @@ from benchtool.explain.engine.subject import Discrepancy
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.physics.model import Model
 
-WITHIN = 1.0 / 3.0
-"""Standard deviation over tolerance, as that of effects within theirs."""
-
-NEAR = 3.0
-"""Distance over radius at which half of a departure by the plate is left; a choice."""
+WITHIN = 1.0 / 3.0  # standard deviation over tolerance, as that of effects within theirs
+NEAR = 3.0  # distance over radius at which half of a departure by the plate is left; assumed
 
 DISTANCE, FASTER, TIME, ASIDE = 0.5, 0.12, 0.25, 0.5
 """Over what change a departure looks different: of the logarithms of distance and of speed, of the

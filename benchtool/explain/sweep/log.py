@@ -25,11 +25,8 @@ from benchtool.physics.model import Model
 
 Mask = NDArray[np.bool_]
 
-LEAST_POINTS = 4
-"""Below this many points a sweep says next to nothing; a choice."""
-
-SAMPLE_S = 2.0
-"""Length of a point's samples where a table does not say how many there were."""
+LEAST_POINTS = 4  # below this many points a sweep says next to nothing; assumed
+SAMPLE_S = 2.0  # length of a point's samples where a table does not say how many there were
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -177,8 +174,7 @@ def _bench_numbers(log: SweepLog) -> dict[str, float]:
     return out
 
 
-NEAR_Z_OVER_R, FAR_Z_OVER_R = 1.0, 4.0
-"""Below this distance over radius the plate is near, beyond the other it is far; choices."""
+NEAR_Z_OVER_R, FAR_Z_OVER_R = 1.0, 4.0  # near below, far beyond; assumed
 
 
 def sweep_regimes(log: SweepLog, model: Model) -> dict[str, Mask]:

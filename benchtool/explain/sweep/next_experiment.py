@@ -25,14 +25,9 @@ from benchtool.physics.conditions import FAR_AWAY_M, Conditions, load_directions
 from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.rotor import speed_from_pwm
 
-VISIT_S, MOVE_S, TARE_S = 5.0, 3.0, 6.0
-"""Usual spans of a sweep: a level settled and sampled, the plate moved, a tare; guesses."""
-
-LEAST_SPAN = 0.25
-"""Levels are spread over at least this share of the greatest pulse past the start; a choice."""
-
-ROOM = 0.9
-"""Share of the limits on thrust and speed that a proposed sweep goes to; a choice."""
+VISIT_S, MOVE_S, TARE_S = 5.0, 3.0, 6.0  # level, plate, tare; assumed
+LEAST_SPAN = 0.25  # of the greatest pulse past the start, over which levels spread; assumed
+ROOM = 0.9  # share of the limits on thrust and speed that a proposed sweep goes to; assumed
 
 Z_OVER_R = (0.5, 0.6, 0.72, 0.9, 1.2, 1.7, 2.5, 4.0, 6.0)
 NEAR_Z_OVER_R = 0.6
@@ -46,8 +41,7 @@ before, since laws are least sure there; lateral positions, the discs still over
 edge so far within the middle discs' axes; pulse levels; visits of each setting; minutes between
 tares, 0 for one at the start. Choices."""
 
-MINUTES = 15.0
-"""Longest sweep that is proposed; a choice."""
+MINUTES = 15.0  # longest sweep that is proposed; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,11 +19,8 @@ from benchtool.core.rig import Rig, Sensor
 
 Mask = NDArray[np.bool_]
 
-FIRST_VISITS = 2
-"""Visits of a level that give its speed before the next one is predicted."""
-
-CURVE_AT_S = 900.0
-"""Time at which the curvature of a discharge counts in full: a battery's usual run, a choice."""
+FIRST_VISITS = 2  # visits of a level that give its speed before the next one is predicted
+CURVE_AT_S = 900.0  # at which a discharge's curvature counts in full; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -29,14 +29,10 @@ from benchtool.physics.model import Model
 
 RPM = 30.0 / np.pi
 
-STEP = 0.05
-"""Finite difference, in scales of the parameters."""
-
-SAME_LOAD = 0.02
-"""Squared speeds within this share of each other are one level, for the picture; a choice."""
-
-FARTHEST_Z_OVER_R = 12.0
-"""A plate farther away than this is drawn here: nothing of it shows."""
+STEP = 0.05  # finite difference, in scales of the parameters
+SAME_LOAD = 0.02  # share of the squared speed within one level; assumed
+REFERENCE_Z_OVER_R = 5.0  # eq. (2) adds a quarter of a per cent there; assumed
+FARTHEST_Z_OVER_R = 12.0  # a plate farther away than this is drawn here: nothing of it shows
 
 
 class SweepSubject(Subject):
@@ -89,6 +85,21 @@ class SweepSubject(Subject):
         if speed:
             out["rpm"] = ChannelErrors(unit="rpm", squares=np.concatenate(speed))
         return out
+
+    @property
+    def free_law(self) -> str:
+        model = self.evidence.model
+        items = [model.parameters[name] for name in ("k", "R_m")]
+        known = [not item.free or item.prior.kind == "normal" for item in items]
+        turning = [log.conditions.plate_z_m[~log.tare] for log in self.evidence.logs]
+        farthest = float(np.max(np.concatenate(turning))) / model.rig.propulsion.radius_m
+        if any(known) or farthest >= REFERENCE_Z_OVER_R:
+            return ""
+        return (
+            f"k and R_m are free and the farthest point lies at {farthest:.2g} R, so an effect "
+            f"near the plate looks like a different law of distance; record points beyond "
+            f"{REFERENCE_Z_OVER_R:g} R, or state k or R_m with its standard error"
+        )
 
     def _by_log(self, changes: Array) -> Iterator[tuple[SweepLog, Array, Array]]:
         """Return check sweeps with changes of their thrusts and speeds, (m, n_sets) each."""

@@ -138,7 +138,7 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
             | _fields(effect, "log_likelihood_ratio", "p_value")
             for effect in verdict.effects
         ],
-        "class": list(verdict.names) if verdict.kind == "class" else [],
+        "class": list(verdict.class_members),
         "probabilities": dict(verdict.probabilities),
         "places": [_fields(place, "effect", "probabilities") for place in verdict.places],
         "stages": dict(verdict.stages),

@@ -140,6 +140,8 @@ def unjudged_sentence(answer: Answer, name: str) -> str:
     one = answer.verdict.not_judged[name]
     if one.reason == "no_trace":
         return "leaves no trace in this data, however large it is"
+    if one.reason == "not_tried":
+        return "is not tried: it is a candidate on no bench; try it in the model by hand"
     items, tolerances = answer.verdict.parameters, answer.verdict.tolerances
     sizes = [
         f"{full.partition('.')[2]} off by {with_unit(f'{one.size * value:.3g}', items[full].unit)}"

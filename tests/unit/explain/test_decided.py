@@ -24,6 +24,7 @@ from benchtool.explain.engine.posterior import (
     _unnamed,
     _weights,
     _with_check,
+    _with_law,
     prior,
     probabilities,
     searched,
@@ -69,8 +70,17 @@ class Made:
         ),
     })  # fmt: skip
 
-    def __init__(self, against: float = 1e9, shown: float = 1.0) -> None:
+    def __init__(
+        self, against: float = 1e9, shown: float = 1.0, size: float = 1.0, other_law: float = 0.0
+    ) -> None:
         self._against, self._shown = against, shown
+        self._size, self._other_law = size, other_law
+
+    def size(self, one: Hypothesis) -> float:
+        return self._size
+
+    def by_other_law(self, one: Hypothesis) -> float:
+        return self.log_evidence(one) + self._other_law
 
     def taken_up(self, one: Hypothesis, name: str) -> tuple[Any, Any]:
         return {
@@ -162,7 +172,7 @@ def test_an_effect_and_a_discrepancy_that_may_each_be_all_there_is(
     found: Posterior, names: tuple[str, str] | None
 ) -> None:
     both = _inseparable(Made(), found)
-    assert (both and (both[0].opened[0], both[1].opened[0])) == names
+    assert (both and (both[1].opened[0], both[2].opened[0])) == names
 
 
 def test_what_has_no_name_is_described_where_it_acts() -> None:
@@ -187,9 +197,11 @@ MODEL = SimpleNamespace(
 @pytest.mark.parametrize(
     ("found", "left", "kind", "members", "shown", "unknown", "beside"),
     [
-        (search(place(slope=0.1), best=()), 9.0, "none", [], (), 0.0, []),
-        (search(SURE), 2.0, "effect", [(0, "slope")], ("slope",), 0.0, []),
-        # Something larger than what is named is left on the check recordings.
+        (search(place(slope=0.1), best=()), 2.0, "none", [], (), 0.0, []),
+        (search(place(slope=0.1), best=()), 2.1, "unknown", [], (), 0.95, []),
+        (search(SURE), 1.5, "effect", [(0, "slope")], ("slope",), 0.0, []),
+        # Much is left on the check recordings beside what is named; then most of it is.
+        (search(SURE), 1.6, "class", [(0, "slope")], ("slope",), 0.1, []),
         (search(SURE), 2.1, "unknown", [], ("slope",), 0.95, [("slope", 1.0)]),
         (search(place(slope=50.0, curve=40.0)), 1.0, "class", [(0, "slope")], ("slope",),
          40.0 / 91.0, []),
@@ -210,11 +222,11 @@ def test_what_is_shown_of_a_search(
     unknown: float,
     beside: list[Any],
 ) -> None:
-    held = SimpleNamespace(left=left)
+    held = SimpleNamespace(left=(left, left))
     monkeypatch.setattr(posterior, "Hypotheses", lambda evidence: None)
     monkeypatch.setattr(posterior, "searched", lambda hypotheses, held_out, progress: found)
     monkeypatch.setattr(posterior, "HeldOut", SimpleNamespace(of=lambda *given: held))
-    subject = SimpleNamespace(evidence=MODEL, all_evidence=None)
+    subject = SimpleNamespace(evidence=MODEL, all_evidence=None, free_law="")
     shares: list[float] = []
     said = posterior.judged(subject, Made(), None, 1, lambda what, share: shares.append(share))
     assert all(0.5 < share < 1.0 for share in shares)
@@ -278,8 +290,29 @@ def test_probabilities_are_those_of_the_odds() -> None:
 
 
 def test_what_larger_things_are_left_of_keeps_a_twentieth() -> None:
-    left = _refused({"slope": 0.6, "none": 0.1, "unknown": 0.3})
+    left = _refused({"slope": 0.6, "none": 0.1, "unknown": 0.3}, 0.05)
     assert left == pytest.approx({"slope": 0.03, "none": 0.005, "unknown": 0.965})
+
+
+@pytest.mark.parametrize(
+    ("size", "ahead", "free_law", "unknown"),
+    [
+        (3.9, 9.0, "", 0.0),
+        (4.0, -4.7, "", 0.0),
+        # Less than decisive evidence does not count, and what is ahead does.
+        (4.0, -4.5, "", 0.5),
+        (4.0, log(9.0), "", 0.9),
+        (1.0, -4.5, "k and R_m are free", 0.5),
+    ],
+)
+def test_a_large_effect_competes_with_one_like_it_by_another_law(
+    size: float, ahead: float, free_law: str, unknown: float
+) -> None:
+    made = Made(size=size, other_law=ahead)
+    subject = SimpleNamespace(evidence=MODEL, free_law=free_law)
+    trial = _with_law(subject, made, SURE)
+    assert trial.name == "slope"
+    assert _weights(made, trial)["unknown"] == pytest.approx(unknown, abs=1e-5)
 
 
 def test_names_share_what_a_bench_is_expected_to_lack() -> None:

@@ -92,13 +92,18 @@ def test_a_number_that_could_lie_anywhere_in_its_range_is_not_determined() -> No
     subject = cast(
         "Subject",
         SimpleNamespace(
-            evidence=SimpleNamespace(model=SimpleNamespace(effects=effects)),
+            evidence=SimpleNamespace(
+                model=SimpleNamespace(effects=effects, discrepancy=SimpleNamespace(law=0.1))
+            ),
         ),
     )
     one = hypotheses.fitted(("a", "b"), np.zeros(4))
     known, unknown = (found_parameters(subject, hypotheses, one, name)[0] for name in "ab")
     assert known.determined
     assert known.text == f"{known.value:.4g} ± {known.std:.2g}"
+    # A tenth of what the effect does, as far as a law may be off, beside what the data leave.
+    alone = float(np.sqrt(hypotheses.spread(one)[0, 0]))
+    assert known.std == pytest.approx(np.hypot(alone, 0.1 * known.value))
     assert not unknown.determined
     assert (unknown.low, unknown.high) == (-50.0, 50.0)
     assert unknown.std == pytest.approx(100.0 / np.sqrt(12.0))
