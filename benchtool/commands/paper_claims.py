@@ -55,6 +55,9 @@ BENCH_SEED = 1
 SLOW_INTEGRAL = {"gains.attitude.k_i_theta_per_s2": 0.5}
 """S3 with a slow integral of the attitude, as the notes tried."""
 
+FREE_HINGE = {"coulomb_friction.torque_Nm": 0.0, "wake_torque.sd_Nm": 0.0}
+"""Neither friction nor random torque, so that a controller's own residual shows."""
+
 SCATTER, SETS = 0.10, 9
 """Joint random change of the seven gains, either way, in so many sets (as in the notes' study)."""
 
@@ -129,6 +132,7 @@ def paper_claims(flights: Flights) -> list[Claim]:
         "tilt": _tilt_numbers(rig_named("pquad")),
         "bench": _bench_numbers("pquad", "s3"),
         "bench_slow": _bench_numbers("pquad", "s3", SLOW_INTEGRAL),
+        "bench_free": _bench_numbers("pquad", "s3", FREE_HINGE),
         "bench_amuse": _bench_numbers("amuse", "s3"),
         "bench_stiff": _bench_numbers("pquad", "stiff"),
     }

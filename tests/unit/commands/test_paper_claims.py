@@ -55,6 +55,9 @@ def test_claims_and_their_honest_negatives(flights: Flights) -> None:
     assert "9.5 mN m at 5 deg, 19.2 at 10 deg" in found["(compared with the p"]
     assert "15.7 with rotors only, 14.4 projected" in found["(compared with the p"]
     assert "T = m g/4" in found["(compared with the p"]
+    assert "one rotor wholly covered gives 12.3, three 82" in found["(compared with the p"]
+    assert "friction holds the hinge" in found["feedforward holds th"]
+    assert "alone leaves -0.17 deg" in found["feedforward holds th"]
     gains = {"s3", "s1a", "stiff", "none", "s3, s3 + slow integral"}
     assert {claim.gains for claim in claims} == gains
 

@@ -40,6 +40,16 @@ def test_wall_of_the_notes() -> None:
     backward = [7.7, 14.8, 45.5, 63.7, 78.6, 74.4, 58.4, 37.0, 14.0, 0.0]
     np.testing.assert_allclose(-moments[:, 1], backward, atol=0.06)
     np.testing.assert_allclose(moments[:, 0], 0.0, atol=1e-13)
+    assert below(OBSTACLE, 3.1).coverage == pytest.approx((1.0, 0.96, 0.0, 0.96), abs=1e-3)
+
+
+def test_the_wall_is_highest_just_beyond_the_edge() -> None:
+    """80 mN m over a straight edge, where three discs wholly covered give 82."""
+    x_m = np.arange(3.0, 3.3, 0.005)
+    at = np.column_stack([x_m, np.zeros_like(x_m), np.full_like(x_m, 0.24)])
+    backward = -1e3 * static_moments_Nm(PQUAD, OBSTACLE, at)[:, 1]
+    assert backward.max() == pytest.approx(80.5, abs=0.05)
+    assert x_m[backward.argmax()] == pytest.approx(3.115)
 
 
 def test_level_over_everything_is_the_bench_formula() -> None:
