@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -194,7 +195,7 @@ class TarePart(Inputs):
 
     Attributes:
         seconds: span over which the rest is averaged after a tare.
-        residual_N: largest rest; from the load cell's noise and quantum when left out.
+        residual_N: largest rest; from the load cell's zero, noise and quantum when left out.
         every_minutes: tare again after so long; 0 for only at the start.
         drift_N: tare again when an anchor has moved by more; off when left out.
         stop_timeout_s: rotors must stand still so soon after zero was commanded.
@@ -328,13 +329,14 @@ def _pulses_us(rig: Rig, percent: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _residual_N(rig: Rig, seconds: float) -> float:
-    """Return five standard errors of the tare's mean, two quanta, at least 0.1 % of the limit.
+    """Return five standard deviations of a tare's rest by the rig's zero and noise, or two quanta.
 
-    A choice: what is left of a good tare is below it, what an untared cell shows is far above.
+    One tare in 1.7 million leaves more by chance. Where the rig states no zero, the limit is at
+    least 0.1 % of the thrust limit, which is assumed.
     """
     sensor = rig.sensors.get("thrust_N")
     floor_N = 0.001 * rig.limits.thrust_N
     if sensor is None:
         return floor_N
-    error_N = sensor.noise / max(1.0, sensor.rate_Hz * seconds) ** 0.5
-    return float(max(floor_N, 5.0 * error_N, 2.0 * sensor.quantum))
+    error_N = hypot(sensor.noise / max(1.0, sensor.rate_Hz * seconds) ** 0.5, sensor.zero_sd)
+    return float(max(0.0 if sensor.zero_sd else floor_N, 5.0 * error_N, 2.0 * sensor.quantum))

@@ -165,6 +165,8 @@ class Sensor(FiniteTable):
         flicker: 1/f noise of its zero: sd over one decade of frequency.
         walk: random walk of its zero: sd after one second.
         scale_sd: relative standard uncertainty of its scale; a calibration takes its place.
+        zero_sd: standard deviation of its zero after a tare; without it a sweep takes any rest
+            below 0.1 % of the thrust limit.
         valid_days: age from which its calibration is reported as too old. A choice: the usual
             interval of load cells and masses.
     """
@@ -176,6 +178,7 @@ class Sensor(FiniteTable):
     flicker: NotNegative = 0.0
     walk: NotNegative = 0.0
     scale_sd: NotNegative = 0.0
+    zero_sd: NotNegative = 0.0
 
     def mean_error(self, n: Array) -> Array:
         """Return the standard error of a mean over n readings (...,)."""

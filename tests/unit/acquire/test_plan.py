@@ -19,6 +19,7 @@ from benchtool.core.errors import (
     UnknownChoice,
 )
 from benchtool.core.rig_file import rig_named
+from benchtool.physics.model_file import load_model, model_names
 
 SINGLE, QUAD = rig_named("pquad_single"), rig_named("pquad")
 
@@ -183,3 +184,32 @@ def test_no_number_of_a_plan_may_be_nan_however_it_was_made() -> None:
     for part, change in spoiled:
         with pytest.raises(InputError, match=f"{next(iter(change))} (is|names) nan"):
             replace(part, **change)
+
+
+def test_the_largest_rest_of_a_tare_follows_from_the_stated_zero() -> None:
+    cell = SINGLE.sensors["thrust_N"]
+
+    def residual_N(**facts: float) -> float:
+        sensors = {**SINGLE.sensors, "thrust_N": replace(cell, **facts)}
+        found_N = Plan().resolved(replace(SINGLE, sensors=sensors)).tare.residual_N
+        assert found_N is not None
+        return found_N
+
+    error_N = cell.noise / cell.rate_Hz**0.5
+    for zero_sd in (0.002, 0.03):
+        expected_N = 5.0 * float(np.hypot(zero_sd, error_N))
+        assert residual_N(zero_sd=zero_sd) == pytest.approx(expected_N)
+    assert residual_N(zero_sd=0.0) == 0.001 * SINGLE.limits.thrust_N
+    assert residual_N(zero_sd=0.0, quantum=0.01) == 0.02
+
+
+def test_shipped_models_take_the_zero_that_their_rig_states() -> None:
+    models = [load_model(name).model for name in model_names()]
+    priors = {
+        model.name: (model.parameters["tare_offset.thrust_N"].prior, model.rig.sensors["thrust_N"])
+        for model in models
+        if "tare_offset.thrust_N" in model.parameters
+    }
+    assert {"quad_bench", "single_bench"} <= set(priors)
+    for prior, cell in priors.values():
+        assert (prior.kind, prior.mean, prior.sd) == ("normal", 0.0, cell.zero_sd)

@@ -215,10 +215,16 @@ def test_a_full_disk_ends_it_in_one_sentence_and_keeps_what_was_measured(
 
 
 def test_a_tare_that_leaves_too_much_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BenchError, match=r"after 3 tares \+0\.2 N are left .* limit 0\.012 N"):
+    with pytest.raises(BenchError, match=r"after 3 tares \+0\.2 N are left .* limit 0\.0502 N"):
         sweep(FakeBench(left_N=0.2), tmp_path / "run")
     events = [event.event for event in read_events(tmp_path / "run" / "events.jsonl")]
     assert events == ["plate", *["tare_residual"] * 3, "stopped"]
+
+
+def test_a_rest_that_the_stated_zero_allows_is_taken(tmp_path: Path) -> None:
+    """Four standard deviations of the zero that the rig states."""
+    summary, _ = sweep(FakeBench(left_N=4.0 * RIG.sensors["thrust_N"].zero_sd), tmp_path / "run")
+    assert summary.tares == 1
 
 
 def test_a_rotor_that_turns_at_zero_is_refused(tmp_path: Path) -> None:
