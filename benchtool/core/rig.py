@@ -210,7 +210,7 @@ class PlateDrive(FiniteTable):
         x_max_m: lateral travel to either side; `Rig.plate_x_max_m` stands in when left out.
         z_park_m: distance at which the plate counts as out of ground effect.
         speed_m_s: feed.
-        backlash_m: play when the direction changes.
+        backlash_m: play when the direction changes; distances hold after an approach from farther.
         repeatability_m: sd with which a place is found again, however it is approached; without
             it the play counts where places are approached from both sides.
         size_x_m, size_y_m: plate dimensions.
@@ -307,7 +307,7 @@ class Rig(FiniteTable):
         """Return how far the plate may stand from where it is read at a stay, one sd.
 
         Args:
-            one_sided: whether places were approached from one side: their play is then an offset.
+            one_sided: whether places were approached from one side: their play is then no scatter.
         """
         noise_m = self.sensors["plate_z_m"].noise if "plate_z_m" in self.sensors else 0.0
         found_m = self.plate.repeatability_m

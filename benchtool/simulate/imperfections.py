@@ -221,13 +221,14 @@ class Axis:
     Attributes:
         target: where it was sent.
         shown: what the stage counts.
-        true: where the plate stands, within half the play of what is shown.
+        true: where the plate stands: as shown after an approach from farther, from where a sweep
+            comes and the zero is measured; else nearer, by the play at most.
     """
 
     def __init__(self, feed: float, start: float, play: float = 0.0) -> None:
         self.target = self.shown = self.true = start
         self._feed = feed
-        self._half_play = 0.5 * play
+        self._play = play
 
     @property
     def moving(self) -> bool:
@@ -248,6 +249,6 @@ class Axis:
         shown = np.where(
             travelled >= abs(way), self.target, self.shown + np.copysign(travelled, way)
         )
-        true = np.clip(self.true, shown - self._half_play, shown + self._half_play)
+        true = np.clip(self.true, shown - self._play, shown)
         self.shown, self.true = float(shown[-1]), float(true[-1])
         return shown, true

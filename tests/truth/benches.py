@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
+from functools import partial
+from io import StringIO
 from math import nan
 from pathlib import Path
 
@@ -20,10 +23,9 @@ from benchtool.acquire.plan import (
     ThrottlePart,
     plan_to_toml,
 )
-from benchtool.acquire.sweep import run_sweep
 from benchtool.acquire.tare import Tared, tare_point
-from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import DeviceStage, OneSidedStage
+from benchtool.api import sweep
+from benchtool.bench.stage.stage import NoStage, OneSidedStage, Pause
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
@@ -32,14 +34,18 @@ from benchtool.data.run.ratios import VOLTAGE_POWER_SD
 from benchtool.data.run.run import Run
 from benchtool.physics.conditions import SAME_PLACE
 from benchtool.physics.model import Model
-from benchtool.physics.model_file import load_model
+from benchtool.physics.model_file import LoadedModel, load_model, model_to_toml
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
-from benchtool.virtual.simulated import SimulatedBench
 
 RATE_HZ = 80.0
+MOVE_STEP_S = 0.2
 SETTLE_S = 1.5
 """Of a visit's motors, thirty of their time constants."""
+
+DISTANCES_OVER_R = (0.6, 0.8, 1.0, 1.5, 2.0, 3.0)
+PULSES_US = (1450.0, 1600.0)
+REPEATS = 3
 
 Truth = dict[str, float]
 
@@ -87,15 +93,15 @@ def drawn(seed: int, name: str) -> Drawn:
         made = made.fixed(name, value)
     plan = Plan(
         name="trial",
-        repeats=3,
+        repeats=REPEATS,
         sample_s=1.0,
-        plate=PlatePart(distances_over_R=(0.6, 0.8, 1.0, 1.5, 2.0, 3.0)),
-        throttle=ThrottlePart(pwm_us=(1450.0, 1600.0)),
+        plate=PlatePart(distances_over_R=DISTANCES_OVER_R),
+        throttle=ThrottlePart(pwm_us=PULSES_US),
         order=OrderPart(seed=seed, anchor_every=0),
         settle=SettlePart(window_s=0.6),
         tare=TarePart(every_minutes=0.0),
     ).resolved(model.rig)
-    flaws = Imperfections(drift_N_per_s=rng.normal(0.0, 5e-5), backlash_m=0.0)
+    flaws = Imperfections(drift_N_per_s=rng.normal(0.0, 5e-5))
     return Drawn(made, truth, flaws, plan, seed, rng.normal(0.0, VOLTAGE_POWER_SD))
 
 
@@ -120,12 +126,34 @@ def new_run(bench: Drawn, path: Path) -> Run:
     return Run.create(path, plan_to_toml(bench.plan), facts)
 
 
-def swept(bench: Drawn, path: Path) -> None:
-    """Sweep the bench through the whole tool: device, guard, stage, settling, files."""
-    device = SimulatedBench("sim:trial", bench.rig, bench.model, bench.seed, RATE_HZ, bench.flaws)
-    with GuardedBench(device, bench.rig) as guarded:
-        stage = OneSidedStage(DeviceStage(guarded), bench.rig.plate)
-        run_sweep(guarded, stage, bench.plan, bench.rig, new_run(bench, path))
+def chained(bench: Drawn, path: Path) -> None:
+    """Sweep the bench as a user does: `benchtool sweep sim:RIG?truth=FILE`, the rest as it ships.
+
+    The file states the drawn numbers and the drift; other flaws, the play of the plate too, are
+    those of tool and rig. Distances are the plan's: the law ends at z/R = 0.5, below which a drawn
+    radius puts the nearest one of the default plan.
+    """
+    flaws = {"drift_N_per_s": bench.flaws.drift_N_per_s}
+    truth = path.with_name("truth.toml")
+    loaded = LoadedModel(model=bench.model, imperfections=flaws)
+    truth.write_text(model_to_toml(loaded), "utf-8")
+    address = f"sim:{bench.rig.name}?truth={truth}&seed={bench.seed}"
+    plan = {"z_over_r": DISTANCES_OVER_R, "pwm": PULSES_US, "repeats": REPEATS}
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+        sweep(address, yes=True, out=path, **plan)
+
+
+class PlantStage(NoStage):
+    """The plate of a plant, with nothing watching."""
+
+    def __init__(self, plant: PlateBench) -> None:
+        self._plant = plant
+
+    def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
+        self._plant.command_plate(z_m, x_m)
+        while self._plant.plate_moving:
+            pause(MOVE_STEP_S)
+        return z_m
 
 
 def visited(bench: Drawn, path: Path) -> None:
@@ -137,6 +165,7 @@ def visited(bench: Drawn, path: Path) -> None:
     tared = Tared(plant.time_s - 0.5, rest, nan)
     here_m, off_m = rig.plate.z_park_m, 0.0
     places = np.random.default_rng([20261123, bench.seed, 1])
+    stage = OneSidedStage(PlantStage(plant), rig.plate)
     writer = new_run(bench, path).point_writer(rig.n_rotors)
     try:
         writer.append(tare_point(tared, rig.n_rotors))
@@ -145,8 +174,8 @@ def visited(bench: Drawn, path: Path) -> None:
             plant.command_pwm(np.array(visit.setting.pwm_us))
             if abs(place.z_m - here_m) > SAME_PLACE:
                 off_m = bench.place_sd_m * places.standard_normal()
-            plant.command_plate(place.z_m + off_m, place.x_m)
-            samples(plant, abs(place.z_m - here_m) / rig.plate.speed_m_s + SETTLE_S)
+            stage.move(place.z_m + off_m, place.x_m, 0.0, partial(samples, plant))
+            samples(plant, SETTLE_S)
             here_m = place.z_m
             read = samples(plant, plan.sample_s, bench.supply_exponent, off_m)
             point, _ = measure(read, visit, place.z_m, tared, None, rig.sensors, settled=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from benchtool.fit.recipe import Method, Recipe
-from tests.truth.benches import Truth, drawn, misplaced, swept, visited, wandering
+from tests.truth.benches import Truth, chained, drawn, misplaced, visited, wandering
 from tests.truth.budgets import budget_sweep
 from tests.truth.calibrated import weighed
 
@@ -34,10 +34,17 @@ def single_sweep(seed: int, path: Path) -> Truth:
     return bench.truth
 
 
-def whole_quad_sweep(seed: int, path: Path) -> Truth:
-    """Sweep the quadrotor through the whole tool, which takes five times as long."""
+def quad_chain(seed: int, path: Path) -> Truth:
+    """Sweep a quadrotor by the command, which takes five times as long."""
     bench = drawn(seed, "quad_bench")
-    swept(bench, path)
+    chained(bench, path)
+    return bench.truth
+
+
+def single_chain(seed: int, path: Path) -> Truth:
+    """Sweep a single rotor by the command."""
+    bench = drawn(seed, "single_bench")
+    chained(bench, path)
     return bench.truth
 
 
@@ -123,10 +130,16 @@ CELLS: tuple[Cell, ...] = (
         for basis in ("equal_rpm2", "equal_pwm", "equal_power")
     ),
     Cell(
-        name="quad through the whole tool, joint",
-        sweep=whole_quad_sweep,
+        name="quad, benchtool sweep and fit",
+        sweep=quad_chain,
         model="quad_bench",
         counted=("k", "R_m", "body_lift.K_b"),
+    ),
+    Cell(
+        name="single, benchtool sweep and fit",
+        sweep=single_chain,
+        model="single_bench",
+        counted=("k", "R_m"),
     ),
     Cell(name="single, joint", sweep=single_sweep, model="single_bench", counted=("k", "R_m")),
     *(

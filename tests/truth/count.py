@@ -102,6 +102,7 @@ class Count:
     rms_z: float  # of (value - truth)/sd
     width: float  # median half width of the 68 % intervals over the rms of value - truth
     tails: float = 1.96  # median of the widths of the 95 % intervals over those of the 68 % ones
+    mean_z: float = 0.0
 
     def misses(self, confidence: float) -> list[float]:
         """Return the levels that the Wilson interval of the count does not hold."""
@@ -124,6 +125,11 @@ class Count:
         return bool(low <= self.rms_z**2 <= high)
 
     @property
+    def is_biased(self) -> bool:
+        """Whether mean z is beyond the 99.9 % limits that so many normal draws allow."""
+        return self.tails <= NORMAL_TAILS and abs(self.mean_z) > 3.29 / self.trials**0.5
+
+    @property
     def off(self) -> float:
         """How far the counts are off, in standard deviations of a right count."""
         return max(
@@ -139,6 +145,7 @@ def counted(trials: Sequence[Trial], method: Method) -> list[Count]:
     for cell, name in keys:
         own = [trial[cell][name] for trial in trials if cell in trial]
         left = np.array([one.value - one.truth for one in own])
+        z = left / [one.sd for one in own]
         half, wide = (
             np.array([0.5 * float(np.diff(getattr(one, name))[0]) for one in own])
             for name in ("interval_68", "interval_95")
@@ -151,9 +158,10 @@ def counted(trials: Sequence[Trial], method: Method) -> list[Count]:
                 name=name,
                 trials=len(own),
                 held=(at_68, at_95),
-                rms_z=float(np.sqrt(np.mean((left / [one.sd for one in own]) ** 2))),
+                rms_z=float(np.sqrt(np.mean(z**2))),
                 width=float(np.median(half) / np.sqrt(np.mean(left**2))),
                 tails=float(np.median(wide / half)),
+                mean_z=float(np.mean(z)),
             )
         )
     return counts
@@ -162,8 +170,8 @@ def counted(trials: Sequence[Trial], method: Method) -> list[Count]:
 def faults(counts: Sequence[Count]) -> list[str]:
     """Return what is wrong with intervals, in words; nothing where they are as they should be.
 
-    Each count is held against its 99.9 % Wilson interval and the limits of rms z, and of all
-    together at most one in ten may miss at 95 %.
+    Each count is held against its 99.9 % Wilson interval and the limits of mean and rms z, and of
+    all together at most one in ten may miss at 95 %.
     """
     found = []
     for count in counts:
@@ -173,6 +181,8 @@ def faults(counts: Sequence[Count]) -> list[str]:
             found.append(f"{where}: {held} of {count.trials} intervals of {level:.0%} hold")
         if not count.z_is_one:
             found.append(f"{where}: rms z is {count.rms_z:.2f} over {count.trials} trials")
+        if count.is_biased:
+            found.append(f"{where}: mean z is {count.mean_z:+.2f} over {count.trials} trials")
     missed, whole = sum(len(one.misses(0.95)) for one in counts), len(LEVELS) * len(counts)
     if missed > 0.1 * whole:
         found.append(f"{missed} of {whole} counts miss at 95 %, at most one in ten may")
@@ -182,14 +192,14 @@ def faults(counts: Sequence[Count]) -> list[str]:
 def table(counts: Sequence[Count]) -> str:
     """Return the counts as a table in Markdown, those farthest off first."""
     lines = [
-        "| bench, basis | method | number | trials | 68 % | 95 % | rms z | width |",
-        f"{'|---' * 8}|",
+        "| bench, basis | method | number | trials | 68 % | 95 % | mean z | rms z | width |",
+        f"{'|---' * 9}|",
     ]
     for one in sorted(counts, key=lambda one: -one.off):
         at_68, at_95 = (f"{held / one.trials:.1%}".replace("%", " %") for held in one.held)
         lines.append(
             f"| {one.cell} | {one.method} | {one.name} | {one.trials} | {at_68} | {at_95} "
-            f"| {one.rms_z:.2f} | {one.width:.2f} |"
+            f"| {one.mean_z:+.2f} | {one.rms_z:.2f} | {one.width:.2f} |"
         )
     return "\n".join(lines)
 
@@ -210,13 +220,20 @@ def trial_of(cells: dict[str, dict[str, list[Any]]]) -> Trial:
     }
 
 
-def planned(methods: Sequence[Method], trials: int) -> dict[str, tuple[Sweep, Method, int]]:
-    """Return what is counted, by name: some trials of each sweep before the next ones."""
+def planned(
+    methods: Sequence[Method], trials: int, names: Sequence[str] = ()
+) -> dict[str, tuple[Sweep, Method, int]]:
+    """Return what is counted, by name: some trials of each sweep before the next ones.
+
+    Args:
+        names: of the sweeps; all of them when empty.
+    """
     return {
         f"{sweep.__name__} {method} {seed}": (sweep, method, seed)
         for method in methods
         for first in range(0, trials, BATCH)
         for sweep in dict.fromkeys(cell.sweep for cell in CELLS if cell.counts(method))
+        if not names or sweep.__name__ in names
         for seed in range(FIRST_SEED + first, FIRST_SEED + min(first + BATCH, trials))
     }
 
@@ -228,11 +245,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--processes", type=int, default=None)
     parser.add_argument("--cluster", help="address of a Dask scheduler whose workers count")
     parser.add_argument("--method", action="append", choices=METHODS)
+    sweeps = sorted({cell.sweep.__name__ for cell in CELLS})
+    parser.add_argument("--sweep", action="append", choices=sweeps, help="count this one alone")
     parser.add_argument("--stored", action="store_true", help="judge what is stored, count no more")
     parser.add_argument("--page", type=Path, help="write the table into this page")
     asked = parser.parse_args(arguments)
     methods = asked.method or METHODS
-    plan = planned(methods, asked.trials)
+    plan = planned(methods, asked.trials, asked.sweep or ())
     found: dict[tuple[Sweep, Method], list[Trial]] = {}
     path = STORE / f"{sources_hash('benchtool', 'tests/truth')}.jsonl"
     with TaskStore(path, {}) as store:

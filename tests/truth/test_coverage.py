@@ -20,11 +20,11 @@ from tests.truth.benches import drawn, visited
 from tests.truth.cells import (
     CELLS,
     Sweep,
+    quad_chain,
     quad_sweep,
     single_sweep,
     two_calibrations,
     wandering_sweep,
-    whole_quad_sweep,
 )
 from tests.truth.count import (
     BATCH,
@@ -58,8 +58,8 @@ def test_a_sample_of_sweeps_holds_the_truth(sweep: Sweep) -> None:
 
 
 def test_the_whole_tool_measures_what_the_plant_alone_does() -> None:
-    trial = run_trial(whole_quad_sweep, "least_squares", SAMPLE[0])
-    for found in trial["quad through the whole tool, joint"].values():
+    trial = run_trial(quad_chain, "least_squares", SAMPLE[0])
+    for found in trial["quad, benchtool sweep and fit"].values():
         assert abs(found.value - found.truth) < 4.0 * found.sd
 
 
@@ -105,6 +105,17 @@ def test_right_intervals_pass_and_inflated_or_narrow_ones_do_not() -> None:
     assert "| cell | least_squares | a | 400 |" in table(right)
 
 
+def test_a_mean_off_by_a_third_of_what_is_stated_is_a_bias() -> None:
+    trials = [
+        {"cell": {name: replace(fit, truth=fit.truth - 0.33) for name, fit in cell.items()}}
+        for cell in (trial["cell"] for trial in trials_with(1.0))
+    ]
+    counts = counted(trials, "least_squares")
+    assert all(count.is_biased for count in counts)
+    assert any("mean z is +0.3" in fault for fault in faults(counts))
+    assert not any(replace(count, mean_z=0.1).is_biased for count in counts)
+
+
 def test_one_count_in_ten_may_miss_at_95_percent() -> None:
     off = [replace(one, held=(251, 380)) for one in counted(trials_with(1.0), "emcee")]
     assert all(one.misses(0.999) == [] for one in off)
@@ -124,3 +135,5 @@ def test_trials_of_every_sweep_come_before_the_next_ones_of_any() -> None:
     assert len(plan) == len(set(plan)) == (BATCH + 1) * len(sweeps)
     assert {sweep for sweep, _, _ in plan[: BATCH * len(sweeps)]} == set(sweeps)
     assert [seed for _, _, seed in plan[-len(sweeps) :]] == [FIRST_SEED + BATCH] * len(sweeps)
+    alone = planned(["least_squares"], BATCH, ["single_chain"]).values()
+    assert {sweep.__name__ for sweep, _, _ in alone} == {"single_chain"}

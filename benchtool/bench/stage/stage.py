@@ -213,8 +213,8 @@ class OneSidedStage(_StageWrapper):
     """Be another stage that overshoots when it moves away, and comes back.
 
     Without it a distance stands nearer or farther by the play, as the last move happened to go: a
-    scatter that grows towards the plate and pulls R and K_b apart. With it the play is a constant,
-    which a plate offset takes up.
+    scatter that grows towards the plate and pulls R and K_b apart. With it the play is no part of a
+    distance where the zero was measured after the same approach; else it is a plate offset.
 
     Args:
         stage: moves the plate by itself (no operator).

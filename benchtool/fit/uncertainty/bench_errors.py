@@ -40,7 +40,7 @@ class Visits:
         zero_s: (n,) time since the zero was last known: a tare, or the first point without any.
         tared: (n,) number of that tare.
         tare: (n,) whether nothing turns and the reading is what a tare left.
-        one_sided: whether every place was approached from one side, so that play is an offset.
+        one_sided: whether every place was approached from one side, so that play is no scatter.
         calibrated: whether thrust went through a calibration, whose scale counts by itself.
         zero: noise of the zero.
     """

@@ -127,11 +127,11 @@ def test_the_plate_moves_at_its_feed_and_stops_on_target():
     assert np.array_equal(shown, true)
 
 
-def test_backlash_leaves_the_plate_behind_by_half_the_play_from_either_side():
+def test_the_plate_stands_where_it_reads_from_farther_and_by_the_play_nearer_from_nearer():
     axis = Axis(0.1, 1.0, play=0.002)
     moves = []
     for target in (0.5, 0.8, 0.5):
         axis.target = target
         shown, true = axis.advance(np.arange(1, 2001) * 0.005)
         moves.append(true[-1] - shown[-1])
-    np.testing.assert_allclose(moves, [0.001, -0.001, 0.001], atol=1e-12)
+    np.testing.assert_allclose(moves, [0.0, -0.002, 0.0], atol=1e-12)
