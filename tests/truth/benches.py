@@ -112,6 +112,18 @@ def misplaced(bench: Drawn, sd_m: float) -> Drawn:
     return replace(bench, model=model, place_sd_m=sd_m)
 
 
+def off_grid(bench: Drawn, step_m: float) -> Drawn:
+    """Return the bench with distances that fall between the steps of their reading."""
+    sensor = replace(bench.rig.sensors["plate_z_m"], quantum=step_m)
+    rig = replace(bench.rig, sensors={**bench.rig.sensors, "plate_z_m": sensor})
+    rng = np.random.default_rng([20261123, bench.seed, 2])
+    distances_m = np.array(bench.plan.plate.distances_m)
+    distances_m += step_m * rng.uniform(-0.5, 0.5, len(distances_m))
+    plate = replace(bench.plan.plate, distances_m=tuple(distances_m.tolist()))
+    plan = replace(bench.plan, plate=plate)
+    return replace(bench, model=replace(bench.model, rig=rig), plan=plan)
+
+
 def wandering(bench: Drawn, walk: float) -> Drawn:
     """Return the bench with a load cell whose zero walks so far: N/sqrt(s), as its rig states."""
     cell = replace(bench.rig.sensors["thrust_N"], walk=walk)

@@ -12,7 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from benchtool.fit.recipe import Method, Recipe
-from tests.truth.benches import Truth, chained, drawn, misplaced, visited, wandering
+from tests.truth.benches import (
+    Truth,
+    chained,
+    drawn,
+    misplaced,
+    off_grid,
+    visited,
+    wandering,
+)
 from tests.truth.budgets import budget_sweep
 from tests.truth.calibrated import weighed
 
@@ -51,6 +59,13 @@ def single_chain(seed: int, path: Path) -> Truth:
 def misplaced_sweep(seed: int, path: Path) -> Truth:
     """Sweep a quadrotor whose plate finds a place again within 0.3 mm."""
     bench = misplaced(drawn(seed, "quad_bench"), 3e-4)
+    visited(bench, path)
+    return bench.truth
+
+
+def off_grid_sweep(seed: int, path: Path) -> Truth:
+    """Sweep a quadrotor at distances between the steps, 0.5 mm, of their reading."""
+    bench = off_grid(drawn(seed, "quad_bench"), 5e-4)
     visited(bench, path)
     return bench.truth
 
@@ -162,6 +177,7 @@ CELLS: tuple[Cell, ...] = (
         )
         for name, sweep, model, counted in (
             ("quad, errors of place", misplaced_sweep, "quad_bench", ("R_m", "body_lift.K_b")),
+            ("quad, off the grid", off_grid_sweep, "quad_bench", ("R_m", "body_lift.K_b")),
             ("single, wandering zero", wandering_sweep, "single_bench", ("R_m",)),
         )
         for basis in ("joint", "equal_rpm2")

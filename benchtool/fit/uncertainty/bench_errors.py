@@ -26,6 +26,8 @@ Mask = NDArray[np.bool_]
 SHOWS = 1e-9
 """Columns below this share of the greatest thrust are rounding and left out."""
 
+ON_GRID = 1e-3  # steps between a reading and the distance of the stage that are none; assumed
+
 KEPT = 5e-4
 """Directions of the zero's covariance below this share of its largest are left out: of a random
 walk some 1 % of its variance, which goes from one point to the next."""
@@ -40,6 +42,7 @@ class Visits:
         zero_s: (n,) time since the zero was last known: a tare, or the first point without any.
         tared: (n,) number of that tare.
         tare: (n,) whether nothing turns and the reading is what a tare left.
+        rounded: (n,) whether rounding moves the distance that is read: not on the sensor's grid.
         one_sided: whether every place was approached from one side, so that play is no scatter.
         calibrated: whether thrust went through a calibration, whose scale counts by itself.
         zero: noise of the zero.
@@ -49,6 +52,7 @@ class Visits:
     zero_s: Array
     tared: NDArray[np.intp]
     tare: Mask
+    rounded: Mask
     one_sided: bool
     calibrated: bool
     zero: ZeroNoise
@@ -62,11 +66,17 @@ class Visits:
         if "elapsed_s" not in points:
             since = conditions.time_s - np.nanmin(conditions.time_s)
         began = np.round(np.nan_to_num(conditions.time_s - since))
+        stage_m, read_m = (
+            points.si(name) if name in points else np.full(len(points), np.nan)
+            for name in ("plate_stage_z_m", "plate_read_z_m")
+        )
+        step_m = rig.sensors.get("plate_z_m", Sensor()).quantum
         return cls(
             stay=stays_of(conditions, tare, ordered="time_s" in points),
             zero_s=np.nan_to_num(since),
             tared=np.unique(began, return_inverse=True)[1].reshape(-1).astype(np.intp),
             tare=tare,
+            rounded=~(np.abs(read_m - stage_m) <= ON_GRID * step_m),
             one_sided=points.provenance.get("approach", "") == "one side",
             calibrated=bool(points.provenance.get("calibration", "")),
             zero=zero_noise(points, rig),
@@ -80,6 +90,7 @@ class Visits:
             zero_s=self.zero_s[rows],
             tared=self.tared[rows],
             tare=self.tare[rows],
+            rounded=self.rounded[rows],
         )
 
 
@@ -96,6 +107,7 @@ def joined_visits(parts: list[Visits]) -> Visits:
         zero_s=np.concatenate([part.zero_s for part in parts]),
         tared=numbered("tared"),
         tare=np.concatenate([part.tare for part in parts]),
+        rounded=np.concatenate([part.rounded for part in parts]),
         one_sided=all(part.one_sided for part in parts),
         calibrated=any(part.calibrated for part in parts),
         zero=max((part.zero for part in parts), key=lambda zero: zero.walk),
@@ -152,10 +164,11 @@ def bench_errors(model: Model, conditions: Conditions, visits: Visits) -> tuple[
         moved = replace(conditions, **{field: getattr(conditions, field) * (1.0 + sd)})
         return change(moved)[:, None]
 
+    misread = visits.rounded * change(farther(read_m))
     found = [
         _wander(visits, model.rig),
         _type_b("place", "m", place_m, _by_group(change(farther(place_m)), visits.stay)),
-        _type_b("plate reading", "m", read_m, _by_group(change(farther(read_m)), shown)),
+        _type_b("plate reading", "m", read_m, _by_group(misread, shown)),
         _type_b("distance scale", "1", z.scale_sd, scaled("plate_z_m", z.scale_sd)),
         _type_b("rpm scale", "1", rpm.scale_sd, scaled("speed_rad_s", rpm.scale_sd)),
         _type_b("arm", "1", arm, change(conditions, longer)[:, None]),

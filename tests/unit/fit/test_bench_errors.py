@@ -59,6 +59,7 @@ def sweep(on: Rig, repeats: int = 3) -> tuple[Conditions, Visits]:
         zero_s=time,
         tared=np.zeros(n, np.intp),
         tare=np.zeros(n, bool),
+        rounded=np.ones(n, bool),
         one_sided=False,
         calibrated=False,
         zero=ZeroNoise(on.sensors["thrust_N"].walk),
@@ -89,6 +90,29 @@ def test_a_reading_is_wrong_by_the_same_whenever_it_is_read() -> None:
     columns = sources(rig(plate_z_m={"quantum": 1e-3}))["plate reading"]
     assert columns.shape[1] == len(NEAR)
     assert columns[0, 0] == columns[2 * len(NEAR), 0] != 0.0
+
+
+def test_a_distance_on_the_grid_of_its_sensor_is_read_without_error() -> None:
+    on = rig(plate_z_m={"quantum": 1e-4})
+    stage_m = np.array([0.072, 0.07604, 0.12, np.nan])
+    points = Recording.from_columns(
+        [
+            *((Channel(f"rpm{rotor}", "rpm"), np.full(4, 5000.0)) for rotor in range(1, 5)),
+            (Channel("time_s", "s"), np.arange(4.0)),
+            (Channel("plate_z_m", "m"), np.array([0.072, 0.076, 0.12, 0.18])),
+            (Channel("plate_stage_z_m", "m"), stage_m),
+            (Channel("plate_read_z_m", "m"), 1e-4 * np.array([720, 760, 1200, 1800])),
+        ]
+    )
+    conditions = Conditions.from_recording(points, on)
+    visits = Visits.of(points, conditions, on)
+    assert visits.rounded.tolist() == [False, True, False, True]
+    (reading,) = bench_errors(model(on), conditions, visits)
+    assert (reading.name, reading.columns.shape) == ("plate reading", (4, 2))
+    assert np.flatnonzero(np.abs(reading.columns).sum(axis=1)).tolist() == [1, 3]
+    exact = points.select(np.array([0, 2]))
+    conditions = Conditions.from_recording(exact, on)
+    assert bench_errors(model(on), conditions, Visits.of(exact, conditions, on)) == ()
 
 
 def test_scales_move_all_points_together() -> None:
