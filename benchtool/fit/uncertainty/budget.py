@@ -13,7 +13,8 @@ from math import inf
 from typing import Any, Literal
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.optimize import brentq
+from scipy.special import stdtr, stdtrit
 
 from benchtool.core.array import Array
 from benchtool.core.error_source import effective_dof
@@ -24,12 +25,11 @@ BudgetMethod = Literal["propagation", "mc"]
 COVERAGE = 0.95
 """Probability of the expanded interval."""
 
+EVENLY = (np.arange(400.0) + 0.5) / 200.0 - 1.0  # draws of a uniform source over its half width
+MIN_REST = 1e-4  # share of the variance beside a uniform source that so many draws resolve
+
 ZERO = 0.01
 """A value below this part of its standard uncertainty counts as 0: percent of it say nothing."""
-
-END_SCATTER = 2.67
-"""Standard error of an end of the central 95 % interval of n normal draws, times root n over their
-standard deviation: sqrt(0.025 0.975) over the density there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,14 +112,34 @@ class Budget:
     @cached_property
     def dof(self) -> Array:
         """Effective degrees of freedom (n,)."""
+        return np.array([self._dof(column) for column in self.parts.T])
+
+    def _dof(self, parts: Array) -> float:
         known = np.array([line.dof for line in self.lines], float)
-        scatters = [line.scatter for line in self.lines]
-        return np.array([effective_dof(column, known, scatters) for column in self.parts.T])
+        return effective_dof(parts, known, [line.scatter for line in self.lines])
 
     @cached_property
     def coverage_factor(self) -> Array:
-        """Factor (n,) from combined standard to expanded uncertainty, Student's t."""
-        return np.asarray(stdtrit(self.dof, 0.5 + 0.5 * COVERAGE), float)
+        """Factor (n,) from combined standard to expanded uncertainty.
+
+        Student's t; the largest uniform source counts with its own shape (JCGM 100, G.2.2).
+        """
+        return np.array([self._factor(column) for column in self.parts.T])
+
+    def _factor(self, parts: Array) -> float:
+        uniform = parts * [line.distribution == "uniform" for line in self.lines]
+        rest, largest = parts.copy(), int(np.argmax(uniform))
+        rest[largest] -= uniform[largest]
+        share = float(uniform[largest] / np.linalg.norm(parts))
+        dof, scale = self._dof(rest), max(1.0 - share**2, MIN_REST) ** 0.5
+        half_width = share * 3.0**0.5
+
+        def excess(factor: float) -> float:
+            below = stdtr(dof, (factor - half_width * EVENLY) / scale)
+            return float(below.mean()) - 0.5 - 0.5 * COVERAGE
+
+        most = float(stdtrit(dof, 0.5 + 0.5 * COVERAGE))
+        return float(brentq(excess, 0.0, most + half_width)) if share else most
 
     @cached_property
     def expanded(self) -> Array:
@@ -143,15 +163,18 @@ class Budget:
         """Whether Monte Carlo confirms the expanded interval of each quantity; empty without it.
 
         Both ends within half a unit of the second digit of the standard uncertainty (JCGM 101,
-        7.9.2 and 8.1), and three times what ends of so many draws scatter by.
+        7.9.2 and 8.1), and three standard errors of the quantile of so many draws of Student's t.
         """
         if self.monte_carlo is None:
             return ()
         ends = np.array([self.monte_carlo.low, self.monte_carlo.high])
         off = np.abs(ends - np.array([-self.expanded, self.expanded])).max(axis=0)
         digit = [0.05 * 10.0 ** int(f"{u:.1e}".partition("e")[2]) for u in self.combined]
-        scatter = END_SCATTER / self.monte_carlo.draws**0.5 * self.combined
-        return tuple(bool(one) for one in off <= digit + 3.0 * scatter)
+        near = [stdtr(self.dof, self.coverage_factor + step) for step in (-1e-3, 1e-3)]
+        density = (near[1] - near[0]) / 2e-3
+        tail = 0.5 - 0.5 * COVERAGE
+        se = (tail * (1.0 - tail) / self.monte_carlo.draws) ** 0.5 / density * self.combined
+        return tuple(bool(one) for one in off <= digit + 3.0 * se)
 
     def added_to(self, item: Estimate, first: bool) -> Estimate:
         """Return an estimate with its combined uncertainty; the budget is of the first method's.

@@ -14,7 +14,7 @@ from benchtool.core.array import Array
 from benchtool.core.error_source import ErrorSource
 from benchtool.fit.solve import row_jacobian
 from benchtool.fit.uncertainty.budget import COVERAGE, MonteCarlo
-from benchtool.fit.uncertainty.propagation import Propagation
+from benchtool.fit.uncertainty.propagation import POINTS, Propagation
 
 DRAWS = 2000
 """Refits of a check; the ends of the 95 % interval then scatter by some 4 % of its half width."""
@@ -48,11 +48,11 @@ def monte_carlo(
         if problem.noise_name is not None:
             factor = float(np.sqrt(problem.dof / rng.chisquare(problem.dof)))
         error = factor * way.whitening.sigma * rng.standard_normal(m)
-        scales: dict[str, float] = {}
+        scales = {POINTS: factor}
         for one, begin, end in zip(problem.error_sources, at[:-1], at[1:], strict=True):
             error += (factor if one.scaled else 1.0) * (shared[:, begin:end] @ drawn(one, rng))
         for one in outside:
-            error += one.columns @ drawn(one, rng)
+            error += one.columns @ drawn(one, rng, scales)
         priors = [
             sum((one.columns @ drawn(one, rng, scales)).item() for one in parts)
             if parts
@@ -93,7 +93,7 @@ def drawn(
     elif source.distribution == "triangular":
         draw = rng.triangular(-np.sqrt(6.0), 0.0, np.sqrt(6.0), r)
     else:
-        if source.distribution == "student_t" and np.isfinite(source.dof):
+        if np.isfinite(source.dof):
             scale = float(np.sqrt(source.dof / rng.chisquare(source.dof)))
             if source.scatter and scales is not None:
                 scale = scales.setdefault(source.scatter, scale)

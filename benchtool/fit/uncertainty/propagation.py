@@ -8,7 +8,7 @@ number that nobody knows exactly, and what no law follows to the letter, comes b
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,8 @@ from benchtool.physics.effects.effect import Derived
 
 ORIGINS = {"A": "scatter of the data", "B": "stated by the rig"}
 """Who states a source that does not say it itself."""
+
+POINTS = "scatter of the points"  # name of the estimate that `repeat` and bounded sources share
 
 SHOWS = 1e-4
 """Part of every combined uncertainty below which a source is left out."""
@@ -99,6 +101,36 @@ def propagation(
     )
 
 
+def bounded(way: Propagation, sources: Sequence[ErrorSource]) -> tuple[ErrorSource, ...]:
+    """Return sources of one draw, each at what the residuals leave of it where that is less.
+
+    All draws are estimated together, the others within what is stated of them: of two that leave
+    the same residuals, neither is bounded. The error is that from the held value, a draw of 0.
+    """
+    if not sources:
+        return ()
+    problem, columns = way.problem, np.concatenate([one.columns for one in sources], axis=1)
+    rows = np.pad(way.whitening(columns), ((0, len(problem.priors)), (0, 0)))
+    fitted = way.gain[: len(way.shape)] / way.sd[:, None]
+    left = rows - np.linalg.pinv(fitted) @ (fitted @ rows)
+    posterior = np.linalg.inv(np.eye(len(sources)) + left.T @ left)
+    shown = np.maximum(1.0 - np.diag(posterior), 1e-300)  # share of each draw that residuals show
+    draw = posterior @ (left.T @ -problem.rows(way.shape, way.whitening)) / shown
+    sd = np.sqrt(np.diag(posterior) / shown)
+    dof = np.inf if problem.noise_name is None else float(problem.dof)
+    return tuple(
+        one
+        if share >= 1.0
+        else replace(
+            one, kind="A", sd=share * one.sd, columns=share * one.columns, dof=dof,
+            distribution="student_t", scatter=POINTS,
+            origin=f"residuals of this run: {value * one.sd:.2g} ± {own * one.sd:.2g}; "
+            f"without them {one.sd:.2g}, {one.origin}",
+        )
+        for one, share, value, own in zip(sources, np.hypot(draw, sd), draw, sd, strict=True)
+    )  # fmt: skip
+
+
 def budget_of(
     way: Propagation,
     outside: Sequence[ErrorSource] = (),
@@ -142,7 +174,8 @@ def _line(
         kind=source.kind,
         unit=source.unit,
         sd=source.sd,
-        distribution=source.distribution,
+        # Many draws add to a normal distribution, however each is distributed.
+        distribution="normal" if draws > 1 and source.dof == np.inf else source.distribution,
         dof=source.dof,
         scatter=source.scatter,
         correlation=correlation or ("all points share it" if draws == 1 else f"{draws} draws"),
@@ -159,7 +192,9 @@ def _within(way: Propagation) -> Iterator[tuple[BudgetLine, Array]]:
     problem, m = way.problem, len(way.problem)
     sigma = way.whitening.sigma
     fitted = problem.noise_name is not None
-    of_noise: dict[str, Any] = {"dof": float(problem.dof), "distribution": "student_t"}
+    of_noise: dict[str, Any] = {
+        "dof": float(problem.dof), "distribution": "student_t", "scatter": POINTS,
+    }  # fmt: skip
     repeat = ErrorSource(
         name="repeat",
         kind="A",

@@ -26,7 +26,7 @@ from benchtool.fit.run_recipe import recipe_problem
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.held_sources import LAW, held_sources
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
-from benchtool.fit.uncertainty.propagation import budget_of, propagation
+from benchtool.fit.uncertainty.propagation import bounded, budget_of, propagation
 from benchtool.physics.effects.effect import Derived
 
 
@@ -83,7 +83,7 @@ def _budget(path: Path) -> Budget:
     held = held_sources(fixed, data.conditions.select(data.rows))
     # What was read follows no law of distance.
     outside = [one for one in held if not one.name.startswith(LAW)]
-    return budget_of(chosen, outside, traceability=cells.traceability)
+    return budget_of(chosen, bounded(way, outside), traceability=cells.traceability)
 
 
 def _names(data: FitData, visit: NDArray[np.intp]) -> list[str]:

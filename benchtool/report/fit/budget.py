@@ -90,7 +90,8 @@ def _name(budget: Budget, row: int) -> str:
 
 def _stated(budget: Budget, row: int) -> str:
     line = budget.lines[row]
-    return with_unit(f"{line.kind}: {line.sd:.2g}", line.unit)
+    measured = " from residuals" if line.kind == "A" and not line.in_fit else ""
+    return with_unit(f"{line.kind}: {line.sd:.2g}", line.unit) + measured
 
 
 def _header(budget: Budget, place: int) -> str:

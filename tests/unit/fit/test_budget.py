@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.air import Air, air_density_kg_m3
+from benchtool.core.array import Array
 from benchtool.core.error_source import ErrorSource, effective_dof
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.core.parameter import Prior
@@ -20,11 +21,11 @@ from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.result_file import result_tables
-from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.fit.uncertainty.budget import Budget, budget_from
+from benchtool.fit.run_recipe import FitOutput, propagated, run_recipe
+from benchtool.fit.uncertainty.budget import Budget, MonteCarlo, budget_from
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import drawn, monte_carlo
-from benchtool.fit.uncertainty.propagation import Propagation, budget_of, propagation
+from benchtool.fit.uncertainty.propagation import Propagation, bounded, budget_of, propagation
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
@@ -202,15 +203,69 @@ def test_monte_carlo_draws_each_distribution(distribution: str, dof: float, ends
         assert found.std() == pytest.approx(1.0, rel=0.02)
 
 
-def test_a_ruling_uniform_source_is_found_out() -> None:
-    """The propagation's factor 1.96 is then too large, and Monte Carlo says so."""
+def test_a_ruling_uniform_source_has_the_coverage_factor_of_its_shape() -> None:
+    """A normal distribution's 1.96 would be too large, which Monte Carlo confirms."""
     source = shared(3, 10.0, distribution="uniform")
     way = carried(weighted_mean())
     budget = replace(budget_of(way, [source]), monte_carlo=monte_carlo(way, [source]))
-    assert budget.coverage_factor[0] == pytest.approx(1.96, abs=1e-3)
+    assert budget.coverage_factor[0] == pytest.approx(0.95 * 3.0**0.5, abs=2e-3)
     assert budget.monte_carlo is not None
     assert budget.monte_carlo.high[0] == pytest.approx(10.0 * 0.95 * 3.0**0.5, rel=0.03)
-    assert budget.confirmed == (False,)
+    assert budget.confirmed == (True,)
+
+
+@pytest.mark.parametrize(("share", "factor"), [(0.5, 1.952), (0.7, 1.919), (0.9, 1.804)])
+def test_a_uniform_source_and_normal_ones_have_the_factor_of_their_sum(
+    share: float, factor: float
+) -> None:
+    """Against 95 % quantiles of a million drawn sums."""
+    rest = (np.array([0.1, 0.2, 0.3]) ** -2.0).sum() ** -0.5
+    source = shared(3, share / (1.0 - share**2) ** 0.5 * rest, distribution="uniform")
+    budget = budget_of(carried(weighted_mean()), [source])
+    assert budget.coverage_factor[0] == pytest.approx(factor, abs=2e-3)
+    # Many draws of their own add to a normal distribution.
+    drawn_apart = replace(source, columns=np.diag(source.columns[:, 0]))
+    apart = budget_of(carried(weighted_mean()), [drawn_apart])
+    assert apart.coverage_factor[0] == pytest.approx(1.95996, abs=1e-4)
+
+
+def stepped(levels: Array) -> Problem:
+    """Return the mean of twelve readings of errors 0.1 about levels (12,)."""
+
+    def mean(values: object) -> object:
+        return values[0] + np.zeros(12)  # type: ignore[index]
+
+    noise = 0.1 * np.random.default_rng(5).standard_normal(12)
+    return function_problem(
+        "mean", {"mu": free("mu", 0.0)}, mean, noise + levels, np.full(12, 0.1)
+    )  # fmt: skip
+
+
+def test_a_source_that_the_residuals_exclude_is_entered_at_their_bound() -> None:
+    pattern = np.where(np.arange(12) < 4, 1.0, 0.0)
+    source = shared(12, 2.0, name="step", columns=2.0 * pattern[:, None], distribution="uniform")
+    own = 0.1 / (4.0 - 16.0 / 12.0) ** 0.5  # sd of the step that the residuals leave
+    for true in (0.0, 0.3):
+        way = carried(stepped(true * pattern))
+        (found,) = bounded(way, [source])
+        assert found.kind == "A"
+        residuals = way.problem.observed - way.shape[0]
+        step = residuals @ (pattern - pattern.mean()) / (4.0 - 16.0 / 12.0)
+        assert found.sd == pytest.approx(np.hypot(step, own), rel=1e-3)
+        assert found.columns == pytest.approx(found.sd * pattern[:, None])
+        assert "residuals of this run" in found.origin
+
+
+def test_a_source_that_the_residuals_do_not_show_is_entered_as_stated() -> None:
+    """A common zero is the mean, and of two sources of one pattern each may hide the other."""
+    way = carried(stepped(np.zeros(12)))
+    zero = shared(12, 2.0, distribution="uniform")
+    assert bounded(way, [zero]) == (zero,)
+    pattern = np.where(np.arange(12) < 4, 2.0, 0.0)[:, None]
+    twins = [shared(12, 2.0, name=name, columns=pattern) for name in ("tilt", "loop")]
+    assert bounded(way, twins) == tuple(twins)
+    assert bounded(way, [twins[0], zero])[0].sd < 0.2
+    assert bounded(way, []) == ()
 
 
 def level_bench(model: Model) -> Conditions:
@@ -326,6 +381,29 @@ def test_the_headline_of_a_fit_has_the_error_of_its_budget(quad: FitOutput) -> N
     assert (stated["combined_sd"], stated["sd"]) == (item.combined_sd, item.sd)
 
 
+def test_a_run_bounds_the_hysteresis_that_it_does_not_show(quad: FitOutput) -> None:
+    budget = quad.budget
+    assert budget is not None
+    place = budget.names.index("body_lift.K_b")
+    (line,) = (one for one in budget.lines if one.name.startswith("load_cell_hysteresis."))
+    assert (line.kind, line.in_fit) == ("A", False)
+    assert line.sd < 0.002  # of 0.0135 N assumed
+    assert line.contribution[place] < 0.3 * budget.combined[place]
+    (row,) = (row for row in budget_table(budget).rows if row[0] == f"{line.name} *")
+    assert row[1] == f"A: {line.sd:.2g} N from residuals"
+    # What a planned sweep lacks in residuals, the run has shown of the bench.
+    planned = propagated(quad, replace(quad.data))
+    assert planned is not None
+    assert {one.name: one.sd for one in planned[1]}[line.name] == pytest.approx(line.sd)
+
+
+def test_monte_carlo_confirms_every_quantity_of_a_quadrotor(quad: FitOutput) -> None:
+    found = propagated(quad)
+    assert found is not None
+    budget = replace(budget_of(*found), monte_carlo=monte_carlo(*found))
+    assert budget.confirmed == (True,) * len(budget.names)
+
+
 def test_a_posterior_has_the_sources_outside_of_it_as_well(quad: FitOutput) -> None:
     budget, (first, other) = quad.budget, (one["K_b"] for one in quad.results)
     assert budget is not None
@@ -351,10 +429,10 @@ def test_a_fit_without_a_budget_says_that_its_error_is_statistical() -> None:
 
 
 def test_monte_carlo_goes_before_a_propagation_that_it_refutes() -> None:
-    source = shared(3, 10.0, distribution="uniform")
     way = carried(weighted_mean())
-    budget = replace(budget_of(way, [source]), monte_carlo=monte_carlo(way, [source]))
+    drawn = MonteCarlo(draws=2000, seed=1, sd=(0.1,), low=(-0.1,), high=(0.3,))
+    budget = replace(budget_of(way), monte_carlo=drawn)
+    assert budget.confirmed == (False,)
     item = budget.added_to(way.items[0], first=True)
-    ends = np.array(item.combined_95) - item.value
-    assert ends == pytest.approx(np.array([-1.0, 1.0]) * 10.0 * 0.95 * 3.0**0.5, rel=0.03)
-    assert item.combined_sd == pytest.approx(10.0, rel=0.03)
+    assert np.array(item.combined_95) - item.value == pytest.approx((-0.1, 0.3))
+    assert item.combined_sd == 0.1
