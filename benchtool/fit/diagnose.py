@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc, ndtr, stdtr
+from scipy.special import chdtrc, fdtrc, ndtr, stdtr
 from scipy.stats import rankdata
 
 from benchtool.core.array import Array
@@ -17,23 +17,20 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.identifiability import Confusion, confusions
+from benchtool.fit.jacobian import way_for
 from benchtool.fit.problem import NOISE_SCALE, Problem
 from benchtool.fit.robust import LOSSES, MAD_EFFICIENCY, MAD_TO_SD, Loss
-from benchtool.fit.solve import solve
+from benchtool.fit.solve import row_jacobian, solve
 
 Verdict = Literal["consistent", "scatter", "rejected", "errors_too_large", "no_verdict"]
 
-UNLIKELY = 1e-3
-"""A chance below this is reported."""
-
+UNLIKELY = 1e-3  # a chance below this is reported
+# Up to so many stated errors, what is left over may be scatter that they leave out (between visits,
+# say), where a free noise parameter takes it up and no setting is repeated; assumed.
 SCATTER = 4.0
-"""Up to so many stated errors, what is left over may be scatter that they do not know of (between
-visits of a bench, say), where a free noise parameter takes it up; a choice."""
-
+# From so many stated errors on a model lacks something, and so does one that settings miss so many
+# times as much as repeats scatter; assumed: scatter between visits is seldom more.
 TOO_MUCH = 2.0
-"""From so many stated errors on, a fit says that its model lacks something: scatter between visits
-is seldom more, and it makes no interval too narrow as a missing effect does; a choice."""
-
 MOST_NAMED = 5
 
 
@@ -67,14 +64,18 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     chance = float("nan")
     if result.dof > 0:
         chance = float(chdtrc(share * result.dof, share * result.chi2))
-    verdict = _verdict(problem, result, chance)
+    verdict, lack = _verdict(problem, result, chance), Pattern(0.0, 1.0)
+    if verdict == "scatter" and loss == "linear":
+        lack = lack_of_fit(problem, result)
+        if lack.size > TOO_MUCH and lack.chance < UNLIKELY:
+            verdict = "rejected"
     # Outliers are far out against the scatter that is there, be it the stated one or not.
     spread = max(1.0, MAD_TO_SD * float(np.median(np.abs(rows_alone))))
     far = tuple(int(i) for i in outliers(rows_alone / spread))
     confused = confusions(problem, result)
     sentences = (
         *(str(item) for item in confused),
-        *_of_verdict(verdict, result, chance),
+        *_of_verdict(verdict, result, chance, lack.size),
         *_of_structure(problem, rows),
         *_of_outliers(problem, rows_alone / spread, far),
     )
@@ -135,7 +136,7 @@ def _verdict(problem: Problem, result: FitResult, chance: float) -> Verdict:
     return "errors_too_large" if chance > 1.0 - UNLIKELY else "consistent"
 
 
-def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str, ...]:
+def _of_verdict(verdict: Verdict, result: FitResult, chance: float, lack: float) -> tuple[str, ...]:
     message = f"chi2/dof is {result.chi2_per_dof:.3g} ({result.chi2:.4g} over {result.dof})"
     noise_is_free = any(item.name.startswith("noise.") for item in result.estimates)
     much = f"points scatter {times_as_much(result)} as much as their stated errors"
@@ -147,7 +148,9 @@ def _of_verdict(verdict: Verdict, result: FitResult, chance: float) -> tuple[str
         advice = "add an effect"
         if not noise_is_free:
             advice += ", or free noise.scale if the errors leave scatter out"
-        if lacks_something(result):
+        if lack:
+            advice = f"settings miss it {lack:.2g} times as much as repeats scatter: {narrow}"
+        elif lacks_something(result):
             advice = f"{much}: {narrow}"
         return (
             f"{message}: model {result.model!r} is rejected at the stated standard errors (chance "
@@ -184,6 +187,32 @@ class Pattern(NamedTuple):
     size: float
     chance: float
     expected: float = 0.0  # of noise
+
+
+def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
+    """Return how many times as much settings miss the model as repeats scatter, or are stated to.
+
+    A level of its own for every setting takes the misfit off chi2 and leaves the scatter; the
+    chance is that of the F test of both.
+    """
+    shape, _ = problem.split(result.values)
+    groups = problem.groups
+    if groups is None or len(settings := np.unique(groups)) == len(groups):
+        return Pattern(0.0, 1.0)
+    whitening = problem.whitening(problem.stated_noise)
+    rows = problem.rows(shape, whitening)
+    way = way_for(problem.predict, shape, len(problem), *problem.shape_bounds)
+    levels = np.zeros((len(rows), len(settings)))
+    levels[: len(problem)] = whitening(1.0 * (groups[:, None] == settings))
+    free = np.hstack([row_jacobian(problem, way)(shape, whitening), levels])
+    free = free / np.maximum(np.linalg.norm(free, axis=0), 1e-300)
+    taken, _, rank, _ = np.linalg.lstsq(free, rows, rcond=1e-6)
+    dof, misfit = len(rows) - int(rank), float(rows @ free @ taken)
+    if not 0 < dof < problem.dof:
+        return Pattern(0.0, 1.0)
+    scatter = max((float(rows @ rows) - misfit) / dof, 1.0)
+    ratio = misfit / (problem.dof - dof) / scatter
+    return Pattern(ratio**0.5, float(fdtrc(problem.dof - dof, dof, ratio)))
 
 
 def bend_along(order: Array, rows: Array) -> Pattern:

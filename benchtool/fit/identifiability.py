@@ -92,34 +92,6 @@ def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
     return tuple(found)
 
 
-def gain_matrix(problem: Problem, values: Array) -> Array:
-    """Return what each observation and each row of a prior adds to each fitted value.
-
-    (J^T J)^-1 J^T of the whitened rows, brought back to the observations' own unit: the change of a
-    parameter by an error source is the first m columns times `ErrorSource.columns`, that by one
-    standard deviation of a prior's row is the column itself.
-
-    Args:
-        problem: what was fitted.
-        values: (n_free,) at the solution; a free noise parameter's too.
-
-    Returns:
-        (n_shape, m + q): points first, then the rows of the priors, in the order of `shape_names`;
-        nan in the rows of parameters that the data leave open.
-    """
-    shape, noise = problem.split(values)
-    m, whitening = len(problem), problem.whitening(noise)
-    lower, upper = problem.shape_bounds
-    with np.errstate(all="ignore"):
-        way = way_for(problem.predict, shape, m, lower, upper)
-        jacobian = row_jacobian(problem, way)(shape, whitening)
-    covariance = spread_of(jacobian, way).covariance
-    open_ones = np.isinf(np.diag(covariance))
-    gain = np.where(np.isinf(covariance), 0.0, covariance) @ jacobian.T
-    gain[open_ones] = np.nan
-    return np.concatenate([gain[:, :m] @ whitening(np.eye(m)), gain[:, m:]], axis=1)
-
-
 def _weak_directions(scaled: Array) -> list[Array]:
     """Return directions of the column-scaled Jacobian that are weak, the weakest first."""
     _, singular, directions = np.linalg.svd(scaled, full_matrices=False)

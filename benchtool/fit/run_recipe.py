@@ -28,7 +28,7 @@ from benchtool.fit.profile import with_profile
 from benchtool.fit.recipe import LAWS, Recipe
 from benchtool.fit.uncertainty.budget import Budget, BudgetMethod, with_budget
 from benchtool.fit.uncertainty.density import STANDARD_K, Density, density_of
-from benchtool.fit.uncertainty.held_sources import held_sources
+from benchtool.fit.uncertainty.held_sources import held_sources, misfit
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from benchtool.fit.uncertainty.propagation import Propagation, bounded, budget_of, propagation
@@ -183,16 +183,14 @@ def propagated(output: FitOutput, data: FitData | None = None) -> Propagated | N
     held = held_sources(model, data.conditions.select(data.rows), reference)
     if way is None:
         return None
-    if data is output.data:
-        held = bounded(way, held)
-    elif measured := propagated(output):
-        # A planned sweep has no residuals; what the run bounds, it bounds for the bench.
-        known = {one.name: one for one in measured[1]}
-        held = tuple(
-            replace(known[one.name], columns=known[one.name].sd / one.sd * one.columns)
-            for one in held
-            if one.name in known
-        )
+    # A planned sweep has no residuals; what the run bounds, it bounds for the bench.
+    measured = None if data is output.data else propagated(output)
+    known = {one.name: one for one in (measured[1] if measured else bounded(way, held))}
+    held = tuple(
+        replace(known[one.name], columns=known[one.name].sd / one.sd * one.columns) for one in held
+    )
+    if problem.noise_name is None and result.facts.get("verdict") == "rejected":
+        held = (*held, misfit(problem, way.whitening.sigma, result.chi2_per_dof))
     beside = []
     if output.density is not None and STANDARD_K in way.names:
         beside.append(output.density.source(result[STANDARD_K].value))

@@ -45,11 +45,6 @@ class ColumnChoice:
         """Whether there are ratios in place of thrusts."""
         return "thrust_ratio" in self.columns
 
-    @property
-    def has_plate(self) -> bool:
-        """Whether a distance is known."""
-        return "plate_z_m" in self.columns
-
 
 def choose_columns(
     path: str, given: TableInputs, rig: Rig, where: Sequence[str] = ()

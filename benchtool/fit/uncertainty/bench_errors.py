@@ -23,14 +23,11 @@ from benchtool.physics.model import Model
 
 Mask = NDArray[np.bool_]
 
-SHOWS = 1e-9
-"""Columns below this share of the greatest thrust are rounding and left out."""
-
+SHOWS = 1e-9  # columns below this share of the greatest thrust are rounding and left out
 ON_GRID = 1e-3  # steps between a reading and the distance of the stage that are none; assumed
-
+# Directions of the zero's covariance below this share of its largest are left out: of a random
+# walk some 1 % of its variance, which goes from one point to the next.
 KEPT = 5e-4
-"""Directions of the zero's covariance below this share of its largest are left out: of a random
-walk some 1 % of its variance, which goes from one point to the next."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -66,17 +63,17 @@ class Visits:
         if "elapsed_s" not in points:
             since = conditions.time_s - np.nanmin(conditions.time_s)
         began = np.round(np.nan_to_num(conditions.time_s - since))
-        stage_m, read_m = (
+        read_m, stage_m = (
             points.si(name) if name in points else np.full(len(points), np.nan)
-            for name in ("plate_stage_z_m", "plate_read_z_m")
+            for name in ("plate_read_z_m", "plate_stage_z_m")
         )
-        step_m = rig.sensors.get("plate_z_m", Sensor()).quantum
+        near_m = ON_GRID * rig.sensors.get("plate_z_m", Sensor()).quantum
         return cls(
             stay=stays_of(conditions, tare, ordered="time_s" in points),
             zero_s=np.nan_to_num(since),
             tared=np.unique(began, return_inverse=True)[1].reshape(-1).astype(np.intp),
             tare=tare,
-            rounded=~(np.abs(read_m - stage_m) <= ON_GRID * step_m),
+            rounded=~(np.abs(read_m - stage_m) <= near_m),
             one_sided=points.provenance.get("approach", "") == "one side",
             calibrated=bool(points.provenance.get("calibration", "")),
             zero=zero_noise(points, rig),
@@ -84,14 +81,8 @@ class Visits:
 
     def select(self, rows: Mask | NDArray[np.intp]) -> Visits:
         """Return those of only some points."""
-        return replace(
-            self,
-            stay=self.stay[rows],
-            zero_s=self.zero_s[rows],
-            tared=self.tared[rows],
-            tare=self.tare[rows],
-            rounded=self.rounded[rows],
-        )
+        names = ("stay", "zero_s", "tared", "tare", "rounded")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
 
 def joined_visits(parts: list[Visits]) -> Visits:

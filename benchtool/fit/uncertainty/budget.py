@@ -13,7 +13,6 @@ from math import inf
 from typing import Any, Literal
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import stdtr, stdtrit
 
 from benchtool.core.array import Array
@@ -22,14 +21,9 @@ from benchtool.core.fit_result import Estimate, FitResult
 
 BudgetMethod = Literal["propagation", "mc"]
 
-COVERAGE = 0.95
-"""Probability of the expanded interval."""
-
-EVENLY = (np.arange(400.0) + 0.5) / 200.0 - 1.0  # draws of a uniform source over its half width
-MIN_REST = 1e-4  # share of the variance beside a uniform source that so many draws resolve
-
-ZERO = 0.01
-"""A value below this part of its standard uncertainty counts as 0: percent of it say nothing."""
+COVERAGE = 0.95  # probability of the expanded interval
+MIDDLES = (np.arange(400.0) + 0.5) / 400.0  # probabilities of the draws of a distribution
+ZERO = 0.01  # a value below this part of its standard uncertainty is 0 and has no percent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,26 +114,18 @@ class Budget:
 
     @cached_property
     def coverage_factor(self) -> Array:
-        """Factor (n,) from combined standard to expanded uncertainty.
-
-        Student's t; the largest uniform source counts with its own shape (JCGM 100, G.2.2).
-        """
+        """Factor (n,) to expanded uncertainty: of Student's t and the largest uniform source."""
         return np.array([self._factor(column) for column in self.parts.T])
 
     def _factor(self, parts: Array) -> float:
         uniform = parts * [line.distribution == "uniform" for line in self.lines]
-        rest, largest = parts.copy(), int(np.argmax(uniform))
-        rest[largest] -= uniform[largest]
-        share = float(uniform[largest] / np.linalg.norm(parts))
-        dof, scale = self._dof(rest), max(1.0 - share**2, MIN_REST) ** 0.5
-        half_width = share * 3.0**0.5
-
-        def excess(factor: float) -> float:
-            below = stdtr(dof, (factor - half_width * EVENLY) / scale)
-            return float(below.mean()) - 0.5 - 0.5 * COVERAGE
-
-        most = float(stdtrit(dof, 0.5 + 0.5 * COVERAGE))
-        return float(brentq(excess, 0.0, most + half_width)) if share else most
+        largest, upper = uniform * (uniform == uniform.max()), 0.5 + 0.5 * COVERAGE
+        share, dof = largest.max() / np.linalg.norm(parts), self._dof(parts - largest)
+        if not share:
+            return float(stdtrit(dof, upper))
+        rest = np.sqrt(max(1.0 - share**2, 0.0)) * stdtrit(dof, MIDDLES)
+        whole = rest + share * 3.0**0.5 * (2.0 * MIDDLES[:, None] - 1.0)
+        return float(np.quantile(whole, upper, method="hazen"))
 
     @cached_property
     def expanded(self) -> Array:
@@ -170,11 +156,9 @@ class Budget:
         ends = np.array([self.monte_carlo.low, self.monte_carlo.high])
         off = np.abs(ends - np.array([-self.expanded, self.expanded])).max(axis=0)
         digit = [0.05 * 10.0 ** int(f"{u:.1e}".partition("e")[2]) for u in self.combined]
-        near = [stdtr(self.dof, self.coverage_factor + step) for step in (-1e-3, 1e-3)]
-        density = (near[1] - near[0]) / 2e-3
-        tail = 0.5 - 0.5 * COVERAGE
-        se = (tail * (1.0 - tail) / self.monte_carlo.draws) ** 0.5 / density * self.combined
-        return tuple(bool(one) for one in off <= digit + 3.0 * se)
+        below, above = (stdtr(self.dof, self.coverage_factor + step) for step in (-5e-4, 5e-4))
+        se = (0.25 * (1.0 - COVERAGE**2) / self.monte_carlo.draws) ** 0.5 * 1e-3 / (above - below)
+        return tuple(bool(one) for one in off <= digit + 3.0 * se * self.combined)
 
     def added_to(self, item: Estimate, first: bool) -> Estimate:
         """Return an estimate with its combined uncertainty; the budget is of the first method's.

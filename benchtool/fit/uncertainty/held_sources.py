@@ -11,6 +11,7 @@ from benchtool.core.array import Array
 from benchtool.core.error_source import Distribution, ErrorSource
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
+from benchtool.fit.problem import Problem
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Effect
@@ -76,6 +77,17 @@ def held_sources(
                 )
             )  # fmt: skip
     return tuple(one for one in found if np.abs(one.columns).max() > 0.0)
+
+
+def misfit(problem: Problem, sigma: Array, chi2_per_dof: float) -> ErrorSource:
+    """Return what scales the points' stated errors (m,) to the scatter that a model leaves."""
+    columns = np.diag(sqrt(chi2_per_dof - 1.0) * sigma)
+    return ErrorSource(
+        name="misfit", kind="A", unit="N" if problem.basis == "joint" else "1",
+        sd=float(np.linalg.norm(columns)) / sqrt(len(sigma)), columns=columns,
+        distribution="student_t", dof=float(problem.dof),
+        origin=f"stated errors scaled by {sqrt(chi2_per_dof):.3g}, the root of chi2/dof",
+    )  # fmt: skip
 
 
 def _with_readings(model: Model) -> Model:

@@ -16,14 +16,9 @@ from benchtool.fit.solve import row_jacobian
 from benchtool.fit.uncertainty.budget import COVERAGE, MonteCarlo
 from benchtool.fit.uncertainty.propagation import POINTS, Propagation
 
-DRAWS = 2000
-"""Refits of a check; the ends of the 95 % interval then scatter by some 4 % of its half width."""
-
-CLOSE = 1e-4
-"""Part of a standard deviation below which a step of a refit no longer matters."""
-
-STEPS = 20
-"""Most Gauss-Newton steps of a refit; two or three are enough where a budget means anything."""
+DRAWS = 2000  # ends of the 95 % interval then scatter by some 4 % of its half width
+CLOSE = 1e-4  # part of a standard deviation below which a step of a refit no longer matters
+STEPS = 20  # most Gauss-Newton steps of a refit; two or three are enough mostly
 
 
 def monte_carlo(

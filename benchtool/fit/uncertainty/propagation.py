@@ -23,13 +23,9 @@ from benchtool.fit.solve import row_jacobian
 from benchtool.fit.uncertainty.budget import Budget, BudgetLine
 from benchtool.physics.effects.effect import Derived
 
-ORIGINS = {"A": "scatter of the data", "B": "stated by the rig"}
-"""Who states a source that does not say it itself."""
-
+ORIGINS = {"A": "scatter of the data", "B": "stated by the rig"}  # of a source without its own
 POINTS = "scatter of the points"  # name of the estimate that `repeat` and bounded sources share
-
-SHOWS = 1e-4
-"""Part of every combined uncertainty below which a source is left out."""
+SHOWS = 1e-4  # part of every combined uncertainty below which a source is left out
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -110,12 +106,14 @@ def bounded(way: Propagation, sources: Sequence[ErrorSource]) -> tuple[ErrorSour
     if not sources:
         return ()
     problem, columns = way.problem, np.concatenate([one.columns for one in sources], axis=1)
-    rows = np.pad(way.whitening(columns), ((0, len(problem.priors)), (0, 0)))
+    residuals = -problem.rows(way.shape, way.whitening)
+    widened = max(float(residuals @ residuals) / max(problem.dof, 1), 1.0) ** 0.5
+    rows = np.pad(way.whitening(columns), ((0, len(problem.priors)), (0, 0))) / widened
     fitted = way.gain[: len(way.shape)] / way.sd[:, None]
     left = rows - np.linalg.pinv(fitted) @ (fitted @ rows)
     posterior = np.linalg.inv(np.eye(len(sources)) + left.T @ left)
     shown = np.maximum(1.0 - np.diag(posterior), 1e-300)  # share of each draw that residuals show
-    draw = posterior @ (left.T @ -problem.rows(way.shape, way.whitening)) / shown
+    draw = posterior @ (left.T @ residuals) / widened / shown
     sd = np.sqrt(np.diag(posterior) / shown)
     dof = np.inf if problem.noise_name is None else float(problem.dof)
     return tuple(
@@ -192,9 +190,7 @@ def _within(way: Propagation) -> Iterator[tuple[BudgetLine, Array]]:
     problem, m = way.problem, len(way.problem)
     sigma = way.whitening.sigma
     fitted = problem.noise_name is not None
-    of_noise: dict[str, Any] = {
-        "dof": float(problem.dof), "distribution": "student_t", "scatter": POINTS,
-    }  # fmt: skip
+    of_noise: dict[str, Any] = {"dof": float(problem.dof), "distribution": "student_t"}
     repeat = ErrorSource(
         name="repeat",
         kind="A",
@@ -202,7 +198,7 @@ def _within(way: Propagation) -> Iterator[tuple[BudgetLine, Array]]:
         sd=float(np.sqrt(np.mean(sigma**2))),
         columns=sigma[:, None],
         origin=f"scatter of the points: {problem.noise_name} fitted" if fitted else "stated errors",
-        **(of_noise if fitted else {}),
+        **(of_noise | {"scatter": POINTS} if fitted else {}),
     )
     # One draw for each point: gain times the whitened diagonal, without writing that out.
     own = way.whitening((way.gain[:, :m] * sigma).T).T

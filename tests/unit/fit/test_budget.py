@@ -151,6 +151,33 @@ def test_a_robust_loss_keeps_the_intervals_of_its_fit() -> None:
     assert budget.combined == pytest.approx(budget.fit_sd, rel=1e-6)
 
 
+def test_a_rejected_model_has_its_errors_scaled_in_the_budget(tmp_path: Path) -> None:
+    """By the root of chi2/dof, in a row of its own: the fit's own error stays as stated."""
+    rpm = np.linspace(3000.0, 6000.0, 12)
+    thrust_N = 1.1e-7 * rpm**2 * (1.0 + 0.05 * (-1.0) ** np.arange(12))
+    rows = [f"{a},{b},0.01" for a, b in zip(rpm, thrust_N, strict=True)]
+    (tmp_path / "far.csv").write_text("\n".join(["rpm1,thrust_N,thrust_se_N", *rows]))
+    recipe = Recipe(
+        name="far", data=(str(tmp_path / "far.csv"),), model="single", rig="pquad_single",
+        hold=("R_m",),
+    )  # fmt: skip
+    output = run_recipe(recipe)
+    (result,), budget = output.results, output.budget
+    assert budget is not None
+    assert result.facts["verdict"] == "rejected"
+    place = budget.names.index("k")
+    (line,) = (one for one in budget.lines if one.name == "misfit")
+    scaled = np.hypot(line.contribution[place], result["k"].sd)
+    assert scaled == pytest.approx(result["k"].sd * result.chi2_per_dof**0.5, rel=1e-3)
+    assert (line.kind, line.dof, line.in_fit) == ("A", 11.0, False)
+    assert f"{result.chi2_per_dof**0.5:.3g}" in line.origin
+    assert result["k"].combined_sd >= scaled
+    # A scale that the fit has free holds it already.
+    free_scale = run_recipe(replace(recipe, noise="scale")).budget
+    assert free_scale is not None
+    assert "misfit" not in {one.name for one in free_scale.lines}
+
+
 def test_an_open_parameter_has_no_budget() -> None:
     problem = function_problem(
         "sum",
@@ -251,7 +278,8 @@ def test_a_source_that_the_residuals_exclude_is_entered_at_their_bound() -> None
         assert found.kind == "A"
         residuals = way.problem.observed - way.shape[0]
         step = residuals @ (pattern - pattern.mean()) / (4.0 - 16.0 / 12.0)
-        assert found.sd == pytest.approx(np.hypot(step, own), rel=1e-3)
+        scale = max(float(residuals @ residuals) / 0.1**2 / 11.0, 1.0) ** 0.5  # root of chi2/dof
+        assert found.sd == pytest.approx(np.hypot(step, scale * own), rel=1e-3)
         assert found.columns == pytest.approx(found.sd * pattern[:, None])
         assert "residuals of this run" in found.origin
 

@@ -26,9 +26,17 @@ def asked(rig: Rig = SINGLE) -> Model:
 
 
 def compared(
-    truth: Model, *, sd: float, seed: int = 1, at: tuple[float, ...] = FROM_HALF, bump: float = 0.0
+    truth: Model,
+    *,
+    sd: float,
+    seed: int = 1,
+    at: tuple[float, ...] = FROM_HALF,
+    bump: float = 0.0,
+    scatter: float = 0.0,
 ) -> LawComparison:
     """Compare all laws on a simulated sweep of a truth, errors relative and stated.
+
+    Above 0 `scatter` is that of visits in stated errors, whose scale is then free.
 
     `bump` raises the thrust by that share at z/R 1.1 only.
     """
@@ -42,12 +50,15 @@ def compared(
     thrust = np.asarray(truth.thrust_N(conditions))
     error = sd * thrust
     observed = thrust * (1.0 + bump * (z_over_R == 1.1))
-    observed = observed + error * np.random.default_rng(seed).standard_normal(len(error))
+    observed = observed + (scatter or 1.0) * error * np.random.default_rng(seed).standard_normal(
+        len(error)
+    )
 
     def problem_of(model: Model) -> Problem:
         return problem_from_model(model, conditions, observed, error, nearest_z_over_R=None)
 
-    return compare_laws(asked(rig), problem_of, z_over_R)
+    model = asked(rig)
+    return compare_laws(model.freed("noise.scale") if scatter else model, problem_of, z_over_R)
 
 
 @pytest.mark.parametrize(
@@ -78,6 +89,20 @@ def test_what_the_scatter_hides_is_not_told_apart() -> None:
     assert found.named("refused") == []
     assert len(found.named("indistinguishable")) >= 5
     assert "cannot be distinguished from it" in found.sentence
+
+
+def test_a_law_that_misses_more_than_repeats_scatter_is_refused_with_a_free_scale() -> None:
+    """chi2/dof at the stated errors is below 16, which a free scale would take for scatter."""
+    found = compared(asked(), sd=2.5e-3, scatter=1.0)
+    rational = next(score for score in found.scores if score.law == "rational_law")
+    assert 2.0 < rational.chi2_per_dof < 16.0
+    assert rational.verdict == "refused"
+    assert found.scores[0].law == "rotor_images"
+    # The same chi2/dof is scatter where repeats scatter as much.
+    apart = compared(asked(), sd=2.5e-3, scatter=3.0)
+    true = next(score for score in apart.scores if score.law == "rotor_images")
+    assert 5.0 < true.chi2_per_dof < 16.0
+    assert true.verdict in ("best", "indistinguishable")
 
 
 def test_a_bench_that_follows_no_formula_follows_the_table_or_none() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import stdtr
+from scipy.special import fdtrc, stdtr
 
 from benchtool.core.array import Array
 from benchtool.core.rig_file import rig_named
@@ -14,6 +14,7 @@ from benchtool.fit.diagnose import (
     _hint,
     bend_along,
     diagnose,
+    lack_of_fit,
     outliers,
     runs_along,
     trend_along,
@@ -23,13 +24,15 @@ from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.identifiability import evidence_against
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
-from benchtool.fit.problem import Problem
+from benchtool.fit.problem import Problem, function_problem, noise_parameter
 from benchtool.fit.robust import Loss
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from tests.unit.fit.cases import (
     X,
+    free,
     line_problem,
+    noise,
     quad_conditions,
     quad_model,
     quad_problem,
@@ -136,6 +139,40 @@ def test_a_free_scale_takes_up_some_scatter_but_not_a_missing_effect() -> None:
     assert fit_least_squares(problem).chi2_per_dof == pytest.approx(9.0, rel=0.5)
     unknown = replace(problem, standard_error=np.ones(len(problem)))
     assert diagnose(unknown, fit_least_squares(unknown)).verdict == "no_verdict"
+
+
+def repeated_line(scatter: float, bend: float) -> Problem:
+    """State a line with a free scale of errors 0.2, five settings five times each."""
+    x = np.repeat(np.linspace(0.0, 1.0, 5), 5)
+    observed = 1.0 + 2.0 * x + bend * (2.0 * x - 1.0) ** 2 + 0.2 * scatter * noise(4)
+    parameters = {"a": free("a", 0.5), "b": free("b", 0.5), "noise.scale": noise_parameter()}
+    return function_problem(
+        "line", parameters, lambda v: v[0] + v[1] * x, observed, np.full(25, 0.2),
+        groups=np.repeat(np.arange(5), 5),
+    )  # fmt: skip
+
+
+def test_settings_that_miss_more_than_repeats_scatter_reject_a_model() -> None:
+    """The F test of a straight line against a mean for every setting, as textbooks have it."""
+    problem = repeated_line(scatter=1.0, bend=1.4)
+    result = fit_least_squares(problem)
+    means = problem.observed.reshape(5, 5).mean(axis=1)
+    own = np.sum((problem.observed.reshape(5, 5) - means[:, None]) ** 2) / 20.0
+    line = np.polyval(np.polyfit(np.arange(5.0), means, 1), np.arange(5.0))
+    ratio = 5.0 * np.sum((means - line) ** 2) / 3.0 / max(own, 0.2**2)
+    lack = lack_of_fit(problem, result)
+    assert lack.size == pytest.approx(ratio**0.5, rel=1e-4)
+    assert lack.chance == pytest.approx(fdtrc(3, 20, ratio), rel=1e-3)
+    assert 2.0 < result.chi2_per_dof < 16.0
+    found = diagnose(problem, result)
+    assert found.verdict == "rejected"
+    assert f"{lack.size:.2g} times as much as repeats scatter" in found.sentences[0]
+    # As large a chi2 of repeats themselves is scatter, and so it is where no setting is repeated.
+    scattered = repeated_line(scatter=3.0, bend=0.0)
+    assert diagnose(scattered, fit_least_squares(scattered)).verdict == "scatter"
+    single = replace(problem, groups=np.arange(25))
+    assert lack_of_fit(single, result).size == 0.0
+    assert diagnose(single, result).verdict == "scatter"
 
 
 def test_outliers_are_named_and_others_are_not() -> None:

@@ -14,7 +14,6 @@ from benchtool.core.errors import InputError
 from benchtool.fit.compare import compare, predicted
 from benchtool.fit.diagnose import diagnose
 from benchtool.fit.ensemble import fit_ensemble
-from benchtool.fit.identifiability import gain_matrix
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.profile import with_profile
@@ -187,7 +186,9 @@ def test_a_shared_error_is_no_structure_and_an_outlier_stays_one() -> None:
 def test_gain_is_the_derivative_of_the_answer() -> None:
     problem = replace(calibrated_line(), error_sources=with_errors(line_problem()).error_sources)
     result = fit_least_squares(problem)
-    gain = gain_matrix(problem, result.values)
+    way = propagation(problem, result)
+    assert way is not None
+    gain = np.hstack([way.changes(np.eye(25)), way.gain[:, 25:]])
     assert gain.shape == (4, 25 + 2)
     for point in (0, 13):
         step = 1e-3 * np.eye(25)[point]

@@ -167,7 +167,12 @@ def test_the_one_parameter_law_is_rejected_for_the_rotor_pair(
     result = json.loads((tmp_path / "fit/result.json").read_text("utf-8"))
     least = result["results"]["least_squares"]
     assert least["chi2_per_dof"] == pytest.approx(35.0, abs=1.0)
-    assert least["derived"]["R_over_rotor_radius"]["value"] ** 2 == pytest.approx(1.13, abs=0.01)
+    ratio = least["derived"]["R_over_rotor_radius"]
+    assert ratio["value"] ** 2 == pytest.approx(1.13, abs=0.01)
+    misfit = next(one for one in result["budget"]["sources"] if one["name"] == "misfit")
+    scaled = (ratio["sd"] ** 2 + misfit["contribution"]["R_over_rotor_radius"] ** 2) ** 0.5
+    assert scaled == pytest.approx(0.040, abs=0.001)  # 0.0068 times the root of chi2/dof
+    assert ratio["combined_sd"] >= scaled
     speed = 6300.0 * 3.141592653589793 / 30.0
     assert least["estimates"]["k"]["value"] * speed**2 == pytest.approx(20.41, abs=0.01)
     sampled = result["results"]["emcee"]
