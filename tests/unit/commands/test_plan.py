@@ -38,7 +38,7 @@ def test_the_printed_sweep_of_a_run_works(capsys: pytest.CaptureFixture[str]) ->
 def test_a_step_that_increases_the_uncertainty_is_explained(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    out = planned(capsys, RUN, "--model", "quad_bench", "--for", "R=0.2%")
+    out = planned(capsys, RUN, "--model", "quad_bench", "--for", "k=0.005%")
     assert "no: it increases" in out
     assert "leans more on what it holds fixed (* in the budget of benchtool fit)" in out
 
