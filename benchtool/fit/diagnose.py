@@ -122,8 +122,15 @@ def refusal(results: Sequence[FitResult]) -> BenchtoolError | None:
     return ModelRejected(
         f"the data reject model {first.model!r}: points scatter {times_as_much(first)} as much as "
         f"their stated errors (chi2/dof = {first.chi2_per_dof:.3g}); do not use its numbers before "
-        f"benchtool explain has named what it lacks"
+        f"what it lacks is known: {_remedy(first)}"
     )
+
+
+def _remedy(result: FitResult) -> str:
+    """Return what to do about a model that lacks something."""
+    if result.facts.get("data") == "ratios":  # benchtool explain takes thrusts in N
+        return "compare laws with --compare laws, or add an effect to the model"
+    return "ask benchtool explain"
 
 
 def _verdict(problem: Problem, result: FitResult, chance: float) -> Verdict:
@@ -141,8 +148,8 @@ def _of_verdict(verdict: Verdict, result: FitResult, chance: float, lack: float)
     noise_is_free = any(item.name.startswith("noise.") for item in result.estimates)
     much = f"points scatter {times_as_much(result)} as much as their stated errors"
     narrow = (
-        "the model lacks something and the intervals are too narrow; ask benchtool explain what, "
-        "before these numbers are used"
+        f"the model lacks something and the intervals are too narrow; {_remedy(result)} before "
+        f"these numbers are used"
     )
     if verdict == "rejected":
         advice = "add an effect"

@@ -268,6 +268,8 @@ def _stated_problem(model: Model, near: Model, recipe: Recipe, data: FitData) ->
             source.of(rows) for source in (*data.error_sources, *data.bench_errors(near))
         ),
     )
+    if "thrust_N" not in data.points:
+        return replace(problem, facts={**problem.facts, "data": "ratios"})
     if recipe.basis != "joint":
         return problem  # a ratio of two thrusts does not know the calibration's scale
     errors = [replace(error, rows=error.rows[rows]) for error in data.load_cells.errors]

@@ -16,6 +16,7 @@ from benchtool.fit.diagnose import (
     diagnose,
     lack_of_fit,
     outliers,
+    refusal,
     runs_along,
     trend_along,
     with_diagnosis,
@@ -102,6 +103,18 @@ def test_a_model_without_its_body_lift_is_rejected() -> None:
     said = "\n".join(result.warnings)
     assert "model 'quad' is rejected at the stated standard errors" in said
     assert "z_over_R" in said
+
+
+def test_ratios_alone_are_not_sent_to_an_explanation_that_cannot_take_them() -> None:
+    model = quad_model().without("body_lift")
+    problem = sweep(model, (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0))
+    ratios = replace(problem, facts={**problem.facts, "data": "ratios"})
+    for given, asked in ((problem, True), (ratios, False)):
+        result = with_diagnosis(given, fit_least_squares(given))
+        rejected = refusal([result])
+        assert rejected is not None
+        said = "\n".join((*result.warnings, str(rejected)))
+        assert ("benchtool explain" in said) is asked
 
 
 def test_errors_stated_too_large_are_told() -> None:
