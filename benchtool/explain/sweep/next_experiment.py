@@ -144,6 +144,7 @@ def points_of(design: SweepDesign, evidence: SweepEvidence) -> SweepLog:
             zero_s=elapsed,
             tared=np.cumsum(tare),
             tare=tare,
+            rounded=np.full(len(rows), np.median(like.visits.rounded) > 0.0),
         ),
         power=power,
         name="the next sweep",

@@ -20,6 +20,7 @@ from benchtool.explain.added_model import added_model
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.next_experiment import MINUTES
+from benchtool.explain.sweep.next_experiment import SweepDesign, points_of
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
@@ -275,3 +276,12 @@ def test_it_is_weighed_like_any_other(tmp_path: Path) -> None:
     assert "soft_blades" in verdict.probabilities
     assert "soft_blades.c" in verdict.parameters
     assert "soft_blades" not in verdict.names
+
+
+def test_a_planned_point_is_described_as_a_recorded_one() -> None:
+    learn, check = halves("quad")
+    evidence = SweepSubject(load_model("quad").model, [learn], [check]).evidence
+    design = SweepDesign(distances_m=(0.1, 0.2), lateral_m=(0.0,), pwm_us=(1500.0,))
+    log = points_of(design, evidence)
+    names = ("stay", "zero_s", "tared", "tare", "rounded")
+    assert {len(getattr(log.visits, name)) for name in names} == {len(log)}
