@@ -19,8 +19,7 @@ from benchtool.data.table import read_table
 from benchtool.explain.added_model import added_model
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.verdict import NextExperiment
-from benchtool.explain.sweep.next_experiment import MINUTES
-from benchtool.explain.sweep.next_experiment import SweepDesign, points_of
+from benchtool.explain.sweep.next_experiment import MINUTES, SweepDesign, points_of
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
