@@ -86,7 +86,8 @@ def _of_budget(output: FitOutput, name: str, truth: float) -> Held:
     assert budget is not None
     place = budget.names.index(name)
     value, sd = budget.values[place], float(budget.combined[place])
-    one, two = (float(stdtrit(budget.dof[place], 0.5 + 0.5 * p)) * sd for p in LEVELS)
+    one = float(stdtrit(budget.dof[place], 0.5 + 0.5 * LEVELS[0])) * sd
+    two = float(budget.expanded[place])
     return Held(truth, value, sd, (value - one, value + one), (value - two, value + two))
 
 

@@ -20,6 +20,7 @@ from tests.truth.benches import drawn, visited
 from tests.truth.cells import (
     CELLS,
     Sweep,
+    off_grid_sweep,
     quad_chain,
     quad_sweep,
     single_sweep,
@@ -44,7 +45,9 @@ from tests.truth.count import (
 SAMPLE = range(1000, 1006)
 
 
-@pytest.mark.parametrize("sweep", [quad_sweep, single_sweep, wandering_sweep, two_calibrations])
+@pytest.mark.parametrize(
+    "sweep", [quad_sweep, off_grid_sweep, single_sweep, wandering_sweep, two_calibrations]
+)
 def test_a_sample_of_sweeps_holds_the_truth(sweep: Sweep) -> None:
     """Counts that right intervals give with a chance above 1 in 1000, in every cell."""
     trials = [run_trial(sweep, "least_squares", seed) for seed in SAMPLE]
