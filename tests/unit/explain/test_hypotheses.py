@@ -110,6 +110,21 @@ def test_a_number_that_could_lie_anywhere_in_its_range_is_not_determined() -> No
     assert unknown.text == "not determined (-50 to 50)"
 
 
+def test_a_number_at_its_bound_is_not_determined() -> None:
+    evidence = Linear(np.array([60.0, 0.0, 0.0, 0.0]), 3)
+    hypotheses = Hypotheses(evidence)
+    item = SimpleNamespace(name="x", neutral=0.0)
+    model = SimpleNamespace(
+        effects=[SimpleNamespace(name="a", parameters=[item])],
+        discrepancy=SimpleNamespace(law=0.0),
+    )
+    subject = cast("Subject", SimpleNamespace(evidence=SimpleNamespace(model=model)))
+    (found,) = found_parameters(subject, hypotheses, hypotheses.fitted(("a",), np.zeros(4)), "a")
+    assert found.value == pytest.approx(50.0)
+    assert not found.determined
+    assert (found.low, found.high) == (-50.0, 50.0)
+
+
 def test_what_the_data_cannot_show_is_told() -> None:
     evidence = Linear(np.array([0.0, 0.0, 0.0, 0.0]), 4)
     evidence.design[:, 0] *= 1e-3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -224,6 +225,50 @@ def test_a_lab_bench_of_another_law_is_said_to_be_that(tmp_path: Path) -> None:
     assert verdict.kind == "unknown"
     assert "a different law of thrust against distance, up to 2" in verdict.sentence
     assert "beside it load-cell hysteresis, probability above 0.99" in verdict.sentence
+
+
+def measured_sweep(curve: Path, path: Path, seed: int, *, sd_N: float) -> Recording:
+    """Sweep a bench whose ground effect is a measured curve, that of a pair of tilted rotors."""
+    rng, model = np.random.default_rng(seed), load_model("single").model
+    with curve.open(encoding="utf-8") as file:
+        series = [row for row in csv.DictReader(file) if row["series"] == "Fz30_beta20"]
+    places = [(float(row["z_over_R"]), float(row["Fz_over_Fz_at_5R"])) for row in series]
+    p = model.rig.propulsion
+    speed = p.speed_per_us_rad_s * (1600.0 - p.pwm_start_us)
+    rows = ["point,time_s,kind,pwm1_us,rpm1,plate_z_m,thrust_N,thrust_se_N"]
+    near = [place for place in places if place[0] < 3.6]
+    for number, (ratio, gain) in enumerate((*near, *near[::-1])):
+        z_m, time_s = ratio * p.radius_m, 60.0 * number
+        force = model.parameters["k"].value * speed**2 * gain
+        readings = [("tare", 1000, 0.0, 0.0), ("measure", 1600, 30.0 * speed / np.pi, force)]
+        for kind, pulse, rpm, thrust in readings:
+            read = thrust + sd_N * rng.standard_normal()
+            rows.append(f"{len(rows)},{time_s},{kind},{pulse},{rpm},{z_m},{read},{sd_N}")
+            time_s += 10.0
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return read_table(path, {}, [])
+
+
+def test_a_measured_curve_of_two_rotors_is_no_sure_effect_of_one(
+    reference_data: Path, tmp_path: Path
+) -> None:
+    """With k and R free and no far point a different law looks like a stand in the wake."""
+    curve = reference_data / "ground_effect" / "rotor_pairs.csv"
+    model, classes = load_model("single").model.freed("k", "R_m"), 0
+    for seed in range(0, 12, 2):
+        learn, check = (
+            measured_sweep(curve, tmp_path / f"{number}.csv", number, sd_N=0.03)
+            for number in (seed, seed + 1)
+        )
+        verdict = explain(SweepSubject(model, [learn], [check]), propose=False).verdict
+        assert all(effect.probability <= 0.9 for effect in verdict.effects)
+        if verdict.kind == "class":
+            classes += 1
+            assert "unknown" in verdict.class_members
+            assert any("record points beyond 5 R" in remark for remark in verdict.remarks)
+    assert classes >= 1
+    known = SweepSubject(model.fixed("R_m"), [learn], [check])
+    assert known.free_law == ""
 
 
 def test_a_departure_within_the_stated_discrepancy_is_none_that_matters(tmp_path: Path) -> None:
