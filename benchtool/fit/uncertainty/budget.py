@@ -13,6 +13,7 @@ from math import inf
 from typing import Any, Literal
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import stdtr, stdtrit
 
 from benchtool.core.array import Array
@@ -22,7 +23,7 @@ from benchtool.core.fit_result import Estimate, FitResult
 BudgetMethod = Literal["propagation", "mc"]
 
 COVERAGE = 0.95  # probability of the expanded interval
-MIDDLES = (np.arange(400.0) + 0.5) / 400.0  # probabilities of the draws of a distribution
+EVENLY = (np.arange(400.0) + 0.5) / 200.0 - 1.0  # draws of a uniform source over its half width
 ZERO = 0.01  # a value below this part of its standard uncertainty is 0 and has no percent
 
 
@@ -121,11 +122,13 @@ class Budget:
         uniform = parts * [line.distribution == "uniform" for line in self.lines]
         largest, upper = uniform * (uniform == uniform.max()), 0.5 + 0.5 * COVERAGE
         share, dof = largest.max() / np.linalg.norm(parts), self._dof(parts - largest)
-        if not share:
-            return float(stdtrit(dof, upper))
-        rest = np.sqrt(max(1.0 - share**2, 0.0)) * stdtrit(dof, MIDDLES)
-        whole = rest + share * 3.0**0.5 * (2.0 * MIDDLES[:, None] - 1.0)
-        return float(np.quantile(whole, upper, method="hazen"))
+        most, scale = float(stdtrit(dof, upper)), max(1.0 - share**2, 1e-4) ** 0.5
+        half_widths = 3.0**0.5 * share * EVENLY
+
+        def excess(factor: float) -> float:
+            return float(stdtr(dof, (factor - half_widths) / scale).mean()) - upper
+
+        return float(brentq(excess, 0.0, most + 2.0)) if share > 0.0 else most
 
     @cached_property
     def expanded(self) -> Array:
