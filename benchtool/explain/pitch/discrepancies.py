@@ -33,6 +33,7 @@ LENGTH, DISTANCE, TIME = 0.3, 0.5, 0.25
 the duration of a recording."""
 
 NEAR, NEAREST = 3.0, 0.1  # z/R of half a departure, and the least counted; assumed
+STICKS_RAD_S = 0.01  # rates below are alike: half a degree a second; assumed
 BEFORE_S = 0.02  # readings over which an angle or a rate is averaged
 APART = 100.0  # lengths between functions that have nothing to do with each other
 COARSE = 0.05  # places are rounded to so much of a length
@@ -102,6 +103,8 @@ class Departing:
             return _before(
                 np.nan_to_num(logged.theta_rad) if depends == "angle" else self.rate, rows
             )
+        if depends == "slowness":  # a law of friction differs most where the beam sticks
+            return np.log(np.maximum(np.abs(self.values("rate")), STICKS_RAD_S))
         if depends == "thrust":
             return np.asarray(self.thrust.sum(axis=0), float)
         if depends == "pulse":

@@ -151,19 +151,19 @@ class PitchEvidence:
         return tuple(discrepancies(self.departing()))
 
     def varied(self, changes: Array) -> Array:
-        """Return smooth variations (n_rows, r), by pulse and rate, of what an effect changes."""
+        """Return smooth variations (n_rows, r) of what an effect changes."""
         return changes[:, None] * self._variations
 
     @cached_property
     def _variations(self) -> Array:
-        """Smooth functions (n_rows, r) of pulse and rate, as large as a law may be off."""
-        parts = [smooth(self.departing(), name) for name in ("pulse", "rate")]
+        """Smooth functions (n_rows, r) of pulse, rate and its size, as a law may be off."""
+        parts = [smooth(self.departing(), name) for name in ("pulse", "rate", "slowness")]
         functions = [np.hstack(roots) for roots in zip(*filter(None, parts), strict=True)]
         rows = [
             np.tile(log.rows(root), (self._channels(log), 1))
             for root, log in zip(functions, self.logs, strict=True)
         ]
-        return np.asarray(self.model.discrepancy.law / np.sqrt(2.0) * np.concatenate(rows), float)
+        return np.asarray(self.model.discrepancy.law / np.sqrt(3.0) * np.concatenate(rows), float)
 
     def departing(self) -> list[Departing]:
         def white(log: FilteredLog) -> White:
