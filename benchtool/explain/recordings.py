@@ -121,6 +121,11 @@ def bench_of(source: Source) -> BenchKind:
     for kind, channel in IDENTIFIED_BY.items():
         if channel in source.recording:
             return kind
+    if "thrust_ratio" in source.recording:
+        raise InputError(
+            f"{source.path} has ratios of thrust, and an explanation takes thrust_N; compare laws "
+            f"on ratios with benchtool fit --compare laws"
+        )
     raise InputError(
         f"{source.path} has neither theta_rad (a pitch bench) nor thrust_N (a plate sweep), only "
         f"{', '.join(source.recording.names)}; map its columns in the model's [columns]"

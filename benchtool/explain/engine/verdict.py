@@ -339,11 +339,11 @@ def _left(verdict: Verdict) -> str:
 
 
 def _class(verdict: Verdict) -> str:
-    if len(verdict.effects) == 1 and not verdict.unnamed:
-        (effect,) = verdict.effects
-        shown = f"{_effect(effect)}, probability {_shown(effect.probability)}"
-        if verdict.left > MOSTLY:
-            return f"What the model lacks is mostly like {shown}{_left(verdict)}."
+    effect, *others = verdict.effects
+    shown = f"{_effect(effect)}, probability {_shown(effect.probability)}"
+    if not others and verdict.left > MOSTLY:
+        return f"What the model lacks is mostly like {shown}{_left(verdict)}."
+    if not others and not verdict.unnamed:
         return (
             f"The model {_lacks(effect.probability)} {shown}, or lacks something that looks like "
             f"it by a different law; this data cannot separate them."

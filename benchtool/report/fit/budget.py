@@ -102,7 +102,7 @@ def _header(budget: Budget, place: int) -> str:
 
 def budget_sentence(budget: Budget) -> str:
     """Say what the marks of the table mean, and whether Monte Carlo confirms it."""
-    words = "* not in the statistical error: held fixed by the model, its law or misfit"
+    words = "* not in the statistical error: held by the model, error of its law, or misfit"
     if (drawn := budget.monte_carlo) is not None:
         places = shown_quantities(budget)
         off = [budget.names[place] for place in places if not budget.confirmed[place]]

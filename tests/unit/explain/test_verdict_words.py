@@ -88,6 +88,17 @@ def test_a_class_adds_up_what_it_cannot_separate() -> None:
     )
 
 
+def test_a_class_of_one_effect_says_what_may_be_instead() -> None:
+    likely = replace(FRICTION, probability=0.5)
+    alike = verdict("class", effects=(likely,), gaps=())
+    assert alike.class_members == ("coulomb_friction", "unknown")
+    assert "probability 0.50, or lacks something that looks like it by" in alike.sentence
+    left = replace(verdict("class").gaps[0], after=2.8, floor=1.0)
+    mostly = verdict("class", effects=(likely,), gaps=(left,), unnamed=(CURVE,)).sentence
+    assert mostly.startswith("What the model lacks is mostly like Coulomb friction: ")
+    assert mostly.endswith("; 2.8 times what noise explains is left.")
+
+
 def test_nothing_missing_says_what_could_not_be_judged() -> None:
     seen = verdict("none", tolerances=BLIND, not_judged={})
     assert seen.sentence == "Nothing beyond the stated tolerances is missing from the model."
