@@ -121,7 +121,7 @@ def _with(answer: Answer, model: Model, effect: NamedEffect) -> Model:
             f"{effect.name}.{item.name}",
             value=item.value,
             tolerance=item.tolerance,
-            # a sweep can be fitted again from here; a pitch recording is explained again.
+            # A sweep can be fitted again from here; a pitch recording is explained again.
             free=answer.verdict.bench == "sweep",
             source=f"{source}: {item.text}",
         )

@@ -17,11 +17,8 @@ from benchtool.core.array import Array
 Residuals = Callable[[Array], Array]
 """residuals(sets (n_sets, n)) -> (n_rows, n_sets)"""
 
-LENGTHS = (1.0, 0.5, 0.2, 0.05)
-"""Parts of a step that are tried together."""
-
-STEP = 0.05
-"""Finite difference, in units of the parameters; they are scaled to tolerances."""
+LENGTHS = (1.0, 0.5, 0.2, 0.05)  # parts of a step that are tried together
+STEP = 0.05  # finite difference, in units of the parameters; they are scaled to tolerances
 
 PROMISE = 3.0
 """How many times the gain that a neighbourhood promises a search may still find beyond it: what

@@ -33,14 +33,12 @@ from benchtool.physics.model import Model
 SAME_DISTANCE = 0.02
 """Points within this part of a distance are one distance; a choice, above a stage's scatter."""
 
-LEAST_DISTANCES = 4
-"""Fewer leave no degrees of freedom for a law of two numbers beside k."""
+LEAST_DISTANCES = 4  # fewer leave no degrees of freedom for a law of two numbers beside k
 
 NO_PLATE_Z_OVER_R = 1e3
 """Beyond it a plate is gone: such points say what k is and are never held out."""
 
-MOST_KNOTS = 8
-"""Knots of a table through the data, at most two fewer than distances; a choice."""
+MOST_KNOTS = 8  # knots of a table through the data, at most two fewer than distances; assumed
 
 UNLIKELY = 0.01
 """Chance below which losses everywhere are none; small, because folds share their distances."""

@@ -30,8 +30,7 @@ Progress = Callable[[int, int], None]
 ENSEMBLES = 4
 FIRST_STEPS = 400
 REPORT_EVERY = 100
-DISCARDED = 0.25
-"""Part of the steps left out at the beginning."""
+DISCARDED = 0.25  # part of the steps left out at the beginning
 
 MOST_DRAWS = 20_000
 
@@ -235,11 +234,8 @@ def _outcome(
     )
 
 
-TAU_LENGTHS = 50
-"""A chain must be this many autocorrelation times long (emcee's own advice)."""
-
-RHAT_LIMIT = 1.01
-"""Largest split R-hat (Vehtari et al., Bayesian Analysis 16, 2021, section 4)."""
+TAU_LENGTHS = 50  # a chain must be this many autocorrelation times long (emcee's own advice)
+RHAT_LIMIT = 1.01  # largest split R-hat (Vehtari et al., Bayesian Analysis 16, 2021, section 4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -42,8 +42,7 @@ MAX_POINTS = 10_000  # their shared errors take 12 GB of memory; assumed
 RATIO_BASIS: Basis = "equal_rpm2"
 """The basis of ratios that a table gives without forces."""
 
-NO_PLATE_Z_OVER_R = 1e6
-"""Beyond it stands `FAR_AWAY_M`: a recording without a plate, which is fine."""
+NO_PLATE_Z_OVER_R = 1e6  # beyond it stands `FAR_AWAY_M`: a recording without a plate, which is fine
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

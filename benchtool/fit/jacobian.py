@@ -16,8 +16,7 @@ from benchtool.core.array import Array
 
 Way = Literal["complex_step", "central_differences"]
 
-STEP = 1e-25
-"""Complex step relative to the value: its square vanishes beside one."""
+STEP = 1e-25  # complex step relative to the value: its square vanishes beside one
 
 DIFFERENCE = float(np.cbrt(np.finfo(float).eps))
 """Relative step of a central difference that balances truncation and rounding."""

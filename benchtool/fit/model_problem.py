@@ -24,8 +24,7 @@ from benchtool.physics.tolerances import with_tolerances
 
 BASES: tuple[Basis, ...] = get_args(Basis)
 
-SAME_DISTANCE_M = 1e-3
-"""Points whose plate stands within this of each other belong to one setting."""
+SAME_DISTANCE_M = 1e-3  # points whose plate stands within this of each other belong to one setting
 
 
 def problem_from_model(

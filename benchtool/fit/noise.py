@@ -23,8 +23,7 @@ from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
 from benchtool.fit.robust import MAD_EFFICIENCY, robust_scale
 from benchtool.fit.solve import Solution
 
-MOST_STEPS = 60
-"""Of a search for the noise; four or five are enough."""
+MOST_STEPS = 60  # of a search for the noise; four or five are enough
 
 Refit = Callable[[float, Solution], Solution]
 """refit(noise, near) -> the solution with the standard errors of that noise value."""

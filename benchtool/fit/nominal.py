@@ -17,8 +17,7 @@ from benchtool.fit.result_file import read_result
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 
-DRAWS = 400
-"""Parameter draws behind a band."""
+DRAWS = 400  # parameter draws behind a band
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -21,8 +21,7 @@ from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian, solve
 from benchtool.fit.uncertainty.parameter_dof import parameter_dof
 
-FAR = 64.0
-"""An end farther than this many standard deviations counts as not there."""
+FAR = 64.0  # an end farther than this many standard deviations counts as not there
 
 
 def with_profile(

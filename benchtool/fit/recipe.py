@@ -20,8 +20,7 @@ Basis = Literal["joint", "equal_rpm2", "equal_pwm", "equal_power"]
 """What is fitted: thrust in newtons against everything ("joint"), or the ratio T_IGE/T_OGE with
 rotor speed, pulse width or electrical power held equal."""
 
-LAWS = "laws"
-"""What is compared where no model is named: every law of thrust against distance."""
+LAWS = "laws"  # what is compared where no model is named: every law of thrust against distance
 
 Method = Literal["least_squares", "emcee"]
 Noise = Literal["auto", "stated", "scale", "add"]

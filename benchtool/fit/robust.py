@@ -19,8 +19,7 @@ NORMAL_INFLATION: dict[Loss, float] = {"linear": 1.0, "soft_l1": 1.0790, "huber"
 """What a robust loss costs where no point is out of line: mean(psi^2) / mean(psi')^2 over the
 normal distribution, integrated numerically. With stated errors the covariance is not less."""
 
-MAD_TO_SD = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
+MAD_TO_SD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 
 MAD_EFFICIENCY = 0.37
 """Of that deviation on normal residuals, against their root mean square: it scatters like one of

@@ -183,7 +183,7 @@ def propagated(output: FitOutput, data: FitData | None = None) -> Propagated | N
     held = held_sources(model, data.conditions.select(data.rows), reference)
     if way is None:
         return None
-    # A planned sweep has no residuals; what the run bounds, it bounds for the bench.
+    # a planned sweep has no residuals; what the run bounds, it bounds for the bench.
     measured = None if data is output.data else propagated(output)
     known = {one.name: one for one in (measured[1] if measured else bounded(way, held))}
     held = tuple(

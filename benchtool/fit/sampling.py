@@ -253,8 +253,7 @@ DIFFERENCE = 2.38 / 2.0**0.5
 """Length of a difference move times root n that mixes best for a normal posterior (ter Braak, Stat.
 Comput. 16, 2006, p. 241)."""
 
-JITTER = 0.2
-"""By how much, of its logarithm, that length varies; a choice."""
+JITTER = 0.2  # by how much, of its logarithm, that length varies; assumed
 
 TAIL_DOF = 5.0
 """Of the Student's t that draws about the least-squares answer: wider than a normal posterior, so

@@ -312,7 +312,7 @@ def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
     tried = hypotheses.with_one_more(base)
     effects = [one for one in tried if one.opened[-1] in hypotheses.effects]
     base = hypotheses.secured(base, effects[:2])
-    # a candidate is never above its base: the base is one of its points.
+    # A candidate is never above its base: the base is one of its points.
     tried = [
         replace(base, opened=one.opened)
         if one.widened == base.widened and one.cost > base.cost
@@ -325,7 +325,7 @@ def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
         for one in tried[:CONTENDERS]
         if one.opened[-1] in hypotheses.effects and hypotheses.log_evidence(one) > least
     ]
-    # a law is exact or off by its tolerance, each as likely before: the better of both stands.
+    # A law is exact or off by its tolerance, each as likely before: the better of both stands.
     rough = {one.opened[-1]: one for one in hypotheses.with_laws(likely)}
     tried = [max(one, rough.get(one.opened[-1], one), key=hypotheses.log_evidence) for one in tried]
     without = hypotheses.log_evidence(base)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import coherence, csd, savgol_filter, welch
+from scipy.signal import butter, coherence, csd, savgol_filter, sosfiltfilt, welch
 
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
@@ -55,9 +55,9 @@ def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
             f"perhaps"
         )
     change, gyro = _change(theta, logged.rate_Hz), logged.gyro_rad_s
-    frequency_Hz, ratio = _gyro_over_rate(logged)
-    slow = ratio[frequency_Hz <= SLOW_HZ]
-    slope = float(np.median(slow)) if len(slow) else 1.0
+    slow_change, slow_gyro = _slow(change, logged.rate_Hz), _slow(gyro, logged.rate_Hz)
+    related = abs(_correlation(slow_change, slow_gyro)) >= SURE
+    slope = slow_change @ slow_gyro / (slow_change @ slow_change) if related else 1.0
     if not 1.0 / FACTOR < slope < FACTOR:
         raise InputError(
             f"gyro_rad_s of {name} is {slope:.2g} times the change of theta_rad below "
@@ -84,6 +84,17 @@ def refuse_inconsistent(logged: LoggedPitch, rig: Rig, name: str) -> None:
             f"the sign of theta_rad are not as rig {rig.name!r} has them; exchange the columns of "
             f"the rotors or change the sign in the model's [columns]"
         )
+
+
+def _slow(values: Array, rate_Hz: float) -> Array:
+    """Return values (n,) about their mean, low-passed at `SLOW_HZ`; blank ones bridged."""
+    known = np.isfinite(values)
+    if not known.any() or rate_Hz <= 2.0 * SLOW_HZ:
+        return np.nan_to_num(values)
+    rows = np.arange(len(values))
+    low_pass = butter(2, SLOW_HZ, fs=rate_Hz, output="sos")
+    whole = np.interp(rows, rows[known], values[known])
+    return np.asarray(sosfiltfilt(low_pass, whole - whole.mean()), float)
 
 
 def gyro_disagreement(logged: LoggedPitch) -> str:

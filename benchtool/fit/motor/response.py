@@ -16,8 +16,7 @@ from benchtool.core.rig import Rig
 from benchtool.data.columns import speed_columns
 from benchtool.fit.motor.points import column_of
 
-LEAST_STEP_US = 20.0
-"""A change of pulse within one sample from which it is a step; a choice."""
+LEAST_STEP_US = 20.0  # a change of pulse within one sample from which it is a step; assumed
 
 LONGEST_S = 0.6
 """Span after a step that is fitted; a choice, ten times the lag of a common motor: later the pack

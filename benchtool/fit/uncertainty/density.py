@@ -15,8 +15,7 @@ from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.read import is_run
 from benchtool.physics.effects.effect import Derived
 
-STANDARD_K = "k_standard_air"
-"""k at 1.225 kg/m3, as a quantity of a fit."""
+STANDARD_K = "k_standard_air"  # k at 1.225 kg/m3, as a quantity of a fit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,8 +22,7 @@ READING = ("sensor", "plate")
 """Subsystems that stand between a bench and its reading: their effects add to every budget, whether
 the model has them or not."""
 
-LAW = "law of "
-"""Begins the name of what an effect's own law leaves open: no better bench mends it."""
+LAW = "law of "  # begins the name of what an effect's own law leaves open: no better bench mends it
 
 
 def held_sources(

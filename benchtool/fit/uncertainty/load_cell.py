@@ -97,8 +97,7 @@ UNLIKE = 0.001
 wrongly still has the variance that the pooled scatter says; of lines not pooled, one that is
 straight by luck takes all the weight."""
 
-POOLED = "scatter of the calibrations"
-"""Name of the estimate that alike calibrations share."""
+POOLED = "scatter of the calibrations"  # name of the estimate that alike calibrations share
 
 
 def pooled(calibrations: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -29,8 +29,7 @@ CANDIDATES_OVER_R = (0.5, 0.6, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
 LEAST_GAIN = 0.02
 """Relative fall of an uncertainty below which a step is not worth its time; a choice."""
 
-WORTH = 0.1
-"""Part of the combined uncertainty above which a source is looked at by itself; a choice."""
+WORTH = 0.1  # part of the combined uncertainty above which a source is looked at by itself; assumed
 
 OPEN = "the data leave a parameter open, so nothing is known to plan; fix it, or measure more"
 

@@ -16,14 +16,9 @@ from benchtool.data.columns import code_of, speed_columns
 from benchtool.data.run.read import is_run, read_samples, sample_names
 from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance
 
-PRIOR_LN = 0.7
-"""Standard deviation of the logarithm of a stated walk, a factor of two; a guess."""
-
-LEAST_BINS = 8
-"""Fewer means of a still bench say nothing of its walk; a choice."""
-
-MOST_BINS = 240
-"""Means that a run is cut into, about; their covariance has as many rows."""
+PRIOR_LN = 0.7  # standard deviation of the logarithm of a stated walk, a factor of two; assumed
+LEAST_BINS = 8  # fewer means of a still bench say nothing of its walk; assumed
+MOST_BINS = 240  # means that a run is cut into, about; their covariance has as many rows
 
 BIN_S, SETTLED_S = 0.5, 0.4
 """Shortest span of a mean, and what is left out after rotors stopped; choices."""
