@@ -78,7 +78,7 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     pd.testing.assert_frame_equal(shown[run.columns], run, check_dtype=False)
     page.get_by_label("Search name, rig, date, state, note").fill("fit")
     page.get_by_role("button", name="earlier").click()
-    page.get_by_role("row", name=re.compile("^body_lift.K_b – 1.892 ± 0.028")).first.wait_for()
+    page.get_by_role("row", name=re.compile("^body_lift.K_b – 1.892 ± 0.022")).first.wait_for()
     with page.expect_download(timeout=COLD_MS) as report:
         page.get_by_role("button", name="Report, HTML").click()
     assert Path(report.value.path()).read_text("utf-8") == REPORT

@@ -74,7 +74,7 @@ def test_a_fit_shows_what_the_command_prints(root: Path) -> None:
     shown, parts = view_entry(root, "fit")
     html = shown.html
     assert parts == ()
-    for text in ("1.892 ± 0.028", "1.838 … 1.946", "95 % interval", "quad is clearly behind"):
+    for text in ("1.892 ± 0.022", "1.849 … 1.934", "95 % interval", "quad is clearly behind"):
         assert text in html
     assert html.count("data:image/svg+xml") == 2
     assert report_bytes(root, ("fit",)) == b"<!doctype html><p>as written</p>"
