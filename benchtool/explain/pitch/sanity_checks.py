@@ -23,6 +23,8 @@ SURE = 0.6  # correlation or coherence from which a slope is used
 FACTOR = 3.0  # a gyro off by more has another unit or sign; assumed
 SLOW_HZ = 3.0  # below, a gyro and an encoder on one beam must agree; assumed
 SEGMENT_S = 2.0  # length of a segment of the spectra; assumed
+BINS = 3  # of the spectra, one after the other, that make a band; assumed
+QUICKEST = 0.25  # of the rate: faster motion of an encoder is its noise; assumed
 
 FOLLOWS = 0.4
 """Correlation from which the beam is taken to follow the rotors' thrusts: noise alone, over the
@@ -99,39 +101,29 @@ def _slow(values: Array, rate_Hz: float) -> Array:
 
 def gyro_disagreement(logged: LoggedPitch) -> str:
     """Return where a gyro turns faster than its encoder, as a sentence; "" where it does not."""
-    frequency_Hz, ratio = _gyro_over_rate(logged)
-    apart = (frequency_Hz > SLOW_HZ) & (np.abs(ratio) > FACTOR)
-    if not apart.any():
+    known = np.isfinite(logged.gyro_rad_s) & np.isfinite(logged.theta_rad)
+    if known.sum() < 2:
         return ""
-    first = int(np.argmax(apart))
+    rows, fs = np.arange(len(known)), logged.rate_Hz
+    theta, gyro = (
+        np.interp(rows, rows[known], values[known])
+        for values in (logged.theta_rad, logged.gyro_rad_s)
+    )
+    nperseg = min(len(known), round(SEGMENT_S * fs))
+    frequency_Hz, cross = csd(theta, gyro, fs=fs, nperseg=nperseg)
+    power = welch(theta, fs=fs, nperseg=nperseg)[1]
+    ratio = np.abs(cross) / np.maximum(2.0 * np.pi * frequency_Hz * power, 1e-300)
+    apart = (coherence(theta, gyro, fs=fs, nperseg=nperseg)[1] > SURE) & (ratio > FACTOR)
+    apart &= (frequency_Hz > SLOW_HZ) & (frequency_Hz < QUICKEST * fs)
+    wide = np.flatnonzero(np.convolve(apart, np.ones(BINS), "valid") == BINS)
+    if not len(wide):
+        return ""
+    first = int(wide[0])
     return (
         f"gyro_rad_s is {ratio[first]:.2g} times the change of theta_rad at "
         f"{frequency_Hz[first]:.3g} Hz and agrees with it below {SLOW_HZ:g} Hz: gyro and encoder "
         f"sit on parts that move against each other"
     )
-
-
-def _gyro_over_rate(logged: LoggedPitch) -> tuple[Array, Array]:
-    """Return frequencies (n,) in Hz where gyro and encoder are coherent, and gyro over rate there.
-
-    The ratio is signed by the phase; nothing is returned without a gyro.
-    """
-    known = np.isfinite(logged.gyro_rad_s) & np.isfinite(logged.theta_rad)
-    if known.sum() < 2:
-        return np.empty(0), np.empty(0)
-    rows = np.arange(len(known))
-    theta, gyro = (
-        np.interp(rows, rows[known], values[known])
-        for values in (logged.theta_rad, logged.gyro_rad_s)
-    )
-    fs = logged.rate_Hz
-    nperseg = min(len(known), round(SEGMENT_S * fs))
-    frequency_Hz, cross = csd(theta, gyro, fs=fs, nperseg=nperseg)
-    shared = coherence(theta, gyro, fs=fs, nperseg=nperseg)[1]
-    coherent = (shared > SURE) & (frequency_Hz > 0.0)
-    power = welch(theta, fs=fs, nperseg=nperseg)[1][coherent]
-    ratio = np.asarray(cross[coherent] / (2j * np.pi * frequency_Hz[coherent] * power))
-    return frequency_Hz[coherent], np.abs(ratio) * np.sign(ratio.real)
 
 
 def rotors_in_order(logged: LoggedPitch, rig: Rig) -> tuple[LoggedPitch, list[str]]:

@@ -211,7 +211,10 @@ def test_a_record_of_another_simulator_is_explained_as_it_stands(
         "--check", str(folder / "body_lift_check.csv"), "--out", str(tmp_path / "out"),
     )  # fmt: skip
     assert code == 0
-    assert said.splitlines()[0].startswith("The model lacks body lift (fountain): body_lift.K_b = ")
+    # The other simulator's laws leave 1.7 floors beside the body lift.
+    assert said.startswith(
+        "What the model lacks is mostly like body lift (fountain): body_lift.K_b"
+    )
     assert "between rotor speed and thrust" in said
     assert (tmp_path / "out" / "report.html").is_file()
 
