@@ -189,6 +189,7 @@ def _opened(path: Path) -> sqlite3.Connection:
         store.execute("CREATE TABLE IF NOT EXISTS version (text TEXT)")
         if store.execute("SELECT text FROM version").fetchall() != [(VERSION,)]:
             with store:
+                store.execute("BEGIN IMMEDIATE")  # another process may begin the same index
                 store.execute("DROP TABLE IF EXISTS entry")
                 store.execute("DELETE FROM version")
                 store.execute("CREATE TABLE entry (name TEXT PRIMARY KEY, stamp TEXT, text TEXT)")
