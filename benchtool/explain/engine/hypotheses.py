@@ -32,9 +32,7 @@ FIRST_STEPS = 1  # steps of every candidate from the base's neighbourhood
 FINISHED = 4  # how many of the best go on
 BEHIND = 60.0  # sum of squares behind the best at which a candidate is dropped
 WORTH_A_FIT = 2.0  # promised decrease of the sum of squares below which nothing is fitted
-OTHER_LAW_SIZE = (
-    10.0  # times its tolerance: as far as the effect itself where that is 10 %; assumed
-)
+OTHER_LAW_SIZE = 10.0  # of a law's tolerance: as much as the effect where that is 10 %; assumed
 BLOCK = 250  # draws of a task of the bootstrap: most of a second
 WORTH_PROCESSES = 2000  # draws; worker processes take 2 s to start
 

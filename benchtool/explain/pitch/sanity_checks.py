@@ -93,9 +93,8 @@ def _slow(values: Array, rate_Hz: float) -> Array:
     known = np.isfinite(values)
     if not known.any() or rate_Hz <= 2.0 * SLOW_HZ:
         return np.nan_to_num(values)
-    rows = np.arange(len(values))
     low_pass = butter(2, SLOW_HZ, fs=rate_Hz, output="sos")
-    whole = np.interp(rows, rows[known], values[known])
+    whole = bridge_gaps(values)
     return np.asarray(sosfiltfilt(low_pass, whole - whole.mean()), float)
 
 
@@ -104,9 +103,9 @@ def gyro_disagreement(logged: LoggedPitch) -> str:
     known = np.isfinite(logged.gyro_rad_s) & np.isfinite(logged.theta_rad)
     if known.sum() < 2:
         return ""
-    rows, fs = np.arange(len(known)), logged.rate_Hz
+    fs = logged.rate_Hz
     theta, gyro = (
-        np.interp(rows, rows[known], values[known])
+        bridge_gaps(np.where(known, values, np.nan))
         for values in (logged.theta_rad, logged.gyro_rad_s)
     )
     nperseg = min(len(known), round(SEGMENT_S * fs))
@@ -193,11 +192,15 @@ def standing_still(logged: LoggedPitch, rig: Rig) -> str:
     )
 
 
+def bridge_gaps(values: Array) -> Array:
+    """Return values (n,) with blank ones interpolated."""
+    rows, known = np.arange(len(values)), np.isfinite(values)
+    return np.asarray(np.interp(rows, rows[known], values[known]), float)
+
+
 def _change(values: Array, rate_Hz: float) -> Array:
     """Return the slope of values (n,) per second, smoothed; blank ones bridged."""
-    known = np.isfinite(values)
-    rows = np.arange(len(values))
-    whole = np.interp(rows, rows[known], values[known])
+    whole = bridge_gaps(values)
     width = max(5, 2 * round(0.5 * SMOOTHED_S * rate_Hz) + 1)
     out: Array = savgol_filter(whole, width, 2, deriv=1, delta=1.0 / rate_Hz)
     return out
@@ -216,9 +219,7 @@ def _thrusts(logged: LoggedPitch, rig: Rig) -> Array:
 
 def _detrended(rows: Array, logged: LoggedPitch) -> Array:
     """Return rows (m, n) without what is constant and what goes with the beam's angle."""
-    known = np.isfinite(logged.theta_rad)
-    times = np.arange(len(known))
-    angle = np.interp(times, times[known], logged.theta_rad[known])
+    angle = bridge_gaps(logged.theta_rad)
     held, _ = np.linalg.qr(np.column_stack([np.ones(len(angle)), angle]))
     out: Array = rows - (rows @ held) @ held.T
     return out

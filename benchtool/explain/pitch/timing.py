@@ -17,7 +17,7 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.explain.pitch.sanity_checks import gyro_disagreement
+from benchtool.explain.pitch.sanity_checks import bridge_gaps, gyro_disagreement
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.filter_log import LoggedPitch
@@ -81,7 +81,7 @@ def in_time(logged: LoggedPitch, rig: Rig, name: str) -> tuple[LoggedPitch, list
         remarks.append(apart)
         thrust_late = _of_thrust(replace(piece, gyro_rad_s=np.nan * piece.theta_rad), rig)
     elif gyro:
-        read = offset(_angle_of(piece), _known(piece.theta_rad), rate_Hz, (0.5, 8.0))
+        read = offset(_angle_of(piece), bridge_gaps(piece.theta_rad), rate_Hz, (0.5, 8.0))
         if read.beyond(READ_S):  # of the angle against the rate
             if _filtered(piece, read):
                 remarks.append(
@@ -165,25 +165,19 @@ def _longest(logged: LoggedPitch) -> LoggedPitch:
     return logged.between(first, last)
 
 
-def _known(values: Array) -> Array:
-    """Return values (n,) with blank ones bridged."""
-    rows, known = np.arange(len(values)), np.isfinite(values)
-    return np.asarray(np.interp(rows, rows[known], values[known]), float)
-
-
 def _sum(values: Array, rate_Hz: float) -> Array:
     """Return the integral over time (n,), by trapezoids."""
     return (np.cumsum(values) - 0.5 * values) / rate_Hz
 
 
 def _angle_of(logged: LoggedPitch) -> Array:
-    return _sum(_known(logged.gyro_rad_s), logged.rate_Hz)
+    return _sum(bridge_gaps(logged.gyro_rad_s), logged.rate_Hz)
 
 
 def _filtered(logged: LoggedPitch, read: Offset) -> bool:
     """Whether a low-pass explains better than a delay how angle and rate differ."""
     rate_Hz = logged.rate_Hz
-    first, second = _known(logged.theta_rad), _angle_of(logged)
+    first, second = bridge_gaps(logged.theta_rad), _angle_of(logged)
     if read.late_s > 0.0:  # the angle comes after the rate
         first, second = second, first
     smooth = _lagged(first, abs(read.late_s), rate_Hz)
@@ -206,12 +200,12 @@ def _of_thrust(logged: LoggedPitch, rig: Rig) -> Offset:
         speeds = p.speed_per_us_rad_s * (logged.pwm_us - p.pwm_start_us)
     if np.isfinite(speeds).mean(axis=1).min() < 0.5:
         return Offset(0.0, np.inf, 1.0, 0.0)
-    thrusts = p.thrust_coefficient_N_s2 * np.array([_known(row) for row in speeds]) ** 2
+    thrusts = p.thrust_coefficient_N_s2 * np.array([bridge_gaps(row) for row in speeds]) ** 2
     moment = np.asarray(pitch_moment_Nm(thrusts, rig.disc_positions_m[:, 0]), float)
     rate = logged.gyro_rad_s
     if not np.isfinite(rate).any():
-        rate = np.gradient(_known(logged.theta_rad)) * rate_Hz
-    return offset(_sum(moment, rate_Hz), _known(rate), rate_Hz, (2.0, 12.0))
+        rate = np.gradient(bridge_gaps(logged.theta_rad)) * rate_Hz
+    return offset(_sum(moment, rate_Hz), bridge_gaps(rate), rate_Hz, (2.0, 12.0))
 
 
 def bench_numbers(logged: LoggedPitch, rig: Rig) -> dict[str, float]:
@@ -238,7 +232,7 @@ def _of_pulses(logged: LoggedPitch, rig: Rig) -> Offset | None:
         return None
     arms = rig.disc_positions_m[:, 0] - rig.disc_positions_m[:, 0].mean()
     sent = arms @ (p.speed_per_us_rad_s * (logged.pwm_us - p.pwm_start_us))
-    seen = arms @ np.array([_known(row) for row in logged.speed_rad_s])
+    seen = arms @ np.array([bridge_gaps(row) for row in logged.speed_rad_s])
     if np.ptp(sent) == 0.0:
         return None
 
