@@ -134,10 +134,10 @@ def test_stop_stays_in_sight_of_a_page_that_is_zoomed_by_two_fingers(
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     page.context.new_cdp_session(page).send("Emulation.setPageScaleFactor", {"pageScaleFactor": 3})
-    page.wait_for_function("visualViewport.scale > 2.9")
-    left, top, right, bottom = page.evaluate(
+    page.wait_for_function(
         "() => { const { left, top, right, bottom } = document.querySelector('.stop-button')"
-        ".getBoundingClientRect(), { offsetLeft: x, offsetTop: y, width, height } = visualViewport;"
-        " return [left - x, top - y, x + width - right, y + height - bottom]; }"
+        ".getBoundingClientRect(), { scale, offsetLeft: x, offsetTop: y } = visualViewport;"
+        " const { width, height } = visualViewport; return scale > 2.9 && Math.min("
+        "left - x, top - y, x + width - right, y + height - bottom) > -1; }",
+        timeout=2000,
     )
-    assert min(left, top, right, bottom) > -1.0
