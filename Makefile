@@ -44,17 +44,17 @@ docs: $(SITE)
 
 # Ratios measured side by side, printed; nothing here passes or fails.
 bench: $(TESTING)
-	@for script in tests/benchmarks/bench_*.py; do \
+	@for script in tests/proof/benchmarks/bench_*.py; do \
 	  echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
 
 # STOP on the page, PRESSES times in every way while motors turn; goes on where it was cut short.
 PRESSES ?= 1000
 presses: $(TESTING)
-	$(BIN)/python -m tests.browser.presses --presses $(PRESSES)
+	$(BIN)/python -m tests.proof.presses.presses --presses $(PRESSES)
 
 # Sweeps with random faults on every link for MINUTES; 0 rows lost, no motor without a host, no leak.
 soak: $(TESTING)
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.soak.soak --minutes $(or $(MINUTES),60)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.proof.soak.soak --minutes $(or $(MINUTES),60)
 
 # Every cell of the fault matrix, and the table of stop times; cut short, it goes on where it was.
 faults: $(TESTING)
@@ -68,7 +68,7 @@ peers:
 # How often the intervals hold the truth over 400 simulated sweeps of each kind: every basis, both
 # estimators, budgets, calibrations, places, wander (takes hours; cut short, it goes on where it was).
 coverage-truth: $(TESTING)
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.truth.count $(WORKERS)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.proof.truth.count $(WORKERS)
 
 # How often `benchtool explain` is right, on records with hidden effects: of our own generators, and
 # of those beside the reference data where there are any. Takes hours; cut short, it goes on where it was.
@@ -77,31 +77,31 @@ WORKERS := $(if $(CLUSTER),--cluster $(CLUSTER))
 
 blind: $(TESTING)
 	@if [ -n "$$BENCHTOOL_REFERENCE_DATA" ]; then for bench in sweeps pitch; do \
-	  OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_foreign $$bench \
+	  OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.proof.blind.score_foreign $$bench \
 	    $(WORKERS) --scoring --page build/scorecard-foreign-$$bench.md || exit 1; done; fi
 	@for bench in single quad pitch; do OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
-	  $(BIN)/python -m tests.blind.score_virtual $$bench $(WORKERS) --scoring --page build/scorecard-virtual-$$bench.md || exit 1; done
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_pitch $(WORKERS) --scoring --page build/scorecard-pitch.md
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.blind.score_sweep $(WORKERS) --scoring --page build/scorecard-sweep.md
+	  $(BIN)/python -m tests.proof.blind.score_virtual $$bench $(WORKERS) --scoring --page build/scorecard-virtual-$$bench.md || exit 1; done
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.proof.blind.score_pitch $(WORKERS) --scoring --page build/scorecard-pitch.md
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m tests.proof.blind.score_sweep $(WORKERS) --scoring --page build/scorecard-sweep.md
 
 # Lines of the product broken one by one: which does no test notice? MODULE= a group of modules
 # (guard, limits, ...), COUNT= so many more of each, SEED= which. None is judged twice.
 mutants: $(TESTING)
-	@$(BIN)/python -m tests.mutation.run --check $(MODULE)
+	@$(BIN)/python -m tests.proof.mutation.run --check $(MODULE)
 	@$(BIN)/python -c "import cosmic_ray" 2>/dev/null || { echo "installing cosmic-ray into $(VENV)"; \
 	  $(PIP) install "cosmic-ray==8.7.0"; }
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m tests.mutation.run $(MODULE) \
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m tests.proof.mutation.run $(MODULE) \
 	  $(if $(COUNT),--count $(COUNT)) $(if $(SEED),--seed $(SEED))
 
 # A kill and power cuts before every change of the disk that each command makes.
 kills: $(TESTING)
-	$(BIN)/python -m tests.kills.count
+	$(BIN)/python -m tests.proof.kills.count
 
 # Hostile bytes for every parser, MINUTES=n long; counts and what was found are in build/fuzz.
 fuzz: $(TESTING)
 	@$(BIN)/python -c "import atheris" 2>/dev/null || { echo "installing atheris into $(VENV)"; \
 	  $(PIP) install "atheris==3.0.0" || true; }
-	$(BIN)/python -m tests.fuzz.run $(or $(MINUTES),10)
+	$(BIN)/python -m tests.proof.fuzz.run $(or $(MINUTES),10)
 
 wheel: $(TESTING)
 	$(BIN)/python -m pip --disable-pip-version-check wheel --quiet --no-deps \

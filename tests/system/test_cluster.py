@@ -19,8 +19,8 @@ import pytest
 
 from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses
 from benchtool.tasks import run_tasks
-from tests.truth.budgets import budget_sweep
-from tests.truth.pool_count import counted_draw
+from tests.proof.truth.budgets import budget_sweep
+from tests.proof.truth.pool_count import counted_draw
 from tests.unit.explain.test_hypotheses import Linear
 
 pytest.importorskip("distributed", reason="no Dask: pip install benchtool[cluster]")

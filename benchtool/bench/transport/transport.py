@@ -21,7 +21,7 @@ Answer = TypeVar("Answer")
 NAP_S = 0.005
 """Longest sleep between two reads. A pseudo-terminal holds 0.2 s of a 1 kHz stream; a nap with one
 read costs a twelfth of the processor time that a wake-up per line does (measured, see
-tests/benchmarks/bench_link.py)."""
+tests/proof/benchmarks/bench_link.py)."""
 
 
 def first_bytes(take: Callable[[], bytes], timeout_s: float) -> bytes:

@@ -10,7 +10,7 @@ import pytest
 
 from benchtool.commands.terminal import each
 from benchtool.tasks import TaskStore
-from tests.truth.budgets import budget_sweep
+from tests.proof.truth.budgets import budget_sweep
 from tests.unit.commands.command_line import said
 
 WORDS = ("--rig", "pquad", "--model", "quad_bench")

@@ -58,7 +58,7 @@ def test_a_recipe_gives_its_result_again_and_holds_the_truth(name: str) -> None:
             kept = {**known["estimates"], **known["derived"]}[item.name]
             assert item.value == pytest.approx(kept["value"], abs=within * kept["sd"])
             assert item.sd == pytest.approx(kept["sd"], rel=within)
-        # Of fourteen 95 % intervals one or two miss as a rule; how often is counted in tests/truth.
+        # Of fourteen 95 % intervals one or two miss as a rule; tests/proof/truth counts how often.
         for parameter, value in TRUTH[name].items():
             off = (result[parameter].value - value) / result[parameter].sd
             assert abs(off) < 3.0, (result.method, parameter)

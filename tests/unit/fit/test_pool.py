@@ -15,8 +15,8 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
 from benchtool.fit.result_file import write_result
-from tests.truth.budgets import budget_sweep
-from tests.truth.pool_count import counted_draw, faults
+from tests.proof.truth.budgets import budget_sweep
+from tests.proof.truth.pool_count import counted_draw, faults
 
 EIGHT_SCHOOLS = (
     (28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0),
@@ -127,7 +127,7 @@ def test_a_parameter_that_one_rig_lacks_is_pooled_of_the_others() -> None:
 
 @pytest.mark.slow
 def test_a_sample_of_counts_is_as_the_whole_one() -> None:
-    """tests/truth/pool_count.py counts more of the same."""
+    """tests/proof/truth/pool_count.py counts more of the same."""
     assert (
         faults([counted_draw((rigs, "prior", seed)) for rigs in (2, 5) for seed in range(60)]) == []
     )

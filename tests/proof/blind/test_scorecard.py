@@ -1,0 +1,272 @@
+"""The scorecard counts what it says, on made-up records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from benchtool.fit.identifiability import CANNOT_TELL
+from tests.proof.blind.fisher import class_confirmed
+from tests.proof.blind.scorecard import Scorecard, by_effect, calibration, calibration_error
+from tests.proof.blind.scored import Scored, ScoredParameter, Share, share_of
+from tests.proof.blind.scoring import within
+
+RIGHT = Scored(
+    kind="named",
+    truth=("body_lift",),
+    sizes=(3.0,),
+    stage="rpm_to_thrust",
+    verdict="effect",
+    names=("body_lift",),
+    probabilities={"body_lift": 0.95, "none": 0.01, "unknown": 0.04},
+    where="rpm_to_thrust",
+    gaps={"thrust_N": 1.05, "rpm": 0.99},
+    true_gaps={"thrust_N": 1.0},
+    parameters=(ScoredParameter(name="K_b", value=2.0, low=1.8, high=2.2, truth=2.1),),
+    seconds=1.0,
+)
+WRONG = replace(
+    RIGHT,
+    names=("plate_offset",),
+    probabilities={"plate_offset": 0.97, "body_lift": 0.02, "none": 0.0, "unknown": 0.01},
+    where="plate",
+    gaps={"thrust_N": 1.3},
+    parameters=(),
+)
+NULL = replace(
+    RIGHT,
+    kind="none",
+    truth=(),
+    sizes=(),
+    stage="",
+    verdict="none",
+    names=(),
+    where="",
+    probabilities={"body_lift": 0.02, "none": 0.9, "unknown": 0.08},
+    parameters=(),
+)
+OUTSIDE = replace(
+    NULL,
+    kind="outside",
+    truth=("recirculation",),
+    verdict="unknown",
+    probabilities={"body_lift": 0.2, "none": 0.1, "unknown": 0.7},
+)
+PAIR = replace(
+    RIGHT,
+    kind="pair",
+    truth=("body_lift", "tare_offset"),
+    sizes=(3.0, 4.0),
+    verdict="several",
+    names=("tare_offset", "body_lift"),
+)
+CLASS = replace(
+    RIGHT,
+    verdict="class",
+    names=("plate_offset", "body_lift"),
+    probabilities={"plate_offset": 0.5, "body_lift": 0.3, "none": 0.0, "unknown": 0.2},
+    confirmed=True,
+)
+
+
+def figure(records: list[Scored], what: str) -> str:
+    """Return what the scorecard found."""
+    return next(line.found for line in Scorecard("x", records).lines() if what in line.what)
+
+
+def test_wilson_intervals_are_those_of_the_formula() -> None:
+    # Wilson's own formula, the roots of (p - q)^2 = z^2 q (1 - q) / n.
+    for count, total in ((0, 10), (3, 10), (97, 100), (300, 300)):
+        p, z2 = count / total, 1.959964**2
+        roots = np.roots([1.0 + z2 / total, -(2.0 * p + z2 / total), p * p])
+        assert Share(count=count, total=total).interval == pytest.approx(
+            tuple(sorted(roots.real)), abs=1e-6
+        )
+    assert share_of([]).interval == (0.0, 1.0)
+
+
+def test_named_records_are_counted() -> None:
+    records = [RIGHT, RIGHT, RIGHT, WRONG, CLASS]
+    assert figure(records, "single right name").startswith("3 of 5: 60.0 %")
+    assert figure(records, "right name or honest class").startswith("4 of 5")
+    assert figure(records, "mean size of classes") == "2.0"
+    assert figure(records, "confident wrong name").startswith("1 of 5")
+    assert figure(records, "gap after at most").startswith("3 of 3")
+    assert figure(records, "that the true model leaves") == (
+        "median 1.050, nine of ten at most 1.050"
+    )
+    assert figure(records, "stage right").startswith("4 of 5")
+    assert figure(records, "hold the truth").startswith("3 of 3")
+    assert figure(records, "seconds") == "median 1.0, most 1.0"
+
+
+def test_an_aim_is_reached_where_the_bad_end_of_the_interval_is() -> None:
+    """73 of 73 could be 95 %, 72 of 72 could be less."""
+    for count, reached in ((72, False), (73, True)):
+        lines = Scorecard("x", [RIGHT] * count).lines()
+        (line,) = (line for line in lines if "honest class" in line.what and line.aim)
+        assert line.reached is reached
+        assert (lines[0] == line) is not reached, "what misses its aim stands first"
+
+
+def test_what_gaps_should_come_to_is_the_mean_of_what_verdicts_simulated() -> None:
+    told = [replace(RIGHT, by_luck=luck, by_learning=0.5 * luck) for luck in (0.9, 0.7)]
+    records = [*told, RIGHT, replace(WRONG, by_luck=0.1, by_learning=0.1)]
+    assert figure(records, "noise as stated") == "80.0 %"
+    assert figure(records, "as uncertain as learned") == "40.0 %"
+    lines = Scorecard("x", [RIGHT]).lines()
+    assert not any("by simulation" in line.what for line in lines)
+
+
+def test_gaps_over_the_noise_truly_there_are_counted_where_it_is_known() -> None:
+    told = [replace(RIGHT, gaps_truly={"rpm": 1.0, "theta_rad": worst}) for worst in (1.05, 1.2)]
+    assert figure([*told, RIGHT], "truly there").startswith("1 of 2")
+    assert not any("truly" in line.what for line in Scorecard("x", [RIGHT]).lines())
+
+
+def test_a_wrong_name_beside_the_right_one_is_told() -> None:
+    beside = replace(
+        RIGHT,
+        verdict="several",
+        names=("body_lift", "tare_offset"),
+        probabilities={"body_lift": 0.99, "tare_offset": 0.98, "none": 0.0, "unknown": 0.01},
+    )
+    assert figure([RIGHT, beside], "a name too many").startswith("1 of 2")
+    assert beside.confidently_wrong
+    assert beside.named_first
+
+
+def test_a_class_counts_only_if_it_is_small_right_and_confirmed() -> None:
+    assert CLASS.in_class
+    assert not CLASS.named_first
+    assert not CLASS.wrong_names
+    assert not replace(CLASS, confirmed=False).in_class
+    assert not replace(CLASS, names=("a", "b", "c", "body_lift")).in_class
+    other = replace(CLASS, names=("plate_offset", "plate_tilt"))
+    assert not other.in_class
+    assert other.wrong_names == other.names
+
+
+def test_nulls_and_outsiders_are_counted() -> None:
+    false = replace(NULL, verdict="effect", names=("body_lift",))
+    doubted = replace(NULL, verdict="unknown")
+    records = [NULL, NULL, false, doubted, OUTSIDE, replace(OUTSIDE, verdict="none")]
+    assert figure(records, "false name").startswith("1 of 4")
+    assert figure(records, "'unknown' where nothing").startswith("1 of 4")
+    assert figure(records, "'unknown' for what is outside").startswith("1 of 2")
+
+
+def test_pairs_need_both_names() -> None:
+    half = replace(PAIR, verdict="effect", names=("tare_offset",))
+    assert figure([PAIR, half], "pairs").startswith("1 of 2")
+
+
+def test_poor_records_may_say_that_an_effect_does_not_show() -> None:
+    poor = replace(
+        RIGHT, excitation="poor", verdict="none", names=(), not_judged={"body_lift": 5.0}, where=""
+    )
+    in_class = replace(CLASS, excitation="poor")
+    records = [poor, replace(poor, not_judged={}), replace(poor, sizes=(6.0,)), in_class]
+    assert figure(records, "poor").startswith("2 of 4")
+
+
+def test_what_counts_as_right_goes_by_size() -> None:
+    assert RIGHT.answers == {"body_lift"}
+    assert replace(RIGHT, sizes=(0.6,), strength="weak").answers == {"none"}
+    assert NULL.answers == {"none"}
+    assert OUTSIDE.answers == {"unknown"}
+    assert replace(OUTSIDE, strength="weak").answers == {"unknown", "none"}
+    assert replace(PAIR, sizes=(0.5, 3.0)).answers == {"tare_offset"}
+
+
+def test_probabilities_are_held_against_the_truth() -> None:
+    assert RIGHT.stated == (0.95, True)
+    assert WRONG.stated == (0.97, False)
+    assert CLASS.stated == (0.8, True)
+    beside = replace(OUTSIDE, probabilities={"body_lift": 1.0, "unknown": 0.9})
+    assert beside.stated == (0.9, True)
+    assert RIGHT.brier == pytest.approx(0.05**2 + 0.01**2 + 0.04**2)
+    assert WRONG.brier == pytest.approx(0.97**2 + 0.98**2 + 0.01**2)
+    assert replace(NULL, probabilities={"unknown": 1.0}).brier == pytest.approx(2.0)
+    assert OUTSIDE.given_to_truth == 0.7
+
+
+def test_a_calibrated_teller_has_a_small_error(rng: np.random.Generator) -> None:
+    told = rng.uniform(0.5, 1.0, 4000)
+    honest = [
+        replace(RIGHT, probabilities={"body_lift": p})
+        if rng.random() < p
+        else replace(RIGHT, verdict="none", names=(), probabilities={"none": p})
+        for p in told
+    ]
+    bins = calibration(honest)
+    assert len(bins) == 10
+    assert {one.count for one in bins} == {400}
+    assert calibration_error(bins) < 0.03
+    boasting = [replace(one, probabilities=dict.fromkeys(one.probabilities, 1.0)) for one in honest]
+    assert calibration_error(calibration(boasting)) == pytest.approx(0.25, abs=0.03)
+
+
+def test_effects_are_listed_apart() -> None:
+    other = replace(RIGHT, truth=("tare_offset",))
+    found = by_effect([RIGHT, WRONG, other])
+    assert found["body_lift"][0] == Share(count=1, total=2)
+    assert found["tare_offset"][0] == Share(count=0, total=1)
+
+
+def test_text_and_page_hold_every_figure() -> None:
+    card = Scorecard("Plate sweeps", [RIGHT, WRONG, NULL, OUTSIDE, PAIR, CLASS])
+    text, page = card.text(), card.markdown("2026-11-21")
+    assert "Plate sweeps: 6 records" in text
+    assert "scored on 2026-11-21" in page
+    for line in card.lines():
+        assert line.what in text
+        assert f"| {line.what} | {line.found} |" in page
+    assert "| recirculation | 1 of 1" in page
+    assert "NO" in text
+
+
+def test_an_empty_scorecard_claims_nothing() -> None:
+    card = Scorecard("nothing", [])
+    assert all(line.reached is None for line in card.lines())
+    assert "none counted" in card.text()
+
+
+@dataclass
+class Told:
+    """Speaks so clearly against each rival."""
+
+    against: dict[str, float]
+
+    def evidence(self, rivals: Iterable[str] = ()) -> float:
+        (name,) = rivals
+        return self.against[name]
+
+
+@pytest.mark.parametrize(
+    ("names", "right"),
+    [(("a",), True), (("a", "b"), True), (("a", "b", "c"), False), (("b",), False)],
+)
+def test_a_class_is_confirmed_where_nobody_could_tell_its_members(
+    names: tuple[str, ...], right: bool
+) -> None:
+    told = Told({"b": 0.5 * CANNOT_TELL, "c": 2.0 * CANNOT_TELL})
+    assert class_confirmed(names, ("a",), lambda: told) is right
+
+
+def test_the_worst_channel_counts_against_the_floor() -> None:
+    floor = {"a": np.array([0.9, 1.0, 1.0, 1.2]), "b": np.array([2.0, 2.0, 2.6, 2.0])}
+    learned = {"a": np.array([1.0, 1.05]), "b": np.array([2.3, 2.1])}
+    assert (within(floor, floor, 1.1), within(learned, floor, 1.1)) == (0.5, 0.5)
+
+
+def test_a_share_of_chi_squared_draws_is_that_of_its_distribution() -> None:
+    drawn = {"thrust_N": np.random.default_rng(0).chisquare(50, 20_000) ** 0.5}
+    more = {"thrust_N": 1.1 * drawn["thrust_N"]}
+    expected = chi2.cdf(1.21 * chi2.median(50), 50)
+    assert within(drawn, drawn, 1.1) == pytest.approx(expected, abs=0.01)
+    assert within(more, drawn, 1.1) == pytest.approx(0.5, abs=0.01)
