@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import re
-import signal
 import subprocess
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -104,46 +101,3 @@ def test_check_and_sweep_by_hand(
     print(f"simulated {1e-6 * state.time_us:.0f} s, stood still for {1e-6 * state.stood_us:.1f} s")
     assert state.faults == 0
     assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
-
-
-def test_a_killed_host_leaves_motors_at_zero_within_300_ms(
-    paced: PacedAvrBench, environment: dict[str, str], tmp_path: Path
-) -> None:
-    words = ["sweep", paced.address, *ONE, "--out", str(tmp_path / "run")]
-    with running(words, environment, tmp_path / "errors.txt") as process:
-        operator = threading.Thread(target=move_when_asked, args=(process, paced))
-        operator.start()
-        try:
-            paced.wait(lambda state: state.pulses_us[0] > 1500.0, timeout_s=40.0)
-        finally:
-            process.send_signal(signal.SIGKILL)
-            killed_us = paced.state.time_us
-            operator.join(10)
-    state = paced.wait(lambda state: state.time_us > killed_us + 1e6)
-    print(
-        f"last pulse above stop {1e-3 * (state.drive_us - state.heard_us):.0f} ms after the last "
-        f"byte, {1e-3 * (state.drive_us - killed_us):.0f} ms after the kill, simulated time"
-    )
-    assert 200e3 < state.drive_us - state.heard_us < 300e3
-    assert state.drive_us - killed_us < 300e3
-    assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-def test_calibrate_with_masses(
-    paced: PacedAvrBench, environment: dict[str, str], tmp_path: Path
-) -> None:
-    def hang(mass_kg: float) -> str:
-        paced.hung_N = 9.8 * mass_kg
-        return ""
-
-    out, errors = tmp_path / "calibration.json", tmp_path / "errors.txt"
-    words = ["calibrate", paced.address, "--rig", "pquad_single", "--gravity", "9.8"]
-    words += ["--masses", "0,0.5,1,0.5,0", "--seconds", "1", "--out", str(out)]
-    with running(words, environment, errors) as process:
-        told = answer_as_asked(process, r"hang ([\d.]+) kg.*press Enter: $", hang)
-        code = process.wait(10)
-    assert code == 0, told + errors.read_text()
-    kept = json.loads(out.read_text())
-    assert kept["device_id"] == "bench-avr"
-    assert kept["slope_N_per_count"] == pytest.approx(paced.plant.count_N, rel=2e-3)

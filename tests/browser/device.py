@@ -12,20 +12,13 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from unittest.mock import patch
-
-import numpy as np
-from numpy.typing import NDArray
 
 from benchtool.core.rig_file import rig_named
-from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.physics.model_file import load_model
-from benchtool.simulate import plate_bench
-from benchtool.simulate.imperfections import LoadCell
 from benchtool.virtual.devices import (
     device_server,
     pitch_hello,
@@ -79,27 +72,15 @@ class PrintingLink(DeviceLink):
         return answer
 
 
-class LoadedCell(LoadCell):
-    """Pull at the load cell with a mass, beside the rotors."""
-
-    mass_kg = 0.0
-
-    def convert(
-        self, force_N: NDArray[np.float64], white: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        return super().convert(force_N + LoadedCell.mass_kg * STANDARD_GRAVITY_M_S2, white)
-
-
 @dataclass
 class Device:
     """Hold the address of a device and the orders to its motors: time of day, word, pulse.
 
     `pulses` are its own: time of day and highest pulse, at each change. `rate_Hz` is that of its
-    samples; `hang` pulls at its load cell with a mass in kg."""
+    samples."""
 
     address: str
     rate_Hz: float
-    hang: Callable[[float], None]
     orders: list[tuple[float, str, float]] = field(default_factory=list)
     pulses: list[tuple[float, float]] = field(default_factory=list)
 
@@ -165,12 +146,7 @@ def served_device(
     )
     assert process.stdout is not None
     assert process.stdin is not None
-    masses = process.stdin
-
-    def hang(mass_kg: float) -> None:
-        print(mass_kg, file=masses, flush=True)
-
-    device = Device(process.stdout.readline().strip(), rate_Hz, hang)
+    device = Device(process.stdout.readline().strip(), rate_Hz)
 
     def note() -> None:
         for line in process.stdout or ():
@@ -192,10 +168,9 @@ def served_device(
         process.stdin.close()
 
 
-def read_masses() -> None:
-    for line in sys.stdin:
-        LoadedCell.mass_kg = float(line)
-    # Whoever ran the test is gone, killed perhaps: nobody else would end this process.
+def end_with_the_test() -> None:
+    """End this process once whoever ran the test is gone, killed perhaps."""
+    sys.stdin.read()
     os._exit(0)
 
 
@@ -207,20 +182,13 @@ def main(rig_name: str, speed: str, rate_Hz: str, version: str, mode: str) -> No
         serve(device_server(plant, pitch_hello(plant, 0), link, speak=PrintingLink), link)
         return
     truth = load_model(standard_truth(rig), rig).model
-    with patch.object(plate_bench, "LoadCell", LoadedCell):
-        server = virtual_server(
-            rig,
-            truth,
-            link,
-            speed=float(speed),
-            rate_Hz=float(rate_Hz),
-            speak=PrintingLink if version == "2" else VersionOne,
-        )
-    serve(server, link)
+    speak = PrintingLink if version == "2" else VersionOne
+    options = {"speed": float(speed), "rate_Hz": float(rate_Hz)}
+    serve(virtual_server(rig, truth, link, speak=speak, **options), link)
 
 
 def serve(server: BenchServer, link: PtyLink) -> None:
-    threading.Thread(target=read_masses, daemon=True).start()
+    threading.Thread(target=end_with_the_test, daemon=True).start()
     print(link.address, flush=True)
     with suppress(KeyboardInterrupt):  # a terminal's Ctrl-C ends whoever started this, too
         server.run(nap_s=NAP_S)

@@ -3,15 +3,13 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import psutil
 import pytest
 
 from benchtool.web.bench_process.throttle import SILENCE_S
-from benchtool.web.serve import open_page as open_address
-from tests.browser.conftest import CHROMIUM, Web, centre, connect, expect, serving
+from tests.browser.conftest import CHROMIUM, Web, centre, connect, expect
 from tests.browser.device import Device
 
 if TYPE_CHECKING:
@@ -217,20 +215,3 @@ def test_of_two_pages_one_is_at_the_controls(
     page.close()
     second.get_by_role("button", name="Take over").click()
     second.get_by_text("at the controls", exact=True).wait_for()
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-def test_a_wrong_token_opens_nothing(tmp_path: Path, open_page: Callable[[str], Page]) -> None:
-    with serving(tmp_path / "runs", tmp_path / "state", "--token") as server:
-        address, token = server.url.split("?token=")
-        assert len(token) > 20
-        for wrong in (address, f"{address}?token=x{token[1:]}"):
-            refused = open_page(wrong)
-            expect(refused.get_by_text("the token is missing or wrong")).to_be_visible()
-            expect(refused.locator(".stop-button")).to_have_count(0)
-        # As `benchtool web` itself opens it, by way of a file.
-        addresses: list[str] = []
-        open_address(server.url, tmp_path, addresses.append)
-        opened = open_page(addresses[0])
-        opened.get_by_text("at the controls", exact=True).wait_for()
-        assert opened.url == address

@@ -10,10 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchtool.data.columns import code_of
-from benchtool.data.run.append import read_events
-from benchtool.data.run.read import read_points
-from tests.browser.conftest import SWEEP_MS, Web, connect, expect, go_to, only_run
+from tests.browser.conftest import Web, connect, expect, only_run
 from tests.browser.device import Device
 from tests.browser.test_bench_page import STOPPED_S, hold
 
@@ -72,31 +69,6 @@ def test_paused_charts_zoom_and_give_what_is_seen(page: Page, tmp_path: Path) ->
     assert max(gaps_s) < 0.5
 
 
-def test_what_is_turned_by_hand_becomes_a_run_with_annotations(
-    page: Page, web: Web, fast_device: Device
-) -> None:
-    connect(page, fast_device.address)
-    expect(page.get_by_label("Annotation for the run")).to_be_hidden()
-    page.get_by_role("button", name="Record", exact=True).click()
-    page.get_by_label("Annotation for the run").fill("a door was opened")
-    page.get_by_role("button", name="Annotate").click()
-    marks = "Array.from(document.querySelectorAll('.strips')).some((one) => one.dataset.marks > 0)"
-    page.wait_for_function(marks)
-    hold(page, fast_device)
-    page.get_by_text("2 points").wait_for()
-    page.mouse.up()
-    page.get_by_role("button", name="End", exact=True).click()
-    page.get_by_text("ended: ").wait_for()
-    run = only_run(web)
-    (noted,) = [one for one in read_events(run.path / "events.jsonl") if one.event == "annotation"]
-    assert noted.text == "a door was opened"
-    points = read_points(run.path)
-    assert int((points.column("kind") == code_of("kind", "reference")).sum()) >= 2
-    assert run.metadata["link"]["lost"] == 0
-    page.get_by_role("button", name="Show", exact=True).click()
-    page.get_by_text("samples, Parquet").wait_for()
-
-
 def test_stop_ends_a_live_recording_with_motors_at_zero(
     page: Page, web: Web, device: Device
 ) -> None:
@@ -116,29 +88,3 @@ def test_stop_ends_a_live_recording_with_motors_at_zero(
     # The bench is held on, and turns by hand again.
     hold(page, device)
     page.mouse.up()
-
-
-def test_limits_are_tightened_and_a_test_without_a_plate_shows_its_points(page: Page) -> None:
-    connect(page, BENCH)
-    page.get_by_label("Virtual clock").click()
-    page.get_by_text("20 times faster").click()
-    tighten = page.get_by_role("button", name="Tighten")
-    for name, number, answer in (
-        ("rpm", "99999", "limits.rpm = 99999 is looser than the rig's 9800"),
-        ("pwm_us", "1700", "1000 to 1700"),
-    ):
-        tighten.click()
-        page.get_by_label(name, exact=True).fill(number)
-        page.get_by_role("button", name="Apply").click()
-        page.get_by_text(answer).wait_for()
-        expect(page.get_by_role("dialog")).to_have_count(0)
-    go_to(page, "Sweep")
-    page.get_by_label("Test", exact=True).click()
-    page.get_by_role("option", name="steps").click()
-    page.get_by_text("no plate: throttle alone").wait_for()
-    page.get_by_role("button", name="Start the sweep").click()
-    page.get_by_role("button", name="Start", exact=True).click()
-    expect(page.locator(".strips:visible")).to_have_count(1)
-    page.get_by_text("of 1700").locator("visible=true").first.wait_for()
-    page.locator(".ratio-plot .ytitle", has_text="thrust, N").wait_for()
-    page.get_by_text("ended: ").first.wait_for(timeout=SWEEP_MS)

@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from benchtool.explain.engine.verdict import Kind
-from benchtool.report.answer.page import answer_page
-from benchtool.report.html import render_report
 from tests.browser.conftest import Web, expect, serving
-from tests.unit.explain.hand_made import answer
 from tests.unit.web.explain.test_explain_job import MODEL, recorded
 
 if TYPE_CHECKING:
@@ -88,21 +84,3 @@ def test_a_hidden_effect_is_named_accepted_and_found_again(
     page.get_by_text("was written to").wait_for()
     page.get_by_label("Model", exact=True).click()
     page.get_by_role("option", name="explain-learn").wait_for()
-
-
-@pytest.mark.parametrize("width", [1280, 820])
-@pytest.mark.parametrize("kind", ["effect", "class"])
-def test_no_table_is_cut_at_the_width_of_a_screen(
-    kind: Kind, width: int, browser: Browser, tmp_path: Path
-) -> None:
-    given = answer(kind)
-    path = tmp_path / "report.html"
-    path.write_text(render_report(answer_page(given, {}, folder="found")), encoding="utf-8")
-    page = browser.new_page(viewport={"width": width, "height": 900})
-    page.goto(path.as_uri())
-    cut = page.evaluate(
-        "[...document.querySelectorAll('.wide')].map(box => box.scrollWidth - box.clientWidth)"
-    )
-    page.close()
-    assert len(cut) >= 4
-    assert max(cut) <= 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 import shutil
@@ -15,7 +14,6 @@ from typing import TYPE_CHECKING
 import pandas as pd
 import pytest
 
-from benchtool.data.run.labels import label
 from tests.browser.conftest import Web, expect, serving
 
 if TYPE_CHECKING:
@@ -24,7 +22,6 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 TOP = Path(__file__).parents[2]
-LAB = b"gap;F_gf;speed\n60;424.1;5500\n90;362.6;x\n120;342.0;5500\n180;329.9;5500\n"
 
 COLD_MS = 90_000
 """What starts a process and loads the libraries that draw may take so long on a busy machine."""
@@ -92,53 +89,6 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     assert late.value.suggested_filename == "single_rotor-report.html"
 
 
-def test_two_sweeps_stand_in_one_plot(filled: Web, open_page: Opens) -> None:
-    page = open_page(f"{filled.url}?tab=runs")
-    compare = page.get_by_role("button", name="Compare")
-    for name in ("quad", "single_rotor"):
-        page.get_by_label(f"Choose {name}", exact=True).click()
-    page.get_by_role("button", name="Compare 2 sweeps").wait_for()
-    compare.click()
-    page.get_by_text("2 sweeps compared").wait_for(timeout=COLD_MS)
-    page.get_by_role("img", name=re.compile("run by run")).wait_for()
-    nearest = page.locator(".shown-body").get_by_role("row", name=re.compile("^0.6 1450 "))
-    nearest.wait_for()
-    assert all(ratio in nearest.inner_text() for ratio in ("1.2343 ± 0.0016", "1.8081 ± 0.0013"))
-
-
-def test_runs_are_chosen_by_tags_and_notes(web: Web, open_page: Opens) -> None:
-    for name in ("quad", "single_rotor"):
-        shutil.copytree(TOP / "datasets" / name / "run", web.runs / name)
-    for name in ("first", "second"):
-        shutil.copytree(TOP / "fits" / "quad", web.runs / name)
-        label(web.runs / name, add=["good", "wide"] if name == "first" else ["good"])
-    label(web.runs / "quad", add=["good"], note="a blade has a nick")
-    page = open_page(f"{web.url}?tab=runs")
-    names = page.locator(".run-name")
-    expect(names).to_have_count(4)
-    expect(page.get_by_role("row", name=re.compile("quad good"))).to_be_visible()
-    page.get_by_label("Tags").click()
-    page.get_by_role("option", name="good").click()
-    page.get_by_text("3 of 4 in runs").click()  # closes the menu
-    assert set(names.all_inner_texts()) == {"quad", "first", "second"}
-    for name in ("first", "second"):
-        page.get_by_label(f"Choose {name}", exact=True).click()
-    page.get_by_role("button", name="Compare 2 fits").click()
-    page.get_by_text("2 fits compared").wait_for(timeout=COLD_MS)
-    page.locator(".shown-body").get_by_text("body_lift.K_b").first.wait_for()
-    page.get_by_label("Search name, rig, date, state, note").fill("nick")
-    expect(names).to_have_text(["quad"])
-    label(web.runs / "single_rotor", add=["good"], note="nick, too")  # in another program
-    expect(names).to_have_count(2)
-
-
-@pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "%2Fetc%2Fpasswd"])
-def test_a_path_outside_the_folder_is_refused(filled: Web, open_page: Opens, name: str) -> None:
-    page = open_page(f"{filled.url}?tab=runs&run={name}")
-    page.locator(".q-notification__message", has_text="leads out of the runs folder").wait_for()
-    assert page.locator(".shown-body").count() == 0
-
-
 def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -> None:
     page = open_page(f"{filled.url}?tab=fit&data=quad")
     page.get_by_label("body_lift.K_b is free").wait_for()
@@ -173,67 +123,3 @@ def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -
     made = {item.name for item in (filled.runs / "fit-here").iterdir()}
     assert {"result.json", "model.toml", "report.html", "ratio.svg"} <= made
     assert not (filled.runs.parent / "evil").exists()
-
-
-def test_the_form_shows_the_numbers_of_the_runs_own_rig(
-    browser: Browser, tmp_path: Path, open_page: Opens
-) -> None:
-    shutil.copytree(TOP / "datasets" / "quad" / "run", tmp_path / "runs" / "own")
-    metadata = tmp_path / "runs" / "own" / "metadata.json"
-    facts = json.loads(metadata.read_text("utf-8"))
-    facts["rig"]["propulsion"]["radius_m"] = 0.125
-    metadata.write_text(json.dumps(facts), "utf-8")
-    with serving(tmp_path / "runs", tmp_path / "state") as web:
-        page = open_page(f"{web.url}?tab=fit")
-        radius, strength = (
-            page.get_by_label(f"{name} is held at") for name in ("R_m", "neighbour_images.strength")
-        )
-        strength.fill("0.9")
-        expect(radius).to_have_value("0.12")
-        page.get_by_label("Runs and tables").click()
-        page.get_by_role("option", name=re.compile("^own")).click()
-        page.locator(".command-text", has_text="runs/own").wait_for()
-        expect(radius).to_have_value("0.125")
-        command = page.locator(".command-text", has_text="--fix neighbour_images.strength=0.9")
-        command.wait_for()
-        # What somebody had changed stays.
-        assert strength.input_value() == "0.9"
-        assert "R_m" not in command.inner_text()
-
-
-def test_a_table_is_handed_over_and_a_bad_cell_is_told(filled: Web, open_page: Opens) -> None:
-    page = open_page(f"{filled.url}?tab=fit")
-    page.get_by_text("Or upload a CSV file or a log", exact=True).wait_for()
-    wait_for_controls(page)
-    chooser = page.locator("input[type=file]")
-    chooser.set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"\0\1\2"})
-    page.locator(".q-notification", has_text="not a text file").get_by_role("button").click()
-    chooser.set_input_files({"name": "../../lab.csv", "mimeType": "text/csv", "buffer": LAB})
-    page.get_by_text(re.compile(r"^Columns of .*-lab(-\d)?/lab\.csv")).wait_for()
-    # A note lies over the lists until it goes.
-    page.locator(".q-notification__message", has_text="saved as").wait_for(state="hidden")
-    for channel, column in (("thrust_N (needed)", "F_gf"), ("rpm1 (or that", "speed")):
-        page.get_by_label(channel).click()
-        page.get_by_role("option", name=column, exact=True).click()
-    page.get_by_role("button", name="Use these columns").click()
-    bad = page.locator(".q-notification__message", has_text="line 3: column 'speed' holds 'x'")
-    bad.wait_for(timeout=COLD_MS)
-    assert {item.name for item in filled.runs.parent.iterdir()} <= {"runs", "state", "secret.csv"}
-
-
-def test_a_table_sorts_and_a_figure_opens_large(filled: Web, open_page: Opens) -> None:
-    page = open_page(f"{filled.url}?tab=runs&run=single_rotor")
-    table = page.locator("table.shown").first
-    first = table.locator("tbody tr").first.locator("th")
-    expect(first).to_have_text("0.6", timeout=COLD_MS)
-    head = table.get_by_role("button").first
-    head.click()
-    head.click()
-    expect(table.locator("th[aria-sort=descending]")).to_have_count(1)
-    expect(first).not_to_have_text("0.6")
-    page.get_by_role("button", name="Enlarge").first.click()
-    large = page.locator(".figure-large")
-    large.locator("img").hover()
-    expect(large.get_by_role("status")).to_contain_text("distance to the plate")
-    large.get_by_role("button", name="Close").click()
-    expect(large).to_have_count(0)

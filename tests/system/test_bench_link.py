@@ -19,15 +19,12 @@ from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.core.errors import (
-    BenchError,
     DeviceStopped,
     InputError,
-    LinkLost,
     PortBusy,
-    StageError,
 )
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.links import PtyLink, ServerLink, TcpLink, link_named
+from benchtool.virtual.links import PtyLink, ServerLink, link_named
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import BenchServer, ServerOutbox
 from tests.system.served import DeviceTime, posix, turning
@@ -90,13 +87,6 @@ def on_pty() -> Iterator[Served]:
     served.end()
 
 
-@pytest.fixture
-def on_tcp() -> Iterator[Served]:
-    served = Served(TcpLink("127.0.0.1", 0))
-    yield served
-    served.end()
-
-
 def bench_at(address: str) -> SerialBench:
     scheme, _, place = address.partition(":")
     if scheme == "serial":
@@ -109,12 +99,6 @@ def read_on(bench: SerialBench, told: list[str]) -> None:
     """Read until something ends it; keep what the device says."""
     while True:
         told += bench.read(0.1).messages
-
-
-def spin_on(bench: SerialBench) -> None:
-    """Spin gently until something ends it."""
-    bench.set_pwm(np.full(bench.identity.n_rotors, 1300.0))
-    read_on(bench, [])
 
 
 def drive(bench: SerialBench, readings: int = 40) -> NDArray[np.float64]:
@@ -140,11 +124,6 @@ def test_drive_over_a_pseudo_terminal_twice(on_pty: Served) -> None:
         assert np.nanmax(last[:, 2]) == 5.0
         assert np.all(last[:, 3] == 0.12)
         assert on_pty.plant.pwm_us.max() == 1000.0
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-def test_drive_over_tcp(on_tcp: Served) -> None:
-    assert np.nanmax(drive(bench_at(on_tcp.link.address))[-2:, 2]) == 5.0
 
 
 @posix
@@ -177,32 +156,6 @@ def test_a_host_that_hangs_is_told_so(on_pty: Served) -> None:
             read_on(bench, told)
         told += bench.read(0.2).messages
     assert any(text.startswith("watchdog: no line for") for text in told)
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-def test_a_second_host_on_tcp_is_told_who_is_there(on_tcp: Served) -> None:
-    with bench_at(on_tcp.link.address), pytest.raises(PortBusy, match=r"127\.0\.0\.1:\d+"):
-        bench_at(on_tcp.link.address).open()
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-@posix
-def test_a_pulled_cable_and_the_same_path_again(tmp_path: Path) -> None:
-    symlink = tmp_path / "bench"
-    served = Served(PtyLink(symlink))
-    try:
-        bench = bench_at(f"serial:{symlink}")
-        bench.open()
-        served.link.unplug()
-        with pytest.raises(LinkLost, match="check cable"):
-            read_on(bench, [])
-        bench.close()
-        assert not symlink.is_symlink()
-        served.link.replug()
-        drive(bench_at(f"serial:{symlink}"))
-    finally:
-        served.end()
-    assert not symlink.is_symlink()
 
 
 def serve(*words: str) -> subprocess.Popen[str]:
@@ -248,73 +201,6 @@ def test_serve_from_the_command_line(tmp_path: Path, number: signal.Signals) -> 
         process.kill()
         process.wait()
     assert (code, symlink.is_symlink()) == (0, False), errors
-
-
-def served_with(fault: str, symlink: Path) -> subprocess.Popen[str]:
-    process = serve("--speed", "20", "--fault", fault, "--symlink", str(symlink))
-    assert process.stdout is not None
-    assert process.stdout.readline().strip() == f"serial:{symlink}"
-    return process
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-@posix
-@pytest.mark.parametrize(
-    ("fault", "kind", "words"),
-    [
-        ("over_thrust:at_s=20", DeviceStopped, "limit: thrust_N 10"),
-        ("silence:at_s=0.5,for_s=9", LinkLost, "sent nothing for"),
-        ("unplug:at_s=0.5,for_s=0.2", LinkLost, "check cable"),
-    ],
-)
-def test_faults_on_demand(tmp_path: Path, fault: str, kind: type[BenchError], words: str) -> None:
-    process = served_with(fault, tmp_path / "bench")
-    try:
-        with pytest.raises(kind, match=words), bench_at(f"serial:{tmp_path / 'bench'}") as bench:
-            spin_on(bench)
-        if kind is LinkLost and "unplug" in fault:
-            time.sleep(0.5)
-            with bench_at(f"serial:{tmp_path / 'bench'}") as bench:
-                assert len(bench.read(1.0)) > 0
-    finally:
-        process.terminate()
-        process.communicate()
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-@posix
-def test_a_stage_that_refuses_on_demand(tmp_path: Path) -> None:
-    process = served_with("refuse_move", tmp_path / "bench")
-    try:
-        with bench_at(f"serial:{tmp_path / 'bench'}") as bench:
-            with pytest.raises(StageError, match=r"refused to move to 0\.2 m: stage alarm"):
-                bench.move_plate(0.2)
-            assert len(bench.read(1.0)) > 0
-    finally:
-        process.terminate()
-        process.communicate()
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--rig", "no-such-rig"), "no-such-rig"),
-        (("--fault", "gremlin"), "known: corrupt, delay, drop"),
-        (("--fault", "stuck:channel=rpm77"), "unknown channel of fault stuck 'rpm77'"),
-        (("--link", "carrier-pigeon"), "known: pty, tcp:PORT"),
-        (("--link", "tcp:99999"), "port of 0 (any) to 65535"),
-        (("--link", f"tcp:{'1' * 5000}"), "port of 0 (any) to 65535"),
-        (("--link", f"mavlink:tcp:{'1' * 5000}"), "port of 0 (any) to 65535"),
-        (("--link", "mavlink:udpout:127.0.0.1:99999"), "port of 0 (any) to 65535"),
-        (("--speed", "0"), "--speed is 0"),
-    ],
-)
-def test_serve_refuses_in_one_sentence(words: tuple[str, ...], said: str) -> None:
-    process = serve(*words)
-    code, errors = ended(process)
-    assert code == 2
-    assert said in errors
-    assert len(errors.strip().splitlines()) == 1
 
 
 def test_links_by_name(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import socket
@@ -13,15 +12,8 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
 import pyarrow.parquet as pq
 import pytest
-
-from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses
-from benchtool.tasks import run_tasks
-from tests.proof.truth.budgets import budget_sweep
-from tests.proof.truth.pool_count import counted_draw
-from tests.unit.explain.test_hypotheses import Linear
 
 pytest.importorskip("distributed", reason="no Dask: pip install benchtool[cluster]")
 pytestmark = pytest.mark.slow
@@ -158,56 +150,6 @@ def test_a_campaign_of_this_machine_resumes_too(tmp_path: Path) -> None:
     said, _ = running.communicate(timeout=60)
     assert running.returncode == 0, said
     assert pq.read_table(tmp_path / "campaign.parquet").num_rows == RUNS
-
-
-def test_fits_survive_a_killed_worker_and_equal_those_of_this_machine(
-    cluster: Cluster, tmp_path: Path
-) -> None:
-    tables = [f"bench{k}.csv" for k in range(4)]
-    for k, name in enumerate(tables):
-        budget_sweep(k, tmp_path / name)
-    cluster.scheduler()
-    workers = [cluster.worker(), cluster.worker()]
-    fit = ("fit", *tables, "--each", "--rig", "pquad", "--model", "quad_bench", "--out")
-    running = command(*fit, "there", "--cluster", cluster.address, cwd=tmp_path)
-    done = tmp_path / "there" / "done.jsonl"
-    wait(lambda: done.exists() and done.read_bytes().count(b"\n") >= 2)
-    workers[0].send_signal(signal.SIGKILL)
-    said, _ = running.communicate(timeout=120)
-    assert running.returncode == 0, said
-    running = command(*fit, "here", cwd=tmp_path)
-    said, _ = running.communicate(timeout=120)
-    assert running.returncode == 0, said
-    assert {path.name for path in (tmp_path / "there").iterdir()} == {f"bench{k}" for k in range(4)}
-    for k in range(4):
-        here, there = (
-            json.loads((tmp_path / folder / f"bench{k}" / "result.json").read_text())
-            for folder in ("here", "there")
-        )
-        assert here == there
-
-
-def test_draws_of_the_bootstrap_are_those_of_this_machine(cluster: Cluster) -> None:
-    cluster.scheduler()
-    cluster.worker()
-    wait(cluster.listens)
-    hypotheses = Hypotheses(Linear(np.array([0.9, 0.5, -0.5, 0.0]), 1))
-    base = hypotheses.null()
-    here, there = (
-        hypotheses.null_gains(base, Bootstrap(draws=600, cluster=one), np.random.default_rng(1))
-        for one in (None, cluster.address)
-    )
-    assert len(here) == 600
-    np.testing.assert_array_equal(here, there)
-
-
-def test_trials_of_coverage_are_those_of_this_machine(cluster: Cluster) -> None:
-    cluster.scheduler()
-    cluster.worker()
-    wait(cluster.listens)
-    items = {str(seed): (3, "prior", seed) for seed in range(4)}
-    found = dict(run_tasks(counted_draw, items, cluster=cluster.address))
-    assert found == {name: counted_draw(item) for name, item in items.items()}
 
 
 def test_no_scheduler_is_one_sentence(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from benchtool.core.rig_file import rig_named
 from benchtool.data.run.append import read_events
-from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.autopilot import VirtualAutopilot
@@ -59,17 +59,6 @@ def test_a_sweep_over_udp(tmp_path: Path, environment: dict[str, str], kind: str
     check_swept(ended, tmp_path / "run")
     told = [event.text for event in read_events(tmp_path / "run" / "events.jsonl")]
     assert f"rotor 1 hangs on output {3 if kind == 'ardupilot' else 1}" in told
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-@posix
-def test_a_sweep_over_a_pseudo_terminal(tmp_path: Path, environment: dict[str, str]) -> None:
-    with serving("mavlink:pty", environment, *FAST, "--symlink", str(tmp_path / "fc")) as address:
-        assert address == f"mavlink:serial:{tmp_path / 'fc'}:115200?rotors=1"
-        ended = sweep(address, tmp_path / "run", environment)
-    check_swept(ended, tmp_path / "run")
-    samples = read_samples(tmp_path / "run")
-    assert np.all(np.diff(samples.column("time_s")) > 0.0)
 
 
 class Watched(VirtualAutopilot):

@@ -90,34 +90,6 @@ def test_each_experiment_is_armed_by_hand_and_not_by_yes(
     assert said(capsys, *EXPLAIN, "--bench", BENCH.format(35), "--yes")[0] == 2
 
 
-@pytest.mark.parametrize(
-    ("words", "why"),
-    [
-        (["--bench", "sim:beam", "--out", "new"], "sim:beam is another rig than that of the rec"),
-        (["--bench", "sim:nowhere", "--out", "new"], "nowhere"),
-        (["--bench", BENCH.format(35)], "give --out FOLDER"),
-    ],
-)
-def test_a_bench_that_will_not_do_is_refused_at_once(
-    capsys: pytest.CaptureFixture[str], words: list[str], why: str
-) -> None:
-    code, _, err = said(capsys, *EXPLAIN[:-2], *words)
-    assert code == 2
-    assert why in err
-    assert not Path("new").exists()
-
-
-def test_minutes_bound_what_is_recorded(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    typed(monkeypatch, "")
-    words = ["--bench", BENCH.format(35), "--most-minutes", "0.5"]
-    code, out, _ = said(capsys, *EXPLAIN, *words)
-    assert code == 0
-    last = out.rstrip().splitlines()[-1]
-    assert last.startswith("The answer is not as sure as --until 0.95. No experiment within reach")
-
-
 def test_ctrl_c_in_the_second_experiment_leaves_motors_at_zero_and_the_answer(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -13,9 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
-from benchtool.core.errors import DeviceStopped
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_pitch, read_samples
 from benchtool.data.run.run import Run
@@ -185,74 +183,3 @@ def test_nobody_arms_a_bench_without_a_word(tmp_path: Path, environment: dict[st
     assert armed.returncode == 0, armed.stderr
     assert answered("ARM\n").returncode == 2
     assert (tmp_path / "run" / "samples.parquet").is_file()
-
-
-LAWS = """
-class Law:
-    def step(self, measurement, reference, dt_s):
-        error = reference.theta_rad - measurement.theta_rad
-        return 0.386 * error - 0.133 * measurement.rate_rad_s
-
-
-class Fails(Law):
-    def step(self, measurement, reference, dt_s):
-        if measurement.time_s > 3.0:
-            return float("nan")
-        return super().step(measurement, reference, dt_s)
-"""
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-@posix
-def test_a_controller_of_ones_own_flies_the_bench_until_it_fails(
-    tmp_path: Path, environment: dict[str, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "served_law.py").write_text(LAWS)
-    monkeypatch.chdir(tmp_path)
-    words = ("--set", "K_b=1.8", "--controller")
-    with serving(environment, *words, "served_law:Law") as address:
-        process = recording(address, tmp_path / "flown", environment, "--seconds", "14")
-        _, complained = process.communicate(timeout=60)
-    assert process.returncode == 0, complained
-    facts = Run.open(tmp_path / "flown").metadata["device"]["facts"]
-    assert facts["controller"] == "served_law:Law"
-    recorded = read_pitch(tmp_path / "flown")
-    under = recorded.column("time_s") > 11.0
-    assert -1.8 < np.degrees(recorded.column("theta_rad")[under]).mean() < -0.8
-    with serving(environment, *words, "served_law:Fails") as address:
-        process = recording(address, tmp_path / "failed", environment, "--seconds", "14")
-        _, complained = process.communicate(timeout=60)
-    assert process.returncode == 4
-    assert "controller Fails returned torque_Nm = nan at 3.004 s" in complained
-    assert "served_law.py line 9" in complained
-    assert "served_law.py line 9" in Run.open(tmp_path / "failed").metadata["reason"]
-
-
-def read_on(bench: Bench) -> None:
-    """Read for two seconds, or until the bench says no."""
-    for _ in range(20):
-        bench.read(0.1)
-
-
-@posix
-def test_the_server_of_a_failed_controller_ends_with_its_sentence(
-    tmp_path: Path, environment: dict[str, str]
-) -> None:
-    (tmp_path / "served_law.py").write_text(LAWS.replace("> 3.0", ">= 0.0"))
-    words = ["bench", "serve", "--mode", "pitch", "--controller", "served_law:Fails"]
-    process = subprocess.Popen(
-        [*COMMAND, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-        cwd=tmp_path,
-    )
-    assert process.stdout is not None
-    with open_bench(process.stdout.readline().strip()) as bench:
-        bench.set_pwm(np.full(4, 1599.0))
-        with pytest.raises(DeviceStopped, match=r"served_law\.py line 9"):
-            read_on(bench)
-    _, complained = process.communicate(timeout=20)
-    assert process.returncode == 2
-    assert complained.count("returned torque_Nm = nan at 0 s") == 1

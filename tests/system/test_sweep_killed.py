@@ -19,7 +19,6 @@ import pytest
 from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import plan_from_toml
 from benchtool.bench.serial.frames import frame
-from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import code_of
 from benchtool.data.run.append import read_events
@@ -116,22 +115,6 @@ def test_a_signal_ends_it_safely_and_says_so(
     assert (run / "samples.parquet").is_file()
 
 
-def test_impatience_still_leaves_a_closed_run(
-    tmp_path: Path, served: str, environment: dict[str, str]
-) -> None:
-    run = tmp_path / "run"
-    process = begin(served, run, environment, points=2)
-    for _ in range(3):
-        process.send_signal(signal.SIGINT)
-        time.sleep(0.02)
-    told = process.communicate(timeout=20)[1]
-    assert process.returncode == 5, told
-    assert "stopped by Ctrl-C; zero was commanded" in told
-    assert Run.open(run).metadata["state"] == "stopped"
-    assert (run / "settings.csv").is_file()
-    assert (run / "samples.parquet").is_file()
-
-
 def test_a_signal_during_a_move_loses_no_sample_and_shows_the_end(
     tmp_path: Path, served: str, environment: dict[str, str]
 ) -> None:
@@ -149,40 +132,6 @@ def test_a_signal_during_a_move_loses_no_sample_and_shows_the_end(
     steps_us = np.diff(samples.column("device_time_us"))
     lost = Run.open(run).metadata["link"]["lost"]
     assert np.round(steps_us / 5000.0 - 1.0).sum() == lost
-
-
-@pytest.mark.real_time(deadline_s=0.1)
-def test_doctor_names_the_sweep_that_holds_the_port(
-    tmp_path: Path, served: str, environment: dict[str, str]
-) -> None:
-    process = begin(served, tmp_path / "run", environment, points=1)
-    port = served.removeprefix("serial:")
-    looked = command(["doctor", port], environment)
-    assert end(process, signal.SIGTERM)[0] == 5
-    assert looked.returncode == 3
-    assert f"{port} is open in " in looked.stdout
-    assert f"(pid {process.pid})" in looked.stdout
-
-
-def test_a_link_to_nowhere_is_refused_in_one_sentence(environment: dict[str, str]) -> None:
-    ended = command(["bench", "serve", "--symlink", "/nope/x"], environment)
-    assert ended.returncode == 2
-    assert "--symlink /nope/x cannot be made (No such file or directory)" in ended.stderr
-    assert ended.stderr.count("\n") == 1
-
-
-def test_a_sweep_on_a_busy_port_is_refused(
-    tmp_path: Path, served: str, environment: dict[str, str]
-) -> None:
-    holder, out = SerialPort(served.removeprefix("serial:"), 115_200), tmp_path / "second"
-    holder.open()
-    try:
-        second = command(["sweep", served, *SMALL, "--yes", "--out", str(out)], environment)
-    finally:
-        holder.close()
-    assert second.returncode == 3
-    assert str(os.getpid()) in second.stderr
-    assert not out.exists()
 
 
 WORDS = ["--rig", "pquad_single", "--z-over-r", "1", "--pwm", "1450", "--repeats", "1", "--yes"]
