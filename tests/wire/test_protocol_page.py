@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.serial.commands import COMMANDS, command_from
+from benchtool.bench.serial.commands import command_from
 from benchtool.bench.serial.frames import Decoder, crc16
-from benchtool.virtual.faults import FAULTS, fault_from
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.protocol import DeviceLink
 from tests.wire.still_plant import StillPlant, still_hello
@@ -63,11 +62,6 @@ def test_every_line_of_the_conversation_is_whole() -> None:
             command_from((name, time) if name == "hello" else (name, *values))
 
 
-def test_every_command_is_on_the_page() -> None:
-    table = PAGE.partition("## Commands")[2].partition("## Hello")[0]
-    assert tuple(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == tuple(COMMANDS)
-
-
 def test_the_vector() -> None:
     assert "`123456789` is `29B1`" in PAGE
     assert crc16(b"123456789") == 0x29B1
@@ -102,14 +96,3 @@ def test_the_c_code_speaks_the_protocol(tmp_path: Path) -> None:
     assert batch.values[1, 1] != batch.values[1, 1]
     assert (batch.lost, batch.corrupt) == (0, 0)
     assert lines[3:] == [b"C,4,tare\n", b"refused\n", b"refused\n"]
-
-
-def test_every_fault_is_on_its_page_with_its_defaults() -> None:
-    page = (Path(__file__).parents[2] / "docs/how-to/virtual-bench.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` \| (.*?) \|", page, re.MULTILINE)
-    told = {
-        name: fault_from(f"{name}:{','.join(re.findall('`(.*?)`', keys))}") for name, keys in rows
-    }
-    assert told == {name: fault_from(name) for name in FAULTS}
-    for name, keys in rows:
-        assert re.findall(r"`(\w+)=", keys) == list(FAULTS[name])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from math import radians
 from pathlib import Path
@@ -22,7 +21,7 @@ from benchtool.acquire.pitch_record import PitchSummary, record_pitch, summary_l
 from benchtool.bench.bench import Readings
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.errors import FileFormatError, InputError, LimitExceeded, PlanError, RunStopped
+from benchtool.core.errors import LimitExceeded, PlanError
 from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule_file import schedule_named
 from benchtool.data.run.append import read_events
@@ -153,32 +152,6 @@ def test_ctrl_c_commands_zero_at_once(tmp_path: Path) -> None:
     assert run.metadata["state"] == "stopped"
 
 
-def test_a_folder_that_is_deleted_ends_it_and_is_rescued(tmp_path: Path) -> None:
-    run = Run.create(tmp_path / "run", HOVER.to_toml(), {"state": "running"})
-    with GuardedBench(open_bench(ADDRESS), RIG) as bench:
-
-        def delete(left_s: float) -> None:
-            if left_s < 38.0 and run.path.exists():
-                shutil.rmtree(run.path)
-
-        with pytest.raises(RunStopped, match=r"deleted or moved; zero .* saved in .*run-rescued"):
-            record_pitch(bench, RIG, HOVER, run, left=delete)
-    assert run.path == tmp_path / "run-rescued"
-    assert run.metadata["state"] == "stopped"
-    samples = read_samples(run.path)
-    assert len(samples) == run.metadata["link"]["samples"]
-    assert samples.column("pwm1_us")[-1] == 1000.0
-
-
-def test_a_bench_without_a_hinge_is_refused(tmp_path: Path) -> None:
-    run = Run.create(tmp_path / "run", HOVER.to_toml(), {"state": "running"})
-    with (
-        GuardedBench(open_bench("sim:pquad"), RIG) as bench,
-        pytest.raises(InputError, match="mode=pitch"),
-    ):
-        record_pitch(bench, RIG, HOVER, run)
-
-
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
@@ -214,13 +187,6 @@ def test_a_pitch_bench_can_be_checked_without_a_load_cell() -> None:
         findings = list(check_bench(bench, RIG))
     assert all(finding.passed for finding in findings)
     assert [finding.name for finding in findings][-2:] == ["rotor 4 speed", "rotor 4 channel"]
-
-
-def test_a_run_of_something_else_is_no_pitch_recording(tmp_path: Path) -> None:
-    table = tmp_path / "samples.csv"
-    table.write_text("time_s,device_time_us,point,phase,thrust_N\n0.0,0,0,sample,1.0\n")
-    with pytest.raises(FileFormatError, match="theta_ref_rad"):
-        read_pitch(table)
 
 
 def test_zero_comes_before_the_samples_of_a_beam_that_turned_too_far_are_written(

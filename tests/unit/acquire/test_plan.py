@@ -1,9 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass, replace
-from math import nan
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +11,6 @@ from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
 from benchtool.core.errors import (
     BenchtoolError,
     FileFormatError,
-    InputError,
     PlanError,
     UnknownChoice,
 )
@@ -164,26 +160,6 @@ def test_duration_counts_moves_settling_and_tares() -> None:
     visits = visits_of(plan, SINGLE)
     # 1 m at 0.1 m/s, 1.5 s standstill, 0.3 + 1.4 + 2 s for the point, 2.5 s for the tare.
     assert expected_duration_s(plan, SINGLE, visits) == pytest.approx(10.0 + 1.5 + 3.7 + 2.5)
-
-
-def _with_nan(part: Any) -> Iterator[tuple[Any, dict[str, Any]]]:
-    """Give every part of a plan with each of its numbers as nan."""
-    for field in fields(part):
-        value = getattr(part, field.name)
-        if is_dataclass(value):
-            yield from _with_nan(value)
-        elif isinstance(value, float):
-            yield part, {field.name: nan}
-        elif isinstance(value, tuple) and isinstance(value[0] if value else None, float):
-            yield part, {field.name: (nan, *value[1:])}
-
-
-def test_no_number_of_a_plan_may_be_nan_however_it_was_made() -> None:
-    spoiled = list(_with_nan(Plan().resolved(QUAD)))
-    assert len(spoiled) > 12
-    for part, change in spoiled:
-        with pytest.raises(InputError, match=f"{next(iter(change))} (is|names) nan"):
-            replace(part, **change)
 
 
 def test_the_largest_rest_of_a_tare_follows_from_the_stated_zero() -> None:

@@ -1,8 +1,6 @@
 from __future__ import annotations
 
-import os
 from dataclasses import replace
-from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +17,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import DeviceStage
 from benchtool.core.errors import (
     BenchError,
-    CalibrationError,
     LinkLost,
-    ResourceExhausted,
     RunStopped,
     StandstillNotSeen,
     WouldOverwrite,
@@ -169,51 +165,6 @@ def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(
     assert len(read_points(tmp_path / "run")) >= 1
 
 
-def test_a_full_disk_ends_it_in_one_sentence_and_keeps_what_was_measured(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bench, run = FakeBench(), tmp_path / "disk" / "run"
-    monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
-    full: list[str] = []
-    write, disk = os.write, run.parent.resolve()
-
-    def no_room(handle: int, data: bytes) -> int:
-        name = os.readlink(f"/proc/self/fd/{handle}")
-        if full and name.startswith(str(disk)):
-            full.append(name)
-            raise OSError(28, "No space left on device")
-        return write(handle, data)
-
-    def fill() -> None:
-        full.append("")
-        run.parent.chmod(0o555)
-        monkeypatch.setattr(os, "write", no_room)
-        monkeypatch.setattr(Path, "mkdir", mkdir)
-
-    make = Path.mkdir
-
-    def mkdir(path: Path, *more: object, **named: object) -> None:
-        if path.resolve().parent == disk:
-            raise OSError(28, "No space left on device")
-        make(path, *more, **named)  # type: ignore[arg-type]
-
-    bench.at.append((12.0, fill))
-    saved = tmp_path / "state/rescued/run-rescued"
-    with pytest.raises(
-        ResourceExhausted,
-        match=rf"run cannot be written: the disk is full; zero was commanded to the motors; what "
-        rf"was recorded is saved in {saved}; make room on the disk, then go on$",
-    ):
-        sweep(bench, run)
-    assert str(run / "samples.csv") in full
-    assert bench.log[-2:] == [("stop", None), ("close", None)]
-    # On the full disk whole rows, in the other folder the rest as well, without a gap.
-    assert (run / "samples.csv").read_bytes().endswith(b"\n")
-    samples = read_samples(saved)
-    assert len(samples) == Run.open(saved).metadata["link"]["samples"] > len(read_samples(run))
-    np.testing.assert_allclose(np.diff(samples.column("time_s")), 0.01, atol=1e-6)
-
-
 def test_a_tare_that_leaves_too_much_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BenchError, match=r"after 3 tares \+0\.2 N are left .* limit 0\.0502 N"):
         sweep(FakeBench(left_N=0.2), tmp_path / "run")
@@ -295,12 +246,6 @@ def test_a_hot_esc_rests_until_it_has_cooled(tmp_path: Path) -> None:
     assert samples.column("rpm1")[resting][-50:].max() == 0.0
 
 
-def test_a_pack_that_does_not_recover_ends_the_sweep(tmp_path: Path) -> None:
-    plan = replace(PLAN, rest=replace(PLAN.rest, below_V=11.5, longest_s=20.0))
-    with pytest.raises(RunStopped, match=r"11\.00 V, rest below 11\.5 V .* after 20 s"):
-        sweep(FakeBench(), tmp_path / "run", plan)
-
-
 COUNTS = fit_calibration(
     np.array([0.0, 0.1, 0.2]),
     5000.0 + 500.0 * 9.80665 * np.array([0.0, 0.1, 0.2]),
@@ -315,19 +260,6 @@ def test_a_calibration_is_attached_and_raw_data_stay(tmp_path: Path) -> None:
     assert (plain.path / "samples.csv").read_bytes() == (scaled.path / "samples.csv").read_bytes()
     # The device counts 1000 per N, the calibration says 500.
     np.testing.assert_allclose(read_points(scaled.path).column("thrust_N"), 3.2, atol=4e-3)
-
-
-def test_a_calibration_that_is_too_old_is_an_event_of_the_run(tmp_path: Path) -> None:
-    resolved = PLAN.resolved(RIG)
-    for days, said in ((364, []), (400, ["was 400 days old when the run began, limit 365"])):
-        bench, path = FakeBench(), tmp_path / str(days)
-        started = datetime.fromisoformat("2026-01-31T00:00:00+00:00") + timedelta(days=days)
-        facts = run_metadata(resolved, RIG, bench.identity, calibration=COUNTS, started=started)
-        run = Run.create(path, plan_to_toml(resolved), facts)
-        with GuardedBench(bench, RIG) as guarded:
-            run_sweep(guarded, DeviceStage(guarded), resolved, RIG, run, calibration=COUNTS)
-        found = events_of(run, "calibration_old")
-        assert [text in found[0] for text in said] == [True] * len(found)
 
 
 def test_a_run_is_recalibrated_beside_its_raw_data(tmp_path: Path) -> None:
@@ -348,14 +280,6 @@ def test_a_run_is_recalibrated_beside_its_raw_data(tmp_path: Path) -> None:
     assert facts["calibration_of_other_device"] is False
     with pytest.raises(WouldOverwrite):
         recalibrate(plain, COUNTS)
-
-
-def test_a_run_without_raw_counts_cannot_be_recalibrated(tmp_path: Path) -> None:
-    _, run = sweep(FakeBench(), tmp_path / "run")
-    path = run.path / "samples.csv"
-    path.write_text(path.read_text().replace("thrust_raw", "thrust_other"))
-    with pytest.raises(CalibrationError, match="no raw counts"):
-        recalibrate(run, COUNTS)
 
 
 def test_a_pause_stands_between_two_visits_with_motors_at_zero(tmp_path: Path) -> None:

@@ -11,11 +11,10 @@ import pytest
 from benchtool.acquire.new_run import run_metadata
 from benchtool.acquire.plan import plan_from_toml, plan_to_toml
 from benchtool.acquire.resume import unfinished
-from benchtool.acquire.stage_choice import stage_for
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import IdleStage
-from benchtool.core.errors import BenchtoolError, InputError, StageError
+from benchtool.core.errors import BenchtoolError, StageError
 from benchtool.core.rig_file import rig_named
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points
@@ -23,7 +22,6 @@ from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.simulated import SimulatedBench
 from tests.unit.acquire.fake_bench import FakeBench
-from tests.unit.acquire.test_sweep import PLAN
 
 RIG = rig_named("pquad_single")
 STAGE = "grbl:/dev/ttyS9?axis=Z&zero_mm=1500&direction=1"
@@ -145,43 +143,6 @@ def test_it_does_so_without_a_position_channel() -> None:
         bench.confirm_plate(1.1, 1.1014)
         with pytest.raises(StageError, match=r"stage says 1\.1016 m after the move to 1\.1 m"):
             bench.confirm_plate(1.1, 1.1016)
-
-
-def test_without_a_position_channel_distances_are_called_commanded(tmp_path: Path) -> None:
-    bench, plan = FakeBench(), PLAN.resolved(RIG)
-    run = Run.create(tmp_path / "run", plan_to_toml(plan), run_metadata(plan, RIG, bench.identity))
-
-    class Beside(Carries):
-        def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
-            return z_m
-
-    with GuardedBench(bench, RIG) as guarded:
-        run_sweep(guarded, Beside(bench_beside()), plan, RIG, run)
-    first = read_events(run.path / "events.jsonl")[0]
-    assert first.text == (
-        "no channel reads where the plate stands: distances are commanded, not measured"
-    )
-    assert run.metadata["plate"]["measured"] is False
-    points = read_points(run.path)
-    assert points.column("plate_stage_z_m").tolist() == points.column("plate_z_m").tolist()
-
-
-@pytest.mark.parametrize("option", [STAGE, "hand"])
-def test_a_bench_that_moves_its_own_plate_refuses_a_second_stage(option: str) -> None:
-    bare = SimulatedBench("sim:pquad_single", RIG, load_model("single", RIG).model)
-    with (
-        GuardedBench(bare, RIG) as bench,
-        pytest.raises(InputError, match="sim:pquad_single moves its own plate"),
-    ):
-        stage_for(option, bench, RIG, lambda question: "")
-
-
-def test_what_moved_the_plate_can_be_said_again() -> None:
-    with GuardedBench(bench_beside(), RIG) as bench:
-        facts = dict(stage_for(STAGE, bench, RIG, lambda question: "").facts)
-        again = dict(stage_for(str(facts["stage"]), bench, RIG, lambda question: "").facts)
-    assert facts == {"stage": STAGE, "axis": "Z", "zero_mm": 1500.0, "direction": 1}
-    assert again == facts
 
 
 def test_a_resumed_run_names_the_stage_that_moved_the_plate(tmp_path: Path) -> None:

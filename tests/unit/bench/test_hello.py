@@ -46,24 +46,6 @@ def test_every_number_has_a_range(key: str, text: str) -> None:
         hello_from(changed(key, text))
 
 
-@pytest.mark.parametrize("text", BAD_NUMBERS)
-@pytest.mark.parametrize(
-    ("line", "name"),
-    [
-        (("limit", "thrust_N", "?"), "limit thrust_N"),
-        (("limit", "plate_z_min_m", "?"), "limit plate_z_min_m"),
-        (("channel", "current_A", "A", "?"), "rate of current_A"),
-        (("pwm", "?", "1050"), "stop pulse"),
-        (("pwm", "1000", "?"), "idle pulse"),
-    ],
-)
-def test_so_has_every_number_of_a_list(line: tuple[str, ...], name: str, text: str) -> None:
-    wrong = tuple(text if field == "?" else field for field in line)
-    others = [each for each in LINES if each[0] != "pwm" or line[0] != "pwm"]
-    with pytest.raises(ProtocolError, match=f"{name} is .*, not a number from"):
-        hello_from([*others, wrong])
-
-
 @pytest.mark.parametrize(
     ("key", "values", "words"),
     [
@@ -83,17 +65,6 @@ def test_so_has_every_number_of_a_list(line: tuple[str, ...], name: str, text: s
 def test_what_else_makes_no_sense(key: str, values: list[str], words: str) -> None:
     with pytest.raises(ProtocolError, match=words.replace("[", r"\[")):
         hello_from(changed(key, *values))
-
-
-def test_a_stage_may_have_no_room_sideways() -> None:
-    assert hello_from([*LINES, ("limit", "plate_x_max_m", "0")]).limits["plate_x_max_m"] == 0.0
-
-
-def test_what_is_missing_or_comes_twice() -> None:
-    with pytest.raises(ProtocolError, match="no line 'device'"):
-        hello_from([line for line in LINES if line[0] != "device"])
-    with pytest.raises(ProtocolError, match="channel 'thrust_N' comes twice"):
-        hello_from([*LINES, ("channel", "thrust_N", "N", "80")])
 
 
 def test_the_hash_goes_by_names_units_and_order() -> None:

@@ -7,11 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from benchtool.bench.identify import Expected, Kind, kind_of, mismatch
+from benchtool.bench.identify import Kind, kind_of, mismatch
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import dialect
-from benchtool.bench.mavlink.side_cell import SideCell
 from benchtool.bench.serial.frames import frame
 from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import ProtocolError
@@ -32,23 +31,6 @@ HEARD: dict[Kind, bytes] = {
 @pytest.mark.parametrize("kind", HEARD)
 def test_what_speaks_is_known(kind: Kind) -> None:
     assert kind_of(HEARD[kind]) == kind
-
-
-@pytest.mark.parametrize(
-    ("expected", "own", "sentences"),
-    [
-        ("bench", None, 5),  # both kinds of garbage are a wrong baud rate
-        ("mavlink", "mavlink", 5),
-        ("stage", "grbl", 4),
-    ],
-)
-def test_each_is_named_in_one_sentence(
-    expected: Expected, own: Kind | None, sentences: int
-) -> None:
-    address = "serial:/dev/x?baud=9600"
-    said = [mismatch(expected, sent, address) for kind, sent in HEARD.items() if kind != own]
-    assert not any("\n" in text for text in said)
-    assert len({re.sub(r"b['\"].*['\"]", "", text) for text in said}) == sentences
 
 
 @pytest.mark.parametrize(
@@ -79,19 +61,6 @@ def test_a_stage_that_is_none_is_named(kind: Kind, said: str) -> None:
     with pytest.raises(ProtocolError, match=re.escape(said)):
         stage.open()
     assert link.closed == 1
-
-
-@pytest.mark.parametrize(
-    ("heard", "said"),
-    [
-        (NOISE, "sends bytes that are no text"),
-        (b"ready\r\nno amplifier\r\n", "sends text without a number"),
-    ],
-)
-def test_a_load_cell_that_is_none_is_named(heard: bytes, said: str) -> None:
-    link = Talker(heard)
-    with pytest.raises(ProtocolError, match=said):
-        SideCell(link, "/dev/cell", link.clock).open()
 
 
 class Asked(ScriptedLink):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import socket
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -15,8 +14,8 @@ import pytest
 import serial
 
 from benchtool.bench.transport.serial_port import SerialPort
-from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
-from benchtool.bench.transport.transport import holders, holders_text, opening_error
+from benchtool.bench.transport.sockets import TcpSocket
+from benchtool.bench.transport.transport import holders, opening_error
 from benchtool.core.errors import InputError, LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
@@ -112,10 +111,6 @@ def test_a_second_opening_names_the_holder(terminal: tuple[int, int, SerialPort]
     second.close()
 
 
-def test_a_holder_that_the_system_does_not_name() -> None:
-    assert holders_text("/dev/no-such-port").startswith("another program")
-
-
 @posix
 def test_a_port_that_vanishes_is_a_lost_link(terminal: tuple[int, int, SerialPort]) -> None:
     near, far, port = terminal
@@ -139,56 +134,6 @@ def test_a_port_that_takes_nothing_is_a_lost_link(terminal: tuple[int, int, Seri
         terminal[2].write(b"x" * 1_000_000)
 
 
-def _listener() -> socket.socket:
-    listener = socket.socket()
-    listener.bind(("127.0.0.1", 0))
-    listener.listen()
-    return listener
-
-
-def test_tcp_carries_bytes_and_notices_the_end() -> None:
-    with _listener() as listener:
-        link = TcpSocket("127.0.0.1", listener.getsockname()[1])
-        link.open()
-        peer, _ = listener.accept()
-        with peer:
-            peer.sendall(b"hello")
-            assert link.read(1.0) == b"hello"
-            assert link.read(0.0) == b""
-            link.write(b"answer")
-            assert peer.recv(100) == b"answer"
-        with pytest.raises(LinkLost, match="closed the connection"):
-            link.read(1.0)
-        link.close()
-        link.close()
-        with pytest.raises(LinkLost, match="is closed"):
-            link.write(b"x")
-
-
-def test_tcp_where_nobody_listens() -> None:
-    with _listener() as listener:
-        port = listener.getsockname()[1]
-    with pytest.raises(NoDevice, match="nobody listens"):
-        TcpSocket("127.0.0.1", port).open()
-
-
-@pytest.mark.parametrize(
-    "error",
-    [TimeoutError("timed out"), socket.gaierror(-2, "Name or service not known"), OSError(113, "")],
-)
-def test_tcp_hosts_that_cannot_be_reached(error: OSError, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(socket, "create_connection", refusing(error))
-    with pytest.raises(NoDevice, match=r"bench\.example:5555"):
-        TcpSocket("bench.example", 5555).open()
-
-
-def test_a_host_that_nobody_knows_and_a_port_that_is_none_are_named() -> None:
-    unknown = opening_error(socket.gaierror(-2, "Name or service not known"), "lab-pc:5555")
-    assert str(unknown) == "the host of lab-pc:5555 is not known; correct its name in the address"
-    with pytest.raises(NoDevice, match="99999 is no port; choose one from 1 to 65535"):
-        UdpSocket("127.0.0.1", 99999, listen=True).open()
-
-
 @pytest.mark.parametrize("error", [ConnectionResetError(104, "reset"), BrokenPipeError(32, "pipe")])
 def test_tcp_links_that_break(error: OSError) -> None:
     link = TcpSocket("127.0.0.1", 1)
@@ -196,11 +141,3 @@ def test_tcp_links_that_break(error: OSError) -> None:
     for use in (lambda: link.read(0.0), lambda: link.write(b"x")):
         with pytest.raises(LinkLost, match="broke"):
             use()
-
-
-def test_an_error_within_an_error_is_told_once() -> None:
-    error = OSError(2, "could not open port /dev/x: [Errno 2] No such file or directory: '/dev/x'")
-    told = str(opening_error(error, "/dev/x"))
-    assert told.startswith("/dev/x cannot be opened (No such file or directory);")
-    plain = str(opening_error(OSError(113, "No route to host"), "10.0.0.9:5"))
-    assert "([Errno 113] No route to host)" in plain

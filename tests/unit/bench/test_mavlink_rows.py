@@ -9,7 +9,6 @@ from benchtool.bench.mavlink.motor_test import OutputWatch
 from benchtool.bench.mavlink.rows import MavlinkRows, SpeedSources
 from benchtool.bench.mavlink.settings import ThrustSource, Wiring, channels_of
 from benchtool.bench.mavlink.side_cell import CellLines, SideCell, in_order
-from benchtool.core.errors import InputError, NoDevice
 from benchtool.testing.scripted_link import Talker
 
 W = dialect()
@@ -87,12 +86,6 @@ def test_thrust_comes_by_name_in_three_messages(text: str, message: object) -> N
     assert told["thrust_N"] == [5.0]
 
 
-@pytest.mark.parametrize("text", ["", "elevenletters", "cell.w", "cell[x]"])
-def test_a_name_that_is_none_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match=r"write thrust=NAME, NAME.x or NAME\[0\]"):
-        ThrustSource.named(text)
-
-
 def telemetry(rpm: list[int], count: int) -> object:
     return W.MAVLink_esc_telemetry_1_to_4_message(
         [30] * 4, [1200] * 4, [0] * 4, [0] * 4, rpm, [count] * 4
@@ -146,17 +139,6 @@ def test_battery_attitude_and_distance() -> None:
     assert told["plate_z_m"] == [pytest.approx(0.34)]
 
 
-def test_unknown_voltages_are_left_out() -> None:
-    told = rows_of(
-        W.MAVLink_battery_status_message(0, 0, 0, 32767, [65535] * 10, -1, -1, -1, -1),
-        W.MAVLink_sys_status_message(0, 0, 0, 0, 65535, -1, -1, 0, 0, 0, 0, 0, 0),
-    )
-    assert told["voltage_V"] == []
-    assert told["current_A"] == []
-    known = W.MAVLink_sys_status_message(0, 0, 0, 0, 11_100, 300, -1, 0, 0, 0, 0, 0, 0)
-    assert rows_of(known)["voltage_V"] == [pytest.approx(11.1)]
-
-
 def test_a_rotor_changes_places_when_its_output_is_found() -> None:
     rows = MavlinkRows(Wiring(motors=(1, 2), outputs=(0, 0), escs=(1, 2)), idle_us=1100.0)
     rows.wire(1, 2)
@@ -204,13 +186,6 @@ def test_another_message_that_lives_takes_its_place() -> None:
     assert sources.take_messages()[-1] == "rpm1 is taken from RPM now"
 
 
-def test_the_more_trusted_message_is_chosen_while_nothing_turns() -> None:
-    sources = SpeedSources(1)
-    assert sources.take("RPM", 0, 0.0, False, 0)
-    assert sources.take("ESC_STATUS", 0, 0.0, False, 0)
-    assert not sources.take("RPM", 0, 0.0, False, 0)
-
-
 def test_a_dead_channel_that_wakes_up_is_taken_again() -> None:
     sources = SpeedSources(1)
     run(sources, "ESC_TELEMETRY", 0.0, 0)
@@ -242,13 +217,6 @@ def test_readings_stand_on_the_autopilots_clock() -> None:
     assert times_us[-1] == round(7e6 + 1e6 * (link.now_s - 100.0))
     np.testing.assert_array_equal(values[-1], [5.0, 5.0, np.nan])
     assert len(cell.rows(lambda wall_s: wall_s, clock, 3, [0, 1])[0]) == 0
-
-
-def test_a_silent_cell_is_named() -> None:
-    link = Talker()
-    with pytest.raises(NoDevice, match="the load cell on /dev/cell sent nothing for 5 s"):
-        SideCell(link, "/dev/cell", link.clock).open()
-    assert link.opened == 1
 
 
 def test_rows_of_two_sources_come_in_order_and_never_twice_at_one_time() -> None:

@@ -2,14 +2,10 @@
 
 from types import SimpleNamespace
 
-import pytest
-
-from benchtool.bench.doctor.ports import by_id_names, identify_port, serial_ports
-from benchtool.core.errors import PortBusy, PortDenied
+from benchtool.bench.doctor.ports import identify_port, serial_ports
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
 from benchtool.testing.loopback_link import LoopbackLink
-from benchtool.testing.scripted_link import ScriptedLink, Talker
 from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
 
@@ -39,17 +35,6 @@ def test_ports_come_in_natural_order_and_phantoms_are_left_out(monkeypatch):
     assert found[0].description == ""
 
 
-def test_lasting_names_lead_to_ports(tmp_path):
-    port = tmp_path / "ttyUSB0"
-    port.touch()
-    folder = tmp_path / "by-id"
-    folder.mkdir()
-    link = folder / "usb-FTDI-if00"
-    link.symlink_to(port)
-    assert by_id_names(folder) == {str(port): str(link)}
-    assert by_id_names(tmp_path / "none") == {}
-
-
 def test_a_bench_that_answers_is_named():
     rig = rig_named("pquad")
     truth = load_model("quad_body_lift", rig).model
@@ -59,19 +44,3 @@ def test_a_bench_that_answers_is_named():
     assert answer.kind == "bench"
     assert answer.text.startswith("virtual-pquad-4, benchtool virtual bench")
     assert answer.text.endswith("4 rotors, virtual")
-
-
-@pytest.mark.parametrize(
-    ("link", "kind", "said"),
-    [
-        (Talker(), "silent", "COM3"),
-        (Talker(b"HX711 reading: 124006\r\n"), "other", "HX711 reading"),
-        (ScriptedLink(refuses=PortBusy("in use by minicom (pid 812)")), "busy", "pid 812"),
-        (ScriptedLink(refuses=PortDenied("may not")), "denied", "may not"),
-    ],
-)
-def test_whatever_else_happens_is_an_answer_too(link, kind, said):
-    answer = identify_port(link, "COM3", link.clock)
-    assert answer.kind == kind
-    assert said in answer.text
-    assert link.closed == 1

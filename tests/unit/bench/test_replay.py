@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.drivers import open_bench
-from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost
+from benchtool.core.errors import CommandRefused, FileFormatError
 
 HEADER = "time_s,device_time_us,point,phase,pwm1_us,rpm1,thrust_N,thrust_raw,torque_Nm"
 
@@ -32,35 +32,6 @@ def test_samples_come_back_in_their_own_time(run):
     assert first.values[1, 2] == 9.5
 
 
-def test_it_says_who_was_recorded(run):
-    identity = open_bench(f"replay:{run}").identity
-    assert identity.simulated
-    assert identity.device_id == "v-1"
-    assert identity.protocol == "replay"
-    assert [(item.name, item.unit) for item in identity.channels] == [
-        ("pwm1_us", "pwm_us"),
-        ("rpm1", "rpm"),
-        ("thrust_N", "N"),
-        ("thrust_raw", "count"),
-        ("torque_Nm", "N m"),
-    ]
-    assert identity.rate_Hz == pytest.approx(200.0)
-
-
-def test_rates_of_a_pitch_recording_keep_their_unit(tmp_path):
-    text = "time_s,device_time_us,theta_rad,gyro_rad_s\n0.1,100,0.01,0.2\n"
-    (tmp_path / "samples.csv").write_text(text, encoding="utf-8")
-    channels = open_bench(f"replay:{tmp_path}").identity.channels
-    assert [item.unit for item in channels] == ["rad", "rad/s"]
-
-
-def test_the_end_is_said(run):
-    with open_bench(f"replay:{run}/samples.csv") as bench:
-        assert len(bench.read(60.0)) == 400
-        with pytest.raises(LinkLost, match="ends here, after 400 samples"):
-            bench.read(1.0)
-
-
 def test_commands_are_refused_and_stop_holds(run):
     with open_bench(f"replay:{run}") as bench:
         for command in (
@@ -73,13 +44,6 @@ def test_commands_are_refused_and_stop_holds(run):
                 command()
         bench.stop()
         assert len(bench.read(0.1)) == 21
-
-
-def test_a_last_line_that_was_cut_is_left_out(run):
-    path = run / "samples.csv"
-    path.write_text(path.read_text() + "12.005,2005000,1,sam", encoding="utf-8")
-    with open_bench(f"replay:{run}") as bench:
-        assert len(bench.read(60.0)) == 400
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -123,13 +122,6 @@ def test_a_request_does_not_end_a_guarded_bench_for_good() -> None:
         assert bench.reason is None
 
 
-def test_everything_that_is_read_is_heard() -> None:
-    heard = []
-    stoppable = StoppableBench(FakeBench(), heard.append)
-    read = [stoppable.read(0.1) for _ in range(3)]
-    assert heard == read
-
-
 class WallClock:
     """Let waiting pass time, and nothing else."""
 
@@ -152,12 +144,3 @@ def test_a_virtual_clock_is_held_to_its_pace(speed: float) -> None:
         while bench.now_s() - begun_s < 10.0:
             bench.read(0.1)
         assert clock.now_s - 100.0 == pytest.approx(10.0 / speed, rel=0.01)
-
-
-def test_a_halt_wakes_a_read() -> None:
-    with PacedBench(open_bench("sim:pquad_single"), speed=0.1) as bench:
-        threading.Timer(0.005, bench.halt).start()
-        begun = time.monotonic()
-        for _ in range(2):
-            bench.read(10.0)
-        assert time.monotonic() - begun < 0.5

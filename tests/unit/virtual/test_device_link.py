@@ -7,9 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.serial import commands as wire
-from benchtool.bench.serial.frames import HEARTBEAT, crc16, frame, frame_command, messages_in
-from benchtool.bench.serial.hello import hello_from
+from benchtool.bench.serial.frames import HEARTBEAT, frame
 from benchtool.core.channel import Channel
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.protocol import DeviceLink
@@ -67,16 +65,6 @@ def test_an_exact_conversation(talk: str, device: DeviceLink, plant: StillPlant)
         if expected.endswith("..."):
             expected, found = expected[:-3], found[: len(expected) - 4]
         assert found.strip() == expected.strip(), line
-
-
-def test_the_hello_is_whole(device: DeviceLink) -> None:
-    answer = messages_in(device.receive(frame_command(1, wire.RequestHello()), 0.0))
-    *lines, end = answer
-    assert (end.letter, end.fields[::2][:1], end.fields[2]) == ("A", ("1",), str(len(lines)))
-    assert [line.fields[0] for line in lines] == [str(index) for index in range(len(lines))]
-    said = "".join(",".join(("H", *line.fields)) + "\n" for line in lines)
-    assert end.fields[3] == f"{crc16(said.encode()):04X}"
-    assert hello_from([line.fields[1:] for line in lines]) == still_hello()
 
 
 def test_age_is_wall_time_on_a_fast_virtual_bench(plant: StillPlant) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.errors import InputError, StageError, UnknownChoice
+from benchtool.core.errors import UnknownChoice
 from benchtool.virtual.faults import (
     Fault,
     FaultyPlant,
@@ -30,24 +30,6 @@ LINE = b"0123456789" * 1000
 )
 def test_faults_by_name(text: str, fault: object) -> None:
     assert fault_from(text) == fault
-
-
-@pytest.mark.parametrize(
-    ("text", "kind", "words"),
-    [
-        ("gremlin", UnknownChoice, "known: corrupt, delay, drop, over_thrust"),
-        ("drop:q=1", UnknownChoice, "unknown key of fault drop 'q'"),
-        ("drop:p", InputError, "has no value"),
-        ("drop:p=often", InputError, "not a number"),
-        ("drop:p=1.5", InputError, "outside 0 to 1"),
-        ("silence:at_s=-1", InputError, "below 0"),
-        ("silence:at_s=nan", InputError, "below 0"),
-    ],
-)
-def test_unknown_faults_list_the_known(text: str, kind: type[InputError], words: str) -> None:
-    with pytest.raises(kind) as caught:
-        fault_from(text)
-    assert words in str(caught.value)
 
 
 def test_bytes_are_lost_and_turned_with_their_probability() -> None:
@@ -84,19 +66,3 @@ def test_a_stuck_channel_repeats_its_value_and_adds_none() -> None:
     np.testing.assert_array_equal(second, [np.nan, 2.0, np.nan, 10.0, np.nan])
     with pytest.raises(UnknownChoice, match="known: plate_z_m, pwm1_us"):
         FaultyPlant(StillPlant(), [fault_from("stuck:channel=rpm9")])
-
-
-def test_over_thrust_and_a_stage_that_refuses() -> None:
-    plant = FaultyPlant(
-        StillPlant(),
-        [
-            fault_from("over_thrust:at_s=0.015,for_s=0.02,thrust_N=100"),
-            fault_from("refuse_move:at_s=0.02"),
-        ],
-    )
-    plant.command_plate(0.2, 0.0, 0.0)
-    np.testing.assert_array_equal(plant.advance(5)[:, 2], [0.0, np.nan, 100.0, np.nan, 0.0])
-    with pytest.raises(StageError, match="stage alarm"):
-        plant.command_plate(0.2, 0.0, 0.0)
-    plant.begin()
-    plant.command_plate(0.2, 0.0, 0.0)

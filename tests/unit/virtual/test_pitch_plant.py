@@ -10,17 +10,14 @@ from benchtool.bench.drivers import open_bench
 from benchtool.bench.serial import commands as wire
 from benchtool.core.errors import (
     BenchtoolError,
-    DeviceStopped,
     InputError,
     StageError,
-    UnknownChoice,
 )
 from benchtool.core.rig_file import rig_named
 from benchtool.core.units import unit_named
-from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
 from benchtool.simulate.pitch.simulate import simulate_pitch
-from benchtool.virtual.devices import EXAMPLE, pitch_hello, pitch_plant, with_hidden
+from benchtool.virtual.devices import pitch_hello, pitch_plant
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.pitch_plant import PitchBenchPlant
 
@@ -87,39 +84,6 @@ def test_blocks_of_any_length_give_the_same_samples() -> None:
     assert np.array_equal(whole, parts, equal_nan=True)
 
 
-def test_nothing_is_repeated_and_idle_has_no_reference() -> None:
-    plant, device = started()
-    idle = device.advance(250, 0.0).values
-    assert np.isnan(column(idle, "theta_ref_rad")).all()
-    assert np.isnan(column(idle, "torque_Nm")).all()
-    assert np.isfinite(column(idle, "rpm1")).sum() == pytest.approx(200, abs=1)
-    assert (column(idle, "pwm1_us") == 1000.0).all()
-    device.execute(pulses(hover_us()), 0.0)
-    closed = device.advance(250, 0.0).values
-    assert (column(closed, "theta_ref_rad") == 0.0).all()
-    assert [channel.unit for channel in plant.channels][:3] == ["rad", "rad", "rad/s"]
-
-
-def test_pulses_at_idle_go_straight_to_the_motors() -> None:
-    plant, device = started()
-    device.execute(wire.SetPwm((1080.0, 1000.0, 1000.0, 1000.0)), 0.0)
-    values = device.advance(500, 0.0).values
-    assert not plant.armed
-    assert column(values, "pwm1_us")[-1] == 1080.0
-    assert np.nanmean(column(values[-200:], "rpm1")) == pytest.approx(30.0 * 31.5 / np.pi, abs=5.0)
-    assert abs(np.nanmean(column(values[-200:], "rpm2"))) < 5.0
-
-
-def test_behind_its_end_a_schedule_holds() -> None:
-    plant, device = started(schedule="steps")
-    device.execute(pulses(hover_us()), 0.0)
-    n = round(250.0 * (plant.schedule.duration_s + 7.0))
-    values = device.advance(n, 0.0).values
-    last = plant.schedule.sampled(250.0, 0.12).reference_rad[-1]
-    assert column(values, "theta_ref_rad")[-1500:] == pytest.approx(last, abs=1e-12)
-    assert np.abs(column(values, "theta_rad")[-500:] - last).max() < 0.02
-
-
 def test_an_angle_beyond_its_limit_stops_the_motors_and_the_catch_brings_the_beam_back() -> None:
     plant, device = started()
     assert device.execute(wire.SetLimit("theta_rad", np.radians(1.0)), 0.0).ok
@@ -155,18 +119,6 @@ def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
     assert not device.execute(wire.SendPlate(0.5), 0.0).ok
 
 
-def test_what_a_pitch_bench_has_not_is_refused() -> None:
-    plant, device = started()
-    assert not device.execute(wire.SendPlate(0.3, 0.1), 0.0).ok
-    assert not device.execute(wire.SetRate(200.0), 0.0).ok
-    assert "125" in device.execute(wire.SetRate(200.0), 0.0).reason
-    with pytest.raises(InputError, match="load cell"):
-        device.execute(wire.TareDevice(), 0.0)
-    with pytest.raises(UnknownChoice, match="observer"):
-        pitch_plant(RIG, controller="lqr")
-    assert plant.rate_Hz == 250.0
-
-
 @pytest.fixture
 def bench() -> Bench:
     return open_bench("sim:pquad?mode=pitch&seed=2&controller=observer+feedforward")
@@ -195,15 +147,6 @@ def test_a_sim_address_gives_it_on_a_virtual_clock(bench: Bench) -> None:
         assert np.nanmax(bench.read(1.0).values[:, NAMES.index("rpm1")]) > 1000.0
     with bench:
         assert bench.read(1.0).values[-1, NAMES.index("pwm1_us")] == 1000.0
-
-
-def test_a_sim_bench_that_stopped_by_itself_says_so(bench: Bench) -> None:
-    with bench:
-        bench.set_limit("theta_rad", 1e-6)  # type: ignore[attr-defined]
-        bench.set_pwm(np.full(4, 1500.0))
-        bench.read(3.0)
-        with pytest.raises(DeviceStopped, match="theta_rad"):
-            bench.read(0.1)
 
 
 class Own:
@@ -267,15 +210,6 @@ def test_every_arming_has_a_new_controller_whose_time_begins_anew() -> None:
     assert Own.made == before + 2
 
 
-def test_behind_the_schedules_end_its_time_goes_on() -> None:
-    plant, device = with_own(Own)
-    device.execute(pulses(hover_us()), 0.0)
-    n = round(250.0 * (plant.schedule.duration_s + 6.0))
-    device.advance(n, 0.0)
-    times = plant._controller.times  # type: ignore[attr-defined]
-    np.testing.assert_allclose(times, np.arange(n) / 250.0, atol=1e-9)
-
-
 def test_a_controller_that_raises_stops_the_motors_and_says_where() -> None:
     plant, device = with_own(FailsLater)
     device.execute(pulses(hover_us()), 0.0)
@@ -288,36 +222,3 @@ def test_a_controller_that_raises_stops_the_motors_and_says_where() -> None:
     values = device.advance(500, 0.0).values
     assert (column(values, "pwm1_us") == 1000.0).all()
     assert not device.execute(pulses(hover_us()), 0.0).ok
-
-
-def test_numbers_are_changed_and_effects_added() -> None:
-    model = load_model("pitch_beam").model
-    hides = with_hidden(model, f"{EXAMPLE},gyro_bias.bias_rad_s:-0.02")
-    assert hides.parameters["coulomb_friction.torque_Nm"].value == 0.012
-    assert hides.parameters["gyro_bias.bias_rad_s"].value == -0.02
-    assert "gyro_bias.bias_rad_s" not in model.parameters
-
-
-def test_the_plant_of_a_device_has_it() -> None:
-    plant = pitch_plant(rig_named("beam"), gains="stiff", hidden=EXAMPLE)
-    assert plant.job.bench.model.parameters["coulomb_friction.torque_Nm"].value == 0.012
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("beam?mode=pitch&hidden=coulomb.torque_Nm:1", "unknown effect 'coulomb'"),
-        (
-            "beam?mode=pitch&hidden=coulomb_friction.torque:1",
-            "unknown parameter of effect 'coulomb_friction' 'torque'",
-        ),
-        ("beam?mode=pitch&hidden=coulomb_friction.torque_Nm", "ends in no number; write for ex"),
-        ("beam?mode=pitch&hidden=coulomb_friction.torque_Nm:-1", "outside its bounds"),
-        (f"pquad?hidden={EXAMPLE}", "is for mode=pitch"),
-        ("pquad?schedule=steps", "is for mode=pitch"),
-        ("pquad?mode=yaw", "plate"),
-    ],
-)
-def test_options_that_make_no_sense_are_refused(text: str, said: str) -> None:
-    with pytest.raises(BenchtoolError, match=said):
-        open_bench(f"sim:{text}")

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.drivers import open_bench
-from benchtool.core.errors import CommandRefused, DeviceStopped, InputError
-from benchtool.core.rig_file import rig_named
-from benchtool.physics.model import Model
-from benchtool.virtual.simulated import SimulatedBench
+from benchtool.core.errors import DeviceStopped
 from tests.unit.commands.command_line import run
 
 
@@ -42,15 +39,6 @@ def test_samples_taken_while_the_plate_moves_are_not_lost(bench):
     assert any(message.startswith("arrived") for message in readings.messages)
 
 
-def test_pulses_that_make_no_sense_are_refused(bench):
-    with pytest.raises(CommandRefused, match="pulses must lie from 1000 to 1950"):
-        bench.set_pwm(np.full(4, 3000.0))
-    with pytest.raises(CommandRefused, match="4 pulses needed"):
-        bench.set_pwm(np.full(3, 1200.0))
-    with pytest.raises(InputError, match="finite"):
-        bench.set_pwm(np.array([1200.0, np.nan, 1200.0, 1200.0]))
-
-
 def test_the_device_stops_by_itself_and_the_samples_that_show_why_come_first(bench):
     bench.tare()
     bench.set_limit("thrust_N", 5.0)
@@ -65,52 +53,6 @@ def test_the_device_stops_by_itself_and_the_samples_that_show_why_come_first(ben
     bench.clear()
     later = bench.read(2.0)
     assert np.nanmax(column(bench, later, "rpm1")[-50:]) == 0.0
-
-
-def test_a_limit_can_only_be_narrowed(bench):
-    with pytest.raises(CommandRefused, match="wider"):
-        bench.set_limit("thrust_N", 500.0)
-
-
-def test_a_new_rate_holds_from_the_next_sample(bench):
-    bench.read(1.0)
-    bench.set_rate(1000.0)
-    readings = bench.read(0.5)
-    assert len(readings) == 500
-    assert bench.identity.rate_Hz == 1000.0
-    with pytest.raises(InputError, match="5000"):
-        bench.set_rate(1e6)
-    with pytest.raises(InputError, match="no stream"):
-        bench.set_rate(0.0)
-
-
-def test_equal_seeds_give_equal_runs():
-    def read(seed):
-        with open_bench(f"sim:pquad_single?seed={seed}") as bench:
-            bench.tare()
-            bench.set_pwm(np.full(bench.identity.n_rotors, 1600.0))
-            return bench.read(3.0).values
-
-    assert np.array_equal(read(7), read(7), equal_nan=True)
-    assert not np.array_equal(read(7), read(8), equal_nan=True)
-
-
-def test_a_plate_nearer_than_the_formulae_reach_is_reported_once(bench):
-    bench.move_plate(0.055)
-    bench.set_pwm(np.full(4, 1300.0))
-    said = [message for _ in range(3) for message in bench.read(0.5).messages]
-    assert [message.split(":")[0] for message in said] == ["arrived", "clamped"]
-    assert "nearer than z/R = 0.5" in said[1]
-
-
-def test_a_law_that_is_finite_at_contact_reaches_to_contact():
-    rig = rig_named("pquad")
-    truth = Model.single(rig).with_law("exponential_law", Ca=0.3, Cb=1.0)
-    with SimulatedBench("sim:pquad", rig, truth) as bench:
-        bench.move_plate(0.055)
-        bench.set_pwm(np.full(4, 1300.0))
-        said = [message for _ in range(3) for message in bench.read(0.5).messages]
-    assert [message.split(":")[0] for message in said] == ["arrived"]
 
 
 @pytest.mark.parametrize("name", ["pquad", "amuse", "pquad_single"])

@@ -37,7 +37,3 @@ def linger(report: ReportProgress = lambda what, share: None, *_: object) -> int
     report("lingering", 0.1)
     time.sleep(60.0)
     return 0
-
-
-def name_own_process(report: ReportProgress, *_: object) -> tuple[int, int]:
-    return os.getpid(), os.nice(0)

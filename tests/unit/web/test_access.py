@@ -98,12 +98,6 @@ def test_loopback_is_known(host: str, known: bool) -> None:
     assert is_loopback(host) is known
 
 
-def test_a_host_header_is_taken_apart() -> None:
-    assert host_name("Bench.Local:80") == "bench.local"
-    assert host_name("[::1]:8460") == "::1"
-    assert host_name("a b") == host_name("a/b") == host_name("") == ""
-
-
 PLAIN = "http://127.0.0.1:8460/"
 
 
@@ -122,8 +116,7 @@ def test_a_token_stands_in_a_file_of_this_user_and_on_no_command_line(tmp_path: 
     assert f"url={PLAIN}?token=secret" in file.read_text("utf-8")
 
 
-def test_an_address_without_a_token_is_opened_as_it_is(tmp_path: Path) -> None:
-    opened: list[str] = []
-    assert open_page(PLAIN, tmp_path, opened.append) is None
-    assert opened == [PLAIN]
-    assert list(tmp_path.iterdir()) == []
+def test_a_host_header_is_taken_apart() -> None:
+    assert host_name("Bench.Local:80") == "bench.local"
+    assert host_name("[::1]:8460") == "::1"
+    assert host_name("a b") == host_name("a/b") == host_name("") == ""

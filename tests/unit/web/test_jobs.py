@@ -2,16 +2,15 @@ from __future__ import annotations
 
 import asyncio
 import os
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from benchtool.core.errors import BenchtoolError, InputError, RunStopped, WouldOverwrite
-from benchtool.data.atomic import complete_folder, partial_folder
+from benchtool.core.errors import BenchtoolError, InputError, RunStopped
+from benchtool.data.atomic import partial_folder
 from benchtool.web.context import ServerState
-from benchtool.web.jobs import NICENESS, Job, WorkerProcess
+from benchtool.web.jobs import Job, WorkerProcess
 from tests.unit.web import job_functions
 
 LONG_S = 60.0
@@ -83,15 +82,6 @@ def test_what_fails_says_why(function: job_functions.Function, error: str) -> No
     assert error in state.error
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no niceness there")
-def test_a_job_runs_elsewhere_and_below_the_server() -> None:
-    state = Job(OUT, (), job_functions.name_own_process).wait(LONG_S)
-    assert state.result is not None
-    pid, niceness = state.result
-    assert pid != os.getpid()
-    assert niceness >= min(os.nice(0) + NICENESS, 19)
-
-
 def test_one_job_of_a_kind_runs_and_cancel_deletes_what_it_wrote(tmp_path: Path) -> None:
     out = tmp_path / "fit"
     server = ServerState(runs=tmp_path)
@@ -107,12 +97,3 @@ def test_one_job_of_a_kind_runs_and_cancel_deletes_what_it_wrote(tmp_path: Path)
         partial_folder(out).mkdir()
         end()
         assert list(tmp_path.iterdir()) == []
-
-
-def test_a_complete_folder_replaces_nothing(tmp_path: Path) -> None:
-    out = tmp_path / "answer"
-    out.mkdir()
-    partial_folder(out).mkdir()
-    with pytest.raises(WouldOverwrite, match="exists already"):
-        complete_folder(out, out)
-    assert partial_folder(out).is_dir()

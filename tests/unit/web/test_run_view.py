@@ -80,33 +80,11 @@ def test_a_fit_shows_what_the_command_prints(root: Path) -> None:
     assert report_bytes(root, ("fit",)) == b"<!doctype html><p>as written</p>"
 
 
-def test_two_sweeps_stand_in_one_plot(root: Path) -> None:
-    shown = view_comparison(root, ("quad", "single_rotor"))
-    assert "single_rotor" in shown.html
-    assert "data:image/svg+xml" in shown.html
-    assert shown.command == ("report", str(root / "quad"), str(root / "single_rotor"))
-    with pytest.raises(InputError, match="choose two sweeps or more"):
-        view_comparison(root, ("quad",))
-
-
 def test_what_is_in_a_file_is_never_markup(root: Path) -> None:
     for name in ("answer", "lab.csv"):
         html = view_entry(root, name)[0].html
         assert "<script" not in html
         assert "<b>cable" not in html
-
-
-def test_a_recording_is_shown_and_handed_out(root: Path) -> None:
-    shown, _ = view_entry(root, "check.parquet")
-    assert "5000" in shown.html or "pitch" in shown.html.lower()
-    found = downloads(entry_of(RunsFolder(root), "check.parquet"))
-    assert found[-1].path == "check.parquet"
-
-
-def test_what_is_broken_says_why_and_offers_nothing(root: Path) -> None:
-    with pytest.raises(InputError, match=r"^broken/metadata\.json: this is not valid JSON"):
-        view_entry(root, "broken")
-    assert downloads(entry_of(RunsFolder(root), "broken")) == ()
 
 
 @pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "/etc/passwd", "none"])

@@ -21,7 +21,7 @@ from benchtool.acquire.plan import plan_from_toml
 from benchtool.data.run.read import read_pitch, read_points
 from benchtool.data.run.run import Run
 from benchtool.web.bench_process import messages
-from benchtool.web.bench_process.process import MAX_SERVER_SILENCE_S, run_bench_process
+from benchtool.web.bench_process.process import run_bench_process
 from benchtool.web.bench_process.publisher import FRAME
 from benchtool.web.bench_process.spawn import StopEndpoint
 
@@ -125,24 +125,6 @@ def test_what_cannot_be_opened_is_told_in_one_sentence(
     assert bench.connect("sim:pquad_single").status == "on"
 
 
-def test_asks_that_do_not_fit_are_refused_with_a_sentence(bench: Server) -> None:
-    bench.send(messages.TareLoadCell())
-    assert "no bench is connected" in bench.wait_for(messages.Notice).text
-    bench.connect("sim:pquad_single")
-    bench.send(messages.Connect(address="sim:pquad"))
-    assert "connected already" in bench.wait_for(messages.Notice).text
-    bench.send(messages.WeighMass(0.1))
-    assert "masses need a bench without limits" in bench.wait_for(messages.Notice).text
-    bench.send(
-        messages.StartSweep(
-            SweepInputs(plan=plan_from_toml("[throttle]\npwm_us = [9000.0]", "plan"))
-        )
-    )
-    refused = bench.wait_for(messages.Notice)
-    assert refused.is_error
-    assert "names 9000 us" in refused.text
-
-
 def test_a_hand_turns_motors_only_while_it_is_heard_of(bench: Server) -> None:
     bench.connect("sim:pquad_single")
     for _ in range(30):
@@ -230,20 +212,6 @@ def test_a_sweep_runs_pauses_and_ends(bench: Server, tmp_path: Path) -> None:
     assert Run.open(path).metadata["samples"]["parquet_sha256"]
 
 
-def test_a_stopped_sweep_is_gone_on_with(bench: Server, tmp_path: Path) -> None:
-    bench.connect("sim:pquad_single")
-    bench.send(messages.SetClockSpeed(20.0))
-    bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
-    bench.wait_for(messages.SweepStatus, lambda event: event.done == 2)
-    bench.send(messages.StopMotors("a test"))
-    stopped = bench.wait_for(messages.SweepStatus, over)
-    assert stopped.reason.startswith("stopped from a test; zero was commanded")
-    bench.send(messages.SetClockSpeed(100.0))
-    bench.send(messages.StartSweep(SweepInputs(resume=Path(stopped.run))))
-    ended = bench.wait_for(messages.SweepStatus, over)
-    assert (ended.status, ended.run, ended.done) == ("ended", stopped.run, 5)
-
-
 def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(
     bench: Server, tmp_path: Path
 ) -> None:
@@ -272,41 +240,6 @@ def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(
     assert len(set(points.column("point"))) == len(points) == 5
 
 
-def test_a_sweep_that_was_started_so_runs_without_its_page(bench: Server, tmp_path: Path) -> None:
-    bench.connect("sim:pquad_single")
-    bench.send(messages.SetClockSpeed(100.0))
-    bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path), needs_page=False))
-    bench.wait_for(messages.SweepStatus, lambda event: event.status == "running")
-    bench.send(messages.ServerHeartbeat("the page is closed"))
-    ended = bench.wait_for(messages.SweepStatus, over)
-    assert (ended.status, ended.done) == ("ended", 5), ended.reason
-    assert Run.open(Path(ended.run)).metadata["needs_page"] is False
-
-
-def test_a_lost_page_stops_a_pitch_recording(bench: Server, tmp_path: Path) -> None:
-    bench.connect("sim:beam?mode=pitch&schedule=steps")
-    bench.send(
-        messages.StartRecording(
-            experiment=PitchExperiment(seconds=60.0, collective_us=1610.0), runs=tmp_path
-        )
-    )
-    bench.wait_for(messages.SweepStatus, lambda event: event.left_s > 0.0)
-    bench.send(messages.ServerHeartbeat("the page is closed"))
-    stopped = bench.wait_for(messages.SweepStatus, over)
-    assert stopped.reason.startswith("the page is closed; zero was commanded")
-
-
-def test_a_server_that_hangs_stops_the_sweep(bench: Server, tmp_path: Path) -> None:
-    bench.connect("sim:pquad_single")
-    bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
-    bench.wait_for(messages.LiveStatus, lambda event: max(event.pulses_us, default=0.0) >= 1400.0)
-    silent_s = time.monotonic()
-    bench.send(messages.ServerHeartbeat())
-    stopped = bench.wait_for(messages.SweepStatus, lambda event: event.status == "closing")
-    assert time.monotonic() - silent_s >= MAX_SERVER_SILENCE_S
-    assert "no heartbeat of the page's server" in stopped.reason
-
-
 @pytest.mark.parametrize("token", ["right", "wrong"])
 def test_stop_has_a_port_of_its_own(token: str, tmp_path: Path) -> None:
     spawn = get_context("spawn")
@@ -333,17 +266,3 @@ def test_stop_has_a_port_of_its_own(token: str, tmp_path: Path) -> None:
         process.join(20)
         ours.close()
         endpoint.listening.close()
-
-
-def test_a_server_that_is_gone_stops_the_sweep_and_ends_the_process(
-    bench: Server, tmp_path: Path
-) -> None:
-    bench.connect("sim:pquad_single")
-    bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
-    running = bench.wait_for(messages.SweepStatus, lambda event: event.status == "running")
-    bench.pipe.close()
-    bench.process.join(20)
-    assert bench.process.exitcode == 0
-    facts = Run.open(Path(running.run)).metadata
-    assert facts["state"] == "stopped"
-    assert "the page's server is gone" in facts["reason"]

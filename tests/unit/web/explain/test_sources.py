@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.channel import Channel
-from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import rig_named
 from benchtool.data.run.recording_file import write_recording
@@ -21,7 +20,6 @@ from benchtool.web.tabs.explain.sources import (
     EXAMPLE,
     RecordingSources,
     command_words,
-    examples_folder,
     inputs_of,
     suggested_folder,
 )
@@ -50,19 +48,6 @@ def test_recordings_of_the_runs_folder_come_before_the_examples(sources: Recordi
     assert f"{EXAMPLE}pitch_friction/check.parquet" in found
     assert f"{EXAMPLE}quad/run" in found
     assert "7,500 rows" in recordings["mine/learn.parquet"]
-
-
-def test_models_are_what_ships_and_model_files_and_nothing_else(sources: RecordingSources) -> None:
-    found = sources.choices().models
-    assert {"pitch_pquad", "mine/bench.toml", f"{EXAMPLE}pitch_bench/model.toml"} <= set(found)
-    assert not {"plan.toml", "broken.toml"} & set(found)
-
-
-def test_the_model_of_a_fit_that_is_being_written_is_not_offered(sources: RecordingSources) -> None:
-    partial_folder = sources.runs.root / ".fit-2.part"
-    shutil.copytree(sources.runs.root / "mine", partial_folder)
-    assert (partial_folder / "bench.toml").is_file()
-    assert not [name for name in sources.choices().models if ".part/" in name]
 
 
 @pytest.mark.parametrize(
@@ -96,19 +81,6 @@ def test_a_choice_that_leads_elsewhere_is_refused(sources: RecordingSources, cho
         sources.model_of(choice)
 
 
-def test_a_link_out_of_the_folder_is_refused(sources: RecordingSources, tmp_path: Path) -> None:
-    secret = tmp_path / "secret.csv"
-    secret.write_text("time_s,theta_rad\n0,0\n")
-    os.symlink(secret, sources.runs.root / "link.csv")
-    with pytest.raises(InputError, match="link"):
-        sources.path_of("link.csv")
-
-
-def test_what_is_gone_is_told(sources: RecordingSources) -> None:
-    with pytest.raises(FileFormatError, match="not in the runs folder"):
-        sources.path_of("gone.csv")
-
-
 def test_the_command_names_everything(sources: RecordingSources) -> None:
     chosen = ["mine/learn.parquet"], [f"{EXAMPLE}pitch_friction/check.parquet"], "pitch_pquad"
     inputs = inputs_of(sources, *chosen, "pquad")
@@ -123,25 +95,3 @@ def test_the_command_names_everything(sources: RecordingSources) -> None:
         "--rig", "pquad", "--check", str(EXAMPLES / "pitch_friction/check.parquet"),
         "--out", str(out),
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("learn", "check", "model", "reason"),
-    [
-        ([], ["table.csv"], "pitch_pquad", "no recording to learn from is chosen"),
-        (["table.csv"], [], "pitch_pquad", "no recording to check on is chosen"),
-        (["table.csv"], ["table.csv"], "pitch_pquad", "is to learn from and to check on"),
-        (["table.csv"], ["mine/learn.parquet"], "", "no model is chosen"),
-    ],
-)
-def test_what_is_missing_is_said(
-    sources: RecordingSources, learn: list[str], check: list[str], model: str, reason: str
-) -> None:
-    with pytest.raises(InputError, match=reason):
-        inputs_of(sources, learn, check, model)
-
-
-def test_the_examples_are_those_of_this_checkout() -> None:
-    found = examples_folder()
-    assert found is not None
-    assert found.resolve() == EXAMPLES.resolve()

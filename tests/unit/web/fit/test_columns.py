@@ -8,7 +8,6 @@ import pytest
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn
-from benchtool.data.column_map import read_column_map
 from benchtool.data.run.runs_folder import columns_file
 from benchtool.web.tabs.fit.data import chosen_columns, columns_for, units_for
 from benchtool.web.tabs.fit.work import store_columns
@@ -30,21 +29,6 @@ def test_a_header_suggests_columns_and_units_of_the_same_kind(table: Path) -> No
     assert units_for("thrust_N")[0] == "N"
     assert {"gf", "lbf"} <= set(units_for("thrust_N"))
     assert "mm" not in units_for("thrust_N")
-
-
-def test_stored_columns_are_offered_again(table: Path) -> None:
-    columns = chosen_columns(
-        {
-            "thrust_N": ColumnSource(column="Thrust (gf)", unit="gf", sign=-1),
-            "plate_z_m": ColumnSource(column="gap (mm)", unit="mm"),
-            "rpm1": ColumnSource(constant=5500.0),
-            "voltage_V": None,
-        }
-    )
-    html = store_columns(table.parent, "lab.csv", columns)
-    for cell in ("thrust_N", "2 rows as they will be fitted.", "3.556", "4.159"):
-        assert cell in html
-    assert dict(read_column_map(columns_file(table))) == columns_for(table) == columns
 
 
 def test_columns_that_cannot_be_read_are_refused_and_not_stored(table: Path) -> None:

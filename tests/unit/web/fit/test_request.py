@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.core.errors import BenchtoolError, InputError, UnknownChoice, WouldOverwrite
+from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.rig_file import rig_named
 from benchtool.data.atomic import partial_folder
 from benchtool.data.catalogue.index import list_entries
@@ -24,7 +24,6 @@ from benchtool.web.tabs.fit.model_choice import (
     data_rig,
     numbers_of,
     recipe_for,
-    suggested_name,
     words_for,
 )
 from benchtool.web.tabs.fit.work import fit_into
@@ -91,19 +90,6 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(
     assert named == rig_named("amuse_single")
 
 
-def test_what_the_form_lacks_is_refused(folder: RunsFolder, entries: dict[str, Entry]) -> None:
-    for changes, reason in (
-        ({"data": []}, "nothing to fit: choose a run or a table"),
-        ({"data": ["../runs/one"]}, "leads out of the runs folder"),
-        ({"model": "../model.toml"}, "leads out of the runs folder"),
-        ({"options": {"method": []}}, "Estimators"),
-        ({"options": {"walkers": 2}}, "Walkers of emcee is 2"),
-        ({"data": ["lab.csv"]}, "lab.csv has no column thrust_N; choose its columns above"),
-    ):
-        with pytest.raises(InputError, match=reason):
-            recipe_for(request(**changes), folder, entries)
-
-
 def test_a_tables_own_map_goes_with_it(folder: RunsFolder, entries: dict[str, Entry]) -> None:
     table = folder.path_of("lab.csv")
     columns_file(table).write_text('[columns]\nthrust_N = { column = "F" }\n', "utf-8")
@@ -114,14 +100,6 @@ def test_a_tables_own_map_goes_with_it(folder: RunsFolder, entries: dict[str, En
     both = {entry.name: entry for entry in list_entries(folder)}
     with pytest.raises(InputError, match="a fit takes one map"):
         recipe_for(request(data=["lab.csv", "two.csv"]), folder, both)
-
-
-def test_a_name_is_suggested_that_is_free(folder: RunsFolder) -> None:
-    assert suggested_name(folder, ["one"]) == "fit-one"
-    (folder.root / "fit-one").mkdir()
-    assert suggested_name(folder, ["one"]) == "fit-one-2"
-    assert suggested_name(folder, ["2026-01-02-lab/my lab.csv"]) == "fit-my-lab"
-    folder.new_path(suggested_name(folder, ["strange (name).csv"]))
 
 
 def test_the_work_writes_what_the_command_would(
@@ -145,15 +123,6 @@ def test_the_work_writes_what_the_command_would(
     assert not partial_folder(out).exists()
     with pytest.raises(WouldOverwrite):
         fit_into(report, out, tuple(words), recipe, False)
-
-
-def test_data_that_do_not_allow_the_fit_leave_nothing_behind(
-    folder: RunsFolder, entries: dict[str, Entry]
-) -> None:
-    recipe = recipe_for(request(options={"min_z_over_r": 99.0}), folder, entries)
-    with pytest.raises(BenchtoolError, match="can be fitted"):
-        fit_into(lambda *_: None, folder.new_path("fit-one"), (), recipe, False)
-    assert sorted(item.name for item in folder.root.iterdir()) == ["lab.csv", "one"]
 
 
 def test_a_table_takes_only_calibrations_that_this_machine_stored(
