@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from tests.architecture.tracked import ROOT, project_files, text_of
+from tests.architecture.tracked import ROOT
 from tests.skips import summary
 
 PLUGIN = """
@@ -75,38 +72,3 @@ def test_a_failure_in_time_stands(tmp_path: Path) -> None:
     said, junit = run(tmp_path, late_s=0.09)
     assert "2 failed, 1 passed, 1 error" in said
     assert summary([junit]) == ("0 of 4 tests skipped: 0.0%, limit 2%", False)
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="needs SIGSTOP")
-def test_the_probe_sees_a_machine_that_stands_still() -> None:
-    import signal
-    import time
-
-    from tests.busy import Probe
-
-    probe = Probe()
-    try:
-        begun_s = time.monotonic()
-        time.sleep(0.05)
-        probe._process.send_signal(signal.SIGSTOP)
-        stopped_s = time.monotonic()
-        time.sleep(0.2)
-        probe._process.send_signal(signal.SIGCONT)
-        until_s = stopped_s + 10.0
-        while probe.worst_s(stopped_s, time.monotonic()) < 0.15 and time.monotonic() < until_s:
-            time.sleep(0.01)
-        assert probe.worst_s(stopped_s, time.monotonic()) > 0.15
-        assert probe.worst_s(begun_s - 20.0, begun_s - 10.0) == 0.0
-    finally:
-        probe.close()
-
-
-def test_nothing_is_tried_again() -> None:
-    again = re.compile("fla" + "ky|re" + r"runs\b|re" + "runfailures")
-    found = [
-        f"{path.relative_to(ROOT).as_posix()}: {match[0]}"
-        for path in project_files()
-        if path.suffix in {".py", ".toml", ".txt"} or path.name in {"Makefile", "run"}
-        for match in again.finditer(text_of(path) or "")
-    ]
-    assert found == []

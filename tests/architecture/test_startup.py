@@ -88,10 +88,3 @@ print(numbers_of(table, (0, 1)).columns.tolist(), "pandas" in sys.modules)
 """
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert answer.stdout == "[[1.0, nan, 4.0], [2.5, 3.0, 5.0]] False\n", answer.stderr
-
-
-def test_help_lists_every_command_with_its_line() -> None:
-    printed, _, _ = ask_for_help([])
-    plain = " ".join(printed.split())
-    lines = [line for name, (_, line) in COMMANDS.items() if " " not in name]
-    assert [line for line in lines if line not in plain] == []
