@@ -11,7 +11,7 @@ SITE := $(VENV)/.site-installed
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 PROJECT := pyproject.toml benchtool/__init__.py
 
-.PHONY: demo test test-all lint docs bench blind presses soak mutants coverage-truth kills fuzz requirements wheel clean faults peers
+.PHONY: demo test test-all proof lint docs bench blind presses soak mutants coverage-truth kills fuzz requirements wheel clean faults peers
 
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
@@ -25,12 +25,16 @@ RESULTS := build/tests
 test test-all: export OPENBLAS_NUM_THREADS = 1
 
 test: $(TESTING)
-	$(PYTEST) $(PARALLEL) -m "not slow" --junitxml $(RESULTS)/test.xml
+	$(PYTEST) $(PARALLEL) -m "not slow and not proof" --junitxml $(RESULTS)/test.xml
 
 # What talks to something in real time runs alone: on a busy machine it could only say so.
 test-all: test
-	$(PYTEST) $(PARALLEL) -m "slow and not alone" --junitxml $(RESULTS)/slow.xml
-	$(PYTEST) -m "slow and alone" --junitxml $(RESULTS)/alone.xml
+	$(PYTEST) $(PARALLEL) -m "slow and not alone and not proof" --junitxml $(RESULTS)/slow.xml
+	$(PYTEST) -m "slow and alone and not proof" --junitxml $(RESULTS)/alone.xml
+
+# What is run before a release only, beside the counts below: tests/proof/README.md.
+proof: $(TESTING)
+	$(PYTEST) -m proof tests/proof
 
 lint: $(TESTING)
 	$(BIN)/ruff check .

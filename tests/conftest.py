@@ -62,6 +62,11 @@ SLOW = (*ALONE, "tests/avr/", "tests/proof/blind/", "tests/docs/test_docs", "tes
         "tests/proof/truth/")  # fmt: skip
 """Suites that `make test` leaves out and `make test-all` runs."""
 
+PROOF = (*(f"tests/proof/blind/{name}" for name in ("pitch/", "sweep/", "test_found",
+           "test_generators", "test_sweep_format")), "tests/proof/soak/test_link_soak",
+         "tests/proof/truth/test_budget_truth")  # fmt: skip
+"""Suites that `make proof` runs before a release."""
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -70,5 +75,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         path = item.path.as_posix()
         if any(part in path for part in SLOW):
             item.add_marker(pytest.mark.slow)
+        if any(part in path for part in PROOF):
+            item.add_marker(pytest.mark.proof)
         if any(part in path for part in ALONE) or item.get_closest_marker("real_time"):
             item.add_marker(pytest.mark.alone)

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from benchtool.fit.identifiability import CANNOT_TELL
 from tests.proof.blind.fisher import class_confirmed
-from tests.proof.blind.scorecard import Scorecard, by_effect, calibration, calibration_error
+from tests.proof.blind.scorecard import Scorecard, calibration, calibration_error
 from tests.proof.blind.scored import Scored, ScoredParameter, Share, share_of
 from tests.proof.blind.scoring import within
 
@@ -113,33 +113,6 @@ def test_an_aim_is_reached_where_the_bad_end_of_the_interval_is() -> None:
         assert (lines[0] == line) is not reached, "what misses its aim stands first"
 
 
-def test_what_gaps_should_come_to_is_the_mean_of_what_verdicts_simulated() -> None:
-    told = [replace(RIGHT, by_luck=luck, by_learning=0.5 * luck) for luck in (0.9, 0.7)]
-    records = [*told, RIGHT, replace(WRONG, by_luck=0.1, by_learning=0.1)]
-    assert figure(records, "noise as stated") == "80.0 %"
-    assert figure(records, "as uncertain as learned") == "40.0 %"
-    lines = Scorecard("x", [RIGHT]).lines()
-    assert not any("by simulation" in line.what for line in lines)
-
-
-def test_gaps_over_the_noise_truly_there_are_counted_where_it_is_known() -> None:
-    told = [replace(RIGHT, gaps_truly={"rpm": 1.0, "theta_rad": worst}) for worst in (1.05, 1.2)]
-    assert figure([*told, RIGHT], "truly there").startswith("1 of 2")
-    assert not any("truly" in line.what for line in Scorecard("x", [RIGHT]).lines())
-
-
-def test_a_wrong_name_beside_the_right_one_is_told() -> None:
-    beside = replace(
-        RIGHT,
-        verdict="several",
-        names=("body_lift", "tare_offset"),
-        probabilities={"body_lift": 0.99, "tare_offset": 0.98, "none": 0.0, "unknown": 0.01},
-    )
-    assert figure([RIGHT, beside], "a name too many").startswith("1 of 2")
-    assert beside.confidently_wrong
-    assert beside.named_first
-
-
 def test_a_class_counts_only_if_it_is_small_right_and_confirmed() -> None:
     assert CLASS.in_class
     assert not CLASS.named_first
@@ -158,11 +131,6 @@ def test_nulls_and_outsiders_are_counted() -> None:
     assert figure(records, "false name").startswith("1 of 4")
     assert figure(records, "'unknown' where nothing").startswith("1 of 4")
     assert figure(records, "'unknown' for what is outside").startswith("1 of 2")
-
-
-def test_pairs_need_both_names() -> None:
-    half = replace(PAIR, verdict="effect", names=("tare_offset",))
-    assert figure([PAIR, half], "pairs").startswith("1 of 2")
 
 
 def test_poor_records_may_say_that_an_effect_does_not_show() -> None:
@@ -209,31 +177,6 @@ def test_a_calibrated_teller_has_a_small_error(rng: np.random.Generator) -> None
     assert calibration_error(bins) < 0.03
     boasting = [replace(one, probabilities=dict.fromkeys(one.probabilities, 1.0)) for one in honest]
     assert calibration_error(calibration(boasting)) == pytest.approx(0.25, abs=0.03)
-
-
-def test_effects_are_listed_apart() -> None:
-    other = replace(RIGHT, truth=("tare_offset",))
-    found = by_effect([RIGHT, WRONG, other])
-    assert found["body_lift"][0] == Share(count=1, total=2)
-    assert found["tare_offset"][0] == Share(count=0, total=1)
-
-
-def test_text_and_page_hold_every_figure() -> None:
-    card = Scorecard("Plate sweeps", [RIGHT, WRONG, NULL, OUTSIDE, PAIR, CLASS])
-    text, page = card.text(), card.markdown("2026-11-21")
-    assert "Plate sweeps: 6 records" in text
-    assert "scored on 2026-11-21" in page
-    for line in card.lines():
-        assert line.what in text
-        assert f"| {line.what} | {line.found} |" in page
-    assert "| recirculation | 1 of 1" in page
-    assert "NO" in text
-
-
-def test_an_empty_scorecard_claims_nothing() -> None:
-    card = Scorecard("nothing", [])
-    assert all(line.reached is None for line in card.lines())
-    assert "none counted" in card.text()
 
 
 @dataclass

@@ -67,7 +67,7 @@ def held(problems: list[Problem]) -> tuple[int, int]:
     )
 
 
-@pytest.mark.parametrize("distances", [6, 12])
+@pytest.mark.parametrize("distances", [pytest.param(6, marks=pytest.mark.proof), 12])
 def test_intervals_hold_with_the_covariance_and_not_without(distances: int) -> None:
     rng = np.random.default_rng([20261123, distances])
     problems = [problem(distances, rng) for _ in range(200)]

@@ -14,15 +14,13 @@ import mujoco
 
 from tests.proof.blind.pitch.beam import STEP_S, compiled, flex_frequency_Hz
 from tests.proof.blind.pitch.dirt import dirty_bench
-from tests.proof.blind.pitch.loop import Instruments, wake_torque
-from tests.proof.blind.pitch.moving import STEPS, Bristle, Moving, State, ground_factor
+from tests.proof.blind.pitch.loop import wake_torque
+from tests.proof.blind.pitch.moving import STEPS, Moving, State, ground_factor
 from tests.proof.blind.pitch.plant import FrictionLaw, Plant
 from tests.proof.blind.pitch.rotors import Rotors
 from tests.proof.blind.pitch.sheet import PARKED_M, SHEET
 
 STILL = [0.0] * STEPS
-KICK_S = 0.5 * STEP_S
-"""A beam let go moves as if it had been let go half a physics step before."""
 
 OFF = (SHEET.pwm0, SHEET.pwm0)
 HOVER = (SHEET.base_pwm, SHEET.base_pwm)
@@ -87,19 +85,6 @@ def test_a_spring_swings_the_beam_at_its_period() -> None:
     assert angles[-2000:].max() == pytest.approx(0.02, rel=1e-3)
 
 
-def test_a_spring_can_be_negative() -> None:
-    angles, _ = thrown(Plant(stiffness_Nm_per_rad=-0.1), theta_rad=0.001, seconds=1.0)
-    growth = math.sqrt(0.1 / SHEET.J)
-    assert angles[-1] == pytest.approx(0.001 * math.cosh(growth * 0.996), rel=1e-3)
-
-
-def test_weight_in_front_of_the_hinge_lowers_rotor_1() -> None:
-    angles, rates = thrown(Plant(cog_x_m=0.002), seconds=0.1)
-    expected = -SHEET.m * SHEET.g * 0.002 / SHEET.J
-    assert rates[-1] == pytest.approx(expected * (0.096 + KICK_S), rel=1e-3)
-    assert angles[-1] == pytest.approx(0.5 * expected * 0.096**2, rel=0.02)
-
-
 def test_viscous_friction_lets_the_rate_decay_exponentially() -> None:
     _, rates = thrown(Plant(damping_Nms=0.02), rate_rad_s=1.0, seconds=2.0)
     t = np.arange(len(rates)) * SHEET.dt
@@ -125,23 +110,6 @@ def test_coulomb_friction_holds_a_smaller_torque(law: FrictionLaw) -> None:
     assert np.abs(rates[50:]).max() <= creep * 1.05
 
 
-@pytest.mark.parametrize("law", ["constraint", "smooth"])
-def test_coulomb_friction_turns_with_the_rate_and_not_before(law: FrictionLaw) -> None:
-    """Each half of a swing on a stiff spring loses 2 T / k; friction that led would take less."""
-    stiffness = 75.0
-    plant = Plant(
-        friction_Nm=0.01, friction_law=law, friction_width_rad_s=0.003,
-        stiffness_Nm_per_rad=stiffness,
-    )  # fmt: skip
-    _, rates = thrown(plant, rate_rad_s=0.3, seconds=1.0)
-    turning = math.sqrt(stiffness / SHEET.J)
-    t = np.arange(len(rates)) * SHEET.dt
-    late = t > 1.0 - math.pi / turning
-    halves = (t[late][np.argmax(np.abs(rates[late]))]) * turning / math.pi
-    expected = 0.3 - halves * 2.0 * 0.01 * turning / stiffness
-    assert np.abs(rates[late]).max() == pytest.approx(expected, rel=0.07)
-
-
 def test_rotors_in_motion_damp_the_beam() -> None:
     plant = Plant(aero_damping=3.0)
     _, rates = thrown(plant, rate_rad_s=0.5, pulses_us=HOVER, seconds=0.5)
@@ -161,22 +129,6 @@ def test_ground_effect_of_images_and_body() -> None:
     assert ground_factor(h, Plant(coverage_share=0.4))[0] == pytest.approx(1 + 0.4 * (whole - 1))
     assert ground_factor(0.03, Plant(K_b=2.0)) == (4.0, True)
     assert ground_factor(1e3, Plant(K_b=2.0))[0] == pytest.approx(1.0, abs=1e-6)
-
-
-def test_the_plate_lifts_rotor_1_only_while_it_is_in() -> None:
-    plant = Plant(plate_dz_m=0.005)
-    _, near = thrown(plant, pulses_us=HOVER, plate_m=0.1, seconds=0.012)
-    factor = ground_factor(0.105, plant)[0]
-    expected = SHEET.L * HOVER_THRUST_N * (factor - 1.0) / SHEET.J
-    assert near[2] / (2 * SHEET.dt + KICK_S) == pytest.approx(expected, rel=1e-3)
-    _, far = thrown(plant, pulses_us=HOVER, plate_m=PARKED_M, seconds=0.012)
-    assert far == pytest.approx(0.0, abs=1e-12)
-
-
-def test_unequal_rotors_turn_the_beam() -> None:
-    _, rates = thrown(Plant(thrust_ratio=0.9), pulses_us=HOVER, seconds=0.044)
-    expected = 0.1 * SHEET.L * HOVER_THRUST_N / SHEET.J
-    assert rates[-1] == pytest.approx(expected * (0.04 + KICK_S), rel=1e-3)
 
 
 def speeds(plant: Plant, pulses: list[float]) -> np.ndarray:
@@ -206,75 +158,12 @@ def test_the_steady_speed_is_the_map_less_the_sag() -> None:
     assert answered[-1] == pytest.approx(12.03 * 500.0 * (1.0 - 0.002 * t + lagging), rel=2e-5)
 
 
-def test_thrust_goes_with_its_exponent_and_is_the_sheet_s_at_6000_rpm() -> None:
-    rotors = Rotors(Plant(thrust_exponent=2.01, thrust_ratio=0.98))
-    rotors.rest(HOVER)
-    one, two = rotors.advance(HOVER, 0.0)
-    assert one[-1] == pytest.approx(HOVER_THRUST_N)
-    assert two[-1] == pytest.approx(0.98 * HOVER_THRUST_N)
-    rotors.rest((1250.0, 1250.0))
-    one, _ = rotors.advance((1250.0, 1250.0), 0.0)
-    assert one[0] == pytest.approx(HOVER_THRUST_N * 0.5**2.01)
-
-
-def test_a_coarse_esc_knows_only_multiples() -> None:
-    settled = [speeds(Plant(esc_step_us=30.0), [p] * 200)[-1] for p in (1496.0, 1509.0, 1524.0)]
-    assert settled == pytest.approx([12.0 * 510.0] * 3, abs=0.1)
-
-
-def test_a_leaning_thrust_depends_on_the_direction_of_the_change() -> None:
-    plant = Plant(thrust_lean=0.08, thrust_lean_rpm_per_s=1000.0)
-    plain, leaning = Rotors(Plant()), Rotors(plant)
-    for rotors in (plain, leaning):
-        rotors.rest(HOVER)
-    steady = leaning.advance(HOVER, 0.0)[0][0], plain.advance(HOVER, 0.0)[0][0]
-    assert steady[0] == pytest.approx(steady[1])
-    up = leaning.advance((1700.0, 1300.0), 0.004), plain.advance((1700.0, 1300.0), 0.004)
-    assert up[0][0][-1] / up[1][0][-1] == pytest.approx(1.08)
-    assert up[0][1][-1] / up[1][1][-1] == pytest.approx(0.92)
-
-
 def test_hub_and_arms_swing_against_each_other() -> None:
     plant = Plant(flex_Nm_per_rad=60.0, flex_hub_share=0.4)
     angles, _ = thrown(plant, rate_rad_s=0.5, arms_rad_s=0.0, seconds=4.0)
     drift = 0.4 * 0.5 * np.arange(len(angles)) * SHEET.dt
     assert period_s(angles - drift) == pytest.approx(1.0 / flex_frequency_Hz(plant), rel=2e-3)
     assert (angles - drift)[-500:].mean() == pytest.approx(0.0, abs=1e-3)
-
-
-def bristles(rates: np.ndarray) -> np.ndarray:
-    """Return the friction torque of a bristle hinge moved at these rates."""
-    bristle = Bristle(
-        Plant(
-            bristle_coulomb_Nm=0.01,
-            bristle_static_Nm=0.03,
-            bristle_rate_rad_s=0.1,
-            bristle_angle_rad=0.02,
-        )
-    )
-    return np.array([bristle.torque(float(rate), STEP_S) for rate in rates])
-
-
-def test_bristles_hold_more_at_rest_than_in_motion() -> None:
-    assert bristles(np.full(5000, 1.0))[-1] == pytest.approx(-0.01, rel=1e-3)
-    assert bristles(np.full(20000, 0.005))[-1] == pytest.approx(-0.03, rel=0.02)
-
-
-def test_bristles_remember() -> None:
-    rates = 0.15 * np.sin(2.0 * np.pi * np.arange(20000) * STEP_S / 5.0)
-    friction = -bristles(rates)
-    faster, slower = 10_300, 12_200
-    assert rates[faster] == pytest.approx(rates[slower], rel=1e-9)
-    assert friction[faster] != pytest.approx(friction[slower], rel=0.1)
-
-
-def test_an_encoder_with_play_shows_two_values_of_one_angle() -> None:
-    instruments = Instruments(Plant(encoder_play_rad=0.01))
-    angles = 0.1 * np.sin(np.linspace(0.0, 6.0 * np.pi, 3001))
-    read = np.array([instruments.angle(float(angle)) for angle in angles])
-    miss = (read - angles)[1000:]
-    assert miss.max() == pytest.approx(0.01)
-    assert miss.min() == pytest.approx(-0.01)
 
 
 def test_wake_torque_has_its_variance_and_memory(rng: np.random.Generator) -> None:

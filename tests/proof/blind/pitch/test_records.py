@@ -12,7 +12,6 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the blind bench is a MuJoCo model")
 
-from tests.proof.blind.pitch import write_examples
 from tests.proof.blind.pitch.library import NAMED
 from tests.proof.blind.pitch.records import (
     HiddenRecord,
@@ -23,7 +22,6 @@ from tests.proof.blind.pitch.records import (
 from tests.proof.blind.pitch.sheet import PARKED_M, PULSE_LIMITS_US, SHEET
 
 COLUMNS = ["t", "theta_ref", "theta", "gyro", "pwm1", "pwm2", "rpm1", "rpm2", "plate_z"]
-HERE = Path(__file__).parent
 
 
 @pytest.fixture(scope="module")
@@ -117,16 +115,3 @@ def test_a_minute_can_be_asked_for() -> None:
 def test_a_clean_bench_is_what_its_sheet_says() -> None:
     record = make_record(6, "none", excitation="poor", dirt="clean")
     assert record.truth.imperfections == {}
-
-
-def test_examples_are_written_with_their_truth(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_examples.main([str(tmp_path), "--family", "cog_offset+motor_lag", "--seed", "7"])
-    assert len(pd.read_csv(tmp_path / "cog_offset_and_motor_lag_check.csv")) == 7500
-    truth = json.loads((tmp_path / "truth.json").read_text("utf-8"))
-    assert truth["cog_offset_and_motor_lag"]["stages"] == ["hinge", "pwm_to_rpm"]
-    for wrong, said in ((["--family", "nope"], "no family"), (["--seed", "1000000"], "scoring")):
-        with pytest.raises(SystemExit, match="2"):
-            write_examples.main([str(tmp_path), *wrong])
-        assert said in capsys.readouterr().err
