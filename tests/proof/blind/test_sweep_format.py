@@ -80,12 +80,6 @@ def test_the_model_file_states_every_tolerance_and_believes_in_nothing(
     assert known == pytest.approx(stated)
 
 
-def test_a_hidden_neighbour_is_not_in_the_model_file(tmp_path: Path) -> None:
-    record = make_record(0, "neighbour_images", excitation="rich")
-    model = load_model(write_record(record, tmp_path)[2]).model
-    assert [effect.name for effect in model.present_effects] == ["rotor_images"]
-
-
 def found(record: HiddenSweep, folder: Path, name: str) -> tuple[dict[str, float], float]:
     """Return an effect's fitted parameters, and the root mean square residual over its errors."""
     learn, _, model_file = write_record(record, folder)
@@ -128,17 +122,3 @@ def test_on_a_clean_bench_the_truth_is_found_again(name: str, tmp_path: Path) ->
     allowed = 1.0 if name == "partial_coverage" else 0.5
     for parameter, true in record.truth.effects[0].parameters.items():
         assert abs(values[f"{name}.{parameter}"] - true) < allowed * units[parameter]
-
-
-def test_battery_sag_is_the_loss_of_speed_at_a_pulse(tmp_path: Path) -> None:
-    record = make_record(1, "battery_sag", excitation="rich", dirt="clean", layout="single")
-    points = read_points(write_record(record, tmp_path)[0])
-    start_us = LAYOUTS["single"].pwm_start_us
-    gain = points.column("rpm1") / (points.column("pwm1_us") - start_us)
-    voltage, time_s = points.column("voltage_V"), points.si("time_s")
-    top = points.column("pwm1_us") == points.column("pwm1_us").max()
-    slope, at_start = np.polyfit(time_s[top], gain[top], 1)
-    rate = record.truth.effects[0].parameters["rate_per_s"]
-    assert -slope / at_start == pytest.approx(rate, rel=0.02)
-    level = gain / voltage
-    assert np.ptp(level) / level.mean() < 0.005

@@ -84,25 +84,3 @@ def test_a_wrong_model_is_surprised_by_what_the_information_says(
     more = (np.mean(sides) - surprise(part, Plant())) * 4 * len(part.states)
     k = NAMES.index("cog_offset")
     assert more == pytest.approx(4.0 * information(part, Plant()).matrix[k, k], rel=0.02)
-
-
-def test_rotor_speeds_tell_of_their_gain_as_their_noise_allows(rng: np.random.Generator) -> None:
-    part = parked([1500.0], rng)
-    found = information(part, Plant())
-    rise = 1.0 - np.exp(-np.arange(250) * SHEET.dt / SHEET.tau_m)
-    expected = 2.0 * 8.0 * np.sum((0.003 * 6000.0 * rise / NOISE[2]) ** 2)
-    k = NAMES.index("rpm_gain")
-    assert found.matrix[k, k] == pytest.approx(expected, rel=0.01)
-
-
-def test_an_offset_and_unequal_rotors_are_one_at_one_collective(rng: np.random.Generator) -> None:
-    hidden = Plant(thrust_ratio=0.94)
-    still, stepped = (
-        information(parked(levels, rng, plant=hidden), hidden)
-        for levels in ([1500.0], [1400.0, 1600.0])
-    )
-    assert still.evidence() > 100.0
-    assert still.evidence(("cog_offset",)) < 10.0
-    assert stepped.evidence(("cog_offset",)) > 100.0
-    assert stepped.evidence(("rotor_asymmetry",)) == pytest.approx(0.0, abs=0.1)
-    assert (still + stepped).evidence(("cog_offset",)) > stepped.evidence(("cog_offset",))

@@ -105,13 +105,6 @@ def test_rich_records_step_the_collective_and_move_the_plate(null: HiddenRecord)
     assert 0.4 < (distances == PARKED_M).mean() < 0.9
 
 
-def test_a_minute_can_be_asked_for() -> None:
-    record = make_record(4, "none", excitation="rich", blocks=2)
-    assert len(record.learn) == len(record.check) == 15000
-    first, second = record.learn["theta_ref"][:7500], record.learn["theta_ref"][7500:]
-    assert not np.array_equal(first, second)
-
-
 def test_a_clean_bench_is_what_its_sheet_says() -> None:
     record = make_record(6, "none", excitation="poor", dirt="clean")
     assert record.truth.imperfections == {}
