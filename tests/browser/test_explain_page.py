@@ -5,13 +5,16 @@ from __future__ import annotations
 import shutil
 import tomllib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from benchtool.data.run.recording_file import write_recording
+from benchtool.report.flight.pitch_study import pitch_study
+from benchtool.simulate.pitch.setup import changed, pitch_setup
 from tests.browser.conftest import Web, expect, serving
-from tests.unit.web.explain.test_explain_job import MODEL, recorded
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -19,6 +22,16 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 EXPLAINS_MS = 150_000
+MODEL = str(Path(__file__).parents[2] / "datasets/pitch_bench/model.toml")
+
+
+def recorded(path: Path, duration_s: float, seed: int) -> None:
+    """Write a recording of a bench whose hinge drags, which its model does not know."""
+    setup = pitch_setup(model=MODEL, gains="stiff", controllers=("pid",), schedule="identify")
+    setup = changed(setup, {"coulomb_friction.torque_Nm": 0.012})
+    setup = replace(setup, schedule=setup.schedule.lasting(duration_s))
+    run = pitch_study(setup, seed, with_away=False).runs[0]
+    write_recording(path, run.recording(setup.bench.model.rig), {})
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -20,11 +19,10 @@ from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.core.errors import (
     DeviceStopped,
-    InputError,
     PortBusy,
 )
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.links import PtyLink, ServerLink, link_named
+from benchtool.virtual.links import PtyLink, ServerLink
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import BenchServer, ServerOutbox
 from tests.system.served import DeviceTime, posix, turning
@@ -201,19 +199,6 @@ def test_serve_from_the_command_line(tmp_path: Path, number: signal.Signals) -> 
         process.kill()
         process.wait()
     assert (code, symlink.is_symlink()) == (0, False), errors
-
-
-def test_links_by_name(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="goes with --link pty only"):
-        link_named("tcp:0", tmp_path / "bench")
-    if os.name == "posix":
-        with pytest.raises(InputError, match="exists and is no link"):
-            link_named("pty", tmp_path)
-    link = link_named("tcp:0")
-    port = link.address.rpartition(":")[2]
-    with pytest.raises(PortBusy, match="another program listens"):
-        link_named(f"tcp:{port}")
-    link.close()
 
 
 def test_the_outbox_keeps_answers_and_counts_what_it_drops() -> None:

@@ -87,23 +87,6 @@ def test_a_resumed_run_keeps_its_order(capsys: pytest.CaptureFixture[str]) -> No
     assert "nothing is left to resume" in capsys.readouterr().err
 
 
-def test_a_run_with_an_unreadable_point_is_left_as_it_is(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """One bad character must not make a resume measure everything again."""
-    assert call("sweep", "sim:pquad_single?seed=3", *SMALL, "--yes", "--out", "cut") == 0
-    cut = Path("cut")
-    _cut_back(cut, points=4)
-    text = (cut / "points.csv").read_text("utf-8").splitlines(keepends=True)
-    text[3] = text[3].rstrip("\n") + "x\n"
-    (cut / "points.csv").write_text("".join(text), "utf-8")
-    before = {path.name: path.read_bytes() for path in cut.iterdir()}
-    capsys.readouterr()
-    assert call("sweep", "--resume", "cut", "--yes") == 2
-    assert "points.csv, line 4" in capsys.readouterr().err
-    assert {path.name: path.read_bytes() for path in cut.iterdir()} == before
-
-
 def test_a_watcher_that_goes_away_does_not_end_a_sweep() -> None:
     class Gone(io.StringIO):
         def write(self, text: str) -> int:
@@ -140,31 +123,6 @@ def test_a_resumed_run_says_what_was_cut() -> None:
     cut = [e.text for e in read_events(Path("run/events.jsonl")) if e.event == "cut_line"]
     assert len(cut) == 2
     assert cut[1].endswith("points.csv was cut and left out: 5,meas")
-
-
-def test_a_resumed_run_takes_the_stage_that_moved_the_plate(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert call("sweep", "sim:pquad_single", *SMALL, "--yes", "--out", "run") == 0
-    _cut_back(Path("run"), points=4)
-    facts = json.loads(Path("run/metadata.json").read_text())
-    assert facts["plate"]["stage"] == "device"
-    facts["plate"]["stage"] = "grbl:/dev/ttyS9?zero_mm=1500"
-    Path("run/metadata.json").write_text(json.dumps(facts))
-    assert call("sweep", "--resume", "run", "--yes") == 2
-    said = capsys.readouterr().err
-    assert "sim:pquad_single moves its own plate" in said
-    assert "leave --stage grbl:/dev/ttyS9 out" in said
-    assert call("sweep", "--resume", "run", "--stage", "device", "--yes") == 0
-
-
-def test_another_device_cannot_go_on(capsys: pytest.CaptureFixture[str]) -> None:
-    assert call("sweep", "sim:pquad_single?seed=3", *SMALL, "--yes", "--out", "run") == 0
-    _cut_back(Path("run"), points=4)
-    before = (Path("run/samples.csv")).read_bytes()
-    assert call("sweep", "sim:pquad_single?seed=4", "--resume", "run", "--yes") == 2
-    assert "was begun on device 'virtual-pquad_single-3'" in capsys.readouterr().err
-    assert Path("run/samples.csv").read_bytes() == before
 
 
 def test_a_limit_stops_the_sweep_at_once(capsys: pytest.CaptureFixture[str]) -> None:

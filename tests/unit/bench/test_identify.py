@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from benchtool.bench.identify import Kind, kind_of, mismatch
+from benchtool.bench.identify import Kind, kind_of
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import dialect
@@ -31,21 +31,6 @@ HEARD: dict[Kind, bytes] = {
 @pytest.mark.parametrize("kind", HEARD)
 def test_what_speaks_is_known(kind: Kind) -> None:
     assert kind_of(HEARD[kind]) == kind
-
-
-@pytest.mark.parametrize(
-    ("kind", "said"),
-    [
-        ("mavlink", "use mavlink:serial:/dev/x for it"),
-        ("grbl", "it is a G-code stage; give it as --stage grbl:/dev/x"),
-        ("text", "`benchtool firmware` writes one for an Arduino"),
-        ("noise", "the baud rate is wrong: write the device's own as ?baud="),
-        ("frames", "the baud rate is wrong: write the device's own as ?baud="),
-        ("bench", "gave no hello that can be read"),
-    ],
-)
-def test_a_bench_that_is_none_is_named(kind: Kind, said: str) -> None:
-    assert said in mismatch("bench", HEARD[kind], "serial:/dev/x?baud=9600")
 
 
 @pytest.mark.parametrize(

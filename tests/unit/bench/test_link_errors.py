@@ -16,7 +16,7 @@ import serial
 from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import holders, opening_error
-from benchtool.core.errors import InputError, LinkError, LinkLost, NoDevice, PortBusy, PortDenied
+from benchtool.core.errors import LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 
@@ -80,12 +80,6 @@ def test_access_denied_on_windows_means_busy() -> None:
     error = serial.SerialException("could not open port 'COM3': PermissionError(13, 'denied')")
     assert type(opening_error(error, "COM3", windows=True)) is PortBusy
     assert type(opening_error(error, "COM3")) is PortDenied
-
-
-def test_a_baud_rate_that_the_port_cannot_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serial, "Serial", refusing(ValueError("Invalid baud rate: 123")))
-    with pytest.raises(InputError, match="takes no baud rate of 123"):
-        SerialPort("/dev/example", 123).open()
 
 
 @posix

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.drivers import open_bench
-from benchtool.core.errors import CommandRefused, FileFormatError
+from benchtool.core.errors import CommandRefused
 
 HEADER = "time_s,device_time_us,point,phase,pwm1_us,rpm1,thrust_N,thrust_raw,torque_Nm"
 
@@ -44,18 +44,3 @@ def test_commands_are_refused_and_stop_holds(run):
                 command()
         bench.stop()
         assert len(bench.read(0.1)) == 21
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "no samples"),
-        ("time_s,thrust_N\n0.0,1.0\n", "no column device_time_us"),
-        (f"{HEADER}\n1,2,3\n1,2,3,x,5,6,7,8,9\n", "line 2: 3 cells under 9"),
-        (f"{HEADER}\n1,2,3,x,5,6,seven,8,9\n", "line 2: could not convert"),
-    ],
-)
-def test_a_file_that_holds_no_run_is_refused(tmp_path, text, said):
-    (tmp_path / "samples.csv").write_text(text, encoding="utf-8")
-    with pytest.raises(FileFormatError, match=said):
-        open_bench(f"replay:{tmp_path}")
