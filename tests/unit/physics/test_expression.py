@@ -9,7 +9,6 @@ import subprocess
 import sys
 import textwrap
 from importlib import import_module
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,14 +16,12 @@ import pytest
 
 import benchtool.physics
 from benchtool.core.errors import MissingLibrary
-from benchtool.physics import expression as module
 from benchtool.physics.body_lift import body_term
 from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
 from benchtool.physics.expression import (
     borrowed,
     compile_expressions,
     compiled_closure,
-    compiled_folder,
     expression,
     loop_part,
     recorded_expressions,
@@ -66,16 +63,6 @@ def areas(x, y, out):
     out[1] = rectangle_coverage(x, y, 0.12, -0.1, 0.3, -0.04, 0.5)
 
 
-def test_the_mark_returns_the_function_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_recorded", [])
-
-    def plain(x: float) -> float:
-        return x
-
-    assert expression(plain) is plain
-    assert recorded_expressions() == (plain,)
-
-
 def test_compiled_loops_and_arrays_give_the_same_numbers(rng: np.random.Generator) -> None:
     numba = pytest.importorskip("numba")
     compile_expressions()
@@ -107,23 +94,6 @@ def test_every_wake_rule_compiles(name: str, rng: np.random.Generator) -> None:
     compiled = numba.njit(lambda coverage: weight(coverage))
     for coverage in rng.uniform(0.0, 1.0, (20, 4)):
         assert compiled(coverage) == pytest.approx(weight(coverage), rel=1e-14)
-
-
-def test_what_is_marked_after_compiling_compiles_too() -> None:
-    numba = pytest.importorskip("numba")
-    compile_expressions()
-
-    @expression
-    def late(x):
-        return 3.0 * x
-
-    assert numba.njit(lambda x: late(x))(2.0) == late(2.0) == 6.0
-
-
-def test_division_by_zero_is_infinite_in_compiled_loops_too() -> None:
-    numba = pytest.importorskip("numba")
-    compile_expressions()
-    assert numba.njit(lambda z: self_image(z))(0.0) == np.inf
 
 
 def test_without_numba_the_source_runs_and_compiling_says_what_is_missing(
@@ -166,34 +136,6 @@ def test_expressions_are_branch_free() -> None:
     assert branches == {}
 
 
-def test_complex_steps_give_exact_derivatives(rng: np.random.Generator) -> None:
-    """Differentiate the whole chain by a complex step and by central differences."""
-
-    def total(radius, K_b, offset, x):
-        height = [0.12 + offset, 0.15 + offset, 0.2 + offset, 0.09 + offset]
-        coverage = [
-            rectangle_coverage(xi + x, yi, 0.12, -0.3, 0.2, -0.25, 0.2)
-            for xi, yi in zip(X, Y, strict=True)
-        ]
-        weight = notes_weight(coverage)
-        result = 0.0
-        for i in range(4):
-            images = self_image(height[i]) + images_at(height[i], coverage, DISTANCES[i])
-            term = radius * radius * images
-            term = term + body_term(K_b, weight, radius, images_at(height[i], coverage, ARMS))
-            result = result + partial_factor(thrust_factor(term), coverage[i])
-        return result
-
-    at = np.array([0.11, 1.7, 0.01, 0.013])
-    for k in range(4):
-        step = np.zeros(4)
-        step[k] = 1.0
-        exact = np.imag(total(*(at + 1e-30j * step))) / 1e-30
-        central = (total(*(at + 1e-6 * step)) - total(*(at - 1e-6 * step))) / 2e-6
-        assert abs(exact) > 1e-3
-        assert exact == pytest.approx(central, rel=1e-7)
-
-
 @loop_part
 def climbed(value: float, limit: float) -> float:
     if value > limit:
@@ -213,21 +155,6 @@ def test_a_compiled_loop_gives_what_its_source_gives(rng: np.random.Generator) -
     compiled = compiled_closure(summed, "a test of sums")
     assert compiled(values, 0.3) == summed(values, 0.3)
     assert summed(values, 0.3) == pytest.approx(np.minimum(values, 0.3).sum(), rel=1e-13)
-
-
-def test_compiled_loops_are_kept_by_their_sources(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    first = compiled_folder()
-    assert first.name.startswith("compiled-")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    compiled_folder.cache_clear()
-    monkeypatch.setattr(module.sys, "version", "another interpreter")
-    try:
-        assert compiled_folder().parent == tmp_path
-        assert compiled_folder().name != first.name
-    finally:
-        compiled_folder.cache_clear()
 
 
 class Two(NamedTuple):

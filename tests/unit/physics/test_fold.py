@@ -9,12 +9,11 @@ import textwrap
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pytest
 
 from benchtool.physics import expression as compiling
 from benchtool.physics.expression import compiled_closure, expression
-from benchtool.physics.fold import Own, added, chained, each, identity, multiplied, selected, summed
+from benchtool.physics.fold import Own, added, chained, each, multiplied, selected, summed
 
 
 class Two(NamedTuple):
@@ -77,18 +76,6 @@ def test_joined_hooks_equal_the_written_out_expression(name: str) -> None:
         assert joined(i, FLOW, P) == expected(i, FLOW, P)
 
 
-def test_arrays_and_complex_steps_pass_through() -> None:
-    rows = tuple(np.linspace(0.1, 1.0, 5) + shift for shift in FLOW)
-    np.testing.assert_array_equal(summed(TERMS)(1, rows, P), joined_sum(1, rows, P))
-    stepped = (P[0] + 1e-30j, *P[1:])
-    np.testing.assert_allclose(summed(TERMS)(1, rows, stepped).imag, 1e-30 * rows[1], rtol=1e-14)
-
-
-@pytest.mark.parametrize("n", range(19))
-def test_each_gives_one_entry_for_every_number(n: int) -> None:
-    assert each(n, lambda i, x: i + x)(0.5) == tuple(i + 0.5 for i in range(n))
-
-
 def test_added_and_selected() -> None:
     functions = (lambda x: x, lambda x: 10.0 * x, lambda x: 100.0 * x)
     assert added(functions)(2.0) == 222.0
@@ -112,12 +99,6 @@ def test_a_compiled_loop_gives_the_same_numbers() -> None:
     expected = sum(joined_sum(i, FLOW, P) + joined_change(i, FLOW[i], FLOW, P) for i in range(3))
     assert loop(FLOW, P) == pytest.approx(expected, rel=1e-15)
     assert total is not None
-
-
-def test_a_function_is_known_by_its_file() -> None:
-    assert identity(None) == ""
-    assert identity(term).startswith(f"{__name__}.term:")
-    assert identity(term).split(":")[1] == identity(change).split(":")[1]
 
 
 def loop_over(count: int) -> Any:
@@ -162,37 +143,6 @@ def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
     assert [row[0] for row in second] == [row[0] for row in first]
     assert [row[1:] for row in first] == [["0", "1"], ["0", "1"]]
     assert [row[1:] for row in second] == [["1", "0"], ["1", "0"]]
-
-
-def test_a_cache_is_kept_in_its_folder_while_another_thread_changes_numbas_setting(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """numba looks at its setting twice: between the two another thread may have cleared it."""
-    caching = pytest.importorskip("numba.core.caching")
-    named = caching._CacheLocator.get_suitable_cache_subpath
-
-    def cleared(path: str) -> str:
-        monkeypatch.setattr("numba.config.CACHE_DIR", "")
-        return str(named(path))
-
-    monkeypatch.setattr(caching._CacheLocator, "get_suitable_cache_subpath", staticmethod(cleared))
-    monkeypatch.chdir(tmp_path)
-    assert Path(loop_over(2)._cache.cache_path).is_relative_to(compiling.compiled_folder())
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_without_numbas_inner_cache_it_compiles_all_the_same(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    pytest.importorskip("numba")
-
-    def absent(key: str) -> Any:
-        raise ImportError(f"no cache under {key}")
-
-    monkeypatch.setattr(compiling, "_cache_under", absent)
-    total = summed(TERMS)
-    made = compiled_closure(lambda flow, p: total(1, flow, p), "without a cache")
-    assert made(FLOW, P) == pytest.approx(joined_sum(1, FLOW, P), rel=1e-15)
 
 
 def test_without_numba_the_closure_runs_as_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.errors import InputError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.mixer import WRENCH, mixer_matrix, pitch_moment_Nm
-from tests.unit.physics.layouts import RotorLayout, cross_layout, plus_layout
+from tests.unit.physics.layouts import RotorLayout, plus_layout
 
 K, C, ARM = 1.2e-5, 1.8e-7, 0.225
 
@@ -28,50 +27,6 @@ def test_the_plus_mixer_is_equation_9_entry_by_entry() -> None:
 ROWS = {row: number for number, row in enumerate(WRENCH)}
 
 
-@pytest.mark.parametrize(
-    ("row", "signs"),
-    [
-        ("thrust_N", {"front": 1, "left": 1, "rear": 1, "right": 1}),
-        ("roll_Nm", {"front": 0, "left": 1, "rear": 0, "right": -1}),
-        ("pitch_Nm", {"front": -1, "left": 0, "rear": 1, "right": 0}),
-        ("yaw_Nm", {"front": -1, "left": 1, "rear": -1, "right": 1}),
-    ],
-)
-def test_signs_of_every_row_plus(row: str, signs: dict[str, int]) -> None:
-    layout = plus_layout(ARM)
-    got = dict(zip(layout.names, np.sign(matrix_of(layout)[ROWS[row]]), strict=True))
-    assert got == signs
-
-
-@pytest.mark.parametrize(
-    ("row", "signs"),
-    [
-        ("thrust_N", {"front_left": 1, "rear_left": 1, "rear_right": 1, "front_right": 1}),
-        ("roll_Nm", {"front_left": 1, "rear_left": 1, "rear_right": -1, "front_right": -1}),
-        ("pitch_Nm", {"front_left": -1, "rear_left": 1, "rear_right": 1, "front_right": -1}),
-        ("yaw_Nm", {"front_left": -1, "rear_left": 1, "rear_right": -1, "front_right": 1}),
-    ],
-)
-def test_signs_of_every_row_cross(row: str, signs: dict[str, int]) -> None:
-    layout = cross_layout(ARM)
-    got = dict(zip(layout.names, np.sign(matrix_of(layout)[ROWS[row]]), strict=True))
-    assert got == signs
-
-
-def test_the_cross_is_the_plus_turned_by_45_degrees() -> None:
-    plus, cross = matrix_of(plus_layout(ARM)), matrix_of(cross_layout(ARM))
-    np.testing.assert_allclose(cross[[0, 3]], plus[[0, 3]], rtol=1e-15)
-    turn = np.deg2rad(45.0)
-    turned = RotorLayout(
-        plus_layout(ARM).names,
-        ARM * np.cos(turn + 0.5 * np.pi * np.arange(4)),
-        ARM * np.sin(turn + 0.5 * np.pi * np.arange(4)),
-        plus_layout(ARM).spin,
-    )
-    np.testing.assert_allclose(cross, matrix_of(turned), rtol=1e-14)
-    np.testing.assert_allclose(np.hypot(cross[1], cross[2]), K * ARM, rtol=1e-14)
-
-
 def test_moments_are_arm_times_force(rng: np.random.Generator) -> None:
     """Compare with the cross product r x F and with drag opposing the spin."""
     n = 7
@@ -85,17 +40,6 @@ def test_moments_are_arm_times_force(rng: np.random.Generator) -> None:
     got = mixer_matrix(x, y, spin, K, C) @ squares
     np.testing.assert_allclose(got, [forces[:, 2].sum(), *torque], rtol=1e-12)
     assert pitch_moment_Nm(K * squares, x) == pytest.approx(torque[1], rel=1e-12)
-
-
-def test_more_thrust_in_front_is_a_backward_moment() -> None:
-    layout = plus_layout(ARM)
-    assert pitch_moment_Nm([4.0, 3.0, 3.0, 3.0], layout.x_m) == pytest.approx(-ARM)
-    assert pitch_moment_Nm(np.full((4, 5), 3.0), layout.x_m) == pytest.approx(np.zeros(5))
-
-
-def test_a_mixer_needs_every_rotor() -> None:
-    with pytest.raises(InputError, match="got 2, 1 and 2 values"):
-        mixer_matrix([0.1, 0.2], [0.1], [1, -1], K, C)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.channel import Channel
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.bases import factor_at
@@ -37,18 +37,6 @@ def test_it_is_eq_2_3_and_4_for_the_quadrotor() -> None:
         np.testing.assert_allclose(factor_at(model, "equal_rpm2", conditions), expected, rtol=1e-12)
         thrust = 4.0 * rig.propulsion.thrust_coefficient_N_s2 * 576.0**2 * expected
         np.testing.assert_allclose(model.thrust_N(conditions), thrust, rtol=1e-12)
-
-
-def test_the_printed_diagonal_can_be_chosen() -> None:
-    text = load_model("quad_body_lift").model
-    from dataclasses import replace
-
-    printed = replace(text, body_distance="diagonal")
-    rig = printed.rig
-    spacing = rig.disc_distances_m[0, 1]
-    conditions = Conditions.of(rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
-    expected = quad_body_lift_factor(0.12, Z_M, spacing, spacing * np.sqrt(2.0), 2.0)
-    np.testing.assert_allclose(factor_at(printed, "equal_rpm2", conditions), expected, rtol=1e-12)
 
 
 def test_three_rotors_make_two_thirds_of_the_body_lift() -> None:
@@ -126,18 +114,3 @@ def test_conditions_come_from_rpm_or_else_from_pulses() -> None:
     assert by_rpm.speed_measured
     with pytest.raises(InputError, match="neither rotor speed nor pulse width"):
         Conditions.from_recording(Recording.from_columns([z]), rig)
-
-
-def test_wrong_names_are_refused_with_the_known_ones() -> None:
-    model = Model.single(rig_named("pquad"))
-    with pytest.raises(UnknownChoice, match="body_lift"):
-        model.with_effect("body_lif")
-    with pytest.raises(UnknownChoice, match="K_b"):
-        model.with_effect("body_lift", Kb=1.0)
-    with pytest.raises(UnknownChoice):
-        model.without("body_lift")
-    with pytest.raises(InputError, match="already"):
-        model.with_effect("body_lift").with_effect("body_lift")
-    assert model.with_effect("body_lift").without("body_lift").parameters.keys() == (
-        model.parameters.keys()
-    )

@@ -57,13 +57,6 @@ def test_a_prior_bounds_and_tolerance_survive_the_file() -> None:
     assert again.model.parameters["body_lift.K_b"] == item
 
 
-def test_how_long_a_plate_slides_survives_the_file() -> None:
-    loaded = load_model("quad_body_lift")
-    assert loaded.plate_slide_s is None
-    again = model_from_toml(model_to_toml(replace(loaded, plate_slide_s=0.0)), "again.toml")
-    assert again.plate_slide_s == 0.0
-
-
 def test_stated_discrepancies_survive_the_file_and_default_ones_are_left_out() -> None:
     loaded = load_model("quad_body_lift")
     assert "[discrepancy]" not in model_to_toml(loaded)

@@ -65,15 +65,6 @@ def test_one_effect_and_several_are_found(tmp_path: Path) -> None:
     ]
 
 
-def test_a_module_is_found_from_the_present_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    written(tmp_path, GOOD, "benchtool_test_own_module.py")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    assert own_effects("benchtool_test_own_module", allow)[0].title == "Cubic damping"
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -98,13 +89,6 @@ def test_what_cannot_be_used_is_refused_with_its_reason(
     with pytest.raises(InputError, match=said) as refused:
         own_effects(written(tmp_path, text), allow)
     assert "\n" not in str(refused.value)
-
-
-def test_a_file_and_a_module_that_are_not_there_are_refused() -> None:
-    with pytest.raises(InputError, match="no such file"):
-        own_effects("nowhere.py", allow)
-    with pytest.raises(InputError, match="run where the module is"):
-        own_effects("no_module_of_that_name", allow)
 
 
 def test_a_model_file_brings_its_own_effects_along(tmp_path: Path) -> None:

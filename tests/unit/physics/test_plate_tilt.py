@@ -38,13 +38,6 @@ def test_a_single_rotor_sees_tilt_through_the_plates_lateral_position_and_its_co
     assert factors(model, plate_x_m=plate_x_m) == pytest.approx([expected])
 
 
-def test_a_positive_tilt_brings_the_front_rotor_nearer() -> None:
-    model = Model.single(rig_named("pquad")).with_effect("plate_tilt", angle_rad=0.1)
-    front, left, rear, right = factors(model)
-    assert front > left > rear
-    assert left == pytest.approx(right)
-
-
 @pytest.mark.parametrize("plate_x_m", [0.0, 0.3, -0.3])
 @pytest.mark.parametrize("commanded_rad", [0.0, 0.04])
 def test_a_commanded_tilt_and_the_effect_pivot_about_one_point(

@@ -10,10 +10,9 @@ import pytest
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.bases import factor_at
-from benchtool.physics.body_lift import quad_body_lift_factor
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.images import partial_factor, quad_factor
+from benchtool.physics.images import partial_factor
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
 from benchtool.physics.prepared import Prepared
@@ -74,46 +73,6 @@ def test_it_is_the_method_of_images_with_vectors(
         expected = partial_factor(full, np.array(covered))
         found = factors(quad(rule, body_distance=reading), over(z_m, tilt_rad, covered))
         np.testing.assert_allclose(found, expected, rtol=1e-13)
-
-
-@pytest.mark.parametrize("rule", TILT_RULES)
-def test_level_every_rule_is_equations_3_and_4(rule: str) -> None:
-    for z_m in (0.06, 0.12, 0.36):
-        level = over(z_m, 0.0)
-        expected = quad_body_lift_factor(0.12, z_m, SPACING_M, SPACING_M / np.sqrt(2.0), 2.0)
-        np.testing.assert_allclose(factors(quad(rule), level), expected, rtol=1e-12)
-        expected = quad_factor(0.12, z_m, SPACING_M)
-        found = factors(quad(rule).without("body_lift"), level)
-        np.testing.assert_allclose(found, expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("rule", TILT_RULES)
-def test_a_mirrored_tilt_swaps_front_and_rear_and_turns_the_moment(rule: str) -> None:
-    front, left, rear, right = factors(quad(rule), over(0.2, 0.15))
-    mirrored = factors(quad(rule), over(0.2, -0.15))
-    np.testing.assert_allclose(mirrored, [rear, left, front, right], rtol=1e-14)
-    assert front - rear == pytest.approx(mirrored[2] - mirrored[0], rel=1e-13)
-
-
-@pytest.mark.parametrize(("rule", "share"), [("axis", np.cos(0.2)), ("vertical", 1.0)])
-def test_one_rotor_alone_keeps_its_own_image(rule: str, share: float) -> None:
-    lone = replace(Model.single(rig_named("pquad_single")), tilt_rule=rule)
-    conditions = Conditions.of(
-        lone.rig,
-        speed_rad_s=np.array([550.0]),
-        plate_z_m=np.array([0.2 / np.cos(0.2)]),
-        plate_tilt_rad=0.2,
-        coverage=np.ones((1, 1)),
-    )
-    assert 1.0 - 1.0 / factors(lone, conditions)[0] == pytest.approx(share * 0.15**2, rel=1e-12)
-
-
-def test_the_body_term_is_one_number_except_by_own_height() -> None:
-    for rule in TILT_RULES:
-        model = quad(rule)
-        flow = model.flow(over(0.24, TILTED), model.parameters.values_array())
-        different = np.ptp(np.ravel(flow.body_images)) > 1e-12
-        assert different == (rule == "own_height")
 
 
 @pytest.mark.parametrize("rule", TILT_RULES)

@@ -8,8 +8,7 @@ import pytest
 
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
-from benchtool.physics.catalogue import EFFECTS, candidates
-from benchtool.physics.effects.effect import BenchKind
+from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import model_from_toml
 from benchtool.physics.tolerances import default_tolerances, tolerances, with_tolerances
@@ -28,16 +27,6 @@ ON_THE_BEAM = {
     "body_lift.K_b": 0.25,
 }
 """What the owner of the pitch bench named."""
-
-PITCH = {
-    *(name.partition(".")[0] for name in ON_THE_BEAM),
-    *("aerodynamic_damping", "gyro_scale", "partial_coverage"),
-}
-SWEEP = {
-    *("neighbour_images", "body_lift", "plate_offset", "plate_tilt", "partial_coverage"),
-    *("thrust_exponent", "battery_sag", "load_cell_drift", "tare_offset"),
-    *("load_cell_hysteresis", "wall_blockage"),
-}
 
 
 def with_all(rig: Rig) -> Model:
@@ -94,15 +83,6 @@ def test_a_rotor_by_itself_takes_its_radius_for_an_arm() -> None:
     assert known["x_m"] == pytest.approx(0.0005 * 0.12 / 0.25)
 
 
-def test_a_sweep_takes_longer_so_that_a_slower_sag_matters() -> None:
-    model = with_all(rig_named("pquad"))
-    ratio = (
-        tolerances(model, "pitch")["battery_sag.rate_per_s"]
-        / tolerances(model, "sweep")["battery_sag.rate_per_s"]
-    )
-    assert ratio == pytest.approx(20.0)
-
-
 def test_a_model_file_goes_first() -> None:
     text = """
 [model]
@@ -127,8 +107,3 @@ x_m = 0.0
     assert stated["coulomb_friction.torque_Nm"].tolerance == 0.07
     assert stated["cog_offset.x_m"].tolerance == pytest.approx(0.0009)
     assert stated["k"].tolerance is None
-
-
-@pytest.mark.parametrize(("bench", "names"), [("pitch", PITCH), ("sweep", SWEEP)])
-def test_candidates_are_exactly_the_listed_effects(bench: BenchKind, names: set[str]) -> None:
-    assert {effect.name for effect in candidates(bench)} == names

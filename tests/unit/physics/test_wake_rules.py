@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchtool.core.errors import UnknownChoice
 from benchtool.physics.wake_rules import WAKE_RULES, wake_rule
 
 coverages = st.lists(st.floats(0.0, 1.0), min_size=1, max_size=8)
@@ -54,20 +53,3 @@ def test_three_of_four(name: str, expected: float) -> None:
 )
 def test_one_of_four(name: str, expected: float) -> None:
     assert wake_rule(name).weight(np.array([1.0, 0.0, 0.0, 0.0])) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(("name", "expected"), [("notes", 0.0), ("pairs", 0.0), ("full", 1.0)])
-def test_one_rotor_alone(name: str, expected: float) -> None:
-    assert wake_rule(name).weight([1.0]) == expected
-
-
-@pytest.mark.parametrize("name", sorted(WAKE_RULES))
-def test_samples_go_along(name: str, rng: np.random.Generator) -> None:
-    coverage = rng.uniform(0.0, 1.0, (4, 6))
-    weight = wake_rule(name).weight
-    np.testing.assert_allclose(weight(coverage), [weight(coverage[:, k]) for k in range(6)])
-
-
-def test_an_unknown_rule_lists_the_known_ones() -> None:
-    with pytest.raises(UnknownChoice, match=r"wake rule 'note'; did you mean 'notes'.*full, mean"):
-        wake_rule("note")
