@@ -94,29 +94,6 @@ def test_a_governed_or_unknown_motor_turns_as_fast_everywhere() -> None:
         assert ratio(near, far, "torque_Nm") < 0.9995
 
 
-def test_only_the_rotor_over_the_plate_speeds_up() -> None:
-    plant = bench(bladed("pquad"), "quad")
-    settled(plant, FAR_M)
-    plant.command_plate(0.1, x_m=0.6)
-    while plant.plate_moving:
-        plant.advance(200)
-    front, left, rear, right = plant.advance(800)[-1, 4:8]
-    assert front > left == pytest.approx(right)
-    assert left > rear
-
-
-def test_splitting_a_span_changes_nothing() -> None:
-    rig = bladed("pquad_single")
-    whole, parts = bench(rig), bench(rig)
-    for plant in (whole, parts):
-        plant.command_pwm(np.array([1600.0]))
-        plant.advance(200)
-        plant.command_plate(0.1)
-    one = whole.advance(2000)
-    many = np.concatenate([parts.advance(n) for n in (1, 7, 333, 659, 1000)])
-    np.testing.assert_allclose(many, one, rtol=1e-12)
-
-
 def test_eq_10_as_printed_can_be_the_truth_of_such_a_rig() -> None:
     rig = bladed("pquad_single")
     printed = load_model("single", rig).model.fixed("blade_inflow.share", 0.0)

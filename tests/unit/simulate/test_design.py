@@ -55,18 +55,3 @@ def test_names_are_completed_and_no_number_is_varied_twice() -> None:
 def test_text_that_is_no_range_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="write NAME=FROM:TO:COUNT"):
         Vary.read(text)
-
-
-@pytest.mark.parametrize("text", ["K_b=2:1:3", "K_b=1:1:3", "K_b=1:2:1"])
-def test_an_empty_range_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="is no range; give FROM below TO"):
-        Vary.read(text)
-
-
-def test_a_design_without_numbers_or_seeds_is_refused() -> None:
-    with pytest.raises(InputError, match="add --vary"):
-        Design.read([])
-    with pytest.raises(InputError, match="0 seeds"):
-        Design.read([K_B], seeds=0)
-    with pytest.raises(InputError, match="-1 samples"):
-        Design.read([K_B], samples=-1)

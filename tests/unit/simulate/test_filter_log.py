@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.errors import InputError
-from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule_file import schedule_named
 from benchtool.explain.pitch.filter import pitch_filter
 from benchtool.physics.model import Model
@@ -105,15 +103,6 @@ def test_a_part_of_a_log_goes_on_where_the_whole_was(true_model: Model) -> None:
     rest = replace(rest, mode=np.append(0.0, rest.mode[1:]))
     part = filter_log([bench], rest, gains, start_s=start / RATE_HZ, states=state)
     np.testing.assert_allclose(part.theta_rad[1:], whole.theta_rad[start + 1 : 3000], atol=1e-9)
-
-
-def test_a_log_of_other_rotors_is_refused(true_model: Model) -> None:
-    logged = logged_from(true_model, seed=7).between(0, 300)
-    gains = np.zeros(7)
-    with pytest.raises(InputError, match="drives 2 discs, but rig 'pquad'"):
-        filter_log([PitchBench.of(Model.single(rig_named("pquad")))], logged, gains)
-    with pytest.raises(InputError, match="theta_rad has the shape"):
-        replace(logged, theta_rad=np.zeros(5))
 
 
 def test_windows_of_a_log_are_what_its_parts_are_alone(true_model: Model) -> None:

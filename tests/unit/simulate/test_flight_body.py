@@ -123,15 +123,3 @@ def test_the_papers_form_and_the_quaternion_fly_the_same_way() -> None:
     np.testing.assert_allclose(lagrange[3:6], euler(body[6:10]), atol=1e-9)
     rates_then = euler_lagrange.rate_matrix(lagrange[3], lagrange[4]) @ lagrange[9:]
     np.testing.assert_allclose(rates_then, body[10:13], rtol=0.0, atol=1e-9)
-
-
-def test_coriolis_matrix_does_no_work(rng: np.random.Generator) -> None:
-    for _ in range(20):
-        angles, rates = rng.uniform(-1.0, 1.0, 3), rng.uniform(-3.0, 3.0, 3)
-        ahead, behind = (
-            euler_lagrange.mass_matrix(MASS, INERTIA, angles + h * rates) for h in (1e-6, -1e-6)
-        )
-        change = (ahead - behind) / 2e-6
-        C = euler_lagrange.coriolis_matrix(INERTIA, angles, rates)
-        skew = change - 2.0 * C
-        np.testing.assert_allclose(skew + skew.T, 0.0, atol=1e-8)

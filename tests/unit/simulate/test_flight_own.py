@@ -16,7 +16,7 @@ from benchtool.simulate.controllers.controller import (
     FlightReference,
 )
 from benchtool.simulate.flight.environment import Environment
-from benchtool.simulate.flight.flight import FlightCase, Goal, fly
+from benchtool.simulate.flight.flight import Goal, fly
 from benchtool.simulate.flight.own import fly_own
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.own_controller import made
@@ -110,14 +110,6 @@ def test_what_it_divides_by_takes_the_ground_effect_away() -> None:
     np.testing.assert_allclose(fly_own(free, Hover(), "h")["vz_m_s"], 0.0, atol=1e-12)
 
 
-def test_a_ramp_leads_it_along() -> None:
-    hover = Hover()
-    fly_own(replace(SHORT, ramp=True), hover, "h")
-    places = [want.x_m for _, want in hover.seen]
-    assert places[0] == 0.0
-    np.testing.assert_allclose(np.diff(places), 0.2 * 0.004, rtol=1e-9)
-
-
 class Returns:
     """Return always the same."""
 
@@ -152,39 +144,6 @@ def test_what_is_no_command_is_refused_with_file_and_line(what: Any, says: str) 
     assert "\n" not in message
 
 
-def test_one_that_raises_is_reported_with_its_own_line() -> None:
-    class Breaks(Hover):
-        def step(self, seen: FlightMeasurement, want: FlightReference, dt_s: float) -> Any:
-            return np.linalg.solve(np.zeros((2, 2)), [want.hover_N, 0.0])
-
-    with pytest.raises(InputError) as caught:
-        fly_own(SHORT, Breaks(), "b")
-    message = str(caught.value)
-    assert "controller Breaks raised LinAlgError: Singular matrix at 0 s" in message
-    assert "test_flight_own.py line" in message
-    assert "np.linalg.solve(np.zeros((2, 2))" in message
-
-
-def test_one_that_leaves_is_reported_with_its_own_line() -> None:
-    class Leaves(Hover):
-        def step(self, seen: FlightMeasurement, want: FlightReference, dt_s: float) -> Any:
-            raise SystemExit(3)
-
-    with pytest.raises(InputError, match=r"raised SystemExit: 3 at 0 s, in .*own\.py line \d+"):
-        fly_own(SHORT, Leaves(), "l")
-
-
 def test_a_class_that_needs_arguments_is_refused() -> None:
     with pytest.raises(InputError, match=r"without arguments.*test_flight_own\.py line"):
         made(Returns, "tests:Returns")
-
-
-def test_it_ends_where_the_vehicle_strikes() -> None:
-    class Falls(Hover):
-        def step(self, seen: FlightMeasurement, want: FlightReference, dt_s: float) -> Any:
-            return 0.0, 0.0, 0.0, 0.0
-
-    over: FlightCase = replace(SHORT, start_m=(4.0, 0.0, 0.24), duration_s=5.0)
-    flight = fly_own(over, Falls(), "f")
-    assert flight.ending == "struck"
-    assert flight.end_s == pytest.approx(np.sqrt(2.0 * 0.24 / 9.81), abs=0.03)

@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.simulate.flight.cases import GUST_DRAG_N_S_M, flight_case
-from benchtool.simulate.flight.setup import CHANGEABLE, FlightSetup, changed, full_name
+from benchtool.simulate.flight.setup import FlightSetup, changed
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 from tests.unit.physics.blades import bladed
@@ -53,34 +52,6 @@ def test_a_goal_of_ones_own_keeps_height_and_speed() -> None:
     goal = changed(replace(SETUP, goal_m=(1.0, 2.0)), {"z_over_R": 3.0}).flown("pid").goals[0]
     assert (goal.x_m, goal.y_m, goal.speed_m_s) == (1.0, 2.0, 0.2)
     assert goal.z_m == pytest.approx(3.0 * VEHICLE.rig.propulsion.radius_m)
-
-
-def test_the_unit_of_a_name_may_be_left_out_where_one_name_is_left() -> None:
-    assert [full_name(name) for name in CHANGEABLE] == list(CHANGEABLE)
-    assert full_name("speed") == "speed_m_s"
-    with pytest.raises(UnknownChoice, match="known: map_offset_x_m, map_offset_y_m"):
-        full_name("map_offset")
-    with pytest.raises(UnknownChoice, match="did you mean 'speed_m_s'"):
-        full_name("sped")
-    for name in ("", "gains", "gains."):
-        with pytest.raises(UnknownChoice, match="known: K_b"):
-            full_name(name)
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "says"),
-    [
-        ("K_b", 99.0, "K_b is 99"),
-        ("z_over_R", 0.0, "z/R is 0"),
-        ("speed", float("nan"), "speed_m_s is nan"),
-        ("map_offset_x_m", float("inf"), "give -1000 to 1000"),
-        ("gains.control_rate_Hz", 0.0, "above 0"),
-        ("gains.atitude", 1.0, "did you mean 'attitude'"),
-    ],
-)
-def test_a_number_that_no_flight_has_is_refused(name: str, value: float, says: str) -> None:
-    with pytest.raises(InputError, match=says):
-        changed(SETUP, {name: value}).flown("pid")
 
 
 def test_a_shipped_vehicle_flies_eq_10_as_printed_and_a_bladed_one_its_blades() -> None:

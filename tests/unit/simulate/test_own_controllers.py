@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError
 from benchtool.simulate.own_controller import controller_class
 
 
@@ -45,13 +45,3 @@ def test_what_cannot_be_imported_is_told_with_file_and_line(
     (here / f"{module}.py").write_text(text)
     with pytest.raises(InputError, match=says):
         controller_class(f"{module}:Law", (), allow)
-
-
-def test_a_misspelt_built_in_one_is_told_the_known_ones() -> None:
-    with pytest.raises(UnknownChoice, match="known: both, pid"):
-        controller_class("pdi", ("pid", "both"))
-
-
-def test_a_file_in_place_of_a_module_is_told() -> None:
-    with pytest.raises(InputError, match=r"names a file; name the module: found_law:Law"):
-        controller_class("found_law.py:Law", ())

@@ -5,7 +5,7 @@ import pytest
 
 from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import due
-from benchtool.simulate.imperfections import Axis, Reader, quantised
+from benchtool.simulate.imperfections import Axis
 from benchtool.simulate.powertrain import Battery, Powertrain
 
 RIG = rig_named("pquad")
@@ -26,39 +26,6 @@ def test_speed_follows_the_exact_first_order_response():
     np.testing.assert_allclose(run.speed_rad_s[0], expected, rtol=1e-12)
 
 
-def test_no_lag_means_the_commanded_speed_at_once():
-    motors = powertrain(lag_s=0.0)
-    motors.pwm_us = np.array([1500.0, 1000.0, 1200.0, 1040.0])
-    speed = motors.advance(1, 0.005).speed_rad_s[:, 0]
-    slope = PULSE.speed_per_us_rad_s
-    np.testing.assert_allclose(speed, [slope * 450.0, 0.0, slope * 150.0, 0.0], rtol=1e-14)
-
-
-def test_a_motor_without_drive_comes_to_a_full_stop():
-    motors = powertrain()
-    motors.pwm_us = np.full(4, 1300.0)
-    motors.advance(200, 0.005)
-    motors.pwm_us = np.full(4, 1000.0)
-    assert np.all(motors.advance(200, 0.005).speed_rad_s[:, -1] == 0.0)
-
-
-def test_a_split_span_equals_the_whole_span():
-    pack = Battery(12.6, drop_V_per_Ah=0.5, resistance_ohm=0.02)
-    whole, split = (
-        powertrain(battery=pack, heating_K=30.0),
-        powertrain(battery=pack, heating_K=30.0),
-    )
-    for motors in (whole, split):
-        motors.pwm_us = np.full(4, 1700.0)
-    at_once = whole.advance(500, 0.005)
-    parts = [split.advance(n, 0.005) for n in (1, 7, 92, 200, 3, 197)]
-    for name, expected in at_once._asdict().items():
-        got = np.concatenate([getattr(part, name) for part in parts], axis=-1)
-        if name == "angle_rad":
-            expected, got = np.sin(expected), np.sin(got)
-        np.testing.assert_allclose(got, expected, rtol=1e-10, atol=1e-9, err_msg=name)
-
-
 def test_charge_drawn_is_current_times_time_and_lowers_the_voltage():
     pack = Battery(11.1, drop_V_per_Ah=2.0)
     motors = powertrain(battery=pack)
@@ -67,15 +34,6 @@ def test_charge_drawn_is_current_times_time_and_lowers_the_voltage():
     drawn_Ah = np.sum(run.current_A[:-10]) * 0.005 / 3600.0
     assert run.voltage_V[-1] == pytest.approx(11.1 - 2.0 * drawn_Ah, abs=1e-9)
     assert run.voltage_V[-1] < run.voltage_V[0]
-
-
-def test_power_is_shaft_power_over_efficiency():
-    motors = powertrain()
-    motors.pwm_us = np.full(4, 1600.0)
-    run = motors.advance(2000, 0.005)
-    shaft_W = PULSE.drag_coefficient_Nm_s2 * np.sum(run.speed_rad_s[:, -1] ** 3)
-    electrical_W = run.current_A[-1] * run.voltage_V[-1]
-    assert electrical_W == pytest.approx(shaft_W / PULSE.efficiency, rel=1e-9)
 
 
 def test_esc_temperature_rises_to_the_stated_value_at_full_throttle():
@@ -92,17 +50,6 @@ def test_terminal_voltage_solves_its_own_equation():
     assert voltage == pytest.approx(12.0 - 0.05 * 300.0 / voltage, rel=1e-14)
     assert pack.loaded_V(0.0, 1e6) == 6.0
     assert Battery(12.0).loaded_V(5000.0, 300.0) == 12.0
-
-
-def test_a_reader_at_its_neutral_values_changes_nothing():
-    true, white = np.linspace(0.0, 3.0, 50), np.ones(50)
-    assert np.array_equal(Reader().read(true, white), true)
-    assert Reader().due(1, 50, 200.0).all()
-
-
-def test_quanta_are_whole():
-    steps = quantised(np.array([0.0, 0.24, 0.26, -1.13]), 0.5) / 0.5
-    assert np.array_equal(steps, [0.0, 0.0, 1.0, -2.0])
 
 
 @pytest.mark.parametrize(("rate_Hz", "stream_Hz"), [(80.0, 200.0), (80.0, 1000.0), (50.0, 80.0)])

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchtool.simulate.noise import lane_states, next_state, normal, uniform
+from benchtool.simulate.noise import lane_states, next_state, normal
 from benchtool.simulate.pitch.batch import LANES, simulate_many
 from benchtool.simulate.pitch.run import PitchLoop
 from benchtool.simulate.pitch.simulate import simulate_pitch, taken
@@ -44,55 +42,12 @@ def test_lanes_differ_where_their_benches_differ() -> None:
         np.testing.assert_allclose(log, run.log, rtol=1e-12, atol=1e-13)
 
 
-def test_blocks_are_taken_from_an_endless_supply_as_they_are_needed() -> None:
-    given = []
-
-    def supply() -> object:
-        each = job(noisy_bench(), soft())
-        while True:
-            given.append(1)
-            yield each, len(given)
-
-    results = simulate_many(supply(), SCHEDULE, whole_log, threads=1)  # type: ignore[arg-type]
-    next(results)
-    assert len(given) <= 4 * LANES
-    results.close()  # type: ignore[attr-defined]
-
-
-def test_plain_python_gives_the_same_numbers_as_the_compiled_loop() -> None:
-    """The same source without a compiler, in a process that cannot import one."""
-    short = sampled(0.06, reference_deg=SWAY, plate=STEADY_PLATE)
-    run = simulate_pitch(
-        job(noisy_bench("pitch_beam"), soft("observer+feedforward")), short, seed=4
-    )
-    code = (
-        "import sys; sys.modules['numba'] = None\n"
-        "from tests.unit.simulate.pitching import *\n"
-        "from benchtool.simulate.pitch.simulate import simulate_pitch\n"
-        "short = sampled(0.06, reference_deg=SWAY, plate=STEADY_PLATE)\n"
-        "bench = noisy_bench('pitch_beam')\n"
-        "run = simulate_pitch(job(bench, soft('observer+feedforward')), short, seed=4)\n"
-        "print(run.log[-1].tolist())\n"
-    )
-    said = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        check=True, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
-    np.testing.assert_allclose(eval(said.stdout), run.log[-1], rtol=1e-9, atol=1e-12)
-
-
 def test_a_lane_that_leaves_the_finite_numbers_is_reported() -> None:
     loop = PitchLoop([job(noisy_bench(), soft())], SCHEDULE, 0, [0])
     loop.run()
     loop.log[100, 3, 0] = np.nan
     with pytest.raises(Exception, match=r"left the finite numbers at 0\.2 s"):
         taken(loop, 0, "pid")
-
-
-def drawn(count: int, seed: int = 1) -> np.ndarray:
-    states = lane_states(seed, range(count))
-    first = next_state(states)
-    return np.asarray(normal(first, next_state(first)))
 
 
 def test_normal_numbers_are_normal() -> None:
@@ -113,15 +68,6 @@ def test_normal_numbers_are_normal() -> None:
     table = np.array(numbers)
     assert abs(np.mean(table[1:] * table[:-1])) < 4e-3
     assert abs(np.mean(table[:, 1:] * table[:, :-1])) < 4e-3
-
-
-def test_uniform_numbers_and_seeds() -> None:
-    shown = uniform(next_state(lane_states(0, range(20_000))))
-    assert shown.min() >= 0.0
-    assert shown.max() < 1.0
-    assert shown.mean() == pytest.approx(0.5, abs=0.01)
-    assert lane_states(7, [3])[0] == lane_states(7, range(5))[3]
-    assert len(set(drawn(1000))) > 990
 
 
 def test_polynomials_are_sine_and_cosine_up_to_a_quarter_turn() -> None:

@@ -7,11 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.errors import InputError
-from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import PlateVisit, Signal
-from benchtool.physics.catalogue import EFFECTS
-from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.simulate.controllers.pitch import PulseLaw
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
 from benchtool.simulate.pitch.run import PitchLoop
@@ -135,20 +131,6 @@ def test_noise_has_the_stated_size_and_wake_torque_its_own_spectrum() -> None:
     assert np.corrcoef(torque[:-50], torque[50:])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.06)
 
 
-ALWAYS = [name for name, effect in EFFECTS.items() if effect.always_compiled and name != OWN_IMAGES]
-
-
-@pytest.mark.parametrize("name", ALWAYS)
-def test_at_its_neutral_value_an_effect_is_exactly_absent_from_a_run(name: str) -> None:
-    neutral = {
-        item.name: item.neutral for item in EFFECTS[name].parameters if item.neutral is not None
-    }
-    schedule = sampled(1.0, reference_deg=SWAY, plate=STEADY_PLATE)
-    bare = simulate_pitch(job(quiet_bench("pquad"), soft()), schedule)
-    with_it = simulate_pitch(job(quiet_bench("pquad", **{name: neutral}), soft()), schedule)
-    np.testing.assert_array_equal(with_it.log, bare.log)
-
-
 def test_the_factor_of_the_loop_is_the_model_s() -> None:
     """A clamped beam feels -x (f - 1) T of the covered rotor, eq. (2)."""
     bench = replace(quiet_bench("pquad", body_lift={"K_b": 2.0}), inertia_kgm2=1e3)
@@ -177,25 +159,3 @@ def test_too_near_a_plate_is_clamped_and_counted() -> None:
     held = replace(quiet_bench("pquad"), inertia_kgm2=1e6)
     run = simulate_pitch(job(held, soft()), sampled(1.0, plate=near))
     assert run.clamped_steps == 1000
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"inertia_kgm2": float("nan")}, "inertia_kgm2 is nan"),
-        ({"inertia_kgm2": -1.0}, "inertia_kgm2 is -1"),
-        ({"stop_rad": 1.6}, "stop_rad is 1.6"),
-        ({"plant_rate_Hz": 30.0}, r"motor_lag.tau_s is 0.05 s, but a plant step .* 40 or more"),
-        ({"covered": (1.0,)}, "covered has 1 numbers for 4 discs"),
-        ({"sensors": {"gyro": PitchSensor()}}, r"unknown sensor .*gyro_rad_s"),
-        ({"sensors": {"theta_rad": PitchSensor(noise=-1.0)}}, "theta_rad.noise is -1"),
-    ],
-)
-def test_a_bad_bench_is_refused(changes: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        PitchBench.of(Model.single(rig_named("pquad")), **changes)
-
-
-def test_rates_that_do_not_divide_are_refused() -> None:
-    with pytest.raises(InputError, match="whole multiple of the control rate"):
-        simulate_pitch(job(quiet_bench()), sampled(0.1, rate_Hz=300.0))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
-from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
 
@@ -36,15 +34,6 @@ class Returns:
         return self.what
 
 
-class Breaks:
-    """Fail after a while."""
-
-    def step(self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float) -> float:
-        if measurement.time_s > 0.1:
-            return reference.theta_rad / (measurement.plate_z_m * 0.0)
-        return 0.0
-
-
 SCHEDULE = sampled(1.0, reference_deg=SWAY, plate=STEADY_PLATE)
 
 
@@ -68,48 +57,3 @@ def test_the_same_law_in_python_gives_the_same_run() -> None:
 def test_what_is_no_finite_number_is_refused_with_file_and_line(what: Any, message: str) -> None:
     with pytest.raises(InputError, match=message + r".* in .*test_pitch_own_controller\.py line"):
         simulate_controller(Returns(what), job(noisy_bench(), soft()), SCHEDULE)
-
-
-def test_a_controller_that_raises_is_reported_with_its_own_line() -> None:
-    with pytest.raises(InputError) as caught:
-        simulate_controller(Breaks(), job(noisy_bench(), soft()), SCHEDULE)
-    message = str(caught.value)
-    assert "controller Breaks raised ZeroDivisionError" in message
-    assert "test_pitch_own_controller.py line" in message
-    assert "reference.theta_rad / (measurement.plate_z_m * 0.0)" in message
-
-
-class TakesOne:
-    """Take fewer arguments than a controller gets."""
-
-    def step(self, measurement: PitchMeasurement) -> float:
-        return 0.0
-
-
-def test_a_step_of_the_wrong_arguments_is_told_with_the_users_line() -> None:
-    controller: Any = TakesOne()
-    with pytest.raises(
-        InputError, match=r"could not be called: .*test_pitch_own.*write it as step"
-    ):
-        simulate_controller(controller, job(noisy_bench(), soft()), SCHEDULE)
-
-
-class Leaves:
-    """Leave the program when it is made, or in the first step."""
-
-    def __init__(self, at_once: bool = True) -> None:
-        if at_once:
-            sys.exit("no sensor")
-
-    def step(
-        self, measurement: PitchMeasurement, reference: PitchReference, dt_s: float
-    ) -> PitchCommand:
-        """Leave."""
-        sys.exit()
-
-
-def test_one_that_leaves_the_program_is_told_like_one_that_raises() -> None:
-    with pytest.raises(InputError, match=r"SystemExit: no message at 0 s, in .*line \d+: sys.exit"):
-        simulate_controller(Leaves(at_once=False), job(noisy_bench(), soft()), SCHEDULE)
-    with pytest.raises(InputError, match=r"SystemExit: no sensor, in .*pitch_own_controller\.py"):
-        made(Leaves, "tests:Leaves")

@@ -84,24 +84,6 @@ def test_the_same_seed_gives_the_same_readings_however_the_span_is_split():
     assert not np.array_equal(bench(seed=2).advance(1000), at_once, equal_nan=True)
 
 
-def test_the_load_cell_has_new_values_at_its_own_rate_only():
-    plant = bench()
-    thrust = column(plant, plant.advance(2000), "thrust_N")
-    assert np.count_nonzero(~np.isnan(thrust)) == 800
-
-
-def test_noise_and_counts_of_the_load_cell_are_as_the_rig_states():
-    plant = bench(replace(Imperfections(), vibration_N=0.0, drift_walk_N_per_sqrt_s=0.0))
-    block = plant.advance(40_000)
-    thrust = column(plant, block, "thrust_N")
-    sensor = RIG.sensors["thrust_N"]
-    assert np.nanstd(thrust) == pytest.approx(sensor.noise, rel=0.03)
-    raw = column(plant, block, "thrust_raw")
-    raw = raw[~np.isnan(raw)]
-    assert np.array_equal(raw, np.round(raw))
-    assert np.nanmean(thrust) == pytest.approx(Imperfections().start_offset_N, abs=1e-3)
-
-
 @pytest.mark.parametrize("name", ["amuse", "amuse_single", "pquad", "pquad_single"])
 def test_the_zero_wanders_as_the_rig_states(name):
     rig = rig_named(name)
@@ -159,25 +141,6 @@ def test_battery_sag_of_the_truth_slows_the_rotors_and_shows_in_the_voltage():
         assert read[-1] / read[0] == pytest.approx(1.0 - 0.001 * 100.0, abs=1e-3)
 
 
-def test_motor_lag_of_the_truth_is_the_whole_lag():
-    plant = bench(NONE, TRUTH.with_effect("motor_lag", tau_s=0.2))
-    plant.command_pwm(np.full(4, 1500.0))
-    rpm = column(plant, plant.advance(400), "rpm1")
-    assert rpm[39] / rpm[-1] == pytest.approx(1.0 - np.exp(-1.0), rel=1e-3)
-
-
-def test_the_lateral_position_uncovers_rotors():
-    plant = bench(NONE)
-    plant.command_plate(0.2, 0.5)
-    while plant.plate_moving:
-        plant.advance(200)
-    plant.command_pwm(np.full(4, 1500.0))
-    shown = column(plant, plant.advance(10), "thrust_N")[-1]
-    speed = RIG.propulsion.speed_per_us_rad_s * (1500.0 - RIG.propulsion.pwm_start_us)
-    assert shown == pytest.approx(model_N(TRUTH, speed, 0.2, plate_x_m=0.5), rel=1e-12)
-    assert shown < model_N(TRUTH, speed, 0.2)
-
-
 def test_nearer_than_the_formulae_reach_is_clamped_and_counted():
     plant = bench(NONE, Model.single(RIG))
     settled(plant, z_m=0.08, duration_s=0.5)
@@ -187,26 +150,3 @@ def test_nearer_than_the_formulae_reach_is_clamped_and_counted():
     speed = RIG.propulsion.speed_per_us_rad_s * (1500.0 - RIG.propulsion.pwm_start_us)
     limit_N = model_N(Model.single(RIG), speed, 0.06)
     assert column(plant, block, "thrust_N")[-1] == pytest.approx(limit_N, rel=1e-9)
-
-
-def test_rotors_at_rest_read_exactly_zero():
-    plant = bench()
-    assert np.nanmax(np.abs(column(plant, plant.advance(1000), "rpm3"))) == 0.0
-
-
-def test_vibration_grows_with_the_square_of_speed():
-    def shake(pwm_us):
-        plant = bench(replace(NONE, vibration_N=0.5))
-        return np.std(column(plant, settled(plant, pwm_us), "thrust_N"))
-
-    slow, fast = shake(1350.0), shake(1650.0)
-    assert fast / slow == pytest.approx(4.0, rel=0.1)
-
-
-def test_a_new_rate_goes_on_in_time():
-    plant = bench()
-    plant.advance(300)
-    plant.set_rate(1000.0)
-    assert plant.time_s == pytest.approx(1.5)
-    plant.advance(500)
-    assert plant.time_s == pytest.approx(2.0)

@@ -21,13 +21,6 @@ def test_a_play_takes_up_its_width_before_it_turns() -> None:
     assert play.follow(np.array([1.75, 1.5, 1.0, 0.0])).tolist() == [0.5, 0.0, -1.0, -1.0]
 
 
-def test_a_span_may_be_split() -> None:
-    load = np.cumsum(np.random.default_rng(1).standard_normal(200))
-    halves = Play(0.7)
-    parts = np.concatenate([halves.follow(load[:77]), halves.follow(load[77:])])
-    assert np.array_equal(parts, Play(0.7).follow(load))
-
-
 def test_levels_visited_up_and_down_read_as_the_settled_model_says() -> None:
     truth = Model.single(RIG).with_effect("load_cell_hysteresis", half_width_N=0.05)
     bench = PlateBench(RIG, truth, np.random.default_rng(1), Imperfections.none())
