@@ -58,16 +58,6 @@ def test_a_penalty_is_a_prior() -> None:
     assert found.cost == pytest.approx(2.4**2 + 4.0 * 0.36, rel=1e-6)
 
 
-def test_a_known_neighbourhood_outside_the_region_is_only_a_direction() -> None:
-    search = BoundedSearch.of(curved, WIDE)
-    outside = search.linearised(np.array([3.0, 0.0, 0.0]))
-    inside = region([-0.5, -1.0, -1.0], [0.5, 2.0, 2.0])
-    found = search.minimum(np.zeros(3), inside, known=outside)
-    again = search.minimum(np.zeros(3), inside)
-    assert inside.holds(found.at)
-    assert found.cost == pytest.approx(again.cost, abs=0.2)
-
-
 def test_what_is_no_number_costs_without_end() -> None:
     search = BoundedSearch.of(lambda sets: np.where(sets.T > 1.0, np.nan, sets.T - 2.0),
                            (np.array([-9.0]), np.array([9.0])))  # fmt: skip
@@ -77,22 +67,3 @@ def test_what_is_no_number_costs_without_end() -> None:
     )
     assert found.at[0] <= 1.0
     assert found.cost < 4.0
-
-
-def test_a_search_gives_up_where_nothing_good_enough_is_promised() -> None:
-    wide = region([-9.0] * 3, [9.0] * 3)
-    evaluated = [0]
-
-    def counted(sets: Array) -> Array:
-        evaluated[-1] += len(sets)
-        return curved(sets)
-
-    best = BoundedSearch.of(counted, WIDE).minimum(np.zeros(3), wide)
-    evaluated.append(0)
-    short = BoundedSearch.of(counted, WIDE)
-    left = short.minimum(np.zeros(3), region([-0.2] * 3, [0.2] * 3), above=best.cost + 1.0)
-    assert not left.converged
-    assert left.cost > best.cost + 1.0
-    assert evaluated[1] < evaluated[0]
-    same = BoundedSearch.of(curved, WIDE).minimum(np.zeros(3), wide, above=best.cost + 1.0)
-    assert same.cost == pytest.approx(best.cost)

@@ -152,6 +152,7 @@ def test_an_error_of_a_loss_counts_that_folds_overlap() -> None:
     assert found.scores[1].losses
 
 
+@pytest.mark.slow
 def test_the_true_law_is_seldom_called_behind_or_refused() -> None:
     """Chances of 5 % (t), 1 % (signed ranks) and 0.1 % (chi2) allow 5 of 40."""
     wrong = []

@@ -37,17 +37,6 @@ def test_samples_and_delta_method_agree() -> None:
     assert other.sd == pytest.approx(one.sd, rel=0.1)
 
 
-def test_an_estimated_scale_makes_students_intervals_here_too() -> None:
-    total = with_derived(fit_least_squares(scaled_line()), [SUM])["sum"]
-    assert (total.interval_95[1] - total.value) / total.sd == pytest.approx(2.0686576, rel=1e-6)
-
-
-def test_a_quantity_with_an_absolute_value_still_works() -> None:
-    quantity = Derived("size", "1", lambda v: np.abs(v["a"]) * 2.0)
-    result = with_derived(fit_least_squares(line_problem()), [quantity])
-    assert result["size"].sd == pytest.approx(2.0 * result["a"].sd, rel=1e-6)
-
-
 def test_area_factors_are_those_of_the_effect() -> None:
     names = ["partial_coverage.share_1", "partial_coverage.share_2", "partial_coverage.share_3"]
     shares = [0.2, 0.5, 0.4]

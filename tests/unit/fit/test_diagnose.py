@@ -8,26 +8,20 @@ import numpy as np
 import pytest
 from scipy.special import fdtrc, stdtr
 
-from benchtool.core.array import Array
-from benchtool.core.rig_file import rig_named
 from benchtool.fit.diagnose import (
-    _hint,
     bend_along,
     diagnose,
     lack_of_fit,
     outliers,
-    refusal,
     runs_along,
     trend_along,
     with_diagnosis,
 )
-from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.identifiability import evidence_against
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem, function_problem, noise_parameter
 from benchtool.fit.robust import Loss
-from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from tests.unit.fit.cases import (
     X,
@@ -75,14 +69,6 @@ def test_one_distance_cannot_tell_radius_body_lift_and_offset_apart() -> None:
     assert "reference points without the plate" in said
 
 
-def test_two_distances_leave_radius_against_body_lift() -> None:
-    conditions_far = (1.0, 60.0)
-    said = sentences(sweep(quad_model(), conditions_far))
-    assert "R_m and body_lift.K_b" in said or "body_lift.K_b and R_m" in said
-    assert "below z/R = 1" in said
-    assert "k" not in said.split(" cannot ")[0].split(" can ")[0].split()
-
-
 def test_enough_distances_separate_them() -> None:
     problem = sweep(quad_model(), (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0))
     assert diagnose(problem, fit_least_squares(problem)).confusions == ()
@@ -105,18 +91,6 @@ def test_a_model_without_its_body_lift_is_rejected() -> None:
     assert "z_over_R" in said
 
 
-def test_ratios_alone_are_not_sent_to_an_explanation_that_cannot_take_them() -> None:
-    model = quad_model().without("body_lift")
-    problem = sweep(model, (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0))
-    ratios = replace(problem, facts={**problem.facts, "data": "ratios"})
-    for given, asked in ((problem, True), (ratios, False)):
-        result = with_diagnosis(given, fit_least_squares(given))
-        rejected = refusal([result])
-        assert rejected is not None
-        said = "\n".join((*result.warnings, str(rejected)))
-        assert ("benchtool explain" in said) is asked
-
-
 def test_errors_stated_too_large_are_told() -> None:
     problem = quad_problem()
     found = diagnose(
@@ -124,32 +98,19 @@ def test_errors_stated_too_large_are_told() -> None:
         fit_least_squares(modest),
     )
     assert found.verdict == "errors_too_large"
-    assert found.sentences[0].endswith("the scatter; free noise.scale or state them anew")
-    scaled = replace(scaled_line(), standard_error=np.full(25, 3.0))
-    result = fit_least_squares(scaled)
-    words = f"the intervals take {result['noise.scale'].value:.2g} times those (noise.scale)"
-    assert diagnose(scaled, result).sentences[0].endswith(words)
 
 
 def test_a_free_scale_takes_up_some_scatter_but_not_a_missing_effect() -> None:
     problem = scaled_line()
     found = diagnose(problem, fit_least_squares(problem))
     assert found.verdict == "scatter"
-    assert "scatter 2.5 times" in found.sentences[0]
-    assert (
-        "lacks something and the intervals are too narrow; ask benchtool explain"
-        in (found.sentences[0])
-    )
+    assert "too narrow" in found.sentences[0]
     wider = replace(problem, standard_error=1.5 * problem.standard_error)
     little = diagnose(wider, fit_least_squares(wider))
     assert little.verdict == "scatter"
-    assert "right for scatter between visits" in little.sentences[0]
     assert "too narrow" not in little.sentences[0]
     narrow = replace(problem, standard_error=problem.standard_error / 2.0)
-    rejected = diagnose(narrow, fit_least_squares(narrow))
-    assert rejected.verdict == "rejected"
-    assert "free noise.scale" not in rejected.sentences[0]
-    assert fit_least_squares(problem).chi2_per_dof == pytest.approx(9.0, rel=0.5)
+    assert diagnose(narrow, fit_least_squares(narrow)).verdict == "rejected"
     unknown = replace(problem, standard_error=np.ones(len(problem)))
     assert diagnose(unknown, fit_least_squares(unknown)).verdict == "no_verdict"
 
@@ -197,56 +158,6 @@ def test_outliers_are_named_and_others_are_not() -> None:
     found = diagnose(spoilt, fit_least_squares(spoilt))
     assert found.outliers == (6,)
     assert "far out: 1 of 25 points (visit 6: +" in "\n".join(found.sentences)
-
-
-def test_a_drift_shows_in_the_order() -> None:
-    problem = line_problem()
-    order = np.random.default_rng(1).permutation(len(problem))
-    time_s = np.argsort(order).astype(float)
-    drifting = replace(
-        problem,
-        observed=problem.observed + 0.1 * (time_s - 12.0),
-        covariates={"time_s": time_s},
-    )
-    said = sentences(drifting)
-    assert "residuals rise with time_s" in said
-    assert "look at the anchor points" in said
-
-
-def hint(model: Model, column: str, **more: Array) -> str:
-    """Return what is advised where residuals trend over a column, at varied distance and speed."""
-    speed = np.repeat([400.0, 500.0], 4)
-    rotors = np.tile(speed, (model.rig.n_rotors, 1))
-    conditions = Conditions.of(
-        model.rig, speed_rad_s=rotors, plate_z_m=0.12 * np.tile([0.6, 1.0, 2.0, 4.0], 2), **more
-    )
-    problem = problem_from_model(model, conditions, 1e-5 * speed**2, np.full(8, 0.01))
-    return _hint(problem, column)
-
-
-def test_only_what_can_act_and_is_not_free_is_to_be_freed() -> None:
-    quad, one = quad_model(), Model.single(rig_named("pquad_single")).freed("k")
-    assert hint(quad.fixed("body_lift.K_b"), "z_over_R") == "free the plate offset or the body lift"
-    assert hint(quad, "z_over_R") == "free the plate offset"
-    both = quad.with_effect("plate_offset").freed("plate_offset.dz_m")
-    assert hint(both, "z_over_R") == "look for an effect that depends on it"
-    # One rotor has no body between rotors, and nothing drifts that nobody timed.
-    assert hint(one, "z_over_R") == "free the plate offset"
-    assert hint(one, "speed_rad_s") == "free the thrust exponent or the tare offset"
-    assert hint(one, "order") == "look at the anchor points"
-    timed = np.arange(8.0)
-    drift = "free the load cell drift, or look at the anchor points"
-    assert hint(one, "order", elapsed_s=timed) == drift
-
-
-def test_both_estimators_are_diagnosed_alike() -> None:
-    problem = quad_problem()
-    one = diagnose(problem, fit_least_squares(problem))
-    other = diagnose(problem, fit_ensemble(problem))
-    assert one.verdict == other.verdict
-    assert other.chance == pytest.approx(one.chance, rel=0.05)
-    assert other.outliers == one.outliers
-    assert other.confusions == one.confusions
 
 
 def test_runs_are_counted_as_by_hand() -> None:
@@ -329,7 +240,7 @@ def test_a_truth_within_bounds_is_no_evidence() -> None:
 def test_a_robust_fit_is_judged_without_what_it_counts_less(loss: Loss) -> None:
     rng = np.random.default_rng(3)
     rejected = spoiled = 0
-    for _ in range(200):
+    for _ in range(60):
         problem = line_problem(int(rng.integers(1 << 30)))
         rejected += diagnose(problem, fit_least_squares(problem, loss=loss)).verdict == "rejected"
         observed = problem.observed.copy()
@@ -339,8 +250,8 @@ def test_a_robust_fit_is_judged_without_what_it_counts_less(loss: Loss) -> None:
         assert len(found.outliers) >= 2
         spoiled += found.verdict == "rejected"
         assert diagnose(wild, fit_least_squares(wild)).verdict == "rejected"
-    assert rejected <= 2  # 0.001 of 200, 99.9 % limit
-    assert spoiled <= 6  # 8 % of the points far out move a median a little
+    assert rejected <= 1  # 0.001 of 60, 99.8 % limit
+    assert spoiled <= 2  # 8 % of the points far out move a median a little
 
 
 def test_a_robust_fit_still_rejects_a_model_that_misses_a_curve() -> None:

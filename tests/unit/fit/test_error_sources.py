@@ -203,19 +203,6 @@ def test_gain_is_the_derivative_of_the_answer() -> None:
     np.testing.assert_allclose(whole, result.covariance, rtol=1e-6)
 
 
-def test_intervals_hold_the_truth_where_independent_ones_do_not() -> None:
-    rng = np.random.default_rng(8)
-    inside, alone = 0, 0
-    for seed in range(200):
-        problem = with_errors(line_problem(seed), rng)
-        low, high = fit_least_squares(problem)["a"].interval_68
-        inside += low <= 1.0 <= high
-        low, high = fit_least_squares(replace(problem, error_sources=()))["a"].interval_68
-        alone += low <= 1.0 <= high
-    assert 117 <= inside <= 155  # 68.27 % of 200, 99.9 % limits
-    assert alone < 100
-
-
 def spoiled_line(seed: int, size: float, draws: int, sd: float = 0.2) -> tuple[Problem, Array]:
     """Return a line of 48 points, four of them 5 to 15 errors off, and which those are.
 

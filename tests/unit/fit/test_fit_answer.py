@@ -48,12 +48,6 @@ def test_no_answer_is_exit_6_and_no_model(
     assert entry_of(RunsFolder(tmp_path), "fit").state == "stopped early"
 
 
-def test_a_second_method_without_an_answer_counts_too(tmp_path: Path) -> None:
-    words = ["--method", "least_squares", "--method", "emcee", "--max-steps", "100"]
-    assert fitted(tmp_path, FAR, "--fix", "R_m", *words) == 6
-    assert not (tmp_path / "fit" / "model.toml").exists()
-
-
 def test_a_rejected_model_is_exit_9_and_says_so_in_every_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -121,15 +115,3 @@ def test_a_bound_is_said_beside_the_number_everywhere(
         assert shown.count("(at its lower bound)") >= 2
         assert shown.count("(at its upper bound)") >= 1
     assert 'source = "fitted: table, at its lower bound"' in toml
-
-
-def test_a_small_motor_and_a_large_scatter_are_fitted(tmp_path: Path) -> None:
-    noisy = SMALL_MOTOR.replace("0.0010", "0.000002")
-    words = ["--noise", "scale", "--model", "single_bench"]
-    held = ["--fix", "R_m", "--fix", "plate_offset.dz_m", "--fix", "load_cell_drift.rate_N_per_s"]
-    assert fitted(tmp_path, noisy, *words, *held) == 9
-    result = json.loads((tmp_path / "fit" / "result.json").read_text())
-    found = result["results"]["least_squares"]["estimates"]
-    assert found["k"]["value"] == pytest.approx(2.68e-8, rel=0.02)
-    assert found["noise.scale"]["value"] > 100.0
-    assert not any(item["bound"] for item in found.values())

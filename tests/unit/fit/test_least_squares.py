@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.core.errors import EstimationError, UnknownChoice
+from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.jacobian import central_differences, complex_step, way_for
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
-from benchtool.fit.profile import with_profile
 from tests.unit.fit.cases import (
     QUAD_TRUTH,
     X,
@@ -154,11 +152,6 @@ def test_a_robust_scale_forgives_outliers_on_average(loss: Any) -> None:
     assert np.mean(plain) > 10.0
 
 
-def test_an_unknown_loss_is_refused() -> None:
-    with pytest.raises(UnknownChoice, match="huber, linear, soft_l1"):
-        fit_least_squares(line_problem(), loss="cauchy")  # type: ignore[arg-type]
-
-
 def test_a_parameter_at_its_bound_is_told() -> None:
     problem = function_problem(
         "line",
@@ -249,16 +242,6 @@ def test_least_squares_holds_k_radius_and_body_lift() -> None:
     check_held([fit_least_squares(problem) for problem in problems(300)], QUAD_TRUTH)
 
 
-@pytest.mark.slow
-def test_profiles_hold_them_too() -> None:
-    check_held([with_profile(p, fit_least_squares(p)) for p in problems(24)], QUAD_TRUTH)
-
-
 def test_least_squares_holds_a_scale_it_estimates() -> None:
     results = [fit_least_squares(scaled_line(seed)) for seed in range(2000, 2400)]
     check_held(results, LINE_TRUTH)
-
-
-@pytest.mark.slow
-def test_emcee_holds_k_radius_and_body_lift() -> None:
-    check_held([fit_ensemble(problem) for problem in problems(12)], QUAD_TRUTH)

@@ -14,14 +14,13 @@ from scipy.stats import binom, t
 from benchtool.acquire.calibration import fit_calibration
 from benchtool.acquire.inputs import MassUncertainty
 from benchtool.core.parameter import Parameter
-from benchtool.data.run.read import read_points
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.profile import with_profile
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.fit.uncertainty.load_cell import ScaleError, load_cells, pooled, with_scale_errors
+from benchtool.fit.uncertainty.load_cell import ScaleError, pooled, with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from benchtool.fit.uncertainty.propagation import budget_of, propagation
 from benchtool.fit.uncertainty.run_budget import run_budget
@@ -51,15 +50,6 @@ def test_a_run_without_a_calibration_beside_one_that_has_it_is_named(tmp_path: P
     result = run_recipe(replace(QUAD, data=(*QUAD.data, other))).results[0]
     assert any("went through no calibration" in text for text in result.warnings)
     assert result["calibration.scale"].value == pytest.approx(1.01, abs=2e-3)
-
-
-def test_a_calibration_that_is_too_old_is_named(tmp_path: Path) -> None:
-    old = copied(tmp_path / "o", 1.0, calibration=CALIBRATION, started="2028-02-01T10:00:00")
-    cells = load_cells([old], [read_points(old)], None)
-    assert "was 731 days old when the run began, limit 365" in cells.warnings[0]
-    assert cells.traceability == (
-        "calibration cell: by somebody who is not named on 2026-01-31, no certificate stated",
-    )
 
 
 def test_a_table_can_name_its_calibration(tmp_path: Path) -> None:
@@ -219,24 +209,6 @@ def test_the_budget_lists_what_the_calibration_is_made_of() -> None:
     assert checked.sd[k] == pytest.approx(made.relative_sd, rel=0.15)
 
 
-def test_a_calibration_stands_in_the_budgets_of_fit_and_run(tmp_path: Path) -> None:
-    """All of it in a thrust, nothing in a ratio, and who calibrated beside them."""
-    known = {**CALIBRATION, "components": STATED, "calibrated_by": "Ada", "certificate": "DKD 7"}
-    run = copied(tmp_path / "a", 1.0, calibration=known)
-    budget = run_budget(Path(run))
-    assert budget is not None
-    line = next(one for one in budget.lines if one.name == "calibration cell: gravity")
-    parts = np.array(line.contribution) / np.abs(budget.values)
-    assert parts == pytest.approx([0.01, 0.01, 0.01, 0.0], abs=1e-6)
-    assert budget.traceability == ("calibration cell: by Ada on 2026-01-31, certificate DKD 7",)
-    fitted = run_recipe(replace(QUAD, data=(run,))).budget
-    assert fitted is not None
-    assert fitted.traceability == budget.traceability
-    (line,) = (one for one in fitted.lines if one.name == "calibration cell: gravity")
-    place = fitted.names.index("k")
-    assert line.contribution[place] == pytest.approx(0.01 * fitted.values[place], rel=0.01)
-
-
 def calibrated(scatter_N: float, dof: int = 3) -> dict[str, object]:
     """Return what pooling asks of a calibration."""
     repeat = {"name": "repeat", "sd": scatter_N, "relative_sd": 0.1 * scatter_N, "dof": dof}
@@ -265,3 +237,21 @@ def test_one_calibration_or_one_without_its_scatter_stays_as_it_is() -> None:
     assert pooled([calibrated(0.03)]) == [calibrated(0.03)]
     both = [calibrated(0.03), {**calibrated(0.03), "residual_sd_N": None}]
     assert pooled(both) == both
+
+
+def test_a_calibration_stands_in_the_budgets_of_fit_and_run(tmp_path: Path) -> None:
+    """All of it in a thrust, nothing in a ratio, and who calibrated beside them."""
+    known = {**CALIBRATION, "components": STATED, "calibrated_by": "Ada", "certificate": "DKD 7"}
+    run = copied(tmp_path / "a", 1.0, calibration=known)
+    budget = run_budget(Path(run))
+    assert budget is not None
+    line = next(one for one in budget.lines if one.name == "calibration cell: gravity")
+    parts = np.array(line.contribution) / np.abs(budget.values)
+    assert parts == pytest.approx([0.01, 0.01, 0.01, 0.0], abs=1e-6)
+    assert budget.traceability == ("calibration cell: by Ada on 2026-01-31, certificate DKD 7",)
+    fitted = run_recipe(replace(QUAD, data=(run,))).budget
+    assert fitted is not None
+    assert fitted.traceability == budget.traceability
+    (line,) = (one for one in fitted.lines if one.name == "calibration cell: gravity")
+    place = fitted.names.index("k")
+    assert line.contribution[place] == pytest.approx(0.01 * fitted.values[place], rel=0.01)

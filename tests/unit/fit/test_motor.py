@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import exp, pi, sqrt
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from benchtool.acquire.operator import Unattended
 from benchtool.acquire.plan import read_plan
 from benchtool.acquire.sweep_run import sweep_to_run
 from benchtool.core.channel import Channel
-from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.own_code import refuse_code
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import rig_named
@@ -130,15 +128,6 @@ def test_a_steps_sag_is_taken_out_of_its_lag() -> None:
     assert up.lag_s == pytest.approx(by_hand, rel=1e-4)
 
 
-def test_a_heavier_vehicle_hovers_at_more_throttle(runs: list[Path]) -> None:
-    found = fit_motor(runs, mass_kg=0.5, extrapolate=True)
-    assert found["hover_throttle"].value == pytest.approx(
-        sqrt(0.5 * 9.80665 / TRUTH["T_max"]), rel=1e-3
-    )
-    with pytest.raises(InputError, match="5 kg on 1 rotor need 49 N of each"):
-        fit_motor(runs, mass_kg=5.0)
-
-
 def test_full_throttle_is_the_highest_measured_pulse_unless_requested(
     runs: list[Path], fitted: MotorFit
 ) -> None:
@@ -167,15 +156,3 @@ def test_python_gives_tables_and_figures(runs: list[Path]) -> None:
     assert "<svg" in result._repr_html_()
     page = bt.read(runs[0])._page.report(bt.read(runs[0]).found)
     assert {"Constants", "Throttle up and down"} <= {section.title for section in page.sections}
-
-
-def test_too_little_is_refused_in_one_sentence(runs: list[Path], tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="nothing is given"):
-        fit_motor([])
-    plan = replace(read_plan("response"), repeats=1)
-    given = SweepInputs(
-        address="sim:pquad_single", plan=plan, out=tmp_path / "short", yes=True
-    )  # fmt: skip
-    sweep_to_run(given, Unattended(), refuse_code)
-    with pytest.raises(EstimationError, match="2 throttle levels at which the rotor turned"):
-        fit_motor([tmp_path / "short"])

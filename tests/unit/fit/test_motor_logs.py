@@ -61,12 +61,6 @@ def test_constants_are_those_that_a_log_was_made_with(tmp_path: Path) -> None:
     assert {name: count for name, count in held.items() if count <= 32} == {}
 
 
-def test_a_mass_gives_the_hover_point(tmp_path: Path) -> None:
-    found = bt.motor(log(tmp_path / "a.csv", 1), propeller="5x4", mass_kg=0.1).found
-    expected_rpm = np.sqrt(0.1 * 9.80665 / K) * 30.0 / np.pi
-    assert found.value("hover_rpm") == pytest.approx(expected_rpm, rel=0.02)
-
-
 def test_a_log_without_its_propeller_is_refused_with_what_to_add(tmp_path: Path) -> None:
     path = log(tmp_path / "a.csv", 1)
     with pytest.raises(InputError, match=r"--propeller with its size in inches"):
@@ -78,16 +72,6 @@ def test_thrust_of_the_wrong_sign_is_refused_with_what_to_type(tmp_path: Path) -
     path = log(tmp_path / "a.csv", 1, sign=-1.0)
     with pytest.raises(InputError, match=r"import .*a.csv --flip thrust_N turns the sign"):
         bt.motor(path, propeller="5x4")
-
-
-def test_a_log_is_exported_with_its_intervals_and_without_a_hover_point(tmp_path: Path) -> None:
-    path = log(tmp_path / "a.csv", 1)
-    (file,) = bt.export(path, "ardupilot", tmp_path / "a.param", propeller="5x4")
-    text = file.read_text()
-    assert "MOT_THST_EXPO," in text
-    assert "motor test a.csv" in text
-    assert "MOT_THST_HOVER," not in text
-    assert "# MOT_THST_HOVER left out, measure it" in text
 
 
 def test_the_law_is_that_which_held_out_levels_support(tmp_path: Path) -> None:
@@ -147,16 +131,6 @@ def test_thrust_is_not_extrapolated_far_unless_requested(tmp_path: Path) -> None
         assert "22 %" not in text or "--extrapolate" in text
 
 
-def test_the_exponent_of_the_voltage_is_in_the_interval(tmp_path: Path) -> None:
-    path = log(tmp_path / "a.csv", 1, noise=0.0, sag_V=1.0)
-    found = bt.motor(path, propeller="5x4").found
-    assert found.full.voltage_V == 11.1
-    exponent = found["voltage_exponent"]
-    q_sd = 0.25 if exponent.open else exponent.sd
-    by_hand = 2.0 * q_sd * np.log(11.1 / 10.1) * found.value("T_max")
-    assert found["T_max"].sd > 0.9 * by_hand
-
-
 def test_a_log_of_one_motor_gives_the_hover_point_of_four(tmp_path: Path) -> None:
     path = log(tmp_path / "a.csv", 1)
     found = bt.motor(path, propeller="5x4", mass_kg=0.4, rotors=4).found
@@ -177,13 +151,6 @@ def test_a_log_of_one_motor_gives_the_hover_point_of_four(tmp_path: Path) -> Non
         bt.export(path, "px4", tmp_path / "b.params", propeller="5x4", mass_kg=100.0, rotors=2)
     with pytest.raises(InputError, match="--rotors is 3"):
         bt.export("virtual_pquad", "px4", tmp_path / "b.params", rotors=3)
-
-
-def test_the_mass_of_four_rotors_is_not_that_of_a_simulated_stand(tmp_path: Path) -> None:
-    path = log(tmp_path / "a.csv", 1)
-    bt.export(path, "sdf", tmp_path / "stand.sdf", propeller="5x4")
-    bt.export(path, "sdf", tmp_path / "four.sdf", propeller="5x4", mass_kg=0.4, rotors=4)
-    assert (tmp_path / "four.sdf").read_text() == (tmp_path / "stand.sdf").read_text()
 
 
 LOGS = (
@@ -276,15 +243,6 @@ def test_the_hover_speed_of_a_measured_log_is_that_between_its_levels(
         assert abs(value / by_hand - 1.0) < 0.013
         assert abs(value - by_hand) < 3.0 * sd
         assert law.thrust_N(value) == pytest.approx(hover_N)
-
-
-@measured
-def test_the_hover_speed_of_a_log_that_is_not_quadratic(tmp_path: Path) -> None:
-    found = measured_fit(
-        "rcbenchmark_1580/xNova-SR-steps-up.csv", tmp_path, mass_kg=4.0 * 4.9 / 9.80665, rotors=4
-    )
-    low, high = found["hover_rpm"].interval_95
-    assert low < 6918.0 < high < 7000.0  # the log: 6,918 rpm at 4.9 N
 
 
 @measured

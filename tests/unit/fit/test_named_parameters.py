@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -11,12 +10,10 @@ import pytest
 
 from benchtool import results
 from benchtool.commands.app import main
-from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.inputs import changed, make, words
 from benchtool.core.parameter import full_name
 from benchtool.fit.fit_data import recipe_model
-from benchtool.fit.recipe import FitInputs, Recipe
+from benchtool.fit.recipe import Recipe
 
 QUAD = str(Path(__file__).parents[3] / "datasets" / "quad" / "run")
 
@@ -69,41 +66,6 @@ def test_a_result_is_asked_by_last_parts_too() -> None:
     assert result["K_b"] is result["body_lift.K_b"]
 
 
-PLAIN = Recipe(name="one", data=("runs/one",), model="quad_bench")
-FULL = Recipe(
-    name="one",
-    data=("runs/one", "runs/two words"),
-    model="fits/x/model.toml",
-    columns="a/columns.toml",
-    where=("series=Fz0", "a b=c"),
-    basis="equal_pwm",
-    methods=("least_squares", "emcee"),
-    free=("k",),
-    fix={"body_lift.K_b": 2.0, "R_m": 0.1 + 0.2, "plate_offset.dz_m": -1e-7},
-    hold=("tare_offset.thrust_N",),
-    noise="add",
-    loss="huber",
-    min_z_over_R=0.0,
-    compare=("single", "quad"),
-    walkers=48,
-    max_steps=500,
-    seed=7,
-)
-
-
-@pytest.mark.parametrize("recipe", [PLAIN, FULL, replace(PLAIN, methods=("emcee",), columns="m")])
-def test_the_words_ask_for_the_same_recipe(recipe: Recipe, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, outs = captured(monkeypatch), []
-    monkeypatch.setattr(results, "refuse_full", outs.append)
-    more = {"out": "fits/new", "profile": recipe.seed == 7}
-    with pytest.raises(SystemExit):
-        main(["fit", *words(FitInputs, changed(recipe) | more)])
-    ((given, options),) = asked
-    assert given == recipe
-    assert (options["profile"], options["permit"]) == (recipe.seed == 7, announce_code)
-    assert outs == [Path("fits/new")]
-
-
 def captured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Recipe, dict[str, Any]]]:
     """Return a list that the recipe of a fit goes to, which is then not run."""
     asked: list[tuple[Recipe, dict[str, Any]]] = []
@@ -114,17 +76,6 @@ def captured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Recipe, dict[str, An
 
     monkeypatch.setattr(results, "run_recipe", run)
     return asked
-
-
-def test_what_is_usual_is_left_out() -> None:
-    assert words(FitInputs, changed(PLAIN)) == ["runs/one", "--model", "quad_bench"]
-
-
-def test_a_value_that_no_option_takes_is_refused_in_its_words() -> None:
-    with pytest.raises(InputError, match=r"^--min-z-over-r is -1, allowed is 0 or more"):
-        make(Recipe, {"min_z_over_r": -1.0}, source="option", base=PLAIN)
-    with pytest.raises(InputError, match=r"^--method names nothing"):
-        make(Recipe, {"method": []}, source="option", base=PLAIN)
 
 
 def test_options_go_over_a_recipe_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

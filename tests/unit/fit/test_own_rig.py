@@ -25,7 +25,7 @@ from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named, rig_to_dict, rig_to_toml
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
-from benchtool.explain.answer import answer_request, read_request
+from benchtool.explain.answer import read_request
 from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
@@ -119,12 +119,6 @@ def test_a_fit_holds_the_truth_of_an_own_vehicle(runs: tuple[str, str], tmp_path
     assert nominal_model(str(written), five_inch()).draws
     with pytest.raises(InputError, match="another rig than the run's"):
         nominal_model(str(written), rig_named("pquad"))
-
-
-def test_an_explanation_names_nothing_on_an_own_vehicle(runs: tuple[str, str]) -> None:
-    verdict = answer_request(read_request([runs[0]], [runs[1]], "quad_bench")).verdict
-    assert verdict.kind == "none"
-    assert verdict.effects == ()
 
 
 def test_runs_of_two_vehicles_are_no_data_of_one_model(

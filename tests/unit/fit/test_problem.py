@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.errors import EstimationError, InputError, UnknownChoice
-from benchtool.core.parameter import Prior
+from benchtool.core.errors import EstimationError, InputError
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.prior import JointPrior
@@ -16,7 +15,6 @@ from benchtool.fit.problem import function_problem
 from benchtool.physics.bases import factor_at
 from tests.unit.fit.cases import (
     QUAD_TRUTH,
-    calibrated_line,
     free,
     line,
     line_problem,
@@ -175,26 +173,6 @@ def test_a_model_without_errors_gets_a_free_scale() -> None:
     assert fit_least_squares(problem)["noise.scale"].value == pytest.approx(0.05, rel=0.3)
 
 
-def test_an_unknown_basis_is_refused() -> None:
-    model, conditions = quad_model(), quad_conditions()
-    with pytest.raises(UnknownChoice, match="equal_rpm2"):
-        problem_from_model(
-            model,
-            conditions,
-            quad_thrust(model, conditions),
-            basis="equal_noise",  # type: ignore[arg-type]
-        )
-
-
-def test_calibration_widens_what_it_touches() -> None:
-    plain, calibrated = fit_least_squares(line_problem(3)), fit_least_squares(calibrated_line(3))
-    assert calibrated["b"].sd > plain["b"].sd
-    # Scale and slope trade places: the calibration's 1 % of b = 2 adds in quadrature, about.
-    expected = np.hypot(plain["b"].sd, 0.01 * plain["b"].value)
-    assert calibrated["b"].sd == pytest.approx(expected, rel=0.02)
-    assert calibrated["calibration.scale"].sd == pytest.approx(0.01, rel=0.02)
-
-
 def test_a_joint_prior_is_met_as_algebra_has_it() -> None:
     covariance = np.array([[0.01, -0.005], [-0.005, 0.01]])
     problem = replace(
@@ -217,16 +195,3 @@ def test_a_covariance_that_cannot_be_is_refused() -> None:
     problem = replace(line_problem(), joint_priors=(prior,))
     with pytest.raises(EstimationError, match="not positive definite"):
         fit_least_squares(problem)
-
-
-def test_a_normal_prior_pulls() -> None:
-    problem = function_problem(
-        "line",
-        {"a": free("a", 1.0, prior=Prior("normal", 0.0, 1e-3)), "b": free("b", 1.0)},
-        line,
-        line_problem().observed,
-        line_problem().standard_error,
-    )
-    result = fit_least_squares(problem)
-    assert abs(result["a"].value) < 0.01
-    assert result.dof == 24

@@ -15,7 +15,7 @@ from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.fit.page import write_fit
-from benchtool.report.fit.stored_fit import figure_files, read_stored, stored
+from benchtool.report.fit.stored_fit import read_stored, stored
 
 FITS = Path(__file__).parents[3] / "fits"
 
@@ -24,16 +24,6 @@ FITS = Path(__file__).parents[3] / "fits"
 def output() -> FitOutput:
     recipe = read_recipe(FITS / "quad")
     return run_recipe(replace(recipe, methods=("least_squares",), compare=("quad",)))
-
-
-def test_a_folder_tells_what_the_fit_told(output: FitOutput, tmp_path: Path) -> None:
-    write_fit(tmp_path / "fit", output)
-    again = read_stored(tmp_path / "fit")
-    assert again.blocks == stored(output).blocks
-    assert again.results[0]["body_lift.K_b"] == output.results[0]["body_lift.K_b"]
-    assert again.comparison is not None
-    assert again.sentence.startswith("96 of 96 points, model quad_bench on rig pquad, basis thrust")
-    assert list(figure_files(tmp_path / "fit")) == ["ratio", "thrust", "residuals", "budget"]
 
 
 def test_a_comparison_of_laws_is_kept_with_what_was_not_scored(
