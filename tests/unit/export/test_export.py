@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import mujoco
 import numpy as np
@@ -19,8 +18,7 @@ import pytest
 from pymavlink.mavparm import MAVParmDict
 
 import benchtool as bt
-from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
-from benchtool.data.propeller_file import propeller_named
+from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.export.autopilots import IDLE, ardupilot, betaflight
 from benchtool.export.targets import TARGETS
 from benchtool.export.vehicle import Vehicle, vehicle_of
@@ -100,29 +98,6 @@ def test_rotorpy_gives_the_thrust_of_twenty_throttles(exported: Path, vehicle: V
     faster[0] += 10.0
     rates = body.statedot(state | {"rotor_speeds": faster}, {"cmd_motor_speeds": faster}, 0.01)
     assert rates["wdot"][2] * vehicle.rig.rotors[0].spin < 0.0  # the body turns the other way
-
-
-def test_the_sdf_has_a_plugin_per_rotor_with_the_fitted_constants(
-    exported: Path, vehicle: Vehicle
-) -> None:
-    root = ET.parse(exported / "all" / "pquad.sdf").getroot()
-    plugins = root.findall("model/plugin")
-    assert [one.findtext("turningDirection") for one in plugins] == [
-        "ccw" if rotor.spin > 0 else "cw" for rotor in vehicle.rig.rotors
-    ]
-    for one in plugins:
-        for throttle in THROTTLES:
-            speed = np.sqrt(vehicle.thrust_N(throttle) / vehicle.k.value)
-            thrust = float(one.findtext("motorConstant", "nan")) * speed**2
-            assert thrust == pytest.approx(float(vehicle.thrust_N(throttle)), rel=1e-6)
-            torque = float(one.findtext("momentConstant", "nan")) * thrust
-            assert torque == pytest.approx(
-                vehicle.rig.propulsion.drag_coefficient_Nm_s2 * speed**2, rel=1e-6
-            )
-        assert float(one.findtext("timeConstantUp", "nan")) == pytest.approx(0.05, rel=0.03)
-        assert float(one.findtext("timeConstantDown", "nan")) == pytest.approx(0.05, rel=0.03)
-    masses = [float(one.text or "nan") for one in root.iter("mass")]
-    assert sum(masses) == pytest.approx(vehicle.rig.body.mass_kg)
 
 
 def test_the_parser_of_sdf_reads_it(exported: Path) -> None:
@@ -205,40 +180,6 @@ def test_a_parabola_is_inverted_exactly(vehicle: Vehicle, expo: float) -> None:
     span = 1.0 - IDLE
     exact = expo * span / (1.0 - expo + 2.0 * expo * IDLE + expo * span)
     assert written_expo(with_expo(vehicle, expo))[1] == pytest.approx(exact, abs=0.0026)
-
-
-@pytest.mark.parametrize("name", ["b4_7", "d2_11", "e4_11", "h7_11"])
-def test_the_expo_of_a_measured_log_is_that_of_ardupilots_tool(
-    name: str, reference_data: Path, tmp_path: Path
-) -> None:
-    """By plain least squares of the log's own columns, through the formulas of ArduPilot."""
-    path = reference_data / "rcbenchmark_1520" / f"{name}.csv"
-    (file,) = bt.export(path, "ardupilot", tmp_path / "a.param", propeller="5x4")
-    found = MAVParmDict()
-    assert found.load(str(file), use_excludes=False)
-    vehicle = vehicle_of(path, propeller=propeller_named("5x4"))
-    assert vehicle.motor is not None
-    exponent = np.nan_to_num(vehicle.motor.value("voltage_exponent"), nan=1.0)
-    table = np.genfromtxt(path, delimiter=",", skip_header=1, usecols=(1, 5, 6, 8))
-    pulse, thrust_gf, voltage, _ = table[table[:, 3] > 0.0].T
-    thrust_N = 9.80665e-3 * thrust_gf * (np.nanmax(table[:, 2]) / voltage) ** (2.0 * exponent)
-    u = (pulse - 1000.0) / 1000.0
-    linear, square = np.linalg.lstsq(np.column_stack([u, u * u]), thrust_N, rcond=None)[0]
-
-    def by_hand(pulse_us: np.ndarray) -> np.ndarray:
-        v = (pulse_us - 1000.0) / 1000.0
-        return np.asarray(linear * v + square * v * v)
-
-    assert found["MOT_THST_EXPO"] == pytest.approx(by_ardupilots_tool(found, by_hand), abs=0.03)
-
-
-def test_an_expo_above_those_that_ardupilot_states_has_its_caution(vehicle: Vehicle) -> None:
-    high, value = written_expo(with_expo(vehicle, 0.95))
-    assert value > 0.75
-    assert "CAUTION" in high
-    usual, value = written_expo(with_expo(vehicle, 0.80))
-    assert value < 0.75
-    assert "CAUTION" not in usual
 
 
 def test_px4_takes_the_file_of_a_ground_station(exported: Path, vehicle: Vehicle) -> None:
@@ -365,30 +306,6 @@ def test_numbers_have_their_interval_or_source(exported: Path, target: str) -> N
     assert "motor test steps, response" in text
 
 
-def test_a_model_that_was_never_fitted_says_so(tmp_path: Path) -> None:
-    (path,) = bt.export("quad_body_lift", "ardupilot", tmp_path / "one.param")
-    text = path.read_text("utf-8")
-    assert "95 %" not in text
-    assert "assumed: 3S lithium polymer" in text
-
-
-def test_a_run_without_a_plate_is_enough(exported: Path, tmp_path: Path) -> None:
-    (path,) = bt.export(exported / "steps", "ardupilot", tmp_path / "one.param")
-    text = path.read_text("utf-8")
-    assert "rig pquad_single, model single" in text
-    assert "motor test steps" in text
-
-
-def test_a_motor_test_of_other_pulses_is_refused(
-    exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rig = (Path(bt.__file__).parent / "library/rigs/pquad_single.toml").read_text("utf-8")
-    (tmp_path / "mine.toml").write_text(rig.replace("1950.0", "1900.0"), "utf-8")
-    (tmp_path / "model.toml").write_text('[model]\nname = "mine"\nrig = "mine.toml"\n', "utf-8")
-    with pytest.raises(InputError, match="name the run itself"):
-        bt.export(tmp_path / "model.toml", "c", tmp_path / "x.h", motor=exported / "steps")
-
-
 def test_the_motor_command_names_the_export(
     exported: Path,
     tmp_path: Path,
@@ -420,14 +337,11 @@ def test_nothing_is_overwritten(exported: Path) -> None:
         bt.export("single", "c", exported / "all" / "pquad.h")
 
 
-def test_the_folder_of_a_new_file_is_made(tmp_path: Path) -> None:
-    (path,) = bt.export("single", "c", tmp_path / "made" / "x.h")
-    assert path == tmp_path / "made" / "x.h"
-    assert path.read_text(encoding="utf-8").startswith("/* rig")
-
-
-def test_bad_input_is_named(tmp_path: Path) -> None:
-    with pytest.raises(UnknownChoice, match="target"):
-        bt.export("single", "unity", tmp_path / "x")
-    with pytest.raises(InputError, match="no model"):
-        bt.export(tmp_path, "c", tmp_path / "x.h")
+def test_a_motor_test_of_other_pulses_is_refused(
+    exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = (Path(bt.__file__).parent / "library/rigs/pquad_single.toml").read_text("utf-8")
+    (tmp_path / "mine.toml").write_text(rig.replace("1950.0", "1900.0"), "utf-8")
+    (tmp_path / "model.toml").write_text('[model]\nname = "mine"\nrig = "mine.toml"\n', "utf-8")
+    with pytest.raises(InputError, match="name the run itself"):
+        bt.export(tmp_path / "model.toml", "c", tmp_path / "x.h", motor=exported / "steps")

@@ -58,17 +58,6 @@ def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise() -> None:
     )
 
 
-def test_a_gap_of_many_floors_gets_a_logarithmic_axis() -> None:
-    given = answer()
-    wide = tuple(
-        replace(gap, before=30.0 * gap.floor, before_high=31.0 * gap.floor)
-        for gap in given.verdict.gaps
-    )
-    verdict = replace(given.verdict, gaps=wide)
-    given = replace(given, explanation=replace(given.explanation, verdict=verdict))
-    assert drawn("answer", given, ["gap"])["gap"].figure.axes[0].get_xscale() == "log"
-
-
 def test_where_shows_first_what_the_addition_reduced_and_always_the_answer() -> None:
     before = {f"part {number}": 1.0 + number for number in range(12)}
     after = dict.fromkeys(before, 1.0)

@@ -166,16 +166,6 @@ def test_a_step_test_s_own_rows_are_levels_already(reference_data: Path) -> None
     assert levels_of(rows) is rows
 
 
-def test_a_fast_log_of_channels_at_several_rates_has_power_and_efficiency(
-    reference_data: Path,
-) -> None:
-    log = reference_data / "rcbenchmark_1580" / "Log_2019-11-05_171350.csv"
-    rows = levels_of(import_file(log).recording)
-    names = {one.name for one in read_quantities(rows)}  # type: ignore[attr-defined]
-    assert {"efficiency_gf_W", "mechanical_power_W", "motor_efficiency"} <= names
-    assert np.isfinite(rows.column("thrust_se_N")).mean() > 0.9
-
-
 def test_a_sweep_is_what_it_is_away_from_the_plate_but_over_distance() -> None:
     run = ROOT / "datasets" / "quad" / "run"
     away, near = read_compared(run), read_compared(run, "distance")

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
 
 from benchtool.report.figure import drawn
 from benchtool.report.files import figure_bytes
-from benchtool.report.fit.figures import titled
-from benchtool.report.fit.page import FIT
 from benchtool.report.fit.residuals import expected_runs, judge_runs, runs_of_sign, standardised
 from tests.contracts.figure_subjects import fit, sampled_fit
 
@@ -89,36 +85,3 @@ def test_a_corner_marks_the_least_squares_and_names_its_axes() -> None:
     assert [text.get_text() for text in legend.get_texts()][1:] == ["least squares"]
     again = drawn("fit", found, ["corner"])["corner"].figure
     assert figure_bytes(figure) == figure_bytes(again)
-
-
-def test_a_parameter_that_never_moves_still_has_a_corner() -> None:
-    found = sampled_fit()
-    flat = found.results[1].samples.copy()
-    flat[:, 0] = flat[0, 0]
-    stuck = replace(found, results=(found.results[0], replace(found.results[1], samples=flat)))
-    assert figure_bytes(drawn("fit", stuck, ["corner"])["corner"].figure)
-
-
-def test_chains_show_every_ensemble_and_its_convergence() -> None:
-    first, *_ = drawn("fit", sampled_fit(), ["chains"])["chains"].figure.axes
-    assert "hat{R}" in first.get_title(loc="left")
-    assert "steps" in first.get_title(loc="left")
-    assert len({line.get_color() for line in first.lines}) == 2
-    legend = first.get_legend()
-    assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == ["ensemble 1", "ensemble 2"]
-
-
-def test_a_fit_without_draws_has_no_figures_of_draws() -> None:
-    assert set(drawn("fit", fit("quad"))) == {"ratio", "thrust", "residuals", "budget"}
-
-
-def test_key_tiles_carry_units_and_figures_say_that_a_model_is_rejected() -> None:
-    found = fit("quad")
-    tiles = FIT.highlights(found)
-    assert {"R_m [m]", "k [N/(rad/s)²]"} <= set(tiles)
-    (result, *rest) = found.results
-    rejected = replace(result, facts={**result.facts, "verdict": "rejected"})
-    assert titled("Ground effect", found) == f"Ground effect: {found.recipe.name}"
-    shown = titled("Ground effect", replace(found, results=(rejected, *rest)))
-    assert shown == f"Ground effect: {found.recipe.name} (model rejected)"

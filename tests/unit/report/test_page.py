@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from benchtool.core.errors import InputError, WouldOverwrite
-from benchtool.core.fit_result import Estimate, FitResult, Outcome
-from benchtool.report.fit.tables import estimates_table, methods_table
-from benchtool.report.html import render_report, write_report
+from benchtool.core.errors import InputError
+from benchtool.report.html import render_report
 from benchtool.report.numbers import unit_for_people, value_with_sd
 from benchtool.report.page import (
     Commands,
@@ -106,12 +102,6 @@ def test_no_two_elements_share_an_id_and_every_link_has_its_target() -> None:
     assert {"what-was-done", "conditions", "conditions-2"} <= targets
 
 
-def test_every_clip_of_a_figure_is_defined() -> None:
-    page = render_report(report())
-    assert set(re.findall(r"url\(#([^)]+)\)", page)) <= set(outline_of(page).ids)
-    assert "url(#" in page
-
-
 def test_the_page_holds_what_it_was_given_with_markup_quoted() -> None:
     page = render_report(report())
     for text in (
@@ -144,17 +134,6 @@ def test_simulated_data_is_said_at_the_top() -> None:
     assert "SIMULATED" not in render_report(physical)
 
 
-def test_a_page_is_not_overwritten_unasked(tmp_path: Path) -> None:
-    path = write_report(tmp_path / "out" / "report.html", report())
-    assert path.read_text("utf-8").startswith("<!doctype html>")
-    path.write_text("kept")
-    with pytest.raises(WouldOverwrite, match=r"report\.html"):
-        write_report(path, report())
-    assert path.read_text() == "kept"
-    write_report(path, report(), replace=True)
-    assert path.read_text("utf-8").startswith("<!doctype html>")
-
-
 def test_a_row_of_the_wrong_length_is_refused() -> None:
     with pytest.raises(InputError, match=r"'Some\.' has 2 columns, but a row of 1"):
         Table("Some.", ("name", "value"), [("a",)])
@@ -181,50 +160,3 @@ def test_units_are_written_for_people() -> None:
     assert unit_for_people("kg m2") == "kg\u00a0m²"
     assert unit_for_people("1") == "–"
     assert unit_for_people("1/s") == "1/s"
-
-
-def result(method: str, shift: float = 0.0) -> FitResult:
-    def estimate(name: str, unit: str, value: float, sd: float) -> Estimate:
-        return Estimate(
-            name, unit, value, sd, (value - sd, value + sd), (value - 2 * sd, value + 2 * sd)
-        )
-
-    return FitResult(
-        method=method,  # type: ignore[arg-type]
-        basis="joint",
-        model="quad",
-        estimates=(
-            estimate("k", "N/(rad/s)2", 1.2e-5 + shift, 1e-8),
-            estimate("body_lift.K_b", "1", 1.974, 0.021),
-        ),
-        covariance=np.eye(2),
-        chi2=83.2,
-        dof=77,
-        log_likelihood=0.0,
-        outcome=Outcome("converged", "fine"),
-        derived=(estimate("z_pole_over_R", "1", 0.27, 0.01),),
-    )
-
-
-def test_fitted_values_are_listed_with_unit_and_intervals() -> None:
-    table = estimates_table(result("least_squares"))
-    assert table.rows[0] == (
-        "k",
-        "10⁻⁵\u00a0N/(rad/s)²",
-        "1.2000",
-        "0.0010",
-        "1.1980 … 1.2020",
-        "0.0010",
-        "1.1990 … 1.2010",
-        "1.1980 … 1.2020",
-    )
-    assert [row[0] for row in table.rows] == ["k", "body_lift.K_b", "z_pole_over_R"]
-    assert table.rows[1][1] == "–"
-
-
-def test_methods_stand_side_by_side_with_the_truth() -> None:
-    table = methods_table([result("least_squares"), result("emcee", 1e-9)], {"body_lift.K_b": 2.0})
-    assert tuple(table.header) == ("parameter", "least squares", "emcee", "truth")
-    assert list(table.rows[1]) == ["body_lift.K_b", *["1.974 ± 0.021 (statistical)"] * 2, "2"]
-    assert table.rows[0][3] == "–"
-    assert table.rows[2][1] == "83.2 / 77"

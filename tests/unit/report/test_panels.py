@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.report.panels import broken_line, envelope, spans, ticks_at
+from benchtool.report.panels import broken_line, envelope, spans
 from benchtool.report.sweep.samples import draw_samples
 
 
@@ -41,20 +41,6 @@ def test_spans_are_the_stretches_that_are_inside() -> None:
     assert spans(np.arange(6.0), inside) == [(0.0, 1.0), (2.0, 4.0), (5.0, 5.0)]
 
 
-@pytest.mark.parametrize(
-    ("count", "shown"),
-    [
-        (2, [0, 1]),
-        (6, [0, 1, 2, 3, 4, 5]),
-        (9, [0, 2, 4, 6, 8]),
-        (13, [0, 3, 6, 9, 12]),
-        (12, [0, 2, 4, 6, 8, 10]),
-    ],
-)
-def test_few_ticks_of_many_values_are_labelled(count: int, shown: list[int]) -> None:
-    assert ticks_at([float(k) for k in range(count)], 6) == shown
-
-
 def run(rotors: int, last_s: float = 100.0) -> Recording:
     """Make samples of 200 rows that rise with time; the plate was never read."""
     time_s = np.linspace(0.0, last_s, 200)
@@ -82,12 +68,3 @@ def test_a_run_has_a_panel_for_each_signal_with_its_windows_shaded() -> None:
     assert words == [["measure", "anchor"], ["rotor 1", "2", "3", "4"]]
     assert [axis.get_ylabel() for axis in distance.child_axes] == ["$z/R$ [–]"]
     assert distance.get_xlabel() == "time [s]"
-
-
-def test_a_long_run_is_drawn_in_minutes_and_one_rotor_needs_no_legend() -> None:
-    figure = Figure()
-    draw_samples(figure, run(1, last_s=1800.0))
-    assert [axes.get_ylabel() for axes in figure.axes][-1] == "pwm [µs]"
-    assert figure.axes[-1].get_xlabel() == "time [min]"
-    assert figure.axes[-1].get_xlim()[1] == pytest.approx(30.0)
-    assert all(axes.get_legend() is None for axes in figure.axes)

@@ -108,14 +108,6 @@ def test_bands_are_drawn_and_named() -> None:
     assert line.get_color() == LOOKS["quad"].color
 
 
-def test_the_axes_say_quantity_unit_and_basis() -> None:
-    axes = drawn(points())
-    assert "z/R" in axes.get_xlabel()
-    assert axes.get_ylabel().endswith("at equal pwm")
-    assert "T_{IGE}" in axes.get_ylabel()
-    assert axes.get_xlim() == pytest.approx((0.0, 4.12))
-
-
 def test_the_documentation_has_the_figures_that_its_script_draws() -> None:
     folder = Path(__file__).parents[3] / "docs" / "assets"
     figures = runpy.run_path(str(folder / "draw.py"))["figures"]()

@@ -33,16 +33,6 @@ def fitted(folder: Path, excess: float, **more: object) -> FitOutput:
     return run_recipe(recipe)
 
 
-def test_a_plain_u_in_the_residuals_is_told_with_what_to_free(tmp_path: Path) -> None:
-    output = fitted(tmp_path, 0.12)
-    assert any(
-        "residuals form a U over speed_rad_s" in line and "free the thrust exponent" in line
-        for line in output.results[0].warnings
-    )
-    straight = fitted(tmp_path, 0.0)
-    assert not any("residuals" in line for line in straight.results[0].warnings)
-
-
 def test_the_fitted_curve_is_drawn_through_the_points(tmp_path: Path) -> None:
     output = fitted(tmp_path, 0.0)
     upper = drawn("fit", output, ["thrust"])["thrust"].figure.axes[0]

@@ -8,10 +8,10 @@ import matplotlib as mpl
 import pytest
 from matplotlib.figure import Figure
 
-from benchtool.core.errors import UnknownChoice, WouldOverwrite
+from benchtool.core.errors import WouldOverwrite
 from benchtool.report.files import figure_bytes, save_figure
 from benchtool.report.palette import CYCLE, LOOKS
-from benchtool.report.style import SIMULATED, SIMULATED_GID, look, new_figure, ratio_label
+from benchtool.report.style import SIMULATED, SIMULATED_GID, look, new_figure
 
 
 @look()
@@ -65,21 +65,6 @@ def test_settings_of_the_user_neither_show_nor_change() -> None:
         assert mpl.rcParams["font.size"] == 30.0
 
 
-def test_the_look_is_put_back_after_an_error() -> None:
-    before = dict(mpl.rcParams)
-    with pytest.raises(RuntimeError, match="on purpose"), look():
-        raise RuntimeError("on purpose")
-    assert dict(mpl.rcParams) == before
-
-
-def test_the_ratio_axis_names_its_basis() -> None:
-    assert "equal electrical power" in ratio_label("equal_power")
-    assert "equal pwm" in ratio_label("equal_pwm")
-    assert "rpm²" in ratio_label("equal_rpm2")
-    with pytest.raises(UnknownChoice, match=r"unknown basis.*equal_power.*equal_pwm"):
-        ratio_label("equal_luck")
-
-
 def test_files_are_written_whole_and_not_overwritten_unasked(tmp_path: Path) -> None:
     stem = tmp_path / "figures" / "run.1"
     paths = save_figure(example(simulated=True), stem, ("svg", "png", "pdf"))
@@ -93,8 +78,3 @@ def test_files_are_written_whole_and_not_overwritten_unasked(tmp_path: Path) -> 
     save_figure(example(simulated=True), stem, replace=True)
     assert paths[1].read_bytes().startswith(b"\x89PNG")
     assert len(list(stem.parent.iterdir())) == len(paths)
-
-
-def test_an_unknown_format_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(UnknownChoice, match="known: pdf, png, svg"):
-        figure_bytes(example(simulated=True), "gif")  # type: ignore[arg-type]
