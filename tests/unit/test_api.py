@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import benchtool as bt
-from benchtool.core.errors import EstimationError, InputError, UnknownChoice, WouldOverwrite
+from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.data.run.read import read_points
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
@@ -140,38 +140,9 @@ def test_an_explanation_holds_the_verdict_and_its_numbers(tmp_path: Path) -> Non
     assert found.tables == ("effects", "gap", "probabilities")
 
 
-def test_out_writes_what_the_command_writes_and_overwrites_nothing(tmp_path: Path) -> None:
-    out = tmp_path / "study"
-    bt.simulate_pitch(["pid"], duration_s=1.0, out=str(out))
-    written = sorted(path.name for path in out.iterdir())
-    assert written == ["numbers.txt", "pid.csv", "pid.csv.json", "pitch.png", "pitch.svg"]
-    with pytest.raises(WouldOverwrite):
-        bt.simulate_pitch(["pid"], duration_s=1.0, out=str(out))
-
-
 def test_a_fit_is_saved_as_the_command_saves_it(fitted: Any, tmp_path: Path) -> None:
     (page,) = fitted.save(tmp_path / "fit")
     assert page.name == "report.html"
     assert bt.load_model(tmp_path / "fit" / "model.toml").name
     with pytest.raises(WouldOverwrite):
         fitted.save(tmp_path / "fit")
-
-
-def test_ranges_of_an_explanation_are_those_of_the_command() -> None:
-    with pytest.raises(InputError, match="draws is 5"):
-        bt.explain("a.csv", "b.csv", "pitch_bench", draws=5)
-    with pytest.raises(InputError, match="which lets you confirm"):
-        bt.explain("a.csv", "b.csv", "pitch_bench", bench="sim:pquad")
-
-
-def test_wrong_numbers_are_refused_in_words(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="the thrust is '5 N'; give a number above 0, in N"):
-        bt.compare(RUN, at_thrust_N="5 N")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="the mass is -1; give a number above 0, in kg"):
-        bt.motor(RUN, mass_kg=-1)
-    with pytest.raises(InputError, match="nofile: there is no such file or run folder"):
-        bt.read("nofile")
-    with pytest.raises(EstimationError, match="2 throttle levels"):  # a result is read by its path
-        bt.export(bt.read(RUN), "c", tmp_path / "quad.h")
-    best = bt.compare(RUN, at_thrust_N=10.0).to_dataframe("best")
-    assert best.attrs["units"]["power_W"] == "W"

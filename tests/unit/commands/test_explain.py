@@ -7,7 +7,6 @@ import re
 import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from benchtool.commands.explain import spread
@@ -75,27 +74,6 @@ def test_hidden_friction_is_named_and_everything_is_written(
     assert refused.endswith("choose another name, or replace it with --overwrite\n")
 
 
-def test_the_new_model_explains_the_recordings_within_their_noise(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    text = MODEL.read_text("utf-8")
-    start = text.index("[effects.coulomb_friction]")
-    mended = text[:start] + text[start:].replace(
-        "torque_Nm = { value = 0.0", "torque_Nm = { value = 0.012", 1
-    )
-    (tmp_path / "model.toml").write_text(mended, encoding="utf-8")
-    code, said, _ = run(
-        capsys, LEARN, "--model", str(tmp_path / "model.toml"), "--check", CHECK, "--draws", "30",
-        "--json", str(tmp_path / "answer.json"),
-    )  # fmt: skip
-    assert code == 0
-    assert "Nothing beyond the stated tolerances is missing" in said
-    assert "add --out FOLDER" in said
-    found = json.loads((tmp_path / "answer.json").read_text("utf-8"))
-    assert found["verdict"] == "none"
-    assert found["model_out"] is None
-
-
 @pytest.mark.slow  # a new law is compiled
 @pytest.mark.timeout(600)
 def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(
@@ -113,58 +91,22 @@ def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(
     assert "cubic_damping" in found["probabilities"]
 
 
-def test_what_a_recording_lacks_is_told_with_the_verdict(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    whole = read_recording(LEARN)
-    kept = whole.select((whole.column("time_s") < 6.0) | (whole.column("time_s") > 8.0))
-    columns = [
-        (channel, np.zeros(len(kept)) if channel.name == "rpm1" else kept.column(channel.name))
-        for channel in kept.channels
-    ]
-    write_recording(tmp_path / "a.csv", whole.from_columns(columns), {})
-    code, said, _ = run(
-        capsys, str(tmp_path / "a.csv"), "--model", str(MODEL), "--check", CHECK, "--draws", "20"
-    )
-    assert code == 0
-    assert "! a.csv: rpm1 is 0 in every row: a dead channel, left out" in said
-    beside = said.splitlines()[2]
-    assert beside.startswith("Mind what it rests on: a.csv: ")
-    assert beside.endswith("more remark with what was not judged).")
-    assert said.count(beside) == 2  # beside the verdict, and again in short
-    assert "! a.csv: 1 gap in time, the first at 5.996 s" in said
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ((), "nothing to explain"),
-        (("a.csv",), "no check recording"),
         (("a.csv", "--check", "b.csv"), "which model"),
         (("a.csv", "--check", "b.csv", "--model", "nothing"), "unknown model"),
-        (("a.csv", "--check", "b.csv", "--model", "single"), "no such run or file"),
-        (("--check", "b.csv", "a.csv"), "nothing to explain"),
         (("short.csv", "--model", str(MODEL), "--check", CHECK), "2.0 s long"),
         ((LEARN, "--model", str(MODEL), "--check", CHECK, "--effects", "no.py"), "no such file"),
         (("--check", "b.csv", "a.csv"), "(every word behind --check is to check on)"),
-        (
-            (LEARN, "no.csv", "--model", "bad.csv"),
-            "3 things to mend: (1) no.csv: there is no such run or file; check the path. "
-            "(2) bad.csv: this looks like a CSV table, and a model is a TOML file with a table "
-            "[model]; name one, or a shipped model: ",
-        ),
-        ((LEARN, "no.csv", "--model", "bad.csv"), ". (3) there is no check recording; name one"),
+        ((LEARN, "no.csv", "--model", "bad.csv"), "3 things to mend: (1) no.csv: "),
+        ((LEARN, "no.csv", "--model", "bad.csv"), ". (3) there is no check recording"),
         ((LEARN, "--model", "word.txt", "--check", CHECK), "word.txt: this looks like plain text"),
         ((LEARN, "--model", ".", "--check", CHECK), "a folder; name a TOML file in it: mine.toml"),
-        (
-            (LEARN, "--model", "pitch_beam", "--check", CHECK),
-            "learn.parquet does not say which rig it was measured on, and model 'pitch_beam' fits "
-            "any: name it with --rig, a shipped one (amuse, amuse_single, beam, pquad, "
-            "pquad_single) or the TOML file of your own",
-        ),
+        ((LEARN, "--model", "pitch_beam", "--check", CHECK), "name it with --rig, a shipped one"),
         (
             (LEARN, "--model", "pitch_pquad", "--rig", "pquad", "--check", CHECK),
-            "learn.parquet has pulses or speeds of 2 rotors, and the model 4 (rig 'pquad'); name",
+            "2 rotors, and the model 4 (rig 'pquad')",
         ),
     ],
 )
@@ -177,13 +119,15 @@ def test_what_cannot_be_answered_ends_with_one_sentence(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     shortened(tmp_path, "short.csv", 2.0)
-    (tmp_path / "bad.csv").write_text("t,theta\n0,1\n", "utf-8")
-    (tmp_path / "word.txt").write_text("hello\n", "utf-8")
-    (tmp_path / "mine.toml").write_text("[model]\n", "utf-8")
+    for name, text in (
+        ("bad.csv", "t,theta\n0,1\n"),
+        ("word.txt", "hello\n"),
+        ("mine.toml", "[model]\n"),
+    ):
+        (tmp_path / name).write_text(text, "utf-8")
     code, out, err = run(capsys, *words)
-    assert code == 2
+    assert (code, out) == (2, "")
     assert said in err
-    assert out == ""
     assert len(err.strip().splitlines()) == 1
 
 

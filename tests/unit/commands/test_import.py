@@ -59,14 +59,6 @@ def test_a_fit_reads_what_is_written(log: Path) -> None:
     )
 
 
-def test_findings_are_shown(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(log, "--dry-run") == 0
-    said = capsys.readouterr().out
-    assert "20 of 20 rows kept, 0 refused" in said
-    assert "untared" in said
-    assert not Path("imported").exists()
-
-
 def test_nothing_is_overwritten_untold(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(log) == 0
     before = Path("imported/steps.csv").read_bytes()
@@ -83,44 +75,6 @@ def test_two_files_cannot_become_one(log: Path) -> None:
     assert run(log, "other/steps.csv") == 2
     assert run(log, "other/steps.csv", "--out", "one.csv") == 2
     assert not Path("imported").exists()
-
-
-def test_a_folder_names_the_files_in_it(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = log.parent / "my logs"
-    folder.mkdir()
-    assert run("my logs") == 2
-    assert "none of its files is known; name the file" in capsys.readouterr().err
-    assert run(".", "--dry-run") == 2
-    assert "benchtool import steps.csv" in capsys.readouterr().err
-    (folder / "one").mkdir()
-    assert run("my logs") == 2
-    assert "look into my logs/one/" in capsys.readouterr().err
-    (folder / "notes.txt").write_text("nothing, here\n1, 2\n")
-    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0\0\0")
-    (folder / "a.csv").write_bytes(log.read_bytes())
-    (folder / "b.ulg").write_bytes(b"ULog\x01\x12\x35\x01")
-    assert run("my logs") == 2
-    said = capsys.readouterr().err
-    assert "benchtool import 'my logs/a.csv' 'my logs/b.ulg'" in " ".join(said.split())
-    assert "notes" not in said
-    for copy in range(9):
-        (folder / f"a{copy}.csv").write_bytes(log.read_bytes())
-    assert run("my logs") == 2
-    assert "(and 3 more)" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        (),
-        ("none.csv",),
-        ("steps.csv", "--over", "x"),
-        ("steps.csv", "--out", "a.csv", "--scale", "x"),
-    ],
-)
-def test_bad_words_are_refused(log: Path, words: tuple[str, ...]) -> None:
-    assert log.exists()
-    assert run(*words) == 2
 
 
 def test_a_foreign_file_gives_the_terminal_no_orders(
@@ -151,3 +105,27 @@ def test_a_recording_that_changed_is_refused(log: Path) -> None:
         read_recording(target)
     with pytest.raises(FileFormatError, match=r"\.csv or \.parquet"):
         write_recording(log.with_name("mine.xls"), recording, {})
+
+
+def test_a_folder_names_the_files_in_it(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = log.parent / "my logs"
+    folder.mkdir()
+    assert run("my logs") == 2
+    assert "none of its files is known; name the file" in capsys.readouterr().err
+    assert run(".", "--dry-run") == 2
+    assert "benchtool import steps.csv" in capsys.readouterr().err
+    (folder / "one").mkdir()
+    assert run("my logs") == 2
+    assert "look into my logs/one/" in capsys.readouterr().err
+    (folder / "notes.txt").write_text("nothing, here\n1, 2\n")
+    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0\0\0")
+    (folder / "a.csv").write_bytes(log.read_bytes())
+    (folder / "b.ulg").write_bytes(b"ULog\x01\x12\x35\x01")
+    assert run("my logs") == 2
+    said = capsys.readouterr().err
+    assert "benchtool import 'my logs/a.csv' 'my logs/b.ulg'" in " ".join(said.split())
+    assert "notes" not in said
+    for copy in range(9):
+        (folder / f"a{copy}.csv").write_bytes(log.read_bytes())
+    assert run("my logs") == 2
+    assert "(and 3 more)" in capsys.readouterr().err

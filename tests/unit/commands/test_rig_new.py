@@ -130,12 +130,3 @@ def test_the_next_propeller_of_a_motor_is_one_command(capsys: pytest.CaptureFixt
     assert (second.propeller.name, second.propeller.pitch_m) == ("9x6", pytest.approx(0.1524))
     code, out, _ = said(capsys, *out.splitlines()[-1].split()[1:], "--out", "run")
     assert code == 0, out
-
-
-def test_the_numbers_of_another_rig_are_taken_over(capsys: pytest.CaptureFixture[str]) -> None:
-    words = "rigs new a.toml --for sweep --like pquad --travel 60mm,50cm"
-    code, _out, error = said(capsys, *words.split())
-    assert code == 0, error
-    mine, theirs = rig_named("a.toml"), rig_named("pquad")
-    assert (mine.plate.z_min_m, mine.plate.z_max_m) == (0.06, 0.5)
-    assert (mine.propulsion, mine.rotors) == (theirs.propulsion, theirs.rotors)

@@ -12,17 +12,6 @@ from benchtool.physics.model_file import model_names
 from tests.unit.commands.command_line import said as run
 
 
-@pytest.mark.parametrize(("command", "names"), [("rigs", rig_names()), ("models", model_names())])
-def test_each_that_ships_has_a_line(
-    capsys: pytest.CaptureFixture[str], command: str, names: tuple[str, ...]
-) -> None:
-    code, out, _ = run(capsys, command)
-    assert code == 0
-    shown = [line.split()[0] for line in out.splitlines()]
-    assert shown[: len(names)] == list(names)
-    assert shown[len(names) :] in ([], ["yours,"])
-
-
 @pytest.mark.parametrize(
     ("command", "name", "line"),
     [
@@ -71,3 +60,14 @@ def test_a_model_file_without_eq_2_is_read_with_a_note(
     code, out, said = run(capsys, *words)
     assert code == 0
     assert "note: old.toml has no table [effects.rotor_images]" in out + said
+
+
+@pytest.mark.parametrize(("command", "names"), [("rigs", rig_names()), ("models", model_names())])
+def test_each_that_ships_has_a_line(
+    capsys: pytest.CaptureFixture[str], command: str, names: tuple[str, ...]
+) -> None:
+    code, out, _ = run(capsys, command)
+    assert code == 0
+    shown = [line.split()[0] for line in out.splitlines()]
+    assert shown[: len(names)] == list(names)
+    assert shown[len(names) :] in ([], ["yours,"])

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.commands.app import main
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.table import read_csv_text
 from tests.unit.commands import command_line
@@ -63,12 +62,6 @@ def test_a_map_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     (tmp_path / "torn.csv").write_text("x_m,y_m,height_m\n0,0,0\n0,1,0\n1,0,zero\n1,1,0\n")
     assert run("--map", str(tmp_path / "torn.csv")) == 2
     assert "line 4: height_m is 'zero'" in capsys.readouterr().err
-
-
-def test_a_step_for_quick_motors_and_quick_control(capsys: pytest.CaptureFixture[str]) -> None:
-    quick = ("--set", "step_s=0.0004", "--set", "gains.control_rate_Hz=2000")
-    assert run("--controllers", "pid", "--duration-s", "2", "--lag-s", "0.001", *quick) == 0
-    assert capsys.readouterr().out.startswith("SIMULATED flight over")
 
 
 def test_a_flight_beyond_anything_sensible_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -129,64 +122,3 @@ def test_a_controller_of_ones_own(
 def test_a_vehicle_that_turns_over_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--controllers", "pid", "--lag-s", "10") == 0
     assert "PID: it turned over (roll " in capsys.readouterr().out
-
-
-def test_the_range_of_height_is_told_and_a_near_surface(capsys: pytest.CaptureFixture[str]) -> None:
-    low = ("--gains", "stiff", "--z-over-r", "1.5", "--controllers", "observer")
-    assert run(*low) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[1].index("z from set") < lines[1].index("x in last 20 s")
-    assert lines[3].split()[-2] == "0.0..0.0"
-    assert lines[4].split()[-2] == "-17.7..15.5"
-    assert any("came within 3 cm of the surface, where hub or legs may" in line for line in lines)
-    assert run(*low, "--set", "undercarriage_m=0.1") == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert "hits the obstacle" in lines[4]
-    assert any("hub, legs or a rotor touched the obstacle at 2" in line for line in lines)
-
-
-def test_the_table_stands_under_its_heads(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("--controllers", "pid", "--duration-s", "5") == 0
-    lines = capsys.readouterr().out.splitlines()
-    at = lines[1].index("arrives s")
-    assert [line[at - 2 : at] for line in lines[1:5]] == ["  "] * 4
-    assert [line[at : at + 5] for line in lines[3:5]] == ["never"] * 2
-
-
-def test_a_flight_too_short_says_why_it_never_arrives(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("--controllers", "pid", "--duration-s", "20") == 0
-    assert "a way of 7 m at 0.2 m/s takes 35 s of a flight of 20 s" in capsys.readouterr().out
-    assert run("--controllers", "observer") == 0
-    assert "a way of" not in capsys.readouterr().out
-
-
-def test_a_map_that_never_acts_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    far = tmp_path / "far.toml"
-    words = ("--map", str(far), "--controllers", "pid")
-    far.write_text("[[blocks]]\nx_m = [30.0, 50.0]\n", encoding="utf-8")
-    assert run(*words) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("SIMULATED flight over: Flying over far;")
-    assert "no rotor was ever over anything of 'far' (the nearest box is 23 m from" in said
-    assert run(*words, "--goal-m", "0,7") == 0
-    said = capsys.readouterr().out
-    assert "Flying over far, to x 0 m, y 7 m;" in said
-    assert "the nearest box is 30 m from" in said
-    far.write_text("[[blocks]]\nx_m = [3.0, 5.0]\ntop_m = -4.0\n", encoding="utf-8")
-    assert run(*words) == 0
-    assert (
-        "nothing below acts: its surface is never nearer than z/R = 35" in capsys.readouterr().out
-    )
-
-
-@pytest.mark.parametrize("command", ["pitch", "flight", "paper"])
-def test_the_list_of_simulations_is_not_cut(
-    command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit):
-        main(["simulate", "--help"])
-    (line,) = [
-        line for line in capsys.readouterr().out.splitlines() if line.startswith(f"  {command} ")
-    ]
-    assert line.endswith(".")
-    assert not line.endswith("...")

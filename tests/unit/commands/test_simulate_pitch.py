@@ -9,7 +9,7 @@ import pytest
 
 from benchtool.data.run.read import read_samples
 from benchtool.data.run.recording_file import read_recording
-from benchtool.report.flight.pitch_study import pitch_study, table_lines
+from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.simulate.pitch.setup import changed, pitch_setup
 from tests.unit.commands.command_line import said
 
@@ -18,15 +18,6 @@ SHORT = ("--duration-s", "13")
 
 def simulate(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
     return said(capsys, "simulate", "pitch", *words)
-
-
-def test_it_prints_one_line_of_numbers_per_controller(capsys: pytest.CaptureFixture[str]) -> None:
-    code, out, _ = simulate(capsys, *SHORT)
-    assert code == 0
-    lines = out.splitlines()
-    assert lines[0].startswith("SIMULATED pitch bench pquad, model pitch_pquad, gains s3")
-    assert [line.split()[0] for line in lines[3:6]] == ["pid", "feedforward", "observer"]
-    assert float(lines[3].split()[3]) == pytest.approx(-1.6, abs=0.2)
 
 
 def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(
@@ -78,57 +69,6 @@ def test_a_controller_of_ones_own_is_named_on_the_command_line(
     assert "lawofmine.py line 7: return 1.0 / 0.0" in err
 
 
-HEAD = 'name = "mine"\ntitle = "Mine"\n'
-STEP = HEAD + 'duration_s = 2\n[[reference_deg]]\nshape = "step"\n'
-PRBS = HEAD + 'duration_s = 2\n[[reference_deg]]\nshape = "prbs"\nlevel = 1\n'
-ADDED = HEAD + 'duration_s = 2\n[[collective]]\nshape = "step"\n'
-FIRST = HEAD + "duration_s = 9\n[[plate]]\nz_over_R = 1\nin_s = 3\nout_s = 6\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("name = ", "this is not valid TOML"),
-        ("", "name is missing"),
-        (HEAD + "duration_s = 2\nspeed = 1\n", "'speed'; known: collective"),
-        (HEAD + "duration_s = inf\n", "duration_s is Infinity"),
-        (HEAD + "duration_s = 1e9\n", "duration_s of schedule 'mine' is 1e+09; give at most 3600"),
-        (STEP + "level = nan\n", "reference_deg[0].level is NaN"),
-        (STEP + "level = 1e9\n", "reference_deg of schedule 'mine' comes to 1e+09"),
-        (STEP + "from_s = 1.5\nto_s = 1\n", "from_s 1.5 to_s 1; let it end later"),
-        (PRBS + "bit_s = 1e-12\n", "bit_s is 1e-12"),
-        (PRBS + "seed = -1\n", "seed is -1"),
-        (ADDED + "level = -5\n", "collective of schedule 'mine' comes to -4; keep it between 0"),
-        (FIRST.replace("= 1\n", "= 1e9\n"), "z_over_R is 1000000000.0"),
-        (FIRST + "[[plate]]\nz_over_R = 1\nin_s = 1\nout_s = 2\n", "are not in time; sort them"),
-        (FIRST + "[[plate]]\nz_over_R = 2\nin_s = 5\nout_s = 7\n", "comes again at 5 s, before"),
-    ],
-)
-def test_a_schedule_that_says_nothing_sensible_is_refused(
-    text: str, message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text(text, encoding="utf-8")
-    code, _, err = simulate(capsys, "--schedule", str(path))
-    assert code == 2
-    assert message in err
-    assert err.count("\n") == 1
-
-
-@pytest.mark.parametrize("value", ["inf", "nan", "-1.0"])
-def test_a_gain_file_holds_finite_gains(
-    value: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    from benchtool.core.packaged import read_named
-
-    shipped, _ = read_named("gain set", "gains", "s3")
-    path = tmp_path / "mine.toml"
-    path.write_text(shipped.replace("k_q_per_s = 7.4", f"k_q_per_s = {value}"), encoding="utf-8")
-    code, _, err = simulate(capsys, "--gains", str(path))
-    assert code == 2
-    assert "mine.toml: attitude.k_q_per_s is " in err
-
-
 def test_numbers_are_set_by_name() -> None:
     setup = changed(
         pitch_setup(),
@@ -154,13 +94,6 @@ def test_numbers_are_set_by_name() -> None:
     assert pid.feedforward.strength == 0.0
 
 
-def test_without_a_plate_the_table_gives_errors_of_following() -> None:
-    study = pitch_study(pitch_setup(schedule="steps", controllers=("pid",)))
-    head, line = table_lines(study)
-    assert "RMS error" in head
-    assert float(line.split()[2]) == pytest.approx(20.0, abs=0.5)
-
-
 def test_a_switch_in_the_run_removes_what_the_pid_left() -> None:
     """As in Fig. 27: the plate stays, the observer comes in at 20 s, without a bump."""
     study = pitch_study(pitch_setup(schedule="switch", controllers=("observer",)))
@@ -174,20 +107,6 @@ def test_a_switch_in_the_run_removes_what_the_pid_left() -> None:
     assert abs(torque[switch] - torque[switch - 1]) < 5.0 * np.std(
         np.diff(torque[switch - 500 : switch])
     )
-
-
-@pytest.mark.parametrize("out", ["taken", "taken/below"])
-def test_a_folder_that_cannot_be_made_is_told(
-    out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("taken").write_text("a file", encoding="utf-8")
-    code, _, err = simulate(capsys, "--controllers", "pid", "--duration-s", "1", "--out", out)
-    assert code == 2
-    assert "taken" in err
-    assert "--out" in err
-    assert "fault in benchtool" not in err
-    assert Path("taken").read_text(encoding="utf-8") == "a file"
 
 
 def test_the_plate_comes_as_near_as_it_is_told() -> None:
