@@ -298,12 +298,6 @@ def test_numbers_and_parameters_have_the_same_names() -> None:
 
 
 @EACH
-def test_its_file_is_named_after_it(name: str) -> None:
-    hooks = [getattr(EFFECTS[name].hooks, hook) for hook in HOOKS]
-    assert {hook.__module__.rpartition(".")[2] for hook in hooks if hook} == {name}
-
-
-@EACH
 def test_scalars_arrays_and_complex_steps_agree(
     name: str, rig: Rig, conditions: Conditions
 ) -> None:
