@@ -11,14 +11,16 @@ from benchtool.core.own_code import CodePermit, own_module, refuse_code
 from benchtool.core.rig import Surface
 from benchtool.physics import effects
 from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect
+from benchtool.physics.effects.laws.table import LAWS
 
 
 def _found() -> list[Effect]:
-    """Return the `EFFECT` of every file in the folder and below, in the order of the chain."""
+    """Return the effects of every file in the folder and below, in the order of the chain."""
     folder = Path(effects.__path__[0])
     files = (path.relative_to(folder).with_suffix("") for path in folder.rglob("[!_]*.py"))
     names = (f"{effects.__name__}.{'.'.join(path.parts)}" for path in files)
     found = [one for name in names if (one := getattr(import_module(name), "EFFECT", None))]
+    found += LAWS.values()
     return sorted(found, key=lambda one: (SUBSYSTEMS.index(one.subsystem), one.order, one.name))
 
 

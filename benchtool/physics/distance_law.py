@@ -40,7 +40,7 @@ class DistanceLaw:
         whole_vehicle: whether neighbours and body are in its numbers.
     """
 
-    basis: Basis
+    basis: Basis = "not stated"
     far: str = "1"
     tested: str
     seen: str

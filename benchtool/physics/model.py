@@ -26,8 +26,7 @@ from benchtool.physics.disc_thrust import DiscThrust, ImageRules, disc_thrust, o
 from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
-from benchtool.physics.effects.laws.ceiling_momentum import EFFECT as CEILING_MOMENTUM
-from benchtool.physics.effects.laws.wall import EFFECT as WALL
+from benchtool.physics.effects.laws.table import USUAL_LAW
 from benchtool.physics.effects.rotor_images import EFFECT as ROTOR_IMAGES
 from benchtool.physics.fold import Hook, chained
 from benchtool.physics.motor import speed_near_plate, torque_per_speed
@@ -36,9 +35,6 @@ from benchtool.physics.wake_rules import wake_rule
 
 OWN_IMAGES = ROTOR_IMAGES.name
 """Eq. (2), the effect that every model starts with and every old model file means."""
-
-USUAL_LAW = {"below": ROTOR_IMAGES, "above": CEILING_MOMENTUM, "beside": WALL}
-"""The law that a model starts with, by where the rig's plate is."""
 
 
 @dataclass(frozen=True, kw_only=True)
