@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,23 +81,8 @@ class Conditions:
 
     def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Conditions:
         """Return the conditions of only those samples."""
-        return Conditions(
-            speed_rad_s=self.speed_rad_s[:, rows],
-            plate_z_m=self.plate_z_m[rows],
-            plate_tilt_rad=self.plate_tilt_rad[rows],
-            coverage=self.coverage[:, rows],
-            voltage_V=self.voltage_V[rows],
-            elapsed_s=self.elapsed_s[rows],
-            time_s=self.time_s[rows],
-            load_direction=self.load_direction[rows],
-            plate_x_m=self.plate_x_m[rows],
-            airspeed_m_s=self.airspeed_m_s[rows],
-            moved_s=self.moved_s[rows],
-            moved_direction=self.moved_direction[rows],
-            past_load=self.past_load[:, rows],
-            past_wash=self.past_wash[:, rows],
-            speed_measured=self.speed_measured,
-        )
+        names = (item.name for item in fields(self) if item.name != "speed_measured")
+        return replace(self, **{name: getattr(self, name)[..., rows] for name in names})
 
     def moved_by(self, farther_m: float) -> Conditions:
         """Return the same conditions with the plate farther away."""
@@ -192,34 +177,34 @@ class Conditions:
         elapsed = optional("elapsed_s", zeros)
         tilt = optional("plate_tilt_deg", zeros)
         speed = _speeds(recording, rig, voltage)
-        direction = np.nan_to_num(optional("load_direction", zeros))
-        moved_s, moved = zeros, zeros
-        past_load = past_wash = np.zeros((len(PAST_S), m))
-        if {"point", "time_s"} <= set(recording.names):
-            place, load = np.array([z, plate_x, tilt]), np.sum(speed**2, axis=0)
-            if "load_direction" not in recording:
-                direction = load_directions(time, elapsed, place, load)
-            moved_s, moved = moves(time, place)
-            share = np.nan_to_num(load) / max(float(np.nanmax(load, initial=0.0)), 1e-300)
-            meets = np.mean(coverage, axis=0) / (1.0 + (z / rig.propulsion.radius_m) ** 2)
-            past_load = past_means(time, moved_s, share)
-            past_wash = past_means(time, moved_s, share * np.nan_to_num(meets))
-        return cls(
+        found = cls.of(
+            rig,
             speed_rad_s=speed,
             plate_z_m=z,
+            plate_x_m=plate_x,
             plate_tilt_rad=tilt,
             coverage=coverage,
             voltage_V=voltage,
             elapsed_s=elapsed,
             time_s=time,
-            load_direction=direction,
-            plate_x_m=plate_x,
+            load_direction=np.nan_to_num(optional("load_direction", zeros)),
             airspeed_m_s=np.nan_to_num(optional("airspeed_m_s", zeros)),
+            speed_measured="rpm1" in recording,
+        )
+        if not {"point", "time_s"} <= set(recording.names):
+            return found
+        place, load = np.array([z, plate_x, tilt]), np.sum(speed**2, axis=0)
+        if "load_direction" not in recording:
+            found = replace(found, load_direction=load_directions(time, elapsed, place, load))
+        moved_s, moved = moves(time, place)
+        share = np.nan_to_num(load) / max(float(np.nanmax(load, initial=0.0)), 1e-300)
+        meets = np.mean(coverage, axis=0) / (1.0 + (z / rig.propulsion.radius_m) ** 2)
+        return replace(
+            found,
             moved_s=moved_s,
             moved_direction=moved,
-            past_load=past_load,
-            past_wash=past_wash,
-            speed_measured="rpm1" in recording,
+            past_load=past_means(time, moved_s, share),
+            past_wash=past_means(time, moved_s, share * np.nan_to_num(meets)),
         )
 
 
