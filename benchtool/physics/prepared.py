@@ -2,14 +2,12 @@
 
 What no free parameter can change (heights, covered areas, images) is worked out once, and discs
 that are alike are merged into one, so that an evaluation costs what a hand-written formula would.
-Where only heights move (plate offset, plate tilt), sources and distances stay, and images of one
-height at equal distance are summed before their formula is evaluated: a level quadrotor takes three
-images, not sixteen.
+Where only the height of a level plate moves, images at equal distance are summed before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -17,18 +15,13 @@ import numpy as np
 from benchtool.core.array import Array
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.disc_thrust import owned
-from benchtool.physics.effects.effect import Flow, Quantity
+from benchtool.physics.effects.effect import Flow
 from benchtool.physics.fold import chained
+from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
-from benchtool.physics.tilt import Plane, TiltRule, axis_cosine, height_over, tilt_rule
 
-Images = list[tuple[int, float, Quantity]]
-"""(which height, distance, summed source) of images that blow together."""
-
-PROBES = (0.0, 0.37, -0.23)
-"""How far free parameters are moved, in parts of their bounds, to see which discs stay alike."""
-
-ALIKE = 1e-11
+Images = list[tuple[float, Any]]
+"""(distance, summed source) of images that blow together."""
 
 
 class Prepared:
@@ -45,30 +38,59 @@ class Prepared:
         self.conditions = conditions
         self._names = tuple(model.parameters)
         self._radius = self._names.index("R_m")
-        free = set(model.parameters.free_names)
-        moving = [
-            effect
-            for effect in model.present_effects
-            if any(f"{effect.name}.{item.name}" in free for item in effect.parameters)
-            and (effect.changes_geometry or effect.hooks.speed is not None)
-        ]
         self._flow: Flow | None = None
-        self._moving: MovingHeights | None = None
+        self._images: list[Images] = []
+        effects = model.present_effects
+        moving = {
+            name: effect
+            for effect in effects
+            if effect.changes_geometry or effect.hooks.speed is not None
+            for item in effect.parameters
+            if (name := f"{effect.name}.{item.name}") in model.parameters.free_names
+        }
         if model.motor_slope_Nm_s is not None and not conditions.speed_measured:
             return  # speeds go with the factors
-        if moving:
-            self._moving = moving_heights(model, conditions) if merge else None
-        else:
-            flow = model.flow(conditions, model.parameters.values_array())
-            self._flow = merged(flow, len(conditions)) if merge and mergeable(model) else flow
+        whole = model.flow(conditions, model.parameters.values_array())
+        flow = merged(whole, len(conditions)) if merge and mergeable(model) else whole
+        tilted = np.any(conditions.plate_tilt_rad) or any(e.hooks.tilt for e in effects)
+        if not moving:
+            self._flow = flow
+        elif (
+            len(flow.height_m) == 1 and not tilted and all(e.hooks.height for e in moving.values())
+        ):
+            self._flow, self._height = flow, chained(owned(effects, "height"))
+            turning = [i for i, speed in enumerate(whole.speed_rad_s) if np.any(speed)]
+            sources = zip(whole.coverage, whole.active, strict=True)
+            blown = [area * active for area, active in sources]
+            distances = model.rig.disc_distances_m[turning[0]]
+            self._images = [
+                _together((distances[j], blown[j]) for j in turning[1:]),
+                _together((arm_m, 1.0) for arm_m in model.body_images.arm_m),
+            ]
+            moved = model.parameters.values_array()
+            for name in moving:
+                item = model.parameters[name]
+                end = item.upper if np.isfinite(item.upper) else item.value + abs(item.value)
+                moved[self._names.index(name)] += 0.1 * (end - item.value)
+            exact = model.thrust_N(conditions, moved)
+            if not np.allclose(self.thrust_N(moved), exact, rtol=1e-9, atol=0.0):
+                self._flow = None  # the heights of the discs part, or the speeds move with them
 
     def flow(self, values: Any) -> Flow:
         """Return what the hooks see; `values` as `Model.thrust_N`."""
-        if self._moving is not None:
-            return self._moving.flow(values)
         if self._flow is None:
             return self.model.flow(self.conditions, values)
-        return self._flow._replace(radius_m=values[self._radius])
+        flow = self._flow._replace(radius_m=values[self._radius])
+        if not self._images:
+            return flow
+        free = flow._replace(height_m=[self.conditions.plate_z_m])
+        z = self._height(0, free.height_m[0], free, self.model.numbers(values))
+        near, body = (
+            sum(source * image_velocity(z, z, distance) for distance, source in images)
+            for images in self._images
+        )
+        plane = flow.plane._replace(centre_m=z)
+        return flow._replace(height_m=[z], neighbour_images=[near], body_images=[body], plane=plane)
 
     def thrust_N(self, values: Any) -> Any:
         """Return the load cell's settled reading (..., m): N; `values` as `Model.thrust_N`."""
@@ -121,157 +143,10 @@ def merged(flow: Flow, m: int) -> Flow:
     )
 
 
-class MovingHeights:
-    """Work out the flow of a model on fixed conditions for moving heights."""
-
-    def __init__(self, model: Model, conditions: Conditions) -> None:
-        tilts = any(effect.hooks.tilt is not None for effect in model.present_effects)
-        self._height = chained(owned(model.present_effects, "height"))
-        self._rule = tilt_rule(model.tilt_rule)
-        self._model, self._conditions = model, conditions
-        self._radius = tuple(model.parameters).index("R_m")
-        probes = [model.flow(conditions, values) for values in _probed(model)]
-        base, m = probes[0], len(conditions)
-        read = model.plate_plane(conditions, model.numbers(model.parameters.values_array()))
-        self._plane = None if tilts else Plane(*(_plain(part, m) for part in read))
-        groups = _alike(probes, m)
-        kept = [group[0] for group in groups]
-        squares = [sum(_row(base.speed_rad_s[i], m) ** 2 for i in group) for group in groups]
-        self._flow = base._replace(
-            position_x_m=[base.position_x_m[i] for i in kept],
-            position_y_m=[base.position_y_m[i] for i in kept],
-            coverage=[_plain(base.coverage[i], m) for i in kept],
-            active=[base.active[i] for i in kept],
-            speed_rad_s=[np.sqrt(square) for square in squares],
-            body_weight=_plain(base.body_weight, m),
-        )
-        sources = [
-            _row(area, m) * _row(active, m)
-            for area, active in zip(base.coverage, base.active, strict=True)
-        ]
-        group_of = {i: number for number, group in enumerate(groups) for i in group}
-        distances = model.rig.disc_distances_m
-        self._neighbours = [
-            _together((group_of[j], distances[i, j], sources[j]) for j in group_of if j != i)
-            for i in kept
-        ]
-        x_m, y_m, arm_m = model.body_images
-        apart = float(tilts or np.any(conditions.plate_tilt_rad))
-        places = [*zip(apart * x_m, apart * y_m, strict=True)]
-        self._body_places = list(dict.fromkeys(places))
-        numbers = map(self._body_places.index, places)
-        self._body = _together((at, c, np.ones(m)) for at, c in zip(numbers, arm_m, strict=True))
-
-    def flow(self, values: Any) -> Flow:
-        """Return the flow of the kept discs; `values` as `Model.thrust_N`."""
-        p, rule, flow = self._model.numbers(values), self._rule, self._flow
-        plane = self._plane or self._model.plate_plane(self._conditions, p)
-        places = zip(flow.position_x_m, flow.position_y_m, strict=True)
-        free = [height_over(plane, *place) for place in places]
-        flow = flow._replace(radius_m=values[self._radius], height_m=free, plane=plane)
-        heights = [self._height(i, free[i], flow, p) for i in range(len(free))]
-        changes = [height - before for height, before in zip(heights, free, strict=True)]
-        plane = plane._replace(centre_m=plane.centre_m + sum(changes) / max(len(changes), 1))
-        share = rule.share(axis_cosine(plane))
-        under = [height_over(plane, *place) for place in self._body_places]
-
-        def body(at: Quantity) -> Quantity:
-            return share * _blown(rule, at, under, self._body)
-
-        once = body(plane.centre_m) if rule.one_body else None
-        return flow._replace(
-            height_m=heights,
-            neighbour_images=[
-                share * _blown(rule, at, heights, images)
-                for at, images in zip(heights, self._neighbours, strict=True)
-            ],
-            body_images=[body(at) if once is None else once for at in heights],
-            plane=plane,
-            axial_share=share,
-        )
-
-
-def moving_heights(model: Model, conditions: Conditions) -> MovingHeights | None:
-    """Return the quick way, or None where it does not give what the model itself gives."""
-    free = model.parameters.free_names
-    for effect in model.present_effects:
-        moves = any(name.startswith(f"{effect.name}.") for name in free)
-        drives = effect.hooks.speed is not None
-        if effect.hooks.factor is not None or (moves and effect.hooks.coverage is not None):
-            return None
-        if moves and drives and not conditions.speed_measured:
-            return None
-    quick = MovingHeights(model, conditions)
-    for values in _probed(model):
-        exact = model.thrust_N(conditions, values)
-        if not np.allclose(model.reading_N(quick.flow(values), values), exact, rtol=1e-9, atol=0.0):
-            return None
-    return quick
-
-
-def _probed(model: Model) -> list[Array]:
-    """Return parameter values (n_parameters,) at and around the present ones."""
-    out = []
-    for part in PROBES:
-        values = model.parameters.values_array()
-        for position, (name, item) in enumerate(model.parameters.items()):
-            if item.free and name not in {"k", "R_m"} and not name.startswith("noise."):
-                end = item.upper if part > 0.0 else item.lower
-                reach = abs(end - item.value) if np.isfinite(end) else 0.1 * abs(item.value)
-                values[position] += part * reach
-        out.append(values)
-    return out
-
-
-def _alike(flows: Sequence[Flow], m: int) -> list[list[int]]:
-    """Return groups of turning discs whose heights, areas and images agree in every flow."""
-    groups: list[list[int]] = []
-    for i in range(len(flows[0].height_m)):
-        if not _row(flows[0].speed_rad_s[i], m).any():
-            continue
-        for group in groups:
-            if all(
-                np.allclose(_row(field[i], m), _row(field[group[0]], m), rtol=ALIKE, atol=1e-15)
-                for flow in flows
-                for field in (flow.height_m, flow.coverage, flow.neighbour_images, flow.body_images)
-            ):
-                group.append(i)
-                break
-        else:
-            groups.append([i])
-    return groups
-
-
-def _together(images: Iterable[tuple[int, float, Array]]) -> Images:
-    """Return images with those of one height at equal distance summed, silent ones left out.
-
-    Args:
-        images: which height, distance and source (m,) of each.
-    """
-    summed: dict[tuple[int, float], Array] = {}
-    for height, distance, source in images:
-        alike = (
-            key for key in summed if key[0] == height and abs(key[1] - distance) <= ALIKE * distance
-        )
-        near = next(alike, (height, float(distance)))
-        summed[near] = summed.get(near, np.zeros(len(source))) + source
-    return [(*near, _plain(source, len(source))) for near, source in summed.items() if source.any()]
-
-
-def _blown(
-    rule: TiltRule, at_m: Quantity, heights_m: Sequence[Quantity], images: Images
-) -> Quantity:
-    total: Quantity = 0.0
-    for height, distance, source in images:
-        total = total + source * rule.image(at_m, heights_m[height], distance)
-    return total
-
-
-def _row(quantity: Any, m: int) -> Array:
-    return np.broadcast_to(np.asarray(quantity, float), (m,))
-
-
-def _plain(quantity: Any, m: int) -> Any:
-    """Return a number where all entries are equal, else the row (m,)."""
-    row = _row(quantity, m)
-    return float(row[0]) if m and np.ptp(row) == 0.0 else row
+def _together(images: Iterable[tuple[float, Any]]) -> Images:
+    """Return images (distance, source) with the sources of equal distance summed."""
+    summed: dict[float, Any] = {}
+    for distance, source in images:
+        near = next((d for d in summed if abs(d - distance) <= 1e-11 * d), distance)
+        summed[near] = summed.get(near, 0.0) + source
+    return list(summed.items())

@@ -92,12 +92,23 @@ def test_a_prepared_model_gives_what_the_model_gives_under_tilt(
         plate_tilt_rad=np.linspace(-0.1, 0.1, m),
     )
     prepared, values = Prepared(model, conditions), model.parameters.values_array()
-    assert prepared._moving is not None
     for step in (0.0, 0.01, -0.013):
         values[list(model.parameters).index(free[0])] += step
         np.testing.assert_allclose(
             prepared.thrust_N(values), model.thrust_N(conditions, values), rtol=1e-12
         )
+
+
+@pytest.mark.parametrize("rule", TILT_RULES)
+def test_a_prepared_model_of_a_level_plate_takes_one_disc_for_all(rule: str) -> None:
+    model = quad(rule).with_effect("plate_offset", dz_m=0.004).freed("plate_offset.dz_m")
+    conditions = over(0.24, 0.0)
+    prepared, values = Prepared(model, conditions), model.parameters.values_array()
+    values[list(model.parameters).index("plate_offset.dz_m")] += 0.01
+    assert len(prepared.flow(values).height_m) == 1
+    np.testing.assert_allclose(
+        prepared.thrust_N(values), model.thrust_N(conditions, values), rtol=1e-12
+    )
 
 
 def test_a_model_file_names_the_rule() -> None:
