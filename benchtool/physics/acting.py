@@ -9,11 +9,8 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
-STEP = 0.1
-"""By how much a number without a tolerance is moved, in its own unit; any shows what acts."""
-
-SHOWS = 1e-9
-"""Share of the greatest thrust below which a change is that of rounding."""
+STEP = 0.1  # change of a parameter without a tolerance, in its unit; any shows an influence
+SHOWS = 1e-9  # share of the greatest thrust below which a change is that of rounding
 
 
 def effects_over(model: Model, conditions: Conditions, column: str) -> tuple[Effect, ...]:

@@ -7,9 +7,7 @@ from typing import Any
 from benchtool.core.parameter import Parameter, Parameters, Prior
 from benchtool.core.rig import Rig
 
-INERTIA_KNOWN = 0.025
-"""Standard error of an inertia over its value, where a model file states none: "known to 5 %" taken
-for two standard errors; a guess."""
+INERTIA_KNOWN = 0.025  # default standard error over value: "known to 5 %" at two of them; assumed
 
 
 def baseline_parameters(rig: Rig) -> Parameters:

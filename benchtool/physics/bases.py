@@ -22,13 +22,10 @@ from benchtool.physics.effects.effect import Flow, Quantity
 from benchtool.physics.model import Model
 from benchtool.physics.motor import drawn_W, held_by_pulse_Nm, speed_under_pulse
 
-POWER_STEPS = 16
-"""Steps to the speed at equal electrical power. That goes with w^2.7 to w^3.3 (shaft power with
-w^3), so that each step, by its cube root, leaves a tenth of the error."""
+POWER_STEPS = 16  # to the speed at equal power, w^2.7 to w^3.3: each leaves a tenth of the error
 
 
-BLADES_OF_RIG = "[blade] of the rig"
-"""Source of numbers that follow a rig, whichever it is."""
+BLADES_OF_RIG = "[blade] of the rig"  # source of numbers that follow a rig, whichever it is
 
 
 def with_blades_of_rig(model: Model) -> Model:

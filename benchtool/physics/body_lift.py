@@ -15,8 +15,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import UnknownChoice
 from benchtool.physics.expression import Quantity, expression
 
-BodyDistance = Literal["half_diagonal", "diagonal"]
-"""Which b of eq. (4): from the centre to a rotor axis, or twice that (as printed)."""
+BodyDistance = Literal["half_diagonal", "diagonal"]  # b of eq. (4): to a rotor axis, or twice that
 
 
 @expression

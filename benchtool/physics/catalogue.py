@@ -25,10 +25,7 @@ def _found() -> list[Effect]:
 
 
 HOW_TO = "the form of an effect file is in docs/how-to/write-an-effect.md"
-"""What a file that was written for an earlier form needs."""
-
 EFFECTS: dict[str, Effect] = {effect.name: effect for effect in _found()}
-"""Every effect, in the order of the chain from pulse width to reading."""
 
 
 def effect_named(name: str) -> Effect:

@@ -15,15 +15,11 @@ from benchtool.physics.coverage import plate_coverages
 from benchtool.physics.effects.effect import PAST_S
 from benchtool.physics.rotor import speed_from_pwm
 
-FAR_AWAY_M = 1e6
-"""Plate distance that stands for no plate at all; its images vanish to rounding."""
+FAR_AWAY_M = 1e6  # plate distance that stands for no plate at all; its images vanish to rounding
 
 
-SAME_PLACE = 5e-4
-"""A plate that moved by less (m, or rad of tilt) stood still; a choice, above a stage's quantum."""
-
-SAME_LOAD = 0.01
-"""A summed squared speed that changed by less than this share did not change; a choice."""
+SAME_PLACE = 5e-4  # m, or rad of tilt; a smaller move is none, above a stage's quantum; assumed
+SAME_LOAD = 0.01  # share of a summed squared speed; a smaller change is none; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -64,8 +64,7 @@ class DiscThrust(NamedTuple):
     nearest_z_over_R: float
 
 
-UNCHANGED = expression(lambda i, first, flow, p: 1.0)
-"""Drag torque where no effect changes it."""
+UNCHANGED = expression(lambda i, first, flow, p: 1.0)  # drag torque where no effect changes it
 
 
 def owned(

@@ -18,8 +18,7 @@ from benchtool.physics.expression import Quantity, expression
 Basis = Literal["equal induced power", "equal commanded thrust", "not stated"]
 """What is held equal between the two thrusts of a law's ratio."""
 
-CONTACT_Z_OVER_R = 1e-3
-"""Stands for contact: at 0 the body's images of eq. (4) have no value under a single rotor."""
+CONTACT_Z_OVER_R = 1e-3  # contact: at 0 eq. (4) has no body images under a single rotor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

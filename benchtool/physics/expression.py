@@ -24,8 +24,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 from benchtool.core.errors import MissingLibrary
 from benchtool.core.user_file import user_folder
 
-Quantity: TypeAlias = Any
-"""A scalar in a compiled loop; outside, anything that broadcasts: float, complex, array."""
+Quantity: TypeAlias = Any  # scalar in a compiled loop; else float, complex or array
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -70,8 +69,7 @@ def compile_expressions() -> None:
         _registered.add("records")
 
 
-WIDTH_BYTES = 8
-"""Of a number in an array that a loop borrows: floats and 64-bit integers."""
+WIDTH_BYTES = 8  # of a number in an array that a loop borrows: floats and 64-bit integers
 
 
 class Slot(NamedTuple):

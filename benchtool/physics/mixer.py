@@ -16,8 +16,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 from benchtool.physics.expression import Quantity, expression
 
-WRENCH = ("thrust_N", "roll_Nm", "pitch_Nm", "yaw_Nm")
-"""The mixer's rows in order: T, tau_phi, tau_theta, tau_psi of eq. (9)."""
+WRENCH = ("thrust_N", "roll_Nm", "pitch_Nm", "yaw_Nm")  # rows: T, tau_phi, tau_theta, tau_psi
 
 
 def mixer_matrix(

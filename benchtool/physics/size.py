@@ -11,14 +11,9 @@ from functools import partial
 
 from benchtool.core.rig import Rig
 
-MASS_KG = 1.2
-"""Mass of the bench whose owner stated the tolerances (rig `beam`)."""
-
-ARM_M = 0.25
-"""Its arm L from hinge to rotor axis."""
-
-RADIUS_M = 0.127
-"""Its rotor radius."""
+MASS_KG = 1.2  # mass of the bench whose owner stated the tolerances (rig `beam`)
+ARM_M = 0.25  # its arm L from hinge to rotor axis
+RADIUS_M = 0.127  # its rotor radius
 
 
 def half_throttle_speed(rig: Rig) -> float:

@@ -30,8 +30,7 @@ class Plane(NamedTuple):
     slope_y: Quantity = 0.0
 
 
-LEVEL = Plane()
-"""For flows that need no heights."""
+LEVEL = Plane()  # for flows that need no heights
 
 
 @expression

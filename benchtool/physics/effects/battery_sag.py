@@ -23,11 +23,8 @@ def speed(p: Any, i: int, flow: Flow, speed_rad_s: Quantity) -> Quantity:
     return speed_rad_s * (1.0 - p.rate_per_s * flow.time_s)
 
 
-LOSS_THAT_MATTERS = 0.015
-"""Share of the gain lost by the end of a run: 0.0005 1/s over 30 s, what a bench's owner named."""
-
-RUN_S: Mapping[BenchKind, float] = {"pitch": 30.0, "sweep": 600.0}
-"""How long a run takes: a pitch recording of that bench; ten minutes for a sweep, a guess."""
+LOSS_THAT_MATTERS = 0.015  # share of the gain in a run: 0.0005 1/s over 30 s, from a bench owner
+RUN_S: Mapping[BenchKind, float] = {"pitch": 30.0, "sweep": 600.0}  # of a recording; sweep: assumed
 
 
 def tolerance_of(rig: Rig, bench: BenchKind) -> Mapping[str, float]:

@@ -31,8 +31,7 @@ SUBSYSTEMS: tuple[Subsystem, ...] = ("pwm_to_rpm", "plate", "rpm_to_thrust", "hi
 """The links of the chain from pulse width to reading, in order."""
 
 BenchKind = Literal["pitch", "sweep"]
-BENCH_KINDS: tuple[BenchKind, ...] = ("pitch", "sweep")
-"""A beam or vehicle that turns on a hinge, and a plate sweep over a load cell."""
+BENCH_KINDS: tuple[BenchKind, ...] = ("pitch", "sweep")  # body on a hinge; plate over a load cell
 
 LAW_ERROR = 0.005
 """Standard error of what an effect does over its departure from neutral, because no bench follows
@@ -120,14 +119,9 @@ class Flow(NamedTuple):
 N_STAYING, N_BEFORE_RATE = map(Flow._fields.index, ("height_m", "rate_rad_s"))
 """How many fields of a Flow stay, and how many stand before what changes within a step."""
 
-N_WITH_THRUST = N_BEFORE_RATE + 2
-"""How many stand up to the thrusts; compiled code slices by a constant, not by a sum."""
-
-PAST_S = (10.0, 30.0, 100.0, 300.0)
-"""Times within which the means of `Flow.past_load` and `past_wash` forget."""
-
-NO_FLOW = Flow()
-"""For hooks that depend on the effect's numbers alone, such as a lag."""
+N_WITH_THRUST = N_BEFORE_RATE + 2  # fields up to the thrusts; a constant slice for compiled code
+PAST_S = (10.0, 30.0, 100.0, 300.0)  # time constants of `Flow.past_load` and `past_wash`
+NO_FLOW = Flow()  # for hooks that depend on the effect's numbers alone, such as a lag
 
 Hook = Callable[..., Any]
 """hook(p, i, flow), p the effect's named numbers and i the disc (0 for hooks of the whole body); a
@@ -192,8 +186,7 @@ class Hooks:
     play_N: Hook | None = None
 
 
-HOOKS = tuple(item.name for item in fields(Hooks))
-"""Names of all hooks."""
+HOOKS = tuple(item.name for item in fields(Hooks))  # names of all hooks
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,11 +28,8 @@ from benchtool.physics.effects.effect import (
     number,
 )
 
-TOLERANCE = 0.1
-"""A tenth of the increment does not matter; a choice."""
-
-MOST_KNOTS = 16
-"""More area factors than this carry no tolerance of their own."""
+TOLERANCE = 0.1  # a tenth of the increment does not matter; assumed
+MOST_KNOTS = 16  # more area factors than this carry no tolerance of their own
 
 
 @expression

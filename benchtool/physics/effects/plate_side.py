@@ -13,9 +13,7 @@ from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expr
 
 KNOWN = Prior("normal", 0.0, 0.0015, "assumed: the plate's side is set with a ruler")
 
-CHORD_POWER = 0.35
-"""(4 a (1 - a))^0.35 is the sine of the half angle that a chord cuts off a disc with the share a of
-its area, within 0.03; our own fit to the exact relation."""
+CHORD_POWER = 0.35  # sine of a chord's half angle is (4 a (1 - a))^0.35 within 0.03; our fit
 
 
 @expression

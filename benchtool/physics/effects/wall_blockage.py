@@ -9,8 +9,7 @@ import numpy as np
 from benchtool.core.parameter import Prior
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
 
-RECOVERY = 1.22
-"""Leishman 2006, eq. (6.36): download near the ground over that far away is 1 - 1.22 exp(-z/R)."""
+RECOVERY = 1.22  # Leishman 2006, eq. (6.36): download ratio 1 - 1.22 exp(-z/R)
 
 REACH_KNOWN = Prior("normal", 1.0, 0.05, "assumed: a curve read off a figure holds to 5 %")
 
