@@ -13,8 +13,7 @@ from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 
-MOST_RUNS = 10_000_000
-"""About an hour of pitch runs; a slip of the keys asks for more. A choice."""
+MOST_RUNS = 10_000_000  # about an hour of pitch runs; a slip of the keys asks for more; assumed
 
 
 @dataclass(frozen=True, slots=True)

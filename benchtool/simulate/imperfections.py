@@ -18,8 +18,7 @@ from benchtool.core.toml_text import FiniteTable
 
 NotNegative = Annotated[float, Ge(0.0)]
 
-OPEN = nan
-"""A number that is left to the rig."""
+OPEN = nan  # a number that is left to the rig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,14 +106,13 @@ class Imperfections(FiniteTable):
         )
 
 
-FAMILIES = (
+FAMILIES = (  # sensors with noise and quantum: name, quantity and unit of the numbers
     ("thrust_N", "thrust", "N"),
     ("rpm", "rpm", "rpm"),
     ("voltage_V", "voltage", "V"),
     ("current_A", "current", "A"),
     ("plate_z_m", "plate", "m"),
 )
-"""Sensors whose noise and quantum can be set: name, and quantity and unit of the numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,14 +140,9 @@ def quantised(values: Array, quantum: float) -> Array:
     return np.round(values / quantum) * quantum if quantum else values
 
 
-COUNT_TOP = 2**23
-"""Counts of a 24-bit two's complement converter end here (HX711 data sheet, Avia Semiconductor)."""
-
-RATING_COUNTS = 2**22
-"""Counts at the cell's rating when no quantum is stated: 2 mV/V at 5 V over +-20 mV (gain 128)."""
-
-TARE_READINGS = 16
-"""A tare averages so many conversions: 0.2 s at 80 Hz; an assumption, common in HX711 code."""
+COUNT_TOP = 2**23  # end of a 24-bit two's complement converter (HX711 data sheet)
+RATING_COUNTS = 2**22  # at the cell's rating by default: 2 mV/V at 5 V over +-20 mV (gain 128)
+TARE_READINGS = 16  # conversions averaged by a tare: 0.2 s at 80 Hz, common in HX711 code; assumed
 
 
 class LoadCell:
@@ -211,8 +204,7 @@ class LoadCell:
         self._zero_N = float(np.mean(self._recent_N)) - after_N
 
 
-TILT_FEED_RAD_S = 0.2
-"""Feed of the tilt axis; an assumption, since a rig states only the linear feed."""
+TILT_FEED_RAD_S = 0.2  # of the tilt axis; a rig states only the linear feed; assumed
 
 
 class Axis:

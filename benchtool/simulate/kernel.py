@@ -14,8 +14,7 @@ from typing import Any
 from benchtool.physics.expression import Slot, loop_part, read_record
 from benchtool.simulate.motors import arrive_lane
 
-BUILT_IN, CALLER, PULSES = range(3)
-"""Who controls: a built-in law, the caller of each tick, or the pulses of a schedule."""
+BUILT_IN, CALLER, PULSES = range(3)  # who controls: a law, the caller, or scheduled pulses
 
 LoopPlan = namedtuple(
     "LoopPlan",
@@ -37,8 +36,7 @@ Attributes:
 PLAN = Slot(0, LoopPlan())
 
 
-Build = namedtuple("Build", "lanes to")
-"""Hold what a loop is compiled for: one entry per lane, and where records stand."""
+Build = namedtuple("Build", "lanes to")  # what a loop is compiled for: lanes, and slots of records
 
 Instant = namedtuple("Instant", "tick time_s part plan fixed wanted")
 """Where a loop is: tick, the time at its beginning (s), plant step within it, plan; what no

@@ -78,8 +78,7 @@ def zeroed(record: Any) -> Any:
     return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
 
 
-LINE, PLANE, SOLID, COUNTS = (0.0,), ((0.0,),), (((0.0,),),), (0,)
-"""Forms of arrays of floats with one to three axes, and of integers with one, see `borrowed`."""
+LINE, PLANE, SOLID, COUNTS = (0.0,), ((0.0,),), (((0.0,),),), (0,)  # float arrays, and integers
 
 
 def lent(loop: Callable[..., Any], arrays: Any) -> Any:

@@ -10,8 +10,7 @@ import numpy as np
 from benchtool.physics.expression import expression, loop_part, read_record, replaced, write_record
 from benchtool.physics.model import Model
 
-Rotors = namedtuple("Rotors", "speed_rad_s")
-"""Per disc, in flight per rotor: speed (rad/s)."""
+Rotors = namedtuple("Rotors", "speed_rad_s")  # per disc, in flight per rotor: speed (rad/s)
 
 Targets = namedtuple("Targets", "sent_rad_s old_rad_s new_rad_s")
 """Per disc, in flight per rotor: the speed commanded last, and those in force at the beginning

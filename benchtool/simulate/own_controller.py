@@ -10,8 +10,7 @@ from typing import Any
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, own_module, refuse_code
 
-Controllers = Iterable[str | type[Any]]
-"""Controllers: built-in names, the user's own as ``module:Class``, or their classes."""
+Controllers = Iterable[str | type[Any]]  # built-in names, ``module:Class``, or classes
 
 
 def split_controllers(

@@ -25,12 +25,10 @@ from benchtool.simulate.imperfections import (
 from benchtool.simulate.powertrain import Battery, MotorTicks, Powertrain
 from benchtool.simulate.truth import Place, TrueThrust, motor_lag_s, speed_change
 
-SLOW_HZ = 10.0
-"""Rate of ESC temperature readings; an assumption, telemetry of hobby ESCs is about as fast."""
+SLOW_HZ = 10.0  # rate of ESC temperature readings, as telemetry of hobby ESCs; assumed
 
 
-FIRST_TARE_S = 0.2
-"""A cell that has read nothing yet is given this long before its first tare."""
+FIRST_TARE_S = 0.2  # a cell that has read nothing yet is given this long before its first tare
 
 
 def channels_of(n_rotors: int) -> tuple[Channel, ...]:

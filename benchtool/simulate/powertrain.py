@@ -13,23 +13,14 @@ from benchtool.core.array import Array
 from benchtool.core.rig import Motor, Propulsion
 from benchtool.physics.motor import drawn_W, speed_near_plate, torque_per_speed
 
-HOLD_S = 0.05
-"""The voltage that sets the commanded speeds is held this long: shorter than any pack changes,
-and long enough to do the ticks in between at once."""
-
-STICTION_RAD_S = 1.0
-"""A motor without drive stands still below this speed; an assumption, far below any idle."""
-
-AMBIENT_DEGC = 22.0
-"""Room temperature at the start; an assumption."""
+HOLD_S = 0.05  # the voltage is held so long: shorter than packs change, many ticks at once
+STICTION_RAD_S = 1.0  # a motor without drive stands still below it; far below idle; assumed
+AMBIENT_DEGC = 22.0  # room temperature at the start; assumed
 
 
-SpeedChange = Callable[[Array, float, float], Array]
-"""change(speed (n,) rad/s, voltage V, time s) -> speed (n,): effects between pulse and speed."""
+SpeedChange = Callable[[Array, float, float], Array]  # change(speed (n,), voltage, time) -> speed
 
-DragFactor = Callable[[Array, int], Array]
-"""drag(speed (n,) rad/s, tick) -> drag torque over that far from any surface (n,), at that tick of
-the ticks that are advanced."""
+DragFactor = Callable[[Array, int], Array]  # drag(speed (n,), tick) -> torque ratio (n,)
 
 
 class MotorTicks(NamedTuple):
@@ -160,8 +151,7 @@ class Powertrain:
         return run
 
 
-COULOMB_PER_AH = 3600.0
-"""One ampere-hour in coulomb."""
+COULOMB_PER_AH = 3600.0  # one ampere-hour in coulomb
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,8 +13,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs, changed, items
 from benchtool.tasks import Cluster
 
-LONGEST_S = 3600.0
-"""Longest simulation; a choice."""
+LONGEST_S = 3600.0  # longest simulation; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,8 +16,7 @@ from benchtool.physics.fold import chained
 from benchtool.physics.model import Model
 from benchtool.simulate.powertrain import SpeedChange
 
-WELL_CLEAR = 4.0
-"""Plate distance over R beyond which no tilt or offset of a rig brings a disc near the limit."""
+WELL_CLEAR = 4.0  # z/R beyond which no tilt or offset of a rig brings a disc near the limit
 
 
 class Place(NamedTuple):

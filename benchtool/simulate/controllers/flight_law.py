@@ -37,8 +37,7 @@ from benchtool.simulate.controllers.pid import (
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
 from benchtool.simulate.gain_file import Gains
 
-FREE_M_S = 3.0
-"""Speed limit while a ramp leads the way, so that the ramp alone sets the pace; assumed."""
+FREE_M_S = 3.0  # speed limit while a ramp leads, so that the ramp sets the pace; assumed
 
 FlightNumbers = namedtuple(
     "FlightNumbers",
@@ -58,12 +57,11 @@ Attributes:
     mass_kg, gravity_m_s2: of the vehicle as it is known.
 """
 
-Wrench = namedtuple(
+Wrench = namedtuple(  # force in world axes (N) and torque in body axes (N m), or their momenta
     "Wrench",
     "force_x_N force_y_N force_z_N roll_Nm pitch_Nm yaw_Nm",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
-"""Force in world axes (N) and torque in body axes (N m), or their momenta."""
 
 HorizontalState = namedtuple("HorizontalState", "velocity_m_s integral_m_s2", defaults=(0.0, 0.0))
 """Of one horizontal axis: velocity command (m/s) and velocity integral (m/s2)."""

@@ -8,14 +8,13 @@ from benchtool.simulate.controllers.controller import ControlLaw
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.gain_file import Gains
 
-LAWS: tuple[ControlLaw, ...] = (pitch_law.LAW, flight_law.LAW)
-"""The built-in laws; one of one's own is added here."""
+LAWS: tuple[ControlLaw, ...] = (pitch_law.LAW, flight_law.LAW)  # built-in laws; add a new one here
 
 _HINGED, _FREE = (
     {law.name: law.title for law in LAWS if law.body == body and law.name != "pid"}
     for body in ("hinged", "free")
 )
-PITCH_CONTROLLERS = {
+PITCH_CONTROLLERS = {  # built-in controllers of the pitch bench with their titles
     "pid": pitch_law.LAW.title,
     "observer": "PID with the disturbance observer of eq. (12)",
     "feedforward": "PID with each rotor's thrust divided by the expected factor",
@@ -23,9 +22,8 @@ PITCH_CONTROLLERS = {
     **_HINGED,
     **{f"{name}+feedforward": f"{title}; with the feedforward" for name, title in _HINGED.items()},
 }
-"""The built-in controllers of the pitch bench by name, each with one line."""
 
-FLIGHT_CONTROLLERS = {
+FLIGHT_CONTROLLERS = {  # built-in controllers of a flight with their labels in figures
     "pid": flight_law.LAW.title,
     "observer": "PID + observer",
     "feedforward": "PID + feedforward",
@@ -33,7 +31,6 @@ FLIGHT_CONTROLLERS = {
     **_FREE,
     **{f"{name}+feedforward": f"{title} + feedforward" for name, title in _FREE.items()},
 }
-"""The built-in controllers of a flight by name, each as figures name it."""
 
 
 def law_of(controller: str, body: str) -> ControlLaw:

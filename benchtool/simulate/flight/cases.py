@@ -19,17 +19,10 @@ from benchtool.simulate.flight.flight import FlightCase, Goal, Gust
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
 
-OBSTACLE_X_M = (3.0, 5.0)
-"""Extent of the paper's obstacle (section 3.1)."""
-
-GYRO_NOISE_RAD_S = 0.015
-"""Paper, section 3.2: normal, standard deviation 0.015 rad/s."""
-
-GOAL_OVER_M, GOAL_EDGE_M = 7.0, 2.8
-"""Where case 1 and case 2 fly to (paper, section 3.1 and Fig. 11)."""
-
-GUST_DRAG_N_S_M = 0.35
-"""Drag of a small quadrotor against the air, assumed: 3.5 m/s tip it by five degrees."""
+OBSTACLE_X_M = (3.0, 5.0)  # extent of the paper's obstacle (section 3.1)
+GYRO_NOISE_RAD_S = 0.015  # paper, section 3.2: normal, standard deviation 0.015 rad/s
+GOAL_OVER_M, GOAL_EDGE_M = 7.0, 2.8  # goals of cases 1 and 2 (paper, section 3.1 and Fig. 11)
+GUST_DRAG_N_S_M = 0.35  # drag of a small quadrotor: 3.5 m/s tip it by five degrees; assumed
 
 
 def obstacle() -> Environment:
@@ -117,8 +110,7 @@ def _ramp(case: FlightCase, z_m: float, speed_m_s: float) -> FlightCase:
     )
 
 
-PLATE_S = (10.0, 10.5, 30.0, 30.5)
-"""When the plate is moved in and out again (as on the bench: from 10 s, until 30 s)."""
+PLATE_S = (10.0, 10.5, 30.0, 30.5)  # the plate moves in and out again, as on the bench
 
 
 def plate_under_front(radius_m: float, arm_m: float) -> Environment:

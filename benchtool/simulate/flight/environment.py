@@ -23,8 +23,7 @@ from benchtool.physics.expression import Slot
 from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
 from benchtool.simulate.layout import LINE, PLANE, SOLID
 
-ALWAYS = (-1e9, -1e9, 1e9, 1e9)
-"""Times of a block that never moves: begins to come, is there, begins to go, is gone: s."""
+ALWAYS = (-1e9, -1e9, 1e9, 1e9)  # s: begins to come, is there, begins to go, is gone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,8 +155,7 @@ BlockRow = namedtuple(
 come, is there, leaves and is gone, its slide, and the number of its surface.
 """
 
-BLOCK = Slot(0, BlockRow())
-"""One column of `Tables.blocks`."""
+BLOCK = Slot(0, BlockRow())  # one column of `Tables.blocks`
 
 MapNumbers = namedtuple(
     "MapNumbers",
@@ -168,8 +166,7 @@ MapNumbers = namedtuple(
 height of the floor (m, -inf without), and how many surfaces the blocks make.
 """
 
-MAP = Slot(0, MapNumbers())
-"""`Tables.numbers`."""
+MAP = Slot(0, MapNumbers())  # `Tables.numbers`
 
 Tables = namedtuple("Tables", "blocks seen numbers", defaults=(PLANE, SOLID, LINE))
 """Hold an environment as the compiled loop reads it.

@@ -52,14 +52,9 @@ DiscBelow = namedtuple(
 height over that (m); and the share that no surface covers yet.
 """
 
-DISC = Slot(0, DiscBelow())
-"""One column of the scratch of a look: a disc."""
-
-LEAST_SHARE = 1e-300
-"""Keeps a surface that is under no disc from dividing by nothing."""
-
-HEIGHT_OVER_NOTHING_M = 1.0
-"""Stands for the height of a disc that has no share in a surface, which makes it act on nothing."""
+DISC = Slot(0, DiscBelow())  # one column of the scratch of a look: a disc
+LEAST_SHARE = 1e-300  # keeps a surface that is under no disc from dividing by nothing
+HEIGHT_OVER_NOTHING_M = 1.0  # height of a disc without a share in a surface: no effect acts
 
 
 @loop_part

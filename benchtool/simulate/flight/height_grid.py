@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.errors import InputError
 
-SAMPLES = 199
-"""Points of a disc that are looked at: areas come out within about 1 %."""
+SAMPLES = 199  # points of a disc that are looked at: areas come out within about 1 %
 
 
 class DiscGrid(NamedTuple):

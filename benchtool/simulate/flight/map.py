@@ -35,8 +35,7 @@ from benchtool.data.csv_text import read_csv_text
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.height_grid import HeightGrid
 
-COLUMNS = ("x_m", "y_m", "height_m")
-"""Columns of a height grid's file."""
+COLUMNS = ("x_m", "y_m", "height_m")  # columns of a height grid's file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

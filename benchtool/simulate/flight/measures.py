@@ -9,14 +9,9 @@ import numpy as np
 from benchtool.core.array import Array
 from benchtool.simulate.flight.flight import Ending, Flight
 
-NEAR_M = 0.05
-"""A flight has arrived when it stays this near to its goal (notes, section 3.3)."""
-
-RETREAT_M = 0.03
-"""A retreat of more counts as one push-back (notes, section 3.3)."""
-
-LAST_S = 20.0
-"""Position limits are taken over this long at the end."""
+NEAR_M = 0.05  # a flight has arrived when it stays this near to its goal (notes, section 3.3)
+RETREAT_M = 0.03  # a retreat of more counts as one push-back (notes, section 3.3)
+LAST_S = 20.0  # position limits are taken over this long at the end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

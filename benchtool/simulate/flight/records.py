@@ -19,8 +19,7 @@ from benchtool.simulate.flight.rigid_body import FreeBody
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout, rows_in
 from benchtool.simulate.motors import Motion, Rotors, Targets
 
-GOING, STRUCK, LOST = 0.0, 1.0, 2.0
-"""How a flight stands: nothing in its way, touched something, numbers no longer finite."""
+GOING, STRUCK, LOST = 0.0, 1.0, 2.0  # nothing in the way; touched something; not finite
 
 Craft = namedtuple(
     "Craft",
@@ -60,27 +59,24 @@ MapUse = namedtuple("MapUse", "strength from_s whole read", defaults=(0.0, 0.0, 
 whether a rotor's centre is over something, and 1 where it is read at all.
 """
 
-FlightTick = namedtuple(
+FlightTick = namedtuple(  # one column of the schedule: setpoint and current goal (m)
     "FlightTick",
     "reference goal_x_m goal_y_m goal_z_m",
     defaults=(FlightReference(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0),
 )
-"""One column of the schedule: what is wanted, and the goal that holds (m)."""
 
-GustRow = namedtuple(
+GustRow = namedtuple(  # gust of 1 - cos shape: start (s), duration (s), peak velocity (m/s)
     "GustRow",
     "from_s length_s wind_x_m_s wind_y_m_s wind_z_m_s",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0),
 )
-"""A gust of 1 - cos shape: from when (s), how long (s), and its peak velocity (m/s)."""
 
 GyroNoise = namedtuple("GyroNoise", "p_rad_s q_rad_s r_rad_s", defaults=(0.0, 0.0, 0.0))
 """What is added to the gyro's reading in a control period: rad/s."""
 
-FlightOutcome = namedtuple(
+FlightOutcome = namedtuple(  # state, plant steps with a held height, least height over anything (m)
     "FlightOutcome", "ending held_steps nearest_m", defaults=(GOING, 0.0, float("inf"))
 )
-"""How a flight stands, plant steps with a height held, least height over anything (m)."""
 
 GroundTorque = namedtuple("GroundTorque", "roll_Nm pitch_Nm", defaults=(0.0, 0.0))
 """Torques of the thrust that surfaces below add, for the log: N m."""
@@ -88,12 +84,11 @@ GroundTorque = namedtuple("GroundTorque", "roll_Nm pitch_Nm", defaults=(0.0, 0.0
 TICK, GUST, NOISE = Slot(0, FlightTick()), Slot(0, GustRow()), Slot(0, GyroNoise())
 
 
-FlightPlaces = namedtuple(
+FlightPlaces = namedtuple(  # slots of all records in the block
     "FlightPlaces",
     "body rotors targets measured wanted command law_state below expected ground outcome craft "
     "chart motion law effects nothing",
 )
-"""Where every record stands in the block."""
 
 
 class FlightArrays(NamedTuple):

@@ -17,12 +17,8 @@ from typing import Any
 
 from benchtool.physics.expression import expression, loop_part
 
-GRAVITY_M_S2 = 9.81
-"""Standard gravity rounded as in the notes' prototype: m/s2."""
-
-SMALL_TURN = 1e-4
-"""Square of half a step's turn (rad2) below which the series of sine and cosine in `drift` are
-exact to rounding: the first term left out is 2e-16."""
+GRAVITY_M_S2 = 9.81  # standard gravity rounded as in the notes' prototype: m/s2
+SMALL_TURN = 1e-4  # rad2; below it the series in `drift` are exact to rounding (2e-16)
 
 FreeBody = namedtuple(
     "FreeBody",

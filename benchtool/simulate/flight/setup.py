@@ -23,14 +23,9 @@ VEHICLE_NUMBERS = (
 )  # fmt: skip
 MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
 GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
-CONTROL_HZ = (1.0, 1e5)
-"""Rates of control: from slower than any to a thousandfold of an autopilot's (a guess)."""
-
-FARTHEST_M = 1000.0
-"""Farthest goal and offset of a map. A choice."""
-
-USUAL_STEP_S, LEAST_STEP_S = 0.001, 1e-6
-"""Longest step of the plant unless another is asked for, and the least that can be."""
+CONTROL_HZ = (1.0, 1e5)  # rates of control: up to a thousandfold of an autopilot's; assumed
+FARTHEST_M = 1000.0  # farthest goal and offset of a map; assumed
+USUAL_STEP_S, LEAST_STEP_S = 0.001, 1e-6  # default and least plant step
 
 CHANGEABLE = (*FLIGHT_NUMBERS, *VEHICLE_NUMBERS, *MAP_OFFSETS, *GAIN_TABLES)
 """What can be set or varied; and every single gain, as gains.attitude.k_q_per_s."""

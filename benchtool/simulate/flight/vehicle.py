@@ -25,8 +25,7 @@ from benchtool.simulate.ranges import refuse_outside
 SHORT_NAMES = {"K_b": "K_b", "neighbours": f"{NEIGHBOURS.name}.strength", "lag_s": "tau_s"}
 """What a flight calls some effects' numbers, and their own names."""
 
-RULES = ("wake_rule", "tilt_rule", "body_distance")
-"""Readings of the paper that a vehicle's model chooses by name."""
+RULES = ("wake_rule", "tilt_rule", "body_distance")  # readings of the paper that a model chooses
 
 RANGES = {
     "K_b": (0.0, 50.0),

@@ -15,19 +15,10 @@ from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import NEAR_M
 from benchtool.simulate.flight.study import Flown, name_of
 
-OF_THE_TIME = 0.8
-"""Share of a flight that its way may take at the asked speed, assumed: what is left is to come to
-rest."""
-
-BODY_REACH = 1.0
-"""How far hub and undercarriage reach below the rotors, in rotor radii, where nobody says: a guess
-for the warning alone."""
-
-FARTHEST_OFF_M, LARGEST_TILT_DEG, FASTEST_M_S = 10.0, 75.0, 30.0
-"""Off the height asked for, tilt, speed: beyond any of these no such vehicle flies (a guess)."""
-
-NO_EFFECT = 0.001
-"""A share of thrust too small to see: below it, what is below acts on nothing."""
+OF_THE_TIME = 0.8  # share of a flight for the way at the requested speed; the rest: stop; assumed
+BODY_REACH = 1.0  # depth of hub and undercarriage in rotor radii, for the warning alone; assumed
+FARTHEST_OFF_M, LARGEST_TILT_DEG, FASTEST_M_S = 10.0, 75.0, 30.0  # no such vehicle flies; assumed
+NO_EFFECT = 0.001  # a share of thrust too small to see: below it, what is below acts on nothing
 
 
 def too_short(case: FlightCase) -> str:

@@ -11,11 +11,8 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
 from benchtool.physics.model import Model
 
-GRAVITY_M_S2 = 9.81
-"""Acceleration of free fall, as the pitch bench's owner rounds it."""
-
-STEPS_PER_LAG = 2.0
-"""Least number of plant steps within the fastest lag; below, a step is refused as too large."""
+GRAVITY_M_S2 = 9.81  # acceleration of free fall, as the pitch bench's owner rounds it
+STEPS_PER_LAG = 2.0  # least number of plant steps within the fastest lag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,8 +34,7 @@ class PitchSensor:
     delay_s: float = 0.0
 
 
-SENSOR_NAMES = ("theta_rad", "gyro_rad_s", "plate_z_m", "rpm")
-"""Sensors of a pitch bench, in the order of the loop."""
+SENSOR_NAMES = ("theta_rad", "gyro_rad_s", "plate_z_m", "rpm")  # in the order of the loop
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,11 +21,8 @@ from benchtool.simulate.pitch.filter_ticks import FREE, RESTART, FilterGains, Lo
 from benchtool.simulate.pitch.records import Setpoint
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
-PARKED_FROM_M = 0.95 * PARKED_M
-"""Plate readings from here on count as parked: a noisy reading of 1.0 is no plate."""
-
-LANES = (1, 8, 32)
-"""Numbers of lanes that loops are compiled for; a loop takes the next larger one."""
+PARKED_FROM_M = 0.95 * PARKED_M  # greater readings are parked: a noisy 1.0 is no plate
+LANES = (1, 8, 32)  # numbers of lanes that loops are compiled for; a loop takes the next larger one
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

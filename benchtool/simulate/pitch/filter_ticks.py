@@ -15,8 +15,7 @@ from benchtool.physics.expression import Slot, loop_part, read_record, replaced,
 from benchtool.simulate.motors import Rotors
 from benchtool.simulate.pitch.records import Hinge, SensorReadings, Setpoint
 
-FREE, CORRECT, RESTART = range(3)
-"""What to do with a tick: run on without its readings, correct by them, begin anew from them."""
+FREE, CORRECT, RESTART = range(3)  # run on without readings, correct by them, restart from them
 
 LoggedTick = namedtuple("LoggedTick", "setpoint pwm_us mode theta_rad gyro_rad_s speed_rad_s")
 """One column of a log: what holds of a schedule (`records.Tick`); what to do with the tick, and

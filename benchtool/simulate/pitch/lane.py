@@ -20,8 +20,7 @@ from benchtool.simulate.noise import next_state, normal
 from benchtool.simulate.pitch.records import Hinge, SensorReadings
 from benchtool.simulate.trigonometry import cosine, sine
 
-SMALLEST = 1e-300
-"""Keeps a hinge without friction from dividing nothing by nothing."""
+SMALLEST = 1e-300  # keeps a hinge without friction from dividing nothing by nothing
 
 
 @expression

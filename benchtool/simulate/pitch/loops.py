@@ -41,8 +41,7 @@ from benchtool.simulate.pitch.records import (
     tick_slot,
 )
 
-LAST = PAST - 1
-"""Picks the place of a tick among `PAST`."""
+LAST = PAST - 1  # picks the place of a tick among `PAST`
 
 PitchLoops = namedtuple("PitchLoops", "run filter")
 """Hold compiled loops: run(arrays, plan, first, last), with the arrays as `layout.lent`, and

@@ -19,8 +19,7 @@ from benchtool.simulate.motors import motion_of
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, SENSOR_NAMES, PitchBench, PitchSensor
 
-MAX_DISCS = 8
-"""What a loop takes: beyond, it compiles for minutes."""
+MAX_DISCS = 8  # what a loop takes: beyond, it compiles for minutes
 
 
 def rules_of(model: Model) -> ImageRules:

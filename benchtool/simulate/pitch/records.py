@@ -16,8 +16,7 @@ from benchtool.physics.expression import Slot
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout
 from benchtool.simulate.motors import Motion, Rotors, Targets
 
-PAST = 64
-"""Control ticks that delayed sensors may look back; a power of two, see `loops.LAST`."""
+PAST = 64  # control ticks that delayed sensors may look back; a power of two, see `loops.LAST`
 
 Hinge = namedtuple(
     "Hinge",
@@ -57,17 +56,15 @@ PulseMap = namedtuple("PulseMap", "slope_rad_s_per_us start_us", defaults=(0.0, 
 """From pulse width to speed: rad/s per us, and the pulse at which a rotor starts (us)."""
 
 PulseLimits = namedtuple("PulseLimits", "least_us most_us quantum_us", defaults=(0.0, 0.0, 0.0))
-"""What the motors take: us."""
 
 SensorErrors = namedtuple("SensorErrors", "noise bias quantum", defaults=(0.0, 0.0, 0.0))
 """Standard deviation of one reading, bias and quantum."""
 
-Sensors = namedtuple(
+Sensors = namedtuple(  # all sensors of a pitch bench
     "Sensors",
     "theta gyro plate speed",
     defaults=(SensorErrors(), SensorErrors(), SensorErrors(), SensorErrors()),
 )
-"""All sensors of a pitch bench."""
 
 Nominal = namedtuple("Nominal", "k radius_m pulses strength", defaults=(0.0, 0.0, PulseMap(), 0.0))
 """What mixer and feedforward take for true: k, effective radius, the map of pulses, and how
@@ -87,15 +84,12 @@ Attributes:
     pwm_us: of each disc, where a log drives the bench.
 """
 
-Fresh = namedtuple("Fresh", "theta gyro plate speed", defaults=(0.0, 0.0, 0.0, 0.0))
-"""Which sensors have a new reading at a tick."""
-
-PitchPlaces = namedtuple(
+Fresh = namedtuple("Fresh", "theta gyro plate speed", defaults=(0.0, 0.0, 0.0, 0.0))  # new readings
+PitchPlaces = namedtuple(  # slots of all records in the block of a bench
     "PitchPlaces",
     "hinge rotors targets delayed readings setpoint command law_state body pulses limits motion "
     "sensors nominal law effects nominal_effects nothing",
 )
-"""Where every record stands in the block of a bench with so many discs and effects."""
 
 
 @lru_cache(maxsize=64)

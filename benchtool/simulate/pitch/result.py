@@ -13,7 +13,7 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PARKED_M
 
-COLUMNS = {
+COLUMNS = {  # first columns of a log, with the records' fields that they show
     "reference_rad": "setpoint.reference_rad",
     "theta_rad": "readings.theta_rad",
     "gyro_rad_s": "readings.gyro_rad_s",
@@ -25,10 +25,8 @@ COLUMNS = {
     "true_theta_rad": "hinge.theta_rad",
     "true_rate_rad_s": "hinge.rate_rad_s",
 }
-"""Columns of a log before those of the discs, with the records' fields that they hold."""
 
-LOGGED = (*COLUMNS.values(), "command.pwm_us", "readings.speed_rad_s")
-"""Records' fields that a run logs."""
+LOGGED = (*COLUMNS.values(), "command.pwm_us", "readings.speed_rad_s")  # fields of a run's log
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -115,11 +113,8 @@ class PlateNumbers:
     rebound_rad: float
 
 
-BAND = 0.2
-"""Settling band as a share of the peak."""
-
-QUIET_FACTOR = 5.0
-"""A peak below this many quiet standard deviations counts as noise; an assumption."""
+BAND = 0.2  # settling band as a share of the peak
+QUIET_FACTOR = 5.0  # a peak below this many quiet standard deviations is noise; assumed
 
 
 def plate_numbers(run: PitchRun, in_s: float, out_s: float, move_s: float) -> PlateNumbers:

@@ -24,14 +24,9 @@ from benchtool.simulate.ranges import refuse_outside
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 GAIN_TABLES = ("attitude", "observer")
-FASTEST_PLANT_HZ = 1e5
-"""A hundred times the usual rate, so that a slip of the keys does not run for hours. A choice."""
-
-SLOWEST_CONTROL_HZ = 1.0
-"""Slower than any controller of an attitude (a guess)."""
-
-LEAST_LAG_S = STEPS_PER_LAG / FASTEST_PLANT_HZ
-"""The quickest motor that the fastest plant can follow."""
+FASTEST_PLANT_HZ = 1e5  # a hundred times the default; rejects typing errors; assumed
+SLOWEST_CONTROL_HZ = 1.0  # slower than any controller of an attitude; assumed
+LEAST_LAG_S = STEPS_PER_LAG / FASTEST_PLANT_HZ  # the quickest motor that this plant follows
 
 FEEDFORWARD_NUMBERS = {
     "strength": (0.0, 10.0), "height_error_m": (-10.0, 10.0), "late_s": (-3600.0, 3600.0),
@@ -77,8 +72,7 @@ class PitchSetup:
         return rate_Hz
 
 
-PITCH_RIG = "pquad"
-"""The rig on the hinge where neither a rig nor a model is named: the paper's."""
+PITCH_RIG = "pquad"  # the rig on the hinge where neither a rig nor a model is named: the paper's
 
 
 def pitch_setup(
