@@ -16,8 +16,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.data.run.state import recall, remember
 
-CONFIRMATION = "ARM"
-"""What the operator types."""
+CONFIRMATION = "ARM"  # what the operator types
 
 
 def arming_text(plan: Plan, rig: Rig, expected: Expected) -> str:

@@ -24,20 +24,15 @@ def read_span(bench: Bench, seconds: float, step_s: float = 0.1) -> Array:
     return np.concatenate(parts)
 
 
-CUTOFF_SD = 5.0
-"""Samples this many standard deviations from the median are outliers: one normal sample in 1.7
-million. A choice; missed and doubled counts lie hundreds away."""
-
-FEWEST_JUDGED = 8
-"""Among fewer samples none is an outlier; a choice."""
+CUTOFF_SD = 5.0  # from the median; 1 normal sample in 1.7 million is an outlier; assumed
+FEWEST_JUDGED = 8  # among fewer samples none is an outlier; assumed
 
 MOST_REJECTED = 0.05
 """Largest share of outliers. Where more samples lie apart they belong to the distribution (a rotor
 that hunts between two speeds) or the sensor is bad: none is left out, and the point is marked. A
 choice: a tachometer that misses one count in twenty needs mending."""
 
-COARSE = 0.05
-"""Largest step of a sensor's own resolution, as a share of its reading; a choice."""
+COARSE = 0.05  # largest step of a sensor's own resolution, as a share of its reading; assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,18 +156,10 @@ def statistical_inefficiency(values: Array) -> float:
     return float(np.clip(2.0 * positive.sum() - 1.0, 1.0, n))
 
 
-LINE = 11.0
-"""Power of a frequency, over the noise about it, from which it is a vibration: one frequency of
-normal noise in 60,000 has as much. A choice."""
-
-NEIGHBOURS = 10
-"""Frequencies to either side whose median power is that of the noise; a choice."""
-
-LEAKED = 2
-"""Frequencies to either side that a line reaches with a part of its power; a choice."""
-
-SLOWEST = 4
-"""Cycles in the samples below which a line is drift as well; a choice."""
+LINE = 11.0  # power over the noise of a vibration: 1 in 60,000 for normal noise; assumed
+NEIGHBOURS = 10  # frequencies to either side whose median power is that of the noise; assumed
+LEAKED = 2  # frequencies to either side that a line reaches with a part of its power; assumed
+SLOWEST = 4  # cycles in the samples below which a line is drift as well; assumed
 
 
 def without_lines(values: Array) -> tuple[Array, float]:
@@ -201,8 +188,7 @@ def without_lines(values: Array) -> tuple[Array, float]:
     return np.fft.irfft(spectrum, n), sqrt(float(share.sum()))
 
 
-FEWEST_SAMPLES = 8
-"""A line through fewer samples says nothing about settling; a choice."""
+FEWEST_SAMPLES = 8  # a line through fewer samples says nothing about settling; assumed
 
 
 @dataclass(frozen=True, slots=True)

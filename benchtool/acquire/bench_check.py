@@ -17,27 +17,20 @@ from benchtool.bench.mavlink.settings import MotorMap
 from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig import Rig
 
-ARMING_S = 2.0
-"""Hold of the stop pulse that hobby ESCs take as arming: 1 to 2 s by their manuals."""
-
-LOW_SHARE = 0.15
-"""Share of the pulse range of the low-throttle test; a choice: well above the start pulse, a
-fiftieth of full thrust."""
+ARMING_S = 2.0  # hold of the stop pulse that hobby ESCs take as arming: 1 to 2 s by their manuals
+LOW_SHARE = 0.15  # of the pulse range: above the start, a fiftieth of full thrust; assumed
 
 SPIN_S = 1.5
 LOOK_S = 1.0
 
-SPEED_BAND = (0.65, 1.5)
-"""Measured over expected speed that passes: packs from empty to full and a rough pwm map. A wrong
-pole count (a factor of 2 or more) does not."""
+SPEED_BAND = (0.65, 1.5)  # measured over expected; a wrong pole count is a factor of 2; assumed
 
 THRUST_FACTOR = 2.0
 """Measured over expected thrust, or its inverse, that passes at the speed that was read: static
 thrust coefficients lie within 1.5 of each other (UIUC Propeller Database), and a cell in grams for
 newtons, or a rotor of another size, is beyond. A choice."""
 
-SAME_US = 3.0
-"""Rounding of pulses on their way to an output; a choice."""
+SAME_US = 3.0  # rounding of pulses on their way to an output; assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,11 +184,8 @@ def _is_rpm(name: str) -> bool:
     return name.rstrip("0123456789") == "rpm"
 
 
-TURN_S = 1.2
-"""A motor turns so long: rotors have started, and a dead speed channel has not ended it yet."""
-
-REST_S = 1.0
-"""Between two motors: the one before must stand, so that only one ESC reports a speed."""
+TURN_S = 1.2  # time of a motor's turn: rotors have started, no dead speed channel ended it
+REST_S = 1.0  # between two motors: the one before must stand, so that only one ESC reports a speed
 
 STEP_S = 0.05
 

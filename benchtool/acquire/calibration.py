@@ -25,9 +25,7 @@ from benchtool.data.calibration import (
 )
 from benchtool.data.run.state import recall, state_file
 
-WORST_STRAIGHTNESS = 0.02
-"""Share of full scale that a residual may reach; beyond it a line does not describe the cell. A
-choice: load cells are rated near 0.0005, and 0.02 is a loose screw or a wrong mass."""
+WORST_STRAIGHTNESS = 0.02  # residual over full scale; cells are rated 0.0005; assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,8 +340,7 @@ def calibration_for(option: str | None, identity: Identity) -> Calibration | Non
     return calibration_from(latest, str(state_file("calibration", identity.device_id)))
 
 
-WAITED_S = 0.5
-"""Samples older than the mass: thrown away after the operator's answer; a choice."""
+WAITED_S = 0.5  # samples older than the mass: thrown away after the operator's answer; assumed
 
 
 def require_raw_counts(bench: Bench) -> int:

@@ -17,11 +17,8 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.rotor import speed_from_pwm
 
-LONGEST_S = 48.0 * 3600.0
-"""A plan that lasts longer is taken for a typing error; a choice."""
-
-BODY_LIFT_K = 2.0
-"""K_b of the expected thrust: "close to 2" (paper, section 2.2)."""
+LONGEST_S = 48.0 * 3600.0  # a plan that lasts longer is taken for a typing error; assumed
+BODY_LIFT_K = 2.0  # K_b of the expected thrust: "close to 2" (paper, section 2.2)
 
 
 @dataclass(frozen=True, slots=True)

@@ -125,11 +125,10 @@ class Weighing(Inputs):
     ] = ""
 
 
-BENCH_KEYS: tuple[str, ...] = (
+BENCH_KEYS: tuple[str, ...] = (  # limits that a rig must state before its motors turn
     "limits.load_cell_rating_N",
     *(f"propulsion.pwm_{name}_us" for name in ("stop", "start", "max")),
 )
-"""What a rig must state before its motors turn; a typical number would be a guess at a limit."""
 
 
 def rig_for(address: str, named: str | None) -> Rig:

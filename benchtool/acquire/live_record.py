@@ -29,11 +29,8 @@ from benchtool.core.rig import Rig
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.run import Run
 
-READ_S = 0.02
-"""Longest read between two looks at the hand on the throttle."""
-
-LOOK_S = 0.1
-"""How often settling is tested; a choice, as in a sweep."""
+READ_S = 0.02  # longest read between two looks at the hand on the throttle
+LOOK_S = 0.1  # how often settling is tested; assumed, as in a sweep
 
 
 def live_plan(name: str, rig: Rig) -> Plan:

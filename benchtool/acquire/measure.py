@@ -16,9 +16,7 @@ from benchtool.core.rig import Sensor
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.points import Point, averaged_channels
 
-SLOWEST_BEAT = 1.0
-"""Cycles of a vibration in the samples of a point, below which it is not told from thrust; a
-choice: a mean over one whole cycle holds nothing of it."""
+SLOWEST_BEAT = 1.0  # least cycles of a vibration in a point, to tell it from thrust; assumed
 
 
 def aliased(rpm: float, time_s: Array) -> str:

@@ -18,17 +18,10 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.run.points import Point
 
-RAMP_STEP_S = 0.05
-"""Time between two pulses of a ramp; a choice, well inside the device's watchdog of 0.25 s."""
-
-RAMP_DOWN_S = 0.8
-"""A normal end ramps down in so long; at most 1 s is allowed."""
-
-TAIL_S = 0.5
-"""After an early stop the run records so long how pulses and speeds fall; a choice."""
-
-STANDSTILL_RPM = 30.0
-"""Below this a rotor stands still: tachometers flicker by a revolution or two; a choice."""
+RAMP_STEP_S = 0.05  # between two pulses; far below the device's watchdog of 0.25 s; assumed
+RAMP_DOWN_S = 0.8  # a normal end ramps down in so long; at most 1 s is allowed
+TAIL_S = 0.5  # after an early stop the run records so long how pulses and speeds fall; assumed
+STANDSTILL_RPM = 30.0  # a slower rotor stands still; tachometers flicker by 1 or 2; assumed
 
 
 class Motors:
@@ -171,8 +164,7 @@ def _stop_at_once(
     return recorder.rescue(error)
 
 
-LOOK_S = 1.0
-"""Span over which temperature and voltage are averaged; a choice."""
+LOOK_S = 1.0  # span over which temperature and voltage are averaged; assumed
 
 
 def rest_if_needed(recorder: Recorder, motors: Motors, plan: RestPart, last: Point | None) -> None:

@@ -16,8 +16,7 @@ from benchtool.core.errors import BenchtoolError, InputError, RunStopped
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
 
-LOOK_S = 0.05
-"""A bench is read so often while an answer is waited for."""
+LOOK_S = 0.05  # a bench is read so often while an answer is waited for
 
 
 class Operator(Protocol):

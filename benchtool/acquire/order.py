@@ -14,8 +14,7 @@ from benchtool.acquire.plan import Plan
 from benchtool.core.errors import PlanError
 from benchtool.core.rig import Rig
 
-MOST_VISITS = 100_000
-"""More take weeks. A choice."""
+MOST_VISITS = 100_000  # more take weeks; assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,11 +134,8 @@ def _stays(plan: Plan, settings: tuple[Setting, ...]) -> Iterator[tuple[int, lis
             yield repeat, stay
 
 
-SETTLE_WINDOWS = 1.4
-"""Windows that settling takes as a rule; measured on the virtual bench."""
-
-STOP_S = 1.5
-"""Time for rotors to stand still before the plate moves; an assumption, watched on every move."""
+SETTLE_WINDOWS = 1.4  # windows that settling takes as a rule; measured on the virtual bench
+STOP_S = 1.5  # time for rotors to stop before the plate moves; checked on every move; assumed
 
 
 def visit_s(plan: Plan) -> float:

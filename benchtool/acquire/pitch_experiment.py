@@ -11,20 +11,11 @@ from benchtool.bench.bench import Identity
 from benchtool.core.errors import InputError, PlanError
 from benchtool.core.rig import Rig
 
-GRAVITY_M_S2 = 9.81
-"""As the simulated pitch bench rounds it."""
-
-LONGEST_S = 3600.0
-"""A longer recording is taken for a typing error; a choice."""
-
-PITCH_LIMIT_RAD = radians(45.0)
-"""The host stops beyond this angle where nothing else is given; a choice, as that of the device."""
-
-RATE_LIMIT_RAD_S = 10.0
-"""The host stops beyond this rate; a choice, as that of the device."""
-
-NEEDED = ("theta_rad", "gyro_rad_s")
-"""Channels that every pitch bench streams."""
+GRAVITY_M_S2 = 9.81  # as the simulated pitch bench rounds it
+LONGEST_S = 3600.0  # a longer recording is taken for a typing error; assumed
+PITCH_LIMIT_RAD = radians(45.0)  # default limit of the host, as of the device; assumed
+RATE_LIMIT_RAD_S = 10.0  # the host stops beyond this rate; assumed, as that of the device
+NEEDED = ("theta_rad", "gyro_rad_s")  # channels that every pitch bench streams
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

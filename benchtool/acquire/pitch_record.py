@@ -19,11 +19,8 @@ from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
 
-RAMP_UP_S = 0.5
-"""From idle to the collective in so long; a choice, ten times the lag of a motor."""
-
-PART_S = 1.0
-"""Samples are summed up and forced to the disk so often; a choice."""
+RAMP_UP_S = 0.5  # from idle to the collective in so long; assumed, ten times the lag of a motor
+PART_S = 1.0  # samples are summed up and forced to the disk so often; assumed
 
 
 @dataclass(slots=True)

@@ -21,31 +21,21 @@ if TYPE_CHECKING:
 
 Positive = Annotated[float, Gt(0.0), Le(1e6)]
 NotNegative = Annotated[float, Ge(0.0), Le(1e6)]
-Seconds = Annotated[float, Gt(0.0), Le(3600.0)]
-"""An hour at most: nothing that a visit waits for or averages over takes longer. A choice."""
+Seconds = Annotated[float, Gt(0.0), Le(3600.0)]  # no wait or average takes longer; assumed
 
 Distance = Annotated[float, Gt(0.0), Le(1000.0)]
 Offset = Annotated[float, Ge(-1000.0), Le(1000.0)]
-Tilt = Annotated[float, Ge(-89.0), Le(89.0)]
-"""A plate on edge is none; the minimum distance allows far less. A choice."""
+Tilt = Annotated[float, Ge(-89.0), Le(89.0)]  # the minimum distance allows far less; assumed
 
 Pulse = Annotated[float, Gt(0.0), Le(1e4)]
-MOST_LISTED = 1000
-"""Most distances, tilts, offsets or levels of a plan. A choice."""
+MOST_LISTED = 1000  # most distances, tilts, offsets or levels of a plan; assumed
 
 Distances = Annotated[tuple[Distance, ...], Len(0, MOST_LISTED)]
 
-THROTTLE_TESTS = ("steps", "ramp", "response", "endurance")
-"""Shipped plans without a plate."""
-
-REPEATS_SINGLE = 9
-"""Tests per distance with one rotor on (paper, section 2.1)."""
-
-REPEATS_SEVERAL = 5
-"""Tests per distance with the full multirotor (paper, section 2.2)."""
-
-STANDARD_PERCENT = (40.0, 60.0)
-"""Throttle levels of a plan that names none; a choice."""
+THROTTLE_TESTS = ("steps", "ramp", "response", "endurance")  # shipped plans without a plate
+REPEATS_SINGLE = 9  # tests per distance with one rotor on (paper, section 2.1)
+REPEATS_SEVERAL = 5  # tests per distance with the full multirotor (paper, section 2.2)
+STANDARD_PERCENT = (40.0, 60.0)  # throttle levels of a plan that names none; assumed
 
 STANDARD_DISTANCES_OVER_R = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 """Distances of a plan that names none; a choice: dense where the increment is steep."""

@@ -21,8 +21,7 @@ from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
 
-STEP_S = 0.1
-"""Longest wait for samples in one read; limits and signals are seen at least as often."""
+STEP_S = 0.1  # longest wait for samples in one read; limits and signals are seen at least as often
 
 
 @dataclass(slots=True)
@@ -204,8 +203,7 @@ class RunProgress:
         return []
 
 
-QUIET = frozenset({"device"})
-"""Events that stand in events.jsonl but are not shown."""
+QUIET = frozenset({"device"})  # events that stand in events.jsonl but are not shown
 
 
 class ProgressLines(RunProgress):

@@ -22,8 +22,7 @@ from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 
-BREAK_S = 1.0
-"""Time of the run that stands for the break, however long it was; the event states the real one."""
+BREAK_S = 1.0  # run time that a break counts as; the event has the real one
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,15 +31,9 @@ from benchtool.data.calibration import Calibration, age_text
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 
-SETTLE_CHECK_S = 0.1
-"""How often settling is tested; a choice, a tenth of the usual window."""
-
-TRIES = 3
-"""A visit whose samples are too few, late or frozen is measured so often; a choice: a link that
-stumbles fails one, a bad link all."""
-
-CALM_S = 0.2
-"""Time for a plate that has just arrived to come to rest; a choice."""
+SETTLE_CHECK_S = 0.1  # how often settling is tested; assumed, a tenth of the usual window
+TRIES = 3  # measurements of a visit with too few, late or frozen samples; assumed
+CALM_S = 0.2  # time for a plate that has just arrived to come to rest; assumed
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,7 @@ from benchtool.core.errors import BenchError
 from benchtool.core.rig import Rig
 from benchtool.data.run.points import Point
 
-TRIES = 3
-"""Tares before the sweep gives up; a choice: a gust fails one, a loose cell fails all."""
+TRIES = 3  # tares before the sweep gives up; a choice: a gust fails one, a loose cell fails all
 
 
 @dataclass(frozen=True, slots=True)

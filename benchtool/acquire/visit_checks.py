@@ -15,21 +15,11 @@ from benchtool.core.channel import family_of
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor
 
-FROZEN_S, FROZEN_VALUES = 1.0, 20
-"""A channel that repeats one number for so long and so often may be frozen. Choices."""
-
-CHANCE = 1e-9
-"""Chance of a repetition by the noise that the rig states, below which it is frozen; a choice."""
-
-MOVED = 0.05
-"""Change of thrust over the sum of the squared speeds within a visit that neither drift nor a
-settling rotor makes; a choice."""
-
-LAG_S = 1.0
-"""Load cells show a new thrust so long after the pulse; a choice: twice the lag of slow ones."""
-
-LATE_PERIODS = 3.0
-"""A value may be so many of its channel's periods old; a choice."""
+FROZEN_S, FROZEN_VALUES = 1.0, 20  # a channel that repeats one number so long and often; assumed
+CHANCE = 1e-9  # probability of a repetition by noise, below which it is frozen; assumed
+MOVED = 0.05  # change of thrust per squared speed within a visit; drift makes less; assumed
+LAG_S = 1.0  # of a load cell behind the pulse: twice that of slow ones; assumed
+LATE_PERIODS = 3.0  # a value may be so many of its channel's periods old; assumed
 
 
 def needs(name: str) -> bool:
@@ -158,8 +148,7 @@ def _mean(values: Array) -> float:
     return float(present.mean()) if len(present) else nan
 
 
-LOOK_EVERY_S, LOOK_BACK_S = 0.25, 30.0
-"""Samples are looked at so often, and so many seconds of them. Choices."""
+LOOK_EVERY_S, LOOK_BACK_S = 0.25, 30.0  # interval of looks at samples, and their span; assumed
 
 
 class VisitWatch:
