@@ -11,8 +11,7 @@ from annotated_types import Ge, Le
 from benchtool.core.inputs import Input, Inputs
 
 STANDARD_DEGC, STANDARD_PA = 15.0, 101_325.0
-STANDARD_DENSITY_KG_M3 = 1.225
-"""Of dry air at those (ISO 2533)."""
+STANDARD_DENSITY_KG_M3 = 1.225  # of dry air at those (ISO 2533)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.units import unit_named
 
-CHANNELS: dict[str, str] = {
+CHANNELS: dict[str, str] = {  # every channel that a table can be mapped to; # is a rotor's number
     "time_s": "time since the recording began",
     "device_time_us": "the device's own counter",
     "elapsed_s": "time since the last tare",
@@ -73,7 +73,6 @@ CHANNELS: dict[str, str] = {
     "servo#_us": "pulse width of a servo",
     "motor#_share": "commanded throttle of a motor, 0 to 1",
 }
-"""Every channel that a table can be mapped to, in words; # stands for a rotor's number."""
 
 
 _SUFFIXES: dict[str, str] = {

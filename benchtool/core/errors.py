@@ -40,8 +40,7 @@ from collections.abc import Iterable, Sequence
 from math import inf
 from typing import Any
 
-MOST_SHOWN = 60
-"""Most names that a message lists, and most letters of a name that it repeats. A choice."""
+MOST_SHOWN = 60  # most names in a message, and most letters of a repeated name; assumed
 
 
 def _listed(names: Sequence[str]) -> str:

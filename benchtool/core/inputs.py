@@ -41,11 +41,8 @@ from benchtool.core.toml_text import FiniteTable, RefusedValue, check_value
 
 T = TypeVar("T")
 
-Source = Literal["option", "keyword", "label"]
-"""Where values come from: the command line, a call from Python, a form."""
-
-LARGEST = 1e300
-"""Beyond it a whole number cannot be written as others are."""
+Source = Literal["option", "keyword", "label"]  # command line, a call from Python, a form
+LARGEST = 1e300  # beyond it a whole number cannot be written as others are
 
 _OF_RANGE = (
     "greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number",
@@ -85,8 +82,7 @@ class Input:
     group: str = ""
 
 
-NO_INPUT = Input("")
-"""Of a field that only a file may give."""
+NO_INPUT = Input("")  # of a field that only a file may give
 
 
 class Inputs(FiniteTable):
@@ -98,8 +94,7 @@ class Inputs(FiniteTable):
 
     __slots__ = ()
 
-    TITLE: ClassVar[str] = ""
-    """Heading of help over the inputs of this dataclass."""
+    TITLE: ClassVar[str] = ""  # heading of help over the inputs of this dataclass
 
     def __post_init__(self) -> None:
         own: Any = type(self)

@@ -12,8 +12,7 @@ from types import ModuleType
 
 from benchtool.core.errors import InputError
 
-CodePermit = Callable[[str], None]
-"""Called with the file that is about to be run; raises where it may not be."""
+CodePermit = Callable[[str], None]  # called with a file before it runs; raises to forbid it
 
 
 def refuse_code(file: str) -> None:

@@ -8,8 +8,7 @@ from pathlib import Path
 from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.user_file import read_text, shown_name, user_folder
 
-LIBRARY = Path(__file__).resolve().parents[1] / "library"
-"""Folder of the files that are shipped."""
+LIBRARY = Path(__file__).resolve().parents[1] / "library"  # folder of the files that are shipped
 
 
 def user_library() -> Path:

@@ -8,11 +8,8 @@ from typing import Any
 
 from benchtool.core.errors import FileFormatError
 
-MOST_DEPTH = 32
-"""Deepest nesting of tables and lists; the deepest of our own files has six levels."""
-
-LARGEST_WHOLE = 2**63 - 1
-"""Largest whole number, as TOML has it."""
+MOST_DEPTH = 32  # deepest nesting of tables and lists; the deepest of our own files has six levels
+LARGEST_WHOLE = 2**63 - 1  # largest whole number, as TOML has it
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.toml_text import FiniteTable
 
-Surface = Literal["below", "above", "beside"]
-"""Where a surface lies as the rotors blow: in the wake, at the intake, or to the side."""
+Surface = Literal["below", "above", "beside"]  # in the wake, at the intake, or to the side
 
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]
@@ -89,8 +88,7 @@ class Propeller(FiniteTable):
     chord_sd: NotNegative = 0.0
 
 
-CHORD_RADIUS = 0.75
-"""Part of the radius at which a blade's chord and speed make its Reynolds number, the usual one."""
+CHORD_RADIUS = 0.75  # share of the radius of a blade's Reynolds number, as usual
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,8 +250,7 @@ class Limits(FiniteTable):
     pwm_us: Positive
 
 
-NOT_STATED = "not stated, typical"
-"""How the source begins of a number that a rig's file leaves out."""
+NOT_STATED = "not stated, typical"  # how the source begins of a number that a rig's file leaves out
 
 
 @dataclass(frozen=True, kw_only=True)

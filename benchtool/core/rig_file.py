@@ -58,8 +58,7 @@ def rig_from_toml(text: str, where: str) -> Rig:
     return rig
 
 
-SAME_DIAMETER = 0.01
-"""A propeller whose diameter is that close to the rig's is the one on it: names are rounded."""
+SAME_DIAMETER = 0.01  # relative; a propeller so close to the rig's is the same (rounded names)
 Typical = Callable[[float, int, Mapping[str, Any]], Any]
 """A typical number by the rotors' radius (m), how many they are, and the tables so far."""
 
@@ -222,8 +221,7 @@ def _check(rig: Rig, where: str) -> None:
         )
 
 
-RIG_FILE = "rig.toml"
-"""Name of a rig's file beside the model that names it."""
+RIG_FILE = "rig.toml"  # name of a rig's file beside the model that names it
 
 
 def rig_beside(rig: Rig) -> tuple[str, str]:

@@ -17,21 +17,15 @@ from benchtool.core.toml_text import FiniteTable
 NotNegative = Annotated[float, Ge(0.0)]
 Positive = Annotated[float, Gt(0.0)]
 
-LONGEST_S = 3600.0
-"""Longest run that may be started; its recording fills some hundred megabytes (a guess)."""
-
-FARTHEST_PLATE = 100.0
-"""In rotor radii; a plate farther away does nothing that anybody could see."""
-
-SHORTEST_BIT_S = 1e-4
-"""A tenth of a plant step, so that a slip of the keys does not fill the memory. A choice."""
+LONGEST_S = 3600.0  # of a run; its recording has some hundred megabytes; assumed
+FARTHEST_PLATE = 100.0  # in rotor radii; a plate farther away does nothing that anybody could see
+SHORTEST_BIT_S = 1e-4  # a tenth of a plant step; a typing error fills no memory; assumed
 
 REACH = {"reference_deg": (-90.0, 90.0), "collective": (0.0, 10.0), "dither_us": (-1e3, 1e3)}
 """What tracks may come to: a hinge's half turn, thrusts of hover that no motor exceeds (a guess),
 the range of a servo pulse."""
 
-PARKED_M = 1.0
-"""Plate distance that stands for a plate that is parked away, as pitch recordings write it."""
+PARKED_M = 1.0  # plate distance of a parked plate, as in pitch recordings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

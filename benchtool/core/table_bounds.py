@@ -4,21 +4,11 @@ from __future__ import annotations
 
 from benchtool.core.errors import FileFormatError
 
-MOST_COLUMNS = 4096
-"""Most columns of any table; the widest logs have some hundred. A choice."""
-
-MOST_CELLS = 6_000_000
-"""Most cells of a table that is read as text: about 0.6 GB of memory. A choice."""
-
-MOST_TABLE_BYTES = 1 << 28
-"""Largest file of such a table."""
-
-MOST_LOG_BYTES = 1 << 30
-"""Largest file that is imported: hours of an autopilot's log. A choice."""
-
-MOST_DECODED_BYTES = 1 << 31
-"""Most memory that the numbers of one recording take: 10^7 rows of 25 channels. A choice."""
-
+MOST_COLUMNS = 4096  # most columns of any table; the widest logs have some hundred; assumed
+MOST_CELLS = 6_000_000  # of a table that is read as text: about 0.6 GB; assumed
+MOST_TABLE_BYTES = 1 << 28  # largest file of such a table
+MOST_LOG_BYTES = 1 << 30  # largest file that is imported: hours of an autopilot's log; assumed
+MOST_DECODED_BYTES = 1 << 31  # of one recording: 10^7 rows of 25 channels; assumed
 MAX_NUMBER = 1e20  # largest magnitude in any unit: its products stay finite; assumed
 
 

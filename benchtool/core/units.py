@@ -16,11 +16,8 @@ from benchtool.core.errors import UnknownChoice
 
 Number = TypeVar("Number", float, NDArray[np.float64])
 
-STANDARD_GRAVITY_M_S2 = 9.80665
-"""Standard acceleration of free fall (CGPM 1901), used for gram-force and kilogram-force."""
-
-POUND_FORCE_N = 4.4482216152605
-"""One pound-force: 0.45359237 kg (international pound, 1959) times standard gravity."""
+STANDARD_GRAVITY_M_S2 = 9.80665  # CGPM 1901; for gram-force and kilogram-force
+POUND_FORCE_N = 4.4482216152605  # 0.45359237 kg (international pound, 1959) times gravity
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +78,7 @@ _ALL = (
     Unit("N m/rad", "angular stiffness"),
 )
 
-UNITS: dict[str, Unit] = {unit.symbol: unit for unit in _ALL}
-"""Every known unit by its symbol. Pulse widths stay in microseconds, as every ESC names them."""
+UNITS: dict[str, Unit] = {unit.symbol: unit for unit in _ALL}  # pulse widths stay in microseconds
 
 
 def unit_named(symbol: str) -> Unit:

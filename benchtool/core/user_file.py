@@ -15,14 +15,9 @@ from pathlib import Path
 
 from benchtool.core.errors import FileFormatError
 
-MOST_TEXT_BYTES = 1 << 20
-"""Largest file of settings (plan, rig, model, map): hundreds of times what ships. A choice."""
-
-MOST_FACTS_BYTES = 1 << 26
-"""Largest JSON file: a result with every draw is below a tenth of it. A choice."""
-
-MOST_DATA_BYTES = 1 << 32
-"""Largest file of data: a day of flight logs. A choice."""
+MOST_TEXT_BYTES = 1 << 20  # of a plan, rig, model or map: hundreds of times the library; assumed
+MOST_FACTS_BYTES = 1 << 26  # of a JSON file: ten times a result with every draw; assumed
+MOST_DATA_BYTES = 1 << 32  # largest file of data: a day of flight logs; assumed
 
 _PIECE_BYTES = 1 << 20
 
