@@ -218,8 +218,7 @@ class Opened(ABC):
         self.close()
 
 
-Listener = Callable[[Readings], None]
-"""Is given every block of samples once, in order; it must return quickly and never raise."""
+Listener = Callable[[Readings], None]  # gets each block once, in order; quick, never raises
 
 
 @runtime_checkable

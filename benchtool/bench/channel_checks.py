@@ -12,8 +12,7 @@ from math import inf
 
 from benchtool.core.rig import Limits
 
-SLOW = 10.0
-"""Voltage, current and temperature may be silent this much longer than thrust and rpm."""
+SLOW = 10.0  # voltage, current and temperature may be silent this much longer than thrust and rpm
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +40,7 @@ def _thrust(limits: Limits) -> tuple[float, float]:
     return -most_N, most_N
 
 
-CHECKS: dict[str, ChannelChecks] = {
+CHECKS: dict[str, ChannelChecks] = {  # by kind of channel: its name without the rotor's number
     "thrust_N": ChannelChecks(
         _thrust,
         "lower the plan's pwm or raise limits.thrust_N within the load cell's rating",
@@ -70,4 +69,3 @@ CHECKS: dict[str, ChannelChecks] = {
     ),
     "plate_z_m": ChannelChecks(),
 }
-"""Checks by kind of channel, a channel's name without its rotor's number."""

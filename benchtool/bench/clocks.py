@@ -11,19 +11,14 @@ from benchtool.bench.bench import Identity
 from benchtool.core.array import Array
 from benchtool.core.errors import HostPaused, ReadingsLate
 
-WINDOW_S = 10.0
-"""How long a smallest delay counts, wall time; a guess: quartz drifts by 0.5 ms (50 ppm) in it."""
-
-SLEW = 2e-4
-"""Usual correction, seconds per second: four times the drift of a poor quartz (a guess)."""
+WINDOW_S = 10.0  # wall time of a smallest delay: quartz drifts by 0.5 ms (50 ppm); assumed
+SLEW = 2e-4  # usual correction, seconds per second: four times the drift of a poor quartz; assumed
 
 DRIFT_SLEW, JITTER_S = 0.01, 0.02
 """The same where delays have grown by more than jitter makes: ceramic resonators are off by 0.5 %,
 and a backlog must grow, not pass for a drift. Choices."""
 
-EARLY_SLEW = 0.5
-"""The same where something came sooner than the estimate allows, which proves it wrong. Below 1, so
-that host time never runs backwards; a choice."""
+EARLY_SLEW = 0.5  # the same for too early readings; below 1: host time never runs back; assumed
 
 
 class DeviceClock:
@@ -79,8 +74,7 @@ class DeviceClock:
         return device_s + before_offset_s
 
 
-LONGEST_S = 1.0
-"""A pause above this ends a run whatever the device's watchdog allows; a choice."""
+LONGEST_S = 1.0  # a pause above this ends a run whatever the device's watchdog allows; assumed
 
 
 class Gaps:

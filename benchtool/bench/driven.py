@@ -13,9 +13,7 @@ from benchtool.core.array import Array
 from benchtool.core.errors import StandstillNotSeen
 from benchtool.core.rig import Rig
 
-LATER_S = 0.1
-"""Where an order may come late, rotors are watched for so much longer than the longest delay seen;
-a choice."""
+LATER_S = 0.1  # extra watch over the longest delay seen, where an order may be late; assumed
 
 
 class DrivenBench:
@@ -183,12 +181,8 @@ def _words(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
-SPIN_DOWN_S = 4.0
-"""Rotors that are commanded to stop must be seen to stand by then. A choice: small rotors need
-about 1 s without a brake, the virtual ones 0.1 to 0.4 s."""
-
-REPEAT_S = 1.0
-"""Zero is commanded again so often while a rotor is not seen to stand; a choice."""
+SPIN_DOWN_S = 4.0  # rotors must stand so long after a stop: small ones take about 1 s; assumed
+REPEAT_S = 1.0  # zero is commanded again so often while a rotor is not seen to stand; assumed
 
 LOOK_S = 0.05
 FAILURES = 5

@@ -41,14 +41,13 @@ class Driver:
         return self.address.EXAMPLE
 
 
-DRIVERS: dict[str, Driver] = {
+DRIVERS: dict[str, Driver] = {  # by the scheme of an address
     "sim": Driver(address=SimAddress, opener="benchtool.virtual.simulated:open_simulated"),
     "serial": Driver(address=SerialAddress, opener="benchtool.bench.serial.bench:open_serial"),
     "tcp": Driver(address=TcpAddress, opener="benchtool.bench.serial.bench:open_tcp"),
     "mavlink": Driver(address=MavlinkAddress, opener="benchtool.bench.mavlink.bench:open_mavlink"),
     "replay": Driver(address=ReplayAddress, opener="benchtool.bench.replay:open_replay"),
 }
-"""Every driver by the scheme of its addresses."""
 
 
 def parse_address(text: str) -> Address:

@@ -38,8 +38,7 @@ from benchtool.core.errors import (
 )
 from benchtool.core.rig import Limits, Rig
 
-RAMP_S = 0.9
-"""A normal end takes this long from any throttle to zero."""
+RAMP_S = 0.9  # a normal end takes this long from any throttle to zero
 
 RAMP_STEPS = 10
 ANSWER_S = 1.5

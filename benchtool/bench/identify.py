@@ -16,11 +16,8 @@ PROBE = frame_command(1, RequestHello()) + b"?"
 """What makes those speak that are quiet until asked, and turns no motor: a bench answers the
 hello, a G-code stage the question for its state."""
 
-PROBE_S = 0.5
-"""How long an answer to it is waited for; both answer within milliseconds. A choice."""
-
-PRINTABLE_SHARE = 0.9
-"""Share of letters above which bytes count as text; a choice: at a wrong baud rate half are not."""
+PROBE_S = 0.5  # how long an answer to it is waited for; both answer within milliseconds; assumed
+PRINTABLE_SHARE = 0.9  # from here on bytes are text; half at a wrong baud rate; assumed
 
 
 def kind_of(received: bytes) -> Kind:

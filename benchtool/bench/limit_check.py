@@ -21,15 +21,9 @@ PLAUSIBLE_LOW, PLAUSIBLE_HIGH = 0.2, 3.5
 """Band of thrust over k sum w^2. Ground effect in its range of validity stays below 2.5 (paper,
 eq. 4, z/R from 0.5 on); the rest is room for a k that is only roughly known. A choice."""
 
-PLAUSIBLE_MARGIN = 0.05
-"""Share of the load cell's rating that is allowed on top: untared offsets, noise. A choice."""
-
-IMPLAUSIBLE_S = 0.6
-"""Thrust may disagree with rpm for so long: amplifiers with 10 readings per second lag by 0.4 s."""
-
-STUCK_S = 3.0
-"""A load cell that repeats one number for so long, while rpm readings change, is stuck. A choice:
-240 readings of an 80 Hz cell."""
+PLAUSIBLE_MARGIN = 0.05  # share of the cell's rating on top: no tare, noise; assumed
+IMPLAUSIBLE_S = 0.6  # time that thrust may disagree with rpm: slow amplifiers lag by 0.4 s
+STUCK_S = 3.0  # of one repeated number while rpm changes: 240 readings at 80 Hz; assumed
 
 
 @dataclass(frozen=True, slots=True)

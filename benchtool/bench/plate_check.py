@@ -22,12 +22,8 @@ if TYPE_CHECKING:
     from benchtool.bench.guard import GuardedBench
 
 CHANNEL = "plate_z_m"
-LEAST_M = 0.001
-"""Distances closer than this count as one, with a perfect drive and sensor too. A choice: at the
-nearest plates of the rigs shipped, 1 mm changes thrust by less than 2 percent."""
-
-NOISES = 4.0
-"""Standard deviations of the sensor that one reading may be off."""
+LEAST_M = 0.001  # closer distances count as one: 1 mm changes thrust by less than 2 %; assumed
+NOISES = 4.0  # standard deviations of the sensor that one reading may be off
 
 
 def plate_tolerance_m(rig: Rig) -> float:

@@ -14,18 +14,10 @@ TOO_SLOW, TOO_SLOW_S = 0.25, 2.0
 """A motor slower than this share of what its pulse gives, so long after the command, is dead, or
 its rpm channel is. The share leaves room for a pulse map that is only roughly known. A choice."""
 
-TOO_FAST, TOO_FAST_S = 4.0, 5.0
-"""The same for a motor that turns faster, or that turns without a command."""
-
-SLACK_RPM = 300.0
-"""Room on both for pulses near the start of the map, where motors stutter. A choice."""
-
-MEAN_S = 0.5
-"""A loop on the bench swings its pulses from tick to tick, and rotors follow late: speeds are
-compared with pulses in means that forget so fast. Ten lags of a motor; a choice."""
-
-GAP_S = 0.5
-"""Nobody read the stream for longer than this: the silence was ours, not that of a channel."""
+TOO_FAST, TOO_FAST_S = 4.0, 5.0  # for a motor that is faster, or turns without a command
+SLACK_RPM = 300.0  # on both, for pulses near the start of the map, where motors stutter; assumed
+MEAN_S = 0.5  # time constant of speed and pulse means: ten lags of a motor; assumed
+GAP_S = 0.5  # the stream was not read for longer: our own gap, not that of a channel
 
 
 class HostPulses:

@@ -13,8 +13,7 @@ from typing import Any, Self
 
 from benchtool.core.errors import RunStopped
 
-SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-"""Ctrl-C, a request to end, a closed terminal, and Ctrl-Break on Windows; each where it exists."""
+SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # Ctrl-C, end, hangup, Ctrl-Break
 
 _WORDS = {
     "SIGINT": "stopped by Ctrl-C",
@@ -100,9 +99,7 @@ class StopSignals(_Handlers):
             self.raise_if_requested()
 
 
-PATIENCE_S = 10.0
-"""After so long since the first ignored signal the next one ends the program; a choice: closing a
-run of hours takes about a second."""
+PATIENCE_S = 10.0  # from the first ignored signal until the next ends the program; assumed
 
 
 class ClosingSignals(_Handlers):

@@ -24,22 +24,11 @@ SAFE_TIP_SPEED_m_s = 1.0
 """A rotor whose tips are slower counts as standing: walking pace, at which even 0.1 kg of blade,
 all of it at the tip, carries 0.05 J, as 50 g dropped from 0.1 m. A choice."""
 
-FLICKER_SDS = 3.0
-"""A tachometer's noise at rest stays below so many standard deviations, and one quantum."""
-
-HOLD_S = 0.1
-"""Readings of a rotor must stay below the threshold for so long; the first alone may be a gap of
-the tachometer. A choice."""
-
-ANSWER_S = 0.5
-"""A motor driven for so long must show on its speed channel, or the channel shows no standstill."""
-
-MOMENT_S = 0.15
-"""A motor driven for longer than this turns, even after a stop command: where its channel has
-never shown that, it shows no standstill. A choice: ESCs take 0.1 to 0.3 s to start a motor."""
-
-OUTPUT_SLACK_us = 3.0
-"""Rounding of a stop pulse on its way to an output and back; a choice."""
+FLICKER_SDS = 3.0  # a tachometer's noise at rest: standard deviations and one quantum
+HOLD_S = 0.1  # readings stay below the threshold: the first may be a dropout; assumed
+ANSWER_S = 0.5  # of drive after which a speed channel that shows nothing shows no standstill
+MOMENT_S = 0.15  # longer drive turns a motor even after a stop: ESCs take 0.1 to 0.3 s; assumed
+OUTPUT_SLACK_us = 3.0  # rounding of a stop pulse on its way to an output and back; assumed
 
 
 def standstill_rpm(rig: Rig) -> float:

@@ -12,11 +12,8 @@ from benchtool.bench.bench import Bench, Identity, Listener, Opened, Readings, S
 from benchtool.core.array import Array
 from benchtool.core.errors import BenchtoolError, CommandRefused, RunStopped, StageError
 
-PACE_S = 0.02
-"""Wall time of one read at most; a choice, a frame of a live chart has two of them."""
-
-LATE_S = 0.5
-"""A clock that is off by more, as after a move of the plate, is set anew instead of caught up."""
+PACE_S = 0.02  # wall time of one read at most; assumed, a frame of a live chart has two of them
+LATE_S = 0.5  # a clock that is off by more, as after a move, is set anew
 
 
 class BenchWrapper(Opened):
@@ -100,8 +97,7 @@ class PacedBench(BenchWrapper):
         return self._bench.read(step_s)
 
 
-STOP_SLICE_S = 0.05
-"""Longest wait of one read; a request to stop is raised to the owner at least as often."""
+STOP_SLICE_S = 0.05  # longest wait of one read, and so of a stop request
 
 
 @runtime_checkable

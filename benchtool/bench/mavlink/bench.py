@@ -40,8 +40,7 @@ from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
 
-TARE_S = 1.0
-"""A tare takes the mean of the load cell over so long (bench time); a choice: 80 readings."""
+TARE_S = 1.0  # bench time of a tare's mean: 80 readings; assumed
 
 
 class MavlinkBench(StreamingBench):

@@ -12,8 +12,7 @@ from benchtool.bench.mavlink.pilots import AutopilotInfo
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
 
-ARM_WAIT_S = 3.0
-"""After an accepted arming the heartbeat must show it within this; it comes once a second."""
+ARM_WAIT_S = 3.0  # from an accepted arming to a heartbeat that shows it; one comes per second
 
 Outputs = tuple[float, ...]
 
@@ -128,8 +127,7 @@ class PitchDrive(Drive):
             self.stop()
 
 
-PAUSE_S = 0.15
-"""Nobody read for longer than this: the silence was ours, not that of the autopilot."""
+PAUSE_S = 0.15  # nobody read for longer than this: the silence was ours, not that of the autopilot
 
 
 class RunWatch:

@@ -11,8 +11,7 @@ import numpy as np
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.mavlink.messages import Message, dialect
 
-GROUND_SYSTEM, GROUND_COMPONENT = 255, 190
-"""How a ground station names itself (MAVLink's conventions: system 255, mission planner)."""
+GROUND_SYSTEM, GROUND_COMPONENT = 255, 190  # ids of a ground station (MAVLink convention)
 
 AUTOPILOT_COMPONENT = 1
 SEQUENCE_MODULUS = 256
@@ -20,11 +19,8 @@ WINDOW = 64
 """A frame may come so many frames late and is still that one: a link that reorders is off by a few,
 an autopilot that started again by any number. A choice, a quarter of the modulus."""
 
-MAVLINK_2, SIGNED = 0xFD, 1
-"""First byte of a frame of MAVLink 2, and the bit of its third that says that it is signed."""
-
-SIGNING_EPOCH_S = 1_420_070_400.0
-"""Signing counts tens of microseconds since 2015-01-01 UTC (MAVLink 2 message signing)."""
+MAVLINK_2, SIGNED = 0xFD, 1  # first byte of a frame of MAVLink 2; bit of a signed frame
+SIGNING_EPOCH_S = 1_420_070_400.0  # 2015-01-01 UTC (MAVLink 2 message signing)
 
 
 @dataclass(slots=True)
@@ -219,15 +215,13 @@ class MavlinkQuality:
 
 
 MODULUS = 1 << 32
-REBOOT_US = 2_000_000
-"""A clock that goes back by more has begun anew; reordered datagrams are off by less. A choice."""
+REBOOT_US = 2_000_000  # a clock so far back has restarted; reordering is less; assumed
 
 LEAP_US = 600_000_000
 """A clock that leaps ahead by more has begun anew as well: seen through a wrap, back is ahead. A
 link that was silent for so long has ended its run before. A choice."""
 
-EPOCH_US = 1 << 50
-"""Stamps above (35 years) count since 1970, not since boot; MAVLink allows both."""
+EPOCH_US = 1 << 50  # stamps above (35 years) count since 1970, not since boot; MAVLink allows both
 
 
 class BootTime:

@@ -13,20 +13,11 @@ HEARTBEAT_LOST_S = 5.5
 """Heartbeats come every second; five missing ones, beside streams that go on, are a dead autopilot.
 A choice: of a link that loses every tenth frame five in a row are missing once in a day."""
 
-ARMED = 128
-"""Bit of the heartbeat's base_mode (MAV_MODE_FLAG): motors live."""
-
-STALE_S = 1.0
-"""A link that brings nothing for so long is lost (wall time); a choice, as on other benches."""
-
-CHUNK = 50
-"""Letters of one STATUSTEXT; a longer text comes in several with one number."""
-
-ARMING_S = 1.5
-"""So long after the first order the heartbeat may still show disarmed: it comes once a second."""
-
-WARNING = 4
-"""MAV_SEVERITY: what comes as a notice, as information or for debugging ends nothing."""
+ARMED = 128  # bit of the heartbeat's base_mode (MAV_MODE_FLAG): motors live
+STALE_S = 1.0  # wall time without data after which a link is lost, as on other benches; assumed
+CHUNK = 50  # letters of one STATUSTEXT; a longer text comes in several with one number
+ARMING_S = 1.5  # from the first order to a heartbeat that shows armed; one comes per second
+WARNING = 4  # MAV_SEVERITY: what comes as a notice, as information or for debugging ends nothing
 
 RESTARTED = "the autopilot restarted"
 

@@ -19,14 +19,9 @@ from benchtool.bench.mavlink.messages import AUTOPILOT_INVALID, MavCommand, Mess
 from benchtool.bench.transport.transport import LONGEST_WAIT_S, LinkEnd, Transport
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 
-HEARTBEAT_S = 1.0
-"""A ground station's heartbeat, as MAVLink asks."""
-
-FIND_S = 5.0
-"""How long a heartbeat is waited for: boards that reset when their port opens boot meanwhile."""
-
-OTHERS_S = 1.2
-"""So long after the first heartbeat others are waited for: each comes once a second."""
+HEARTBEAT_S = 1.0  # a ground station's heartbeat, as MAVLink asks
+FIND_S = 5.0  # wait for a heartbeat: boards that reset when their port opens boot meanwhile
+OTHERS_S = 1.2  # so long after the first heartbeat others are waited for: each comes once a second
 
 TRIES_S = (0.15, 0.3, 0.6, 1.2, 1.5)
 """How long each try of an order waits. ArduPilot acknowledges in about 6 ms; behind MAVProxy on a
@@ -34,9 +29,7 @@ busy machine it took 0.7 s, on a line of 57,600 baud that is overfilled 3.0 s.""
 
 PARAMETER_S = (0.6, 0.3)
 
-REQUIRED_S = (0.6, 0.9, 1.5)
-"""An unknown parameter gets no answer at all; a known one answers in about 0.1 s, on an overfilled
-line in 3 s."""
+REQUIRED_S = (0.6, 0.9, 1.5)  # an unknown parameter gets no answer; known: 0.1 s, to 3 s if busy
 
 SILENT_S = 0.3
 """Orders to turn end so long after the last bytes of the autopilot: nobody sees any more what its
@@ -268,8 +261,7 @@ class MavlinkLink(LinkEnd):
         return ProtocolError(f"{self.address} {mismatch('mavlink', self.received)}")
 
 
-INTEGER_TYPES = range(1, 9)
-"""MAV_PARAM_TYPE of whole numbers."""
+INTEGER_TYPES = range(1, 9)  # MAV_PARAM_TYPE of whole numbers
 
 
 def _value(message: Message) -> float:

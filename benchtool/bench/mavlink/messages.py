@@ -12,8 +12,7 @@ from typing import Any
 
 from benchtool.core.errors import InputError
 
-Message = Any
-"""One MAVLink message: pymavlink makes its classes without types."""
+Message = Any  # one MAVLink message: pymavlink makes its classes without types
 
 
 @cache
@@ -26,8 +25,7 @@ def dialect() -> Any:
     return ardupilotmega
 
 
-ESC_STATUS = 291
-"""Number of the message in which PX4 reports the speeds of four ESCs; pymavlink 2.4.50 lacks it."""
+ESC_STATUS = 291  # PX4's speeds of four ESCs; pymavlink 2.4.50 lacks it
 
 
 def _esc_status(parent: Any) -> Any:
@@ -61,28 +59,19 @@ def _esc_status(parent: Any) -> Any:
     return EscStatus
 
 
-AUTOPILOT_INVALID = 8
-"""MAV_AUTOPILOT of what is no autopilot: ground stations, gimbals, companions."""
-
-ACCEPTED, IN_PROGRESS = 0, 5
-"""MAV_RESULT of an order that is carried out."""
+AUTOPILOT_INVALID = 8  # MAV_AUTOPILOT of what is no autopilot: ground stations, gimbals, companions
+ACCEPTED, IN_PROGRESS = 0, 5  # MAV_RESULT of an order that is carried out
 
 ARM_DISARM = 400
-FORCE_DISARM = 21196.0
-"""Second parameter of ARM_DISARM that disarms whatever the vehicle does (MAVLink common.xml)."""
-
-MOTOR_TEST = 209
-"""MAV_CMD_DO_MOTOR_TEST. 206, which some lists give, is a camera command that moves nothing."""
+FORCE_DISARM = 21196.0  # second parameter of ARM_DISARM: in any state (MAVLink common.xml)
+MOTOR_TEST = 209  # MAV_CMD_DO_MOTOR_TEST; 206 of some lists is a camera command
 
 ACTUATOR_TEST = 310
 
 SET_INTERVAL, REQUEST_MESSAGE = 511, 512
 
-TIMEOUT_S = 0.25
-"""An order to turn ends by itself after so long: the watchdog of every bench."""
-
-TIMEOUT_AT = {MOTOR_TEST: 3, ACTUATOR_TEST: 1}
-"""Which parameter of an order to turn is its time-out."""
+TIMEOUT_S = 0.25  # an order to turn ends by itself after so long: the watchdog of every bench
+TIMEOUT_AT = {MOTOR_TEST: 3, ACTUATOR_TEST: 1}  # parameter that is the order's timeout
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,15 +11,9 @@ from benchtool.bench.mavlink.link import SILENT_S, MavlinkLink
 from benchtool.bench.mavlink.pilots import RESEND_S, SEEN_S, AutopilotInfo
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost, RunStopped
 
-STOPPED_S = 1.0
-"""Outputs must show a stop within this before another motor is turned. ArduCopter takes at most
-0.06 s; the rest is room for the link."""
-
-STOP_TRIES_S = (0.1, 0.1, 0.2, 0.3, 0.3)
-"""How long each try of a stop waits for its acknowledgement; motors end by themselves sooner."""
-
-REASON_S = 0.1
-"""The words of a refusal lie before or just behind its acknowledgement."""
+STOPPED_S = 1.0  # to a visible stop before the next motor: 0.06 s (ArduCopter) and the link
+STOP_TRIES_S = (0.1, 0.1, 0.2, 0.3, 0.3)  # wait of each try; motors end by themselves sooner
+REASON_S = 0.1  # the words of a refusal lie before or just behind its acknowledgement
 
 LOOK_S = 0.02
 
@@ -215,17 +209,10 @@ class TestDrive(Drive):
         return self._health.refusal or mav.result_name(result)
 
 
-TOLERANCE_US = 3.0
-"""Rounding of pulses on the way through percent and timer ticks; a choice."""
-
-GAP_S = 0.15
-"""Outputs come at 10 Hz at least; a longer pause is one of the link or of the reader."""
-
-UNREPORTED_S = 1.0
-"""Motors do not turn for longer without their outputs being reported; a choice."""
-
-UNREPORTED_AT_REST_S = 3.0
-"""The same at rest: an autopilot that has started anew has forgotten what was requested."""
+TOLERANCE_US = 3.0  # rounding of pulses on the way through percent and timer ticks; assumed
+GAP_S = 0.15  # outputs come at 10 Hz at least; a longer pause is one of the link or of the reader
+UNREPORTED_S = 1.0  # motors do not turn for longer without their outputs being reported; assumed
+UNREPORTED_AT_REST_S = 3.0  # the same at rest: a restarted autopilot has forgotten requests
 
 
 class OutputWatch:

@@ -17,11 +17,8 @@ from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.settings import NO_THRUST, MavlinkSettings, Wiring
 from benchtool.core.errors import InputError, ProtocolError
 
-RESEND_S = 0.05
-"""How often a standing order is sent again: four in a row may get lost without a gap."""
-
-SEEN_S = 0.3
-"""An acknowledged pulse must show at the outputs within this; ArduPilot takes 0.02 to 0.07 s."""
+RESEND_S = 0.05  # interval of a repeated order: four in a row may get lost without a gap
+SEEN_S = 0.3  # from an acknowledged pulse to the outputs; ArduPilot takes 0.02 to 0.07 s
 
 HIL = 32
 """Bit of the heartbeat's base_mode (MAV_MODE_FLAG): hardware in the loop, where "all motors /
@@ -29,15 +26,12 @@ actuators are blocked", which is what the virtual autopilot shows."""
 
 VERSION_S = 0.5
 
-LEAST_US, LONGEST_US = 800.0, 2200.0
-"""Pulses that ArduCopter's motor test takes at all (RC_MIN_LIMIT_PWM and RC_MAX_LIMIT_PWM)."""
-
-UNMAPPED = (
+LEAST_US, LONGEST_US = 800.0, 2200.0  # RC_MIN_LIMIT_PWM and RC_MAX_LIMIT_PWM of ArduCopter
+UNMAPPED = (  # warning of a pitch bench: its loop turns all rotors at once
     "the address has no map=, so rotor 1 is taken to hang on output 1 and so on; where it does "
     "not, pulses and speeds are recorded under other rotors than theirs; make a map with benchtool "
     "bench map and add map=FILE"
 )
-"""Warning of a pitch bench: its loop turns all rotors together, so that none shows its output."""
 
 MOTORS_OF_FRAME = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
 """ArduCopter's FRAME_CLASS: quad, hexa, octa, octaquad, Y6, tri, dodecahexa, deca."""
@@ -176,8 +170,7 @@ class Px4(Pilot):
         )
 
 
-PILOTS: dict[int, Pilot] = {3: ArduPilot(), 12: Px4()}
-"""By the heartbeat's MAV_AUTOPILOT."""
+PILOTS: dict[int, Pilot] = {3: ArduPilot(), 12: Px4()}  # by the heartbeat's MAV_AUTOPILOT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,15 +19,11 @@ from benchtool.bench.mavlink.messages import Message
 from benchtool.bench.mavlink.settings import Wiring, channels_of
 from benchtool.core.array import Array
 
-UNKNOWN_U16 = 65535
-"""What batteries say of a voltage that nobody measures."""
+UNKNOWN_U16 = 65535  # what batteries say of a voltage that nobody measures
 
 OUTPUTS = 16
-DISTANCES = ("virtual world", "DISTANCE_SENSOR", "RANGEFINDER")
-"""What reports the plate's distance, the best first."""
-
+DISTANCES = ("virtual world", "DISTANCE_SENSOR", "RANGEFINDER")  # sources of the plate distance
 TELEMETRY = {"ESC_TELEMETRY_1_TO_4": 0, "ESC_TELEMETRY_5_TO_8": 4, "ESC_TELEMETRY_9_TO_12": 8}
-"""ESCs that come before those of a message."""
 
 _RAW = attrgetter(*(f"servo{number + 1}_raw" for number in range(OUTPUTS)))
 
@@ -43,7 +39,7 @@ def _target(message: Message) -> dict[str, float]:
     return {"theta_ref_rad": -asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))}
 
 
-VALUES: dict[str, Callable[[Message], Mapping[str, float]]] = {
+VALUES: dict[str, Callable[[Message], Mapping[str, float]]] = {  # of messages with nothing else
     "BATTERY_STATUS": lambda m: _supply((*m.voltages, *m.voltages_ext), m.current_battery),
     "SYS_STATUS": lambda m: _supply((m.voltage_battery,), m.current_battery),
     # MAVLink's pitch is positive nose up.
@@ -51,15 +47,13 @@ VALUES: dict[str, Callable[[Message], Mapping[str, float]]] = {
     "ATTITUDE_TARGET": _target,
     "SYSTEM_TIME": lambda m: {},
 }
-"""Values by channel of the messages that carry nothing else."""
 
-SPEEDS: dict[str, Callable[[Message], Iterable[tuple[int, float]]]] = {
+SPEEDS: dict[str, Callable[[Message], Iterable[tuple[int, float]]]] = {  # by the ESC, from 1
     "ESC_STATUS": lambda m: [(m.index + at, abs(float(rpm))) for at, rpm in enumerate(m.rpm, 1)],
     "RAW_RPM": lambda m: [(m.index + 1, m.frequency)],
     # -1 stands for a sensor that is not set up.
     "RPM": lambda m: [(esc, rpm) for esc, rpm in ((1, m.rpm1), (2, m.rpm2)) if rpm >= 0.0],
 }
-"""Speeds by the place of the ESC, from 1."""
 
 
 class MavlinkRows:
@@ -256,12 +250,8 @@ class MavlinkRows:
             self._put(time_us, self._at["plate_z_m"], z_m)
 
 
-SPEED_SOURCES = ("ESC_TELEMETRY", *SPEEDS)
-"""Messages that carry speeds, the most trusted first: ESCs name the motor they turn."""
-
-DEAD_US = 1_000_000
-"""A channel that reads 0 for so long while its motor is driven is dead: an ESC without telemetry
-reads 0 for ever. A choice, above the time in which small rotors start."""
+SPEED_SOURCES = ("ESC_TELEMETRY", *SPEEDS)  # messages with speeds, the most trusted first
+DEAD_US = 1_000_000  # of zeros from a driven motor's channel: an ESC without telemetry; assumed
 
 
 @dataclass(slots=True)

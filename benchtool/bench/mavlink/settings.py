@@ -57,11 +57,8 @@ class ThrustSource:
         return cls("NAMED_VALUE_FLOAT", found["name"])
 
 
-THRUST = ThrustSource()
-"""A single value called `thrust`: what a script or a companion sends by default."""
-
-NO_THRUST = ThrustSource(name="")
-"""A name that no message has, for a load cell that hangs elsewhere."""
+THRUST = ThrustSource()  # a single value called `thrust`, the default of a script
+NO_THRUST = ThrustSource(name="")  # of no message: the load cell is elsewhere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,8 +176,7 @@ def read_motor_map(path: Path) -> MotorMap:
 
 
 KEY_BYTES = 32
-MOST_KEY_BYTES = 4096
-"""Longest pass phrase; a choice."""
+MOST_KEY_BYTES = 4096  # longest pass phrase; assumed
 
 RATE_HZ, PITCH_HZ = 50.0, 250.0
 """By default. A loop on board moves its outputs some hundred times a second; what is not reported

@@ -14,8 +14,7 @@ from benchtool.bench.transport.transport import Transport
 from benchtool.core.array import Array
 from benchtool.core.errors import NoDevice, ProtocolError
 
-FIRST_S = 5.0
-"""A board that resets when its port opens has booted by then; as for the hello of a bench."""
+FIRST_S = 5.0  # boot time of a board that resets when its port opens, as for a hello
 
 LONGEST_LINE = 512
 _NUMBER = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")

@@ -15,35 +15,25 @@ from benchtool.bench.mavlink.settings import THRUST_MESSAGES, MavlinkSettings
 from benchtool.bench.transport.transport import BITS_PER_BYTE
 from benchtool.core.errors import InputError, ProtocolError
 
-SLOW_HZ, BATTERY_HZ = 20.0, 4.0
-"""Speeds and distance; battery. ESC telemetry has no more to say (a choice)."""
-
-LISTEN_S = 1.2
-"""A message that was accepted and has not come after so long is one that never comes."""
-
-LEAST_LISTEN_S = 0.4
-"""Wall time that is waited for it even where a virtual autopilot's time runs faster: a busy machine
-can hold a process up for that long."""
+SLOW_HZ, BATTERY_HZ = 20.0, 4.0  # speeds and distance; battery; as ESC telemetry; assumed
+LISTEN_S = 1.2  # a message that was accepted and has not come after so long is one that never comes
+LEAST_LISTEN_S = 0.4  # wall time, however fast a virtual autopilot runs: a process may be held up
 
 NEEDED = dict.fromkeys(TELEMETRY, 6)
 """So many of a message must come to know what lives in it: ESCs that report something have counts
 that move, at 10 Hz and more, and their message comes at 20 Hz."""
 
-FRAME_BYTES, SIGNATURE_BYTES = 12, 13
-"""Around the payload of a MAVLink 2 frame."""
+FRAME_BYTES, SIGNATURE_BYTES = 12, 13  # around the payload of a MAVLink 2 frame
 
 OUTPUT_MESSAGES = ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
 
-RATES_HZ = (200.0, 125.0, 100.0, 50.0, 40.0, 25.0, 20.0, LEAST_HZ)
-"""Rates that are tried where a slow line does not carry what was requested; a choice."""
+RATES_HZ = (200.0, 125.0, 100.0, 50.0, 40.0, 25.0, 20.0, LEAST_HZ)  # tried on a slow line; assumed
 
 UNBIDDEN = {"HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "AUTOPILOT_VERSION",
             "TIMESYNC", "SYSTEM_TIME", *THRUST_MESSAGES}  # fmt: skip
 """Messages that come as they are needed, or from others: no stream that could be switched off."""
 
-LATE_S = 0.5
-"""Acknowledgements that take longer say that a link carries more than it can; a choice, a hundred
-times what ArduPilot needs."""
+LATE_S = 0.5  # a later acknowledgement means a full link: 100 times ArduPilot's; assumed
 
 StreamState = Literal["comes", "denied", "accepted, but nothing comes", "comes unasked"]
 

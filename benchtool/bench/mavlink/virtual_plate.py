@@ -7,13 +7,11 @@ from collections.abc import Callable
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.core.errors import StageError
 
-AGAIN_S = 0.5
-"""A plate order that was not acknowledged is sent again after so long."""
+AGAIN_S = 0.5  # a plate order that was not acknowledged is sent again after so long
 
 ARRIVE_S = 120.0
 
-MOVING, THERE, REFUSED = 1.0, 0.0, -1.0
-"""Values of `plate_mov`."""
+MOVING, THERE, REFUSED = 1.0, 0.0, -1.0  # values of `plate_mov`
 
 
 class VirtualPlate:

@@ -13,23 +13,12 @@ from benchtool.bench.stage.stage import Pause
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import BenchtoolError, StageError
 
-SPARE_S = 10.0
-"""Time for answering and for short blocks, on top of way over feed and of slowing down."""
-
-IDLE_S = 2.0
-"""A stage that says Idle elsewhere than at the target for so long does not move there any more."""
-
-HELD_S = 5.0
-"""A feed hold by the stage's own button may last so long. A choice: time to press cycle start."""
-
-AFTER_HOMING_S = 0.6
-"""A homing that failed restarts the stage 0.5 s after its `ok` (measured on Grbl 1.1h)."""
-
-OTHER_STATES = ("Check", "Door", "Sleep", "Jog", "Home")
-"""States that only somebody else can have brought about during a move."""
-
-STILL_S = 5.0
-"""Margin on the time that slowing down takes."""
+SPARE_S = 10.0  # for answers and short blocks, on top of way over feed and slowing down
+IDLE_S = 2.0  # a stage that is idle elsewhere than at the target for so long stays there
+HELD_S = 5.0  # longest feed hold by the stage's own button: time to press start; assumed
+AFTER_HOMING_S = 0.6  # a failed homing restarts the stage 0.5 s after `ok` (Grbl 1.1h, measured)
+OTHER_STATES = ("Check", "Door", "Sleep", "Jog", "Home")  # brought about by others
+STILL_S = 5.0  # margin on the time that slowing down takes
 
 
 MIN_FEED_MM_MIN = 300.0  # no move is slower for its braking: 1.4 m take 5 minutes; assumed
@@ -265,12 +254,8 @@ def _problem(
     return ""
 
 
-BESIDE_MM = 0.5
-"""A report this far outside of start to target is off the way. A choice: far above a step and the
-rounding of reports, far below what is dangerous at the least gap of any rig."""
-
-ARRIVED_MM = 0.02
-"""Positions this close are one: two steps of a common drive with 100 per mm."""
+BESIDE_MM = 0.5  # so far outside of the way is off it: far above a step and rounding; assumed
+ARRIVED_MM = 0.02  # positions this close are one: two steps of a common drive with 100 per mm
 
 
 @dataclass(frozen=True, slots=True)

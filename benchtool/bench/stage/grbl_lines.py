@@ -227,22 +227,18 @@ HOMING_FEED, HOMING_SEEK, HOMING_PAUSE_MS, PULL_OFF = 24, 25, 26, 27
 STEPS_PER_MM, FASTEST, ACCELERATION, TRAVEL = 100, 110, 120, 130
 
 AXES = "XYZ"
-SEARCH = 1.5
-"""Grbl seeks a switch over this many times the travel (HOMING_AXIS_SEARCH_SCALAR)."""
-
-LOCATE = 5.0
-"""Grbl seeks again over so many pull-offs at the slow feed (HOMING_AXIS_LOCATE_SCALAR)."""
+SEARCH = 1.5  # Grbl seeks a switch over this many times the travel (HOMING_AXIS_SEARCH_SCALAR)
+LOCATE = 5.0  # Grbl seeks again over so many pull-offs at the slow feed (HOMING_AXIS_LOCATE_SCALAR)
 
 HOMING_SPARE_S = 10.0
 
-NEEDED = {
+NEEDED = {  # settings that every stage lists and that are used here
     *(INCHES, SOFT_LIMITS, HOMING, HOMING_FEED, HOMING_SEEK, HOMING_PAUSE_MS, PULL_OFF),
     *range(STEPS_PER_MM, STEPS_PER_MM + 3),
     *range(FASTEST, FASTEST + 3),
     *range(ACCELERATION, ACCELERATION + 3),
     *range(TRAVEL, TRAVEL + 3),
 }
-"""Settings that every stage lists and that are used here."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,23 +10,19 @@ from benchtool.bench.stage.stage import Pause
 from benchtool.bench.transport.transport import SHOWN_BYTES, Transport
 from benchtool.core.errors import NoDevice, ProtocolError, StageError
 
-WAKE_S = 5.0
-"""Boards that reset when their port is opened take 1 to 2 s to boot; a margin on that."""
+WAKE_S = 5.0  # boards that reset when their port is opened take 1 to 2 s to boot; a margin on that
 
 WAKE_TRY_S = 1.0
-ANSWER_S = 2.0
-"""GRBL answers in milliseconds (95 % in 13 ms) except while homing; a longer silence is a fault."""
+ANSWER_S = 2.0  # 95 % of answers come in 13 ms, except while homing; longer is a fault
 
 LISTEN_S = 0.02
-AFTER_BANNER_S = 0.1
-"""The word that G-code is locked follows the banner at once."""
+AFTER_BANNER_S = 0.1  # the word that G-code is locked follows the banner at once
 
 POLL_S = 0.2
 REPORT_INTERVAL_S = 0.05  # while it moves: 5 mm at 100 mm/s
 MAX_REACTION_S = 0.1  # interval, answer (95 % in 13 ms) and a read of the bench; assumed
 SETTINGS_TRIES = 3
-MOST_REPORTS = 40
-"""The work offset comes in every 10th to 30th report (Grbl 1.1 configuration)."""
+MOST_REPORTS = 40  # the work offset comes in every 10th to 30th report (Grbl 1.1 configuration)
 
 
 class GrblLink:

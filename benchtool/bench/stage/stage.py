@@ -17,8 +17,7 @@ Pause = Callable[[float], None]
 """pause(s): wait about so long; whoever moves the plate calls it instead of sleeping, so that the
 bench is listened to meanwhile."""
 
-RULER_M = 0.002
-"""How far what a person measures may be from a reading. A choice, two marks of a ruler."""
+RULER_M = 0.002  # difference of a person's measurement from a reading: two marks; assumed
 
 
 class PlateStage(Protocol):
@@ -205,8 +204,7 @@ class IdleStage(_StageWrapper):
         return reached_m
 
 
-OVERSHOOT_BACKLASHES = 5.0
-"""How far to go past a distance that is approached from nearer, in backlashes; a choice."""
+OVERSHOOT_BACKLASHES = 5.0  # way past a distance that is approached from nearer; assumed
 
 
 class OneSidedStage(_StageWrapper):

@@ -10,8 +10,7 @@ import serial
 from benchtool.bench.transport.transport import first_bytes, lost_error, opening_error
 from benchtool.core.errors import InputError, LinkLost
 
-WRITE_TIMEOUT_S = 0.2
-"""A device that takes nothing for so long is lost; a watchdog of 250 ms has nearly run out then."""
+WRITE_TIMEOUT_S = 0.2  # a blocked device is lost: a watchdog of 250 ms has nearly expired
 
 _MOST_READS = 16
 

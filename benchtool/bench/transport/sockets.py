@@ -92,12 +92,10 @@ class TcpSocket(SocketTransport):
         return data
 
 
-MOST_PEERS = 8
-"""Senders that are answered; a choice. Beyond it the oldest is forgotten."""
+MOST_PEERS = 8  # Senders that are answered; a choice. Beyond it the oldest is forgotten
 
 DATAGRAM_BYTES = 65536
-BUFFER_BYTES = 1 << 20
-"""What the system buffers while nobody reads: seconds of telemetry instead of a fraction of one."""
+BUFFER_BYTES = 1 << 20  # system buffer: seconds of telemetry
 
 
 class UdpSocket(SocketTransport):

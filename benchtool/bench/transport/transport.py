@@ -67,11 +67,8 @@ class Transport(Protocol):
         """Give the port back; safe to call twice, never raises."""
 
 
-BITS_PER_BYTE = 10
-"""Start bit, eight data bits, stop bit (8N1)."""
-
-LONGEST_WAIT_S = 0.02
-"""Longest wait of one read: a heartbeat that is due is sent at most that late."""
+BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit (8N1)
+LONGEST_WAIT_S = 0.02  # longest wait of one read: a heartbeat that is due is sent at most that late
 
 SHOWN_BYTES = 200
 
