@@ -27,7 +27,6 @@ def added_model(answer: Answer, rig: str = "", effects_file: str = "") -> str:
     class the likeliest member is added.
 
     Args:
-        answer: with at least one named effect.
         rig: how the new file names the rig; as the parent did when empty.
         effects_file: file of the user's own effects, beside the new file.
     """

@@ -118,13 +118,7 @@ def answer_request(
     minutes: float | None = None,
     progress: Progress = lambda what, share: None,
 ) -> Answer:
-    """Return the answer to a request; whoever has a clock sets how long it took.
-
-    Args:
-        request: everything read that it names.
-        commands: as they were typed.
-        seed, draws, bootstrap, sure, minutes, progress: see `explain`.
-    """
+    """Return the answer to a request; whoever has a clock sets how long it took."""
     found = explain(
         request.subject(),
         seed=seed,
@@ -141,11 +135,7 @@ def answer_request(
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Request:
-    """Hold recordings, a model and effects of the user's own, all read.
-
-    Attributes:
-        learn, check: recordings.
-    """
+    """Hold recordings, a model and effects of the user's own, all read."""
 
     loaded: LoadedModel  # the model
     model_file: str  # its shipped name, or its file's own name
@@ -197,11 +187,7 @@ def read_request(
     """Read everything that a request names.
 
     Args:
-        learn: recordings to learn from: CSV, Parquet of `benchtool import`, run folders.
-        check: recordings of the same bench to check on.
         model: shipped name or path of a model file.
-        effects: Python file or module with effects of the user's own.
-        permit: called with each Python file before it is run.
         rig: of recordings that do not carry their own: shipped name or path of a rig file.
 
     Raises:

@@ -67,7 +67,6 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
     """Return the next commands, the most useful first.
 
     Args:
-        answer: what is reported.
         folder: that the answer is written to; empty where it is not.
     """
     name, _ = next_file(answer)

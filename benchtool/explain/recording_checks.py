@@ -40,11 +40,6 @@ UNUSUAL = 5.0  # times the usual stay of a reading from which it is frozen; assu
 def mended_readings(recording: Recording, rig: Rig, name: str) -> tuple[Recording, list[str]]:
     """Return a recording with what can be mended mended, and what was done.
 
-    Args:
-        recording: of a pitch bench, or the points of a sweep.
-        rig: of the bench.
-        name: what messages call it.
-
     Raises:
         InputError: plate distances that no unit makes the rig's.
     """
@@ -324,9 +319,6 @@ USUALLY = 1.2  # the same of everything else; good pairs of recordings differ by
 
 def refuse_other_bench(benches: Iterable[tuple[str, Mapping[str, float]]]) -> None:
     """Refuse recordings of different benches.
-
-    Args:
-        benches: name of each recording with what is the bench's own in it, by what it is.
 
     Raises:
         InputError: a number that differs from that of the first by more than a bench's does.

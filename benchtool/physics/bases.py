@@ -86,11 +86,7 @@ def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -
     """Return the reading of the whole vehicle's thrust near over far (..., m).
 
     Args:
-        model: whose rig describes the motors.
         basis: "equal_rpm2", "equal_pwm" or "equal_power": by `drawn_W`.
-        near: at the speeds of the visit.
-        far: the reference, given at the same speeds.
-        values: all parameters (n_parameters, ...).
     """
     if basis != "equal_rpm2" and model.answers_with_torque:
         drags = [model.drag_factors(flow, values) for flow in (near, far)]
@@ -157,7 +153,6 @@ def thrust_per_power_N_W(model: Model, conditions: Conditions, values: Any = Non
     Args:
         model: whose rig describes blades, motors and c; without blades torque is the same
             everywhere, without a motor power is the shafts' over the stated efficiency.
-        conditions: of m samples.
         values: all parameters; the model's own when left out.
     """
     values = model.parameters.values_array() if values is None else values

@@ -23,9 +23,7 @@ def body_term(K_b: Quantity, weight: Quantity, radius_m: Quantity, images: Quant
     """Return the body's term of the denominator, K_b w R^2 times `images`.
 
     Args:
-        K_b: body lift coefficient (eq. 4).
         weight: share w that the wake rule grants (`wake_rules`); 1 when all rotors are covered.
-        radius_m: rotor radius: m.
         images: what all images contribute at the body's centre, per R^2 (`disc_thrust`): 1/m2.
     """
     return K_b * weight * radius_m * radius_m * images
@@ -38,11 +36,8 @@ def quad_body_lift_factor(
     """Return eq. (4) as printed: eq. (3) with the body term 2 R^2 z / (b^2 + 4 z^2)^(3/2) K_b.
 
     Args:
-        radius_m: rotor radius R: m.
-        z_m: height of the rotor plane: m.
         spacing_m: distance d between adjacent axes: m.
         b_m: d/sqrt(2) as derived, d sqrt(2) as the text defines it: m.
-        K_b: body lift coefficient.
     """
     ratio = radius_m / (4.0 * z_m)
     adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m

@@ -32,9 +32,6 @@ class Conditions:
         plate_tilt_rad: (m,) commanded tilt about the y axis through the plate's centre; positive
             brings +x rotors nearer.
         coverage: (n_discs, m) fraction of each disc over the plate.
-        voltage_V: (m,) battery voltage.
-        elapsed_s: (m,) time since the last tare.
-        time_s: (m,) time since the run began.
         load_direction: (m,) +1 where the load was approached from below, -1 from above, 0 where
             nobody knows.
         plate_x_m: (m,) lateral position of the plate's centre.
@@ -252,7 +249,6 @@ def load_directions(time_s: Array, elapsed_s: Array, place: Array, load: Array) 
 
     Args:
         time_s: (m,) time since the run began; visits may stand in any order.
-        elapsed_s: (m,) time since the last tare.
         place: (3, m) distance, lateral position (m) and tilt (rad) of the plate.
         load: (m,) what thrust goes with: summed squared speeds; 0 with every rotor still.
     """

@@ -80,11 +80,7 @@ def plate_coverages(
 
     Args:
         x_m: disc centres along x (n,): m.
-        y_m: disc centres along y (n,): m.
-        radius_m: rotor radius: m.
         size_m: plate size along x and y: m.
-        plate_x_m: lateral position of the plate's centre along x (...): m.
-        plate_y_m: the same along y (...): m.
     """
     half_x, half_y = 0.5 * size_m[0], 0.5 * size_m[1]
     return np.array(

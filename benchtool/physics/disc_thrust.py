@@ -99,8 +99,6 @@ def disc_thrust(
 
     Args:
         effects: that act, in the order in which they change quantities and are summed.
-        n_discs: of the vehicle.
-        rules: how images are summed.
         clamped: hold heights at the least where the formulae are valid; for simulators.
     """
     n = n_discs

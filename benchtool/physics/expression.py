@@ -76,7 +76,6 @@ class Slot(NamedTuple):
     """Say where a record stands in a block of rows, one column per lane.
 
     Attributes:
-        first: its first row; its numbers stand one below the other.
         like: a record of the same type, itself of numbers, tuples and named tuples.
     """
 

@@ -41,16 +41,9 @@ class Model:
     """Predict what a bench reads.
 
     Attributes:
-        name: as in files.
-        rig: the vehicle or rotor on the bench.
-        effects: in the order of the chain.
         parameters: baseline and effects, by full name ("R_m", "body_lift.K_b").
-        wake_rule: how partly covered discs share the body term (`physics.wake_rules`).
-        tilt_rule: which heights enter the images under tilt (`physics.tilt`).
         body_distance: which b eq. (4) uses: half the diagonal (as derived) or all of it (printed).
         discrepancy: how far laws and sensors may be off before it matters.
-        description: one or two sentences.
-        provenance: where the model came from.
     """
 
     name: str

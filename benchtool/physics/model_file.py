@@ -87,7 +87,6 @@ class LoadedModel:
     """A model with what its file says beyond physics.
 
     Attributes:
-        model: the physics.
         columns: our channel name to the source column, for somebody's CSV.
         row_filter: column to value: only those rows are read.
         imperfections: numbers of a virtual bench, when the file describes a truth.
@@ -118,7 +117,6 @@ def load_model(
     """Return a shipped model by name, or a user's own by the path of its TOML file.
 
     Args:
-        name_or_path: shipped name or path. A path's rig may be a path beside it.
         rig: of the data; it goes before the one that the file names (`_for_rig`).
         permit: called with the file of own effects before it is run.
     """

@@ -27,7 +27,6 @@ def held_by_pulse_Nm(speed_rad_s: Quantity, drag_Nm_s2: Quantity, slope_Nm_s: Qu
     """Return Q + w/(Kv^2 Rm) for Q = c w^2: N m, the same at every speed under one pulse.
 
     Args:
-        speed_rad_s: rotor speed w.
         drag_Nm_s2: c, near a plate times the torque ratio there: N m s2.
         slope_Nm_s: 1/(Kv^2 Rm), `torque_per_speed`: N m s.
     """
@@ -48,8 +47,6 @@ def speed_near_plate(
     """Return the speed under a pulse that gives `free_rad_s` far from any surface: rad/s.
 
     Args:
-        free_rad_s: speed there.
-        drag_Nm_s2: c there: N m s2.
         factor: drag torque near the plate over that there, at equal speed.
         slope_Nm_s: 1/(Kv^2 Rm), `torque_per_speed`: N m s.
     """
@@ -65,9 +62,6 @@ def drawn_W(
     Of a motor that nobody has described it is the shaft's, Q w, over the stated efficiency.
 
     Args:
-        propulsion: c of Q = c w^2 and the efficiency.
-        motor: its curve, if it is known.
-        speed_rad_s: rotor speed w.
         drag: torque over that far from any surface, at equal speed.
     """
     torque_Nm = propulsion.drag_coefficient_Nm_s2 * drag * speed_rad_s * speed_rad_s

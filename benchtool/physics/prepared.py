@@ -28,8 +28,6 @@ class Prepared:
     """Evaluate a model on fixed conditions for many values of its free parameters.
 
     Args:
-        model: with its free parameters.
-        conditions: of m samples.
         merge: let equal discs be one; not where the speed of each is needed.
     """
 

@@ -42,7 +42,6 @@ def plate_plane(z_m: Quantity, plate_x_m: Quantity, tilt_rad: Quantity) -> Plane
 
     Args:
         z_m: distance from the rotor plane along its axis to the plate's centre: m.
-        plate_x_m: lateral position of that centre: m.
         tilt_rad: about the y axis; positive brings +x rotors nearer.
     """
     sine = np.sin(tilt_rad)
@@ -66,15 +65,12 @@ class TiltRule:
     """Name one reading.
 
     Attributes:
-        name: as in model files.
         image: image(here, there, distance) -> velocity at height `here` from the image of a source
             at height `there`, per R^2 and before `share`: 1/m2, an expression.
         share: share(cosine) -> what counts of it, also of a rotor's own image; `cosine` is that of
             the angle between the rotor axis and the surface's normal. An expression.
         one_body: whether the body term is one number, taken at the centre's height; else it is
             taken at each rotor's own height.
-        assumption: what it takes for granted, one sentence.
-        source: where it comes from.
     """
 
     name: str

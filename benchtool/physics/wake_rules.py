@@ -19,14 +19,7 @@ from benchtool.physics.expression import Quantity, expression
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Name one assumption about the shared wake.
-
-    Attributes:
-        name: as in model files.
-        weight: weight(coverage) -> w, an expression.
-        assumption: what it takes for granted, one sentence.
-        source: where it comes from.
-    """
+    """Name one assumption about the shared wake."""
 
     name: str
     weight: Callable[[Quantity], Quantity]

@@ -63,10 +63,8 @@ class Design:
     """Say which points are run.
 
     Attributes:
-        varied: the numbers; the first two are the axes of a map.
         samples: that many random points within the ranges in place of the grid; 0 is the grid.
         seeds: under how many noises each point is run.
-        seed: of the first noise, and of the random points.
     """
 
     varied: tuple[Vary, ...]

@@ -27,9 +27,7 @@ class PositionGains(FiniteTable):
         k_x_per_s: velocity command over position error.
         k_v_per_s: acceleration command over velocity error.
         k_iv_per_s2: rate of the velocity integral over velocity error.
-        integral_limit_m_s2: limit of the velocity integral.
         slew_limit_m_s2: limit of the velocity command's rate of change.
-        pitch_limit_rad: limit of the attitude command.
     """
 
     k_x_per_s: NotNegative
@@ -47,11 +45,8 @@ class AttitudeGains(FiniteTable):
     Attributes:
         k_theta_per_s: rate command over attitude error.
         k_i_theta_per_s2: rate of the rate command's integral part over attitude error.
-        theta_integral_limit_rad_s: limit of that integral part.
-        rate_limit_rad_s: limit of the rate command.
         k_q_per_s: angular acceleration over rate error.
         k_i_q_per_s2: rate of the acceleration's integral part over rate error.
-        q_integral_limit_rad_s2: limit of that integral part.
     """
 
     k_theta_per_s: NotNegative
@@ -93,7 +88,6 @@ class Gains(FiniteTable):
     """Hold one named set of gains for every loop.
 
     Attributes:
-        control_rate_Hz: how often the controller runs.
         sources: where each number comes from, by its dotted key.
         assumed: dotted keys whose numbers are assumptions.
     """

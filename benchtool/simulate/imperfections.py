@@ -146,12 +146,7 @@ TARE_READINGS = 16  # conversions averaged by a tare: 0.2 s at 80 Hz, common in 
 
 
 class LoadCell:
-    """Turn the force on the cell into counts and into thrust since the tare.
-
-    Args:
-        flaws: noise, quantum, rate, offset and drift; nothing left open.
-        rating_N: of the cell, which scales the counts where no quantum is stated.
-    """
+    """Turn the force on the cell into counts and into thrust since the tare."""
 
     def __init__(self, flaws: Imperfections, rating_N: float) -> None:
         self.count_N = flaws.thrust_quantum_N or rating_N / RATING_COUNTS
@@ -211,7 +206,6 @@ class Axis:
     """Move one axis at constant feed.
 
     Attributes:
-        target: where it was sent.
         shown: what the stage counts.
         true: where the plate stands: as shown after an approach from farther, from where a sweep
             comes and the zero is measured; else nearer, by the play at most.

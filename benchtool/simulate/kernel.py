@@ -76,12 +76,10 @@ def run_ticks(a: Any, plan: Any, first: Any, last: Any, build: Any, phases: Any)
         a: arrays: `w`, the records of every lane, flat, row times lanes plus lane; `sent`, speeds
             commanded lately (n_rotors, n_ring, n_lanes); `log` (n_rows, n_logged, n_lanes), filled
             with the rows `logged` of `w`; and what the phases need.
-        plan: `LoopPlan`, as integers.
         first: control tick to begin with; -1 only senses.
         last: control tick to stop before.
         build: `Build`. The number of lanes is known when the loop is compiled, and the loops over
             lanes hold no other loop.
-        phases: `Phases`.
     """
     w, to, at = a.w, build.to, len(build.lanes)
     now = read_record(plan, PLAN, 0, 1)

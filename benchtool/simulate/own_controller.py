@@ -18,10 +18,6 @@ def split_controllers(
 ) -> tuple[tuple[str, ...], list[tuple[str, type[Any]]]]:
     """Return the names of built-in controllers, and name and class of each of the user's own.
 
-    Args:
-        known: names of the built-in ones.
-        permit: called with the file of ``module:Class`` before it is run.
-
     Raises:
         InputError: none is named, one is named twice, or a class cannot be had.
     """

@@ -50,15 +50,7 @@ def channels_of(n_rotors: int) -> tuple[Channel, ...]:
 
 
 class PlateBench:
-    """Be a rotor bench over a movable plate; a `bench.firmware.Plant`.
-
-    Args:
-        rig: geometry, propulsion, sensors, plate.
-        truth: the model whose thrust the load cell shows.
-        rng: source of every random number.
-        imperfections: how far from perfect; numbers left open are the rig's.
-        rate_Hz: stream ticks per second.
-    """
+    """Be a rotor bench over a movable plate; a `bench.firmware.Plant`."""
 
     def __init__(
         self,

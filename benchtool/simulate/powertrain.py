@@ -40,10 +40,6 @@ class Powertrain:
     """Advance motors and battery exactly in time: first-order lag, power drawn, charge, heat.
 
     Args:
-        propulsion: pulse map, drag coefficient and efficiency.
-        n_rotors: how many motors.
-        battery: the pack.
-        lag_s: time constant of speed; 0 is none.
         heating_K, heating_s: rise of the ESC's temperature at full throttle, and its time constant.
         change: what else changes the speed that a pulse gives.
         motor: None where nobody knows it: speed then does not depend on torque, and the electrical

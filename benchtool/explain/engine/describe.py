@@ -99,7 +99,6 @@ def fitted_nearest(
     """Return the nearest effect with the numbers of a hypothesis that opens it, and what it leaves.
 
     Args:
-        base: the hypothesis without it.
         after: by channel, the error on the check recordings under the hypothesis.
     """
     effect = effect_of(subject, nearest.name)
@@ -122,7 +121,6 @@ def where_shown(
     The regime is where they are densest; one of the clock only where no other is nearly as dense.
 
     Args:
-        groups: labels of the rows.
         before: (n_rows,) residuals within tolerance.
         after: (n_rows,) with what was named, or of the nearest.
         stage: of what was named; found from the rows when None.

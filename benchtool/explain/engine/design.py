@@ -125,15 +125,7 @@ def chosen(
     seconds: Callable[[D], float],
     most_s: float,
 ) -> D:
-    """Return the design that lowers the expected confusion most for its time, step by step.
-
-    Args:
-        first: where to begin.
-        more: designs that differ from one in a single thing, by that thing.
-        weighed: what a design is expected to say.
-        seconds: how long it takes.
-        most_s: how long it may take.
-    """
+    """Return the design that lowers the expected confusion most for its time, step by step."""
     best, expected, rates = first, weighed(first), dict[str, float]()
     while expected.confusion > CLEAR:
         options = {what: one for what, one in more(best).items() if seconds(one) <= most_s}
@@ -194,13 +186,7 @@ def proposal(
     """Return an experiment in words, with what it is expected to say.
 
     Args:
-        among: rivals, likeliest first.
-        expected: what it would say.
-        title: what is done.
-        seconds: how long it takes.
         refused: the stage in which nothing in the library explains what is there.
-        schedule: commands of a pitch experiment.
-        plan_toml: a sweep's plan.
     """
     by_name = {one.name: one for one in reversed(among)}
     first = among[0].name
@@ -228,12 +214,7 @@ def proposal(
 
 
 class Forecast:
-    """Work out what experiments would say between rivals, given all recordings so far.
-
-    Args:
-        evidence: of all recordings so far.
-        rivals: two or more.
-    """
+    """Work out what experiments would say between rivals, given all recordings so far."""
 
     def __init__(self, evidence: Evidence, rivals: Sequence[Rival]) -> None:
         self._about = Hypotheses(evidence)

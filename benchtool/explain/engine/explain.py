@@ -73,14 +73,11 @@ def explain(
     """Return what is missing from a subject's model, and what the check recordings say to it.
 
     Args:
-        subject: recordings against a model.
-        seed: of the noise behind floors and intervals.
         draws: of the noise behind the floor, 100 at least for a report.
         bootstrap: records drawn from the null for p-values; asymptotic ones when none.
         propose: whether to design the next experiment, which takes as long as all the rest.
         sure: probability of the answer from which no experiment is needed, but for an unknown.
         minutes: that the next experiment may take; a usual time when None.
-        progress: called with what is being done.
     """
     rng = np.random.default_rng(seed)
     evidence = subject.evidence

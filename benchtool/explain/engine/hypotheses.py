@@ -47,11 +47,7 @@ class Bootstrap:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Hypothesis:
-    """Hold a set of effects and discrepancies that may break their tolerances, and its best fit.
-
-    Attributes:
-        opened: names of those, in the order in which they were added; none for the null.
-    """
+    """Hold a set of effects and discrepancies that may break their tolerances, and its best fit."""
 
     opened: tuple[str, ...]
     at: Array  # (n_parameters,) the best numbers, in scales

@@ -17,7 +17,6 @@ class Learned:
     covariance are cut off, and predictions of speed feel where.
 
     Args:
-        hypotheses: about the recordings to learn from.
         every: those and the check recordings, theirs last.
     """
 

@@ -27,7 +27,6 @@ class ScaledParameter:
     Attributes:
         effect: the effect that it belongs to; "" for a number that the bench's owner knows only
             to within a standard error (inertia, the map from pulse to speed).
-        lower, upper: bounds of the value.
     """
 
     name: str  # full name of the model's parameter ("hinge_spring.stiffness_Nm_per_rad")
@@ -91,9 +90,6 @@ def effect_parameters(
     """Return a parameter for each parameter of the named effects that has a tolerance on a bench.
 
     Args:
-        model: holds the effects.
-        names: of effects.
-        bench: whose tolerances count.
         least: lower bounds by full name of a parameter, where they are above its own.
     """
     found = tolerances(model, bench)
@@ -118,13 +114,7 @@ RADIUS_KNOWN = 0.0125
 
 
 def with_every_effect(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()) -> Model:
-    """Return the model with every effect that an explanation moves on a bench, at its neutral.
-
-    Args:
-        model: as given by the user.
-        bench: whose effects count.
-        extra: effects of the user's own.
-    """
+    """Return the model with every effect that an explanation moves on a bench, at its neutral."""
     have = {effect.name for effect in model.effects}
     for effect in moved_effects(bench, extra):
         if effect.name not in have:

@@ -268,9 +268,7 @@ def searched(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progress) -
     """Return what must break its tolerance.
 
     Args:
-        hypotheses: about the recordings to learn from.
         held_out: about those and the check recordings together.
-        progress: called with what is being done.
     """
     if not hypotheses.effects:
         raise EstimationError("no effect can be tried: the model has no candidates on this bench")

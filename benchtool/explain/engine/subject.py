@@ -139,11 +139,7 @@ class Log(Protocol):
 
 
 class Subject(ABC):
-    """Hold recordings of one kind of bench against a model.
-
-    Attributes:
-        learn, check: recordings to learn from and to verify on.
-    """
+    """Hold recordings of one kind of bench against a model."""
 
     kind: BenchKind  # which bench it is
     learn: Sequence[Log]
@@ -208,8 +204,6 @@ class Subject(ABC):
         """Return the experiment that is expected to separate rivals; None of fewer than two.
 
         Args:
-            rivals: likeliest first.
-            rng: of simulated noise.
             refused: the stage in which nothing in the library explains what is there.
             minutes: that it may take; a usual time when None.
         """

@@ -49,7 +49,6 @@ class FoundParameter:
     """Hold one number of a named effect.
 
     Attributes:
-        low, high: 95 % interval.
         determined: whether the data say more of it than the range that physics leaves it.
     """
 
@@ -108,7 +107,6 @@ class ChannelGap:
     """Hold one channel's prediction error on the check recording, root mean square.
 
     Attributes:
-        floor_low, floor_high: 5 and 95 % of those draws.
         before_low, before_high, after_low, after_high: 95 % of a block bootstrap over windows.
     """
 
@@ -140,7 +138,6 @@ class Nearest:
 
     Attributes:
         effect: with the numbers that it would have; None where it was not fitted.
-        parameters: of the model with it.
         after: by channel, the prediction error that it would leave on the check recordings.
     """
 

@@ -27,7 +27,6 @@ class Family:
     Attributes:
         function: of `effects.laws.shapes`, called with u and the numbers in order.
         formula: of a f(u), with {u} for the variable.
-        numbers: names of what shapes it.
         grid: numbers (n, n_shapes) to try for values (m,) of the variable.
         scales: of variables that it suits.
     """

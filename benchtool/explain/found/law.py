@@ -44,11 +44,9 @@ class Form:
     """Say what a law changes: a reading, a torque or a thrust by a f(u) times weights (m,).
 
     Attributes:
-        hook: of an effect; empty where no effect can be drafted.
         formula: with {f} for a f(u).
         code: of the hook's result, with {f} for f(u), `p.typical` for what a counts in.
         matters: departure of the weighted law that does not matter.
-        bench: whose recordings it is of.
         unit: of `weights`, where a is counted in them.
         centred: whether a law's mean is left out: a law of the distance or the thrust coefficient
             takes it up.

@@ -99,12 +99,7 @@ class _Shapes:
 
 
 def dependence(every: Sequence[Missed], radius_m: float) -> Dependence | None:
-    """Return what the misses depend on; None where nothing is likely enough.
-
-    Args:
-        every: pairs of a variable and a form that are weighed.
-        radius_m: R of the rotors.
-    """
+    """Return what the misses depend on; None where nothing is likely enough."""
     every = [one for one in every if np.ptp(one.form.seen(one.variable)) > 1e-6]
     tried = [_tried(one) for one in every]
     odds = np.array([_log_odds(one, group) for one, group in zip(every, tried, strict=True)])

@@ -48,7 +48,6 @@ def missed_torques(evidence: PitchEvidence, at: Array, opened: Sequence[str]) ->
 
     Args:
         at: (n_parameters,) about which the model is taken to be linear.
-        opened: effects that may break their tolerances.
     """
     hypotheses = Hypotheses(evidence)
     errors = hypotheses.errors

@@ -46,13 +46,7 @@ SETTLING_S = 0.3  # what a filter needs after it began anew before its innovatio
 
 
 class PitchEvidence:
-    """Hold recordings against a model and every candidate effect.
-
-    Args:
-        model: as given by the user.
-        logs: one per recording.
-        extra: effects of the user's own.
-    """
+    """Hold recordings against a model and every candidate effect."""
 
     def __init__(
         self,

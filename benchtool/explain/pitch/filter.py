@@ -53,7 +53,6 @@ class FilteredLog:
     Attributes:
         taken: (n_rows * together,) rows whose innovations say something.
         together: so many of those are one row of evidence.
-        has_gyro, has_speed: whether its rates and each disc's speeds were read.
     """
 
     logged: LoggedPitch
@@ -107,14 +106,7 @@ class FilteredLog:
 
 
 def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool) -> PitchFilter:
-    """Return the steady filter of a bench whose log has so many rows a second.
-
-    Args:
-        bench: with the sensors' and the wake's stated noise.
-        rate_Hz: of the log.
-        gyro: whether the log has it.
-        speeds: whether the log has those of the rotors.
-    """
+    """Return the steady filter of a bench whose log has so many rows a second."""
     dt_s = 1.0 / rate_Hz
     theta_sd, gyro_sd, speed_sd = (
         reading_sd(bench.sensors.get(name, PitchSensor()))

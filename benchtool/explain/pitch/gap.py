@@ -121,10 +121,8 @@ class Windows:
         """Return root mean squared errors of a true model (draws,) by channel.
 
         Args:
-            bench: the model that predicts.
             truths: what is taken for true, one for each draw of the noise: the model itself, or
                 models as far from it as its numbers are uncertain.
-            rng: of the noise.
         """
         states = self._states([bench])
         squares = {name: np.zeros(len(truths)) for name in UNITS}

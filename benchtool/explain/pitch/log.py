@@ -73,8 +73,6 @@ def pitch_log(
     """Return the log of a recording.
 
     Args:
-        recording: channels by our names.
-        rig: of the bench.
         name: what messages call it; of its file when left out.
         plate_slide_s: how long its plate takes to slide in or out; None where it is unknown.
         checked: whether units, signs and clocks are checked; False for a simulated experiment.

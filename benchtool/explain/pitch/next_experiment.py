@@ -114,15 +114,7 @@ def next_pitch(
     refused: Subsystem | None = None,
     minutes: float | None = None,
 ) -> NextExperiment | None:
-    """Return the experiment that is expected to separate rivals; None where there is but one.
-
-    Args:
-        evidence: of all recordings so far.
-        rivals: likeliest first.
-        rng: of simulated experiments.
-        refused: the stage in which nothing in the library explains what is there.
-        minutes: that the experiment may take.
-    """
+    """Return the experiment that is expected to separate rivals; None where there is but one."""
     if len({one.name for one in rivals}) < 2:
         return None
     model, known = evidence.model, [log.logged for log in evidence.logs]

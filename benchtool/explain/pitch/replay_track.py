@@ -258,7 +258,6 @@ def mismatch(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) -> str
     It is held against the whole log, and against what lies over a surface.
 
     Args:
-        track: the recording.
         time_s: (m,) of the simulated run.
         theta_rad: (m,) of it; nan where it starts anew.
         by: what drove it, "pulses" or "controller".

@@ -43,11 +43,7 @@ LONGEST_S = 1200.0  # longer recordings are drawn without a simulated run; assum
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beside:
-    """Say what stands beside data.
-
-    Attributes:
-        permit: called with the file of the model's own effects before it is run.
-    """
+    """Say what stands beside data."""
 
     model: str = ""  # shipped name, model file, or a folder of fit or explain; empty for none
     rig: str | None = None  # shipped name or file, of data that do not carry theirs
@@ -118,9 +114,6 @@ def replayed(
     """Return the simulated run, or None with what it lacks; and what a reader must know.
 
     Args:
-        track: the recording.
-        beside: what to simulate beside it.
-        provenance: of the recording.
         rig: of the recording; None for that of a user's model file.
 
     Raises:

@@ -38,14 +38,7 @@ BREAK = np.full((1, 4), np.nan)  # put between windows, so that lines break ther
 
 
 class PitchSubject(Subject):
-    """Hold pitch recordings against a model.
-
-    Args:
-        model: as given by the user.
-        learn: recordings to learn from.
-        check: recordings to verify on.
-        extra: effects of the user's own.
-    """
+    """Hold pitch recordings against a model."""
 
     kind = "pitch"
     evidence: PitchEvidence

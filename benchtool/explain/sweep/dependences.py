@@ -21,11 +21,7 @@ TOLERANCE = 0.005  # departure of thrust that does not matter, over it; assumed
 
 
 def sweep_variables(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array) -> list[Variable]:
-    """Return what thrusts (m,) of all sweeps may depend on.
-
-    Args:
-        shown_N: (m,) thrusts of the model.
-    """
+    """Return what thrusts (m,) of all sweeps may depend on."""
 
     def joined(name: str) -> Array:
         return np.concatenate([getattr(log.conditions, name) for log in logs], axis=-1)
@@ -144,7 +140,6 @@ def missed_thrusts(evidence: SweepEvidence, at: Array, opened: Sequence[str]) ->
 
     Args:
         at: (n_parameters,) about which the model is taken to be linear.
-        opened: effects that may break their tolerances.
     """
     hypotheses = Hypotheses(evidence)
     errors = hypotheses.errors

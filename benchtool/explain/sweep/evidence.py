@@ -57,13 +57,7 @@ SUPPLY_LOSSES = tuple(
 
 
 class SweepEvidence:
-    """Hold sweeps against a model and every candidate effect.
-
-    Args:
-        model: as given by the user.
-        logs: one per sweep.
-        extra: effects of the user's own.
-    """
+    """Hold sweeps against a model and every candidate effect."""
 
     def __init__(
         self,

@@ -266,15 +266,7 @@ def next_sweep(
     refused: Subsystem | None = None,
     minutes: float | None = None,
 ) -> NextExperiment | None:
-    """Return the sweep that is expected to separate rivals; None where there is but one.
-
-    Args:
-        evidence: of all sweeps so far.
-        rivals: likeliest first.
-        rng: of simulated sweeps.
-        refused: the stage in which nothing in the library explains what is there.
-        minutes: that the sweep may take.
-    """
+    """Return the sweep that is expected to separate rivals; None where there is but one."""
     if len({one.name for one in rivals}) < 2:
         return None
     forecast = Forecast(evidence, rivals)

@@ -84,7 +84,6 @@ class Power:
         """Return supply voltage over its open value at the start (m, n_sets), for sets (n_sets,).
 
         Args:
-            rate_per_s: linear loss.
             curve: how much faster it goes after `CURVE_AT_S` than on average.
             drop: share lost at full load.
         """

@@ -40,12 +40,6 @@ class SweepSubject(Subject):
 
     Laws a few per cent off in shape leave more than noise in good sweeps, so that nothing is
     refused by what is left; shape parameters of their own carry what is off in them.
-
-    Args:
-        model: as given by the user.
-        learn: points to learn from.
-        check: points to verify on.
-        extra: effects of the user's own.
     """
 
     kind = "sweep"

@@ -51,9 +51,6 @@ class Flow(NamedTuple):
         position_x_m, position_y_m: disc centres (n,): m.
         active: 1 where a disc's rotors turn, else 0 (n, ...).
         speed_rad_s: rotor speed (n, ...); the root of the summed squares on a coaxial disc.
-        voltage_V: battery voltage over nominal is what speed follows (...).
-        elapsed_s: time since the last tare (...).
-        time_s: time since the run began (...).
         pitch_rad: attitude about the y axis (...): rad; zero on a bench that is held.
         cos_pitch: share of `weight_N` along the body's own vertical (...): the cosine of the pitch
             on a hinge, 1 in flight.
@@ -61,7 +58,6 @@ class Flow(NamedTuple):
             it along the body's own vertical; zero where nothing turns.
         load_direction: +1 where the load cell's load was approached from below, -1 from above, 0
             where nobody knows (...).
-        plate_x_m: lateral position of the plate's centre (...).
         airspeed_m_s: horizontal speed of the rotors through the air (...): m/s.
         acceleration_rad_s2: of the pitch, where a gyro is read (...).
         height_m: distance of each disc to the surface (n, ...): m.
@@ -194,8 +190,6 @@ class Derived:
     """Name a quantity and how it follows from free parameters.
 
     Attributes:
-        name: for results ("R_eff_over_R").
-        unit: one of `core.units.UNITS`.
         function: function(values by full name) -> quantity, elementwise on arrays; parameters
             that were not free are constants of the function.
     """
@@ -216,12 +210,8 @@ class Effect:
         description: what it is, one or two sentences.
         subsystem: which link of the chain it sits in.
         order: place among the effects of its subsystem, ties by name.
-        law: the formula, in plain text.
         parameters: with units, neutral values, default bounds and tolerances; hooks take their
             values as `p`, a named tuple.
-        hooks: its part of the physics.
-        shows: where it shows in data.
-        source: paper and equation, data sheet, or that it is a guess.
         confused_with: names of effects that look alike, with what separates them.
         separated_by: what to measure so that a fit can separate the effect's first parameter from
             another, by the other's full name ("R_m").
@@ -335,19 +325,7 @@ def number(
     prior: Prior | None = None,
     source: str = "neutral value",
 ) -> Parameter:
-    """Return an effect's parameter.
-
-    Args:
-        name: as hooks read it from `p`.
-        unit: one of `core.units.UNITS`.
-        value: where a model does not state one.
-        description: what it is.
-        neutral: value at which the effect is exactly absent; None where it has none by itself.
-        within: bounds.
-        tolerance: a change smaller than this does not matter; None where it goes with the rig.
-        prior: what is known of it beforehand.
-        source: where the value comes from.
-    """
+    """Return an effect's parameter."""
     return Parameter(
         name,
         unit,

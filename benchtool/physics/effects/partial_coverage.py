@@ -69,7 +69,6 @@ def factor_table(
     """Return covered area, factor and its standard deviation at each knot, by rising area (k,).
 
     Args:
-        values: of shares and knots, by full name.
         sds: of the `derived` factors, by full name; nan where one is missing.
     """
     numbers = range(1, 1 + sum(name.startswith(f"{PARTIAL_COVERAGE}.knot_") for name in values))

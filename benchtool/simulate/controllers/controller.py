@@ -20,13 +20,7 @@ class Controller(Protocol[MeasurementT, ReferenceT, CommandT]):
     """Turn what was measured into what is commanded."""
 
     def step(self, measurement: MeasurementT, reference: ReferenceT, dt_s: float) -> CommandT:
-        """Return the command for the control period that begins now.
-
-        Args:
-            measurement: the sensors' latest readings.
-            reference: what is wanted now.
-            dt_s: length of the control period: s.
-        """
+        """Return the command for the control period that begins now."""
         ...
 
 
@@ -34,11 +28,8 @@ class PitchMeasurement(NamedTuple):
     """What a pitch bench's controller sees.
 
     Attributes:
-        time_s: since the run began.
         theta_rad: encoder, positive nose down.
-        rate_rad_s: gyro.
         plate_z_m: reading of the plate's distance with the beam level: m.
-        speed_rad_s: rotor speeds (n,).
     """
 
     time_s: float
@@ -118,14 +109,12 @@ class FlightMeasurement(NamedTuple):
     """What a flight controller sees; names and units as in a flight's log.
 
     Attributes:
-        time_s: since the flight began.
         x_m, y_m, z_m: place, without error.
         vx_m_s, vy_m_s, vz_m_s: velocity, without error.
         roll_rad, pitch_rad, yaw_rad: attitude, without error.
         p_rad_s, q_rad_s, r_rad_s: gyro, with its noise.
         height_m: of each disc over what the map has below most of it (n_discs,); infinite over
             nothing, not below half a radius, where the formulae end.
-        coverage: fraction of each disc over something, by the map (n_discs,).
     """
 
     time_s: float

@@ -45,8 +45,6 @@ def pitch_controller(
     """Return a built-in controller by name.
 
     Args:
-        name: one of `PITCH_CONTROLLERS`.
-        gains: gain set.
         feedforward: what a feedforward knows; 90 % of the true effect when left out (assumed: a
             model is never exact).
     """

@@ -33,12 +33,9 @@ def next_explained(
     """Return z one period on: what the known force and the estimate explain of the momentum.
 
     Args:
-        momentum: p: N s or N m s.
-        explained: z, the same.
         known: known force, with the compensation that was commanded in it: N or N m.
         estimate: from `observed`, with the same momentum: N or N m.
         on: 1 while the observer runs; 0 lets z follow p, so that it starts from zero without a
             bump.
-        dt_s: control period: s.
     """
     return on * (explained + (known + estimate) * dt_s) + (1.0 - on) * momentum

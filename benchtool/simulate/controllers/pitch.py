@@ -12,12 +12,7 @@ from benchtool.simulate.gain_file import Gains
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PulseLaw:
-    """A PID written in pulse widths: us = kp e + ki int(e) - kd gyro.
-
-    Attributes:
-        kp_us_per_rad, ki_us_per_rad_s, kd_us_s_per_rad: gains; all zero is no such law.
-        limit_rad_s: limit of the integral.
-    """
+    """A PID written in pulse widths: us = kp e + ki int(e) - kd gyro."""
 
     kp_us_per_rad: float = 0.0
     ki_us_per_rad_s: float = 0.0
@@ -45,13 +40,8 @@ class PitchControl:
     """Hold one controller of the pitch bench.
 
     Attributes:
-        name: for tables and figures.
         gains: the cascade's gain set; None leaves the cascade out.
-        observer: whether the disturbance observer runs.
-        feedforward: what the feedforward knows.
-        pulses: a law in pulse widths beside the cascade.
         rate_Hz: control rate; the gain set's own when None.
-        law: what turns readings into torque.
     """
 
     name: str

@@ -160,17 +160,7 @@ def flight_case(
     speed_m_s: float | None = None,
     **changes: Any,
 ) -> FlightCase:
-    """Return a shipped flight with these numbers.
-
-    Args:
-        name: one of `FLIGHTS`.
-        vehicle: what flies.
-        gains: of every loop.
-        z_over_R: height over the obstacle in rotor radii; None is out of ground effect, with
-            nothing below.
-        speed_m_s: speed limit; the flight's own when left out.
-        changes: other fields of `FlightCase`.
-    """
+    """Return a shipped flight with these numbers."""
     if name not in FLIGHTS:
         raise UnknownChoice("flight", name, FLIGHTS)
     shipped = FLIGHTS[name]

@@ -36,7 +36,6 @@ class Block(FileTable):
         slope_x, slope_y: rise of the top per metre along x and y; 0 is a box.
         times_s: when a plate that is moved in begins to come, has come, begins to go, has gone.
         slide_m: where it stands before it comes, and after: displacement along x and y.
-        name: for figures and messages.
     """
 
     x_m: tuple[float, float]
@@ -89,10 +88,7 @@ class Environment:
     """Hold everything there is to fly over.
 
     Attributes:
-        blocks: obstacles; in plan they may touch and not overlap.
-        grid: a height grid, or None.
         floor_m: height of the floor below all; -inf leaves it out of reach.
-        name: for figures.
     """
 
     blocks: tuple[Block, ...] = ()

@@ -73,17 +73,9 @@ class FlightCase:
     """Describe one flight.
 
     Attributes:
-        name, title: for files and people.
-        vehicle: what flies.
-        below: what it flies over.
-        gains: of every loop.
         control: one of `FLIGHT_CONTROLLERS`.
         start_m: x, y, z where it hovers at first.
-        goals: where to go.
-        duration_s: how long.
-        yaw_rad: heading.
         gyro_noise_rad_s: standard deviation, white, per control sample.
-        seed: of the noise.
         map_offset_m: the feedforward's map is displaced by this along x, y, z; an edge that the
             map has 5 cm early is -0.05 along x.
         map_strength: share of the effect that the map's model knows.
@@ -91,8 +83,6 @@ class FlightCase:
         ramp: lead the reference along in place of limiting the speed.
         compensation_from_s: when observer and feedforward are switched on.
         gusts: wind; without drag of the vehicle they do nothing.
-        step_s: longest step of the plant.
-        log_Hz: rows of the log per second.
     """
 
     name: str
@@ -170,11 +160,7 @@ class Flight:
     """Hold what a flight gave.
 
     Attributes:
-        case: what was flown.
-        names: of the columns.
-        log: (rows, columns).
         ending: "flown" to the end, "struck" something, or "lost" (numbers no longer finite).
-        end_s: when it ended.
         held_ticks: plant ticks at which a height was held at the formulae's limit of validity.
         nearest_m: least height of a rotor over what it covered; infinite over nothing.
         own: name of the user's own controller; "" for that of the case.
@@ -211,7 +197,6 @@ class FlightLoop:
     """Hold everything the compiled loop needs for one flight.
 
     Args:
-        case: what is flown.
         external: the controller is the caller's, tick by tick; the map is read for it.
     """
 

@@ -40,7 +40,6 @@ class HeightGrid:
 
     Attributes:
         x_m: places of the nodes along x (nx,), evenly spaced.
-        y_m: along y (ny,).
         height_m: (nx, ny); nan where there is nothing.
         base_m: heights at or below are floor and no surface of their own.
     """

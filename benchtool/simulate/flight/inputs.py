@@ -80,12 +80,7 @@ def setup_of(
     permit: CodePermit = refuse_code,
     note: Callable[[Iterable[str]], None] = lambda notes: None,
 ) -> FlightSetup:
-    """Return what flies with one gain set.
-
-    Args:
-        permit: called with the file of a model's own effects before it is run.
-        note: called with how the model's file was read.
-    """
+    """Return what flies with one gain set."""
     from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
     from benchtool.simulate.flight.map import read_map
     from benchtool.simulate.flight.setup import FlightSetup, changed

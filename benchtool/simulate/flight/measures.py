@@ -19,15 +19,11 @@ class Measures:
     """Hold the numbers of one flight.
 
     Attributes:
-        ending: as in `Flight`.
         arrives_s: first time after which it stays within 5 cm of the goal; nan for never.
-        max_x_m: furthest place along x.
         push_backs: retreats of more than 3 cm on the way.
         max_pitch_deg, rms_pitch_deg: of the pitch's magnitude, over the whole flight.
         range_m: least and greatest x over the last 20 s.
-        max_roll_deg: of the roll's magnitude.
         range_z_m: least and greatest height above the one asked for, over the whole flight.
-        held_ticks, nearest_m: as in `Flight`.
     """
 
     ending: Ending

@@ -96,10 +96,8 @@ class FlightArrays(NamedTuple):
 
     Attributes:
         w: the records (`FlightPlaces`).
-        states: state of the random numbers (1,).
         sent: speeds commanded lately (n_rotors, n_ring, 1).
         log: (n_rows, n_logged, 1), filled with the rows `logged` of `w`.
-        logged: rows to log (n_logged,).
         schedule: (n_numbers, n_ticks), a `FlightTick` per column.
         noise: (3, n_ticks), a `GyroNoise` per column; or one column that holds for all.
         gusts: (n_numbers, n_gusts), a `GustRow` per column.

@@ -36,12 +36,7 @@ class FlightSetup:
     """Describe a shipped flight and what is asked of it.
 
     Attributes:
-        case: one of the shipped flights.
-        vehicle: what flies.
-        gains: of every loop.
         z_over_R: height over the obstacle in rotor radii.
-        speed_m_s: speed limit; the flight's own when None.
-        duration_s: length; the flight's own when None.
         goal_m: x and y to fly to in place of the flight's own goal.
         below: what to fly over in place of the flight's own obstacle.
         step_s: longest step of the plant; 1 ms when None, and never above a control period.

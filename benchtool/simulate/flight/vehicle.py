@@ -43,7 +43,6 @@ class FlightVehicle:
     """Describe a vehicle in the air.
 
     Attributes:
-        model: rig and effects; those that belong to a bench do not act (`idle_effects`).
         drag_N_s_m: force per velocity against the air; 0 leaves wind without effect.
         turned_deg: layout turned to the left: 45 makes a plus layout a cross.
         inertia_scale: true over known inertia; the controller keeps the known one.

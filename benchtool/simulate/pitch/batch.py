@@ -40,10 +40,8 @@ def simulate_many(
     Args:
         jobs: what is run, with the number of the run under the seed; all share rig, wake rule and
             sensor rates.
-        schedule: commands, the same for all.
         take: turns a finished lane into a result; called in the thread that ran it. The
             log is written over afterwards: copy what is to stay.
-        seed: of the noise.
         threads: how many at once; all cores when None.
         lanes: runs side by side; `LANES`, or 1 without a compiler, when None.
     """

@@ -20,9 +20,6 @@ class PitchSensor:
     """Describe one sensor in SI units; every number is exactly absent at 0.
 
     Attributes:
-        noise: standard deviation of the white noise of one reading.
-        bias: what it shows too much.
-        quantum: least difference between readings.
         rate_Hz: how often it reads; 0 is once per control tick.
         delay_s: how old a reading is; in whole control ticks.
     """
@@ -43,12 +40,8 @@ class PitchBench:
 
     Attributes:
         model: the physics; its rig gives rotors, inertia, mass and pulse map.
-        inertia_kgm2: about the hinge.
         sensors: by name, see `SENSOR_NAMES`; a missing one is perfect. Rotor speeds in rad/s.
         covered: (n_discs,) share of each disc over the plate when it is all the way in.
-        stop_rad: end stop of the hinge on both sides.
-        pwm_min_us, pwm_max_us, pwm_quantum_us: what the motors take.
-        plant_rate_Hz: steps of the integration per second.
     """
 
     model: Model

@@ -30,7 +30,6 @@ class LoggedPitch:
     """Hold a logged pitch experiment, evenly spaced.
 
     Attributes:
-        rate_Hz: of the log.
         pwm_us: (n_discs, n) pulses, each held until the next; with `from_speeds`, the pulses at
             which rotors would settle at the speed that was measured.
         plate_z_m: (n,) distance with the beam level.
@@ -129,7 +128,6 @@ def filter_log(
 
     Args:
         benches: one per lane; all of one rig. Their sensors do not matter.
-        logged: the experiment.
         gains: (7,) of the filter, `FilterGains`.
         start_s: time of the first row, for what changes with time.
         states: (4 + n_discs, lanes) a `Hinge`'s first four numbers and speeds to begin with;
@@ -155,13 +153,7 @@ def predict_windows(
     """Return what each bench predicts in each of many windows of a log, without its readings.
 
     Args:
-        benches: one per lane, as for `filter_log`.
-        logged: the experiment.
-        starts: first row of each window.
-        rows: of a window.
         lead: rows before a window whose pulses a delay may still hold.
-        states: (4 + n_discs, lanes) for each window, see `filter_log`.
-        seed: of the wake's torque; the wake's torque only decays when None.
     """
     windows = [(max(int(start) - lead, 0), int(start), int(start) + rows) for start in starts]
     free = replace(logged, mode=np.full(len(logged), float(FREE)))
@@ -180,14 +172,8 @@ def _filtered(
     """Return what benches make of windows of a log.
 
     Args:
-        benches: one per lane.
-        logged: the experiment.
-        gains: (7,) of the filter.
         windows: of each the row from which its pulses are sent, its first row, and the row to stop
             before.
-        states: as for `predict_windows`, or None to begin as a loop does.
-        seed: of the wake's torque.
-        before: how many ticks of the experiment lie before the log's first row.
     """
     parts = []
     for k in range(0, len(benches), LANES[-1]):

@@ -128,7 +128,6 @@ class PitchArrays(NamedTuple):
         sent: speeds commanded lately (n_discs, n_ring, n_lanes).
         past: true pitch, rate and plate distance lately (3, n_past, n_lanes), for delayed sensors.
         log: (n_ticks, n_logged, n_lanes), filled with the rows `logged` of each tick.
-        logged: rows to log (n_logged,).
         schedule: (n_rows, n_ticks), a `Tick` per column; `filter_ticks.LoggedTick` for a filter.
         fresh: (n_sensors, n_ticks + 1) which sensors have a new reading at a tick.
         geometry: a `Geometry` (n_numbers,).

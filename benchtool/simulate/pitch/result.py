@@ -34,11 +34,9 @@ class PitchRun:
     """Hold one simulated run.
 
     Attributes:
-        controller: its name.
         rate_Hz: control rate; one row per control tick.
         log: (n_ticks, 10 + 2 n_discs): `COLUMNS`, pulses, measured rotor speeds (rad/s).
         clamped_steps: plant steps with a disc nearer than the formulae hold.
-        stopped_steps: plant steps at the end stop.
     """
 
     controller: str

@@ -71,8 +71,6 @@ class PitchLoop:
     """Hold everything a compiled loop needs for a few lanes that share schedule and structure.
 
     Args:
-        jobs: one per lane.
-        schedule: commands, the same for all.
         seed, runs: of the noise; the number of each lane's run under the seed.
         external: the controller is the caller's, tick by tick.
         neutral_too: compile effects that cannot act too, see `loop_effects`.
@@ -173,7 +171,6 @@ class PitchLoop:
 
         Args:
             log: (n_numbers, n_ticks), a `filter_ticks.LoggedTick` per column.
-            gains: (7,), `filter_ticks.FilterGains`.
             before: how many ticks of the experiment lie before the log's first row.
             span: the row from which pulses are sent, so that a delay has them when the plant begins
                 to move; the first row to filter, and the one to stop before.
@@ -204,11 +201,6 @@ def prepared(
 ) -> tuple[Layout, PitchLoops, Array, dict[PitchJob, Array]]:
     """Return what follows from jobs alone, for any seed and schedule: where records stand, the
     loops, the geometry, and each job's column of the work space.
-
-    Args:
-        jobs: each once.
-        lanes: how many of them, or of their repetitions, run side by side.
-        neutral_too: see `loop_effects`.
     """
     first, shared = jobs[0], shared_key(jobs[0])
     if any(shared_key(other) != shared for other in jobs[1:]):

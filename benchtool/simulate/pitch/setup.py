@@ -46,12 +46,8 @@ class PitchSetup:
     """Hold what a pitch simulation is made of.
 
     Attributes:
-        bench: the plant.
-        controls: built-in controllers.
-        schedule: reference, collective, dither and plate over time.
         nominal: the model that mixer and feedforward take for true; the bench's when None.
         notes: how the model's file was read.
-        rate_Hz: control rate.
     """
 
     bench: PitchBench

@@ -27,9 +27,6 @@ def simulate_pitch(
     """Return one run with a built-in controller.
 
     Args:
-        job: bench and controller.
-        schedule: commands at every control tick.
-        seed: of the noise.
         run: number of the run under that seed; run 3 of seed 7 is the same in any batch.
     """
     loop = PitchLoop([job], schedule, seed, [run])
