@@ -36,8 +36,7 @@ from benchtool.simulate.flight.flight import FlightCase, Goal, fly
 from benchtool.simulate.flight.own import fly_own
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gain_names, gains_named
-from benchtool.simulate.pitch.pack import torque_limit_Nm
-from benchtool.simulate.pitch.run import PitchJob
+from benchtool.simulate.pitch.run import PitchJob, torque_limit_Nm
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, noisy_bench, sampled
 

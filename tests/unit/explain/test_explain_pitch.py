@@ -8,8 +8,7 @@ import pytest
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import PitchLog, pitch_log
-from benchtool.explain.pitch.next_experiment import next_pitch
-from benchtool.explain.pitch.subject import PitchSubject
+from benchtool.explain.pitch.subject import PitchSubject, next_pitch
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.hand_made import far_off

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.simulate.controllers.cascade import (
+from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
+from benchtool.simulate.controllers.flight_law import (
     PositionLoop,
     acceleration_command,
     climb_command,
@@ -14,7 +15,6 @@ from benchtool.simulate.controllers.cascade import (
     pitch_command,
     velocity_command,
 )
-from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
 from benchtool.simulate.gain_file import gains_named
 
 POSITION = gains_named("s3").position

@@ -9,9 +9,9 @@ import pytest
 
 from benchtool.simulate.noise import lane_states, next_state, normal
 from benchtool.simulate.pitch.batch import LANES, simulate_many
+from benchtool.simulate.pitch.lane import cosine, sine
 from benchtool.simulate.pitch.run import PitchLoop
 from benchtool.simulate.pitch.simulate import simulate_pitch, taken
-from benchtool.simulate.trigonometry import cosine, sine
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
 
 SCHEDULE = sampled(0.5, reference_deg=SWAY, plate=STEADY_PLATE)
