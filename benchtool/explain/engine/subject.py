@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,6 +146,8 @@ class Subject(ABC):
     check: Sequence[Log]
     evidence: Evidence  # what the recordings to learn from say
     all_evidence: Evidence  # what those and the check recordings say together
+    missed_by: ClassVar[Callable[..., Sequence[Missed]]]
+    next_by: ClassVar[Callable[..., NextExperiment]]
 
     @property
     def window_s(self) -> float:
@@ -163,12 +165,12 @@ class Subject(ABC):
         """What must be known before a law of distance can be told from an effect; "" if it is."""
         return ""
 
-    @abstractmethod
     def missed(self, at: Array, opened: Sequence[str]) -> Sequence[Missed]:
         """Return what readings miss about parameters (n_parameters,), over all it may depend on.
 
         With `opened` effects as large as they like.
         """
+        return self.missed_by(self.all_evidence, at, opened)
 
     @abstractmethod
     def errors(self, sets: Array, changes: Array) -> Mapping[str, ChannelErrors]:
@@ -193,7 +195,6 @@ class Subject(ABC):
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first check recording with predictions, parameters (n_parameters,) each."""
 
-    @abstractmethod
     def next_experiment(
         self,
         rivals: Sequence[Rival],
@@ -207,3 +208,6 @@ class Subject(ABC):
             refused: the stage in which nothing in the library explains what is there.
             minutes: that it may take; a usual time when None.
         """
+        if len({one.name for one in rivals}) < 2:
+            return None
+        return self.next_by(self.all_evidence, rivals, rng, refused, minutes)

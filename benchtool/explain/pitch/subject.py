@@ -16,7 +16,6 @@ from benchtool.explain.engine.judgement import Rival
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
-from benchtool.explain.found.search import Missed
 from benchtool.explain.pitch.dependences import missed_torques
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.gap import OVERLAP, UNITS, Windows, predicted_channels, read_channels
@@ -131,10 +130,8 @@ def next_pitch(
     rng: np.random.Generator,
     refused: Subsystem | None = None,
     minutes: float | None = None,
-) -> NextExperiment | None:
-    """Return the experiment that is expected to separate rivals; None where there is but one."""
-    if len({one.name for one in rivals}) < 2:
-        return None
+) -> NextExperiment:
+    """Return the experiment that is expected to separate two rivals or more."""
     model, known = evidence.model, [log.logged for log in evidence.logs]
     together = max(COARSE, evidence.together)
     forecast = Forecast(evidence.of(known, together), rivals)
@@ -174,6 +171,8 @@ class PitchSubject(Subject):
     """Hold pitch recordings against a model."""
 
     kind = "pitch"
+    missed_by = staticmethod(missed_torques)
+    next_by = staticmethod(next_pitch)
     evidence: PitchEvidence
     all_evidence: PitchEvidence
 
@@ -191,9 +190,6 @@ class PitchSubject(Subject):
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)
         self._check = PitchEvidence(model, [log.logged for log in check], extra)
         self.all_evidence = PitchEvidence(model, [log.logged for log in (*learn, *check)], extra)
-
-    def missed(self, at: Array, opened: Sequence[str]) -> list[Missed]:
-        return missed_torques(self.all_evidence, at, opened)
 
     @cached_property
     def window_s(self) -> float:
@@ -276,12 +272,3 @@ class PitchSubject(Subject):
                 )
             )  # fmt: skip
         return tuple(out)
-
-    def next_experiment(
-        self,
-        rivals: Sequence[Rival],
-        rng: np.random.Generator,
-        refused: Subsystem | None = None,
-        minutes: float | None = None,
-    ) -> NextExperiment | None:
-        return next_pitch(self.all_evidence, rivals, rng, refused, minutes)

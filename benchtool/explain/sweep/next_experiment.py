@@ -265,10 +265,8 @@ def next_sweep(
     rng: np.random.Generator,
     refused: Subsystem | None = None,
     minutes: float | None = None,
-) -> NextExperiment | None:
-    """Return the sweep that is expected to separate rivals; None where there is but one."""
-    if len({one.name for one in rivals}) < 2:
-        return None
+) -> NextExperiment:
+    """Return the sweep that is expected to separate two rivals or more."""
     forecast = Forecast(evidence, rivals)
     rig = evidence.model.rig
 

@@ -17,16 +17,14 @@ from numpy.typing import NDArray
 from benchtool.core.array import Array
 from benchtool.core.recording import Recording
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.engine.judgement import Rival
 from benchtool.explain.engine.shared_errors import solved
 from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
-from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.found.law import DISTANCE, Form, Variable
 from benchtool.explain.found.search import FOLDS, Fold, Missed, Says
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog, refuse_other_sweeps, sweep_log
 from benchtool.explain.sweep.next_experiment import next_sweep
-from benchtool.physics.effects.effect import PAST_S, Effect, Subsystem
+from benchtool.physics.effects.effect import PAST_S, Effect
 from benchtool.physics.model import Model
 
 FARTHEST = 12.0  # distance over radius from which on a plate is as good as away
@@ -213,6 +211,8 @@ class SweepSubject(Subject):
     """
 
     kind = "sweep"
+    missed_by = staticmethod(missed_thrusts)
+    next_by = staticmethod(next_sweep)
     evidence: SweepEvidence
     all_evidence: SweepEvidence
     check: Sequence[SweepLog]
@@ -304,9 +304,6 @@ class SweepSubject(Subject):
             out["rpm"] = np.sqrt(np.mean(np.concatenate(speed), axis=0))
         return out
 
-    def missed(self, at: Array, opened: Sequence[str]) -> list[Missed]:
-        return missed_thrusts(self.all_evidence, at, opened)
-
     def overlays(self, before: Array, after: Array) -> tuple[Overlay, ...]:
         """Return the first check sweep: thrust over plate distance, speeds over time.
 
@@ -328,15 +325,6 @@ class SweepSubject(Subject):
             late = power.late
             out.append(_overlay("rpm", "rpm", "time_s", power.level[late], rows[late]))
         return tuple(out)
-
-    def next_experiment(
-        self,
-        rivals: Sequence[Rival],
-        rng: np.random.Generator,
-        refused: Subsystem | None = None,
-        minutes: float | None = None,
-    ) -> NextExperiment | None:
-        return next_sweep(self.all_evidence, rivals, rng, refused, minutes)
 
 
 def _moved(shown: Array, off: Array) -> Array:
