@@ -40,7 +40,6 @@ class Average:
     """Hold a robust mean, standard deviation of its samples, its standard error, their count.
 
     Attributes:
-        n: samples in the mean.
         apart: samples that lie outside of `range`, nearest to the median or not.
         range: least and greatest value that belongs to the others.
         suspect: too many lie apart to be outliers; the mean is over all samples.

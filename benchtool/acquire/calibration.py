@@ -59,7 +59,6 @@ def fit_calibration(
     of a run is another one.
 
     Args:
-        masses_kg: known masses, several and more than once, up and then down.
         counts: mean raw reading of each.
         date: of the last reading, ISO 8601.
         lever_ratio: force on the cell over force where the rotor pulls; 1 for a straight mount.

@@ -26,7 +26,6 @@ class PitchExperiment:
         seconds: at full collective, on the bench's clock.
         collective_us: pulse of every motor that arms the device; its loop adds to that.
         plate_z_m: where the plate is sent before; None leaves it where it is.
-        pitch_limit_rad: angle at which the host stops.
         schedule: name of what the device runs, for the record; the device's own word when "".
     """
 

@@ -168,7 +168,6 @@ class SettlePart(Inputs):
     """Say when thrust and speed count as settled.
 
     Attributes:
-        window_s: span of the regression line.
         slope_per_s: settled when the slope over the mean is below this, or below twice its
             standard error. 0.002 1/s moves a mean over 2 s by 0.2 % at most; a choice.
         timeout_s: after so long the point is taken anyway, marked unsettled, with an event.

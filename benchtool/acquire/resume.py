@@ -27,11 +27,7 @@ BREAK_S = 1.0  # run time that a break counts as; the event has the real one
 
 @dataclass(frozen=True, slots=True)
 class Unfinished:
-    """Hold what a run on disk holds for going on.
-
-    Attributes:
-        stage: the `--stage` that moved the plate; None where the run does not name it.
-    """
+    """Hold what a run on disk holds for going on."""
 
     run: Run
     plan: Plan

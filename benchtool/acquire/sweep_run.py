@@ -50,10 +50,6 @@ def sweep_to_run(
 ) -> Run | None:
     """Sweep as inputs say, or go on with a run; return the run, None of a dry one.
 
-    Args:
-        permit: called with Python files that the address names.
-        rig: on the bench, in place of the one that the inputs name.
-
     Raises:
         InputError: the inputs do not say enough, or nobody confirms; nothing was spun.
         PlanError: the limits of rig or device do not allow the plan.
@@ -91,9 +87,6 @@ def record_sweep(
     """Show a plan, arm and sweep; return the run, None of a dry one.
 
     Args:
-        inputs: with address and a resolved plan.
-        rig: on the bench.
-        permit: called with Python files that the address names.
         rest: a run to go on with.
     """
     # Everything that was given is looked at before anything is said or opened.

@@ -83,7 +83,6 @@ class VisitChecks:
 
         Args:
             seen: samples of the visit from the end of its ramp on.
-            commanded_s: when the ramp ended.
         """
         found = {}
         for name in self.rates_Hz:
@@ -153,9 +152,6 @@ LOOK_EVERY_S, LOOK_BACK_S = 0.25, 30.0  # interval of looks at samples, and thei
 
 class VisitWatch:
     """Look at the samples of a visit while they come.
-
-    Args:
-        commanded_s: when the ramp of the visit ended.
 
     Attributes:
         problem: event and text of what makes the visit bad, once it is found.

@@ -53,7 +53,6 @@ class Address:
 
     Attributes:
         text: as a person wrote it, or as data contain it.
-        permit: called with the file of a user's own code before it is run.
     """
 
     TITLE: ClassVar[str] = ""
@@ -172,12 +171,7 @@ class TcpAddress(Address):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MavlinkAddress(Address):
-    """Flight controller; see `MavlinkSettings` for the options.
-
-    Attributes:
-        host, port: of UDP and TCP.
-        serial_port, baud: of a serial link.
-    """
+    """Flight controller; see `MavlinkSettings` for the options."""
 
     EXAMPLE: ClassVar[str] = "mavlink:udpin:127.0.0.1:14550"
     link: MavlinkKind

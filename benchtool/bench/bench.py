@@ -27,7 +27,6 @@ class Identity:
     Attributes:
         device_id: the device's own unchanging name (serial number).
         firmware: name and version in the device's words.
-        protocol: protocol name and version ("benchtool-2", "replay").
         channels: what the stream carries, in order, without the two times.
         channel_rates_Hz: how often each channel has a new value; empty where the device does not
             say.

@@ -17,12 +17,7 @@ LATER_S = 0.1  # extra watch over the longest delay seen, where an order may be 
 
 
 class DrivenBench:
-    """Record what the motors were commanded and stop them for good.
-
-    Attributes:
-        reason: why zero was commanded, the first of all reasons.
-        troubles: what failed on the way out.
-    """
+    """Record what the motors were commanded and stop them for good."""
 
     def __init__(self, bench: Bench, rig: Rig) -> None:
         self.bench = bench

@@ -29,7 +29,6 @@ class Driver:
     """One kind of address.
 
     Attributes:
-        address: parses the text, and declares its options with their ranges.
         opener: "module:function" that turns such an address into a bench, not opened yet.
     """
 

@@ -36,9 +36,7 @@ class PlateCheck:
     """Judge the plate of one bench by what its position channel reads.
 
     Attributes:
-        measured: whether the stream has a position channel.
         read_m: the last reading, nan before the first.
-        tolerance_m: how far apart two positions may be.
     """
 
     def __init__(self, channels: Sequence[Channel], rig: Rig) -> None:

@@ -143,7 +143,6 @@ class Channel:
             Rotor speed in revolutions per minute is the one habit of the field that files keep:
             `rpm1`, unit "rpm".
         unit: unit of the stored numbers, one of `core.units.UNITS`.
-        description: one line for people.
     """
 
     name: str

@@ -54,8 +54,6 @@ class Input:
     """Say what people read of an input, beyond its type, range and default.
 
     Attributes:
-        help: one sentence for the command line.
-        unit: of the number.
         option: name of option and keyword where it is not the field's.
         label: in a form; the help and the unit when left out.
         empty: what runs where nothing is given, if the default does not say it.
@@ -112,12 +110,9 @@ class Item:
     Attributes:
         key: where it stands in a file, with dots between tables.
         declared: its type, without None.
-        kind: type of one value; str for a choice.
         many, count: whether it holds several, and how many where that is fixed.
         choices: known values; empty for any.
         range: what numbers are taken, in words; "" for any.
-        default: MISSING for an input that must be given.
-        about: what people read.
         group: heading of help under which it stands; "" for the first, which has none of its own.
     """
 
@@ -298,8 +293,6 @@ def make(
     """Return the dataclass with what was given, by name, in place of what `base` or defaults say.
 
     Args:
-        cls: a dataclass of inputs.
-        given: values, or the texts typed for them; None for what was not given.
         source: decides what a refusal calls an input.
         base: from a file; the defaults when left out.
 

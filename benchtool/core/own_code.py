@@ -27,10 +27,8 @@ def own_module(file_or_module: str, what: str, otherwise: str, permit: CodePermi
     """Return a Python file, or a module found from the present folder too, imported.
 
     Args:
-        file_or_module: as the user wrote it.
         what: is imported, for messages ("effects of cubic.py").
         otherwise: what to do where there is no such thing.
-        permit: called with the file before it is run.
 
     Raises:
         InputError: it may not be run, there is none, or it raised while it was imported.

@@ -43,13 +43,10 @@ class Parameter:
     Attributes:
         name: without its owner ("K_b"); a model's full name for it is "body_lift.K_b".
         unit: one of `core.units.UNITS`.
-        value: present value.
         neutral: value at which the owner is exactly absent; None for baseline parameters.
         lower, upper: bounds, infinite when there are none.
-        prior: what is known beforehand.
         tolerance: a change smaller than this does not matter on the bench; None when not stated.
         free: whether a fit may move it.
-        source: where the value comes from.
     """
 
     name: str
@@ -98,7 +95,6 @@ def full_name(
 
     Args:
         name: as typed: "body_lift.K_b", or "K_b" where no other name ends so.
-        known: full names.
         kind: what is named, for the refusal.
         others: names of another sort that would have been taken, for the refusal.
 

@@ -92,8 +92,6 @@ class PlateVisit(FiniteTable):
 
     Attributes:
         z_over_R: distance with the beam level, in rotor radii.
-        in_s: when it begins to move in.
-        out_s: when it begins to move out.
         move_s: how long either takes; the covered share grows evenly.
     """
 
@@ -130,7 +128,6 @@ class Schedule(FiniteTable):
         collective: signals added to 1, in thrusts of hover.
         dither_us: signals added to the pulses of the rotors that push nose down, taken from others.
         plate: visits of the plate, one after the other.
-        switches: of the controller, in time.
     """
 
     name: str
@@ -172,10 +169,6 @@ class Schedule(FiniteTable):
 
     def sampled(self, rate_Hz: float, radius_m: float) -> SampledSchedule:
         """Return the commands at every control tick.
-
-        Args:
-            rate_Hz: control rate.
-            radius_m: rotor radius, which plate distances are given in.
 
         Raises:
             InputError: it lasts too long, or a track goes beyond `REACH`.
@@ -237,10 +230,7 @@ class SampledSchedule:
     """Hold the commands of a run at every control tick, (m,) each.
 
     Attributes:
-        rate_Hz: control rate.
-        reference_rad: wanted attitude.
         collective: in thrusts of hover.
-        dither_us: added to pulses.
         plate_z_m: distance with the beam level; `PARKED_M` while the plate is away.
         plate_share: how far the plate is in, 0 to 1.
         observer, feedforward: 1 where that part of the controller may act.

@@ -144,7 +144,6 @@ class RefusedValue(ValueError):
 
     Args:
         kind: pydantic's name for it.
-        value: the value, or the one of several that is wrong.
         reason: what was expected, in words.
     """
 

@@ -28,7 +28,6 @@ class LinkCounts:
     """Count frames.
 
     Attributes:
-        messages: received, without duplicates.
         lost: that the sequence numbers miss, over all components of a system.
         corrupt: discarded for checksum or signature.
         reordered: that came after a later one.

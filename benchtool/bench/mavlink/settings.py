@@ -188,10 +188,7 @@ class MavlinkSettings:
     """Say how to talk to an autopilot and what to take from it.
 
     Attributes:
-        system: number of the autopilot; None takes the only one there is.
-        rotors: how many rotors; None asks the map or the autopilot.
         motor_map: of the rig; None takes rotors for motors 1, 2, ... with outputs not known.
-        mode: "plate" (motor tests under a load cell) or "pitch" (the autopilot's own loop).
         arm: whose task arming is in a pitch experiment.
         key: 32 bytes for MAVLink 2 signing; None signs nothing.
         orientation: of that sensor (MAV_SENSOR_ORIENTATION), others are left aside.

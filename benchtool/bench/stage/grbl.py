@@ -32,8 +32,6 @@ class GrblStage:
     """Move the plate with a stage that speaks GRBL 1.1.
 
     Args:
-        distance: axis of the plate distance.
-        lateral: axis of the lateral position, None where there is none.
         min_gap_m: plate distance that a move does not come nearer than, its braking included.
         opening: called while the stage homes on opening, which takes long; a bench beside it would
             run over if nobody listened to it.
