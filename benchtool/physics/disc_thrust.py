@@ -115,7 +115,7 @@ def disc_thrust(
     if len(torques) > 1:
         raise InputError("two effects of the model have the hook drag; leave one out")
     drag = chained(torques) if torques else UNCHANGED
-    weight, share_of = wake_rule(rules.wake).weight, tilt_rule(rules.tilt).share
+    weight, share_of = wake_rule(rules.wake), tilt_rule(rules.tilt).share
     tilt = summed(owned(effects, "tilt"))
     nearest = nearest_z_over_R(effect.distance_law for effect in effects)
     held = _held_at(nearest) if clamped else as_it_is

@@ -73,24 +73,28 @@ class TiltRule:
             taken at each rotor's own height.
     """
 
-    name: str
     image: Callable[[Quantity, Quantity, Quantity], Quantity]
     share: Callable[[Quantity], Quantity]
     one_body: bool
-    assumption: str
-    source: str
 
 
 @expression
 def vertical_image(here_m: Quantity, there_m: Quantity, distance_m: Quantity) -> Quantity:
-    """Return the velocity at right angles to the surface: (z_i + z_j)/2 in place of z_j."""
+    """Return the velocity at right angles to the surface: (z_i + z_j)/2 in place of z_j.
+
+    The direction of the level derivation; real neighbours are left out.
+    """
     along = image_velocity(here_m, there_m, distance_m)
     return 0.5 * (along + image_velocity(there_m, here_m, distance_m))
 
 
 @expression
 def own_height_image(here_m: Quantity, there_m: Quantity, distance_m: Quantity) -> Quantity:
-    """Return the velocity from an image as deep as the place itself is high."""
+    """Return the velocity from an image as deep as the place itself is high.
+
+    Eq. (10) as printed, f_GE(z_r,i); no physics: images and the body's centre then move with the
+    rotor that looks.
+    """
     return image_velocity(here_m, here_m, distance_m)
 
 
@@ -106,37 +110,12 @@ def whole_share(cosine: Quantity) -> Quantity:
     return 1.0 + 0.0 * cosine
 
 
-_RULES = (
-    TiltRule(
-        "axis",
-        image_velocity,
-        cosine_share,
-        True,
-        "the inflow that counts is along the rotor axis; the body term is one number at the centre",
-        "method of images; thrust times axial inflow is constant, and real neighbours, in the "
-        "rotor plane, give exactly nothing",
-    ),
-    TiltRule(
-        "vertical",
-        vertical_image,
-        whole_share,
-        True,
-        "the inflow that counts is at right angles to the surface; real neighbours are left out",
-        "method of images; the direction that the level derivation has",
-    ),
-    TiltRule(
-        "own_height",
-        own_height_image,
-        whole_share,
-        False,
-        "each rotor puts its own height into eqs. (3) and (4), for its neighbours' images and the "
-        "body's too",
-        "eq. (10) as printed, f_GE(z_r,i); no physics, as images and the body's centre then move "
-        "with the rotor that looks",
-    ),
-)
-
-TILT_RULES: dict[str, TiltRule] = {rule.name: rule for rule in _RULES}
+TILT_RULES: dict[str, TiltRule] = {
+    # Thrust times axial inflow is constant, and real neighbours, in the rotor plane, give nothing.
+    "axis": TiltRule(image_velocity, cosine_share, True),
+    "vertical": TiltRule(vertical_image, whole_share, True),
+    "own_height": TiltRule(own_height_image, whole_share, False),
+}
 
 
 def tilt_rule(name: str) -> TiltRule:

@@ -9,7 +9,6 @@ each disc (n, ...), 0 for a rotor that is off, and returns w (...).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,19 +16,13 @@ from benchtool.core.errors import UnknownChoice
 from benchtool.physics.expression import Quantity, expression
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """Name one assumption about the shared wake."""
-
-    name: str
-    weight: Callable[[Quantity], Quantity]
-    assumption: str
-    source: str
-
-
 @expression
 def notes_weight(coverage: Quantity) -> Quantity:
-    """Return max(0, (sum a - 1) / (n - 1)); 0 for one rotor."""
+    """Return max(0, (sum a - 1) / (n - 1)); 0 for one rotor: linear from the second rotor on.
+
+    It gives eq. (2) for one covered rotor, eq. (4) for all, two thirds for three of four ("same
+    trend with less intensity", section 2.3 of the paper); assumed.
+    """
     n = len(coverage)
     total = 0.0 * coverage[0]
     for j in range(n):
@@ -39,13 +32,13 @@ def notes_weight(coverage: Quantity) -> Quantity:
 
 @expression
 def full_weight(coverage: Quantity) -> Quantity:
-    """Return 1."""
+    """Return 1, however many rotors are covered: the upper bound; assumed."""
     return 1.0 + 0.0 * coverage[0]
 
 
 @expression
 def mean_weight(coverage: Quantity) -> Quantity:
-    """Return sum a / n."""
+    """Return sum a / n: superposition of the images at the centre; assumed."""
     n = len(coverage)
     total = 0.0 * coverage[0]
     for j in range(n):
@@ -55,7 +48,7 @@ def mean_weight(coverage: Quantity) -> Quantity:
 
 @expression
 def product_weight(coverage: Quantity) -> Quantity:
-    """Return the product of all a."""
+    """Return the product of all a: a fountain with all rotors over the plate alone; assumed."""
     product = 1.0 + 0.0 * coverage[0]
     for j in range(len(coverage)):
         product = product * coverage[j]
@@ -64,7 +57,10 @@ def product_weight(coverage: Quantity) -> Quantity:
 
 @expression
 def pairs_weight(coverage: Quantity) -> Quantity:
-    """Return the mean of a_i a_j over pairs i < j; 0 for one rotor."""
+    """Return the mean of a_i a_j over pairs i < j; 0 for one rotor: every pair adds alike; assumed.
+
+    The fountain "arises when a pair of rotors" is near the ground (section 2.2 of the paper).
+    """
     n = len(coverage)
     total = 0.0 * coverage[0]
     squares = 0.0 * coverage[0]
@@ -74,45 +70,17 @@ def pairs_weight(coverage: Quantity) -> Quantity:
     return (total * total - squares) / max(n * (n - 1), 1) * min(n - 1, 1)
 
 
-_RULES = (
-    Rule(
-        "notes",
-        notes_weight,
-        "the body term grows linearly from the second covered rotor on: w = (sum a - 1)/(n - 1)",
-        "assumed; gives eq. (2) for one covered rotor, eq. (4) for all, two thirds for three of "
-        "four ('same trend with less intensity', section 2.3 of the paper)",
-    ),
-    Rule(
-        "full",
-        full_weight,
-        "the body term does not depend on how many rotors are covered: w = 1",
-        "assumed; the upper bound",
-    ),
-    Rule(
-        "mean",
-        mean_weight,
-        "every covered rotor adds an equal share of the body term: w = sum a / n",
-        "assumed; superposition of the images at the centre",
-    ),
-    Rule(
-        "product",
-        product_weight,
-        "there is a fountain only with all rotors over the plate: w = product of a",
-        "assumed; the lower bound",
-    ),
-    Rule(
-        "pairs",
-        pairs_weight,
-        "every pair of covered rotors adds an equal share: w = mean of a_i a_j over pairs",
-        "assumed; the fountain 'arises when a pair of rotors' is near the ground (section 2.2)",
-    ),
-)
-
-WAKE_RULES: dict[str, Rule] = {rule.name: rule for rule in _RULES}
+WAKE_RULES: dict[str, Callable[[Quantity], Quantity]] = {
+    "notes": notes_weight,
+    "full": full_weight,
+    "mean": mean_weight,
+    "product": product_weight,
+    "pairs": pairs_weight,
+}
 
 
-def wake_rule(name: str) -> Rule:
-    """Return the rule of that name; an unknown name lists the known ones."""
+def wake_rule(name: str) -> Callable[[Quantity], Quantity]:
+    """Return the weight function of that name; an unknown name lists the known ones."""
     if name not in WAKE_RULES:
         raise UnknownChoice("wake rule", name, WAKE_RULES)
     return WAKE_RULES[name]

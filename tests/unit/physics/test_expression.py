@@ -90,7 +90,7 @@ def test_compiled_loops_and_arrays_give_the_same_numbers(rng: np.random.Generato
 def test_every_wake_rule_compiles(name: str, rng: np.random.Generator) -> None:
     numba = pytest.importorskip("numba")
     compile_expressions()
-    weight = WAKE_RULES[name].weight
+    weight = WAKE_RULES[name]
     compiled = numba.njit(lambda coverage: weight(coverage))
     for coverage in rng.uniform(0.0, 1.0, (20, 4)):
         assert compiled(coverage) == pytest.approx(weight(coverage), rel=1e-14)

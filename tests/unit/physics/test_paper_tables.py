@@ -118,7 +118,7 @@ def test_moment_at_the_edge_of_an_obstacle(row: list[str]) -> None:
         ]
     )
     height = np.full(centre.size, float(row[0]) * PQUAD_R)
-    weight = WAKE_RULES["notes"].weight(coverage)
+    weight = WAKE_RULES["notes"](coverage)
     factor = multirotor_factors(PQUAD_R, height, coverage, positions, float(row[1]), weight)
     thrust = 0.25 * 1.4 * GRAVITY * partial_factor(factor, coverage)
     backward = -1e3 * pitch_moment_Nm(thrust, layout.x_m)
