@@ -24,14 +24,12 @@ LoopHooks = namedtuple(
 
 Attributes:
     bare: a Flow of given heights and coverages, without images.
-    tilt: tilt(p) -> lean of the plate beyond what was commanded: rad.
-    with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
+    tilt, with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
     with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
     torque, dry_friction, dry_width, dry_give: f(i, flow, p), of the hinge, summed over effects.
     gyro: gyro(time, pitch, rate, acceleration, p) -> the gyro's reading, changed by effects.
     followed: followed(before, after, p) -> rotor speeds half a plant step on, as effects have them,
         for those of the lag alone.
-    nearest_z_over_R: least distance over R at which the effects' law holds.
 """
 
 

@@ -25,9 +25,6 @@ LoopPlan = namedtuple(
 
 Attributes:
     substeps: plant steps per tick.
-    driver: who controls.
-    delayed: whether commands arrive late.
-    log_every: ticks from one row of the log to the next.
     before: ticks that lie before the first one in time.
     held: whether the plant stands still: commands are sent on their way, and nothing moves.
     late_theta, late_rate, late_plate: delays of a bench's sensors in ticks.
@@ -49,10 +46,8 @@ Phases = namedtuple("Phases", "fixed wanted law mix move sense goes_on")
 Attributes:
     fixed: fixed(a) -> what no lane changes, read once; it has `dt_s`.
     wanted: wanted(a, tick) -> what is wanted, from the schedule.
-    law: from readings to a command.
     mix: from a command to the speeds that the motors are to reach.
     move: a plant step: surround (heights and coverages), wrench, motion.
-    sense: readings at the beginning of a tick.
     goes_on: goes_on(a) -> whether there is a next step.
 """
 

@@ -35,17 +35,8 @@ FlightNumbers = namedtuple(
     "position roll pitch yaw k_z_per_s2 k_vz_per_s k_iz_per_s3 climb_limit_m_s2 observer_per_s "
     "compensate from_s ramp mass_kg gravity_m_s2",
 )
-"""Numbers of the law.
-
-Attributes:
-    position: the horizontal loops.
-    roll, pitch, yaw: the attitude loops.
-    k_z_per_s2, k_vz_per_s, k_iz_per_s3, climb_limit_m_s2: the height loop.
-    observer_per_s: bandwidth of the observer.
-    compensate: 1 to subtract the observed torque, 0 only to watch.
-    from_s: when the observer is switched on.
-    ramp: 1 where the reference leads along, in place of a limit of the speed.
-    mass_kg, gravity_m_s2: of the vehicle as it is known.
+"""Numbers of the law: loops, the observer's bandwidth and start `from_s`; `compensate` is 1 to
+subtract the observed torque, `ramp` 1 where the reference leads along in place of a speed limit.
 """
 
 Wrench = namedtuple(  # force in world axes (N) and torque in body axes (N m), or their momenta

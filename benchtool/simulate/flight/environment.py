@@ -141,16 +141,12 @@ class Environment:
         return Tables(blocks, seen, np.array([*places, self.floor_m, len(planes)], float))
 
 
-BlockRow = namedtuple(
+BlockRow = namedtuple(  # a `Block` as the compiled loop reads it, with the number of its surface
     "BlockRow",
     "x1_m x2_m y1_m y2_m top_m slope_x slope_y begins_s there_s leaves_s gone_s slide_x_m "
     "slide_y_m surface",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
-"""A block as the compiled loop reads it: extent, top and slopes, times at which it begins to
-come, is there, leaves and is gone, its slide, and the number of its surface.
-"""
-
 BLOCK = Slot(0, BlockRow())  # one column of `Tables.blocks`
 
 MapNumbers = namedtuple(
@@ -171,7 +167,6 @@ Attributes:
     blocks: (n_numbers, b), a `BlockRow` per column.
     seen: (2, nx, ny) what a disc centred on a node of the grid sees: the fraction of it that
         lies over the grid's rise, and the mean height of that rise.
-    numbers: a `MapNumbers`.
 """
 
 

@@ -29,16 +29,11 @@ Craft = namedtuple(
 """Numbers of a vehicle.
 
 Attributes:
-    mass_kg, inertia_kgm2: mass, and the three principal moments.
-    k_N_s2, c_Nm_s2: of eq. (8).
-    top_speed_rad_s: what a motor can reach.
-    drag_N_s_m: force per velocity against the air.
-    gravity_m_s2: gravity.
+    inertia_kgm2: the three principal moments.
     radius_m, effective_radius_m: of a disc, for areas and for the images' strength.
     depth_m: how far hub and legs reach below the discs, everywhere under them.
-    x_m, y_m, spin: places and sense of turning of the rotors (n,).
-    per_thrust, per_roll, per_pitch, per_yaw: what the mixer gives a rotor (n,) of the thrust
-        (N/N) and of the three torques (N/(N m)).
+    x_m, y_m, spin: of the rotors (n,).
+    per_thrust, per_roll, per_pitch, per_yaw: what the mixer gives a rotor (n,) of each.
 """
 
 
