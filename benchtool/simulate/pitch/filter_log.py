@@ -122,7 +122,6 @@ def filter_log(
     *,
     start_s: float = 0.0,
     states: Array | None = None,
-    seed: int | None = None,
 ) -> Predictions:
     """Return what each bench predicts along a log.
 
@@ -132,13 +131,12 @@ def filter_log(
         start_s: time of the first row, for what changes with time.
         states: (4 + n_discs, lanes) a `Hinge`'s first four numbers and speeds to begin with;
             from the first row's readings when None.
-        seed: of the wake's torque; the wake's torque only decays when None.
     """
     mode = np.array(logged.mode, float)
     if states is None:
         mode[0] = RESTART
     whole, before = [(0, 0, len(logged))], round(start_s * logged.rate_Hz)
-    return _filtered(benches, replace(logged, mode=mode), gains, whole, [states], seed, before)[0]
+    return _filtered(benches, replace(logged, mode=mode), gains, whole, [states], None, before)[0]
 
 
 def predict_windows(

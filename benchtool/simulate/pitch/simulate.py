@@ -39,7 +39,6 @@ def simulate_controller(
     job: PitchJob,
     schedule: SampledSchedule,
     seed: int = 0,
-    run: int = 0,
     name: str = "own",
 ) -> PitchRun:
     """Return one run with a controller of the user's own.
@@ -50,7 +49,7 @@ def simulate_controller(
     Raises:
         InputError: the controller raised, or returned what is no finite number.
     """
-    loop = PitchLoop([job], schedule, seed, [run], external=True)
+    loop = PitchLoop([job], schedule, seed, [0], external=True)
     own_ticks(loop)(controller, 0, len(schedule), 0)
     return taken(loop, 0, name)
 
