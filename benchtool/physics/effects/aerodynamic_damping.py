@@ -36,20 +36,13 @@ EFFECT = Effect(
     law="torque = -c rate sum_i x_i^2 T_i / (speed_i r), r the blade's radius",
     parameters=(
         number(
-            "coefficient",
-            "1",
-            0.0,
-            "relative loss of thrust over climb speed in units of the tip speed",
-            neutral=0.0,
-            within=(0.0, 20.0),
-            tolerance=0.5,
+            "coefficient", "1", 0.0,
+            "relative loss of thrust over climb speed in units of the tip speed", neutral=0.0,
+            within=(0.0, 20.0), tolerance=0.5,
         ),
         number(
-            "blade_radius_m",
-            "m",
-            0.12,
-            "radius of the blades whose tips move: the rotor's own, not R_m",
-            within=(1e-3, 10.0),
+            "blade_radius_m", "m", 0.12,
+            "radius of the blades whose tips move: the rotor's own, not R_m", within=(1e-3, 10.0),
             source="convention: a 24 cm propeller; a rig states its own",
         ),
     ),
@@ -60,4 +53,4 @@ EFFECT = Effect(
     benches=frozenset({"pitch"}),
     always_compiled=True,
     rig_values=rig_values,
-)
+)  # fmt: skip

@@ -51,28 +51,17 @@ EFFECT = Effect(
     law="kappa = F^(-3/2); F -> C_T(kappa)/C_T(1), torque -> C_Q(kappa)/C_Q(1)",
     parameters=(
         number(
-            "share",
-            "1",
-            1.0,
-            "how far blades answer as the theory says; 0 is eq. (10) as printed",
-            neutral=0.0,
-            within=(0.0, 1.5),
-            tolerance=0.05,
-            source="blade-element momentum theory",
+            "share", "1", 1.0, "how far blades answer as the theory says; 0 is eq. (10) as printed",
+            neutral=0.0, within=(0.0, 1.5), tolerance=0.05, source="blade-element momentum theory",
         ),
         number(
-            "response",
-            "1",
-            1.0,
+            "response", "1", 1.0,
             "m = s a / (4 sqrt(2 C_T)) of solidity, lift slope and thrust coefficient",
             within=(0.0, 10.0),
             source="assumed: 0.9 to 1.1 for small propellers; a rig's [blade] states it",
         ),
         number(
-            "profile_share",
-            "1",
-            0.3,
-            "share of profile drag in the torque far from the plate",
+            "profile_share", "1", 0.3, "share of profile drag in the torque far from the plate",
             within=(0.0, 1.0),
             source="assumed: figure of merit near 0.7; a rig's [blade] states it",
         ),
@@ -87,4 +76,4 @@ EFFECT = Effect(
     separated_by={"R_m": "ratios at equal power beside those at equal speed"},
     benches=frozenset(),
     rig_values=rig_values,
-)
+)  # fmt: skip

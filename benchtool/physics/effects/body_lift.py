@@ -27,14 +27,8 @@ EFFECT = Effect(
     law="denominator - K_b w 2 R^2 z / (b^2 + 4 z^2)^(3/2) for a quadrotor",
     parameters=(
         number(
-            "K_b",
-            "1",
-            2.0,
-            "body lift coefficient",
-            neutral=0.0,
-            within=(0.0, 20.0),
-            tolerance=0.25,
-            source="paper: 'close to 2' (eq. 4)",
+            "K_b", "1", 2.0, "body lift coefficient", neutral=0.0, within=(0.0, 20.0),
+            tolerance=0.25, source="paper: 'close to 2' (eq. 4)",
         ),
     ),
     hooks=Hooks(denominator=denominator),
@@ -50,4 +44,4 @@ EFFECT = Effect(
     },
     trends_over=("z_over_R",),
     always_compiled=True,
-)
+)  # fmt: skip

@@ -26,19 +26,11 @@ EFFECT = Effect(
     law="torque = -k (pitch - pitch within +-slack)",
     parameters=(
         number(
-            "stiffness_Nm_per_rad",
-            "N m/rad",
-            0.0,
-            "stiffness of the taut cable",
-            neutral=0.0,
+            "stiffness_Nm_per_rad", "N m/rad", 0.0, "stiffness of the taut cable", neutral=0.0,
             within=(0.0, 20.0),
         ),
         number(
-            "slack_rad",
-            "rad",
-            0.1,
-            "angle up to which the cable hangs loose",
-            within=(0.0, 1.5),
+            "slack_rad", "rad", 0.1, "angle up to which the cable hangs loose", within=(0.0, 1.5),
             source="assumed",
         ),
     ),
@@ -50,4 +42,4 @@ EFFECT = Effect(
     always_compiled=True,
     acts_in_flight=False,
     tolerance_of=scaled(torque_scale, stiffness_Nm_per_rad=0.02),
-)
+)  # fmt: skip

@@ -23,12 +23,8 @@ EFFECT = Effect(
     law="torque = m g x cos(pitch)",
     parameters=(
         number(
-            "x_m",
-            "m",
-            0.0,
-            "centre of gravity in front of the hinge, in the rotor plane",
-            neutral=0.0,
-            within=(-0.1, 0.1),
+            "x_m", "m", 0.0, "centre of gravity in front of the hinge, in the rotor plane",
+            neutral=0.0, within=(-0.1, 0.1),
         ),
     ),
     hooks=Hooks(torque=torque),
@@ -41,4 +37,4 @@ EFFECT = Effect(
     benches=frozenset({"pitch"}),
     always_compiled=True,
     tolerance_of=scaled(arm_scale, x_m=0.0005),
-)
+)  # fmt: skip

@@ -37,26 +37,17 @@ EFFECT = Effect(
     law="torque = -T sign(rate); at rest it holds whatever is below T",
     parameters=(
         number(
-            "torque_Nm",
-            "N m",
-            0.0,
-            "dry friction torque of the hinge",
-            neutral=0.0,
+            "torque_Nm", "N m", 0.0, "dry friction torque of the hinge", neutral=0.0,
             within=(0.0, 10.0),
         ),
         number(
-            "width_rad_s",
-            "rad/s",
-            0.0,
-            "rate over which it builds up; 0 is Coulomb's law with real stick",
-            within=(0.0, 1.0),
+            "width_rad_s", "rad/s", 0.0,
+            "rate over which it builds up; 0 is Coulomb's law with real stick", within=(0.0, 1.0),
             prior=Prior("normal", 0.0, 0.03, "assumed: bearings creep below 2 deg/s"),
             source="Coulomb's law",
         ),
         number(
-            "give_rad",
-            "rad",
-            0.0,
+            "give_rad", "rad", 0.0,
             "angle by which it yields before it slips; 0 is Coulomb's law with real stick",
             within=(0.0, 0.1),
             prior=Prior("normal", 0.0, 0.002, "assumed: bearings slip within half a degree"),
@@ -75,4 +66,4 @@ EFFECT = Effect(
     always_compiled=True,
     acts_in_flight=False,
     tolerance_of=scaled(torque_scale, torque_Nm=0.002),
-)
+)  # fmt: skip

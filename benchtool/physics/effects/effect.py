@@ -327,14 +327,7 @@ def number(
 ) -> Parameter:
     """Return an effect's parameter."""
     return Parameter(
-        name,
-        unit,
-        value,
-        neutral=neutral,
-        lower=within[0],
-        upper=within[1],
-        prior=Prior() if prior is None else prior,
-        tolerance=tolerance,
-        description=description,
+        name, unit, value, neutral=neutral, lower=within[0], upper=within[1],
+        prior=Prior() if prior is None else prior, tolerance=tolerance, description=description,
         source=source,
-    )
+    )  # fmt: skip

@@ -31,21 +31,13 @@ EFFECT = Effect(
     law="denominator - D/(1 + s (V/v)^2), D the sum of all terms; v^4 + V^2 v^2 = v_h^4",
     parameters=(
         number(
-            "strength",
-            "1",
-            0.0,
-            "strength s of the loss; 1 is the form of public code",
-            neutral=0.0,
-            within=(0.0, 5.0),
-            tolerance=0.2,
+            "strength", "1", 0.0, "strength s of the loss; 1 is the form of public code",
+            neutral=0.0, within=(0.0, 5.0), tolerance=0.2,
         ),
         number(
-            "hover_inflow_m_s",
-            "m/s",
-            6.0,
+            "hover_inflow_m_s", "m/s", 6.0,
             "induced velocity v_h in hover, sqrt(T/(2 rho pi R^2)) of one rotor",
-            within=(0.5, 50.0),
-            source="assumed: 3.4 N on a disc of 0.12 m radius gives 5.6 m/s",
+            within=(0.5, 50.0), source="assumed: 3.4 N on a disc of 0.12 m radius gives 5.6 m/s",
         ),
     ),
     hooks=Hooks(image_share=image_share),
@@ -56,4 +48,4 @@ EFFECT = Effect(
     ),
     confused_with={},
     benches=frozenset(),
-)
+)  # fmt: skip

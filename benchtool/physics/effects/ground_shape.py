@@ -33,14 +33,8 @@ EFFECT = Effect(
     law="denominator - c (R/4z)^4",
     parameters=(
         number(
-            "curvature",
-            "1",
-            0.0,
-            "strength c of the term of second order",
-            neutral=0.0,
-            within=(-0.5, 0.5),
-            prior=KNOWN,
-            tolerance=0.1,
+            "curvature", "1", 0.0, "strength c of the term of second order", neutral=0.0,
+            within=(-0.5, 0.5), prior=KNOWN, tolerance=0.1,
         ),
     ),
     hooks=Hooks(denominator=denominator),
@@ -52,4 +46,4 @@ EFFECT = Effect(
     confused_with={"plate_offset": "distances beyond z/R 1 separate them"},
     benches=frozenset(),
     adjusted_on=frozenset({"sweep"}),
-)
+)  # fmt: skip

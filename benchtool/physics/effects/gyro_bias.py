@@ -22,13 +22,8 @@ EFFECT = Effect(
     law="reading = rate + bias; where the scale is off, too: scale * (rate + bias)",
     parameters=(
         number(
-            "bias_rad_s",
-            "rad/s",
-            0.0,
-            "what the gyro shows at rest",
-            neutral=0.0,
-            within=(-1.0, 1.0),
-            tolerance=0.0035,
+            "bias_rad_s", "rad/s", 0.0, "what the gyro shows at rest", neutral=0.0,
+            within=(-1.0, 1.0), tolerance=0.0035,
         ),
     ),
     hooks=Hooks(gyro_reading=gyro_reading),
@@ -37,4 +32,4 @@ EFFECT = Effect(
     confused_with={"gyro_scale": "fast motion separates them"},
     benches=frozenset({"pitch"}),
     always_compiled=True,
-)
+)  # fmt: skip

@@ -26,12 +26,9 @@ EFFECT = Effect(
     law="reading = rate - late * acceleration",
     parameters=(
         number(
-            "late_s",
-            "s",
-            0.0,
+            "late_s", "s", 0.0,
             "delay of a slow change: 1/(2 pi f) of a filter of first order, f its corner",
-            neutral=0.0,
-            within=(-0.005, 0.005),
+            neutral=0.0, within=(-0.005, 0.005),
             prior=Prior("normal", 0.0, 0.0005, "assumed: corners of 180 to 400 Hz are usual"),
             tolerance=0.0005,
         ),
@@ -43,4 +40,4 @@ EFFECT = Effect(
     benches=frozenset(),
     adjusted_on=frozenset({"pitch"}),
     acts_in_flight=False,
-)
+)  # fmt: skip

@@ -22,12 +22,7 @@ EFFECT = Effect(
     law="reading = scale * rate; where there is a bias, too: scale * (rate + bias)",
     parameters=(
         number(
-            "scale",
-            "1",
-            1.0,
-            "reading over true rate",
-            neutral=1.0,
-            within=(0.2, 5.0),
+            "scale", "1", 1.0, "reading over true rate", neutral=1.0, within=(0.2, 5.0),
             tolerance=0.02,
         ),
     ),
@@ -37,4 +32,4 @@ EFFECT = Effect(
     confused_with={"gyro_bias": "rest separates them"},
     benches=frozenset({"pitch"}),
     always_compiled=True,
-)
+)  # fmt: skip

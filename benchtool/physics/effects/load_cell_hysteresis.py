@@ -47,36 +47,22 @@ EFFECT = Effect(
     ),
     parameters=(
         number(
-            "half_width_N",
-            "N",
-            0.0,
-            "half the difference between the way down and the way up at the reference",
-            neutral=0.0,
+            "half_width_N", "N", 0.0,
+            "half the difference between the way down and the way up at the reference", neutral=0.0,
             within=(0.0, 5.0),
         ),
         number(
-            "tare_direction",
-            "1",
-            -1.0,
+            "tare_direction", "1", -1.0,
             "direction d of the load at the tare: -1 after thrust, 0 on a fresh cell",
-            within=(-1.0, 1.0),
-            source="convention: a bench is tared after its motors have run",
+            within=(-1.0, 1.0), source="convention: a bench is tared after its motors have run",
         ),
         number(
-            "growth",
-            "1",
-            0.0,
-            "share s by which the loop is wider at twice the reference load",
-            within=(-1.0, 1.0),
-            prior=GROWTH_KNOWN,
+            "growth", "1", 0.0, "share s by which the loop is wider at twice the reference load",
+            within=(-1.0, 1.0), prior=GROWTH_KNOWN,
             source="0: a loop of constant width (play, dry friction)",
         ),
         number(
-            "reference_N",
-            "N",
-            10.0,
-            "load at which the half width holds",
-            within=(0.01, 1e4),
+            "reference_N", "N", 10.0, "load at which the half width holds", within=(0.01, 1e4),
             source="convention; it matters only where the loop grows",
         ),
     ),
@@ -94,4 +80,4 @@ EFFECT = Effect(
     acts_in_flight=False,
     rig_values=rig_values,
     tolerance_of=scaled(weight_scale, half_width_N=0.02),  # a guess
-)
+)  # fmt: skip

@@ -29,14 +29,8 @@ EFFECT = Effect(
     law="d(speed)/dt = (commanded - speed) / tau",
     parameters=(
         number(
-            "tau_s",
-            "s",
-            0.0,
-            "time constant, the whole lag",
-            neutral=0.0,
-            within=(0.0, 1.0),
-            tolerance=0.002,
-            source="neutral value; a rig states its own",
+            "tau_s", "s", 0.0, "time constant, the whole lag", neutral=0.0, within=(0.0, 1.0),
+            tolerance=0.002, source="neutral value; a rig states its own",
         ),
     ),
     hooks=Hooks(lag_s=lag_s),
@@ -45,4 +39,4 @@ EFFECT = Effect(
     confused_with={"transport_delay": "dither above 5 Hz, or rpm telemetry, separates them"},
     benches=frozenset({"pitch"}),
     rig_values=rig_values,
-)
+)  # fmt: skip

@@ -22,14 +22,8 @@ EFFECT = Effect(
     law="denominator - s sum_{j != i} (R^2/2) z_i / (d_ij^2 + 4 z_i^2)^(3/2)",
     parameters=(
         number(
-            "strength",
-            "1",
-            1.0,
-            "strength s of the neighbours' images; 1 is eq. (3)",
-            neutral=0.0,
-            within=(0.0, 5.0),
-            tolerance=0.2,
-            source="Sanchez-Cuevas et al. 2017, eq. (3)",
+            "strength", "1", 1.0, "strength s of the neighbours' images; 1 is eq. (3)", neutral=0.0,
+            within=(0.0, 5.0), tolerance=0.2, source="Sanchez-Cuevas et al. 2017, eq. (3)",
         ),
     ),
     hooks=Hooks(denominator=denominator),
@@ -42,4 +36,4 @@ EFFECT = Effect(
     },
     benches=frozenset({"sweep"}),
     always_compiled=True,
-)
+)  # fmt: skip

@@ -107,35 +107,24 @@ def with_knots(coverages: Sequence[float]) -> Effect:
         )
     shares = tuple(
         number(
-            f"share_{k}",
-            "1",
-            (b - a) / (1.0 - a),
+            f"share_{k}", "1", (b - a) / (1.0 - a),
             f"share of the remaining increment taken up to {b:.3g} of the disc",
-            neutral=(b - a) / (1.0 - a),
-            within=(0.0, 1.0),
+            neutral=(b - a) / (1.0 - a), within=(0.0, 1.0),
             source="neutral value: the straight line (paper, section 3.1)",
         )
         for k, (a, b) in enumerate(pairwise(edges[:-1]), start=1)
-    )
+    )  # fmt: skip
     knots = tuple(
         number(
-            f"knot_{k}",
-            "1",
-            b,
-            "covered fraction at the knot",
-            within=(0.0, 1.0),
+            f"knot_{k}", "1", b, "covered fraction at the knot", within=(0.0, 1.0),
             source="coverage as measured",
         )
         for k, b in enumerate(coverages, start=1)
-    )
+    )  # fmt: skip
     reached = number(
-        "share",
-        "1",
-        1.0,
-        "how much of the stated coverage there is",
-        neutral=1.0,
+        "share", "1", 1.0, "how much of the stated coverage there is", neutral=1.0,
         within=(0.0, 1.0),
-    )
+    )  # fmt: skip
     return Effect(
         name=PARTIAL_COVERAGE,
         headline="factor_",

@@ -43,21 +43,12 @@ EFFECT = Effect(
     law="a = a_stated +- 2 sin(phi) dx / (pi R) at an edge, phi the half angle of its chord",
     parameters=(
         number(
-            "dx_m",
-            "m",
-            0.0,
-            "true minus read lateral position",
-            neutral=0.0,
-            within=(-0.02, 0.02),
-            prior=KNOWN,
-            tolerance=0.0015,
+            "dx_m", "m", 0.0, "true minus read lateral position", neutral=0.0, within=(-0.02, 0.02),
+            prior=KNOWN, tolerance=0.0015,
         ),
         number(
-            "disc_radius_m",
-            "m",
-            0.12,
-            "radius of the discs that the edge cuts: the rotor's own, not R_m",
-            within=(1e-3, 10.0),
+            "disc_radius_m", "m", 0.12,
+            "radius of the discs that the edge cuts: the rotor's own, not R_m", within=(1e-3, 10.0),
             source="convention: a 24 cm propeller",
         ),
     ),
@@ -69,4 +60,4 @@ EFFECT = Effect(
     adjusted_on=frozenset({"sweep"}),
     acts_in_flight=False,
     rig_values=rig_values,
-)
+)  # fmt: skip

@@ -25,13 +25,8 @@ EFFECT = Effect(
     law="z_i = z cos(a) - (x_i - x_plate) sin(a), a with the commanded tilt",
     parameters=(
         number(
-            "angle_rad",
-            "rad",
-            0.0,
-            "tilt beyond what was commanded",
-            neutral=0.0,
-            within=(-0.3, 0.3),
-            tolerance=0.01,
+            "angle_rad", "rad", 0.0, "tilt beyond what was commanded", neutral=0.0,
+            within=(-0.3, 0.3), tolerance=0.01,
         ),
     ),
     hooks=Hooks(tilt=tilt),
@@ -40,4 +35,4 @@ EFFECT = Effect(
     confused_with={"plate_offset": "lateral plate positions separate them"},
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
-)
+)  # fmt: skip

@@ -38,11 +38,7 @@ EFFECT = Effect(
             tolerance=0.01,
         ),
         number(
-            "height",
-            "1",
-            2.5,
-            "z/R at which most is lost",
-            within=(0.5, 10.0),
+            "height", "1", 2.5, "z/R at which most is lost", within=(0.5, 10.0),
             source="2.5: where the source states its 7 %",
         ),
     ),
@@ -55,4 +51,4 @@ EFFECT = Effect(
     ),
     confused_with={"wall_blockage": "distances beyond z/R 4 separate them"},
     benches=frozenset(),
-)
+)  # fmt: skip

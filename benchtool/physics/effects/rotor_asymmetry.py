@@ -26,13 +26,9 @@ EFFECT = Effect(
     law="thrust of the rotors opposite the first one is multiplied by the ratio",
     parameters=(
         number(
-            "ratio",
-            "1",
-            1.0,
-            "thrust of rotor 2 over rotor 1 (of the side opposite the first rotor)",
-            neutral=1.0,
-            within=(0.1, 3.0),
-            tolerance=0.015,
+            "ratio", "1", 1.0,
+            "thrust of rotor 2 over rotor 1 (of the side opposite the first rotor)", neutral=1.0,
+            within=(0.1, 3.0), tolerance=0.015,
         ),
     ),
     hooks=Hooks(factor=factor),
@@ -41,4 +37,4 @@ EFFECT = Effect(
     confused_with={"cog_offset": "collective steps of 10 % separate them"},
     benches=frozenset({"pitch"}),
     always_compiled=True,
-)
+)  # fmt: skip

@@ -24,14 +24,8 @@ EFFECT = Effect(
     law="denominator - s (R/4z)^2",
     parameters=(
         number(
-            "own_strength",
-            "1",
-            1.0,
-            "strength s of the own image; 1 is eq. (2)",
-            neutral=0.0,
-            within=(0.0, 5.0),
-            tolerance=0.05,
-            source="Sanchez-Cuevas et al. 2017, eq. (2)",
+            "own_strength", "1", 1.0, "strength s of the own image; 1 is eq. (2)", neutral=0.0,
+            within=(0.0, 5.0), tolerance=0.05, source="Sanchez-Cuevas et al. 2017, eq. (2)",
         ),
     ),
     hooks=Hooks(denominator=denominator),
@@ -44,7 +38,6 @@ EFFECT = Effect(
         basis="equal induced power",
         tested="z/R from 0.5; single rotors of 0.12 and 0.205 m, a quadrotor of 0.12 m",
         seen="the paper; the three rows of eqs. (2) to (4) are this law with its neighbours",
-        singular=lambda p: 0.25 * p["own_strength"] ** 0.5,
-        compared=("own_strength",),
+        singular=lambda p: 0.25 * p["own_strength"] ** 0.5, compared=("own_strength",),
     ),
-)
+)  # fmt: skip

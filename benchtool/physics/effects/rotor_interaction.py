@@ -43,11 +43,7 @@ EFFECT = Effect(
             tolerance=0.01,
         ),
         number(
-            "reach",
-            "1",
-            0.3,
-            "tip clearance l over 2R in which it falls off",
-            within=(0.05, 3.0),
+            "reach", "1", 0.3, "tip clearance l over 2R in which it falls off", within=(0.05, 3.0),
             source="a guess",
         ),
     ),
@@ -59,4 +55,4 @@ EFFECT = Effect(
     ),
     confused_with={"wall_blockage": "one rotor alone against all of them separates them"},
     benches=frozenset(),
-)
+)  # fmt: skip

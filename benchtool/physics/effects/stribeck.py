@@ -25,20 +25,12 @@ EFFECT = Effect(
     law="dry friction + T / (1 + (rate / rate_s)^2)",
     parameters=(
         number(
-            "excess_Nm",
-            "N m",
-            0.0,
-            "friction at rest above that in motion",
-            neutral=0.0,
+            "excess_Nm", "N m", 0.0, "friction at rest above that in motion", neutral=0.0,
             within=(0.0, 10.0),
         ),
         number(
-            "rate_rad_s",
-            "rad/s",
-            0.05,
-            "rate at which half of the excess is gone",
-            within=(0.0001, 10.0),
-            source="assumed",
+            "rate_rad_s", "rad/s", 0.05, "rate at which half of the excess is gone",
+            within=(0.0001, 10.0), source="assumed",
         ),
     ),
     hooks=Hooks(dry_friction=dry_friction),
@@ -49,4 +41,4 @@ EFFECT = Effect(
     always_compiled=True,
     acts_in_flight=False,
     tolerance_of=scaled(torque_scale, excess_Nm=0.002),
-)
+)  # fmt: skip

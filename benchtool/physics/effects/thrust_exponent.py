@@ -31,11 +31,7 @@ EFFECT = Effect(
             "excess", "1", 0.0, "exponent beyond 2", neutral=0.0, within=(-0.5, 0.5), tolerance=0.02
         ),
         number(
-            "reference_rad_s",
-            "rad/s",
-            500.0,
-            "speed at which k holds",
-            within=(1.0, 5000.0),
+            "reference_rad_s", "rad/s", 500.0, "speed at which k holds", within=(1.0, 5000.0),
             source="convention: middle of the usual range",
         ),
     ),
@@ -46,4 +42,4 @@ EFFECT = Effect(
     separated_by={"k": "several throttle levels, far apart"},
     trends_over=("speed_rad_s",),
     benches=frozenset({"sweep"}),
-)
+)  # fmt: skip

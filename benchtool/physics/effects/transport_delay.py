@@ -22,13 +22,8 @@ EFFECT = Effect(
     law="pulse at the motor (t) = command (t - delay)",
     parameters=(
         number(
-            "delay_s",
-            "s",
-            0.0,
-            "time between a command and its arrival at the motors",
-            neutral=0.0,
-            within=(0.0, 0.2),
-            tolerance=0.002,
+            "delay_s", "s", 0.0, "time between a command and its arrival at the motors",
+            neutral=0.0, within=(0.0, 0.2), tolerance=0.002,
         ),
     ),
     hooks=Hooks(delay_s=delay_s),
@@ -36,4 +31,4 @@ EFFECT = Effect(
     source="pure delay: bus, ESC input filter, PWM period",
     confused_with={"motor_lag": "dither above 5 Hz, or rpm telemetry, separates them"},
     benches=frozenset({"pitch"}),
-)
+)  # fmt: skip

@@ -23,20 +23,12 @@ EFFECT = Effect(
     law="Ornstein-Uhlenbeck process of that standard deviation and correlation time",
     parameters=(
         number(
-            "sd_Nm",
-            "N m",
-            0.0,
-            "standard deviation of the random torque",
-            neutral=0.0,
+            "sd_Nm", "N m", 0.0, "standard deviation of the random torque", neutral=0.0,
             within=(0.0, 10.0),
         ),
         number(
-            "correlation_s",
-            "s",
-            0.1,
-            "correlation time of the random torque",
-            within=(0.0001, 100.0),
-            source="assumed",
+            "correlation_s", "s", 0.1, "correlation time of the random torque",
+            within=(0.0001, 100.0), source="assumed",
         ),
     ),
     hooks=Hooks(random_torque=random_torque),
@@ -45,4 +37,4 @@ EFFECT = Effect(
     confused_with={},
     benches=frozenset(),
     tolerance_of=scaled(torque_scale, sd_Nm=0.002),
-)
+)  # fmt: skip

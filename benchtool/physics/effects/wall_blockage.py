@@ -42,13 +42,8 @@ EFFECT = Effect(
             tolerance=0.01,
         ),
         number(
-            "reach",
-            "1",
-            1.0,
-            "distance c over R in which the recovery falls off",
-            within=(0.5, 2.0),
-            prior=REACH_KNOWN,
-            source="1: Leishman 2006, eq. (6.36)",
+            "reach", "1", 1.0, "distance c over R in which the recovery falls off",
+            within=(0.5, 2.0), prior=REACH_KNOWN, source="1: Leishman 2006, eq. (6.36)",
         ),
     ),
     hooks=Hooks(factor=factor),
@@ -62,4 +57,4 @@ EFFECT = Effect(
         "plate_offset": "distances beyond z/R 2 separate them",
     },
     benches=frozenset({"sweep"}),
-)
+)  # fmt: skip

@@ -52,21 +52,13 @@ def law_effect(
     stated: dict[str, Any] = {"compared": tuple(item.name for item in parameters)}
     stated |= {name: fields.pop(name) for name in DistanceLaw.__slots__ if name in fields}
     return Effect(
-        name=hook.__name__,
-        title=title,
-        description=" ".join((hook.__doc__ or "").split()),
-        subsystem="rpm_to_thrust",
-        order=40,
-        law=f"T ratio of one rotor {formula}",
+        name=hook.__name__, title=title, description=" ".join((hook.__doc__ or "").split()),
+        subsystem="rpm_to_thrust", order=40, law=f"T ratio of one rotor {formula}",
         parameters=tuple(replace(item, free=free) for item in parameters),
-        hooks=Hooks(denominator=hook),
-        shows="thrust against the distance of the plate",
-        source=source,
-        confused_with={},
-        benches=frozenset(),
-        distance_law=DistanceLaw(**stated),
+        hooks=Hooks(denominator=hook), shows="thrust against the distance of the plate",
+        source=source, confused_with={}, benches=frozenset(), distance_law=DistanceLaw(**stated),
         **fields,
-    )
+    )  # fmt: skip
 
 
 def law(*stated: Any, **fields: Any) -> Callable[[Hook], Hook]:
@@ -399,20 +391,13 @@ def with_knots(knots: Sequence[float]) -> Effect:
         for k, x in enumerate(knots, 1)
     ]
     return law_effect(
-        monotone_table,
-        "Monotone table",
-        "1 + sum_k c_k (1 - I_k(z/R)), c_k >= 0",
-        "Ramsay 1988, Statistical Science 3(4): monotone regression splines",
-        *steps,
-        *places,
-        far="1 beyond the last knot",
-        tested="where its data lie",
+        monotone_table, "Monotone table", "1 + sum_k c_k (1 - I_k(z/R)), c_k >= 0",
+        "Ramsay 1988, Statistical Science 3(4): monotone regression splines", *steps, *places,
+        far="1 beyond the last knot", tested="where its data lie",
         seen="nothing but the definition of the spline; a table of yours",
-        compared=tuple(item.name for item in steps),
-        numbers=all_in_order,
-        knots_setting="z_over_R",
+        compared=tuple(item.name for item in steps), numbers=all_in_order, knots_setting="z_over_R",
         configure=configured,
-    )
+    )  # fmt: skip
 
 
 def configured(settings: Mapping[str, Any]) -> Effect:
