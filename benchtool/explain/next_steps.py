@@ -15,7 +15,7 @@ from benchtool.explain.found.draft import FOUND
 from benchtool.explain.recordings import Source
 from benchtool.physics.effects.effect import BenchKind
 
-RICHER: dict[BenchKind, str] = {
+RICHER: dict[BenchKind, str] = {  # what to record where most effects could not be judged
     "pitch": (
         "Record next: steps and slow reversals of the attitude at two collectives or more, the "
         "plate at three distances and away, some dither on the pulses; the schedule identify does "
@@ -26,7 +26,6 @@ RICHER: dict[BenchKind, str] = {
         "down, and tares."
     ),
 }
-"""What to record where most effects could not be judged."""
 
 
 @dataclass(frozen=True, slots=True)

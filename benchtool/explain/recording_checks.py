@@ -21,17 +21,13 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 
 Mask = NDArray[np.bool_]
-Mended = tuple[Mapping[str, Array], list[str]]
-"""Columns in their new values (n,), and what was done."""
+Mended = tuple[Mapping[str, Array], list[str]]  # columns in their new values (n,); what was done
 
 RPM_PER_RAD_S = 30.0 / np.pi
 
 UNIT_SHARE = 0.15  # of a speed in rad/s from the map or thrust; assumed
 SPIKE = 30.0  # sd beside the median of five; a beam thrown about reaches 20
-
-CURVE = np.array([-0.4, 0.9, 0.0, 0.0, 0.0, 0.9, -0.4])
-"""Weights of readings two and three rows away that give the value of a cubic between them."""
-
+CURVE = np.array([-0.4, 0.9, 0.0, 0.0, 0.0, 0.9, -0.4])  # cubic through rows 2 and 3 away
 FEW = 0.02  # more rows than this share are no spikes but how the sensor is
 HUNG_S = 0.2  # a reading that stays exactly the same for so long may hang; assumed
 UNUSUAL = 5.0  # times the usual stay of a reading from which it is frozen; assumed
@@ -311,9 +307,7 @@ SWEEP: tuple[Check, ...] = (plate_in_metres, speeds_in_rpm, hung_load_cell, spik
 """What is looked for, in order: units before what is judged by size."""
 
 
-ANOTHER = {"speed over pulse": 1.25}
-"""Recordings of one bench never differ by these factors: a full battery against an empty one."""
-
+ANOTHER = {"speed over pulse": 1.25}  # never within one bench: full battery over empty
 USUALLY = 1.2  # the same of everything else; good pairs of recordings differ by 1 %
 
 

@@ -253,7 +253,7 @@ def _present(
 
 MOST_LISTED = 6  # as many recordings of a folder are named; assumed
 
-OTHERS = {
+OTHERS = {  # what files that stand beside recordings are by their names
     ".toml": "a TOML file (a model goes behind --model)",
     ".json": "a JSON file",
     ".html": "a page",
@@ -261,7 +261,6 @@ OTHERS = {
     ".png": "a picture",
     ".txt": "a text file",
 }
-"""What files that stand beside recordings are by their names."""
 
 TAKEN = "a recording is a CSV, a Parquet file with its JSON, or a run folder"
 

@@ -28,12 +28,11 @@ from benchtool.physics.effects.effect import Subsystem
 
 NONE = "nothing beyond tolerance"
 
-ESC_MODE = (
+ESC_MODE = (  # for what is unknown between pulse and speed
     "speed at a pulse answers to the pulse, the plate and the supply, which pulses near and far "
     "separate; write down the ESC's mode as well: governed, it holds the speed against plate and "
     "supply; else it sets a voltage, and the speed gives"
 )
-"""For what is unknown between pulse and speed."""
 
 MOST_RIVALS = 6  # so many explanations an experiment is designed for at most
 LEAST_CHANCE = 0.01  # what a rival counts as at least, once it is one

@@ -9,9 +9,7 @@ from benchtool.explain.engine.held_out import HeldOut
 from benchtool.explain.engine.hypotheses import Hypothesis
 from benchtool.explain.engine.verdict import Kind, Unnamed
 
-Progress = Callable[[str, float], None]
-"""progress(what is being done, share of the whole)"""
-
+Progress = Callable[[str, float], None]  # progress(what is being done, share of the whole)
 CLASS_FROM = 0.05  # probability of a rival from which it can make a class; assumed
 
 

@@ -153,9 +153,7 @@ def all_shape_names(model: Model, bench: BenchKind, extra: Sequence[Effect] = ()
 
 
 RADIUS_FITTED = 0.05  # sd of R_m over its value where it is fitted; assumed
-
-K_KNOWN, K_FITTED = 0.01, 0.1
-"""The same two for k; a load cell's scale is known to a per cent, a rotor's coefficient is not."""
+K_KNOWN, K_FITTED = 0.01, 0.1  # of k: a load cell's scale is known to 1 %, a rotor's k is not
 
 _SHARES = {"k": (K_KNOWN, K_FITTED), "R_m": (RADIUS_KNOWN, RADIUS_FITTED)}
 

@@ -27,9 +27,7 @@ from benchtool.fit.identifiability import CANNOT_TELL
 EFFECTS_MISSING = 0.3  # prior probability of an effect, shared among them; assumed
 UNNAMED = 0.1  # prior probability of a discrepancy, shared among them; assumed
 MOST_NAMES = 5  # how many effects and discrepancies one explanation may have
-
-CONTENDERS, BEHIND = 4, 12.0
-"""So many of a place are held against the check recordings, none further behind in log odds."""
+CONTENDERS, BEHIND = 4, 12.0  # of a place, tried on the check recordings; most log odds behind
 
 MATTERS, NAMED_STILL = 2.0, 0.05
 """What is left of an explanation on the check recordings, in floors, from which on something that

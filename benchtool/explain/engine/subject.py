@@ -20,8 +20,7 @@ from benchtool.physics.model import Model
 if TYPE_CHECKING:
     from benchtool.explain.engine.judgement import Rival
 
-LATE, EARLY = "late in the run", "early in the run"
-"""Regimes of the clock: they say less of a cause than where the plate was, or how fast it went."""
+LATE, EARLY = "late in the run", "early in the run"  # regimes of the clock say less of a cause
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -12,30 +12,26 @@ from benchtool.core.schedule import Schedule
 from benchtool.explain.found.law import Dependence
 from benchtool.physics.effects.effect import BenchKind, Subsystem
 
-STAGES: dict[Subsystem, str] = {
+STAGES: dict[Subsystem, str] = {  # as a heading or a cell has them
     "pwm_to_rpm": "from pwm to rpm",
     "rpm_to_thrust": "from rpm to thrust",
     "hinge": "hinge",
     "sensor": "sensor",
     "plate": "plate",
 }
-"""As a heading or a cell has them."""
 
-PLACES = {
+PLACES = {  # as a sentence says where something is
     "pwm_to_rpm": "between pulse and rotor speed",
     "rpm_to_thrust": "between rotor speed and thrust",
     "hinge": "at the hinge",
     "sensor": "in the sensors",
     "plate": "at the plate",
 }
-"""As a sentence says where something is."""
 
 
 Kind = Literal["effect", "several", "class", "none", "unknown"]
 KINDS: tuple[Kind, ...] = ("effect", "several", "class", "none", "unknown")
-Unjudged = Literal["too_weak", "no_trace", "not_tried"]
-"""Why an effect is not judged: it would have to be larger, no size would do, no candidate."""
-
+Unjudged = Literal["too_weak", "no_trace", "not_tried"]  # size: larger; none; no candidate
 EVERYWHERE = "everywhere"  # regime of a disagreement that is alike in all parts
 SURE, LIKELY = 0.9, 0.7  # probabilities of "lacks" and of "probably lacks"; assumed
 MOSTLY = 1.5  # floors left on the check recordings above which no answer is whole; assumed

@@ -11,9 +11,7 @@ from benchtool.core.array import Array
 from benchtool.explain.found.families import Family, Scale
 from benchtool.physics.effects.effect import BenchKind
 
-Hook = Literal["factor", "thrust_reading", "torque", "gyro_reading"]
-"""What a law that was found may become in an effect."""
-
+Hook = Literal["factor", "thrust_reading", "torque", "gyro_reading"]  # hooks of drafted effects
 DISTANCE = "flow.height_m[i] / p.radius_m"  # the plate's distance as a hook sees it
 
 

@@ -28,9 +28,7 @@ BRIDGED = 1.6  # a reading is interpolated between two that lie at most this man
 HELD_S = 0.05  # longest hold of an unknown drive: some lags of a motor; assumed
 UNSEEN_S = 0.25  # how long the angle may stay unknown before a filter must begin anew; assumed
 SLOWEST_HZ = 20.0  # lowest rate of the angle: steps of a plant are too long below; assumed
-
-READINGS = re.compile(r"theta_rad|gyro_rad_s|rpm\d+")
-"""Channels that were measured at a moment; all others hold until the next."""
+READINGS = re.compile(r"theta_rad|gyro_rad_s|rpm\d+")  # measured at a moment; others hold
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -39,15 +39,14 @@ APART = 100.0  # lengths between functions that have nothing to do with each oth
 COARSE = 0.05  # places are rounded to so much of a length
 MOST_NUMBERS = 1_000_000  # filtered at a time: half an hour in 100 MB
 
-DEPENDS = {
+DEPENDS = {  # what a departure of each kind may depend on
     "torque": ("angle", "rate", "thrust", "time", "distance"),
     "speed": ("pulse", "time", "distance"),
     "reading": ("angle", "rate"),
 }
-"""What a departure of each kind may depend on."""
 
 STAGES: dict[str, Subsystem] = {"torque": "hinge", "speed": "pwm_to_rpm", "reading": "sensor"}
-PHRASES = {
+PHRASES = {  # what a departure beyond tolerance means; of others: something that depends on it
     "torque: distance": "a different law of thrust against distance",
     "torque: angle": "a torque that depends on the angle",
     "torque: rate": "a torque that depends on the rate",
@@ -56,10 +55,8 @@ PHRASES = {
     "reading: angle": "an encoder's error that depends on the angle",
     "reading: rate": "a gyro's error that depends on the rate",
 }
-"""What a departure beyond tolerance means; of others: something that depends on it."""
 
-White = Callable[[Array], Array]
-"""Turns innovations (2 + discs, n, r) of pitch, gyro and speeds into rows (n_rows, r)."""
+White = Callable[[Array], Array]  # innovations (2 + discs, n, r) -> rows (n_rows, r)
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,7 @@ from benchtool.simulate.pitch.filter_log import (
     predict_windows,
 )
 
-UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}
-"""Channels that a gap is reported for."""
+UNITS = {"theta_rad": "rad", "gyro_rad_s": "rad/s", "rpm": "rpm"}  # channels of a gap
 
 RPM = 30.0 / np.pi
 

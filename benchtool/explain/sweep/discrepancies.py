@@ -106,11 +106,10 @@ def variations(logs: Sequence[SweepLog], model: Model) -> Array:
     return np.hstack([model.discrepancy.law / np.sqrt(2.0) * root for root in roots])
 
 
-PHRASES = {
+PHRASES = {  # what a departure beyond tolerance means; of others: something that depends on it
     "thrust: distance": "a different law of thrust against distance",
     "thrust: visit": "something that changes from visit to visit",
 }
-"""What a departure beyond tolerance means; of others: something that depends on it."""
 
 
 def discrepancies(processes: Sequence[Process], n_rows: int) -> list[Discrepancy]:

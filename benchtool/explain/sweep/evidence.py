@@ -50,10 +50,9 @@ SUPPLY_PARAMETERS = (
 the power of the supply with which speed at a pulse goes: 1 of an ideal motor, less of one under
 load, 0 where the ESC governs the speed; guesses for lithium polymer packs."""
 
-SUPPLY_LOSSES = tuple(
+SUPPLY_LOSSES = tuple(  # linear loss of the supply, seen in pulses beside speeds and voltage
     f"{effect.name}.{effect.supply_loss}" for effect in candidates("sweep") if effect.supply_loss
 )
-"""Parameters that are the supply's linear loss, which pulses beside speeds and voltage show."""
 
 
 class SweepEvidence:
