@@ -78,7 +78,7 @@ Error = Literal["sd", "se"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableInputs(Inputs):
-    """Say which columns of a table are what; left out, their names say it, or a question."""
+    """Columns of a table; left out, their names decide."""
 
     TITLE = "Tables of your own"
 

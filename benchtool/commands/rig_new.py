@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import ceil
@@ -12,7 +13,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.declared import declared
-from benchtool.core.errors import InputError
+from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import Input, Inputs, items
 
 Purpose = Literal["fit", "motor", "sweep", "pitch"]
@@ -139,13 +140,11 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
             table(key)[one] = {"value": value, "source": source} if inputs.like else value
 
     def asked(key: str, usual: str = "") -> Any:
-        from benchtool.commands.terminal.questions import ask
-
         if (value := getattr(inputs, key)) is not None:
             return value
         item = known[key]
         reason = f"{item.option} is missing ({item.label[:1].lower()}{item.label[1:]})"
-        typed = ask(item.label, item.option, usual=usual, choices=item.choices, reason=reason)
+        typed = ask(item.label, item.option, usual, item.choices, reason)
         return item.read(typed, item.option)
 
     def missing(key: str, *where: str) -> bool:
@@ -184,6 +183,27 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
             )
         state("plate", z_min_m=nearest, z_max_m=farthest)
     return tomli_w.dumps(data)
+
+
+def ask(question: str, option: str, usual: str, choices: Sequence[str], reason: str) -> str:
+    """Return a line typed on a terminal, again until it is one of the choices.
+
+    Raises:
+        InputError: there is no terminal, or the input ended.
+    """
+    if not sys.stdin.isatty():
+        raise InputError(f"{reason}; give {option}")
+    offered = f" ({', '.join(choices)})" if choices else ""
+    end = f" [{usual}]: " if usual else ": "
+    while True:
+        print(f"{question}?{offered}{end}", end="", flush=True)
+        if not (line := sys.stdin.readline()):
+            raise InputError(f"the input has ended; give {option}")
+        typed = line.strip() or usual
+        if typed and (not choices or typed in choices):
+            return typed
+        if typed:
+            print(UnknownChoice("answer", typed, choices))
 
 
 def _mount(named: str, data: dict[str, Any]) -> None:
