@@ -37,7 +37,7 @@ from benchtool.core.inputs import items
 from benchtool.core.user_file import shown_name
 
 COMMANDS: dict[str, tuple[str, str]] = {
-    "demo": ("demo:demo", "Sweep two virtual benches, fit, and write a report"),
+    "demo": ("demo:demo", "Sweep a virtual bench, fit, and write a report"),
     "sweep": ("sweep:sweep", "Sweep plate distance and throttle into a run folder"),
     "record": ("record:record", "Record a pitch experiment from a bench into a run folder"),
     "runs": ("", "Find, tag, query, merge, verify and copy runs"),

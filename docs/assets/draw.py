@@ -8,13 +8,16 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.report.figure import drawn
 from benchtool.report.files import save_figure
-from benchtool.report.fit.demo import Story
+from benchtool.report.fit.figures import fitted_curve, ratio_points
 from benchtool.report.page import FigureBlock
 from benchtool.report.paper.layouts import paper_layouts
+from benchtool.report.ratio import draw_ratio
+from benchtool.report.style import look, new_figure
 
 HERE = Path(__file__).parent
 FITS = HERE.parents[1] / "fits"
@@ -32,13 +35,24 @@ def figures() -> dict[str, FigureBlock]:
         replace(read_recipe(FITS / name), methods=("least_squares",), compare=())
         for name in ("single_rotor", "quad")
     )
-    story = Story(
-        run_recipe(single),
-        run_recipe(replace(quad, fix={"body_lift.K_b": 0.0})),
-        run_recipe(quad),
-    )
+    eq2 = run_recipe(single)
+    eq3 = run_recipe(replace(quad, fix={"body_lift.K_b": 0.0}))
+    eq4 = run_recipe(quad)
+    z = np.linspace(0.5, 3.4, 240)
+    series = [
+        ratio_points(eq2, "one rotor (simulated bench)", "single_rotor"),
+        ratio_points(eq4, "four rotors (simulated bench)", "quad"),
+    ]
+    curves = [
+        replace(fitted_curve(eq2, z, "eq. (2), fitted to one rotor", "single_rotor"), bands=()),
+        replace(fitted_curve(eq3, z, "eq. (3), best fit", "quad"), style="formula", bands=()),
+        fitted_curve(eq4, z, "eq. (4), fitted", "model"),
+    ]
+    with look():
+        overview = new_figure("Four rotors need the body lift", simulated=True, height_in=4.5)
+        draw_ratio(overview, series, curves, "equal_rpm2")
     layouts = paper_layouts({name: FITS / folder for name, folder in RECIPES.items()})
-    return {**drawn("fit.demo", story), **layouts}
+    return {"overview": FigureBlock(overview, ""), **layouts}
 
 
 if __name__ == "__main__":

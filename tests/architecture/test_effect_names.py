@@ -12,7 +12,6 @@ from benchtool.physics.catalogue import EFFECTS
 PACKAGE = Path(benchtool.__file__).parent
 CASES = (
     "report/paper/",
-    "report/fit/demo.py",
     "simulate/pitch/attitude.py",
     "acquire/check_plan.py",
 )

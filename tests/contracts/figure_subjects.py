@@ -29,7 +29,6 @@ from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.physics.wake_picture import Hover
 from benchtool.report.compare.page import compared
 from benchtool.report.compare.pooled_fits import PooledFits
-from benchtool.report.fit.demo import Story
 from benchtool.report.flight.campaign import CampaignMap, CampaignPanel
 from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
 from benchtool.report.replay.figures import ReplayedLog
@@ -215,8 +214,6 @@ SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {
     "compare.pooled": lambda: [pooled_fits()],
     "answer": lambda: [answer(), answer("several"), answer("unknown"), with_law()],
     "fit": lambda: [sampled_fit(), fit("partial_area")],
-    "fit.demo": lambda: [Story(fit("single_rotor"), fit("quad"), fit("quad"))],
-    "fit.demo_sweeps": lambda: [{"quad": ROOT / "datasets" / "quad" / "run"}],
     "flight": lambda: [flights()],
     "flight.campaign": lambda: [campaign()],
     "flight.pitch": lambda: [study()],

@@ -22,7 +22,7 @@ WRITTEN = Path(__file__).parents[2] / "docs" / "reference" / "commands.md"
 RUNNABLE = [name for name, (where, _) in COMMANDS.items() if where]
 
 REFUSED: dict[str, list[tuple[str, str]]] = {
-    "demo": [("--speed 0.1", "--speed is 0.1, allowed is 1 to 1,000")],
+    "demo": [("--seed -1", "--seed is -1, allowed is")],
     "sweep": [("sim:pquad --dry-run --tilt 900", "--tilt names 900 deg, allowed is -89 to 89 deg")],
     "record": [
         ("sim:pquad?mode=pitch --limit-deg 100", "--limit-deg is 100 deg, allowed is"),

@@ -15,7 +15,6 @@ from benchtool.report.numbers import (
     power_of_ten,
     scaled,
     unit_for_people,
-    value_with_sd,
     with_statistical,
 )
 from benchtool.report.page import Table
@@ -140,12 +139,8 @@ def _estimate_row(item: Estimate) -> tuple[str, ...]:
     )
 
 
-def methods_table(
-    results: Sequence[FitResult],
-    truth: Mapping[str, float] | None = None,
-    caption: str = "The same problem by each method.",
-) -> Table:
-    """Set the answers of several fits side by side, with the truth where it is known."""
+def methods_table(results: Sequence[FitResult]) -> Table:
+    """Set the answers of several methods side by side."""
     names = dict.fromkeys(item.name for result in results for item in result.estimates)
     rows = []
     for name in names:
@@ -153,21 +148,18 @@ def methods_table(
         for result in results:
             found = next((item for item in result.estimates if item.name == name), None)
             cells.append(printed(found) if found else "–")
-        if truth is not None:
-            cells.append(value_with_sd(truth[name], float("nan")) if name in truth else "–")
         rows.append(cells)
     rows.append(
         [
             "χ² / degrees of freedom",
             *(f"{result.chi2:.1f} / {result.dof}" for result in results),
-            *([] if truth is None else ["–"]),
         ]
     )
     one_model = len({result.model for result in results}) == 1
     heads = [
         ("" if one_model else f"{result.model}, ") + METHODS[result.method] for result in results
     ]
-    return Table(caption, ("parameter", *heads, *([] if truth is None else ["truth"])), rows)
+    return Table("The same problem by each method.", ("parameter", *heads), rows)
 
 
 def scored_laws(laws: LawComparison) -> list[LawScore]:
