@@ -72,7 +72,6 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "pool": ("pool:pool", "Pool fits of rigs: mean, spread, and which rigs differ"),
     "motor": ("motor:motor", "Fit thrust curve and motor constants to tests without a plate"),
     "export": ("export:export", "Write a fitted model for simulators, autopilots and firmware"),
-    "plan": ("plan:plan", "Find visits and better inputs for a target uncertainty"),
     "explain": ("explain:explain", "Name the effect that a model lacks, and show the gap shrink"),
     "report": ("report:report", "Write a report page of a run, fit or recording"),
     "simulate": ("", "Simulate benches and flights near surfaces in closed loop"),

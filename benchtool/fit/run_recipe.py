@@ -163,29 +163,20 @@ def _others(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
         raise
 
 
-def propagated(output: FitOutput, data: FitData | None = None) -> Propagated | None:
+def propagated(output: FitOutput) -> Propagated | None:
     """Return how errors reach the first method's values, and those that its fit does not hold.
 
     They are errors of the observations, then of one quantity alone, with its name. None where the
     data leave a parameter open.
-
-    Args:
-        output: of a fit.
-        data: points in place of its own, such as those of a sweep that is planned.
     """
-    model, result, data = output.fitted, output.results[0], data or output.data
-    problem = output.problem
-    if data is not output.data:
-        problem = recipe_problem(output.loaded.model, output.recipe, data)
+    model, result, data, problem = output.fitted, output.results[0], output.data, output.problem
     free = [item.name for item in result.estimates]
     way = propagation(problem, result, _quantities(model, free, output.density))
     reference = None if data.reference is None else data.reference.select(data.rows)
     held = held_sources(model, data.conditions.select(data.rows), reference)
     if way is None:
         return None
-    # a planned sweep has no residuals; what the run bounds, it bounds for the bench.
-    measured = None if data is output.data else propagated(output)
-    known = {one.name: one for one in (measured[1] if measured else bounded(way, held))}
+    known = {source.name: source for source in bounded(way, held)}
     held = tuple(
         replace(known[one.name], columns=known[one.name].sd / one.sd * one.columns) for one in held
     )

@@ -58,10 +58,6 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("nowhere --to c", "unknown model (and no file of that name) 'nowhere'"),
     ],
     "fit": [("a.csv --model quad --loss hubre", "unknown --loss 'hubre'; did you mean 'huber'?")],
-    "plan": [
-        ("a.csv --model quad --for R", "--for is 'R', but a quantity and a number"),
-        ("--for", "--for needs a value (Quantity and target standard uncertainty: R="),
-    ],
     "explain": [("a.csv --draws 3", "--draws is 3, allowed is 20 to 100,000")],
     "report": [("a.csv --motors 0,1", "--motors names 0, allowed is 1 or more")],
     "simulate pitch": [

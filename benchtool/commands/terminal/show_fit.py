@@ -34,7 +34,8 @@ def print_fit(fit: StoredFit) -> None:
     console = Output()
     for block in fit.blocks:
         if isinstance(block, Table):
-            print_table(console, block.narrowed(range(min(WIDEST, len(block.header)))))
+            width = max(WIDEST, block.text_columns + 3)
+            print_table(console, block.narrowed(range(min(width, len(block.header)))))
         elif isinstance(block, Warnings):
             console.say(*(f"! {line}" for line in block.sentences))
         elif isinstance(block, Paragraph):

@@ -37,7 +37,6 @@ class Propagation:
         derived: functions of the last of them.
         shape: (n_shape,) where it was linearised.
         sd: (n_shape,) standard deviations there.
-        slopes: (n, n_shape) change of the quantities by the shape parameters.
         gain: (n, m + q) change of the quantities by whitened rows: points, then priors.
     """
 
@@ -49,7 +48,6 @@ class Propagation:
     noise: float | None
     whitening: Whitening
     derivatives: Way
-    slopes: Array
     gain: Array
 
     @property
@@ -92,7 +90,6 @@ def propagation(
         noise=noise,
         whitening=whitening,
         derivatives=derivatives,
-        slopes=slopes,
         gain=slopes @ spread.covariance @ jacobian.T,
     )
 

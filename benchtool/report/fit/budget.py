@@ -43,7 +43,8 @@ def shown_lines(budget: Budget, quantities: Sequence[int]) -> list[int]:
 def budget_table(budget: Budget, *, short: bool = False) -> Table:
     """List what each source adds to each quantity; `short` leaves small ones out.
 
-    In percent of the value, or in its unit where that is 0.
+    In percent of the value, or in its unit where that is 0. "if halved": the quantity whose
+    combined uncertainty falls most if the source's is halved, to first order.
     """
     places = shown_quantities(budget)[: 3 if short else None]
     lines = shown_lines(budget, places) if short else range(len(budget.lines))
@@ -52,16 +53,25 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     def shares(numbers: object) -> list[str]:
         return [numeral(float(one), ".2g") for one in (np.asarray(numbers) / size)[places]]
 
-    rows = [(_name(budget, row), _stated(budget, row), *shares(budget.parts[row])) for row in lines]
+    fall = 1.0 - np.sqrt(1.0 - 0.75 * (budget.parts / budget.combined) ** 2)[:, places]
+    most = [places[int(place)] for place in np.argmax(fall, axis=1)]
+    halved = [
+        f"{budget.names[place]} −{percent:.0f} %" if percent >= 0.5 else ""
+        for place, percent in zip(most, 100.0 * fall.max(axis=1), strict=True)
+    ]
+    rows = [
+        (_name(budget, row), _stated(budget, row), halved[row], *shares(budget.parts[row]))
+        for row in lines
+    ]
 
     def total(name: str, numbers: object) -> None:
-        rows.append((name, "", *shares(numbers)))
+        rows.append((name, "", "", *shares(numbers)))
 
     total("statistical, without *", budget.fit_sd)
     total("combined", budget.combined)
     total(f"expanded, {INTERVAL}", budget.expanded)
-    rows.append(("coverage factor", "", *(f"{budget.coverage_factor[p]:.2f}" for p in places)))
-    rows.append(("effective degrees of freedom", "", *(_dof(budget.dof[p]) for p in places)))
+    rows.append(("coverage factor", "", "", *(f"{budget.coverage_factor[p]:.2f}" for p in places)))
+    rows.append(("effective degrees of freedom", "", "", *(_dof(budget.dof[p]) for p in places)))
     if (drawn := budget.monte_carlo) is not None:
         total(f"Monte Carlo, {INTERVAL}: lower end", drawn.low)
         total("upper end", drawn.high)
@@ -69,9 +79,9 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     rest = f" {counted(left_out, 'smaller source')} left out." if left_out else ""
     return Table(
         f"Uncertainty budget: standard uncertainties in percent of the value.{rest}",
-        ("source", "standard uncertainty", *(_header(budget, place) for place in places)),
+        ("source", "standard uncertainty", "if halved", *(_header(budget, p) for p in places)),
         rows,
-        text_columns=2,
+        text_columns=3,
     )
 
 

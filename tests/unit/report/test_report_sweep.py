@@ -199,7 +199,7 @@ def test_a_run_has_a_budget_of_its_thrusts(run: Path, page: str) -> None:
     assert budget is not None
     near, *_, ratio = budget.names
     assert near.startswith("thrust z/R 0.6, ")
-    rows = dict(row[:1] + row[2:3] for row in rows_of(page, "Uncertainty budget"))
+    rows = dict(row[:1] + row[3:4] for row in rows_of(page, "Uncertainty budget"))
     assert {"repeat", "tare_offset.thrust_N *", "plate_offset.dz_m *", "combined"} <= set(rows)
     assert float(rows["combined"]) == pytest.approx(
         100.0 * budget.combined[0] / budget.values[0], rel=0.05
