@@ -21,17 +21,11 @@ from benchtool.report.files import save_figure
 from benchtool.report.fit.page import refuse_full
 from benchtool.report.html import write_report
 from benchtool.report.numbers import numeral, unit_for_people, value_with_sd
-from benchtool.report.page import Facts, Paragraph, Table
+from benchtool.report.page import Table
 from benchtool.report.palette import BLUE, GREY, PALE
 
-MOST_PAIRS = 20
-"""Differences that a table lists, the surest first; pool.json has all of them."""
-
-BESIDE = 3
-"""Panels of the forest plot beside each other."""
-
-LEAST = 1e-6
-"""Least probability that is stated: five standard deviations out no fit's errors are normal."""
+BESIDE = 3  # panels of the forest plot beside each other
+LEAST = 1e-6  # least probability that is stated: farther out no fit's errors are normal
 
 
 def _each(one: PooledFits) -> Iterator[tuple[int, str, bool]]:
@@ -79,63 +73,18 @@ def _words(found: Difference) -> str:
     )
 
 
-def summary_table(one: PooledFits) -> Table:
-    """Return mean and spread of each parameter."""
-    pooled, rows = one.pooled, []
-    for k, name, shared in _each(one):
-        mean = pooled.mean[:, k]
-        low, high = np.quantile(mean, [0.025, 0.975])
-        rows.append(
-            (
-                name, unit_for_people(one.units[name]),
-                value_with_sd(float(mean.mean()), float(mean.std())), _span(low, high),
-                "0 (shared)" if shared else numeral(float(np.median(pooled.tau[:, k])), ".2g"),
-                "–" if shared else _span(*pooled.tau_95(name)),
-                "–" if shared else _small(pooled.alike[k]),
-            )
-        )  # fmt: skip
-    return Table(
-        "Mean of the rigs and standard deviation between them (median; 95 %: shortest interval). "
-        "Last: probability that they do not differ at all, even odds before.",
-        ("parameter", "unit", "mean", "95 %", "between rigs", "95 %", "alike"),
-        rows,
-        text_columns=2,
-    )
-
-
 def rigs_table(one: PooledFits) -> Table:
     """Return each rig's values, by itself and pooled."""
-    pooled, rows = one.pooled, []
-    for k, name, shared in _each(one):
-        for place, value, sd in pooled.values_of(name):
-            draws = pooled.mean[:, k] if shared else pooled.own[:, place, k]
-            rows.append(
-                (
-                    name, pooled.rigs[place].name, value_with_sd(value, sd),
-                    value_with_sd(float(draws.mean()), float(draws.std())),
-                    _span(*np.quantile(draws, [0.025, 0.975])),
-                )
-            )  # fmt: skip
+    rows = [
+        (
+            row["parameter"], row["rig"], value_with_sd(row["value"], row["sd"]),
+            value_with_sd(row["pooled"], row["pooled_sd"]), _span(row["low_95"], row["high_95"]),
+        )
+        for row in rigs_rows(one)
+    ]  # fmt: skip
     return Table(
         "Each rig by itself (± combined standard uncertainty of its budget) and pooled.",
         ("parameter", "rig", "by itself", "pooled", "95 %"), rows, text_columns=2,
-    )  # fmt: skip
-
-
-def differences_table(one: PooledFits) -> Table | None:
-    """Return the surest differences of each parameter."""
-    rows = [
-        (name, f"{each.rig} − {each.other}", value_with_sd(each.value, each.sd),
-         _span(*each.interval_95), numeral(each.probability, ".4g"), "yes" if each.real else "no")
-        for name, found in one.pooled.differences.items()
-        for each in found[:MOST_PAIRS]
-    ]  # fmt: skip
-    if not rows:
-        return None
-    return Table(
-        f"Differences of pooled values, at most {MOST_PAIRS} pairs of each parameter, the surest "
-        f"first. Real: the 95 % interval leaves 0 out. Probability: of this sign.",
-        ("parameter", "pair", "difference", "95 %", "probability", "real"), rows, text_columns=2,
     )  # fmt: skip
 
 
@@ -200,66 +149,34 @@ def tables(one: PooledFits) -> dict[str, Any]:
 )
 def forest(figure: Figure, one: PooledFits) -> None:
     """Draw every rig's value by itself and pooled, a panel for each parameter."""
-    pooled = one.pooled
-    rows = len(pooled.rigs)
+    pooled, table = one.pooled, rigs_rows(one)
+    rigs = [rig.name for rig in pooled.rigs]
     beside = min(BESIDE, len(pooled.names))
     down = -(-len(pooled.names) // beside)
     every = figure.subplots(down, beside, sharey=True, squeeze=False).ravel()
     for axes in every[len(pooled.names) :]:
         axes.set_visible(False)
-    for axes, (k, name, shared) in zip(every, _each(one), strict=False):
-        low, high = np.quantile(pooled.mean[:, k], [0.025, 0.975])
-        axes.axvspan(low, high, color=PALE, lw=0.0)
+    for axes, (k, name, _) in zip(every, _each(one), strict=False):
+        axes.axvspan(*np.quantile(pooled.mean[:, k], [0.025, 0.975]), color=PALE, lw=0.0)
         axes.axvline(float(pooled.mean[:, k].mean()), color=GREY, lw=0.8)
-        for place, value, sd in pooled.values_of(name):
-            axes.errorbar(value, place - 0.14, xerr=1.96 * sd, fmt="o", color=GREY, mfc="white",
-                          ms=4.5, label="by itself")  # fmt: skip
-            draws = pooled.mean[:, k] if shared else pooled.own[:, place, k]
-            middle = float(draws.mean())
-            ends = np.abs(np.quantile(draws, [0.025, 0.975]) - middle)[:, None]
-            axes.errorbar(middle, place + 0.14, xerr=ends, fmt="o", color=BLUE, ms=4.5,
+        for row in (row for row in table if row["parameter"] == name):
+            place, pool = rigs.index(row["rig"]), row["pooled"]
+            ends = [[pool - row["low_95"]], [row["high_95"] - pool]]
+            axes.errorbar(row["value"], place - 0.14, xerr=1.96 * row["sd"], fmt="o", color=GREY,
+                          mfc="white", ms=4.5, label="by itself")  # fmt: skip
+            axes.errorbar(pool, place + 0.14, xerr=ends, fmt="o", color=BLUE, ms=4.5,
                           label="pooled")  # fmt: skip
         unit = unit_for_people(one.units[name])
         axes.set_xlabel(name if unit == "–" else f"{name} [{unit}]")
-        axes.set_ylim(rows - 0.5, -0.5)
-        axes.set_yticks(range(rows), [rig.name for rig in pooled.rigs])
+        axes.set_ylim(len(rigs) - 0.5, -0.5)
+        axes.set_yticks(range(len(rigs)), rigs)
     handles, labels = every[0].get_legend_handles_labels()
     figure.legend(handles[:2], labels[:2], loc="outside lower right", ncols=2)
 
 
-PRIOR = (
-    "Each rig's value is its fit's, with the covariance of the fit's whole uncertainty budget. The "
-    "rigs' true values scatter normally about a common mean with a flat prior. Their standard "
-    "deviation tau has the prior s/(s + tau)² (DuMouchel 1994), s² the harmonic mean of the rigs' "
-    "own variances: its median is s."
-)
-
-
-def _facts(one: PooledFits) -> Facts:
-    scales = {
-        f"s of {name}": numeral(float(one.pooled.scale[k]), ".3g")
-        for k, name, shared in _each(one)
-        if not shared
-    }
-    return Facts(
-        {
-            "basis": one.basis,
-            **scales,
-            "seed": str(one.seed),
-            "software": f"benchtool {__version__}",
-        }
-        | {f"sha256 of {name}": digest for name, digest in one.hashes.items()}
-    )
-
-
 POOL = Page(
     "compare.pooled",
-    [
-        ("What they share, and whether they differ", [summary_table, "forest"]),
-        ("Differences", [differences_table]),
-        ("Each rig", [rigs_table]),
-        ("What stands behind it", [lambda _: Paragraph(PRIOR), _facts]),
-    ],
+    [("Each rig by itself and pooled", [rigs_table, "forest"])],
     title=lambda one: f"{counted(len(one.pooled.rigs), 'fit')} pooled",
     summary=summary,
 )

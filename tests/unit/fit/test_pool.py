@@ -156,7 +156,7 @@ def test_fits_of_several_benches_are_pooled(fits: list[Path], tmp_path: Path) ->
     assert len(real) == 3
     assert "real differences: 3 of 6 pairs" in result.summary()
     page, *_ = result.save(tmp_path / "pooled")
-    assert "DuMouchel" in page.read_text("utf-8")
+    assert "Each rig by itself" in page.read_text("utf-8")
     shared = bt.pool(fits, of=["R_over_rotor_radius"], shared=["K_b"])
     assert shared.to_dataframe("rigs")["pooled_sd"].max() < table["sd"].max()
 
