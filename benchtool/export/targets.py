@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from benchtool import __version__
@@ -12,7 +13,7 @@ from benchtool.core.errors import UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import make_folder, replace_text
 from benchtool.export.autopilots import ardupilot, betaflight, px4
 from benchtool.export.c_header import c_header
-from benchtool.export.simulators import mujoco, rotorpy, sdf
+from benchtool.export.render import render
 from benchtool.export.vehicle import Vehicle
 
 
@@ -45,6 +46,7 @@ class Target:
 
 
 XML = "<!-- {} -->"
+sdf, mujoco, rotorpy = (partial(render, name) for name in ("sdf", "mujoco", "rotorpy"))
 
 TARGETS: Mapping[str, Target] = {
     "sdf": Target("Gazebo: SDF with MulticopterMotorModel", "{name}.sdf", sdf, XML),

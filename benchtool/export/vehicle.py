@@ -111,6 +111,15 @@ class Vehicle:
         stated = not source.startswith(NOT_STATED)
         return Number(float(value), unit, f"no interval; {assumed}{source}", stated)
 
+    @property
+    def masses(self) -> dict[str, Number]:
+        """Mass and moments of inertia of the whole vehicle."""
+        inertias = {
+            f"i{axis}": self.of_rig(f"body.inertia_{axis}_kgm2", "kg m^2")
+            for axis in ("xx", "yy", "zz")
+        }
+        return {"mass": self.of_rig("body.mass_kg", "kg"), **inertias}
+
     def _of_motor(self, name: str) -> Number | None:
         """Return a constant of the motor test; None where it is not determined."""
         if self.motor is None or not isfinite(self.motor.value(name)):

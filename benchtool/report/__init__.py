@@ -1,1 +1,1 @@
-"""Figures and pages; the only package with matplotlib and jinja2."""
+"""Figures and pages; the only package with matplotlib."""
