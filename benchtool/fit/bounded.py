@@ -113,7 +113,6 @@ class BoundedSearch:
     """Search minima of one sum of squares in many different regions.
 
     Args:
-        costs: sums of squares (n_sets,) of sets (n_sets, n).
         linearised: neighbourhood of a point (n,).
     """
 
@@ -128,7 +127,6 @@ class BoundedSearch:
         """Return the search for residuals, many sets at once.
 
         Args:
-            residuals: of the data.
             limits: lower and upper (n,) that finite differences may not leave.
         """
 

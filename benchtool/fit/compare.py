@@ -81,8 +81,6 @@ def compare(problems: Sequence[Problem], *, folds: int = 5, seed: int = 1) -> Co
 
     Args:
         problems: of the same points, one for each model.
-        folds: at most; fewer when there are fewer settings.
-        seed: of the assignment of settings to folds.
     """
     if not problems:
         raise InputError("there is no model to compare; give at least one")

@@ -18,11 +18,6 @@ def rig_for_data(data: Sequence[str], model: str, named: str | None = None) -> R
     A shipped model fits any rig, so the one in its file says nothing about the data. A rig that is
     named may add blades and motors to one that does not say what they are.
 
-    Args:
-        data: paths.
-        model: shipped name, or the path of a user's own file.
-        named: shipped name or path of a rig.
-
     Raises:
         InputError: data of two rigs, of another rig than the one named, or of none that is known.
     """

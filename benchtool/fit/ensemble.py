@@ -53,11 +53,9 @@ def fit_ensemble(
     `not_converged` says what to change.
 
     Args:
-        problem: what to fit.
         walkers: of each ensemble; even, at least twice the free parameters.
         max_steps: of each walker.
         seed: of starts and moves.
-        progress: called with how far it is.
 
     Returns:
         The result; its samples (n_samples, n_free) are ordered by step, then ensemble, then

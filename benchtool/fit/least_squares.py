@@ -32,7 +32,6 @@ def fit_least_squares(
     points far out do not move.
 
     Args:
-        problem: what to fit.
         loss: "linear", or "soft_l1" and "huber" that count distant points less: on what
             is left in a point's own error after the draws that points share.
         max_evaluations: of the prediction; 200 for each parameter by default.

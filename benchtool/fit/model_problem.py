@@ -46,7 +46,6 @@ def problem_from_model(
     only says how much a tare error or a drift is of a thrust.
 
     Args:
-        model: with its free parameters.
         conditions: of m points.
         observed: (m,) thrust of the whole vehicle in N for basis "joint", else T_IGE/T_OGE.
         standard_error: (m,) of the observed; without it they are taken as equal and unknown.

@@ -297,7 +297,6 @@ class Problem:
 
         Args:
             covariance: (2, 2) of scale and offset: 1, N.
-            source: which calibration.
             rows: (m,) which points went through it; all when left out.
             name: stands behind the parameters' names, where there are several calibrations.
             parts: sources of the scale's error, as a `JointPrior` has them.

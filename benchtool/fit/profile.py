@@ -30,7 +30,6 @@ def with_profile(
     """Return a least-squares result whose intervals come from profiles.
 
     Args:
-        problem: the one that was fitted.
         result: of `fit_least_squares`, with its plain loss.
         names: parameters to do; all that move the prediction when left out.
     """

@@ -76,7 +76,6 @@ def robust_inflation(rows: Array, dof: float, loss: Loss, *, stated: bool) -> fl
     Args:
         rows: (m,) residuals in their own errors.
         dof: degrees of freedom that they have.
-        loss: the one that was fitted with.
         stated: whether the errors are stated, not fitted: the factor is then not below that of
             normal residuals.
     """

@@ -100,8 +100,6 @@ def run_recipe(
     """Run a recipe and return what it made.
 
     Args:
-        recipe: what to fit.
-        progress: called with what is being done.
         profile: intervals of least squares from the profile likelihood.
         budget: "mc" checks the propagation of errors by Monte Carlo.
         permit: called with the file of a model's own effects before it is run.

@@ -184,12 +184,8 @@ def start_walkers(
     """Return starts (ensembles * walkers, n_free) of finite probability.
 
     Args:
-        problem: for bounds and present values.
         near: a least-squares result to start around, if there is one.
         probability: of walkers (w, n_free).
-        ensembles: how many.
-        walkers: of each.
-        rng: draws the starts.
     """
     lower, upper = problem.parameters.bounds()
     middle, root = middle_and_root(problem, near)

@@ -80,14 +80,11 @@ def solve(
     """Return the minimum reached from `start` (n_shape,), by default the problem's own.
 
     Args:
-        problem: what to fit.
-        whitening: by all errors.
         start: where to begin; Gauss-Newton steps are tried first from a minimum nearby.
         loss: how far rows of points count less; rows of priors always count in full. Under a
             robust one each shared draw is a parameter with the prior N(0, 1), so that one point
             far out does not move the rows of those that share a draw with it.
         way: how to take derivatives; found out when left out.
-        max_evaluations: of the prediction.
     """
     lower, upper = problem.shape_bounds
     begin = np.clip(problem.start if start is None else start, lower, upper)

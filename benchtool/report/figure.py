@@ -40,7 +40,6 @@ class FigureEntry:
     Attributes:
         page: what shows it; the part before a point is the folder of its module.
         name: of its file, and in its page's list of sections.
-        caption: what is to be seen, in a sentence or two.
         when: whether the subject has anything to draw; always when left out.
         each: the subject's items by key where the figure is drawn once for each: the function then
             takes the item as third argument, and its file is called ``name_key``.

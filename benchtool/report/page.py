@@ -108,7 +108,6 @@ class Report:
     """Hold a whole page.
 
     Attributes:
-        summary: the answer in a few sentences, above everything else.
         highlights: the few numbers that matter most, name to formatted value, shown large.
     """
 

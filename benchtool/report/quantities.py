@@ -25,11 +25,7 @@ def panels_height(found: Sequence[object]) -> float:
 
 
 def quantity_panels(figure: Figure, found: Sequence[Quantity], label: str) -> list[Axes]:
-    """Return a panel for each quantity, its axis labelled with symbol and unit.
-
-    Args:
-        label: of the x axis that all share.
-    """
+    """Return a panel for each quantity, its axis labelled with symbol and unit."""
     rows = ceil(len(found) / COLUMNS)
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True).ravel().tolist()
     for place, (axes, one) in enumerate(zip(grid, found, strict=False)):

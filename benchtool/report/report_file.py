@@ -111,10 +111,6 @@ def write_report(
     The page of a fit or an explanation is written when it is made: without `out`, its path is
     returned as it stands.
 
-    Args:
-        out: the file; `usual_out` when None.
-        comparison: of the paths, in place of the report of what they are.
-
     Raises:
         InputError: paths that make no report.
         WouldOverwrite: the file exists.

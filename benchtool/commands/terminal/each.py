@@ -50,7 +50,6 @@ def run_each(
         work: `outcome` of something that writes its folder with `written_once`.
         out: folder of their folders; with it, what was ended goes on when it is called again.
         about: of which work these are results.
-        cluster, processes: as `run_tasks` takes them.
 
     Raises:
         WouldOverwrite: the folder holds something else already.

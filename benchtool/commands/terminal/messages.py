@@ -107,9 +107,6 @@ def print_notes(notes: Iterable[str]) -> None:
 def write_new(out: Path, write: Callable[[], object], hint: str = "another --out") -> None:
     """Write what must not be there yet.
 
-    Args:
-        hint: what to choose where the system refuses.
-
     Raises:
         WouldOverwrite: something is there.
         InputError: it cannot be written.

@@ -23,7 +23,6 @@ class ThrottlePoints:
         way: 1 after a lower throttle, -1 after a higher one.
         thrust_N, thrust_se_N: of one rotor, the mean over those that turn.
         speed_rad_s, speed_se_rad_s: root mean square over the rotors that turn.
-        run: number of the run, from 0.
     """
 
     time_s: Array

@@ -79,7 +79,6 @@ class Pooled:
     """Hold the posterior of several rigs together.
 
     Attributes:
-        names: of the p parameters.
         shared: (p,) whether a parameter is the same in all rigs.
         scale: (p,) s of the prior of tau.
         tau, mean: (draws, p) between-rig standard deviation, and common mean.
@@ -151,10 +150,6 @@ def pool_rigs(
 
     Args:
         rigs: two or more; each parameter is in two of them at least.
-        names: of the parameters.
-        shared: those that are the same in all rigs.
-        seed: of everything random.
-        progress: called with steps done and expected.
 
     Raises:
         InputError: too few rigs.

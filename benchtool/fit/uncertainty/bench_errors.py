@@ -42,7 +42,6 @@ class Visits:
         rounded: (n,) whether rounding moves the distance that is read: not on the sensor's grid.
         one_sided: whether every place was approached from one side, so that play is no scatter.
         calibrated: whether thrust went through a calibration, whose scale counts by itself.
-        zero: noise of the zero.
     """
 
     stay: NDArray[np.intp]
@@ -136,7 +135,6 @@ def bench_errors(model: Model, conditions: Conditions, visits: Visits) -> tuple[
     Args:
         model: on the rig whose sensors and stage state their errors.
         conditions: of m points; a tare's have no speed.
-        visits: of the same points.
     """
     thrust = _thrust(model, conditions)
     turning = ~visits.tare

@@ -148,9 +148,6 @@ def with_scale_errors(problem: Problem, errors: Sequence[ScaleError]) -> Problem
     """Return the problem with a free scale for each calibration, under the prior that it states.
 
     The scale of several is named after its calibration.
-
-    Args:
-        errors: with the rows of the problem's points.
     """
     for error in errors:
         known = error.known

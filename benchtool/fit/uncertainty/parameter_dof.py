@@ -24,7 +24,6 @@ def parameter_dof(
     Args:
         jacobian: (m + q, n_shape) of the whitened rows.
         covariance: (n_shape, n_shape) that it makes.
-        whitening: that it was whitened with.
     """
     base = np.inf if problem.noise_name is None else float(problem.dof)
     sources = [one for one in problem.error_sources if np.isfinite(one.dof) and not one.scaled]

@@ -135,10 +135,8 @@ def budget_of(
     """Return the budget of a fit.
 
     Args:
-        way: from errors to quantities.
         outside: errors of the observations that the fit's covariance does not hold.
         beside: errors of one quantity alone, with its name: columns (1, 1) in its unit.
-        traceability: who calibrated.
     """
     parts = [*_within(way)]
     parts += [_line(one, way.changes(one.columns), False) for one in outside]

@@ -51,11 +51,7 @@ def pool_fits(
     """Pool the fits that folders hold, one of each rig.
 
     Args:
-        folders: of `benchtool fit --out`.
         of: parameters; those without a unit that describe the physics when left out.
-        shared: parameters that are the same in all rigs.
-        seed: of everything random.
-        progress: called with steps done and expected.
 
     Raises:
         InputError: fewer than two fits, fits that cannot be used, or that share data.

@@ -48,7 +48,6 @@ class ComparedRun:
 
     Attributes:
         rows: settings of a sweep, or levels of a recording.
-        quantities: of the same rows.
         away: whether the rows are those with the plate parked alone.
     """
 

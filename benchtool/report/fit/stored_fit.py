@@ -34,7 +34,6 @@ class StoredFit:
     Attributes:
         rig: name of the rig that it was fitted on; empty where the file does not say.
         simulated: whether any of the data came from no physical bench.
-        left_out: sentences that say which points and why.
         results: one for each method; their samples stand in samples.csv.
     """
 

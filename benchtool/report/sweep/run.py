@@ -43,7 +43,6 @@ class SweepRun:
     """Hold a run of `benchtool sweep`.
 
     Attributes:
-        points: visits without tares.
         tares: what was left after each tare; None where none was made.
         samples: every sample; None where the folder holds none (`recalibrated-...`).
         thrust_error_N: (s,) standard deviation over repeats, or the standard error of a visit where
