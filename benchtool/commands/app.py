@@ -113,11 +113,8 @@ _OF_A_NAME = {
 }
 """What the system says of a path that cannot be one; where it was typed does not matter."""
 
-COMPLETING = "_BENCHTOOL_COMPLETE"
-"""Environment variable by which a shell's completion script calls."""
-
-UNEXPECTED = 70
-"""Exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)."""
+COMPLETING = "_BENCHTOOL_COMPLETE"  # set by a shell's completion script
+UNEXPECTED = 70  # exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 FIGURES: Final = ("svg", "png")
 
-LONGEST_S = 600.0
-"""Longest average of one mass; a choice, above which drift outweighs noise."""
+LONGEST_S = 600.0  # longest average of one mass; assumed, above which drift outweighs noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

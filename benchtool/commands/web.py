@@ -12,8 +12,7 @@ from annotated_types import Ge, Le
 from benchtool.commands.declared import declared
 from benchtool.core.inputs import Input, Inputs
 
-PAGE = "benchtool.web.serve"
-"""Named, not imported: the page stands above the commands."""
+PAGE = "benchtool.web.serve"  # named, not imported: the page stands above the commands
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

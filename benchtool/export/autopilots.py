@@ -17,16 +17,9 @@ import numpy as np
 from benchtool.core.array import Array
 from benchtool.export.vehicle import Number, Vehicle
 
-IDLE = 0.1
-"""Throttle of the rig at which rotors idle: high enough to turn, 1 % of full thrust where thrust
-goes with the square. A choice: try it, and raise it where a motor stutters."""
-
-MAX_THRUST_LINEAR = 150
-"""Largest thrust_linear that Betaflight takes, in percent."""
-
-PX4_FLOAT, PX4_INT32 = 9, 6
-"""MAV_PARAM_TYPE of a parameter file's last column."""
-
+IDLE = 0.1  # throttle at which rotors idle: 1 % of full thrust of a square law; assumed
+MAX_THRUST_LINEAR = 150  # largest thrust_linear that Betaflight takes, in percent
+PX4_FLOAT, PX4_INT32 = 9, 6  # MAV_PARAM_TYPE of a parameter file's last column
 DEMANDS = np.linspace(0.0, 1.0, 1001)  # the step of ArduPilot's ThrustExpo tool
 EXPO_STEP = 0.005  # of the same tool
 MAX_USUAL_EXPO = 0.75  # largest in ArduPilot's page "Setting the Aircraft Up for Tuning"

@@ -15,11 +15,8 @@ from benchtool.export.render import render
 from benchtool.export.vehicle import Vehicle
 
 DEGREE = 7
-TOLERANCE = 1e-7
-"""Relative error of a piece: float's own rounding adds a few times 6e-8."""
-
-MAX_PIECES = 128
-"""More are a law that no polynomial follows: 128 pieces are 4 kB of constants. A choice."""
+TOLERANCE = 1e-7  # relative error of a piece: float's own rounding adds a few times 6e-8
+MAX_PIECES = 128  # more are a law that no polynomial follows: 128 are 4 kB; assumed
 
 
 def pieces(vehicle: Vehicle) -> tuple[Array, Array]:

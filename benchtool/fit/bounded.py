@@ -14,15 +14,11 @@ from scipy.optimize import lsq_linear
 
 from benchtool.core.array import Array
 
-Residuals = Callable[[Array], Array]
-"""residuals(sets (n_sets, n)) -> (n_rows, n_sets)"""
-
+Residuals = Callable[[Array], Array]  # residuals(sets (n_sets, n)) -> (n_rows, n_sets)
 LENGTHS = (1.0, 0.5, 0.2, 0.05)  # parts of a step that are tried together
 STEP = 0.05  # finite difference, in units of the parameters; they are scaled to tolerances
 
-PROMISE = 3.0
-"""How many times the gain that a neighbourhood promises a search may still find beyond it: what
-bends away from a straight line gains more in later steps. A choice on the safe side."""
+PROMISE = 3.0  # a search may gain so many times what a neighbourhood promises; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

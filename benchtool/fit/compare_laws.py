@@ -35,13 +35,10 @@ SAME_DISTANCE = 0.02
 
 LEAST_DISTANCES = 4  # fewer leave no degrees of freedom for a law of two numbers beside k
 
-NO_PLATE_Z_OVER_R = 1e3
-"""Beyond it a plate is gone: such points say what k is and are never held out."""
-
+NO_PLATE_Z_OVER_R = 1e3  # no plate beyond it: such points determine k and are not held out
 MOST_KNOTS = 8  # knots of a table through the data, at most two fewer than distances; assumed
 
-UNLIKELY = 0.01
-"""Chance below which losses everywhere are none; small, because folds share their distances."""
+UNLIKELY = 0.01  # chance below which losses everywhere are none; small: folds share distances
 
 
 def compare_laws(

@@ -309,8 +309,7 @@ def _of_structure(problem: Problem, rows: Array) -> list[str]:
     return curved + curves + slopes
 
 
-CLOCK = ("order", "time_s", "elapsed_s")
-"""Columns that go with time: anchor points repeated over a run show more of what trends there."""
+CLOCK = ("order", "time_s", "elapsed_s")  # columns that go with time; repeated anchors show trends
 
 
 def _hint(problem: Problem, column: str) -> str:

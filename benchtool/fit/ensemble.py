@@ -24,9 +24,7 @@ from benchtool.fit.sampling import (
     start_walkers,
 )
 
-Progress = Callable[[int, int], None]
-"""progress(steps done, steps expected): called now and then."""
-
+Progress = Callable[[int, int], None]  # progress(steps done, steps expected): called now and then
 ENSEMBLES = 4
 FIRST_STEPS = 400
 REPORT_EVERY = 100
@@ -34,9 +32,7 @@ DISCARDED = 0.25  # part of the steps left out at the beginning
 
 MOST_DRAWS = 20_000
 
-BOUND_REACH, BOUND_SHARE = 0.1, 0.01
-"""A posterior reaches a bound when more than this share of it lies within this many of its standard
-deviations: a normal one does at a bound nearer than 1.7 standard deviations to its middle."""
+BOUND_REACH, BOUND_SHARE = 0.1, 0.01  # reached: this share of draws within so many sd of a bound
 
 
 def fit_ensemble(

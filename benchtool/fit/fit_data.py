@@ -35,13 +35,9 @@ from benchtool.physics.conditions import FAR_AWAY_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
 
-FAR_Z_OVER_R = 9.0
-"""Beyond it eq. (4) leaves less than one per cent; the tables of the literature end at 5 to 6."""
-
+FAR_Z_OVER_R = 9.0  # beyond it eq. (4) leaves below one per cent; tables in papers end at 5 to 6
 MAX_POINTS = 10_000  # their shared errors take 12 GB of memory; assumed
-RATIO_BASIS: Basis = "equal_rpm2"
-"""The basis of ratios that a table gives without forces."""
-
+RATIO_BASIS: Basis = "equal_rpm2"  # the basis of ratios that a table gives without forces
 NO_PLATE_Z_OVER_R = 1e6  # beyond it stands `FAR_AWAY_M`: a recording without a plate, which is fine
 
 

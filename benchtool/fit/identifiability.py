@@ -16,17 +16,9 @@ from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian
 from benchtool.physics.catalogue import EFFECTS
 
-INFLATION = 5.0
-"""Parameters are confused when the others make a standard deviation this many times larger than
-it would be with the others known (correlation 0.98 for a pair)."""
-
-SHARE = 0.25
-"""A parameter belongs to a confused direction when its scaled component is larger than this."""
-
-MATTERS = 0.1
-"""A confusion is reported when a standard deviation is more than the parameter's tolerance, or more
-than this part of its value where none is stated: correlated but well-known numbers harm nobody."""
-
+INFLATION = 5.0  # confused: the others make an sd this many times larger (a pair: 0.98)
+SHARE = 0.25  # least scaled component of a parameter that belongs to a confused direction
+MATTERS = 0.1  # part of a value without tolerance above which a confused sd is reported
 BASELINE: dict[frozenset[str], str] = {
     frozenset({"k", "R_m"}): "reference points without the plate",
     frozenset({"k", "calibration.scale"}): "with a better calibration of the load cell",
@@ -141,10 +133,7 @@ def _named(
     return Confusion(involved, inflation, open_directions, remedy)
 
 
-CANNOT_TELL = 25.0
-"""Twice the log-likelihood ratio that the truth has on average over a rival, by the true model's
-own information, below which the two are called a class. Such a ratio scatters by twice its root:
-from one of 25 a single recording may well see no more than 10, which decides nothing."""
+CANNOT_TELL = 25.0  # twice the mean log-likelihood ratio below which two are a class: 25 may be 10
 
 
 def evidence_against(matrix: Array, sizes: Array, low: Array, high: Array) -> float:

@@ -16,8 +16,7 @@ from benchtool.core.parameter import Parameter
 from benchtool.fit.jacobian import central_differences, complex_step, way_for
 from benchtool.physics.effects.effect import Derived
 
-PROBABILITIES = (0.6827, 0.95)
-"""The 68 % interval is one standard deviation of a normal distribution."""
+PROBABILITIES = (0.6827, 0.95)  # 68 %: one standard deviation of a normal distribution
 
 
 def half_widths(dof: float | None) -> tuple[float, float]:
@@ -41,8 +40,7 @@ def chi2_limits(dof: float) -> tuple[tuple[float, float], tuple[float, float]]:
     return one, two
 
 
-NEAR_BOUND = 1e-3
-"""A value nearer to a bound than this part of its standard deviation is at the bound."""
+NEAR_BOUND = 1e-3  # part of a standard deviation; a value nearer to a bound is at the bound
 
 
 def bound_hit(parameter: Parameter, value: float, sd: float) -> str:
@@ -54,9 +52,7 @@ def bound_hit(parameter: Parameter, value: float, sd: float) -> str:
     return ""
 
 
-ALL_OF_IT = 0.93
-"""A 95 % interval over so much of what a parameter's bounds allow says no more than they do: of a
-posterior that is uniform between them it covers 0.95, and draws scatter."""
+ALL_OF_IT = 0.93  # part of the bounds that a 95 % interval of no information covers (uniform: 0.95)
 
 
 def why_open(parameter: Parameter, sd: float, interval_95: tuple[float, float]) -> str:

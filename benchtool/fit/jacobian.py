@@ -18,16 +18,11 @@ Way = Literal["complex_step", "central_differences"]
 
 STEP = 1e-25  # complex step relative to the value: its square vanishes beside one
 
-DIFFERENCE = float(np.cbrt(np.finfo(float).eps))
-"""Relative step of a central difference that balances truncation and rounding."""
-
-AGREEMENT = 1e-3
-"""The two ways may differ by this part of a column's largest entry; errors of a function that is
-not complex-safe are of order one."""
+DIFFERENCE = float(np.cbrt(np.finfo(float).eps))  # relative step: truncation equals rounding
+AGREEMENT = 1e-3  # part of a column's largest entry by which the two ways may differ
 
 
-TINY = 1e-100
-"""A search along a bound ends at numbers as small as there are; a step relative to them is none."""
+TINY = 1e-100  # a search along a bound ends at numbers so small that a relative step is none
 
 
 def _sizes(values: Array) -> Array:
@@ -88,8 +83,7 @@ RANK_LIMIT: dict[Way, float] = {"complex_step": 1e-12, "central_differences": 1e
 """Singular values of the column-scaled Jacobian below this part of the largest count as zero:
 some digits above the rounding of the derivatives."""
 
-PART = 1e-3
-"""A parameter takes part in an undetermined direction when its share is larger than this."""
+PART = 1e-3  # least share of a parameter that takes part in an undetermined direction
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -121,9 +121,7 @@ def plate_settings(conditions: Conditions) -> IntArray:
     return np.unique(table, axis=0, return_inverse=True)[1].reshape(-1).astype(np.intp)
 
 
-SAME_LEVEL = 0.02
-"""Speeds within this part of the fastest belong to one throttle level: a pack that sags would else
-put the speeds of a level in the order of time."""
+SAME_LEVEL = 0.02  # speeds within this part of the fastest are one throttle level: packs sag
 
 
 def _varying(columns: Mapping[str, Array]) -> dict[str, Array]:

@@ -25,8 +25,7 @@ from benchtool.fit.solve import Solution
 
 MOST_STEPS = 60  # of a search for the noise; four or five are enough
 
-Refit = Callable[[float, Solution], Solution]
-"""refit(noise, near) -> the solution with the standard errors of that noise value."""
+Refit = Callable[[float, Solution], Solution]  # refit(noise, near) -> solution with that noise
 
 
 def fit_noise(
@@ -54,8 +53,7 @@ def fit_noise(
     return _searched(problem, name, first, refit)
 
 
-PLACE_RANGE = (1e-3, 1e2)
-"""The scatter of places is looked for between these multiples of its present value."""
+PLACE_RANGE = (1e-3, 1e2)  # multiples of the present scatter of places to search between
 
 
 def _place(problem: Problem, first: Solution, refit: Refit) -> tuple[Estimate, Solution]:

@@ -12,18 +12,14 @@ from benchtool.core.array import Array
 Loss = Literal["linear", "soft_l1", "huber"]
 LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
 
-HUBER_LIMIT = 1.345
-"""Standard errors at which huber turns from quadratic to linear: 95 % efficiency (Huber 1964)."""
-
+HUBER_LIMIT = 1.345  # standard errors from which huber is linear: 95 % efficiency (Huber 1964)
 NORMAL_INFLATION: dict[Loss, float] = {"linear": 1.0, "soft_l1": 1.0790, "huber": 1.0526}
 """What a robust loss costs where no point is out of line: mean(psi^2) / mean(psi')^2 over the
 normal distribution, integrated numerically. With stated errors the covariance is not less."""
 
 MAD_TO_SD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 
-MAD_EFFICIENCY = 0.37
-"""Of that deviation on normal residuals, against their root mean square: it scatters like one of
-so many degrees of freedom less (Rousseeuw and Croux, J. Am. Stat. Assoc. 88, 1993, p. 1273)."""
+MAD_EFFICIENCY = 0.37  # on normal residuals (Rousseeuw, Croux, J. Am. Stat. Assoc. 88, 1993)
 
 
 def robust_scale(rows: Array, dof: float) -> float:

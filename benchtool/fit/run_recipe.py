@@ -36,9 +36,7 @@ from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
 
-Progress = Callable[[str, int, int], None]
-"""progress(what is being done, steps done, steps expected)."""
-
+Progress = Callable[[str, int, int], None]  # progress(what, steps done, steps expected)
 Propagated = tuple[Propagation, tuple[ErrorSource, ...], list[tuple[ErrorSource, str]]]
 """How errors reach quantities, errors that the fit does not hold, and those of one quantity."""
 
@@ -219,8 +217,7 @@ def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
     return model
 
 
-PLACE_START_M = 1e-4
-"""Where the search for a free `noise.place_m` starts on a rig that states none; a choice."""
+PLACE_START_M = 1e-4  # start of a free `noise.place_m` on a rig that states none; assumed
 
 
 def recipe_problem(model: Model, recipe: Recipe, data: FitData) -> Problem:
@@ -300,9 +297,7 @@ def _estimate(
     return replace(result, warnings=(*result.warnings, note))
 
 
-FAR_FROM_RIG = 3.0
-"""A thrust coefficient this many times off the rig's is a slip of units or another vehicle: grams
-for newtons make 102, rad/s for rpm 91, poles for pairs 4; a choice."""
+FAR_FROM_RIG = 3.0  # k so many times off the rig's: other units or another vehicle; assumed
 
 
 def _far_from_rig(model: Model, result: FitResult) -> tuple[str, ...]:

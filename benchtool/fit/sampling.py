@@ -167,9 +167,7 @@ def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
     return evaluate
 
 
-CENTRE_SDS = 2.0
-"""Ensembles start about this many standard deviations apart, so that agreement means something."""
-
+CENTRE_SDS = 2.0  # ensembles start so many sd apart, so that agreement means something
 TRIES = 60
 
 
@@ -245,15 +243,10 @@ def _width(item: Parameter) -> float:
     return 0.1 * abs(item.value) or item.tolerance or 0.1
 
 
-DIFFERENCE = 2.38 / 2.0**0.5
-"""Length of a difference move times root n that mixes best for a normal posterior (ter Braak, Stat.
-Comput. 16, 2006, p. 241)."""
-
+DIFFERENCE = 2.38 / 2.0**0.5  # move length times root n (ter Braak, Stat. Comput. 16, 2006, p. 241)
 JITTER = 0.2  # by how much, of its logarithm, that length varies; assumed
 
-TAIL_DOF = 5.0
-"""Of the Student's t that draws about the least-squares answer: wider than a normal posterior, so
-that its tails are reached; a choice."""
+TAIL_DOF = 5.0  # of Student's t about least squares: wider than normal, to reach tails; assumed
 
 
 class IslandDifference(Move):  # type: ignore[misc]

@@ -16,14 +16,9 @@ from benchtool.fit.jacobian import RANK_LIMIT, Way, central_differences, complex
 from benchtool.fit.problem import Problem
 from benchtool.fit.robust import Loss, loss_of_points
 
-TOLERANCE = 1e-10
-"""Relative change of cost and of step below which the trust region hands over to the polish."""
-
-POLISH = 1e-8
-"""Part of a parameter's standard deviation below which a Gauss-Newton step no longer matters."""
-
-POLISH_STEPS = 12
-"""At most so many; a step that does not shrink ends them, for then only rounding is left."""
+TOLERANCE = 1e-10  # relative change of cost and step below which the polish takes over
+POLISH = 1e-8  # part of a standard deviation below which a Gauss-Newton step does not matter
+POLISH_STEPS = 12  # maximum; a step that does not shrink ends them: only rounding is left
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,9 +19,7 @@ from benchtool.report.page import Block, Commands, FigureBlock, Report, Section
 from benchtool.report.style import WIDTH_IN, look, new_figure
 
 Draw = TypeVar("Draw", bound=Callable[..., None])
-Text = str | Callable[..., str]
-"""A text, in which "{0.name}" is replaced by an attribute of the subject, or what returns one."""
-
+Text = str | Callable[..., str]  # "{0.name}": an attribute of the subject; or a function of it
 Size = float | Callable[..., float]
 
 
@@ -85,9 +83,7 @@ class FigureEntry:
             yield name, FigureBlock(blank, _value(self.caption, subject, *item))
 
 
-figure = FigureEntry
-"""The decorator of a figure."""
-
+figure = FigureEntry  # the decorator of a figure
 _FIGURES: dict[tuple[str, str], FigureEntry] = {}
 
 
@@ -139,8 +135,7 @@ def captions(page: str) -> dict[str, str]:
 Part = str | Callable[[Any], Block | Sequence[Block] | None]
 """The name of a figure, or a function of the subject that returns blocks, if it has any."""
 
-PAGES: dict[str, Page] = {}
-"""Every page of the modules that were imported, by name."""
+PAGES: dict[str, Page] = {}  # every page of the modules that were imported, by name
 
 
 @dataclass(frozen=True, slots=True, eq=False)

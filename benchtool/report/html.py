@@ -15,9 +15,7 @@ from benchtool.core.errors import show_controls
 from benchtool.report.files import figure_bytes, refuse_existing, write_whole
 from benchtool.report.page import FigureBlock, Report
 
-LARGEST = 1.25
-"""A figure fills its column up to this many times its printed size."""
-
+LARGEST = 1.25  # a figure fills its column up to this many times its printed size
 _PROLOGUE = re.compile(r"^.*?(?=<svg\b)", re.DOTALL)
 _NAMESPACES = re.compile(r'\s+xmlns(?::\w+)?="[^"]*"')
 _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)

@@ -43,5 +43,4 @@ LOOKS: dict[Role, Look] = {
     "muted": Look(GREY, "."),
 }
 
-CYCLE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK, GREY)
-"""Colours of things that are only numbered: rotors 1 to 8, four ensembles."""
+CYCLE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK, GREY)  # rotors 1 to 8, four ensembles

@@ -15,8 +15,7 @@ from benchtool.data.quantities import Quantity
 from benchtool.report.numbers import numeral, unit_for_people, value_with_sd
 from benchtool.report.page import Table
 
-COLUMNS = 2
-"""Panels beside each other."""
+COLUMNS = 2  # panels beside each other
 
 
 def panels_height(found: Sequence[object]) -> float:

@@ -230,8 +230,7 @@ def _limits(series: Sequence[RatioPoints], curves: Sequence[Curve]) -> tuple[flo
     return float(finite.min() - 0.05 * span), float(finite.max() + 0.06 * span)
 
 
-LINE_SHARE = 0.006
-"""Width of a curve's line over the height of its axes, about."""
+LINE_SHARE = 0.006  # width of a curve's line over the height of its axes, about
 
 
 def _legend(axes: Axes, curves: Sequence[Curve]) -> None:

@@ -30,9 +30,7 @@ TAKES = (
 )
 """What a report can be made of, for the one sentence that refuses anything else."""
 
-MARKS: dict[str, Kind] = {FIT_FILE: "fit", ANSWER_FILE: "explanation"}
-"""Files by which a folder is recognised; its report.html is its report already."""
-
+MARKS: dict[str, Kind] = {FIT_FILE: "fit", ANSWER_FILE: "explanation"}  # each has its report.html
 PAGE = "report.html"
 
 

@@ -112,8 +112,7 @@ class Result(Generic[Found]):
         return "<div>" + "\n".join(parts) + "</div>"
 
 
-Data = str | Path | Result[Any]
-"""A run folder or CSV by its path, or what `read` returned of it."""
+Data = str | Path | Result[Any]  # a run folder or CSV by its path, or what `read` returned of it
 
 
 def paths_of(data: Data | Sequence[Data]) -> tuple[str, ...]:

@@ -16,12 +16,8 @@ from matplotlib.figure import Figure
 from benchtool.core.errors import UnknownChoice
 from benchtool.report.palette import BLACK, GREY, PALE, VERMILION
 
-WIDTH_IN = 7.0
-"""Width of every figure: the text width of a printed A4 page, inches."""
-
-TITLE_CHARACTERS = 69
-"""How many characters of the title fit into one line of a figure."""
-
+WIDTH_IN = 7.0  # width of every figure: the text width of a printed A4 page, inches
+TITLE_CHARACTERS = 69  # how many characters of the title fit into one line of a figure
 SIMULATED = "SIMULATED"
 SIMULATED_GID = "simulated-stamp"
 

@@ -18,8 +18,7 @@ from benchtool.tasks import TaskStore, Work, run_tasks
 
 T = TypeVar("T")
 
-Written = Callable[[Path], Any]
-"""Writes everything into a folder."""
+Written = Callable[[Path], Any]  # writes everything into a folder
 
 
 def each_by_name(data: Sequence[str]) -> dict[str, str]:

@@ -12,8 +12,7 @@ from benchtool.report.fit.stored_fit import StoredFit
 from benchtool.report.fit.tables import printed, wanted_rank
 from benchtool.report.page import Paragraph, Table, Warnings
 
-WIDEST = 5
-"""Columns of a table that a terminal has room for."""
+WIDEST = 5  # columns of a table that a terminal has room for
 
 
 @contextmanager

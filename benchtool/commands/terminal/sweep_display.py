@@ -18,8 +18,7 @@ from benchtool.commands.terminal.tables import EscapedConsole
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 
-LATEST = 8
-"""Points in the live table."""
+LATEST = 8  # points in the live table
 
 
 class LiveDisplay(RunProgress):

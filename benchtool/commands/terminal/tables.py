@@ -16,8 +16,7 @@ from rich.text import Text
 from benchtool.core.errors import show_controls
 from benchtool.report import page
 
-FILE_WIDTH = 120
-"""Width where no terminal gives one: room for the longest parameter names."""
+FILE_WIDTH = 120  # width where no terminal gives one: room for the longest parameter names
 
 
 class EscapedConsole(Console):

@@ -31,12 +31,8 @@ from benchtool.fit.motor.points import ThrottlePoints, joined_points
 from benchtool.fit.motor.response import Solved, StepResponse, estimate_of, lags_of, solve_weighted
 from benchtool.fit.motor.runs import read_motor_data
 
-FEWEST_LEVELS = 4
-"""Throttle levels below which no curve is fitted; a choice, one more than its parameters."""
-
-LEAST_SURE = 0.25
-"""Standard deviation of the voltage exponent above which it is 1 with this uncertainty; assumed."""
-
+FEWEST_LEVELS = 4  # throttle levels that a curve needs; assumed, one more than its parameters
+LEAST_SURE = 0.25  # sd of the voltage exponent above which it is 1 with this sd; assumed
 MAX_OVER_VOLTAGE, MAX_OVER_COMMAND = 0.15, 0.10  # extrapolated without a request; assumed
 
 

@@ -18,9 +18,7 @@ from benchtool.fit.motor.points import column_of
 
 LEAST_STEP_US = 20.0  # a change of pulse within one sample from which it is a step; assumed
 
-LONGEST_S = 0.6
-"""Span after a step that is fitted; a choice, ten times the lag of a common motor: later the pack
-sags and heats."""
+LONGEST_S = 0.6  # span after a step that is fitted; assumed, ten times a usual lag: packs sag later
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,8 +31,7 @@ from benchtool.physics.model_file import load_model
 
 THRUST_ERROR = 0.005  # of a thrust and of the highest one, where no error is stated; assumed
 
-AT_REST = 0.02
-"""A rotor stands below this share of its greatest speed, or thrust without one. A choice."""
+AT_REST = 0.02  # a rotor stands below this share of its greatest speed, else thrust; assumed
 
 
 class MotorData(NamedTuple):

@@ -30,13 +30,10 @@ from benchtool.fit.sampling import IslandDifference
 DRAWS = 20_000
 MAX_STEPS = 20_000
 
-GRID = 400
-"""Points of u on which its density at 0 is found; of as many draws of the others as `BESIDE`."""
+GRID = 400  # points of u on which its density at 0 is found, of `BESIDE` draws of the others
 BESIDE = 64
 
-AT_ZERO = 0.02
-"""A shortest interval of tau that begins within this part of its end begins at 0, which no draw of
-a density that is greatest there quite reaches."""
+AT_ZERO = 0.02  # an interval of tau that begins within this part of its end begins at 0
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

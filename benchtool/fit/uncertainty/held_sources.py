@@ -18,10 +18,7 @@ from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.physics.tolerances import default_tolerances
 
-READING = ("sensor", "plate")
-"""Subsystems that stand between a bench and its reading: their effects add to every budget, whether
-the model has them or not."""
-
+READING = ("sensor", "plate")  # between bench and reading: their effects are in every budget
 LAW = "law of "  # begins the name of what an effect's own law leaves open: no better bench mends it
 
 

@@ -23,8 +23,7 @@ from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.read import is_run
 from benchtool.fit.problem import Problem
 
-TARED_ZERO_N = 1e-6
-"""What is left of a calibration's zero after a tare: nothing; above 0 for the prior's sake."""
+TARED_ZERO_N = 1e-6  # left of a calibration's zero after a tare: nothing; above 0 for the prior
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -92,11 +91,7 @@ def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | No
     return LoadCells(errors=errors, warnings=tuple(warnings))
 
 
-UNLIKE = 0.001
-"""p-value below which a calibration scatters more than the others; a choice. A mean of lines pooled
-wrongly still has the variance that the pooled scatter says; of lines not pooled, one that is
-straight by luck takes all the weight."""
-
+UNLIKE = 0.001  # p-value below which a calibration scatters more than the others; assumed
 POOLED = "scatter of the calibrations"  # name of the estimate that alike calibrations share
 
 

@@ -20,8 +20,7 @@ PRIOR_LN = 0.7  # standard deviation of the logarithm of a stated walk, a factor
 LEAST_BINS = 8  # fewer means of a still bench say nothing of its walk; assumed
 MOST_BINS = 240  # means that a run is cut into, about; their covariance has as many rows
 
-BIN_S, SETTLED_S = 0.5, 0.4
-"""Shortest span of a mean, and what is left out after rotors stopped; choices."""
+BIN_S, SETTLED_S = 0.5, 0.4  # shortest span of a mean; left out after rotors stop; assumed
 
 
 def with_zero_walk(points: Recording, path: str, rig: Rig) -> Recording:

@@ -16,23 +16,12 @@ from benchtool.report.numbers import value_with_sd, with_unit
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
 from benchtool.report.panels import named_rows, rows_of
 
-BEFORE, AFTER = ORANGE, BLUE
-"""Colours of a model before and after something was added."""
-
-LOGARITHMIC_FROM = 12.0
-"""Beyond so many times the noise an axis is logarithmic."""
-
-MOST_REGIMES = 6
-"""How many parts of a recording one panel shows."""
-
-MOST = 9
-"""How many explanations are drawn at most; the rest share one bar."""
-
-VISIBLE = 0.001
-"""Less likely ones share that bar, too."""
-
-ALWAYS = ("none", "unknown")
-"""Explanations that are drawn however unlikely they are."""
+BEFORE, AFTER = ORANGE, BLUE  # colours of a model before and after something was added
+LOGARITHMIC_FROM = 12.0  # beyond so many times the noise an axis is logarithmic
+MOST_REGIMES = 6  # how many parts of a recording one panel shows
+MOST = 9  # how many explanations are drawn at most; the rest share one bar
+VISIBLE = 0.001  # less likely ones share that bar, too
+ALWAYS = ("none", "unknown")  # explanations that are drawn however unlikely they are
 
 
 def _disagreements(answer: Answer) -> list[Disagreement]:

@@ -105,8 +105,7 @@ def write_json(path: Path, answer: Answer, folder: Path | None = None) -> None:
         replace_text(path, (folder / ANSWER).read_text(encoding="utf-8"))
 
 
-VERSION = 2
-"""Counts up when a key changes its meaning or goes; new keys may come without."""
+VERSION = 2  # counts up when a key changes its meaning or goes; new keys may come without
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

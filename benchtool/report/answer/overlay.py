@@ -17,8 +17,7 @@ from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, PALE
 from benchtool.report.panels import legend_below, rows_of, spread
 
-AXES = {"time_s": "time [s]", "z_over_R": "$z/R$ [–]"}
-"""Labels of what an overlay is drawn against."""
+AXES = {"time_s": "time [s]", "z_over_R": "$z/R$ [–]"}  # labels of what an overlay is drawn against
 
 
 OVERLAY = (

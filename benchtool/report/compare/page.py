@@ -105,11 +105,8 @@ def compared(
     )
 
 
-MOST_BARS = 60
-"""Rows of a run with error bars in a panel; more would hide each other. A choice."""
-
-MAIN = 0.1
-"""Rows above this share of a run's greatest thrust set the range of an axis. A choice."""
+MOST_BARS = 60  # rows of a run with error bars in a panel; more would hide each other; assumed
+MAIN = 0.1  # rows above this share of a run's greatest thrust set the range of an axis; assumed
 
 
 def _away(one: RunComparison) -> str:

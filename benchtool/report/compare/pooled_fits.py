@@ -19,8 +19,7 @@ from benchtool.fit.pool.hierarchy import Pooled, RigValues, pool_rigs
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.fit.stored_fit import StoredFit, read_stored
 
-ONE_QUANTITY = 1.0 - 1e-9
-"""Correlation from which two parameters are the same quantity: R_m, and R_m over the radius."""
+ONE_QUANTITY = 1.0 - 1e-9  # correlation from which two are one quantity: R_m, R_m over radius
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -35,11 +35,8 @@ AXES: dict[Over, tuple[str, str]] = {
 }
 """What runs may be drawn over: the column, and the axis's label."""
 
-LOADED = 0.02
-"""Rows below this share of a run's greatest thrust are idle. A choice."""
-
-WINDOW = log(1.5)
-"""Rows within a factor 1.5 of a thrust make its interpolation; a choice."""
+LOADED = 0.02  # rows below this share of a run's greatest thrust are idle; assumed
+WINDOW = log(1.5)  # rows within a factor 1.5 of a thrust make its interpolation; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -108,8 +105,7 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
     return run
 
 
-SLOW_S = 5.0
-"""A ramp that takes so long is steady all the way: rotors lag by tenths of a second. A choice."""
+SLOW_S = 5.0  # a ramp that takes so long is steady: rotors lag by tenths of a second; assumed
 
 
 def _ramps(path: Path) -> Recording | None:

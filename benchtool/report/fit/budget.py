@@ -20,10 +20,7 @@ from benchtool.report.numbers import numeral, unit_for_people, with_unit
 from benchtool.report.page import Block, Paragraph, Table
 from benchtool.report.palette import BLACK, BLUE, ORANGE
 
-SMALL = 0.03
-"""Sources below this part of every combined uncertainty are left out on a terminal and in the
-figure: ten of them together move it by half a per cent."""
-
+SMALL = 0.03  # part of combined; smaller sources are left out: ten move it by half a per cent
 INTERVAL = f"{100.0 * COVERAGE:.0f} %"
 
 
@@ -85,8 +82,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     )
 
 
-MOST_DOF = 10_000.0
-"""Degrees of freedom above which Student's t is the normal distribution to four digits."""
+MOST_DOF = 10_000.0  # above it Student's t is the normal distribution to four digits
 
 
 def _dof(dof: float) -> str:

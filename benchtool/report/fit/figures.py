@@ -35,8 +35,7 @@ from benchtool.report.ratio import (
 
 LINE_POINTS = 120
 
-SHOWN_DRAWS = 400
-"""Parameter draws behind a curve's band."""
+SHOWN_DRAWS = 400  # parameter draws behind a curve's band
 
 
 def titled(what: str, fit: FitOutput) -> str:

@@ -20,19 +20,12 @@ from benchtool.report.numbers import unit_for_people, with_statistical
 from benchtool.report.palette import BLUE, CYCLE, VERMILION
 from benchtool.report.panels import rows_of
 
-SIGMAS_2D = (1.0, 2.0)
-"""Contours at one and two standard deviations of a plane normal: 39 % and 86 % of the draws."""
-
+SIGMAS_2D = (1.0, 2.0)  # contours of a plane normal: 39 % and 86 % of the draws
 _LEVELS = tuple(1.0 - float(np.exp(-0.5 * sigma**2)) for sigma in SIGMAS_2D)
 
-SHOWN_STEPS = 600
-"""At most this many steps of a chain are drawn, evenly spaced: more would only blacken the page."""
-
-SHOWN_WALKERS = 12
-"""At most this many walkers of each ensemble are drawn."""
-
-R_HAT_LIMIT = 1.01
-"""Above it, chains disagree (Vehtari et al., Bayesian Analysis 16, 2021, p. 667)."""
+SHOWN_STEPS = 600  # steps of a chain that are drawn at most, evenly spaced
+SHOWN_WALKERS = 12  # at most this many walkers of each ensemble are drawn
+R_HAT_LIMIT = 1.01  # above it, chains disagree (Vehtari et al., Bayesian Analysis 16, 2021, p. 667)
 
 
 def sampled(fit: FitOutput) -> FitResult | None:

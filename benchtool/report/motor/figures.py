@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WAYS = ((1.0, "up", BLUE, "^"), (-1.0, "down", ORANGE, "v"))
-"""Direction of throttle, its name, colour and marker."""
+WAYS = ((1.0, "up", BLUE, "^"), (-1.0, "down", ORANGE, "v"))  # throttle's way, name, colour, marker
 
 
 def _both_ways(axes: Axes, fit: MotorFit, x: Array, y: Array, error: Array | None = None) -> None:

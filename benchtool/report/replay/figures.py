@@ -24,16 +24,13 @@ from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
 from benchtool.report.panels import OVER, broken_line, rotor_color, rotor_legend, rows_of, shade
 from benchtool.report.replay.recorded import Recorded
 
-CLOSER_S = 5.0
-"""How much before and after a green stretch a closer look shows."""
-
+CLOSER_S = 5.0  # how much before and after a green stretch a closer look shows
 ROOM = 0.75
 LEAST_ROOM_DEG = 1.0
 """Room above and below what was recorded, as a share of its range and at least so much: a simulated
 run that leaves it must not squeeze the recording flat."""
 
-MOST_CLOSER = 6
-"""Green stretches that are looked at closer; the first ones."""
+MOST_CLOSER = 6  # green stretches that are looked at closer; the first ones
 
 
 @dataclass(frozen=True, slots=True, eq=False)

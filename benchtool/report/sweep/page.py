@@ -245,8 +245,7 @@ SWEEP = Page(
 Page("sweep.calibration", [("Calibration", ["calibration"])])
 
 
-CLEAR = 3.0
-"""A difference of more than so many of its standard deviations is called one."""
+CLEAR = 3.0  # a difference of more than so many of its standard deviations is called one
 
 
 def common_table(runs: Sequence[SweepRun]) -> tuple[Table, str]:

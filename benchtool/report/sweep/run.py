@@ -34,8 +34,7 @@ FILES = (
 """Files of a run folder, in the order in which a report lists their hashes."""
 
 
-_HEALTH = ("voltage_V", "current_A", "temperature_degC")
-"""Channels beside thrust and speed whose limits are looked at."""
+_HEALTH = ("voltage_V", "current_A", "temperature_degC")  # channels whose limits are looked at
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -35,14 +35,9 @@ from benchtool.report.sweep.run import SweepRun
 KIND_COLORS = {"measure": BLUE, "reference": GREEN, "anchor": ORANGE, "tare": GREY}
 """Shading of the windows in which points were taken; any other kind is shaded purple."""
 
-MINUTES_FROM_S = 600.0
-"""Runs longer than this have their time axis in minutes."""
-
-Window = tuple[float, float, str]
-"""Begin and end of the samples that became a point, in s, and its kind as in points.csv."""
-
-_PANELS = {"thrust": 1.5, "speed": 1.2, "pwm": 0.9, "plate": 0.9}
-"""Relative heights."""
+MINUTES_FROM_S = 600.0  # runs longer than this have their time axis in minutes
+Window = tuple[float, float, str]  # begin and end, s, of the samples of a point, and its kind
+_PANELS = {"thrust": 1.5, "speed": 1.2, "pwm": 0.9, "plate": 0.9}  # relative heights
 
 
 def _signals(recording: Recording) -> dict[str, Array]:
@@ -227,12 +222,8 @@ def visits(figure: Figure, run: SweepRun) -> None:
     legend_below(figure, [top, left], 3, raw_samples=dot)
 
 
-WIDTH = 0.7
-"""Width that the samples of a visit take, in visits."""
-
-MOST_TICKS = 6
-"""Plate distances that are written beside their axis; more would touch each other."""
-
+WIDTH = 0.7  # width that the samples of a visit take, in visits
+MOST_TICKS = 6  # plate distances that are written beside their axis; more would touch each other
 MARKERS = {"measure": "o", "reference": "s", "anchor": "D"}
 
 

@@ -17,9 +17,7 @@ from benchtool.report.style import BASES
 from benchtool.report.sweep.figures import ERRORS
 from benchtool.report.sweep.run import SweepRun
 
-SHOWN_EVENTS = 60
-"""Events in the table; a run with more has them all in its events.jsonl."""
-
+SHOWN_EVENTS = 60  # events in the table; a run with more has them all in its events.jsonl
 _LIMITS = {
     "thrust_N": ("thrust", "N", "thrust_N"),
     "rpm": ("rotor speed", "rpm", "rpm"),
