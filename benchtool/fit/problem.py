@@ -337,16 +337,10 @@ def normal_log_density(whitened: Array, sigma: Array) -> Array:
     return density
 
 
-def noise_parameter(value: float = 1.0) -> Parameter:
+def noise_parameter() -> Parameter:
     """Return a free `noise.scale`: the standard errors are known up to a factor."""
-    return Parameter(
-        "scale",
-        "1",
-        value,
-        lower=0.0,
-        free=True,
-        description="factor on the stated standard errors",
-    )
+    about = "factor on the stated standard errors"
+    return Parameter("scale", "1", 1.0, lower=0.0, free=True, description=about)
 
 
 def function_problem(

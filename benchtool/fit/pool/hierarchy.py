@@ -24,7 +24,7 @@ from scipy.special import logsumexp
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, NotConverged
-from benchtool.fit.ensemble import ENSEMBLES, Progress, sample_until_agreed, sampler_of
+from benchtool.fit.ensemble import ENSEMBLES, sample_until_agreed, sampler_of
 from benchtool.fit.sampling import IslandDifference
 
 DRAWS = 20_000
@@ -141,7 +141,6 @@ def pool_rigs(
     shared: Sequence[str] = (),
     *,
     seed: int = 1,
-    progress: Progress = lambda done, expected: None,
 ) -> Pooled:
     """Return the posterior of several rigs together.
 
@@ -163,7 +162,7 @@ def pool_rigs(
     rng = np.random.default_rng(seed)
     u = np.zeros((DRAWS, len(names)))
     if free:
-        u[:, free] = _sampled(model, free, rng, progress)
+        u[:, free] = _sampled(model, free, rng)
     tau = model.tau(u)
     mean, own = model.drawn(tau, rng)
     alike = np.full(len(names), np.nan)
@@ -255,7 +254,7 @@ class _Model:
         return density / (1.0 + density)
 
 
-def _sampled(model: _Model, free: list[int], rng: np.random.Generator, progress: Progress) -> Array:
+def _sampled(model: _Model, free: list[int], rng: np.random.Generator) -> Array:
     """Return draws (DRAWS, n_free) of u."""
     n = len(free)
 
@@ -273,7 +272,10 @@ def _sampled(model: _Model, free: list[int], rng: np.random.Generator, progress:
     moves = [(IslandDifference(ENSEMBLES), 0.7), (MHMove(anywhere), 0.3)]
     with np.errstate(all="ignore"):
         sampler = sampler_of(probability, start, moves, int(rng.integers(2**32)))
-        chains, verdict = sample_until_agreed(sampler, start, walkers, MAX_STEPS, progress)
+        agreed = sample_until_agreed(
+            sampler, start, walkers, MAX_STEPS, lambda done, expected: None
+        )
+        chains, verdict = agreed
     if not verdict.reached:
         raise NotConverged(
             f"after {MAX_STEPS} steps the chains of tau do not agree (R-hat "

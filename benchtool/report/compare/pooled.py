@@ -49,21 +49,17 @@ def summary(one: PooledFits) -> str:
         found = pooled.differences[name]
         real = [each for each in found if each.real]
         low, high = pooled.tau_95(name)
+        alike = f"{pooled.alike[k]:.2g}" if pooled.alike[k] > LEAST else f"below {LEAST:g}"
         lines.append(
             f"{name}: mean {mean}, between rigs {np.median(pooled.tau[:, k]):.2g} (95 %: "
             f"{_span(low, high)}); that they do not differ has probability "
-            f"{_small(pooled.alike[k])}, even odds before."
+            f"{alike}, even odds before."
         )
         lines.append(
             f"  real differences: {len(real)} of {counted(len(found), 'pair')}"
             + (f"; the surest: {_words(real[0])}" if real else f"; the largest: {_words(found[0])}")
         )
     return "\n".join(lines)
-
-
-def _small(probability: float) -> str:
-    """Return a probability; none as small as no normal approximation can support."""
-    return f"{probability:.2g}" if probability > LEAST else f"below {LEAST:g}"
 
 
 def _words(found: Difference) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
@@ -45,7 +45,6 @@ def pool_fits(
     shared: Sequence[str] = (),
     *,
     seed: int = 1,
-    progress: Callable[[int, int], None] = lambda done, expected: None,
 ) -> PooledFits:
     """Pool the fits that folders hold, one of each rig.
 
@@ -66,7 +65,9 @@ def pool_fits(
     known = list(dict.fromkeys(name for fit in fits.values() for name in _budget(fit).names))
     both = [full_name(name, known, "fitted parameter") for name in (*of, *shared)]
     names = list(dict.fromkeys(both)) or [
-        name for name in known if _is_physics(name, fits) and _count(name, fits) > 1
+        name
+        for name in known
+        if _is_physics(name, fits) and sum(name in _budget(fit).names for fit in fits.values()) > 1
     ]
     if not names:
         raise InputError(
@@ -74,7 +75,7 @@ def pool_fits(
             f"{', '.join(known)}"
         )
     rigs = [_values(name, fit, names) for name, fit in fits.items()]
-    pooled = pool_rigs(rigs, names, both[len(of) :], seed=seed, progress=progress)
+    pooled = pool_rigs(rigs, names, both[len(of) :], seed=seed)
     units = {k: v for fit in fits.values() for k, v in zip(_budget(fit).names, _budget(fit).units,
                                                            strict=True)}  # fmt: skip
     return PooledFits(
@@ -138,10 +139,6 @@ def _is_physics(name: str, fits: Mapping[str, StoredFit]) -> bool:
         dict(zip(_budget(fit).names, _budget(fit).units, strict=True)).get(name) == "1"
         for fit in fits.values()
     )
-
-
-def _count(name: str, fits: Mapping[str, StoredFit]) -> int:
-    return sum(name in _budget(fit).names for fit in fits.values())
 
 
 def _values(label: str, fit: StoredFit, names: Sequence[str]) -> RigValues:
