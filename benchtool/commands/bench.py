@@ -42,9 +42,6 @@ class ServeInputs(Inputs):
     symlink: Annotated[Path | None, Input("A path that always leads to the pseudo-terminal.")] = (
         None
     )
-    grbl: Annotated[
-        Path | None, Input("Serve a G-code stage at this path as well; it alone moves the plate.")
-    ] = None
     speed: Annotated[
         float, Gt(0.0), Le(1000.0), Input("Device seconds per wall second.", group="Simulation")
     ] = 1.0
@@ -80,7 +77,6 @@ def serve(inputs: ServeInputs) -> None:
     import sys
 
     from benchtool.core.rig_file import rig_named
-    from benchtool.virtual.devices import stage_option
     from benchtool.virtual.faults import fault_from
 
     faults = [fault_from(text) for text in inputs.fault]
@@ -92,9 +88,6 @@ def serve(inputs: ServeInputs) -> None:
         speak, where, address = _mavlink(inputs, stands)
     else:
         speak, where, address = _own_protocol(inputs)
-    stage = None if inputs.grbl is None else _carried(inputs.grbl, inputs.mode)
-    if stage is not None:
-        speak = _carrying(speak, stage, stands)
     # A service manager's end, and Ctrl-Break of a Windows console, close the link like Ctrl-C.
     for name in ("SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
@@ -102,8 +95,6 @@ def serve(inputs: ServeInputs) -> None:
     try:
         server, text = device(inputs, stands, where, faults, speak)
         print(address(), flush=True)
-        if stage is not None:
-            print(stage_option(str(inputs.grbl), stands.plate), flush=True)
         ends = "no motor turns; Ctrl-C ends it"
         print(f"virtual {text}, speed {inputs.speed:g}; {ends}", file=sys.stderr)
         server.run()
@@ -111,23 +102,6 @@ def serve(inputs: ServeInputs) -> None:
         pass
     finally:
         where.close()
-        if stage is not None:
-            stage.close()
-
-
-def _carried(path: Path, mode: str) -> ServerLink:
-    from benchtool.virtual.links import PtyLink
-
-    if mode != "plate":
-        raise InputError("--grbl moves the plate under a load cell; leave --mode pitch out")
-    return PtyLink(path)
-
-
-def _carrying(speak: Speak, link: ServerLink, rig: Rig) -> Speak:
-    """Return a protocol whose device has its plate on a stage."""
-    from benchtool.virtual.devices import CarriedPlate
-
-    return lambda firmware: CarriedPlate(speak(firmware), firmware, link, rig.plate)
 
 
 def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:

@@ -13,7 +13,7 @@ from benchtool import __version__
 from benchtool.bench.serial.hello import LARGEST_SPEED, Hello
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.rig import PlateDrive, Rig
+from benchtool.core.rig import Rig
 from benchtool.core.schedule_file import schedule_named
 from benchtool.physics.catalogue import effect_named
 from benchtool.physics.model import Model
@@ -27,7 +27,6 @@ from benchtool.simulate.pitch.simulate import PitchController
 from benchtool.simulate.plate_bench import PlateBench
 from benchtool.virtual.faults import Fault, FaultyPlant, LinkFaults
 from benchtool.virtual.firmware import Firmware, Plant
-from benchtool.virtual.grbl import VirtualGrbl
 from benchtool.virtual.links import ServerLink
 from benchtool.virtual.pitch_plant import PitchBenchPlant, idle_us
 from benchtool.virtual.protocol import DeviceLink
@@ -234,37 +233,3 @@ def device_server(
         plant.begin,
         clock,
     )
-
-
-class CarriedPlate(ServedDevice):
-    """Be another served device, its plate carried by the Z axis of a stage on a link of its own.
-
-    The home switch is at the far end: Z at 0 is the greatest distance.
-    """
-
-    def __init__(
-        self, device: ServedDevice, firmware: Firmware, link: ServerLink, plate: PlateDrive
-    ) -> None:
-        super().__init__(firmware)
-        self._device, self._link, self._plate = device, link, plate
-        firmware.hello = replace(firmware.hello, moves_plate=False)
-        travel_mm = dict.fromkeys("XYZ", 1e3 * plate.z_max_m)
-        self._stage = VirtualGrbl(travel_mm, 1e3 * (plate.z_park_m - plate.z_max_m))
-
-    def receive(self, data: bytes, now_s: float) -> bytes:
-        answer = self._device.receive(data, now_s)
-        self.host_since_s = self._device.host_since_s
-        return answer
-
-    def report(self, kind: str, text: str) -> bytes:
-        return self._device.report(kind, text)
-
-    def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
-        self._link.write(self._stage.step(self._link.read(), now_s * self.speed))
-        self.firmware.carry_plate(self._plate.z_max_m + 1e-3 * self._stage.true_mm["Z"])
-        return self._device.tick(n, now_s)
-
-
-def stage_option(path: str, plate: PlateDrive) -> str:
-    """Return the `--stage` of a host for the stage at a path."""
-    return f"grbl:{path}?axis=Z&zero_mm={1e3 * plate.z_max_m:g}&direction=1"

@@ -150,10 +150,6 @@ class Firmware:
                 self.latched = None
                 return wire.Reply(True)
 
-    def carry_plate(self, z_m: float) -> None:
-        """Bring the plate where something else than this device has it."""
-        self._plant.command_plate(z_m, 0.0, 0.0)
-
     def advance(self, n: int, now_s: float) -> Rows:
         """Run n ticks that end at wall time `now_s`, with watchdog and limits.
 

@@ -23,11 +23,11 @@ from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import LinkLost
 from benchtool.core.rig import Rig
 from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.devices import stage_option
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink, ServerLink, TcpLink
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import ServedDevice
+from tests.doubles.grbl import stage_option
 from tests.faults.dialects import BenchLines, Dialect, MavlinkFrames
 from tests.faults.proxy import Proxy
 

@@ -33,12 +33,12 @@ from unittest import mock
 from benchtool.commands.app import main
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.devices import CarriedPlate, standard_truth, virtual_server
+from benchtool.virtual.devices import standard_truth, virtual_server
 from benchtool.virtual.faults import fault_from
 from benchtool.virtual.firmware import Firmware, Rows
-from benchtool.virtual.grbl import VirtualGrbl
 from benchtool.virtual.links import PtyLink
 from benchtool.virtual.server import ServedDevice
+from tests.doubles.grbl import CarriedPlate, VirtualGrbl
 from tests.faults.dialects import TURNING_US, Seen, StageLines
 from tests.faults.links import (
     ADDRESS,
@@ -116,7 +116,7 @@ class World:
             self._note_rows(firmware)
             if how.has_stage:
                 carried = CarriedPlate(self.device, firmware, Far(self.proxies[1]), rig.plate)
-                self.proxies[1].happen = partial(happen_to, carried._stage)
+                self.proxies[1].happen = partial(happen_to, carried.stage)
                 return carried
             return self.device
 
@@ -195,7 +195,7 @@ class World:
 def happen_to(stage: VirtualGrbl, what: str) -> None:
     """Let a limit switch close, somebody press reset, or the power fail for a moment."""
     if what == "limit":
-        stage.settings.values[21] = 1
+        stage.settings[21] = 1
         stage.switch("Z", closed=True)
     elif what == "reset":
         stage.press("R")

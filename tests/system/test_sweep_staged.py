@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchtool.core.rig_file import rig_named
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
-from tests.system.served import run, serving
+from benchtool.physics.model_file import load_model
+from benchtool.virtual.devices import virtual_server
+from benchtool.virtual.links import PtyLink
+from benchtool.virtual.protocol import DeviceLink
+from tests.doubles.grbl import CarriedPlate, stage_option
+from tests.system.served import run
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals"),
@@ -19,13 +28,36 @@ pytestmark = [
 SMALL = ["--rig", "pquad_single", "--repeats", "1", "--z-over-r", "0.5,1", "--sample-s", "1"]
 
 
+@contextmanager
+def serving_staged(bench: Path, stage: Path) -> Iterator[str]:
+    """Serve a bench whose plate hangs on a stage; give the `--stage` of a host."""
+    rig = rig_named("pquad_single")
+    links = PtyLink(bench), PtyLink(stage)
+    server = virtual_server(
+        rig,
+        load_model("single", rig).model,
+        links[0],
+        speed=10.0,
+        speak=lambda firmware: CarriedPlate(DeviceLink(firmware), firmware, links[1], rig.plate),
+    )
+    ended = threading.Event()
+    thread = threading.Thread(target=server.run, args=(lambda: not ended.is_set(),))
+    thread.start()
+    try:
+        yield stage_option(str(stage), rig.plate)
+    finally:
+        ended.set()
+        thread.join()
+        for link in links:
+            link.close()
+
+
 def test_a_stage_moves_the_plate_and_no_sample_is_lost(
     tmp_path: Path, environment: dict[str, str]
 ) -> None:
     bench, stage, out = (tmp_path / name for name in ("bench", "stage", "run"))
-    served = ["--rig", "pquad_single", "--speed", "20", "--symlink", str(bench), "--grbl"]
-    with serving("pty", environment, *served, str(stage)) as address:
-        words = ["sweep", address, *SMALL, "--yes", "--out", str(out)]
+    with serving_staged(bench, stage) as option:
+        words = ["sweep", f"serial:{bench}", *SMALL, "--yes", "--out", str(out)]
         unmoved = run(words, environment)
         assert unmoved.returncode == 2
         assert "this device does not move the plate; give --stage hand" in unmoved.stderr
@@ -33,7 +65,7 @@ def test_a_stage_moves_the_plate_and_no_sample_is_lost(
         mistaken = run(["sweep", f"serial:{stage}", *words[2:]], environment)
         assert mistaken.returncode == 3
         assert "it is a G-code stage; give it as --stage grbl:" in mistaken.stderr
-        moved = run([*words, "--stage", f"grbl:{stage}?zero_mm=1500"], environment)
+        moved = run([*words, "--stage", option], environment)
         assert moved.returncode == 0, moved.stderr
     points = read_points(out)
     thrust_N, pulse = points.column("thrust_N"), points.column("pwm1_us") == 1590.0

@@ -11,14 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from benchtool.core.errors import LinkLost
-
-SETTINGS = {
-    0: 5, 1: 25, 2: 0, 3: 0, 4: 0, 5: 0, 6: 0, 10: 1, 11: 0.01, 12: 0.002, 13: 0, 20: 1, 21: 0,
-    22: 1, 23: 0, 24: 300, 25: 3000, 26: 25, 27: 1, 30: 1000, 31: 0, 32: 0, 100: 100, 101: 100,
-    102: 100, 110: 9000, 111: 9000, 112: 9000, 120: 500, 121: 500, 122: 500, 130: 20, 131: 20,
-    132: 1500,
-}  # fmt: skip
-"""Of the stage that was recorded, unless a case says otherwise."""
+from tests.doubles.grbl import SETTINGS
 
 CASE_SETTINGS: dict[str, dict[int, float]] = {
     "driver_coarse_steps": {102: 10},

@@ -56,7 +56,7 @@ class Carries:
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: object) -> float:
         self._off_m += self._lost_m.get(self.moves, 0.0)
         self.moves += 1
-        self._bench._firmware.carry_plate(z_m + self._off_m)
+        self._bench._firmware._plant.command_plate(z_m + self._off_m, 0.0, 0.0)
         while self._bench._plant.plate_moving:
             self._bench._pass(0.1)
         return z_m

@@ -1,71 +1,15 @@
-"""The virtual G-code stage answers what Grbl 1.1h answers, and the host's stage gets on with it."""
+"""Moves, holds and homing of the stage driver with the double of Grbl 1.1h."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import pytest
 
 from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import StageError
 from benchtool.testing.scripted_link import ScriptedLink
-from benchtool.virtual.grbl import VirtualGrbl
-from benchtool.virtual.grbl_motion import StageHardware
-
-TALKS = Path(__file__).with_name("stage_talks.txt").read_text("utf-8").strip().split("\n\n")
-"""First what is special about the stage, then times, what is sent or done, and behind the arrow the
-lines that have come of it by then; `[..]` for a report's rest."""
-
-KEYS = {
-    "RESET": b"\x18",
-    "CRLF": b"\r\n",
-    "": b"",
-    **{key: key.encode() for key in ("?", "!", "~", "~?")},
-}
-
-
-def stage_of(words: list[str]) -> VirtualGrbl:
-    """Return a stage that `at=`, `travel=` (of Z alone), a setting or broken hardware describe."""
-    given = dict(word.split("=") for word in words)
-    travel_mm = (
-        {"Z": float(given.pop("travel"))} if "travel" in given else dict.fromkeys("XYZ", 1500)
-    )
-    at_mm = float(given.pop("at", -1.0))
-    hardware = StageHardware(**{k: {v} for k, v in given.items() if not k.isdigit()})
-    settings = {int(k): float(v) for k, v in given.items() if k.isdigit()}
-    return VirtualGrbl(travel_mm, at_mm, settings, hardware)
-
-
-def act(stage: VirtualGrbl, words: str, now_s: float) -> str:
-    """Send or do something; return the lines of the stage."""
-    name, _, rest = words.partition(" ")
-    if name in ("press", "release"):
-        getattr(stage, name)(*rest.split())
-    elif name == "switch":
-        stage.switch("Z", closed=rest == "closes")
-    elif name == "lost":
-        stage.hardware.lost_mm["Z"] = float(rest)
-    else:
-        lines = [KEYS.get(one, one.encode() + b"\n") for one in words.split(" ; ")]
-        said = stage.step(b"".join(lines), now_s).decode()
-        return " / ".join(line for line in said.split("\r\n") if line)
-    return ""
-
-
-@pytest.mark.parametrize("talk", TALKS, ids=lambda talk: talk.split("\n")[0])
-def test_an_exact_conversation(talk: str) -> None:
-    name, *lines = talk.split("\n")
-    stage = stage_of(lines.pop(0).split()[1:] if lines[0].startswith("with") else [])
-    stage.step(b"", 0.0)
-    for line in lines:
-        words, _, expected = line.partition(" ->")
-        time_s, _, words = words.partition(" ")
-        said = act(stage, words, float(time_s))
-        start, cut, _ = expected.strip().partition("[..]")
-        assert (said[: len(start)] if cut else said) == start, line
-    if "really at" in name:
-        assert stage.true_mm["Z"] == pytest.approx(float(name.split()[-1]))
+from tests.doubles.grbl import VirtualGrbl
 
 
 class Looped(ScriptedLink):
