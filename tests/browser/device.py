@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from benchtool.core.rig_file import rig_named
@@ -30,7 +30,6 @@ from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import PtyLink
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import BenchServer
-from tests.wire.version_1 import VersionOne
 
 ROOT = Path(__file__).parents[2]
 ORDER = re.compile(rb"\$C,\d+,(stop|pwm)(?:,\d+)?((?:,[\d.]+)*)\*")
@@ -132,11 +131,11 @@ def served_device(
     rig: str = "pquad",
     speed: float = 1.0,
     rate_Hz: float = 200.0,
-    version: int = 2,
+    warning: str = "",
     mode: str = "plate",
 ) -> Iterator[Device]:
-    """Give a device in a process of its own; one of protocol version 1 prints no orders."""
-    options = [rig, str(speed), str(rate_Hz), str(version), mode]
+    """Give a device in a process of its own; `warning` is a fact of its hello."""
+    options = [rig, str(speed), str(rate_Hz), warning, mode]
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.browser.device", *options],
         stdin=subprocess.PIPE,
@@ -174,15 +173,21 @@ def end_with_the_test() -> None:
     os._exit(0)
 
 
-def main(rig_name: str, speed: str, rate_Hz: str, version: str, mode: str) -> None:
+def main(rig_name: str, speed: str, rate_Hz: str, warning: str, mode: str) -> None:
     rig = rig_named(rig_name)
     link = PtyLink()
     if mode == "pitch":
         plant = pitch_plant(rig, schedule="identify")
         serve(device_server(plant, pitch_hello(plant, 0), link, speak=PrintingLink), link)
         return
+
+    def speak(firmware: Firmware) -> PrintingLink:
+        if warning:
+            facts = {**firmware.hello.facts, "warning": warning}
+            firmware.hello = replace(firmware.hello, facts=facts)
+        return PrintingLink(firmware)
+
     truth = load_model(standard_truth(rig), rig).model
-    speak = PrintingLink if version == "2" else VersionOne
     options = {"speed": float(speed), "rate_Hz": float(rate_Hz)}
     serve(virtual_server(rig, truth, link, speak=speak, **options), link)
 

@@ -74,16 +74,14 @@ def test_stop_in_mid_sweep_and_go_on_later(page: Page, web: Web, fast_device: De
 
 
 def test_the_arming_dialog_names_what_the_bench_does_not_protect_from(page: Page) -> None:
-    with served_device(version=1) as device:
+    with served_device(warning="a late order may turn its motors") as device:
         connect(page, device.address)
-        warning = page.get_by_text(
-            "Warning: the device speaks protocol version 1 and is unprotected"
-        )
+        warning = page.get_by_text("Warning: a late order may turn its motors")
         warning.wait_for()  # beside the throttle
         go_to(page, "Sweep")
         page.get_by_label("Pulses, us").fill("1500")
         page.get_by_role("button", name="Start the sweep").click()
         page.get_by_text("About to spin").wait_for()
         page.get_by_role("dialog").locator(warning).wait_for()
-        assert "unprotected" in page.get_by_role("dialog").inner_text()
+        assert "late order" in page.get_by_role("dialog").inner_text()
         page.get_by_role("button", name="Cancel").click()

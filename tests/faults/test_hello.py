@@ -9,9 +9,8 @@ import pytest
 
 from benchtool.bench.serial.hello import Hello, hello_lines
 from tests.faults.dialects import Phase
-from tests.faults.loop import ADDRESS, Outcome, World, command, plan, sweep
+from tests.faults.loop import Outcome, plan, sweep
 from tests.faults.proxy import Fault
-from tests.wire.version_1 import VersionOne
 
 
 def channels_recorded(outcome: Outcome) -> list[str]:
@@ -41,25 +40,6 @@ def test_a_hello_out_of_order(tmp_path: Path, phase: Phase, seed: int) -> None:
     assert outcome.code == 0, outcome.said
     assert channels_recorded(outcome) == outcome.seen.channels
     assert float(outcome.points()[0]["voltage_V"]) > 10.0
-
-
-def version_1() -> World:
-    world = World([])
-    device = VersionOne(world.device.firmware)
-    world.device = world._server._device = device
-    return world
-
-
-WORDS = ["sweep", ADDRESS, "--rig", "pquad_single", "--plan", "plan.toml", "--yes", "--out", "run"]
-
-
-def test_a_device_of_version_1_is_named_as_unprotected_before_it_is_armed(tmp_path: Path) -> None:
-    (tmp_path / "plan.toml").write_text(plan())
-    outcome = command(WORDS, tmp_path, version_1())
-    assert outcome.code == 0, outcome.said
-    warning = outcome.said.index("unprotected against late orders")
-    assert warning < outcome.said.index("rotors that will turn")
-    assert outcome.metadata["device"]["orders_protected"] is False
 
 
 @pytest.mark.parametrize(("key", "value"), [(("speed",), "nan"), (("limit", "rpm"), "0")])

@@ -169,12 +169,19 @@ NOT_OPENED: dict[str, tuple[Callable[[], ScriptedLink], type[errors.BenchError],
     ),
     "another version": (
         lambda: ScriptedLink(Turn(HELLO, hello_answer(1, version=7))),
-        *(errors.ProtocolError, "protocol version 7, this program versions 1 and 2"),
+        *(errors.ProtocolError, "protocol version 7, this program version 2"),
+    ),
+    "version 1, whose lines have no index": (
+        lambda: ScriptedLink(Turn(HELLO, frame(b"H,protocol,1") + ack(1, "1"))),
+        *(errors.ProtocolError, "protocol version 1, this program version 2"),
+    ),
+    "version 1, which refuses the hello": (
+        lambda: ScriptedLink(Turn(HELLO, frame(b"N,1,this device speaks version 1"))),
+        *(errors.ProtocolError, "refused the hello: this device speaks version 1"),
     ),
     "a refused hello": (
         lambda: ScriptedLink(
-            Turn(HELLO, frame(b"N,1,not today")),
-            Turn(frame_command(2, wire.RequestHello(1)), frame(b"N,2,not today")),
+            Turn(HELLO, frame(b"N,1,0,not today")),
         ),
         *(errors.ProtocolError, "refused the hello: not today"),
     ),
@@ -236,6 +243,12 @@ def test_what_stopped_the_device_before_we_came_is_not_our_stop() -> None:
     bench.open()
     readings = bench.read(0.1)
     assert (len(readings), readings.messages) == (1, ())
+    link.check_finished()
+
+
+def test_a_halt_is_sent_at_once_without_a_number() -> None:
+    bench, link = opened(Turn(frame_command(0, wire.StopDevice())))
+    bench.halt()
     link.check_finished()
 
 

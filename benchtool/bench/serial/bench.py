@@ -224,7 +224,7 @@ class SerialBench(StreamingBench):
     def _arm(self) -> None:
         """Arm a device that was stopped since; refuse one with other channels than its hello's."""
         hello = self._known()
-        if self._armed or hello.version < 2:
+        if self._armed:
             return
         reply = self._conversation.exchange(wire.ArmDevice(), moves=True)
         if not reply.ok:

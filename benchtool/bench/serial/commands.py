@@ -40,7 +40,7 @@ def too_old(reason: str) -> bool:
 
 
 PROTOCOL_VERSION = 2
-"""The version that this library speaks; from a device of version 1 the hello is requested twice."""
+"""Protocol version of host and device; another one is refused."""
 
 
 @dataclass(frozen=True, slots=True)

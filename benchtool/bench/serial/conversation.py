@@ -29,9 +29,6 @@ FRESH_S = 0.1
 """An order repeats a device time that was read no longer ago; a fifth of the age at which the
 device refuses it."""
 
-LAST_NUMBER_1 = 65535
-"""Largest number of a command in version 1, where they start over."""
-
 
 class Conversation(LinkEnd):
     """Hold one conversation with a device over a transport.
@@ -51,7 +48,6 @@ class Conversation(LinkEnd):
         self._take = take
         self._decoder = frames.Decoder()
         self._reader = HelloReader()
-        self._version = 1
         self._number = 0
         self._sent_s = 0.0
         self._device_us = 0  # newest device time that was read, wrapped
@@ -77,7 +73,6 @@ class Conversation(LinkEnd):
         self.transport.open()
         self._gaps.begin(self.clock())
         self._hello = hello = self._request_hello()
-        self._version = hello.version
         self._decoder.expect(len(hello.channels), hello.speed)
         self._events = []
         return hello
@@ -100,7 +95,7 @@ class Conversation(LinkEnd):
 
         Args:
             moves: whether something may move by it: then it is not sent after a pause of this
-                computer, also to a device that does not know the age of orders.
+                computer.
 
         Raises:
             LinkLost: no answer to any try.
@@ -109,7 +104,7 @@ class Conversation(LinkEnd):
         """
         before_s = self._gaps.longest_s
         self._gaps.begin(self.clock())
-        aged = self._version > 1 and not isinstance(command, wire.RequestPlate | wire.StopDevice)
+        aged = not isinstance(command, wire.RequestPlate | wire.StopDevice)
         # After a pause, samples that waited in a buffer are read with old times. Orders to arm and
         # to turn stay that old, so that a stop on the way outdates them.
         paused = before_s > FRESH_S and not isinstance(command, wire.ArmDevice | wire.SetPwm)
@@ -124,11 +119,7 @@ class Conversation(LinkEnd):
         if moves:
             self._raise_if_paused()
         number = self._number = self._number + 1
-        if self._version > 1:
-            line = frames.frame_command(number, command, self._device_us)
-        else:
-            number = (number - 1) % LAST_NUMBER_1 + 1
-            line = frames.frame_version_1(number, command)
+        line = frames.frame_command(number, command, self._device_us)
         self._replies.clear()
         for _ in range(tries):
             self._send(line)
@@ -146,12 +137,7 @@ class Conversation(LinkEnd):
 
     def halt(self) -> None:
         """Send a stop without waiting for its answer; another thread may be in an exchange."""
-        if self._version == 1:
-            # Far from the numbers in use: a device of version 1 carries no number out twice.
-            far = (self._number + LAST_NUMBER_1 // 2) % LAST_NUMBER_1 + 1
-            self.transport.write(frames.frame_version_1(far, wire.StopDevice()))
-        else:
-            self.transport.write(frames.frame_command(0, wire.StopDevice()))
+        self.transport.write(frames.frame_command(0, wire.StopDevice()))
 
     def pump(self, timeout_s: float) -> bool:
         now_s = self.clock()
@@ -182,26 +168,22 @@ class Conversation(LinkEnd):
 
     def _request_hello(self) -> Hello:
         deadline_s = self.clock() + HELLO_S
-        version = wire.PROTOCOL_VERSION
         while self.clock() < deadline_s:
             self._number += 1
-            self._reader.begin()
-            self._send(frames.frame_command(self._number, wire.RequestHello(version)))
+            self._send(frames.frame_command(self._number, wire.RequestHello()))
             try_s = self.clock() + HELLO_TRY_S
             answered = False
             while not answered and (left_s := try_s - self.clock()) > 0.0:
                 self.pump(left_s)
                 while self._replies:
                     number, reply = self._replies.popitem()
-                    if not reply.ok and version == 1:
+                    if not reply.ok and number <= self._number:
                         raise ProtocolError(
                             f"{self.address} refused the hello: {reply.reason}; update its firmware"
                         )
-                    version = version if reply.ok else 1
-                    # On a slow line this answers an earlier try; lines with an index are as good.
+                    # On a slow line this answers an earlier try, which is as good.
                     answered = number == self._number
-                    indexed = len(reply.fields) > 1
-                    if (answered or indexed) and (hello := self._reader.hello(reply.fields)):
+                    if hello := self._reader.hello(reply.fields):
                         if not answered:
                             self._device_read_s = -inf  # The next try stops the device once more.
                         return hello
@@ -230,11 +212,8 @@ class Conversation(LinkEnd):
             self._note_time(fields[1])
             self._replies[int(fields[0])] = wire.Reply(True, fields=fields[2:])
         elif letter == "N" and len(fields) >= 2 and fields[0].isdecimal():
-            # In version 1 a refusal carries no time.
-            aged = len(fields) > 2 and fields[1].isdecimal()
-            if aged:
-                self._note_time(fields[1])
-            self._replies[int(fields[0])] = wire.Reply(False, ",".join(fields[1 + aged :]))
+            self._note_time(fields[1])
+            self._replies[int(fields[0])] = wire.Reply(False, ",".join(fields[2:] or fields[1:]))
         elif letter == "H":
             self._reader.take(fields)
         elif letter == "E" and fields:

@@ -60,11 +60,6 @@ def frame_command(number: int, command: Command, time_us: int = 0) -> bytes:
     return frame_fields("C", (str(number), name, *time, *arguments))
 
 
-def frame_version_1(number: int, command: Command) -> bytes:
-    """Wrap a command for a device of version 1; its numbers run from 1 to 65535."""
-    return frame_fields("C", (str(number), *fields_of(command)))
-
-
 class TextMessage(NamedTuple):
     """Hold one line that is no sample: its letter and its text fields."""
 

@@ -19,18 +19,8 @@ Fields = tuple[str, ...]
 UNLIMITED_BAUD = 0
 """The baud rate of a link that has none: USB CDC, TCP, a pseudo-terminal."""
 
-SPOKEN = ("1", "2")
-"""Protocol versions that a host understands."""
-
 LARGEST_SPEED = 1000.0
 """Fastest virtual bench."""
-
-UNPROTECTED = (
-    "the device speaks protocol version 1 and is unprotected against late orders: one that the "
-    "link holds back may turn its motors again after a stop; stay clear until its power is off, "
-    "or update its firmware"
-)
-"""Warning before such a device is armed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +51,6 @@ class Hello(Identity):
         facts = dict(self.facts)
         if self.speed != 1.0:
             facts["speed"] = f"{self.speed:g}"
-        if self.version < 2:
-            facts["warning"] = UNPROTECTED
         facts["pwm_stop_us"] = f"{self.pwm_stop_us:g}"
         facts["pwm_idle_us"] = f"{self.pwm_idle_us:g}"
         return replace(
@@ -70,7 +58,7 @@ class Hello(Identity):
             address=address,
             protocol=f"benchtool-{self.version}",
             rate_Hz=rate_Hz,
-            orders_protected=self.version >= 2,
+            orders_protected=True,
             facts=facts,
         )
 
@@ -151,7 +139,6 @@ def hello_from(lines: Iterable[Sequence[str]]) -> Hello:
             single[key] = fields
     _check(single, channels)
     read: dict[str, Any] = {
-        "version": int(single["protocol"][0]),
         "device_id": _text("device", single["device"][0]),
         "firmware": _text("firmware", single["firmware"][0]),
     }
@@ -173,18 +160,21 @@ def hello_from(lines: Iterable[Sequence[str]]) -> Hello:
 
 def _check(single: Mapping[str, Sequence[str]], channels: Sequence[Channel]) -> None:
     """Refuse another version, lines that are missing, and channels that come twice."""
-    spoken = single.get("protocol", ("none",))[0]
-    if spoken not in SPOKEN:
-        raise ProtocolError(
-            f"the device speaks protocol version {spoken[:20]}, this program versions "
-            f"{' and '.join(SPOKEN)}; update the older of the two"
-        )
+    _check_version(single.get("protocol", ("none",))[0])
     found = {*single, *(("channel",) if channels else ())}
     if missing := [key for key in _NEEDED if key not in found]:
         raise _wrong(f"it has no line {missing[0]!r}; it needs: {', '.join(_NEEDED)}")
     names = [channel.name for channel in channels]
     if twice := {name for name in names if names.count(name) > 1}:
         raise _wrong(f"channel {min(twice)!r} comes twice")
+
+
+def _check_version(spoken: str) -> None:
+    if spoken != str(PROTOCOL_VERSION):
+        raise ProtocolError(
+            f"the device speaks protocol version {spoken[:20]}, this program version "
+            f"{PROTOCOL_VERSION}; update the older of the two"
+        )
 
 
 def _text(key: str, text: str) -> str:
@@ -216,27 +206,20 @@ MOST_LINES = 256
 class HelloReader:
     """Put a hello together from its lines.
 
-    In version 2 each line has its index, and the answer the count and a CRC over all lines: what
-    was lost may come with a later try. Version 1 has a count only, so that its channels are in
-    order by the order of arrival; two whole answers must be the same.
+    Each line has its index, and the answer the count and a CRC over all lines: what was lost may
+    come with a later try.
     """
 
     def __init__(self) -> None:
         self._indexed: dict[int, Fields] = {}
-        self._listed: list[Fields] = []
-        self._before: list[Fields] | None = None
-
-    def begin(self) -> None:
-        """Begin another try."""
-        self._listed = []
 
     def take(self, line: Fields) -> None:
-        """Take the fields of one line."""
+        """Take the fields of one line; refuse a version that has lines without an index."""
         if line and line[0].isdecimal():
             if int(line[0]) < MOST_LINES and len(line) > 1:
                 self._indexed[int(line[0])] = line
-        elif line and len(self._listed) <= MOST_LINES:
-            self._listed.append(line)
+        elif line[:1] == ("protocol",):
+            _check_version("".join(line[1:2]))
 
     def hello(self, answer: Sequence[str]) -> Hello | None:
         """Return the hello when it is whole, None when it must be requested again.
@@ -247,21 +230,11 @@ class HelloReader:
         Raises:
             ProtocolError: it is whole, and it makes no sense.
         """
-        if len(answer) >= 2:
-            return self._checked(answer[0], answer[1])
-        whole = list(answer) == [str(len(self._listed))]
-        if whole and self._listed == self._before:
-            return hello_from(self._listed)
-        if whole:
-            self._before = self._listed
-        return None
-
-    def _checked(self, count: str, whole: str) -> Hello | None:
         lines = [line for _, line in sorted(self._indexed.items())]
-        if count != str(len(lines)):
+        if len(answer) < 2 or answer[0] != str(len(lines)):
             return None
         own = crc16(b"".join(payload_of("H", line) + b"\n" for line in lines))
-        if whole != f"{own:04X}":
+        if answer[1] != f"{own:04X}":
             self._indexed.clear()
             return None
         return hello_from(line[1:] for line in lines)

@@ -20,7 +20,6 @@ from benchtool.bench.serial.frames import (
     frame,
     frame_command,
     frame_fields,
-    frame_version_1,
     messages_in,
 )
 from benchtool.bench.serial.hello import check_rate, highest_rate_Hz
@@ -31,12 +30,7 @@ def test_lines_as_sent() -> None:
     assert HEARTBEAT == b"$B*8976\n"
     spin = SetPwm((1200.0, 1200.5))
     assert frame_command(6, spin, (1 << 32) + 70) == frame(b"C,6,pwm,70,1200,1200.5")
-    assert frame_version_1(6, spin) == frame(b"C,6,pwm,1200,1200.5")
-    assert (
-        frame_command(1, RequestHello())
-        == frame_version_1(1, RequestHello())
-        == frame(b"C,1,hello,2")
-    )
+    assert frame_command(1, RequestHello()) == frame(b"C,1,hello,2")
 
 
 def test_text_cannot_break_a_line() -> None:
