@@ -5,7 +5,7 @@ The command line, the page and Python all come through here, so the three cannot
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -41,13 +41,6 @@ from benchtool.simulate.flight.study import Flown, name_of, recording_of
 from benchtool.simulate.own_controller import Controllers, split_controllers
 from benchtool.simulate.pitch.inputs import PitchInputs
 from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
-
-Note = Callable[[Iterable[str]], None]
-"""Called with how a model's file was read."""
-
-
-def _silent(notes: Iterable[str]) -> None:
-    """Take notes that nobody reads."""
 
 
 def fit_result(
@@ -154,7 +147,6 @@ def pitch_result(
     inputs: PitchInputs,
     controllers: Controllers | None = None,
     permit: CodePermit = refuse_code,
-    note: Note = _silent,
 ) -> Result[pitch_report.PitchStudy]:
     """Run the pitch bench under each controller. Tables: one of each.
 
@@ -168,7 +160,6 @@ def pitch_result(
     inputs.study.refuse_campaign()
     inputs = replace(inputs, controllers=names or ("pid",))
     setup = pitch_setup_of(inputs, inputs.study.gain_set(), permit)
-    note(setup.notes)
     study = pitch_report.pitch_study(setup, inputs.study.seed, own, only_own=not names)
     rig = setup.bench.model.rig
     return Result(
@@ -187,7 +178,6 @@ def flight_result(
     inputs: FlightInputs,
     controllers: Controllers | None = None,
     permit: CodePermit = refuse_code,
-    note: Note = _silent,
 ) -> Result[Sequence[Flown]]:
     """Fly a case under each controller. Tables: `oge` (PID over nothing) and one of each.
 
@@ -200,7 +190,7 @@ def flight_result(
         chosen if controllers is None else controllers, FLIGHT_CONTROLLERS, permit
     )
     inputs.study.refuse_campaign()
-    setup = flight_setup_of(inputs, inputs.study.gain_set(), permit, note)
+    setup = flight_setup_of(inputs, inputs.study.gain_set(), permit)
     flights = flight_report.fly_each(setup.flown("pid", inputs.study.seed), names, own)
     titles = ["oge", *(name_of(one) for one in flights[1:])]
     return Result(

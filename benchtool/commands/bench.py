@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.declared import declared
-from benchtool.commands.terminal.messages import announce_code, print_notes
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
 from benchtool.simulate.own_controller import controller_class
@@ -146,7 +146,6 @@ def _plate(
 
     name = inputs.truth or standard_truth(rig)
     loaded = load_model(name, rig, announce_code)
-    print_notes(loaded.notes)
     server = virtual_server(
         rig,
         loaded.model,

@@ -83,7 +83,6 @@ def _described_model(name: str) -> Iterator[str]:
     yield f"rig {model.rig.name}, {rules}, b is the {model.body_distance}"
     effects = ", ".join(effect.name for effect in model.effects) or "none"
     yield f"effects: {effects}"
-    yield from (f"note: {note}" for note in loaded.notes)
     for full_name, item in model.parameters.items():
         state = "free " if item.free else "fixed"
         bounds = f"[{item.lower:g}, {item.upper:g}]"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchtool.commands.declared import declared
 from benchtool.commands.simulate_options import refuse_own, say_if_slow, show_study
-from benchtool.commands.terminal.messages import announce_code, print_notes
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.simulate.flight.inputs import FlightInputs
 
 
@@ -26,4 +26,4 @@ def flight(inputs: FlightInputs) -> None:
         return
     from benchtool.results import flight_result
 
-    show_study(flight_result(inputs, permit=announce_code, note=print_notes), inputs.study.out)
+    show_study(flight_result(inputs, permit=announce_code), inputs.study.out)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchtool.commands.declared import declared
 from benchtool.commands.simulate_options import refuse_own, say_if_slow, show_study
-from benchtool.commands.terminal.messages import announce_code, print_notes
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.simulate.pitch.inputs import PitchInputs
 
 
@@ -24,4 +24,4 @@ def pitch(inputs: PitchInputs) -> None:
         return
     from benchtool.results import pitch_result
 
-    show_study(pitch_result(inputs, permit=announce_code, note=print_notes), inputs.study.out)
+    show_study(pitch_result(inputs, permit=announce_code), inputs.study.out)

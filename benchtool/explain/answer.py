@@ -65,9 +65,9 @@ class Answer:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was repaired in the recordings, what they lack, how the model's file was read."""
+        """What was repaired in the recordings, and what they lack."""
         found = [line for source in self.request.sources for line in source.remarks]
-        return tuple(dict.fromkeys((*found, *self.verdict.remarks, *self.request.loaded.notes)))
+        return tuple(dict.fromkeys((*found, *self.verdict.remarks)))
 
     @property
     def caution(self) -> str:

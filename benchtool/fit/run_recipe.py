@@ -119,9 +119,7 @@ def run_recipe(
     problem = recipe_problem(loaded.model, recipe, data)
     estimates = (_estimate(problem, recipe, one, progress, profile) for one in recipe.methods)
     density = density_of(recipe.air, recipe.data)
-    results = tuple(
-        _named(loaded.model, data, problem, one, loaded.notes, density) for one in estimates
-    )
+    results = tuple(_named(loaded.model, data, problem, one, density) for one in estimates)
     comparison, laws = None, None
     if set(recipe.compare) - {LAWS}:
         models = [_as_compared(other, loaded.model, recipe) for other in others]
@@ -318,7 +316,6 @@ def _named(
     data: FitData,
     problem: Problem,
     result: FitResult,
-    notes: tuple[str, ...],
     density: Density | None,
 ) -> FitResult:
     """Return the result with its diagnosis, derived quantities, what was left out, hashes."""
@@ -330,7 +327,6 @@ def _named(
         **{f"sha256.{path}": digest for path, digest in data.hashes.items()},
     }
     warnings = (
-        *notes,
         *_far_from_rig(model, result),
         *data.left_out,
         *data.load_cells.warnings,

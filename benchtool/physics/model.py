@@ -33,7 +33,7 @@ from benchtool.physics.motor import speed_near_plate, torque_per_speed
 from benchtool.physics.tilt import Plane, height_over, plate_plane, tilt_rule
 from benchtool.physics.wake_rules import wake_rule
 
-OWN_IMAGES = ROTOR_IMAGES.name  # eq. (2): every model starts with it
+OWN_IMAGES = ROTOR_IMAGES.name  # eq. (2), the usual law of a plate below
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,11 +27,6 @@ from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import OWN_IMAGES, Model
 
-WITHOUT_OWN_IMAGES = (
-    f"has no table [effects.{OWN_IMAGES}], as when eq. (2) stood in every model; it is read with "
-    f"eq. (2) present. Add the table to say so, or own_strength = 0 in it to leave eq. (2) out"
-)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Head(FileTable):
@@ -93,7 +88,6 @@ class LoadedModel:
         rig_name: how the file names its rig; empty for a model that no file describes.
         effects_file: Python file with effects of the user's own; empty without.
         plate_slide_s: how long the plate takes to slide in or out; None where not stated.
-        notes: what a user should know of how the file was read.
     """
 
     model: Model
@@ -103,7 +97,6 @@ class LoadedModel:
     rig_name: str = ""
     effects_file: str = ""
     plate_slide_s: float | None = None
-    notes: tuple[str, ...] = ()
 
 
 def model_names() -> tuple[str, ...]:
@@ -171,12 +164,8 @@ def model_from_toml(
             name: _configured(own.get(name) or effect_named(name), tables.get("settings", {}))
             for name, tables in sorted(read.effects.items(), key=lambda item: item[0] != OWN_IMAGES)
         }
-        notes: tuple[str, ...] = ()
-        usual = model.effects[0]
         if any(effect.distance_law is not None for effect in effects.values()):
-            model = model.without(usual.name)
-        elif usual.name == OWN_IMAGES:
-            notes = (f"{where} {WITHOUT_OWN_IMAGES}",)
+            model = model.without(model.effects[0].name)
         for name, effect in effects.items():
             tables = read.effects[name]
             model = with_blades(model) if effect is BLADE_INFLOW else model.with_effect(effect)
@@ -198,7 +187,6 @@ def model_from_toml(
         rig_name=read.model.rig,
         effects_file=read.model.effects_file,
         plate_slide_s=read.model.plate_slide_s,
-        notes=notes,
     )
 
 

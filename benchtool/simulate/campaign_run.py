@@ -27,31 +27,20 @@ MOST_BLOCKS = 400
 FEWEST_RUNS = 50
 """Runs of a block, but for the last: some 0.1 s of pitch runs, against 1 ms that a task costs."""
 
-Note = Callable[[tuple[str, ...]], None]
 Block = tuple[int, int]
 """First run and one behind the last."""
 
 
-def campaign_of(
-    inputs: PitchInputs | FlightInputs,
-    permit: CodePermit = refuse_code,
-    note: Note = lambda notes: None,
-) -> Campaign:
+def campaign_of(inputs: PitchInputs | FlightInputs, permit: CodePermit = refuse_code) -> Campaign:
     """Return the campaign of a command's inputs.
 
     Args:
         permit: called with a model's own Python before it is run.
-        note: called with how a model's file was read.
     """
     if isinstance(inputs, PitchInputs):
         pitch = {gains: pitch_setup_of(inputs, gains, permit) for gains in inputs.study.gains}
-        for setup in pitch.values():
-            note(setup.notes)
         return pitch_campaign(pitch)
-    flight = {
-        gains: flight_setup_of(inputs, gains, permit, lambda notes: note(tuple(notes)))
-        for gains in inputs.study.gains
-    }
+    flight = {gains: flight_setup_of(inputs, gains, permit) for gains in inputs.study.gains}
     return flight_campaign(flight, inputs.controllers or ("oge", "pid"))
 
 

@@ -220,7 +220,6 @@ def test_a_model_file_names_its_law_in_place_of_eq_2() -> None:
     text = '[model]\nname = "mine"\nrig = "pquad_single"\n[effects.hayden]\nstrength = 1.0\n'
     loaded = model_from_toml(text, "mine.toml")
     assert [effect.name for effect in loaded.model.effects] == ["hayden"]
-    assert loaded.notes == ()
     both = text + "[effects.rotor_images]\nown_strength = 1.0\n"
     with pytest.raises(FileFormatError, match="rotor_images and hayden, and a law is applied once"):
         model_from_toml(both, "mine.toml")

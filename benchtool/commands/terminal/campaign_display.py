@@ -12,7 +12,7 @@ from typing import Any
 from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
 from benchtool import __version__
-from benchtool.commands.terminal.messages import announce_code, print_notes
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, WouldOverwrite
@@ -29,7 +29,7 @@ from benchtool.simulate.pitch.inputs import PitchInputs
 
 def run_with_progress(inputs: PitchInputs | FlightInputs, **names: Any) -> None:
     """Run a campaign, show how far it is, write its table and its map."""
-    campaign = campaign_of(inputs, announce_code, print_notes)
+    campaign = campaign_of(inputs, announce_code)
     study, several, out = inputs.study, inputs.study.campaign, inputs.study.out
     design = Design.read(
         several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed, **names

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
@@ -96,12 +96,6 @@ def _output_error(text: str = "") -> OSError | None:
 def announce_code(file: str) -> None:
     """Permit a Python file that a person named, saying on stderr that it runs."""
     print(f"runs Python code of your own: {file}", file=sys.stderr, flush=True)
-
-
-def print_notes(notes: Iterable[str]) -> None:
-    """Print on stderr how a model file was read."""
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr, flush=True)
 
 
 def write_new(out: Path, write: Callable[[], object], hint: str = "another --out") -> None:

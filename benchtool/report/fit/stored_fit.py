@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -13,7 +13,7 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.fit.compare import Comparison, Score
-from benchtool.fit.law_scores import LawComparison, LawScore, Verdict
+from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.fit.result_file import result_tables
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.fit.uncertainty.budget import Budget, budget_from, with_budget
@@ -157,10 +157,8 @@ def _comparison(table: Mapping[str, Any] | None) -> Comparison | None:
 def _laws(table: Mapping[str, Any] | None) -> LawComparison | None:
     if not table:
         return None
-    scores = [_made(LawScore, one) for one in table["scores"]]
-    names: dict[str, Verdict] = {"not told apart": "indistinguishable"}  # of earlier versions
-    scores = [replace(one, verdict=names.get(one.verdict, one.verdict)) for one in scores]
-    return _made(LawComparison, table, scores=tuple(scores))
+    scores = tuple(_made(LawScore, one) for one in table["scores"])
+    return _made(LawComparison, table, scores=scores)
 
 
 def _made(cls: type[T], table: Mapping[str, Any], **own: Any) -> T:

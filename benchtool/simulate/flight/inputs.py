@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -78,7 +77,6 @@ def setup_of(
     inputs: FlightInputs,
     gains: str,
     permit: CodePermit = refuse_code,
-    note: Callable[[Iterable[str]], None] = lambda notes: None,
 ) -> FlightSetup:
     """Return what flies with one gain set."""
     from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
@@ -91,7 +89,7 @@ def setup_of(
         noise_rad_s = GYRO_NOISE_RAD_S if inputs.study.campaign.seeds > 1 else 0.0
     setup = FlightSetup(
         case=inputs.case,
-        vehicle=_vehicle(inputs, permit, note),
+        vehicle=_vehicle(inputs, permit),
         gains=gains_named(gains),
         z_over_R=inputs.z_over_R,
         speed_m_s=inputs.speed_m_s,
@@ -105,9 +103,7 @@ def setup_of(
     return changed(setup, inputs.study.settings)
 
 
-def _vehicle(
-    inputs: FlightInputs, permit: CodePermit, note: Callable[[Iterable[str]], None]
-) -> FlightVehicle:
+def _vehicle(inputs: FlightInputs, permit: CodePermit) -> FlightVehicle:
     from benchtool.core.rig_file import rig_named
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.flight.vehicle import FlightVehicle
@@ -115,9 +111,7 @@ def _vehicle(
     rig = rig_named(inputs.rig)
     vehicle = FlightVehicle.of_rig(rig)
     if inputs.model:
-        loaded = load_model(inputs.model, rig, permit)
-        note(loaded.notes)
-        vehicle = FlightVehicle(model=loaded.model)
+        vehicle = FlightVehicle(model=load_model(inputs.model, rig, permit).model)
     turned_deg = 45.0 if inputs.layout == "cross" else 0.0
     if inputs.lag_s or not inputs.model:
         vehicle = vehicle.with_numbers(lag_s=inputs.lag_s)

@@ -47,14 +47,12 @@ class PitchSetup:
 
     Attributes:
         nominal: the model that mixer and feedforward take for true; the bench's when None.
-        notes: how the model's file was read.
     """
 
     bench: PitchBench
     controls: tuple[PitchControl, ...]
     schedule: Schedule
     nominal: Model | None = None
-    notes: tuple[str, ...] = ()
 
     @property
     def rate_Hz(self) -> float:
@@ -86,10 +84,8 @@ def pitch_setup(
     `permit` is called with the file of a model's own effects before it is run.
     """
     own = f"pitch_{rig or PITCH_RIG}"
-    notes: tuple[str, ...] = ()
     if model is not None:
-        loaded = load_model(model, None if rig is None else rig_named(rig), permit=permit)
-        physics, notes = loaded.model, loaded.notes
+        physics = load_model(model, None if rig is None else rig_named(rig), permit).model
     elif own in model_names():
         physics = load_model(own).model
     else:
@@ -99,7 +95,6 @@ def pitch_setup(
         bench=PitchBench.of(physics),
         controls=tuple(pitch_controller(name, set_, feedforward) for name in controllers),
         schedule=schedule_named(schedule),
-        notes=notes,
     )
 
 

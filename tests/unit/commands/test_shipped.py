@@ -45,23 +45,6 @@ def test_what_is_no_rig_and_no_model_is_refused(
         assert "torn.toml" in err
 
 
-@pytest.mark.parametrize(
-    "words",
-    [("models", "old.toml"), ("simulate", "pitch", "--rig", "pquad", "--model", "old.toml")],
-)
-def test_a_model_file_without_eq_2_is_read_with_a_note(
-    words: tuple[str, ...],
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("old.toml").write_text('[model]\nname = "old"\nrig = "pquad"\n', "utf-8")
-    code, out, said = run(capsys, *words)
-    assert code == 0
-    assert "note: old.toml has no table [effects.rotor_images]" in out + said
-
-
 @pytest.mark.parametrize(("command", "names"), [("rigs", rig_names()), ("models", model_names())])
 def test_each_that_ships_has_a_line(
     capsys: pytest.CaptureFixture[str], command: str, names: tuple[str, ...]

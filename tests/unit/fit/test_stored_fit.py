@@ -41,11 +41,6 @@ def test_a_comparison_of_laws_is_kept_with_what_was_not_scored(
     assert found.laws is not None
     assert found.laws.scores[1].one_with == ("other",)
     assert laws.sentence in (tmp_path / "fit" / "report.html").read_text("utf-8")
-    path = tmp_path / "fit" / "result.json"
-    path.write_text(path.read_text("utf-8").replace('"refused"', '"not told apart"'), "utf-8")
-    older = read_stored(tmp_path / "fit").laws
-    assert older is not None
-    assert older.named("indistinguishable") == ["hayden"]
 
 
 def test_a_fit_of_an_older_version_is_read() -> None:

@@ -98,21 +98,17 @@ def test_what_is_wrong_is_said(text: str, error: type[InputError], words: str) -
         model_from_toml(text, "x.toml")
 
 
-OLD = '[model]\nname = "old"\nrig = "pquad"\n[effects.body_lift]\nK_b = 1.5\n'
+NO_LAW = '[model]\nname = "old"\nrig = "pquad"\n[effects.body_lift]\nK_b = 1.5\n'
 
 
-def test_a_file_from_when_eq_2_was_no_effect_is_read_with_it_and_a_note() -> None:
-    old = model_from_toml(OLD, "old.toml")
-    assert [effect.name for effect in old.model.effects] == ["rotor_images", "body_lift"]
-    assert old.model.parameters["rotor_images.own_strength"].value == 1.0
-    (note,) = old.notes
-    assert "old.toml has no table [effects.rotor_images]" in note
-    assert model_from_toml(model_to_toml(old), "new.toml").notes == ()
-    assert all(load_model(name).notes == () for name in model_names())
+def test_a_file_without_a_law_has_the_usual_one() -> None:
+    model = model_from_toml(NO_LAW, "old.toml").model
+    assert [effect.name for effect in model.effects] == ["rotor_images", "body_lift"]
+    assert model.parameters["rotor_images.own_strength"].value == 1.0
 
 
 def test_eq_2_can_be_taken_out_and_stays_out() -> None:
-    loaded = model_from_toml(OLD, "old.toml")
+    loaded = model_from_toml(NO_LAW, "old.toml")
     without = replace(loaded, model=loaded.model.without("rotor_images"))
     again = model_from_toml(model_to_toml(without), "new.toml").model
     near = Conditions.of(again.rig, speed_rad_s=np.full(4, 500.0), plate_z_m=np.array([0.12]))
