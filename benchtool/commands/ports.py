@@ -23,7 +23,7 @@ class PortsInputs(Inputs):
 @declared(PortsInputs)
 def ports(inputs: PortsInputs) -> None:
     """List serial ports and, with --probe, what answers on them."""
-    from benchtool.bench.doctor.ports import identify_port, serial_ports
+    from benchtool.bench.ports import identify_port, serial_ports
     from benchtool.bench.transport.serial_port import SerialPort
 
     found = serial_ports()
@@ -49,24 +49,18 @@ class DoctorInputs(Inputs):
     port: Annotated[
         str, Input("What to look at: /dev/ttyUSB0, COM12, or a bench's address.", argument="PORT")
     ] = ""
-    udev_rule: Annotated[bool, Input("Print the udev rule for Linux and exit.")] = False
 
 
 @declared(DoctorInputs)
 def doctor(inputs: DoctorInputs) -> None:
     """Explain what keeps a serial port from working."""
-    from benchtool.bench.doctor import causes
-    from benchtool.bench.doctor.causes import network_findings, serial_port_of
-    from benchtool.bench.doctor.ports import probe_environment
+    from benchtool.bench import ports
 
-    if inputs.udev_rule:
-        print(causes.udev_rule(), end="")
-        return
-    place = serial_port_of(inputs.port)
+    place = ports.parse_serial_port(inputs.port)
     found = (
-        network_findings(inputs.port)
+        ports.network_findings(inputs.port)
         if place is None
-        else causes.findings(probe_environment(place))
+        else ports.findings(ports.probe_environment(place))
     )
     for finding in found:
         print(f"{finding.verdict:11}  {finding.name}: {finding.sentence}")

@@ -29,16 +29,6 @@ _KINDS = (
     (stat.S_ISSOCK, "this is a socket"),
 )
 
-_REASONS = {
-    errno.ENOENT: "there is no such file; check the path",
-    errno.ENOTDIR: "there is no such file; check the path",
-    errno.EISDIR: "this is a folder; name a file",
-    errno.ENAMETOOLONG: "the name is longer than the system allows; name another file",
-    errno.EACCES: "permission denied; make the file readable for this user, or name another",
-    errno.EPERM: "permission denied; make the file readable for this user, or name another",
-    errno.ENXIO: "this is a pipe or a socket; name a regular file",
-}
-
 
 def user_folder(variable: str, unix: str, mac: str = "Application Support") -> Path:
     """Return the folder of one kind of this user's files, where the system has it.
@@ -141,5 +131,4 @@ def _reason(error: OSError | ValueError, path: str | Path) -> str:
         is_link = os.path.islink(path)
         link = "this is a symbolic link, which is not followed here"
         return f"{link if is_link else 'its links lead in a circle'}; name the file itself"
-    reason = (error.strerror or "it cannot be read").lower()
-    return _REASONS.get(error.errno or 0, f"{reason}; check the file")
+    return f"{(error.strerror or 'it cannot be read').lower()}; check the path"

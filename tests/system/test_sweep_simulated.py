@@ -164,7 +164,7 @@ def test_a_dry_run_makes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
             ["sim:pquad", "--pressure", "101325"],
             "--pressure is 101325 hPa, allowed is 500 to 1,100",
         ),
-        (["sim:pquad", "--calibration", "absent.json", "--yes"], "there is no such file"),
+        (["sim:pquad", "--calibration", "absent.json", "--yes"], "no such file"),
         (["sim:pquad", "--name", "../up", "--yes"], "cannot name a run"),
         (["serial:COM99"], "which rig stands on serial:COM99"),
         ([], "which bench?"),

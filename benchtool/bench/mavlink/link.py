@@ -255,8 +255,7 @@ class MavlinkLink(LinkEnd):
         if not self.received:
             return NoDevice(
                 f"{self.address} is open, but nothing came for {FIND_S:g} s; check power, and "
-                f"that the autopilot sends MAVLink to this port (`benchtool doctor` tries each "
-                f"cause)"
+                f"that the autopilot sends MAVLink to this port"
             )
         return ProtocolError(f"{self.address} {mismatch('mavlink', self.received)}")
 

@@ -190,7 +190,7 @@ class Conversation(LinkEnd):
         if not self.received:
             raise NoDevice(
                 f"{self.address} is open, but nothing answered for {HELLO_S:g} s; check power, "
-                f"firmware and baud rate (`benchtool doctor` tries each cause)"
+                f"firmware and baud rate"
             )
         raise ProtocolError(f"{self.address} {mismatch('bench', self.received, self.address)}")
 

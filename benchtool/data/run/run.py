@@ -84,7 +84,7 @@ class Run:
                 raise InputError(
                     f"{subject} ({error.strerror}); choose another place with --out"
                 ) from error
-            raise exhausted(error, subject, "or choose another place with --out") from error
+            raise exhausted(error, subject, "choose another place with --out") from error
         return cls(path)
 
     @classmethod

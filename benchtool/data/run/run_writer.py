@@ -10,8 +10,8 @@ from typing import Any
 
 from benchtool.core.array import Array
 from benchtool.core.channel import Channel
-from benchtool.core.errors import BenchtoolError, ResourceExhausted, RunStopped
-from benchtool.core.exhausted import exhausted, exhaustion
+from benchtool.core.errors import BenchtoolError, RunStopped
+from benchtool.core.exhausted import exhausted
 from benchtool.data.atomic import sync_folder
 from benchtool.data.run.append import AppendFile, Event
 from benchtool.data.run.closing import take_marked
@@ -49,7 +49,9 @@ class RunWriter:
         except BaseException as error:
             self.close()
             if isinstance(error, OSError):
-                raise exhausted(error, f"{run.path} cannot be written", "then go on") from error
+                raise exhausted(
+                    error, f"{run.path} cannot be written", "remove its cause, then go on"
+                ) from error
             raise
 
     @property
@@ -137,9 +139,8 @@ class RunWriter:
                 self._look()
         except OSError as error:
             if self.fault is None:
-                what, advice = exhaustion(error)
-                self._advice = f"; {advice}, then go on"
-                self.fault = ResourceExhausted(f"{self.run.path} cannot be written: {what}")
+                self._advice = "; remove its cause, then go on"
+                self.fault = exhausted(error, f"{self.run.path} cannot be written")
                 raise self.fault from error
         except BenchtoolError as error:
             if self.fault is None:

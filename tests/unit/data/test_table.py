@@ -79,7 +79,7 @@ def test_what_does_not_fit_is_refused(
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileFormatError, match=r"absent\.csv: there is no such file"):
+    with pytest.raises(FileFormatError, match=r"absent\.csv: no such file"):
         read_table(tmp_path / "absent.csv")
 
 

@@ -97,7 +97,7 @@ class ConnectCard:
         self._command.show(check or ["bench", "check", address, *rig])
 
     async def _find(self) -> None:
-        from benchtool.bench.doctor.ports import serial_ports
+        from benchtool.bench.ports import serial_ports
 
         self._found.clear()
         try:

@@ -1,1 +1,0 @@
-"""Why a bench does not answer."""

@@ -1,0 +1,294 @@
+"""Serial ports of this computer: list, answer to a hello, and causes that keep one from working."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from benchtool.bench.addresses import Endpoint
+from benchtool.bench.drivers import DRIVERS, parse_address
+from benchtool.bench.serial.conversation import Conversation
+from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
+from benchtool.bench.transport.transport import Holder, Transport, holders
+from benchtool.core.counted import counted
+from benchtool.core.errors import (
+    InputError,
+    LinkError,
+    NoDevice,
+    PortBusy,
+    PortDenied,
+    ProtocolError,
+)
+
+BY_ID = Path("/dev/serial/by-id")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Port:
+    """Serial port.
+
+    Attributes:
+        vendor, product: USB numbers; None for a port that is not on USB.
+        by_id: name that stays the same after a replug, empty where there is none (Linux only).
+    """
+
+    name: str
+    description: str = ""
+    serial_number: str = ""
+    vendor: int | None = None
+    product: int | None = None
+    by_id: str = ""
+
+    @property
+    def usb(self) -> str:
+        if self.vendor is None or self.product is None:
+            return ""
+        return f"{self.vendor:04x}:{self.product:04x}"
+
+
+class PortAnswer(NamedTuple):
+    """Answer to a hello on a port."""
+
+    kind: Literal["bench", "other", "silent", "busy", "denied"]
+    text: str
+
+
+def serial_ports() -> tuple[Port, ...]:
+    """Return the serial ports behind which there is hardware, in natural order."""
+    from serial.tools import list_ports
+
+    names = by_id_names()
+    ports = [
+        Port(
+            name=item.device,
+            description=item.description if item.description != "n/a" else "",
+            serial_number=item.serial_number or "",
+            vendor=item.vid,
+            product=item.pid,
+            by_id=names.get(os.path.realpath(item.device), ""),
+        )
+        for item in list_ports.comports()
+        if item.hwid != "n/a" or item.vid is not None
+    ]
+    return tuple(sorted(ports, key=lambda port: _natural(port.name)))
+
+
+def by_id_names(folder: Path = BY_ID) -> dict[str, str]:
+    """Return the lasting name of each port by the port it leads to now."""
+    if not folder.is_dir():
+        return {}
+    return {os.path.realpath(link): str(link) for link in sorted(folder.iterdir())}
+
+
+def identify_port(
+    transport: Transport, name: str, clock: Callable[[], float] = time.monotonic
+) -> PortAnswer:
+    """Open a port and request a hello; opening resets many boards, no motor turns."""
+    talk = Conversation(transport, f"serial:{name}", clock)
+    try:
+        hello = talk.open()
+    except PortBusy as error:
+        return PortAnswer("busy", str(error))
+    except PortDenied as error:
+        return PortAnswer("denied", str(error))
+    except NoDevice as error:
+        return PortAnswer("silent", str(error))
+    except ProtocolError as error:
+        return PortAnswer("other", str(error))
+    finally:
+        talk.close()
+    rotors = counted(hello.n_rotors, "rotor")
+    virtual = ", virtual" if hello.simulated else ""
+    return PortAnswer("bench", f"{hello.device_id}, {hello.firmware}, {rotors}{virtual}")
+
+
+def _natural(name: str) -> list[str | int]:
+    """Sort COM9 before COM10."""
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostEnvironment:
+    """Facts about a port and its user; None where the platform does not report them.
+
+    Attributes:
+        system: "Linux", "Darwin" or "Windows".
+        port: as the user named it, empty when no port was named.
+        may_open: whether this user may read and write it.
+        groups_on_file: groups that the user has after the next login.
+    """
+
+    system: str
+    port: str = ""
+    ports: tuple[Port, ...] = ()
+    exists: bool | None = None
+    may_open: bool | None = None
+    group: str | None = None
+    user: str = ""
+    groups: frozenset[str] = frozenset()
+    groups_on_file: frozenset[str] = frozenset()
+    holders: tuple[Holder, ...] | None = None
+
+    @property
+    def is_listed(self) -> bool:
+        real = os.path.realpath(self.port) if self.system == "Linux" else self.port
+        if self.system == "Windows":
+            return real.removeprefix("\\\\.\\").upper() in [
+                port.name.upper() for port in self.ports
+            ]
+        return real in [port.name for port in self.ports]
+
+
+def probe_environment(port: str = "") -> HostEnvironment:
+    """Return the facts about a port, or about the computer's ports when none is named."""
+    system = platform.system()
+    group, user, groups, on_file = _names(port) if os.name == "posix" else (None, "", (), ())
+    exists = os.path.exists(port) if port and os.name == "posix" else None
+    return HostEnvironment(
+        system=system,
+        port=port,
+        ports=serial_ports(),
+        exists=exists,
+        may_open=os.access(port, os.R_OK | os.W_OK) if exists else None,
+        group=group,
+        user=user,
+        groups=frozenset(groups),
+        groups_on_file=frozenset(on_file),
+        holders=holders(port) if system == "Linux" and exists else None,
+    )
+
+
+def _names(port: str) -> tuple[str | None, str, Iterable[str], Iterable[str]]:
+    import grp
+    import pwd
+
+    def group_name(number: int) -> str:
+        try:
+            return grp.getgrgid(number).gr_name
+        except KeyError:
+            return str(number)
+
+    owner = None
+    with suppress(OSError):
+        owner = group_name(os.stat(port).st_gid) if port else None
+    try:
+        user = pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:
+        user = str(os.geteuid())
+    session = {group_name(number) for number in {*os.getgroups(), os.getegid()}}
+    on_file = {entry.gr_name for entry in grp.getgrall() if user in entry.gr_mem}
+    return owner, user, session, on_file
+
+
+class PortFinding(NamedTuple):
+    """State of one possible cause, with its remedy."""
+
+    name: str
+    verdict: Literal["ok", "problem", "not checked"]
+    sentence: str
+    fix: str = ""
+
+
+def findings(host: HostEnvironment) -> tuple[PortFinding, ...]:
+    """Return what was found for each cause that concerns the port."""
+    causes = (_presence(host), _permission(host), _holders(host))
+    return tuple(finding for finding in causes if finding is not None)
+
+
+def _presence(host: HostEnvironment) -> PortFinding:
+    known = ", ".join(port.name for port in host.ports)
+    if not host.port:
+        if known:
+            return PortFinding("port", "ok", f"this computer has {known}", "name one of them")
+        fix = (
+            "plug the bench in; some USB cables only charge; `benchtool bench serve` makes a "
+            "virtual bench"
+        )
+        return PortFinding("port", "problem", "this computer has no serial port", fix)
+    if host.system == "Darwin" and host.port.startswith("/dev/tty."):
+        sentence = f"{host.port} waits for a carrier signal that benches do not give"
+        fix = f"use {host.port.replace('/dev/tty.', '/dev/cu.')}"
+        return PortFinding("port", "problem", sentence, fix)
+    if host.exists or host.is_listed:
+        return PortFinding("port", "ok", f"{host.port} is there")
+    fix = "plug it in; after a replug the number may have changed"
+    sentence = f"{host.port} is not there; present: {known or 'none'}"
+    return PortFinding("port", "problem", sentence, fix)
+
+
+def _permission(host: HostEnvironment) -> PortFinding | None:
+    name = "permission"
+    if host.system == "Windows":
+        return PortFinding(name, "not checked", "Windows lets every user open a free port")
+    if not host.port or not host.exists:
+        return None
+    if host.may_open:
+        return PortFinding(name, "ok", f"{host.user} may open {host.port}")
+    group = host.group or "dialout"
+    if group in host.groups_on_file and group not in host.groups:
+        sentence = f"{host.user} was added to group {group}, but this session began before"
+        return PortFinding(name, "problem", sentence, "log out and in again")
+    sentence = f"{host.user} may not open {host.port}, which belongs to group {group}"
+    fix = f"sudo usermod -aG {group} {host.user}, then log out and in again"
+    return PortFinding(name, "problem", sentence, fix)
+
+
+def _holders(host: HostEnvironment) -> PortFinding | None:
+    name = "other users"
+    if not host.port:
+        return None
+    if host.holders is None:
+        sentence = f"{host.system} does not report which program has a port open"
+        fix = "close terminal programs, the Arduino serial monitor, slicers"
+        return PortFinding(name, "not checked", sentence, fix)
+    listed = " and ".join(f"{holder.name} (pid {holder.pid})" for holder in host.holders)
+    if len(host.holders) == 1 and host.holders[0].is_terminal:
+        return PortFinding(name, "ok", f"the virtual bench behind it is {listed}")
+    if host.holders:
+        sentence = f"{host.port} is open in {listed}"
+        return PortFinding(name, "problem", sentence, "end that program")
+    return PortFinding(name, "ok", "no program of this user has it open")
+
+
+def parse_serial_port(text: str) -> str | None:
+    """Return the serial port that a port's name or an address names, None for a network address."""
+    if text.partition(":")[0] not in DRIVERS:
+        return text.partition("?")[0]
+    ends = parse_address(text).ends
+    if not ends:
+        raise InputError(
+            f"{text!r} has no port to look at; name a serial port or a network address"
+        )
+    return ends[0].place if ends[0].kind == "serial" else None
+
+
+def network_findings(text: str) -> tuple[PortFinding, ...]:
+    """Return what was found for each end of a network address."""
+    return tuple(_network_finding(end) for end in parse_address(text).ends)
+
+
+def _network_finding(end: Endpoint) -> PortFinding:
+    name = "listening" if end.kind == "listens" else "other end"
+    link = (
+        TcpSocket(end.place, end.port)
+        if end.kind == "connects"
+        else UdpSocket(end.place, end.port, end.kind == "listens")
+    )
+    try:
+        link.open()
+    except LinkError as error:
+        return PortFinding(name, "problem", str(error))
+    finally:
+        link.close()
+    if end.kind == "sends":
+        sentence = f"whether anybody listens on {link.where} shows only when it answers"
+        return PortFinding(name, "not checked", sentence, "run benchtool bench check")
+    state = "is free" if end.kind == "listens" else "accepts connections"
+    return PortFinding(name, "ok", f"{link.where} {state}")
