@@ -2,8 +2,8 @@
 
 Each row is one message of Protocol Buffers: every channel a double, a column of words an enum. The
 schema carries units and calibration as comments, so does the channel's metadata; a metadata record
-carries the provenance. All fields are always written, so messages have one length, and NumPy lays
-out thousands of them at once (https://mcap.dev/spec, https://protobuf.dev/programming-guides).
+carries the provenance. All fields are always written, so messages have one length
+(https://mcap.dev/spec, https://protobuf.dev/programming-guides).
 """
 
 from __future__ import annotations
@@ -12,12 +12,10 @@ import json
 import re
 import struct
 import zlib
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +31,6 @@ from benchtool.data.atomic import replacing
 from benchtool.data.catalogue.extra import load_extra
 from benchtool.data.columns import WORDS
 
-T = TypeVar("T")
-R = TypeVar("R")
-
 FORMAT = "benchtool-mcap-1"
 MAGIC = b"\x89MCAP0\r\n"
 SCHEMA = "benchtool.Recording"
@@ -44,13 +39,12 @@ TOPIC = "/benchtool/recording"
 CHUNK_BYTES = 4 << 20
 """Of messages, before they are compressed; a choice."""
 
-WORKERS = 2
-"""Threads that compress; a choice."""
-
-_HEAD = [("op", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
-         ("log", "<u8"), ("publish", "<u8")]  # fmt: skip
+_DEFINITIONS = (b"\x03", b"\x04")  # opcodes of schema and channel, before the first message
 _LENGTH_BYTES = 9
 """Opcode and length of a record, which the length leaves out."""
+
+_HEAD_BYTES = _LENGTH_BYTES + 22
+"""Before a message's fields: also its channel, sequence and two times."""
 
 
 def write_mcap(
@@ -69,173 +63,50 @@ def write_mcap(
     Raises:
         InputError: the package mcap is not installed.
     """
-    load_extra("mcap.records", "mcap", "an MCAP file")
+    mcap = load_extra("mcap.writer", "mcap", "an MCAP file")
+    names = [channel.name for channel in recording.channels]
+    stated = {"calibration": json.dumps(dict(calibration))} if calibration else {}
+    units = {f"unit:{channel.name}": channel.unit for channel in recording.channels}
+    facts = {
+        "format": FORMAT,
+        "rows": str(len(recording)),
+        "channels": json.dumps([[channel.name, channel.unit] for channel in recording.channels]),
+        "simulated": str(recording.simulated).lower(),
+        "provenance": json.dumps(dict(recording.provenance)),
+        **stated,
+    }
+    layout = _layout(names)
+    size, rows = layout.itemsize, max(1, CHUNK_BYTES // layout.itemsize)
     with replacing(path, path.with_name(f".{path.name}.new")) as file:
-        _Writer(file, recording, start_ns, dict(calibration or {})).write()
+        writer = mcap.Writer(file, chunk_size=CHUNK_BYTES)
+        writer.start(library="benchtool")
+        schema = writer.register_schema(SCHEMA, "protobuf", _descriptor(recording, stated))
+        channel = writer.register_channel(TOPIC, "protobuf", schema, units | stated)
+        writer.add_metadata("benchtool", facts)
+        for first in range(0, len(recording), rows):
+            values = recording.values[first : first + rows]
+            data = _messages(values, names, layout)
+            for row, time_ns in enumerate(_times_ns(values, names, start_ns)):
+                message = data[row * size + _HEAD_BYTES : (row + 1) * size]
+                sequence = (first + row) & 0xFFFFFFFF
+                writer.add_message(channel, time_ns, message, time_ns, sequence)
+        writer.finish()
 
 
-class _Writer:
-    """Write one file: data, then the summary that readers begin with."""
-
-    def __init__(
-        self, file: Any, recording: Recording, start_ns: int, calibration: dict[str, Any]
-    ) -> None:
-        from mcap import records
-
-        self._file, self._recording, self._start_ns = file, recording, start_ns
-        names = [channel.name for channel in recording.channels]
-        units = {f"unit:{one.name}": one.unit for one in recording.channels}
-        stated = {"calibration": json.dumps(calibration)} if calibration else {}
-        self._layout = _layout(names)
-        self._schema = records.Schema(
-            id=1, name=SCHEMA, encoding="protobuf", data=_descriptor(recording, stated)
-        )
-        self._channel = records.Channel(
-            id=1, topic=TOPIC, message_encoding="protobuf", schema_id=1, metadata=units | stated
-        )
-        self._metadata = records.Metadata(
-            name="benchtool",
-            metadata={
-                "format": FORMAT,
-                "rows": str(len(recording)),
-                "channels": json.dumps([[one.name, one.unit] for one in recording.channels]),
-                "simulated": str(recording.simulated).lower(),
-                "provenance": json.dumps(dict(recording.provenance)),
-                **stated,
-            },
-        )
-        self._indexes: list[Any] = []
-
-    def write(self) -> None:
-        from mcap import records
-
-        self._file.write(MAGIC)
-        self._put(records.Header(profile="", library="benchtool"))
-        self._put(self._schema)
-        self._put(self._channel)
-        at = self._file.tell()
-        self._put(self._metadata)
-        about = records.MetadataIndex(offset=at, length=self._file.tell() - at, name="benchtool")
-        first, last = self._write_chunks()
-        self._put(records.DataEnd(data_section_crc=0))
-        rows = len(self._recording)
-        counts = records.Statistics(
-            attachment_count=0, channel_count=1, channel_message_counts={1: rows},
-            chunk_count=len(self._indexes), message_count=rows, message_end_time=last,
-            message_start_time=first, metadata_count=1, schema_count=1,
-        )  # fmt: skip
-        start = self._file.tell()
-        groups: list[list[Any]] = [
-            [self._schema],
-            [self._channel],
-            [counts],
-            self._indexes,
-            [about],
-        ]
-        offsets = []
-        for group in (group for group in groups if group):
-            at = self._file.tell()
-            for record in group:
-                opcode = self._put(record)
-            offsets.append((opcode, at, self._file.tell() - at))
-        offset_start = self._file.tell()
-        for opcode, at, length in offsets:
-            self._put(records.SummaryOffset(opcode, at, length))
-        self._put(
-            records.Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=0)
-        )
-        self._file.write(MAGIC)
-
-    def _put(self, record: Any) -> int:
-        from mcap.data_stream import RecordBuilder
-
-        builder: Any = RecordBuilder()
-        record.write(builder)
-        data = builder.end()
-        self._file.write(data)
-        return int(data[0])
-
-    def _write_chunks(self) -> tuple[int, int]:
-        rows = max(1, CHUNK_BYTES // self._layout.itemsize)
-        first, last = (1 << 63), 0
-
-        def made(start: int) -> tuple[NDArray[np.uint64], bytes, int, int]:
-            end = min(start + rows, len(self._recording))
-            times, messages = self._messages(start, end)
-            return times, *_compressed(messages)
-
-        for chunk in _in_threads(made, range(0, len(self._recording), rows)):
-            first, last = min(first, int(chunk[0].min())), max(last, int(chunk[0].max()))
-            self._write_chunk(*chunk)
-        return (first, last) if len(self._recording) else (0, 0)
-
-    def _messages(self, start: int, end: int) -> tuple[NDArray[np.uint64], NDArray[Any]]:
-        """Return times (m,) and messages (m,) of some rows."""
-        values = self._recording.values[start:end]
-        out = np.empty(end - start, self._layout)
-        names = self._recording.names
-        out["op"], out["channel"] = 5, 1
-        out["length"] = self._layout.itemsize - _LENGTH_BYTES
-        out["sequence"] = np.arange(start, end, dtype=np.uint64) & 0xFFFFFFFF
-        time_s = values[:, names.index("time_s")] if "time_s" in names else np.zeros(end - start)
-        since = np.round(np.nan_to_num(time_s) * 1e9).astype(np.int64)
-        out["log"] = out["publish"] = np.maximum(since + self._start_ns, 0).astype(np.uint64)
-        for index, name in enumerate(names):
-            out[f"t{index}"] = _tag(index, name in WORDS)
-            out[f"v{index}"] = values[:, index]
-        return out["log"].copy(), out
-
-    def _write_chunk(self, times: NDArray[np.uint64], data: bytes, size: int, crc: int) -> None:
-        from mcap import records
-
-        span = {"message_start_time": int(times.min()), "message_end_time": int(times.max())}
-        at = self._file.tell()
-        self._put(
-            records.Chunk(
-                compression="zstd", data=data, uncompressed_crc=crc, uncompressed_size=size, **span
-            )
-        )
-        behind = self._file.tell()
-        entries = np.empty((len(times), 2), "<u8")
-        entries[:, 0] = times
-        entries[:, 1] = np.arange(len(times), dtype=np.uint64) * self._layout.itemsize
-        body = entries.tobytes()
-        # A MessageIndex: opcode, length, channel, bytes of its entries.
-        head = np.array([(7, len(body) + 6, 1, len(body))], "u1, <u8, <u2, <u4")
-        self._file.write(head.tobytes())
-        self._file.write(body)
-        self._indexes.append(
-            records.ChunkIndex(
-                chunk_length=behind - at,
-                chunk_start_offset=at,
-                compression="zstd",
-                compressed_size=len(data),
-                uncompressed_size=size,
-                message_index_length=self._file.tell() - behind,
-                message_index_offsets={1: behind},
-                **span,
-            )
-        )
+def _times_ns(values: Array, names: list[str], start_ns: int) -> list[int]:
+    time_s = values[:, names.index("time_s")] if "time_s" in names else np.zeros(len(values))
+    since_ns = np.round(np.nan_to_num(time_s) * 1e9).astype(np.int64)
+    times_ns: list[int] = np.maximum(since_ns + start_ns, 0).tolist()
+    return times_ns
 
 
-def _in_threads(work: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
-    """Yield the result of each item in order, at most a few of them made before."""
-    waiting: deque[Future[R]] = deque()
-    with ThreadPoolExecutor(WORKERS) as pool:
-        for item in items:
-            waiting.append(pool.submit(work, item))
-            if len(waiting) > WORKERS:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
-
-
-def _compressed(messages: NDArray[Any]) -> tuple[bytes, int, int]:
-    """Return messages compressed, their size and checksum before."""
-    import zstandard
-
-    data = messages.view(np.uint8).data
-    return zstandard.ZstdCompressor(level=1).compress(data), data.nbytes, zlib.crc32(data)
+def _messages(values: Array, names: list[str], layout: np.dtype[Any]) -> bytes:
+    """Return messages of rows (m, c), one after another, each behind room for its head."""
+    out = np.zeros(len(values), layout)
+    for index, name in enumerate(names):
+        out[f"t{index}"] = _tag(index, name in WORDS)
+        out[f"v{index}"] = values[:, index]
+    return out.tobytes()
 
 
 def _tag(index: int, is_word: bool) -> NDArray[np.uint8]:
@@ -247,7 +118,7 @@ def _tag(index: int, is_word: bool) -> NDArray[np.uint8]:
 
 def _layout(names: list[str]) -> np.dtype[Any]:
     """Return how a message record lies in memory; at most 2,047 fields."""
-    fields: list[Any] = list(_HEAD)
+    fields: list[Any] = [("head", "u1", (_HEAD_BYTES,))]
     for index, name in enumerate(names):
         fields.append((f"t{index}", "u1", (len(_tag(index, name in WORDS)),)))
         fields.append((f"v{index}", "u1" if name in WORDS else "<f8"))
@@ -352,9 +223,12 @@ def _values(chunks: Iterator[bytes], channels: tuple[Channel, ...], rows: int, w
             raise ValueError(str(error)) from error
         if zlib.crc32(plain) != chunk.uncompressed_crc:
             raise FileFormatError(where, "a checksum in it is wrong; restore it from a copy")
-        return np.frombuffer(plain, layout)
+        start = 0
+        while plain[start : start + 1] in _DEFINITIONS:
+            start += _LENGTH_BYTES + int.from_bytes(plain[start + 1 : start + 9], "little")
+        return np.frombuffer(plain, layout, offset=start)
 
-    for messages in _in_threads(messages_in, chunks):
+    for messages in map(messages_in, chunks):
         end = at + len(messages)
         for index, name in enumerate(names):
             ends = messages[f"t{index}"][:: max(1, len(messages) - 1)]
