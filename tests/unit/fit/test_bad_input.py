@@ -88,7 +88,7 @@ def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab: Path, column: int
     [
         ("", "nothing to fit"),
         ("lab.csv", "does not say how large the rotor is; give --radius"),
-        ("lab.csv --model lab.tom", "there is no such file|unknown model"),
+        ("lab.csv --model lab.tom", "no such file|unknown model"),
         (f"{LAB} --basis equal_pwm", "kind 'reference'"),
         (f"{LAB} --free K_b", "unknown parameter 'K_b'"),
         (f"{LAB} --fix k=x", "'k=x'; write NAME=NUMBER"),

@@ -20,7 +20,7 @@ from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.result_file import result_tables
-from benchtool.fit.run_recipe import FitOutput, propagated, run_recipe
+from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.fit.uncertainty.budget import Budget, MonteCarlo, budget_from
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import drawn, monte_carlo
