@@ -209,7 +209,7 @@ def _facts(path: Path) -> dict[str, str]:
 @declared(ShowInputs)
 def verify(inputs: ShowInputs) -> None:
     """Check runs against the hashes that they state; exit code 2 where one differs"""
-    from benchtool.data.catalogue.transfer import verify_run
+    from benchtool.data.run.entry import verify_run
 
     wrong = 0
     for path in inputs.runs:
@@ -218,58 +218,6 @@ def verify(inputs: ShowInputs) -> None:
         print(f"{path}: {'; '.join(problems) or 'as stated'}", flush=True)
     if wrong:
         raise InputError(f"{wrong} of {len(inputs.runs)} are not as stated; restore from a copy")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PushInputs(ChoiceInputs):
-    """What `benchtool runs push` takes."""
-
-    target: Annotated[
-        str,
-        Input("Where copies lie: s3://bucket/lab, ssh://host/folder, a path.", argument="TARGET"),
-    ]
-    check: Annotated[bool, Input("Read back each file that was sent and compare its hash.")] = True
-
-
-@declared(PushInputs)
-def push(inputs: PushInputs) -> None:
-    """Copy chosen runs to a folder, an S3-compatible store or SSH"""
-    from benchtool.data.catalogue.choice import find_entries
-    from benchtool.data.catalogue.transfer import CopyPlace, copied_line
-
-    target = CopyPlace(inputs.target)
-    for path, entry in find_entries(inputs):
-        if not path.is_dir() or entry.state == "running" or entry.problem:
-            why = entry.problem or (
-                "it is being measured" if entry.state == "running" else "a file"
-            )
-            print(f"{entry.name}: left out, {why}")
-            continue
-        print(copied_line(target.push(path, entry, read_back=inputs.check), "sent"), flush=True)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PullInputs(Inputs):
-    """What `benchtool runs pull` takes."""
-
-    target: Annotated[str, Input("Where copies lie, as for push.", argument="TARGET")]
-    names: Annotated[
-        tuple[str, ...], Input("Names of copies; all of them without.", argument="NAME")
-    ] = ()
-    folder: Annotated[Path, Input("Folder of runs into which they are put.")] = Path("runs")
-
-
-@declared(PullInputs)
-def pull(inputs: PullInputs) -> None:
-    """Copy runs back from where push put them, each file checked"""
-    from benchtool.data.catalogue.transfer import CopyPlace, copied_line
-
-    target = CopyPlace(inputs.target)
-    names = inputs.names or target.names()
-    if not names:
-        raise InputError(f"there is no copy at {inputs.target}; name where push put some")
-    for name in names:
-        print(copied_line(target.pull(name, inputs.folder), "fetched"), flush=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

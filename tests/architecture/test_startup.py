@@ -61,7 +61,7 @@ for name in benchtool.__all__:
 for package in (benchtool.bench, benchtool.acquire):
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         importlib.import_module(module.name)
-print(sorted({"duckdb", "dask", "distributed", "fsspec", "mcap", "s3fs", "sshfs"} & {*sys.modules}))
+print(sorted({"duckdb", "dask", "distributed", "mcap"} & {*sys.modules}))
 """
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert answer.stdout == "[]\n", answer.stderr
@@ -73,7 +73,7 @@ def test_no_extra_is_a_dependency() -> None:
     extras = project["project"]["optional-dependencies"]
     optional = {one.partition(">")[0] for name in ("catalogue", "cluster", "mcap")
                 for one in extras[name]} - {"protobuf"}  # fmt: skip
-    assert {"duckdb", "fsspec", "distributed", "mcap"} <= optional
+    assert {"duckdb", "distributed", "mcap"} <= optional
     assert [name for name in optional if name in needed] == []
 
 

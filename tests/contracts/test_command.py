@@ -43,8 +43,6 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "runs note": [("nowhere b", "nowhere: there is no such folder")],
     "runs verify": [("nowhere", "nowhere: it is not in the runs folder")],
     "runs export": [("nowhere x.mcap", "nowhere: there is no such run")],
-    "runs push": [("copies --folder nowhere", "there is no folder nowhere")],
-    "runs pull": [("nowhere", "there is no copy at nowhere")],
     "runs merge": [
         ("nowhere --out x", "one run is named, nowhere; name two or more"),
         ("nowhere other --out x", "nowhere: this is no run folder"),

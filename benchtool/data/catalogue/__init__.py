@@ -1,1 +1,1 @@
-"""A catalogue of runs: an index over folders of runs, queries over all of them, copies of them."""
+"""A catalogue of runs: an index over folders of runs, and queries over all of them."""

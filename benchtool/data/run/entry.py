@@ -1,11 +1,11 @@
-"""What a list shows of each thing in a runs folder: kind, rig, date, how it ended.
+"""What a list shows of each thing in a runs folder, and whether its files are as stated.
 
 What cannot be read is listed with the sentence that says why.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import datetime
 from hashlib import sha256
@@ -19,7 +19,7 @@ from benchtool.core.counted import counted
 from benchtool.core.errors import BenchtoolError, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import open_file
-from benchtool.data.atomic import read_json
+from benchtool.data.atomic import data_hash, file_hash, read_json
 from benchtool.data.catalogue.entry import ANSWER_FILE as ANSWER_FILE
 from benchtool.data.catalogue.entry import ENTRY_KINDS as ENTRY_KINDS
 from benchtool.data.catalogue.entry import FIT_FILE as FIT_FILE
@@ -32,7 +32,7 @@ from benchtool.data.csv_text import parse_csv
 from benchtool.data.run.closing import has_rows
 from benchtool.data.run.facts import read_metadata, read_recording_facts
 from benchtool.data.run.labels import read_labels
-from benchtool.data.run.read import is_run, read_points
+from benchtool.data.run.read import is_run, parts_of, read_points
 from benchtool.data.run.recording_file import FORMAT as RECORDING_FORMAT
 from benchtool.data.run.recording_file import beside
 from benchtool.data.run.run import RUN_FORMAT
@@ -65,6 +65,51 @@ def entry_of(folder: RunsFolder, name: str) -> Entry:
     except (OSError, ValueError, TypeError) as error:
         entry = replace(entry, problem=f"it cannot be read ({error}); restore it from a copy")
     return replace(entry, problem=entry.problem.replace(f"{folder.root}/", ""))
+
+
+def verify_run(path: Path) -> list[str]:
+    """Return what of a run or fit is not as its own files say, empty where all is.
+
+    Hashes are those of metadata.json. The Parquet of the samples alone is enough.
+    """
+    entry = entry_of(RunsFolder(path.resolve().parent), path.resolve().name)
+    if entry.problem:
+        return [entry.problem]
+    if not is_run(path):
+        return []
+    facts = read_metadata(path)
+    problems = _differing(path, facts)
+    if merged := facts.get("merged_from"):
+        problems += [
+            f"{Path(part).name}: {problem}"
+            for part, one in zip(parts_of(path), merged, strict=True)
+            for problem in verify_run(Path(part))
+            or (["its data have changed"] if data_hash(part) != one["sha256"] else ())
+        ]
+    elif entry.state == "running":
+        return ["it is being measured, or its program died; then: benchtool runs close"]
+    return problems
+
+
+def _differing(path: Path, facts: Mapping[str, Any]) -> list[str]:
+    """Return which points and samples of a run are not those of its hashes."""
+    points, samples = facts.get("points") or {}, facts.get("samples") or {}
+    hashes = {
+        "points.csv": points.get("csv_sha256"),
+        "samples.csv": samples.get("csv_sha256"),
+        "samples.parquet": samples.get("parquet_sha256"),
+    }
+    found = []
+    for name, stated in hashes.items():
+        file = path / name
+        if stated and not file.is_file():
+            found.append(f"{name} is missing")
+        elif stated and file_hash(file, follow=False) != stated:
+            found.append(f"{name} has changed since the run was closed")
+        elif not stated and name == "samples.csv" and has_rows(file):
+            found.append(f"metadata.json states no hash of {name}: benchtool runs close")
+    # The Parquet contains every sample, so the CSV may be left out.
+    return [] if found == ["samples.csv is missing"] and hashes["samples.parquet"] else found
 
 
 def read_result(folder: Path) -> dict[str, Any]:

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import benchtool as bt
-from benchtool.core.errors import DataWarning
-from benchtool.data.catalogue.transfer import verify_run
+from benchtool.core.errors import BenchtoolError, DataWarning
+from benchtool.data.run.entry import verify_run
 from benchtool.data.run.merge import merge_runs
 from benchtool.data.run.read import changed_points, read_points
 from benchtool.data.run.run import Run
@@ -192,3 +192,17 @@ def test_samples_as_parquet_alone_are_as_stated(name: str, tmp_path: Path) -> No
     (tmp_path / "copy/samples.parquet").unlink()
     found = verify_run(tmp_path / "copy")
     assert found == ["samples.csv is missing", "samples.parquet is missing"]
+
+
+def test_verify_finds_what_changed(closed: Run) -> None:
+    run = closed.path
+    assert verify_run(run) == []
+    with (run / "samples.parquet").open("ab") as changed:
+        changed.write(b"x")
+    assert verify_run(run) == ["samples.parquet has changed since the run was closed"]
+    (run / "samples.csv").unlink()
+    assert verify_run(run)[0] == "samples.csv is missing"
+    (run / "points.csv").write_text("point,kind\n1,bogus\n")
+    assert "bogus" in verify_run(run)[0]
+    with pytest.raises(BenchtoolError):
+        verify_run(run.parent / "none")

@@ -13,7 +13,7 @@ import pytest
 
 from benchtool.core.errors import BenchtoolError, DataWarning, InputError, WouldOverwrite
 from benchtool.data.atomic import data_hash
-from benchtool.data.catalogue.transfer import manifest_of, verify_run
+from benchtool.data.run.entry import verify_run
 from benchtool.data.run.merge import merge_runs
 from benchtool.data.run.read import parts_of, read_points, read_settings
 from benchtool.data.run.run import Run
@@ -22,6 +22,11 @@ from benchtool.fit.run_recipe import run_recipe
 from tests.unit.data.run_of import small_run
 
 DATA = Path(__file__).parents[3] / "datasets" / "single_rotor" / "run"
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder): path.read_bytes() for path in files}
 
 
 def changed(path: Path, factor: float, **facts: Any) -> Path:
@@ -65,10 +70,10 @@ def test_the_fit_of_a_merged_run_is_that_of_its_runs(two: list[Path], tmp_path: 
 
 
 def test_a_merged_run_holds_its_runs_and_all_their_points(two: list[Path], tmp_path: Path) -> None:
-    before = [manifest_of(path) for path in two]
+    before = [contents(path) for path in two]
     merged = merge_runs(two, tmp_path / "merged").path
-    assert [manifest_of(path) for path in two] == before
-    assert [manifest_of(Path(part)) for part in parts_of(merged)] == before
+    assert [contents(path) for path in two] == before
+    assert [contents(Path(part)) for part in parts_of(merged)] == before
     facts = Run(merged).metadata
     assert [one["sha256"] for one in facts["merged_from"]] == [data_hash(path) for path in two]
     assert [one["from"] for one in facts["merged_from"]] == [str(path) for path in two]
