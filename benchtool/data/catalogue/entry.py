@@ -40,6 +40,7 @@ class Entry:
         propeller: its name where the rig states it.
         z_over_r: least and largest distance of the plate at which it was measured, in rotor radii;
             empty where that is not known.
+        radius_m: of the rotors; None where the rig does not state it.
         tags, notes: of `labels`.
         channels: short hash of the names of a run's channels; runs of one have samples of one form.
         values: each parameter of a fit with its value, by its first method.
@@ -62,6 +63,7 @@ class Entry:
     propeller: str = ""
     operator: str = ""
     z_over_r: tuple[float, ...] = ()
+    radius_m: float | None = None
     tags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     channels: str = ""

@@ -151,7 +151,7 @@ def catalogued(root: Path, *, rebuild: bool = False) -> tuple[Entry, ...]:
         OSError: the index cannot be written.
     """
     folder = RunsFolder(root)
-    with closing(connect(index_folder(root))) as store:
+    with closing(_connect(index_folder(root))) as store:
         seen = {} if rebuild else _stored(store)
         before = dict(seen)
         entries = list_entries(folder, seen)
@@ -167,7 +167,7 @@ def catalogued(root: Path, *, rebuild: bool = False) -> tuple[Entry, ...]:
     return entries
 
 
-def connect(folder: Path) -> sqlite3.Connection:
+def _connect(folder: Path) -> sqlite3.Connection:
     """Open the index; one that is broken or of another version is replaced by an empty one."""
     make_folder(folder)
     path = folder / "index.sqlite"

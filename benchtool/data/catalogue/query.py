@@ -5,20 +5,24 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from benchtool.core.counted import counted
-from benchtool.core.errors import InputError, WouldOverwrite
+from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
 from benchtool.core.inputs import make
+from benchtool.core.table_bounds import MOST_TABLE_BYTES
+from benchtool.core.user_file import read_file
 from benchtool.data.catalogue.choice import ChoiceInputs, find_entries
 from benchtool.data.catalogue.entry import SWEEPS, Entry
 from benchtool.data.catalogue.extra import load_extra
-from benchtool.data.catalogue.index import index_folder
-from benchtool.data.catalogue.tables import TABLES, row_numbers
+from benchtool.data.columns import WORDS
+from benchtool.data.run.state import state_folder
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +30,8 @@ if TYPE_CHECKING:
 _NAMED = "runs, settings, points, samples and fits"
 
 SAMPLES = "/samples.parquet"
+
+RUNS_AT_ONCE = 2000  # texts of so many runs are in memory at once, 50 MB; assumed
 
 MEMORY_MB = 600
 """What DuckDB may hold, so that a query stays below 1 GiB with all that is loaded; a choice."""
@@ -125,9 +131,8 @@ def queried(found: Sequence[tuple[Path, Entry]], sql: str) -> Iterator[Any]:
         with duckdb.connect() as base:
             base.execute(f"SET memory_limit = '{MEMORY_MB}MB'")
             base.execute("SET preserve_insertion_order = false")
-            if found:
-                temporary = index_folder(_roots(found)[0][0]) / "spill"
-                base.execute(f"SET temp_directory = {_quoted(temporary)}")
+            spill = state_folder() / "catalogue" / "spill"
+            base.execute(f"SET temp_directory = {_quoted(spill)}")
             _make_views(base, found, sql)
             yield base.sql(sql)
     except duckdb.Error as error:
@@ -161,11 +166,16 @@ def _make_views(base: Any, found: Sequence[tuple[Path, Entry]], sql: str) -> Non
         other |= {"notes": texts, "z_over_r_least": number, "z_over_r_most": number}
         schema = pa.schema([(name, other.get(name, text)) for name in RUN_COLUMNS])
         base.register("runs", pa.Table.from_pylist(run_rows(found), schema=schema))
-    for name in words & {*TABLES}:
-        parts = [
-            part for root, entries in _roots(found) if (part := _stored(base, name, root, entries))
-        ]
-        _view(base, name, parts, "they hold no point" if name != "fits" else "none of them is one")
+    for name in words & {"points", "settings"}:
+        _register(base, name, _run_rows(found, name), "they hold no point")
+    if "fits" in words:
+        tables = []
+        for path, one in found:
+            if one.kind == "fit":
+                # The list shows one that cannot be read with its problem.
+                with suppress(BenchtoolError, LookupError, TypeError, ValueError, AttributeError):
+                    tables.append(_fit_rows(path, one.rig))
+        _register(base, "fits", tables, "none of them is one")
     if "samples" in words:
         forms: dict[str, list[str]] = {}
         for path, one in found:
@@ -179,41 +189,100 @@ def _make_views(base: Any, found: Sequence[tuple[Path, Entry]], sql: str) -> Non
             f"FROM read_parquet([{', '.join(files)}], union_by_name = {not form}, filename = true)"
             for form, files in forms.items()
         ]
-        _view(base, "samples", parts, "none of them is closed")
+        _require(parts, "samples", "none of them is closed")
+        base.execute(f"CREATE VIEW samples AS {' UNION ALL BY NAME '.join(parts)}")
 
 
-def _stored(base: Any, name: str, root: Path, entries: Sequence[Entry]) -> str:
-    """Return the SELECT of the stored rows of some entries of one folder."""
-    numbers, places = row_numbers(root, entries, TABLES[name])
-    files = [file for place in places if (file := place / f"{name}.parquet").is_file()]
-    if not files:
-        return ""
-    own = f"numbers_{TABLES[name][0]}_{index_folder(root).name}"
-    base.execute(
-        f"CREATE TEMP TABLE IF NOT EXISTS {own} AS SELECT unnest(?::BIGINT[]) AS run_number",
-        [numbers],
-    )
-    listed = ", ".join(_quoted(file) for file in files)
-    before = _quoted(str(root / "_")[:-1])
-    return (
-        f"SELECT {before} || run AS run, * EXCLUDE (run, run_number) "
-        f"FROM read_parquet([{listed}], union_by_name = true) SEMI JOIN {own} USING (run_number)"
-    )
+def _register(base: Any, name: str, tables: Sequence[Any], why: str) -> None:
+    import pyarrow as pa
+
+    _require(tables, name, why)
+    base.register(name, pa.concat_tables(tables, promote_options="permissive"))
 
 
-def _view(base: Any, name: str, parts: Sequence[str], why: str) -> None:
+def _require(parts: Sequence[Any], name: str, why: str) -> None:
     if not parts:
         raise InputError(f"the chosen runs have no {name}: {why}; choose others")
-    base.execute(f"CREATE VIEW {name} AS {' UNION ALL BY NAME '.join(parts)}")
 
 
-def _roots(found: Sequence[tuple[Path, Entry]]) -> list[tuple[Path, list[Entry]]]:
-    """Return the entries of each folder of runs."""
-    roots: dict[Path, list[Entry]] = {}
-    for path, entry in found:
-        root = Path(str(path)[: -len(entry.name) - 1] or ".")
-        roots.setdefault(root, []).append(entry)
-    return list(roots.items())
+def _run_rows(found: Sequence[tuple[Path, Entry]], name: str) -> Sequence[Any]:
+    """Return tables of all points or settings; a run that cannot be read has no rows."""
+    forms: dict[bytes, list[tuple[Path, Entry, list[bytes]]]] = {}
+    for path, one in found:
+        if one.kind in SWEEPS:
+            with suppress(BenchtoolError):
+                text = read_file(path / f"{name}.csv", MOST_TABLE_BYTES, follow=False)
+                # What stands behind the last line end is a row that is being written.
+                lines = list(filter(None, text[: text.rfind(b"\n") + 1].splitlines()))
+                if len(lines) > 1:
+                    forms.setdefault(lines[0], []).append((path, one, lines[1:]))
+    return [
+        table
+        for header, runs in forms.items()
+        for start in range(0, len(runs), RUNS_AT_ONCE)
+        for table in _parsed(header.decode("utf-8", "replace").split(","),
+                             runs[start : start + RUNS_AT_ONCE])
+    ]  # fmt: skip
+
+
+def _parsed(names: list[str], runs: Sequence[tuple[Path, Entry, list[bytes]]]) -> list[Any]:
+    """Return the rows of runs with one header, each with its path, rig and z/R."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    from pyarrow import csv
+
+    try:
+        read = csv.read_csv(
+            pa.BufferReader(b"\n".join(row for *_, rows in runs for row in rows)),
+            csv.ReadOptions(column_names=names, use_threads=False),
+            csv.ParseOptions(quote_char=False),
+            csv.ConvertOptions(
+                column_types={one: pa.string() if one in WORDS else pa.float64() for one in names},
+                null_values=["", "nan"],
+            ),
+        )
+        columns = {name: read[name] for name in names}
+    except (pa.ArrowException, KeyError):
+        half = len(runs) // 2
+        return [*_parsed(names, runs[:half]), *_parsed(names, runs[half:])] if half else []
+    own = np.repeat(np.arange(len(runs), dtype=np.int32), [len(rows) for *_, rows in runs])
+    facts = {
+        "run": pa.DictionaryArray.from_arrays(own, [str(path) for path, *_ in runs]),
+        "rig": pa.DictionaryArray.from_arrays(own, [one.rig for _, one, _ in runs]),
+    }
+    if "plate_z_m" in columns:
+        radius_m = pa.array([one.radius_m for _, one, _ in runs], pa.float64()).take(pa.array(own))
+        facts["z_over_r"] = pc.divide(columns["plate_z_m"], radius_m)
+    return [pa.table(facts | columns)]
+
+
+def _fit_rows(path: Path, rig: str) -> Any:
+    """Return a table with a row for each parameter and derived quantity of a fit by each method."""
+    import pyarrow as pa
+
+    from benchtool.data.run.entry import read_result
+
+    facts = read_result(path)
+    budget = ((facts.get("budget") or {}).get("quantities")) or {}
+    rows = [
+        {
+            "run": str(path), "rig": rig, "model": facts["model"], "basis": facts["basis"],
+            "method": method, "parameter": name, "value": one["value"], "sd": one["sd"],
+            "low_95": one["interval_95"][0], "high_95": one["interval_95"][1],
+            "combined_sd": one.get("combined_sd", (budget.get(name) or {}).get("combined")),
+            "unit": one["unit"],
+            "derived": part == "derived", "outcome": result["outcome"]["status"],
+            "verdict": result["facts"].get("verdict", ""), "chi2_per_dof": result["chi2_per_dof"],
+            "points": facts["points"]["used"], "simulated": facts["simulated"],
+        }
+        for method, result in facts["results"].items()
+        for part in ("estimates", "derived")
+        for name, one in result[part].items()
+    ]  # fmt: skip
+    numbers = ("value", "sd", "low_95", "high_95", "combined_sd", "chi2_per_dof")
+    other = {"points": pa.int64(), "derived": pa.bool_(), "simulated": pa.bool_()}
+    other |= dict.fromkeys(numbers, pa.float64())
+    return pa.Table.from_pylist(rows, pa.schema([(n, other.get(n, pa.string())) for n in rows[0]]))
 
 
 def _quoted(text: object) -> str:

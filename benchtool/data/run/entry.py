@@ -153,6 +153,7 @@ def _run(entry: Entry, path: Path) -> Entry:
         kind="pitch recording" if pitch else "live recording" if live else "sweep",
         rig=str(_table(facts, "rig").get("name", "")),
         propeller=str(_table(_table(facts, "rig"), "propeller").get("name", "")),
+        radius_m=_table(_table(facts, "rig"), "propulsion").get("radius_m"),
         operator=str(facts.get("operator", "")),
         channels=sha256(",".join(channels).encode()).hexdigest()[:8] if channels else "",
         started=_moment(facts.get("started")) or entry.started,
@@ -178,13 +179,8 @@ def _run(entry: Entry, path: Path) -> Entry:
     if "kind" in points:
         points = points.select(np.isin(points.column("kind"), range(3)))
     summary = "; ".join(filter(None, (counted(len(points), "point"), reason)))
-    z_over_r = _distances(points, radius_of(facts))
+    z_over_r = _distances(points, entry.radius_m or nan)
     return replace(entry, summary=summary, z_over_r=z_over_r, is_empty=not len(points))
-
-
-def radius_of(facts: dict[str, Any]) -> float:
-    """Return the rotor radius that a run's metadata state, nan where they do not: m."""
-    return float(_table(_table(facts, "rig"), "propulsion").get("radius_m", nan))
 
 
 def _distances(points: Recording, radius_m: float) -> tuple[float, ...]:

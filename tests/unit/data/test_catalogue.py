@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import sqlite3
 import sys
@@ -19,7 +18,6 @@ from benchtool.core.errors import InputError
 from benchtool.core.inputs import make
 from benchtool.data.catalogue.choice import ChoiceInputs, find_entries
 from benchtool.data.catalogue.index import catalogued, index_folder
-from benchtool.data.catalogue.tables import MOST_FILES
 from benchtool.data.run import entry as run_list
 from benchtool.data.run.entry import Entry, entry_of
 from benchtool.data.run.labels import label
@@ -214,21 +212,20 @@ def test_a_run_that_changes_has_its_new_rows_only(root: Path) -> None:
     assert runs.query(sql)["n"][0] == 5
     points = root / "three" / "points.csv"
     lines = points.read_text("utf-8").splitlines(keepends=True)
-    for left in range(len(lines) - 1, 2, -1):  # more changes than files that are left apart
-        points.write_text("".join(lines[:left]), "utf-8")
-        assert bt.runs(root, rig="hall").query(sql)["n"][0] == left - 1
-    with points.open("ab") as growing:
-        for _ in range(MOST_FILES + 2):
-            growing.write(lines[-1].encode())
-            growing.flush()
-            bt.runs(root).query(sql)
-    files = [item for item in index_folder(root).iterdir() if (item / "points.parquet").exists()]
-    for item in files:
-        os.utime(item, (0, 0))
-    label(root / "three", add=["again"])
-    assert bt.runs(root, rig="hall").query(sql)["n"][0] == 3 - 1 + MOST_FILES + 2
-    left_files = [item for item in index_folder(root).iterdir() if item.is_dir()]
-    assert len(left_files) < MOST_FILES + 2
+    points.write_text("".join(lines[:-1]), "utf-8")
+    assert bt.runs(root, rig="hall").query(sql)["n"][0] == 4
+    points.write_bytes("".join(lines).encode() + b"\r\n" + lines[-1].encode() + b"6,meas")
+    assert runs.query(sql)["n"][0] == 6
+
+
+@pytest.mark.filterwarnings("ignore::benchtool.core.errors.DataWarning")
+@pytest.mark.parametrize("broken", ["5,tare,0,0,fast", "5,tare"])
+def test_a_run_that_cannot_be_read_has_no_rows(root: Path, broken: str) -> None:
+    with (root / "2026/two/points.csv").open("a") as points:
+        points.write(broken + "," * 14 + "\n" if broken.endswith("fast") else broken + "\n")
+    found = bt.runs(root, kind="sweep").query("SELECT run, count(*) AS n FROM points GROUP BY run")
+    counts = {str(root / "2026/one"): 5, str(root / "three"): 5}
+    assert dict(zip(found["run"], found["n"], strict=True)) == counts
 
 
 @pytest.mark.parametrize(
