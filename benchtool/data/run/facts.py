@@ -7,9 +7,10 @@ of its range is refused with its key, so that no reader of the facts meets one.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import field, make_dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from types import GenericAlias
+from typing import Annotated, Any
 
 from annotated_types import Ge, Le, Len
 
@@ -20,136 +21,61 @@ from benchtool.data.atomic import read_json
 from benchtool.data.calibration import CalibrationComponent
 from benchtool.data.repairs.imported import Count, Finding, Tally, Window
 
+NonNegative = Annotated[float, Ge(0.0), Le(1e9)]
 Row = Annotated[tuple[float, float], Len(2)]
+Texts = Mapping[str, str]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Facts:
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"allow_inf_nan": False}
+def _table(called: str, /, **keys: Any) -> Any:
+    """Return a dataclass with those keys and types; one whose name ends in _ must be there."""
+    config: dict[str, Any] = {"allow_inf_nan": False}
+    fields: list[Any] = [
+        (key[:-1], kind) if key.endswith("_") else (key, kind, field(default=None))
+        for key, kind in keys.items()
+    ]
+    return make_dataclass(called, fields, kw_only=True, namespace={"__pydantic_config__": config})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Device(_Facts):
-    firmware: str = ""
-    protocol: str = ""
-    rate_Hz: Annotated[float, Ge(0.0), Le(1e9)] = 0.0
-    watchdog_s: Annotated[float, Ge(0.0), Le(1e9)] | None = None
-    limits: Mapping[str, float] | None = None
-    channels: Mapping[str, str] | None = None
-    facts: Mapping[str, str] | None = None
+def _list(called: str, /, **keys: Any) -> Any:
+    """Return the type of a list of such tables."""
+    return GenericAlias(tuple, (_table(called, **keys), ...))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Link(_Facts):
-    samples: Count = 0
-    lost: Count = 0
-    corrupt: Count = 0
-    repeated: Count = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Air(_Facts):
-    temperature_degC: float
-    pressure_Pa: float
-    humidity: float
-    density_kg_m3: float
-    measured: bool = False
-    formula: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Calibration(_Facts):
-    id: str
-    date: str
-    device_id: str
-    slope_N_per_count: float
-    covariance: tuple[Row, Row]
-    relative_sd: float
-    straightness: float
-    masses_kg: Annotated[tuple[float, ...], Len(1)]
-    gravity_m_s2: float
-    hysteresis: float | None = None
-    components: tuple[CalibrationComponent, ...] = ()
-    calibrated_by: str = ""
-    certificate: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Rig(_Facts):
-    name: str = ""
-    title: str = ""
-    rotors: tuple[RotorPlace, ...] = ()
-    propulsion: Propulsion | None = None
-    body: Body | None = None
-    plate: PlateDrive | None = None
-    sensors: Mapping[str, Sensor] | None = None
-    limits: Mapping[str, float] | None = None
-    sources: Mapping[str, str] | None = None
-    assumed: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Hashes(_Facts):
-    parquet_sha256: str = ""
-    csv_sha256: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Plate(_Facts):
-    stage: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Merged(_Facts):
-    run: str
-    sha256: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Run(_Facts):
-    format: str = ""
-    state: str = ""
-    reason: str | None = None
-    simulated: bool = False
-    started: str = ""
-    operator: str = ""
-    seed: int = 0
-    address: str = ""
-    device_id: str = ""
-    device: _Device | None = None
-    rig: _Rig | None = None
-    calibration: _Calibration | None = None
-    air: _Air | None = None
-    versions: Mapping[str, str] | None = None
-    link: _Link | None = None
-    samples: _Hashes | None = None
-    points: _Hashes | None = None
-    plate: _Plate | None = None
-    visits: Count | None = None
-    experiment: str = ""
-    merged_from: tuple[_Merged, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Channel(_Facts):
-    name: str
-    unit: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Recording(_Facts):
-    format: str
-    sha256: str
-    rows: Count
-    simulated: bool
-    channels: tuple[_Channel, ...]
-    provenance: Mapping[str, str]
-    imported_as: str = ""
-    software: str = ""
-    versions: Mapping[str, str] | None = None
-    findings: tuple[Finding, ...] | None = None
-    windows: tuple[Window, ...] | None = None
-    tally: Tally | None = None
+_DEVICE = _table(
+    "Device", firmware=str, protocol=str, rate_Hz=NonNegative, watchdog_s=NonNegative | None,
+    limits=Mapping[str, float] | None, channels=Texts | None, facts=Texts | None,
+)  # fmt: skip
+_AIR = _table(
+    "Air", temperature_degC_=float, pressure_Pa_=float, humidity_=float, density_kg_m3_=float,
+    measured=bool, formula=str,
+)  # fmt: skip
+_CALIBRATION = _table(
+    "Calibration", id_=str, date_=str, device_id_=str, slope_N_per_count_=float,
+    covariance_=tuple[Row, Row], relative_sd_=float, straightness_=float,
+    masses_kg_=Annotated[tuple[float, ...], Len(1)], gravity_m_s2_=float, hysteresis=float | None,
+    components=tuple[CalibrationComponent, ...], calibrated_by=str, certificate=str,
+)  # fmt: skip
+_RIG = _table(
+    "Rig", name=str, title=str, rotors=tuple[RotorPlace, ...], propulsion=Propulsion | None,
+    body=Body | None, plate=PlateDrive | None, sensors=Mapping[str, Sensor] | None,
+    limits=Mapping[str, float] | None, sources=Texts | None, assumed=tuple[str, ...],
+)  # fmt: skip
+_LINK = _table("Link", samples=Count, lost=Count, corrupt=Count, repeated=Count)
+_HASHES = _table("Hashes", parquet_sha256=str, csv_sha256=str)
+_RUN = _table(
+    "Run", format=str, state=str, reason=str | None, simulated=bool, started=str, operator=str,
+    seed=int, address=str, device_id=str, device=_DEVICE | None, rig=_RIG | None,
+    calibration=_CALIBRATION | None, air=_AIR | None, versions=Texts | None, link=_LINK | None,
+    samples=_HASHES | None, points=_HASHES | None, plate=_table("Plate", stage=str | None) | None,
+    visits=Count | None, experiment=str,
+    merged_from=_list("Merged", run_=str, sha256=str),
+)  # fmt: skip
+_RECORDING = _table(
+    "Recording", format_=str, sha256_=str, rows_=Count, simulated_=bool,
+    channels_=_list("Channel", name_=str, unit_=str), provenance_=Texts,
+    imported_as=str, software=str, versions=Texts | None, findings=tuple[Finding, ...] | None,
+    windows=tuple[Window, ...] | None, tally=Tally | None,
+)  # fmt: skip
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
@@ -160,7 +86,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     """
     path = folder / "metadata.json"
     facts = read_json(path, follow=False)
-    build(_Run, facts, str(path))
+    build(_RUN, facts, str(path))
     return facts
 
 
@@ -173,5 +99,5 @@ def read_recording_facts(path: Path, format_: str) -> dict[str, Any]:
     facts = read_json(path)
     if facts.get("format") != format_:
         raise FileFormatError(str(path), f"this is not the JSON of a {format_}")
-    build(_Recording, facts, str(path))
+    build(_RECORDING, facts, str(path))
     return facts
