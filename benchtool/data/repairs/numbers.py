@@ -16,6 +16,7 @@ from benchtool.core.counted import counted
 from benchtool.core.table_bounds import MAX_NUMBER
 from benchtool.data.csv_text import THOUSANDS, TextTable, evened
 from benchtool.data.repairs.imported import Finding, line_ranges
+from benchtool.data.run.sample_stream import plain_values
 
 _BLOCK_BYTES = 1 << 20
 """What stays in a processor's cache: four times as much takes twice as long, on any thread."""
@@ -92,23 +93,10 @@ def _fill(values: Array, reader: Any, positions: Sequence[int]) -> None:
         if end > values.shape[1]:
             break
         for row, position in enumerate(positions):
-            values[row, at:end] = _cells(batch.column(str(position)))
+            values[row, at:end] = plain_values(batch.column(str(position)), float, nan)
         at = end
     if at != values.shape[1]:
         raise pa.ArrowInvalid("rows and lines differ")
-
-
-def _cells(column: Any) -> Array:
-    """Return a column (n,) of Arrow's float64, nan where a cell is null.
-
-    Arrow's own conversion imports pandas, which takes longer than most tables.
-    """
-    known, cells = column.buffers()
-    values = np.frombuffer(cells, float)[column.offset : column.offset + len(column)]
-    if not column.null_count:
-        return values
-    bits = np.unpackbits(np.frombuffer(known, np.uint8), bitorder="little")
-    return np.where(bits[column.offset : column.offset + len(column)], values, nan)
 
 
 def _reader(

@@ -15,7 +15,6 @@ import numpy as np
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, DataWarning, FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.core.user_file import open_file
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.columns import channel_called, check_numbers, code_of
 from benchtool.data.csv_text import read_csv_text
@@ -160,10 +159,7 @@ def _read_samples(file: Path, path: Path, names: Sequence[str] | None) -> Record
     except BenchtoolError:
         # Not as we write it: read like anybody's table, or refused with the line that is wrong.
         recording = _read(file, path)
-        present = tuple(name for name in recording.names if names is None or name in names)
-        columns = [recording.index(name) for name in present]
-        channels = tuple(recording.channels[index] for index in columns)
-        return replace(recording, channels=channels, values=recording.values[:, columns])
+        return recording if names is None else recording.without({*recording.names} - {*names})
     check_numbers(recording, str(file))
     repairs = ("the last line was cut short and left out",) if cut else ()
     return _with_provenance(recording, file, path, repairs)
@@ -213,9 +209,6 @@ def _mismatch(parquet: Path, csv: Path, stated: dict[str, Any]) -> str:
 NEEDED = ("theta_ref_rad", "theta_rad", "gyro_rad_s")
 """Channels without which a run is no pitch experiment."""
 
-LONGEST_HEADER = 1 << 16
-"""Bytes of the first line that are looked at; a choice."""
-
 _OTHERS = re.compile(r"pwm\d+_us|rpm\d+|plate_z_m|torque_Nm|disturbance_Nm|voltage_V|thrust_N")
 
 
@@ -248,8 +241,4 @@ def read_pitch(path: str | Path) -> Recording:
 def is_pitch_run(path: str | Path) -> bool:
     """Return whether a run folder holds a pitch experiment, by the channels of its samples."""
     file = Path(path) / "samples.csv"
-    if not os.path.lexists(file):
-        return False
-    with open_file(file, follow=False) as lines:
-        first = lines.readline(LONGEST_HEADER)
-    return b"theta_rad" in first.strip().split(b",")
+    return os.path.lexists(file) and "theta_rad" in header_of(file)

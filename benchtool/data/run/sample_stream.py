@@ -134,7 +134,7 @@ def codes_of(name: str, words: Any, path: Path) -> NDArray[np.int32]:
     codes = [own.get(word, -1) for word in encoded.dictionary.to_pylist()]
     # A blank has no index, and stands for the last entry.
     found: NDArray[np.int32] = np.array([*codes, -1], np.int32)[
-        _plain(encoded.indices, np.int32, -1)
+        plain_values(encoded.indices, np.int32, -1)
     ]
     if (found < 0).any():
         strange = str(words[int(np.argmax(found < 0))].as_py())
@@ -144,7 +144,7 @@ def codes_of(name: str, words: Any, path: Path) -> NDArray[np.int32]:
     return found
 
 
-def _plain(cells: Any, kind: type[Any], blank: Any) -> NDArray[Any]:
+def plain_values(cells: Any, kind: type[Any], blank: Any) -> NDArray[Any]:
     """Return a column's cells (n,), blanks replaced; Arrow's own `to_numpy` imports pandas."""
     valid, values = cells.buffers()
     own = slice(cells.offset, cells.offset + len(cells))
@@ -169,7 +169,7 @@ def numbers_of(batches: Iterable[Any], names: Sequence[str], rows: int, path: Pa
             values[at:end, column] = (
                 codes_of(name, cells, path)
                 if name in WORDS
-                else _plain(cells.cast(pa.float64()), np.float64, np.nan)
+                else plain_values(cells.cast(pa.float64()), np.float64, np.nan)
             )
         at = end
     return values[:at]
