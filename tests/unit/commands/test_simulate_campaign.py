@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from benchtool.core.errors import WouldOverwrite
-from benchtool.data.run.campaign import CampaignWriter, unfinished, write_campaign
+from benchtool.data.run.campaign import unfinished, write_campaign
 from benchtool.simulate.campaign import Row
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
@@ -85,7 +85,7 @@ def test_a_campaign_that_is_broken_off_keeps_its_rows_and_is_not_written_over(
     assert not path.exists()
     assert pd.read_parquet(unfinished(path))["K_b"].tolist() == list(range(10))
     with pytest.raises(WouldOverwrite, match=r"campaign\.parquet\.part exists already"):
-        CampaignWriter(path, {})
+        write_campaign((), path, {})
 
 
 def test_memory_does_not_grow_with_the_number_of_runs(tmp_path: Path) -> None:
