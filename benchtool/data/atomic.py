@@ -120,8 +120,7 @@ def complete_folder(begun_for: Path, out: Path) -> None:
     partial_folder(begun_for).rename(out)
 
 
-DATA_FILES: tuple[str, ...] = ("points.csv", "samples.csv")
-"""Files of a run folder whose bytes make its hash."""
+DATA_FILES: tuple[str, ...] = ("points.csv", "samples.csv")  # make a run's hash
 
 
 def file_hash(path: Path, *, follow: bool = True) -> str:

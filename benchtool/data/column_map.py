@@ -21,8 +21,7 @@ from benchtool.core.toml_text import FileTable, build
 from benchtool.core.units import UNITS
 from benchtool.data.repairs.foreign_units import Conversion, conversion, head_of, unit_in_header
 
-ColumnMap = Mapping[str, ColumnSource | Mapping[str, Any] | str]
-"""Our name to where it comes from; a plain text is the file's column."""
+ColumnMap = Mapping[str, ColumnSource | Mapping[str, Any] | str]  # by our name; text: a column
 
 AS_IT_IS = Conversion(1.0)
 

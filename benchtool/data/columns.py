@@ -16,8 +16,7 @@ from benchtool.core.table_bounds import MAX_NUMBER
 if TYPE_CHECKING:
     import pandas as pd
 
-VALID_KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")
-"""Kinds of points that measure something."""
+VALID_KINDS: tuple[str, ...] = ("measure", "reference", "anchor", "tare")  # of points
 
 KINDS: tuple[str, ...] = (*VALID_KINDS, "failed")
 """Kinds of points; in a `Recording` the channel `kind` holds the position in this tuple.
@@ -34,8 +33,7 @@ Only `sample` rows make points. Rows of a visit that was cut short are `interrup
 was resumed.
 """
 
-WORDS: dict[str, tuple[str, ...]] = {"kind": KINDS, "phase": PHASES}
-"""Columns that hold a word, with the words they may hold."""
+WORDS: dict[str, tuple[str, ...]] = {"kind": KINDS, "phase": PHASES}  # columns of words
 
 SAMPLE_START: tuple[str, ...] = ("time_s", "device_time_us", "point", "phase")
 """First columns of samples.csv; the device's channels follow in its own order."""
@@ -48,8 +46,7 @@ def speed_columns(names: Iterable[str], family: str = "") -> list[str]:
     return [name for name in names if _SPEED.fullmatch(name) and name.startswith(family)]
 
 
-REJECTED = "_rejected"
-"""Ending of the columns that hold how many samples of a channel a mean leaves out."""
+REJECTED = "_rejected"  # ending of the columns that count the samples a mean leaves out
 
 _WHOLE = {"point", "setting", "repeat", "n_samples", "n_repeats", "settled", "suspect", "part"}
 
@@ -59,11 +56,8 @@ def is_whole(name: str) -> bool:
     return name in _WHOLE or name.endswith(REJECTED)
 
 
-LONGEST_S = 1e8
-"""Three years: no run is longer. A choice."""
-
-LONGEST_US = 1e15
-"""Thirty years of a device that was never switched off. A choice."""
+LONGEST_S = 1e8  # Three years: no run is longer. A choice
+LONGEST_US = 1e15  # Thirty years of a device that was never switched off. A choice
 
 _PIECE = 1 << 16
 

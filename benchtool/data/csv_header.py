@@ -18,8 +18,7 @@ BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 Repairs = list[tuple[str, str]]
 """What was mended in a text: the matter, the same for every file, and a sentence."""
 
-START_BYTES = 1 << 16
-"""A header stands within so much of a file; a choice."""
+START_BYTES = 1 << 16  # A header stands within so much of a file; a choice
 
 _END = "end of the table"
 _MARKS = (b"#", b"%", b"//")

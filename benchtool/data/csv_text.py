@@ -36,14 +36,12 @@ from benchtool.data.repairs.imported import Finding, Kind, line_ranges
 Positions = NDArray[np.intp]
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
-THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?")
-"""A number with points between thousands, as it stands beside decimal commas."""
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d+)?")  # 1.234,5
 
 _CELL_WITH_COMMA = re.compile(rb"(?:^|[;\t])\s*[+-]?\d+,\d")
 _PIECE_BYTES = 1 << 18
 
-UTF_16, PARQUET = (b"\xff\xfe", b"\xfe\xff"), b"PAR1"
-"""What files of another encoding begin with."""
+UTF_16, PARQUET = (b"\xff\xfe", b"\xfe\xff"), b"PAR1"  # What files of another encoding begin with
 
 
 @dataclass(frozen=True, slots=True, eq=False)

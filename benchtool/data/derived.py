@@ -31,8 +31,7 @@ from benchtool.data.run.read import is_run
 from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.zero_noise import zero_noise, zero_variance
 
-DATA_SHEET_SD = 0.05
-"""Relative standard uncertainty of a number of a motor's data sheet; a guess."""
+DATA_SHEET_SD = 0.05  # Relative standard uncertainty of a number of a motor's data sheet; a guess
 
 UNMEASURED_DENSITY_SD, UNMEASURED_K = 0.03, 6.0
 """Standard uncertainties, relative and in kelvin, of air that nobody measured: 5 to 25 degC, up to

@@ -17,11 +17,8 @@ from benchtool.data.repairs.imported import Options, import_facts
 from benchtool.data.run.facts import read_recording_facts
 from benchtool.data.run.recording_file import FORMAT, beside, read_recording
 
-STEADY = 0.5
-"""Part of a level, its end, that is averaged: thrust and speed settle before. A choice."""
-
-BIN_S = 0.5
-"""Span of a mean in a fast log whose throttle moves all the time, or was not recorded; a choice."""
+STEADY = 0.5  # Part of a level, its end, that is averaged: thrust and speed settle before. A choice
+BIN_S = 0.5  # span of a mean in a fast log without steps of throttle; assumed
 
 AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mechanical_power_W")
 """Channels whose means have a standard error, beside the speeds."""

@@ -169,8 +169,7 @@ QUANTITIES: tuple[Quantity, ...] = (
 )  # fmt: skip
 """Every quantity, each behind those that it is worked out from."""
 
-MEASURED = ("thrust_N", "torque_Nm", "voltage_V", "current_A")
-"""Channels that quantities are worked out from, beside the speeds."""
+MEASURED = ("thrust_N", "torque_Nm", "voltage_V", "current_A")  # and speeds
 
 
 def following(channel: str) -> tuple[str, ...]:
@@ -182,8 +181,7 @@ def following(channel: str) -> tuple[str, ...]:
     return tuple(one.name for one in QUANTITIES if one.name in of - {channel})
 
 
-DATA_SHEET = ("Kv_rpm_V", "resistance_ohm", "no_load_current_A")
-"""Arguments that the motor's data sheet states."""
+DATA_SHEET = ("Kv_rpm_V", "resistance_ohm", "no_load_current_A")  # from the motor's data sheet
 
 
 def quantity_named(name: str) -> Quantity:

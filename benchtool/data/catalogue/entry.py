@@ -19,8 +19,7 @@ EntryKind = Literal[
 ]
 """What an entry may be. A recording is one file with its JSON beside it, a table any CSV."""
 
-SWEEPS = ("sweep", "live recording")
-"""Runs with points: measured by a plan, or where motors were turned by hand."""
+SWEEPS = ("sweep", "live recording")  # runs with points: by a plan, or of motors turned by hand
 
 ENTRY_KINDS: tuple[str, ...] = get_args(EntryKind)
 

@@ -25,14 +25,9 @@ from benchtool.data.catalogue.entry import SWEEPS, Entry, kind_of
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import state_folder
 
-DEEPEST = 3
-"""Folders of folders that are looked through for entries; a choice."""
-
-VERSION = "2 " + " ".join(field.name for field in fields(Entry))
-"""Another one means an index that is made anew."""
-
-Seen = dict[str, tuple[str, Entry]]
-"""Entries by name as they were read last, with the times of their files."""
+DEEPEST = 3  # Folders of folders that are looked through for entries; a choice
+VERSION = "2 " + " ".join(field.name for field in fields(Entry))  # index of another one is rebuilt
+Seen = dict[str, tuple[str, Entry]]  # by name: times of the files, entry
 
 _RUN = ("metadata.json", "points.csv")
 _CHANGING: dict[str, tuple[str, ...]] = {

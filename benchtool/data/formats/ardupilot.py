@@ -20,8 +20,7 @@ WANTED = frozenset(
 )
 """Messages of a log that are read; the others are counted only."""
 
-GOOD_RANGE = 4
-"""RangeFinder::Status::Good of ArduPilot's AP_RangeFinder.h."""
+GOOD_RANGE = 4  # RangeFinder::Status::Good of ArduPilot's AP_RangeFinder.h
 
 
 def read_binary(

@@ -13,11 +13,8 @@ from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.messages import MessageLog, Messages, Stream, merged
 from benchtool.data.repairs.imported import Finding, Imported, Tally
 
-LONG_GAP_S = 1.0
-"""Attitude comes at 4 Hz and more in every log; a longer silence is a gap."""
-
-LONGEST_LOG_US = 7 * 86400e6
-"""No flight lasts a week: what is stamped farther off than that is a broken message."""
+LONG_GAP_S = 1.0  # Attitude comes at 4 Hz and more in every log; a longer silence is a gap
+LONGEST_LOG_US = 7 * 86400e6  # what is stamped farther off is a broken message
 
 _NEEDS: tuple[tuple[str, str, str], ...] = (
     ("attitude", r"theta_rad", "no attitude stands in it, so it is no pitch recording"),

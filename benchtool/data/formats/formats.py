@@ -30,11 +30,8 @@ from benchtool.data.repairs.mapped import has_columns, read_by_map, read_named
 from benchtool.data.repairs.pole_count import compare_speeds
 from benchtool.data.repairs.time_order import mend_spikes, mend_time
 
-HEAD_BYTES = 1 << 16
-"""A file's beginning shows its format: a header and some rows."""
-
-LISTED = 8
-"""So many files are named; a sentence holds no more. A choice."""
+HEAD_BYTES = 1 << 16  # A file's beginning shows its format: a header and some rows
+LISTED = 8  # So many files are named; a sentence holds no more. A choice
 
 _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 

@@ -221,8 +221,7 @@ def _speeds(log: MessageLog) -> list[Stream]:
     return streams or log["RPM"].stream({"rpm1": ("rpm1", 1.0), "rpm2": ("rpm2", 1.0)})
 
 
-UNKNOWN = {"voltage_battery": (65535.0, 0.0), "current_battery": (-1.0,)}
-"""Values of SYS_STATUS that stand for no measurement."""
+UNKNOWN = {"voltage_battery": (65535.0, 0.0), "current_battery": (-1.0,)}  # no value
 
 
 def _battery(messages: Messages) -> list[Stream]:

@@ -17,11 +17,8 @@ from benchtool.data.repairs.imported import Finding
 
 Times = NDArray[np.int64]
 
-Scales = Mapping[str, tuple[str, float]]
-"""Channel name, and the field that it is read from with what multiplies it there."""
-
-LOOKS_DOWN = 25
-"""MAV_SENSOR_ROTATION_PITCH_270, which the logs of ArduPilot and PX4 count alike."""
+Scales = Mapping[str, tuple[str, float]]  # by channel: field and factor
+LOOKS_DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270, which the logs of ArduPilot and PX4 count alike
 
 RAD = np.pi / 180.0
 

@@ -17,9 +17,7 @@ from benchtool.data.repairs.imported import Finding, Imported, Window
 
 _ROTOR = re.compile(r"(?:pwm|rpm|motor)(\d+)(?:_us|_share)?")
 
-LONGEST_GAP_S = 1.0
-"""A sensor that is silent for longer ends a window: it says nothing about the time between. A
-guess; range finders report at 10 Hz and more."""
+LONGEST_GAP_S = 1.0  # longer silence of a sensor ends a window (10 Hz is usual); assumed
 
 
 def parse_window(text: str) -> Window:

@@ -32,11 +32,8 @@ WANTED = (
 )
 """Topics that are read; the others are counted only."""
 
-LEAST_PULSE_US, MOST_PULSE_US = 700.0, 2600.0
-"""Outputs within are pulse widths; DShot counts 0 to 1999 and simulators shares of 1 or 1000."""
-
-MOTORS = {101 + i: 1 + i for i in range(12)}
-"""Motor number by output function."""
+LEAST_PULSE_US, MOST_PULSE_US = 700.0, 2600.0  # DShot counts to 1999, simulators to 1
+MOTORS = {101 + i: 1 + i for i in range(12)}  # Motor number by output function
 
 _FAULTS = (
     *(struct.error, IndexError, KeyError, ValueError, TypeError, AttributeError, OverflowError),
@@ -215,18 +212,12 @@ def _distance(log: MessageLog) -> list[Stream]:
 
 
 HEADER_BYTES = 16
-_KINDS = frozenset(b"FDIMPQARSOLCB")
-"""Types of messages in PX4's ULog format, version 1."""
+_KINDS = frozenset(b"FDIMPQARSOLCB")  # Types of messages in PX4's ULog format, version 1
 
 _DATA = ord("D")
-_BODY = frozenset(b"ALCD")
-"""Types that stand only after all definitions."""
-
-LONGEST_MESSAGE = 10_000
-"""No message is longer in practice; pyulog takes the same bound."""
-
-WHOLE_RUN = 8
-"""So many messages in a row that hang together are no chance: reading goes on there."""
+_BODY = frozenset(b"ALCD")  # Types that stand only after all definitions
+LONGEST_MESSAGE = 10_000  # No message is longer in practice; pyulog takes the same bound
+WHOLE_RUN = 8  # So many messages in a row that hang together are no chance: reading goes on there
 
 
 class UlogWalk(NamedTuple):

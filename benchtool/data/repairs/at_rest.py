@@ -18,12 +18,8 @@ from benchtool.data.quantities import following
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.pole_count import speed_doubts
 
-UNTARED_SHARE = 0.015
-"""Thrust at rest beyond this share of its range is doubted: a guess. Tared cells were seen to stay
-within 1 %, and the least untared one to read 2 %."""
-
-UNTARED_EXTRAPOLATED = 0.1
-"""The same for a zero extrapolated along rpm^2: propellers leave that law by some per cent."""
+UNTARED_SHARE = 0.015  # of the range; tared cells stay within 1 %, untared read 2 %; assumed
+UNTARED_EXTRAPOLATED = 0.1  # propellers leave the law of rpm^2 by some per cent; assumed
 
 _LIVING = re.compile(r"thrust_N|torque_Nm|rpm\d*(_optical)?|voltage_V|current_A|power_W|distance_m")
 

@@ -26,8 +26,7 @@ _SPELLINGS: dict[str, str] = {
 _FORCE_OF_MASS: dict[str, str] = {"g": "gf", "kg": "kgf", "lb": "lbf", "oz": "ozf"}
 """A thrust given in a unit of mass is that mass's weight."""
 
-_TURNS: frozenset[str] = frozenset({"Hz", "rps", "rev/s", "1/s"})
-"""A rotor's speed in hertz counts turns; pint would take hertz for radians per second."""
+_TURNS: frozenset[str] = frozenset({"Hz", "rps", "rev/s", "1/s"})  # pint takes Hz for rad/s
 
 _FOR_PINT: dict[str, str] = {
     "1": "dimensionless",

@@ -14,14 +14,9 @@ from benchtool.core.errors import InputError
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.repairs.imported import Finding, Imported
 
-STAY_S = 1.0
-"""Length of the stays that become points: tens of samples, and heights hardly change. A choice."""
-
-STEADY_M_S = 0.05
-"""Climb above which a stay makes no point: the wake has no time to settle. A choice."""
-
-FEWEST = 10
-"""Samples that a stay needs for its acceleration. A choice."""
+STAY_S = 1.0  # of a point: tens of samples, heights hardly change; assumed
+STEADY_M_S = 0.05  # faster climbs make no point: the wake has no time to settle; assumed
+FEWEST = 10  # Samples that a stay needs for its acceleration. A choice
 
 _SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 

@@ -18,8 +18,7 @@ from benchtool.data.csv_text import THOUSANDS, TextTable, evened
 from benchtool.data.repairs.imported import Finding, line_ranges
 from benchtool.data.run.sample_stream import plain_values
 
-_BLOCK_BYTES = 1 << 20
-"""What stays in a processor's cache: four times as much takes twice as long, on any thread."""
+_BLOCK_BYTES = 1 << 20  # fits a processor's cache: four times as much takes twice as long
 
 _NULLS = ["", "nan", "NaN", "NAN", "NA", "N/A", "null", "None", "-"]
 _NUMBER = re.compile(

@@ -14,11 +14,8 @@ from benchtool.core.recording import Recording
 from benchtool.data.columns import speed_columns
 from benchtool.data.repairs.imported import Finding
 
-MOST_POLE_PAIRS = 14
-"""Motors with more than 28 magnets are rare."""
-
-LIKELY_EFFICIENCY = 0.9
-"""Small brushless motors turn at most about 85 % of the electrical power into shaft power."""
+MOST_POLE_PAIRS = 14  # Motors with more than 28 magnets are rare
+LIKELY_EFFICIENCY = 0.9  # small brushless motors reach about 85 %
 
 
 def small_ratio(ratio: float, within: float = 0.03) -> Fraction | None:

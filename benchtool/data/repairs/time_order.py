@@ -18,9 +18,7 @@ from benchtool.data.repairs.imported import Finding, Imported, Kind
 
 Positions = NDArray[np.intp]
 
-FAR_STEPS = 10.0
-"""A step back of more than this many usual steps is a new start, a smaller one a disorder: a guess
-that holds in the reference logs, where disorder is below one step and restarts are hundreds."""
+FAR_STEPS = 10.0  # steps back beyond are a new start; in the reference logs hundreds; assumed
 
 
 def mend_time(read: Imported) -> Imported:
@@ -105,9 +103,7 @@ def _join_restarts(
 
 _CHECKED = re.compile(r"rpm\d*(_optical)?|thrust_N|torque_Nm|current_A|voltage_V|theta_rad")
 
-SPIKE_SHARE = 0.5
-"""A jump there and back of more than this share of a channel's range (1st to 99th percentile) is a
-spike, where the neighbours agree within a tenth of the jump: a guess on the careful side."""
+SPIKE_SHARE = 0.5  # of the range (1st to 99th percentile) there and back; assumed
 
 
 def mend_spikes(read: Imported) -> Imported:

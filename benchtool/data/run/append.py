@@ -32,8 +32,7 @@ class AppendFile:
         InputError: another process has an exclusive file open.
     """
 
-    EXCLUSIVE = False
-    """Whether one process at a time may have the file open."""
+    EXCLUSIVE = False  # Whether one process at a time may have the file open
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -208,8 +207,7 @@ class SampleWriter(AppendTable):
         self.write("".join(lines).replace("nan", "").encode("ascii"))
 
 
-ANNOTATION = "annotation"
-"""Name of the event that holds what the operator wrote."""
+ANNOTATION = "annotation"  # Name of the event that holds what the operator wrote
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 
 DIED = "the program that measured it ended without a word (killed, or the power failed)"
 
-LEFT_OVER = re.compile(r"\.[^/]+\.new")
-"""Names of files that are being written; where nobody writes, a kill has left them."""
+LEFT_OVER = re.compile(r"\.[^/]+\.new")  # of a writer that was killed
 
 
 def close_run(run: Run, visits: int | None = None) -> bool:

@@ -40,8 +40,7 @@ from benchtool.data.run.runs_folder import RunsFolder
 
 FIT_FORMAT = "benchtool-fit-1"
 
-HEAD_BYTES = 65_536
-"""As much of a table is read for the names of its columns; a choice."""
+HEAD_BYTES = 65_536  # As much of a table is read for the names of its columns; a choice
 
 
 def entry_of(folder: RunsFolder, name: str) -> Entry:

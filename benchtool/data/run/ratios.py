@@ -16,20 +16,10 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 from benchtool.data.columns import code_of, speed_columns
 
-RATIO_BASES: tuple[str, ...] = ("equal_rpm2", "equal_pwm", "equal_power")
-"""What is held equal between a visit and its references."""
-
-MOMENTUM_POWER = 2.0 / 3.0
-"""Exponent of thrust over power in hover by momentum theory (T^(3/2) ~ P); used where the
-references stand at one power only."""
-
-EXPONENT_SD = 0.05
-"""Standard error of that exponent for electrical power: efficiencies of motors and figures of merit
-that change with load make it 0.6 to 0.75 on stands; a guess."""
-
-VOLTAGE_POWER, VOLTAGE_POWER_SD = 2.0, 0.25
-"""Exponent of thrust over supply voltage at equal pulses: speed goes with the voltage, or with less
-of it where windings take a part (1.5 to 2); the standard error is a guess."""
+RATIO_BASES: tuple[str, ...] = ("equal_rpm2", "equal_pwm", "equal_power")  # held equal
+MOMENTUM_POWER = 2.0 / 3.0  # T^(3/2) ~ P in hover; used where references have one power
+EXPONENT_SD = 0.05  # stands show 0.6 to 0.75 for electrical power; assumed
+VOLTAGE_POWER, VOLTAGE_POWER_SD = 2.0, 0.25  # 1.5 to 2, less with windings; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

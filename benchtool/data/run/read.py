@@ -29,8 +29,7 @@ def is_run(path: str | Path) -> bool:
     return os.path.lexists(Path(path) / "metadata.json")
 
 
-PARTS = "parts"
-"""Folder of a merged run with the runs that it was made of."""
+PARTS = "parts"  # Folder of a merged run with the runs that it was made of
 
 
 def parts_of(path: str | Path) -> tuple[str, ...]:
@@ -206,8 +205,7 @@ def _mismatch(parquet: Path, csv: Path, stated: dict[str, Any]) -> str:
     return ""
 
 
-NEEDED = ("theta_ref_rad", "theta_rad", "gyro_rad_s")
-"""Channels without which a run is no pitch experiment."""
+NEEDED = ("theta_ref_rad", "theta_rad", "gyro_rad_s")  # of a pitch experiment
 
 _OTHERS = re.compile(r"pwm\d+_us|rpm\d+|plate_z_m|torque_Nm|disturbance_Nm|voltage_V|thrust_N")
 

@@ -19,11 +19,8 @@ from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite, c
 if TYPE_CHECKING:
     from benchtool.data.csv_text import CsvTable
 
-DEEPEST = 6
-"""Folders below a name that are looked through; a run has two. A choice."""
-
-LONGEST_PART = 200
-"""Characters in one part of a name; file systems take 255 bytes."""
+DEEPEST = 6  # Folders below a name that are looked through; a run has two. A choice
+LONGEST_PART = 200  # Characters in one part of a name; file systems take 255 bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +135,7 @@ def _everything(path: Path, depth: int) -> Iterator[Path]:
                 yield from _everything(item, depth - 1)
 
 
-MOST_BYTES = 20_000_000
-"""A table of points is a few kilobytes; this is room for a log. A choice."""
+MOST_BYTES = 20_000_000  # A table of points is a few kilobytes; this is room for a log. A choice
 
 MOST_COLUMNS = 500
 

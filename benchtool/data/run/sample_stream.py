@@ -17,8 +17,7 @@ from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import open_file
 from benchtool.data.columns import WORDS
 
-BLOCK_BYTES = 1 << 20
-"""Read and parsed at once: some 6,000 rows of 20 columns; a choice."""
+BLOCK_BYTES = 1 << 20  # Read and parsed at once: some 6,000 rows of 20 columns; a choice
 
 MAX_HEADER_BYTES = 1 << 16
 

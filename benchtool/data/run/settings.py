@@ -40,8 +40,7 @@ _MEANS: tuple[str, ...] = (
     "torque_Nm",
 )
 
-SETTING_KINDS = ("measure", "reference")
-"""Kinds of points that make settings."""
+SETTING_KINDS = ("measure", "reference")  # Kinds of points that make settings
 
 
 def aggregate(points: Recording) -> Recording:

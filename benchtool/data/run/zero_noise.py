@@ -10,8 +10,7 @@ from benchtool.core.array import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 
-DECADES_S = tuple(10.0**power for power in np.arange(-0.5, 5.0))
-"""Time constants whose sum stands for 1/f noise: one a decade, flat within 5 % between."""
+DECADES_S = tuple(10.0**power for power in np.arange(-0.5, 5.0))  # 1/f noise, flat in 5 %
 
 
 @dataclass(frozen=True, slots=True)
