@@ -17,7 +17,6 @@ from benchtool.acquire.plan import Plan, plan_to_toml
 from benchtool.bench.bench import Identity
 from benchtool.core.air import Air
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_to_dict
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.run import Run, free_run_path
 
@@ -130,7 +129,7 @@ def run_metadata(
             "orders_protected": identity.orders_protected,
             "facts": dict(identity.facts),
         },
-        "rig": rig_to_dict(rig),
+        "rig": asdict(rig),
         "calibration": asdict(calibration) if calibration else None,
         "air": (air or Air()).facts(),
         "versions": {

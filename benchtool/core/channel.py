@@ -74,23 +74,8 @@ CHANNELS: dict[str, str] = {  # every channel that a table can be mapped to; # i
     "motor#_share": "commanded throttle of a motor, 0 to 1",
 }
 
-
-_SUFFIXES: dict[str, str] = {
-    "s": "s",
-    "us": "us",
-    "m": "m",
-    "N": "N",
-    "Nm": "N m",
-    "V": "V",
-    "A": "A",
-    "W": "W",
-    "deg": "deg",
-    "rad": "rad",
-    "degC": "degC",
-    "kg": "kg",
-    "Pa": "Pa",
-    "raw": "count",
-}
+_PLAIN = ("s", "us", "m", "N", "V", "A", "W", "deg", "rad", "degC", "kg", "Pa")
+_SUFFIXES = {unit: unit for unit in _PLAIN} | {"Nm": "N m", "raw": "count"}
 _LONG_SUFFIXES: dict[str, str] = {
     "_rad_s": "rad/s",
     "_m_s": "m/s",

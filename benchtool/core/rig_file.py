@@ -11,6 +11,7 @@ from typing import Any
 
 import tomli_w
 
+from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.errors import FileFormatError, InputError, check_name
 from benchtool.core.packaged import own_names, packaged_names, read_named
 from benchtool.core.parsed_text import parse_toml
@@ -78,15 +79,13 @@ def _thrust_N(at: Mapping[str, Any], n: int, share: float) -> float:
     return float(n * each)
 
 
-AIR_KG_M3 = 1.225
-
 TYPICAL: dict[str, tuple[Typical, str]] = {
     "propulsion.thrust_coefficient_N_s2": (
-        lambda R, n, at: 0.11 * AIR_KG_M3 * (2.0 * R) ** 4 / (2.0 * pi) ** 2,
+        lambda R, n, at: 0.11 * STANDARD_DENSITY_KG_M3 * (2.0 * R) ** 4 / (2.0 * pi) ** 2,
         "C_T 0.11 in air of 1.225 kg/m3, amid the static runs of the UIUC Propeller Database",
     ),
     "propulsion.drag_coefficient_Nm_s2": (
-        lambda R, n, at: 0.045 * AIR_KG_M3 * (2.0 * R) ** 5 / (2.0 * pi) ** 3,
+        lambda R, n, at: 0.045 * STANDARD_DENSITY_KG_M3 * (2.0 * R) ** 5 / (2.0 * pi) ** 3,
         "C_P 0.045 in air of 1.225 kg/m3, amid the static runs of the UIUC Propeller Database",
     ),
     "propulsion.pwm_stop_us": (lambda R, n, at: 1000.0, "1000 us, the convention of hobby ESCs"),
@@ -279,8 +278,3 @@ def _is_stated(value: Any, key: str, rig: Rig) -> bool:
     if key in rig.not_stated or value is None:
         return False
     return key in rig.sources or value != default
-
-
-def rig_to_dict(rig: Rig) -> dict[str, Any]:
-    """Return a rig as plain tables, for a run's metadata."""
-    return asdict(rig)

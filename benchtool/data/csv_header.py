@@ -15,9 +15,7 @@ from benchtool.data.repairs.foreign_units import head_of, is_unit
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
-Repairs = list[tuple[str, str]]
-"""What was mended in a text: the matter, the same for every file, and a sentence."""
-
+Repairs = list[tuple[str, str]]  # matter, the same for every file, and sentence
 START_BYTES = 1 << 16  # A header stands within so much of a file; a choice
 
 _END = "end of the table"
@@ -91,10 +89,11 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
     header = None
     rest = _COMMENT.sub(b"", data[:START_BYTES])
     first = next((line for line in rest.split(b"\n") if line.strip()), b"")
-    if _is_row(first):
+    cells = _cells(first)
+    if cells and all(map(_NUMBER.fullmatch, cells)):
         at = data.find(first)
         above = [found for found in _COMMENT.finditer(data[:at]) if found[2].strip()]
-        header = above[-1] if above and _width(above[-1][2]) == _width(first) else None
+        header = above[-1] if above and len(_cells(above[-1][2])) == len(cells) else None
 
     def blank(found: re.Match[bytes]) -> bytes:
         named = header is not None and found.start() == header.start()
@@ -108,15 +107,6 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
     if many:
         repairs.append(("comments", f"{counted(many, 'line')} of comments left out"))
     return data
-
-
-def _is_row(line: bytes) -> bool:
-    cells = _cells(line)
-    return bool(cells) and all(map(_NUMBER.fullmatch, cells))
-
-
-def _width(line: bytes) -> int:
-    return len(_cells(line))
 
 
 def _cells(line: bytes) -> list[str]:

@@ -67,7 +67,10 @@ def chosen(entries: Iterable[Entry], by: ChoiceInputs) -> tuple[Entry, ...]:
         if all(getattr(entry, name).lower() == value for name, value in exact.items())
         and (not since or (entry.date[:10] >= since))
         and (not until or ("" < entry.date[:10] <= until))
-        and (by.z_over_r is None or _reaches(entry, low, high))
+        and (
+            by.z_over_r is None
+            or (entry.z_over_r and entry.z_over_r[0] <= high and entry.z_over_r[1] >= low)
+        )
         and set(by.tag) <= set(entry.tags)
         and all(_lies(entry, *one) for one in fitted)
         and (not by.words or entry.matches(by.words))
@@ -89,10 +92,6 @@ def find_entries(by: ChoiceInputs, *, rebuild: bool = False) -> list[tuple[Path,
         entries = chosen(catalogued(root, rebuild=rebuild), by)
         found += [(root / entry.name, entry) for entry in entries]
     return found
-
-
-def _reaches(entry: Entry, low: float, high: float) -> bool:
-    return bool(entry.z_over_r) and entry.z_over_r[0] <= high and entry.z_over_r[1] >= low
 
 
 def _limits(text: str) -> tuple[str, float, float]:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,9 +32,7 @@ _NAMED = "runs, settings, points, samples and fits"
 SAMPLES = "/samples.parquet"
 
 RUNS_AT_ONCE = 2000  # texts of so many runs are in memory at once, 50 MB; assumed
-
-MEMORY_MB = 600
-"""What DuckDB may hold, so that a query stays below 1 GiB with all that is loaded; a choice."""
+MEMORY_MB = 600  # of DuckDB, so that a query stays below 1 GiB; assumed
 
 
 RUN_COLUMNS = (
@@ -102,17 +100,14 @@ def run_rows(found: Sequence[tuple[Path, Entry]]) -> list[dict[str, Any]]:
     return [
         {
             "run": str(path), "kind": one.kind, "rig": one.rig, "propeller": one.propeller,
-            "operator": one.operator, "started": _utc(one), "state": one.state,
-            "simulated": one.simulated, "z_over_r_least": one.z_over_r[0] if one.z_over_r else None,
+            "operator": one.operator, "state": one.state, "simulated": one.simulated,
+            "started": one.started and one.started.astimezone(UTC).replace(tzinfo=None),
+            "z_over_r_least": one.z_over_r[0] if one.z_over_r else None,
             "z_over_r_most": one.z_over_r[1] if one.z_over_r else None, "tags": list(one.tags),
             "notes": list(one.notes), "summary": one.summary, "problem": one.problem,
         }
         for path, one in found
     ]  # fmt: skip
-
-
-def _utc(entry: Entry) -> datetime | None:
-    return entry.started and entry.started.astimezone(UTC).replace(tzinfo=None)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
 from benchtool.core.units import from_si
@@ -17,9 +18,6 @@ from benchtool.data.csv_text import lay_out
 from benchtool.data.propeller_file import propeller_named
 from benchtool.data.repairs.imported import Finding, Imported, Options
 from benchtool.data.repairs.mapped import map_header, read_columns
-
-STANDARD_DENSITY_KG_M3 = 1.225
-"""Air at sea level, ISO 2533. The database gives coefficients and not the day's air: a guess."""
 
 _SIZE = re.compile(r"_(?P<size>\d+(?:\.\d+)?x\d+(?:\.\d+)?)")
 
@@ -46,7 +44,7 @@ def read_uiuc(data: bytes, where: str, provenance: Mapping[str, str], options: O
     diameter_m = propeller.diameter_m
     table = lay_out(data, where)
     columns, others = map_header(table, {"RPM": "rpm1", "CT": "ct", "CP": "cp"}.get)
-    density = STANDARD_DENSITY_KG_M3
+    density = STANDARD_DENSITY_KG_M3  # the database does not state the day's air; assumed
     if options.air_density_kg_m3 is not None:
         density = options.air_density_kg_m3
     findings = [

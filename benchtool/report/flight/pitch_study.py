@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from benchtool import __version__
 from benchtool.core.array import Array
 from benchtool.core.counted import counted
-from benchtool.core.rig_file import rig_to_dict
 from benchtool.core.schedule import PlateVisit
 from benchtool.data.run.recording_file import beside, write_recording
 from benchtool.report.figure import Page, drawn, figure
@@ -158,7 +157,7 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
             "schedule": setup.schedule.name,
             "seed": str(study.seed),
         }
-        facts = {"software": f"benchtool {__version__}", "rig": rig_to_dict(rig)}
+        facts = {"software": f"benchtool {__version__}", "rig": asdict(rig)}
         write_recording(path, run.recording(rig, provenance), facts)
     table.write_text("\n".join(report_lines(study)) + "\n", encoding="utf-8")
     block = drawn("flight.pitch", study)["pitch"]

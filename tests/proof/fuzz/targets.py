@@ -9,7 +9,7 @@ import asyncio
 import json
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -35,7 +35,7 @@ from benchtool.commands.calibrate import CalibrateInputs
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.inputs import items, make
 from benchtool.core.parsed_text import parse_json
-from benchtool.core.rig_file import rig_from_toml, rig_named, rig_to_dict
+from benchtool.core.rig_file import rig_from_toml, rig_named
 from benchtool.core.schedule import Schedule
 from benchtool.core.toml_text import read_strict
 from benchtool.data.atomic import replace_text
@@ -218,7 +218,7 @@ class Files:
         memory = Path("/dev/shm")
         self.root = Path(mkdtemp(prefix="fuzz", dir=memory if memory.is_dir() else None))
         made = small_run(self.root / "run")
-        made.update_metadata(rig=rig_to_dict(rig_named("pquad_single")))
+        made.update_metadata(rig=asdict(rig_named("pquad_single")))
         replace_text(made.path / "plan.toml", text(PLAN))
         made.close()
         self.run = made.path

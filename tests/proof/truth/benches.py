@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from io import StringIO
 from math import nan
@@ -29,7 +29,6 @@ from benchtool.bench.stage.stage import NoStage, OneSidedStage, Pause
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_to_dict
 from benchtool.data.run.ratios import VOLTAGE_POWER_SD
 from benchtool.data.run.run import Run
 from benchtool.physics.conditions import SAME_PLACE
@@ -134,7 +133,7 @@ def wandering(bench: Drawn, walk: float) -> Drawn:
 
 def new_run(bench: Drawn, path: Path) -> Run:
     """Return the bench's new, empty run."""
-    facts = {"simulated": True, "rig": rig_to_dict(bench.rig)}
+    facts = {"simulated": True, "rig": asdict(bench.rig)}
     return Run.create(path, plan_to_toml(bench.plan), facts)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -22,7 +22,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import DeviceStage, OneSidedStage
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named, rig_to_dict, rig_to_toml
+from benchtool.core.rig_file import rig_named, rig_to_toml
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 from benchtool.explain.answer import read_request
@@ -81,7 +81,7 @@ def swept(
         settle=SettlePart(window_s=0.6),
         tare=TarePart(every_minutes=0.0),
     ).resolved(rig)
-    run = Run.create(path, plan_to_toml(plan), {"simulated": True, "rig": rig_to_dict(rig)})
+    run = Run.create(path, plan_to_toml(plan), {"simulated": True, "rig": asdict(rig)})
     bench = SimulatedBench(
         "sim:own", rig, truth, seed=seed, rate_Hz=80.0, imperfections=flaws or Imperfections()
     )
@@ -124,7 +124,7 @@ def test_a_fit_holds_the_truth_of_an_own_vehicle(runs: tuple[str, str], tmp_path
 def test_runs_of_two_vehicles_are_no_data_of_one_model(
     runs: tuple[str, str], tmp_path: Path
 ) -> None:
-    other = Run.create(tmp_path / "pquad", "", {"rig": rig_to_dict(rig_named("pquad"))}).path
+    other = Run.create(tmp_path / "pquad", "", {"rig": asdict(rig_named("pquad"))}).path
     for read in (
         lambda: run_recipe(recipe(runs[0], str(other))),
         lambda: read_request([runs[0]], [str(other)], "quad_bench"),
