@@ -53,9 +53,7 @@ def quad_body_lift_factor(
 
 
 class BodyImages(NamedTuple):
-    """Hold where the sources of the body term are in the rotor plane (k,): m, from the body's
-    centre, and how far from it: m.
-    """
+    """Hold places of the body term's sources in the rotor plane, and their distances (k,): m."""
 
     x_m: Quantity
     y_m: Quantity

@@ -132,9 +132,7 @@ def over_blocks(
     body: Any, surface: Any, time_s: Any, radius_m: Any, tables: Any, scratch: Any, n: Any,
     whole: Any,
 ) -> Any:  # fmt: skip
-    """Write share and height of every disc over one surface of blocks; return the summed share and
-    the surface's plane.
-    """
+    """Write each disc's share and height over a surface of blocks; return summed share, plane."""
     total, n_blocks = 0.0, tables.blocks.shape[1]
     centre, slope_x, slope_y = 0.0, 0.0, 0.0
     for i in range(n):

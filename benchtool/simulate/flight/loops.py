@@ -83,9 +83,7 @@ def control_vehicle(a: Any, now: Any, to: Any, law: Any) -> None:
 def mix_vehicle(
     a: Any, now: Any, to: Any, hooks: Any, rotor_speeds: Any, disc_of: Any
 ) -> None:  # fmt: skip
-    """Share thrust and torques out to the rotors, as speeds that they are to reach; note for the
-    log what the ground adds to the torques.
-    """
+    """Share thrust and torques out to the rotors as speeds; log what the ground adds to these."""
     w, command = a.w, read_record(a.w, to.command, 0, 1)
     craft, p = read_record(w, to.craft, 0, 1), read_record(w, to.effects, 0, 1)
     write_record(w, to.wanted, 0, 1, now.wanted)

@@ -38,9 +38,7 @@ Attributes:
 
 
 class FlightGeometry(NamedTuple):
-    """Plant step: s. Places of the discs (n,), distances between their axes (n, n): m; sources of
-    the body term (n_body,).
-    """
+    """Plant step: s; places of discs (n,), their distances (n, n): m; body sources (n_body,)."""
 
     dt_s: Any
     x_m: Any

@@ -113,9 +113,7 @@ def expect_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> No
 
 @loop_part
 def mix_lane(w: Any, lane: Any, at: Any, now: Any, to: Any) -> None:
-    """Write the setpoint of one lane, and share torque and collective out to its rotors, as whole
-    pulses within limits.
-    """
+    """Write one lane's setpoint; share torque and collective out as whole pulses within limits."""
     write_record(w, to.setpoint, lane, at, now.wanted.setpoint)
     command, nominal = read_record(w, to.command, lane, at), read_record(w, to.nominal, lane, at)
     setpoint, limits = now.wanted.setpoint, read_record(w, to.limits, lane, at)

@@ -285,9 +285,7 @@ class PitchLoop:
 def prepared(
     jobs: tuple[PitchJob, ...], lanes: int, neutral_too: bool
 ) -> tuple[Layout, PitchLoops, Array, dict[PitchJob, Array]]:
-    """Return what follows from jobs alone, for any seed and schedule: where records stand, the
-    loops, the geometry, and each job's column of the work space.
-    """
+    """Return what follows from jobs alone: layout, loops, geometry, and each job's column."""
     first, shared = jobs[0], shared_key(jobs[0])
     if any(shared_key(other) != shared for other in jobs[1:]):
         raise InputError(
