@@ -73,7 +73,7 @@ def first_line(package: str) -> str:
 
 def page() -> str:
     """Return the page."""
-    floors = [floor for floor in layers() if floor != ["testing"]]
+    floors = layers()
     picture = "\n     |\n     v\n".join("  |  ".join(floor) for floor in floors)
     rooms = "\n".join(f"| `{room}` | {first_line(room)} |" for floor in floors for room in floor)
     for file, name, _ in CARRIERS:
@@ -89,7 +89,6 @@ def page() -> str:
     )
     return (
         f"{HEAD}{picture}\n```\n\n| package | holds |\n|---|---|\n{rooms}\n"
-        f"| `testing` | Links for the tests of a driver; may see everything. |\n"
         f"| `library` | Rigs, models, gains, plans, the Arduino sketch: no Python. |\n\n"
         f"## The data's way\n\nData passes from byte to figure through few types:\n\n{data}\n\n"
         f"## What can be added\n\n| what | registers in | how |\n|---|---|---|\n{members}\n"

@@ -17,7 +17,6 @@ from benchtool.bench.replay import ReplayBench
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.devices import (
     hello_of,
@@ -31,6 +30,7 @@ from benchtool.virtual.links import ServerLink
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import ServedDevice
 from tests.contracts.text_stand_device import TextStandDevice, driver_of_the_page
+from tests.doubles.loopback_link import LoopbackLink
 
 RIG = rig_named("pquad_single")
 TRUTH = load_model("single", RIG).model

@@ -11,11 +11,11 @@ from benchtool.bench.bench import Bench, Readings, Subscribable
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings
 from benchtool.bench.wrappers import StoppableBench
-from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
 from tests.contracts.benches import RIG, TRUTH, looped
+from tests.doubles.loopback_link import LoopbackLink
 
 LONGEST_S = 0.15
 """Longest silence that a watcher may see."""

@@ -6,9 +6,9 @@ import numpy as np
 
 from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
-from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.firmware import Firmware
+from tests.doubles.loopback_link import LoopbackLink
 from tests.wire.still_plant import StillPlant, still_hello
 
 PLUS = MotorMap(rig="two", autopilot="ArduPilot", motors=(1, 2), outputs=(3, 1), escs=(3, 1))

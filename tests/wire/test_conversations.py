@@ -21,7 +21,7 @@ from benchtool.bench.serial.frames import (
 )
 from benchtool.bench.serial.hello import hello_lines
 from benchtool.core import errors
-from benchtool.testing.scripted_link import ScriptedLink, Talker, Turn
+from tests.doubles.scripted_link import ScriptedLink, Talker, Turn
 from tests.wire.still_plant import still_hello
 
 

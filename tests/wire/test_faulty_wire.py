@@ -8,9 +8,9 @@ import pytest
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.commands import Reply, SendPlate
 from benchtool.core.errors import CommandRefused, HostPaused
-from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.faults import Fault, LinkFaults, fault_from
 from benchtool.virtual.firmware import Firmware
+from tests.doubles.loopback_link import LoopbackLink
 from tests.wire.still_plant import StillPlant, still_hello
 
 

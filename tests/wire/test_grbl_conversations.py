@@ -12,7 +12,7 @@ import pytest
 from benchtool.bench.identify import PROBE
 from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core import errors
-from benchtool.testing.scripted_link import ScriptedLink, Turn
+from tests.doubles.scripted_link import ScriptedLink, Turn
 from tests.wire.grbl_recordings import settings_text
 
 BANNER = b"\r\nGrbl 1.1h ['$' for help]\r\n"

@@ -12,7 +12,7 @@ from benchtool.bench.mavlink.pilots import ArduPilot, Px4
 from benchtool.bench.mavlink.streams import StreamRequest, request_streams
 from benchtool.bench.serial.frames import frame
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
-from benchtool.testing.scripted_link import ScriptedLink, Turn
+from tests.doubles.scripted_link import ScriptedLink, Turn
 
 WORDS = dialect()
 ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3

@@ -18,8 +18,8 @@ from benchtool.core.errors import (
     LinkLost,
 )
 from benchtool.core.rig_file import rig_named
-from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.autopilot import VirtualAutopilot
+from tests.doubles.loopback_link import LoopbackLink
 from tests.wire.autopilot_bench import PLUS, Bench, pulses
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import StageError
-from benchtool.testing.scripted_link import ScriptedLink
 from tests.doubles.grbl import VirtualGrbl
+from tests.doubles.scripted_link import ScriptedLink
 
 
 class Looped(ScriptedLink):

@@ -14,7 +14,7 @@ from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.serial.frames import frame
 from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import ProtocolError
-from benchtool.testing.scripted_link import ScriptedLink, Talker
+from tests.doubles.scripted_link import ScriptedLink, Talker
 
 BEAT = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
 NOISE = np.random.default_rng(5).integers(128, 250, 200).astype(np.uint8).tobytes()

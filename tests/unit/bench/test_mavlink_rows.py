@@ -9,7 +9,7 @@ from benchtool.bench.mavlink.motor_test import OutputWatch
 from benchtool.bench.mavlink.rows import MavlinkRows, SpeedSources
 from benchtool.bench.mavlink.settings import ThrustSource, Wiring, channels_of
 from benchtool.bench.mavlink.side_cell import CellLines, SideCell, in_order
-from benchtool.testing.scripted_link import Talker
+from tests.doubles.scripted_link import Talker
 
 W = dialect()
 TWO = {"motors": (1, 2), "outputs": (3, 1), "escs": (3, 1)}

@@ -19,9 +19,9 @@ from benchtool.bench.transport.transport import Holder
 from benchtool.core.errors import InputError
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.devices import hello_of, virtual_plant
 from benchtool.virtual.firmware import Firmware
+from tests.doubles.loopback_link import LoopbackLink
 
 
 def test_ports_come_in_natural_order_and_phantoms_are_left_out(monkeypatch):

@@ -12,8 +12,8 @@ from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.wrappers import PacedBench, StoppableBench, StopRequested
 from benchtool.core.errors import LinkLost
 from benchtool.core.rig_file import rig_named
-from benchtool.testing.loopback_link import LoopbackLink
 from benchtool.virtual.firmware import Firmware
+from tests.doubles.loopback_link import LoopbackLink
 from tests.unit.acquire.fake_bench import FakeBench
 from tests.wire.still_plant import StillPlant, still_hello
 
