@@ -28,14 +28,13 @@ def firmware(inputs: FirmwareInputs) -> None:
     """Write the firmware that makes an Arduino a rotor bench."""
     from secrets import token_hex
 
-    from benchtool.bench.serial.sketch_files import board_named, sketch_files
+    from benchtool.bench.serial.sketch_files import BOARDS, sketch_files
     from benchtool.core.rig_file import rig_named
 
     out = inputs.out
-    known = board_named(inputs.board)
     name = inputs.device_id or f"{inputs.board}-{token_hex(3)}"
     folder = out.resolve()
-    files = sketch_files(known, rig_named(inputs.rig), name, folder.name)
+    files = sketch_files(inputs.board, rig_named(inputs.rig), name, folder.name)
 
     def write() -> None:
         folder.mkdir(parents=True)
@@ -43,7 +42,7 @@ def firmware(inputs: FirmwareInputs) -> None:
             (folder / file).write_text(text, encoding="utf-8", newline="\n")
 
     write_new(out, write, "another folder with --out")
-    print(f"written: {out}, {len(files)} files for {known.title}, device {name}")
+    print(f"written: {out}, {len(files)} files for {BOARDS[inputs.board]}, device {name}")
     print("look through settings.h (limits, sensors) and pins.h (wiring), then one of:")
     print(f"  make -C {out} upload PORT=/dev/ttyACM0   (needs avr-gcc, avr-libc, avrdude)")
     print(f"  open {out / folder.name}.ino in the Arduino IDE and press Upload")

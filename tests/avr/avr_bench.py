@@ -21,14 +21,13 @@ from typing import Self
 
 import numpy as np
 
-from benchtool.bench.serial.sketch_files import board_named, sketch_files
+from benchtool.bench.serial.sketch_files import MCU, sketch_files
 from benchtool.core.rig import Rig
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.plate_bench import PlateBench
 from benchtool.virtual.devices import virtual_plant
 
 INSTALL = "apt-get install gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
-BOARD = board_named("uno")
 BAUD = 500_000
 STEP_S = 0.005
 HEARD_BYTES = 1500
@@ -53,7 +52,7 @@ def build(folder: Path, rig: Rig, **settings: object) -> Path:
     """Write the firmware for a rig, change settings as a user would, and compile it."""
     sketch = folder / "bench"
     sketch.mkdir()
-    for name, text in sketch_files(BOARD, rig, "bench-avr", "bench").items():
+    for name, text in sketch_files("uno", rig, "bench-avr", "bench").items():
         (sketch / name).write_text(text, encoding="utf-8")
     header = sketch / "settings.h"
     text = header.read_text("utf-8")
@@ -116,7 +115,7 @@ class AvrBench:
         self._names = [channel.name for channel in self.plant.channels]
         self._seen = {"voltage_V": rig.propulsion.voltage_nominal_V}
         self._process = subprocess.Popen(
-            [peer, firmware, BOARD.mcu, *self.mode],
+            [peer, firmware, MCU, *self.mode],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

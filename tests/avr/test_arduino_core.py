@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.avr.avr_bench import BOARD, AvrBench
+from benchtool.bench.serial.sketch_files import CLOCK_HZ, MCU
+from tests.avr.avr_bench import AvrBench
 from tests.avr.conftest import RIG
 
 AVR = Path("/usr/share/arduino/hardware/arduino/avr")
@@ -15,7 +16,7 @@ CORE, VARIANT = AVR / "cores" / "arduino", AVR / "variants" / "standard"
 
 # Of the core's platform.txt; warnings are silenced there as well.
 BOTH = ["-c", "-g", "-Os", "-w", "-ffunction-sections", "-fdata-sections", "-flto"]
-BOTH += [f"-mmcu={BOARD.mcu}", f"-DF_CPU={BOARD.clock_Hz}L", "-DARDUINO=10819"]
+BOTH += [f"-mmcu={MCU}", f"-DF_CPU={CLOCK_HZ}L", "-DARDUINO=10819"]
 BOTH += ["-DARDUINO_AVR_UNO", "-DARDUINO_ARCH_AVR", f"-I{CORE}", f"-I{VARIANT}"]
 # Debian's avr-gcc 5.4 defines it for C only; the IDE brings 7.3.
 BOTH += ["-DDECIMAL_DIG=__DECIMAL_DIG__"]
@@ -50,7 +51,7 @@ def test_the_sketch_links_with_the_arduino_core_and_runs(
     program = tmp_path / "sketch.elf"
     flags = ["-w", "-Os", "-g", "-flto", "-fuse-linker-plugin", "-Wl,--gc-sections"]
     subprocess.run(
-        ["avr-gcc", *flags, f"-mmcu={BOARD.mcu}", "-o", program, *own, archive, "-lm"], check=True
+        ["avr-gcc", *flags, f"-mmcu={MCU}", "-o", program, *own, archive, "-lm"], check=True
     )
     with AvrBench(peer, program, RIG) as bench:
         state = bench.wait(lambda state: state.edge_us > 50e3)

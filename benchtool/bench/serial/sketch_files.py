@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from importlib import resources
 
 from benchtool import __version__
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
+
+BOARDS = {"uno": "Arduino Uno R3", "nano": "Arduino Nano, bootloader of 2018 or later"}
+MCU, CLOCK_HZ, UPLOAD_BAUD = "atmega328p", 16_000_000, 115_200  # as in the core's boards.txt
 
 MOST_MOTORS = 2
 """Pulse outputs of the one 16-bit timer (data sheet ATmega328P, chapter 16: OC1A and OC1B)."""
@@ -19,12 +21,14 @@ SHORTEST_US, LONGEST_US = 500.0, 2500.0
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 
 
-def sketch_files(board: Board, rig: Rig, device_id: str, folder: str) -> dict[str, str]:
+def sketch_files(board: str, rig: Rig, device_id: str, folder: str) -> dict[str, str]:
     """Return the text of every file of the firmware by its name.
 
     Args:
         folder: name of the folder that will hold them; an Arduino sketch is named after it.
     """
+    if board not in BOARDS:
+        raise UnknownChoice("board", board, BOARDS)
     for what, name in (("device name", device_id), ("folder name for a sketch", folder)):
         if not _NAME.fullmatch(name):
             raise InputError(
@@ -32,8 +36,8 @@ def sketch_files(board: Board, rig: Rig, device_id: str, folder: str) -> dict[st
                 f"digit first"
             )
     numbers = {**_rig_numbers(board, rig), "DEVICE": device_id}
-    numbers |= {"MCU": board.mcu, "F_CPU": str(board.clock_Hz)}
-    numbers |= {"UPLOAD_BAUD": str(board.upload_baud), "VERSION": __version__}
+    numbers |= {"MCU": MCU, "F_CPU": str(CLOCK_HZ)}
+    numbers |= {"UPLOAD_BAUD": str(UPLOAD_BAUD), "VERSION": __version__}
     files = {}
     for item in (resources.files("benchtool") / "library" / "sketch").iterdir():
         name = f"{folder}.ino" if item.name == "sketch.ino" else item.name
@@ -42,11 +46,11 @@ def sketch_files(board: Board, rig: Rig, device_id: str, folder: str) -> dict[st
     return dict(sorted(files.items()))
 
 
-def _rig_numbers(board: Board, rig: Rig) -> dict[str, str]:
+def _rig_numbers(board: str, rig: Rig) -> dict[str, str]:
     pulse, limits = rig.propulsion, rig.limits
     if rig.n_rotors > MOST_MOTORS:
         raise InputError(
-            f"rig {rig.name} has {rig.n_rotors} motors, and the timer of board {board.name} makes "
+            f"rig {rig.name} has {rig.n_rotors} motors, and the timer of board {board} makes "
             f"pulses for {MOST_MOTORS}; take a rig with 1 or {MOST_MOTORS} rotors"
         )
     for name, pulse_us in (
@@ -59,7 +63,7 @@ def _rig_numbers(board: Board, rig: Rig) -> dict[str, str]:
                 f"{SHORTEST_US:g} to {LONGEST_US:g} us; correct the rig"
             )
     return {
-        "BOARD": board.name,
+        "BOARD": board,
         "RIG": rig.name,
         "MOTORS": str(rig.n_rotors),
         "PWM_STOP": f"{pulse.pwm_stop_us:g}",
@@ -69,29 +73,3 @@ def _rig_numbers(board: Board, rig: Rig) -> dict[str, str]:
         "LIMIT_RPM": f"{limits.rpm:g}",
         "LIMIT_VOLTAGE": f"{limits.voltage_min_V:g}",
     }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Board:
-    """Say what compiling for a board and writing to it takes; `mcu` as avr-gcc names it."""
-
-    name: str
-    title: str
-    mcu: str = "atmega328p"
-    clock_Hz: int = 16_000_000
-    upload_baud: int = 115_200
-
-
-BOARDS = (
-    Board(name="uno", title="Arduino Uno R3"),
-    Board(name="nano", title="Arduino Nano, bootloader of 2018 or later"),
-)
-"""Same chip, same clock, same pins; upload rates as in the Arduino core's boards.txt."""
-
-
-def board_named(name: str) -> Board:
-    """Return a board by its name."""
-    for board in BOARDS:
-        if board.name == name:
-            return board
-    raise UnknownChoice("board", name, (board.name for board in BOARDS))

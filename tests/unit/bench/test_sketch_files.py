@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 
-from benchtool.bench.serial.sketch_files import board_named, sketch_files
+from benchtool.bench.serial.sketch_files import sketch_files
 from benchtool.core.rig_file import rig_named
 
 RIG = rig_named("pquad_single")
 
 
 def test_settings_are_those_of_the_rig() -> None:
-    settings = sketch_files(board_named("uno"), RIG, "bench-01", "bench")["settings.h"]
+    settings = sketch_files("uno", RIG, "bench-01", "bench")["settings.h"]
     defined = dict(re.findall(r"^#define (\w+) (\S+)", settings, re.MULTILINE))
     assert defined["DEVICE_NAME"] == '"bench-01"'
     assert float(defined["LIMIT_THRUST_N"]) == RIG.limits.thrust_N
