@@ -1,4 +1,4 @@
-"""The chain over a real pseudo-terminal and TCP: a device here, its host in another process."""
+"""The chain over a real pseudo-terminal: a device here, its host in another process."""
 
 from __future__ import annotations
 
@@ -16,13 +16,9 @@ from numpy.typing import NDArray
 
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.transport.serial_port import SerialPort
-from benchtool.bench.transport.sockets import TcpSocket
-from benchtool.core.errors import (
-    DeviceStopped,
-    PortBusy,
-)
+from benchtool.core.errors import DeviceStopped, PortBusy
 from benchtool.virtual.firmware import Firmware
-from benchtool.virtual.links import PtyLink, ServerLink
+from benchtool.virtual.links import PtyLink
 from benchtool.virtual.protocol import DeviceLink
 from benchtool.virtual.server import BenchServer, ServerOutbox
 from tests.system.served import DeviceTime, posix, turning
@@ -55,7 +51,7 @@ class WatchedLink(DeviceLink):
 class Served:
     """Run a device in a thread."""
 
-    def __init__(self, link: ServerLink) -> None:
+    def __init__(self, link: PtyLink) -> None:
         self.link = link
         clock = DeviceTime()
         self.plant = WatchedPlant(clock)
@@ -86,11 +82,7 @@ def on_pty() -> Iterator[Served]:
 
 
 def bench_at(address: str) -> SerialBench:
-    scheme, _, place = address.partition(":")
-    if scheme == "serial":
-        return SerialBench(SerialPort(place, 2_000_000), address)
-    host, _, port = place.partition(":")
-    return SerialBench(TcpSocket(host, int(port)), address)
+    return SerialBench(SerialPort(address.removeprefix("serial:"), 2_000_000), address)
 
 
 def read_on(bench: SerialBench, told: list[str]) -> None:
