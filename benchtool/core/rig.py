@@ -42,10 +42,12 @@ class Propulsion(FiniteTable):
     """Describe motor, ESC and rotor, the same for every place.
 
     Attributes:
+        radius_m: rotor radius.
         thrust_coefficient_N_s2: k of T = k w^2 (eq. 8), N/(rad/s)^2.
         drag_coefficient_Nm_s2: c of Q = c w^2 (eq. 8), N m/(rad/s)^2.
         pwm_stop_us: pulse at which the motor stands still.
         pwm_start_us: pulse at which the speed line crosses zero.
+        pwm_max_us: longest pulse.
         speed_per_us_rad_s: slope of speed over pulse at nominal voltage.
         voltage_nominal_V: battery voltage at which the slope holds.
         lag_s: first-order time constant of speed.
@@ -69,7 +71,9 @@ class Propeller(FiniteTable):
     """Describe the geometry of a propeller.
 
     Attributes:
+        diameter_m: of the disc.
         pitch_m: advance of a turn, as its name gives it.
+        blades: how many there are.
         chord_m: chord of a blade at `CHORD_RADIUS` of the radius.
         diameter_sd, chord_sd: relative standard uncertainties.
     """
@@ -112,6 +116,7 @@ class Motor(FiniteTable):
         governed: whether the ESC holds the speed; the other numbers then serve for power alone.
         Kv_rpm_V: speed over voltage without load: rpm/V.
         resistance_ohm: of windings, leads and ESC.
+        no_load_current_A: current that turns no rotor.
     """
 
     governed: bool = False
@@ -130,6 +135,10 @@ class Body(FiniteTable):
     """Describe mass and inertia of the whole vehicle about its centre.
 
     Attributes:
+        mass_kg: of the whole vehicle.
+        inertia_xx_kgm2: about the x axis, roll.
+        inertia_yy_kgm2: about the y axis, pitch.
+        inertia_zz_kgm2: about the z axis, yaw.
         half_diagonal_m: b of eq. (4) where the body is no cross of the rotors' own arms (a beam
             with two rotors); the body then counts as a quadrotor's with that half diagonal.
         arm_sd: relative standard uncertainty of the rotors' places, common to all.
@@ -198,9 +207,11 @@ class PlateDrive(FiniteTable):
         z_min_m, z_max_m: travel; the plate never comes nearer than z_min_m.
         x_max_m: lateral travel to either side; `Rig.plate_x_max_m` stands in when left out.
         z_park_m: distance at which the plate counts as out of ground effect.
+        speed_m_s: feed.
         backlash_m: play when the direction changes; distances hold after an approach from farther.
         repeatability_m: sd with which a place is found again, however it is approached; without
             it the play counts where places are approached from both sides.
+        size_x_m, size_y_m: plate dimensions.
     """
 
     moved_by: Literal["device", "grbl", "hand"]
@@ -223,9 +234,11 @@ class Limits(FiniteTable):
     Attributes:
         thrust_N: of either sign; never above the load cell's rating.
         load_cell_rating_N: by its data sheet.
+        rpm: of each rotor.
         current_A: of the supply.
         voltage_min_V: below it the pack is empty.
         temperature_degC: of whatever the bench measures.
+        pwm_us: longest pulse that is ever sent.
     """
 
     thrust_N: Positive

@@ -100,21 +100,17 @@ def own_image(i: int, flow: Flow, radius_over_R: Quantity) -> Quantity:
 
 
 @law(
-    "Cheeseman and Bennett 1955",
-    "1/(1 - (R_e/4z)^2)",
+    "Cheeseman and Bennett 1955", "1/(1 - (R_e/4z)^2)",
     "Cheeseman and Bennett 1955, ARC R&M 3021; Sanchez-Cuevas et al. 2017, eq. (2)",
     amplitude("R_e_over_R", 1.0, "effective over rotor radius", "1: as published", 3.0),
-    basis="equal induced power",
-    tested="z/R 0.5 to 2, helicopters and single rotors",
+    basis="equal induced power", tested="z/R 0.5 to 2, helicopters and single rotors",
     seen=(
         "eq. (2) of the paper; Synetic-Labs/SkyFlow-Dynamics spec/ground_effect.py; "
         "TAARG-Education/F2Rotor GroundEffect.py (which takes the power ratio at equal thrust as "
         "1/G; it is G^(-3/2))"
     ),
-    singular=lambda p: 0.25 * p["R_e_over_R"],
-    same_as="rotor_images",
-    proper_noun=True,
-)
+    singular=lambda p: 0.25 * p["R_e_over_R"], same_as="rotor_images", proper_noun=True,
+)  # fmt: skip
 def cheeseman_bennett(p: Any, i: int, flow: Flow) -> Quantity:
     """Eq. (2) with an effective radius R_e in the rotor's own image alone; the images of neighbours
     and body keep R.
@@ -123,21 +119,17 @@ def cheeseman_bennett(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 @law(
-    "Li 2015",
-    "1/(1 - c (R/4z)^2)",
+    "Li 2015", "1/(1 - c (R/4z)^2)",
     "Li (Danjun) et al. 2015, 34th Chinese Control Conference, as in public code",
     amplitude("c", 8.6, "factor c of the own image", "8.6: Li et al. 2015", 25.0),
-    basis="equal commanded thrust",
-    tested="quadrotors; range not seen",
+    basis="equal commanded thrust", tested="quadrotors; range not seen",
     seen=(
         "Madhaniitm/Maddy---Flight-Controller-alt-and-pos-hold-with-experiments "
         "experiments/exp_A4_ground_effect.py (c = 3.4); 8.6 in a report that cites Kan"
     ),
-    singular=lambda p: 0.25 * p["c"] ** 0.5,
-    same_as="rotor_images",
-    whole_vehicle=True,
+    singular=lambda p: 0.25 * p["c"] ** 0.5, same_as="rotor_images", whole_vehicle=True,
     proper_noun=True,
-)
+)  # fmt: skip
 def li(p: Any, i: int, flow: Flow) -> Quantity:
     """Commanded over produced thrust of a quadrotor, T_in/T_out = 1 - c (R/4z)^2: neighbours and
     body are in c. c = 8.6 (Li), 3.4 as fitted again by Kan et al. 2019.
@@ -146,17 +138,13 @@ def li(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 @law(
-    "Nobahari 2014",
-    "1/(1 - (R_e/4z)^2), R_e = 2.5 R",
-    "Nobahari et al. 2014, as in public code",
+    "Nobahari 2014", "1/(1 - (R_e/4z)^2), R_e = 2.5 R", "Nobahari et al. 2014, as in public code",
     amplitude("R_e_over_R", 2.5, "effective over rotor radius", "2.5: as published", 5.0),
     tested="a quadrotor; range not seen",
     seen="aurelappius/offboard app_quad_control/src/compensators.cpp",
-    singular=lambda p: 0.25 * p["R_e_over_R"],
-    same_as="rotor_images",
-    whole_vehicle=True,
+    singular=lambda p: 0.25 * p["R_e_over_R"], same_as="rotor_images", whole_vehicle=True,
     proper_noun=True,
-)
+)  # fmt: skip
 def nobahari(p: Any, i: int, flow: Flow) -> Quantity:
     """Cheeseman and Bennett with R_e = 2.5 R for a whole quadrotor: neighbours and body are in it,
     and belong in no other effect beside it.
@@ -165,21 +153,17 @@ def nobahari(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 @law(
-    "Hayden 1976",
-    "max(1, 0.9926 + 0.03794 (2R/z)^2)^(2/3)",
-    "Hayden 1976, as in public code",
+    "Hayden 1976", "max(1, 0.9926 + 0.03794 (2R/z)^2)^(2/3)", "Hayden 1976, as in public code",
     amplitude("strength", 1.0, "share of the term 1 - 1/G that acts", "1: as published", 5.0),
     basis="equal induced power",
     far="1: clipped beyond z/R 4.528, where the printed curve falls below 1, to 0.9951",
-    compared=(),
-    tested="z/R 0.5 to 4.5, full-size helicopters",
+    compared=(), tested="z/R 0.5 to 4.5, full-size helicopters",
     seen=(
         "aurelappius/offboard app_quad_control/src/compensators.cpp; the share of induced power "
         "is from memory, unverified"
     ),
-    singular=lambda p: 0.0,
-    proper_noun=True,
-)
+    singular=lambda p: 0.0, proper_noun=True,
+)  # fmt: skip
 def hayden(p: Any, i: int, flow: Flow) -> Quantity:
     """A curve through flight tests of full-size helicopters, as power out of over power in ground
     effect at equal thrust. As printed it falls below 1 beyond z/R 4.528; it is clipped to 1 there.
@@ -191,33 +175,27 @@ def hayden(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 @law(
-    "Exponential law",
-    "1 + Ca exp(-Cb z/R)",
+    "Exponential law", "1 + Ca exp(-Cb z/R)",
     "public code that names He, Kou, Calaf, Leang 2019 (ASME J. Dyn. Sys. 141, 071013)",
-    amplitude("Ca", 1.7, "increment at contact", NEAR_EQ_2),
-    decay(3.2, NEAR_EQ_2),
+    amplitude("Ca", 1.7, "increment at contact", NEAR_EQ_2), decay(3.2, NEAR_EQ_2),
     tested="multirotors; range not seen",
     seen=(
         "Madhaniitm/Maddy---Flight-Controller-alt-and-pos-hold-with-experiments "
         "experiments/exp_A4_ground_effect.py and two more public simulators"
     ),
-)
+)  # fmt: skip
 def exponential_law(p: Any, i: int, flow: Flow) -> Quantity:
     """The increment of thrust falls off exponentially and is finite at contact."""
     return term_of(1.0 + p.Ca * np.exp(-p.Cb * z_over_R(i, flow)))
 
 
 @law(
-    "Exponential in the denominator",
-    "1/(1 - Ca exp(-Cb z/R)), Ca < 1",
+    "Exponential in the denominator", "1/(1 - Ca exp(-Cb z/R)), Ca < 1",
     "unverified: from memory, no source seen",
     amplitude("Ca", 0.9, "share of the inflow lost at contact", NEAR_EQ_2, 0.999),
-    decay(2.6, NEAR_EQ_2),
-    basis="equal induced power",
-    tested="not known",
-    seen="nothing; the bound Ca < 1, which keeps it finite at contact, is ours",
-    free=True,
-)
+    decay(2.6, NEAR_EQ_2), basis="equal induced power", tested="not known",
+    seen="nothing; the bound Ca < 1, which keeps it finite at contact, is ours", free=True,
+)  # fmt: skip
 def exponential_denominator(p: Any, i: int, flow: Flow) -> Quantity:
     """The inflow falls exponentially toward the plate at equal T v. No source was seen that prints
     it: it carries no name, and both constants are free.
@@ -226,15 +204,12 @@ def exponential_denominator(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 @law(
-    "Inflow exponential",
-    "(1 - Ca exp(-Cb z/R))^(-2/3), Ca < 1",
+    "Inflow exponential", "(1 - Ca exp(-Cb z/R))^(-2/3), Ca < 1",
     "Talbot and Corliss 1977, NASA TM-73254, as in public code; T ratio: ours",
     amplitude("Ca", 0.95, "share of the inflow lost at contact", NEAR_EQ_2, 0.999),
-    decay(2.1, NEAR_EQ_2),
-    basis="equal induced power",
-    tested="helicopters; range not seen",
+    decay(2.1, NEAR_EQ_2), basis="equal induced power", tested="helicopters; range not seen",
     seen="the velocity ratio in Synetic-Labs/SkyFlow-Dynamics, not the report",
-)
+)  # fmt: skip
 def inflow_exponential(p: Any, i: int, flow: Flow) -> Quantity:
     """Induced velocity at equal thrust is kappa = 1 - Ca exp(-Cb z/R) of its value far away; at
     equal induced power that makes the thrust ratio kappa^(-2/3), which is ours.
@@ -244,23 +219,19 @@ def inflow_exponential(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 @law(
-    "Power law",
-    "1 + a (z/R)^-p",
-    "none found: ours",
+    "Power law", "1 + a (z/R)^-p", "none found: ours",
     amplitude("a", 0.0625, "increment at z/R 1", "1/16: eq. (2) to first order"),
     number("p", "1", 2.0, "exponent p", within=(0.25, 8.0), source="2: eq. (2) to first order"),
-    tested="nowhere",
-    seen="p = 2 stands in Synetic-Labs/SkyFlow-Dynamics spec/ground_effect.py",
+    tested="nowhere", seen="p = 2 stands in Synetic-Labs/SkyFlow-Dynamics spec/ground_effect.py",
     singular=lambda p: 0.0,
-)
+)  # fmt: skip
 def power_law(p: Any, i: int, flow: Flow) -> Quantity:
     """An increment like a power of the distance, which is free. A form of ours."""
     return term_of(1.0 + p.a * np.exp(-p.p * np.log(z_over_R(i, flow))))
 
 
 @law(
-    "Rational law",
-    "1 + g2/((z/R)^2 + g1)",
+    "Rational law", "1 + g2/((z/R)^2 + g1)",
     "after Yang et al. 2025, arXiv:2506.19424, as in public code",
     amplitude("g2", 0.1, "strength g2, in R^2", NEAR_EQ_2),
     number(
@@ -277,7 +248,7 @@ def power_law(p: Any, i: int, flow: Flow) -> Quantity:
         "experiments/exp_A4_ground_effect.py, which prints g2/(h^2 + g1)"
     ),
     free=True,
-)
+)  # fmt: skip
 def rational_law(p: Any, i: int, flow: Flow) -> Quantity:
     """An increment like 1/z^2 far away that stays finite at contact. Public code prints the
     fraction alone as the effect's force; the 1 + before it is ours, unverified.
@@ -287,18 +258,13 @@ def rational_law(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 @law(
-    "Ceiling",
-    "1/(1 - g (R/(z + a2))^2), g = 1/a1, z to the ceiling",
+    "Ceiling", "1/(1 - g (R/(z + a2))^2), g = 1/a1, z to the ceiling",
     "unverified: Sanchez-Cuevas et al. 2017 on ceilings, from memory",
     amplitude("g", 0.1444, "strength g = 1/a1", FROM_MEMORY, 5.0),
     number("a2_over_R", "1", 0.315, "length a2 over R", within=(1e-3, 5.0), source=FROM_MEMORY),
-    tested="not known",
-    seen="nothing",
-    singular=lambda p: max(0.0, p["g"] ** 0.5 - p["a2_over_R"]),
-    surface="above",
-    acts_in_flight=False,
-    free=True,
-)
+    tested="not known", seen="nothing", singular=lambda p: max(0.0, p["g"] ** 0.5 - p["a2_over_R"]),
+    surface="above", acts_in_flight=False, free=True,
+)  # fmt: skip
 def ceiling(p: Any, i: int, flow: Flow) -> Quantity:
     """A surface above draws a rotor on, like eq. (2) with its own strength and a length added to
     the distance. Formula and constants are from memory, unverified: both are free.
@@ -308,16 +274,13 @@ def ceiling(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 @law(
-    "Ceiling by momentum theory",
-    "(1 + sqrt(1 + R^2/(8 z^2)))/2, z to the ceiling",
+    "Ceiling by momentum theory", "(1 + sqrt(1 + R^2/(8 z^2)))/2, z to the ceiling",
     "momentum theory, as in public code for a Crazyflie",
     amplitude("strength", 1.0, "share of the term 1 - 1/G that acts", "1: as found", 5.0),
     tested="range not seen; 1.37 at z/R 0.25, 1.11 at 0.5",
     seen="XinLong-Li/cf-frimware-2022-12 src/modules/src/lxl_proximity_effects.c",
-    singular=lambda p: 0.0,
-    surface="above",
-    acts_in_flight=False,
-)
+    singular=lambda p: 0.0, surface="above", acts_in_flight=False,
+)  # fmt: skip
 def ceiling_momentum(p: Any, i: int, flow: Flow) -> Quantity:
     """A surface above draws a rotor on: the air that reaches it comes in from the side. Neither
     neighbours nor the body have a term beside it.
@@ -327,8 +290,7 @@ def ceiling_momentum(p: Any, i: int, flow: Flow) -> Quantity:
 
 
 @law(
-    "Wall beside the rotors",
-    "1 + Ca exp(-Cb z/R), z from the rotor's axis to the wall",
+    "Wall beside the rotors", "1 + Ca exp(-Cb z/R), z from the rotor's axis to the wall",
     (
         "a guess; that walls act on small multirotors: Experimental evaluation of wall effect for"
         " multi-rotors (unibz, abstract alone seen)"
@@ -343,13 +305,9 @@ def ceiling_momentum(p: Any, i: int, flow: Flow) -> Quantity:
         tolerance=0.01,
         source=GUESS,
     ),
-    decay(1.0, GUESS),
-    tested="nowhere",
-    seen="no formula",
-    surface="beside",
-    acts_in_flight=False,
+    decay(1.0, GUESS), tested="nowhere", seen="no formula", surface="beside", acts_in_flight=False,
     free=True,
-)
+)  # fmt: skip
 def wall(p: Any, i: int, flow: Flow) -> Quantity:
     """A wall changes a rotor's thrust little, up or down. The form is a guess, both its numbers are
     free. The pull toward the wall and the moment are not in it.
