@@ -14,9 +14,9 @@ from typing import Any
 
 __version__ = "0.1.0"
 __all__ = [
-    "Effect", "Model", "Result", "Rig", "__version__", "compare", "explain", "export", "fit",
-    "load_model", "load_rig", "motor", "pool", "read", "runs", "simulate_flight", "simulate_pitch",
-    "sweep",
+    "Effect", "Model", "Result", "Rig", "__version__", "compare", "explain", "export",
+    "figure_style", "fit", "fly", "load_model", "load_rig", "motor", "pool", "read", "runs",
+    "simulate_flight", "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 

@@ -44,11 +44,13 @@ from benchtool.report.replay.recorded import Recorded, read_recorded
 from benchtool.report.replay.stand import STAND
 from benchtool.report.report_file import kind_of
 from benchtool.report.result import Data, Found, Result, estimate_row, paths_of
+from benchtool.report.style import look as figure_style
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.results import explain_result, fit_result, flight_result, pitch_result, pool_result
 from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.flight.study import Flown
+from benchtool.simulate.flight.study import fly_and_measure as fly
 from benchtool.simulate.own_controller import Controllers
 from benchtool.simulate.pitch.inputs import PitchInputs
 
@@ -56,8 +58,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "Effect", "Model", "Result", "Rig", "compare", "explain", "export", "fit", "load_model",
-    "load_rig", "motor", "pool", "read", "runs", "simulate_flight", "simulate_pitch", "sweep",
+    "Effect", "Model", "Result", "Rig", "compare", "explain", "export", "figure_style", "fit",
+    "fly", "load_model", "load_rig", "motor", "pool", "read", "runs", "simulate_flight",
+    "simulate_pitch", "sweep",
 ]  # fmt: skip
 
 
@@ -201,7 +204,7 @@ def fit(
 ) -> Result[FitOutput]:
     """Fit a ground-effect model to run folders or CSV files, as `benchtool fit` does.
 
-    Tables: `estimates` and `points`. The fitted model is `result.found.fitted`.
+    Tables: `estimates`, `points` and `ratio`. The fitted model is `result.found.fitted`.
 
     Args:
         data: one or several.
@@ -282,7 +285,7 @@ def export(
     rig: Rig | str | Path | None = None,
     permit: CodePermit = refuse_code,
 ) -> tuple[Path, ...]:
-    """Write a fitted model for a simulator, autopilot or firmware, as `benchtool export` does.
+    """Write a fitted model for a simulator, autopilot or firmware; return the files written.
 
     Args:
         model: folder of a fit or of a run without a plate, log of a stand, model file, or shipped
@@ -296,9 +299,6 @@ def export(
         propeller: of logs, likewise.
         rig: of logs, likewise.
         permit: called with a model's own Python before it is run; refused when left out.
-
-    Returns:
-        The files written.
 
     Raises:
         UnknownChoice: there is no such target or model.
@@ -363,7 +363,7 @@ def simulate_pitch(
 ) -> Result[PitchStudy]:
     """Simulate the pitch bench under each controller, as `benchtool simulate pitch` does.
 
-    Tables: one of each controller.
+    Tables: one of each controller, and `visits` of the plate.
 
     Args:
         controllers: built-in names, and classes of your own.

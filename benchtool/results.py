@@ -24,6 +24,7 @@ from benchtool.report.answer.folder import PAGE, write_folder
 from benchtool.report.answer.page import ANSWER
 from benchtool.report.compare import pooled as pooling
 from benchtool.report.compare.pooled_fits import PooledFits, pool_fits
+from benchtool.report.fit.figures import ratio_rows
 from benchtool.report.fit.page import FIT, refuse_full, sentence, write_fit
 from benchtool.report.flight import flight as flight_report
 from benchtool.report.flight import pitch_study as pitch_report
@@ -48,7 +49,7 @@ def fit_result(
     progress: Callable[[str, int, int], None] = lambda what, done, expected: None,
     permit: CodePermit = refuse_code,
 ) -> Result[FitOutput]:
-    """Fit a recipe. Tables: `estimates` and `points`.
+    """Fit a recipe. Tables: `estimates`, `points` and `ratio`.
 
     Args:
         progress: called with what is being done, how much of it is done, and of how much.
@@ -68,7 +69,11 @@ def fit_result(
         found=output,
         _page=FIT,
         _summary=sentence,
-        _tables={"estimates": estimates_frame, "points": lambda one: frame(one.data.points)},
+        _tables={
+            "estimates": estimates_frame,
+            "points": lambda one: frame(one.data.points),
+            "ratio": lambda one: frame_of_rows(ratio_rows(one)),
+        },
         _write=lambda folder, one, commands: [write_fit(folder, one, commands)],
     )
 
@@ -148,7 +153,7 @@ def pitch_result(
     controllers: Controllers | None = None,
     permit: CodePermit = refuse_code,
 ) -> Result[pitch_report.PitchStudy]:
-    """Run the pitch bench under each controller. Tables: one of each.
+    """Run the pitch bench under each controller. Tables: one of each, and `visits`.
 
     Args:
         controllers: in place of those of the inputs; classes as well as names.
@@ -169,7 +174,8 @@ def pitch_result(
         _tables={
             run.controller: partial(lambda run, _: frame(run.recording(rig)), run)
             for run in study.runs
-        },
+        }
+        | {"visits": lambda one: frame_of_rows(pitch_report.visit_rows(one))},
         _write=lambda folder, one, _: pitch_report.write_study(one, folder),
     )
 

@@ -1,4 +1,4 @@
-"""Options that several commands share: a recipe, and the recipes of the paper's figures."""
+"""Options that several commands share: a recipe, a table, a motor test."""
 
 from __future__ import annotations
 
@@ -105,17 +105,3 @@ class TableInputs(Inputs):
         Annotated[float, Gt(0.0), Le(100.0)] | None,
         Input("Rotor radius, in place of a rig.", "m"),
     ] = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PaperLayoutInputs(Inputs):
-    """The recipe folders whose runs are points in the paper's figures 3, 4, 6 and 8."""
-
-    TITLE = "Figures of the paper"
-
-    single: Annotated[Path | None, Input("Paper: recipe folder of one rotor.")] = None
-    second: Annotated[Path | None, Input("Paper: recipe folder of one rotor of another rig.")] = (
-        None
-    )
-    three: Annotated[Path | None, Input("Paper: recipe folder of 3 rotors.")] = None
-    quad: Annotated[Path | None, Input("Paper: recipe folder of the quadrotor.")] = None

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
 from benchtool.commands.declared import declared
-from benchtool.commands.recipe_options import PaperLayoutInputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError
 from benchtool.core.input_text import text_of
-from benchtool.core.inputs import Input, Inputs, changed, values_of
+from benchtool.core.inputs import Input, Inputs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,15 +29,8 @@ class ReportInputs(Inputs):
     ] = ()
     out: Annotated[
         Path | None,
-        Input(
-            "The HTML file; report.html in the folder, or beside the recording. With --layout "
-            "paper, the folder of the figures."
-        ),
+        Input("The HTML file; report.html in the folder, or beside the recording."),
     ] = None
-    layout: Annotated[
-        Literal["page", "paper"], Input("A page, or the paper's figures 3, 4, 6, 8 from recipes.")
-    ] = "page"
-    recipes: PaperLayoutInputs = field(default_factory=PaperLayoutInputs)
     model: Annotated[str, Input("Model to draw beside the data: name, file or fit folder.")] = ""
     rig: Annotated[str | None, Input("Rig of a log: shipped name or path; runs carry theirs.")] = (
         None
@@ -82,18 +74,7 @@ def report(inputs: ReportInputs) -> None:
     from benchtool.report.compare.page import compared, comparison_sentence, short_table
     from benchtool.report.report_file import is_mixed, write_report
 
-    given, out, replace = list(inputs.paths), inputs.out, inputs.overwrite
-    recipes = values_of(inputs.recipes)
-    if inputs.layout == "paper":
-        if given:
-            raise InputError(
-                f"--layout paper takes recipe folders by --single, --second, --three and --quad, "
-                f"not {given[0]}"
-            )
-        _draw_paper(recipes, out or Path("figures"), replace)
-        return
-    if named := changed(inputs.recipes):
-        raise InputError(f"--{next(iter(named))} needs --layout paper")
+    given, out = list(inputs.paths), inputs.out
     if len(set(inputs.motors)) < len(inputs.motors):
         raise InputError(f"--motors is {text_of(inputs.motors)}; name each motor once, as 1,3,2,4")
     if inputs.rig is not None and not inputs.model:
@@ -120,7 +101,7 @@ def report(inputs: ReportInputs) -> None:
         comparison=one,
         beside=beside,
         commands=[shlex.join(["benchtool", *sys.argv[1:]])],
-        replace=replace,
+        replace=inputs.overwrite,
     )
     if one is not None:
         print(comparison_sentence(one))
@@ -129,15 +110,3 @@ def report(inputs: ReportInputs) -> None:
 
             print_table(Output(), table)
     print(f"report: {page}", flush=True)
-
-
-def _draw_paper(recipes: dict[str, Path | None], out: Path, replace: bool) -> None:
-    from benchtool.report.files import refuse_existing, save_figure
-    from benchtool.report.paper.layouts import paper_layouts
-
-    drawn = paper_layouts(recipes)
-    if not replace:
-        refuse_existing([out / f"{name}.svg" for name in drawn])
-    for name, block in drawn.items():
-        paths = save_figure(block.figure, out / name, replace=replace)
-        print(f"written: {paths[0]} and {paths[1].suffix.removeprefix('.')}")

@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from benchtool.simulate.pitch.inputs import PitchInputs
 
 
-def say_if_slow(instead: str = "takes minutes", fast: str = "a second") -> None:
+def say_if_slow() -> None:
     """Say that simulations are slow here, where they are."""
     from benchtool.physics.expression import can_compile
 
     if not can_compile():
         print(
-            f"numba is not installed, so this runs as plain Python and {instead}; "
-            f"pip install benchtool[fast] makes it {fast}",
+            "numba is not installed, so this runs as plain Python and takes minutes; "
+            "pip install benchtool[fast] makes it a second",
             file=sys.stderr,
         )
 

@@ -29,29 +29,6 @@ def body_term(K_b: Quantity, weight: Quantity, radius_m: Quantity, images: Quant
     return K_b * weight * radius_m * radius_m * images
 
 
-@expression
-def quad_body_lift_factor(
-    radius_m: Quantity, z_m: Quantity, spacing_m: Quantity, b_m: Quantity, K_b: Quantity
-) -> Quantity:
-    """Return eq. (4) as printed: eq. (3) with the body term 2 R^2 z / (b^2 + 4 z^2)^(3/2) K_b.
-
-    Args:
-        spacing_m: distance d between adjacent axes: m.
-        b_m: d/sqrt(2) as derived, d sqrt(2) as the text defines it: m.
-    """
-    ratio = radius_m / (4.0 * z_m)
-    adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m
-    opposite = 2.0 * spacing_m * spacing_m + 4.0 * z_m * z_m
-    body = b_m * b_m + 4.0 * z_m * z_m
-    return 1.0 / (
-        1.0
-        - ratio * ratio
-        - radius_m * radius_m * (z_m / np.sqrt(adjacent * adjacent * adjacent))
-        - 0.5 * radius_m * radius_m * (z_m / np.sqrt(opposite * opposite * opposite))
-        - 2.0 * radius_m * radius_m * (z_m / np.sqrt(body * body * body)) * K_b
-    )
-
-
 class BodyImages(NamedTuple):
     """Hold places of the body term's sources in the rotor plane, and their distances (k,): m."""
 

@@ -52,59 +52,6 @@ def partial_factor(factor: Quantity, area: Quantity) -> Quantity:
 
 
 @expression
-def single_rotor_factor(radius_m: Quantity, z_m: Quantity) -> Quantity:
-    """Return eq. (2) as printed: 1 / (1 - (R/4z)^2)."""
-    ratio = radius_m / (4.0 * z_m)
-    return 1.0 / (1.0 - ratio * ratio)
-
-
-@expression
-def quad_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return eq. (3) as printed: a quadrotor whose adjacent axes are `spacing_m` = d apart."""
-    ratio = radius_m / (4.0 * z_m)
-    adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m
-    opposite = 2.0 * spacing_m * spacing_m + 4.0 * z_m * z_m
-    return 1.0 / (
-        1.0
-        - ratio * ratio
-        - radius_m * radius_m * (z_m / np.sqrt(adjacent * adjacent * adjacent))
-        - 0.5 * radius_m * radius_m * (z_m / np.sqrt(opposite * opposite * opposite))
-    )
-
-
-@expression
-def three_rotor_corner_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return the factor of the middle of three rotors on a square's corners: two neighbours at d.
-
-    Three rotors of a quadrotor, the fourth switched off; the paper does not say whether its curve
-    is one rotor's or the average (section 2.3), so both are here.
-    """
-    adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m
-    ratio = radius_m / (4.0 * z_m)
-    near = radius_m * radius_m * z_m / np.sqrt(adjacent * adjacent * adjacent)
-    return 1.0 / (1.0 - ratio * ratio - near)
-
-
-@expression
-def three_rotor_end_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return the factor of either end of three: one neighbour at d, one across the diagonal."""
-    adjacent = spacing_m * spacing_m + 4.0 * z_m * z_m
-    opposite = 2.0 * spacing_m * spacing_m + 4.0 * z_m * z_m
-    ratio = radius_m / (4.0 * z_m)
-    near = 0.5 * radius_m * radius_m * z_m / np.sqrt(adjacent * adjacent * adjacent)
-    far = 0.5 * radius_m * radius_m * z_m / np.sqrt(opposite * opposite * opposite)
-    return 1.0 / (1.0 - ratio * ratio - near - far)
-
-
-@expression
-def three_rotor_average_factor(radius_m: Quantity, z_m: Quantity, spacing_m: Quantity) -> Quantity:
-    """Return the thrust of all three together over its value far from the plate."""
-    corner = three_rotor_corner_factor(radius_m, z_m, spacing_m)
-    end = three_rotor_end_factor(radius_m, z_m, spacing_m)
-    return (corner + 2.0 * end) / 3.0
-
-
-@expression
 def clamped_height(z_m: Quantity, least_m: Quantity) -> Quantity:
     """Return the height, or the least at which a law is trusted where it is lower: m.
 

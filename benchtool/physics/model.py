@@ -364,6 +364,25 @@ class Model:
         reading = values[self._index["k"]] * self.squared_speed(flow, values)
         return self._thrust_reading(0, reading, flow, self.numbers(values))
 
+    def predict(
+        self, z_over_R: Any, *, speed_rad_s: Any = 1.0, tilt_rad: Any = 0.0, coverage: Any = 1.0
+    ) -> Array:
+        """Return T_IGE/T_OGE of each disc at equal rotor speed (n_discs, m).
+
+        Args:
+            z_over_R: plate distance from the rotors' centre along their axis, over R (m,).
+            speed_rad_s: of each rotor (n_rotors,); 0 for a rotor that is off.
+            tilt_rad: of the plate (m,).
+            coverage: fraction of each disc over the plate (n_discs,).
+        """
+        rig, values = self.rig, self.parameters.values_array()
+        conditions = Conditions.of(
+            rig, speed_rad_s=np.broadcast_to(speed_rad_s, rig.n_rotors), plate_tilt_rad=tilt_rad,
+            plate_z_m=np.asarray(z_over_R) * rig.propulsion.radius_m,
+            coverage=np.broadcast_to(coverage, rig.n_discs)[:, None],
+        )  # fmt: skip
+        return np.array(self.disc_factors(self.flow(conditions, values), values))
+
     def z_over_R(self, conditions: Conditions) -> Array:
         """Return the least distance of any turning disc over the rig's rotor radius (m,)."""
         flow = self.flow(conditions, self.parameters.values_array())

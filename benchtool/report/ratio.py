@@ -25,7 +25,7 @@ from benchtool.report.palette import GREY, LOOKS, Role
 from benchtool.report.panels import DASHED, points
 from benchtool.report.style import ratio_label
 
-_DASHES: dict[str, Any] = {"fit": "-", "formula": DASHED, "other": (0, (1.2, 1.6))}
+_DASHES: dict[str, Any] = {"fit": "-", "formula": DASHED}
 _BAND_ALPHA = {68: 0.30, 95: 0.13}
 
 
@@ -62,8 +62,7 @@ class Curve:
 
     Attributes:
         z_over_R, ratio: (m,) each, dimensionless.
-        style: "fit" (solid), "formula" (dashed, as the paper draws its PFI curves) or
-            "other" (dotted).
+        style: "fit" (solid) or "formula" (dashed, as the paper draws its PFI curves).
         bands: intervals of the curve, at most one per level.
         nearest_z_over_R: the curve is drawn from there on, where its law is trusted.
     """
@@ -72,7 +71,7 @@ class Curve:
     ratio: Array
     label: str
     role: Role = "formula"
-    style: Literal["fit", "formula", "other"] = "formula"
+    style: Literal["fit", "formula"] = "formula"
     bands: tuple[Band, ...] = ()
     nearest_z_over_R: float = VALIDITY_Z_OVER_R
 

@@ -1,6 +1,6 @@
-"""Draw the figures of the documentation from the recipes in fits/: python docs/assets/draw.py
+"""Draw the overview of the documentation from the recipes in fits/: python docs/assets/draw.py
 
-All of them show simulated recordings and say so.
+Figures 3, 4, 6 and 8 of the paper: python docs/examples/paper/ratios.py docs/assets
 """
 
 from __future__ import annotations
@@ -15,18 +15,11 @@ from benchtool.fit.run_recipe import run_recipe
 from benchtool.report.files import save_figure
 from benchtool.report.fit.figures import fitted_curve, ratio_points
 from benchtool.report.page import FigureBlock
-from benchtool.report.paper.layouts import paper_layouts
 from benchtool.report.ratio import draw_ratio
 from benchtool.report.style import look, new_figure
 
 HERE = Path(__file__).parent
 FITS = HERE.parents[1] / "fits"
-RECIPES = {
-    "single": "single_rotor",
-    "second": "amuse_rotor",
-    "three": "three_rotors",
-    "quad": "quad",
-}
 
 
 def figures() -> dict[str, FigureBlock]:
@@ -51,8 +44,7 @@ def figures() -> dict[str, FigureBlock]:
     with look():
         overview = new_figure("Four rotors need the body lift", simulated=True, height_in=4.5)
         draw_ratio(overview, series, curves, "equal_rpm2")
-    layouts = paper_layouts({name: FITS / folder for name, folder in RECIPES.items()})
-    return {"overview": FigureBlock(overview, ""), **layouts}
+    return {"overview": FigureBlock(overview, "")}
 
 
 if __name__ == "__main__":

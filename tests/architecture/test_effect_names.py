@@ -10,19 +10,14 @@ import benchtool
 from benchtool.physics.catalogue import EFFECTS
 
 PACKAGE = Path(benchtool.__file__).parent
-CASES = (
-    "report/paper/",
-    "simulate/pitch/attitude.py",
-    "acquire/check_plan.py",
-)
+CASES = ("acquire/check_plan.py",)
 """Cases and recipes: they are about named effects."""
 
 OTHER_THINGS = (
     *("bench/mavlink/side_cell.py", "virtual/autopilot.py", "report/palette.py"),
-    *("commands/paper_claims.py", "data/run/append.py"),
+    "data/run/append.py",
 )
-"""A channel of an autopilot, roles of curves, the moment of a wall and the clock on one happen to
-have an effect's name."""
+"""A channel of an autopilot, roles of curves and a clock on a wall have an effect's name."""
 
 NAME = re.compile(rf"({'|'.join(EFFECTS)})(\.\w+)?")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,7 +13,6 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.core.schedule import PlateVisit
 from benchtool.data.columns import code_of
@@ -26,7 +25,6 @@ from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.physics.wake_picture import Hover
 from benchtool.report.compare.page import compared
 from benchtool.report.compare.pooled_fits import PooledFits
 from benchtool.report.flight.campaign import CampaignMap, CampaignPanel
@@ -190,16 +188,6 @@ def pooled_fits() -> PooledFits:
     )  # fmt: skip
 
 
-class Flights:
-    """Fly the same second, whatever is asked for."""
-
-    rig: Rig = rig_named("pquad")
-    fits: Mapping[str, FitOutput] = {}
-
-    def fly(self, *_: Any, **__: Any) -> Flown:
-        return flown(2.0)
-
-
 def with_law() -> Answer:
     """Return an unknown that depends on rotor speed."""
     rng, made = np.random.default_rng(1), answer("unknown")
@@ -218,16 +206,6 @@ SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {
     "flight.campaign": lambda: [campaign()],
     "flight.pitch": lambda: [study()],
     "motor": lambda: [motor()],
-    "paper": lambda: [Flights()],
-    "paper.flow": lambda: [Hover.quad()],
-    "paper.layouts": lambda: [
-        {
-            "single": fit("single_rotor"),
-            "second": fit("amuse_rotor"),
-            "three": fit("three_rotors"),
-            "quad": fit("quad"),
-        }
-    ],
     "replay": lambda: [log()],
     "replay.stand": lambda: [stand()],
     "sweep": lambda: [sweep()],

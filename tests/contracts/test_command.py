@@ -153,7 +153,6 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("--set K_b=nan", "write NAME=NUMBER"),
         ("--vary K_b=1:2:3 --out taken.js", "taken.js exists already"),
     ],
-    "simulate paper": [("--sensitivty", "--sensitivty")],
     "stop": [("--adress x", "--adress"), ("", "no bench of this user runs on this machine")],
     "web": [("--port 99999", "--port is 99999, allowed is 0 to 65,535")],
     "bench check": [("usb:1", "unknown address scheme 'usb'")],
@@ -179,14 +178,6 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("nowhere.csv", "nowhere.csv: there is no such file or run folder; check the path"),
     ],
     "doctor": [("--udevrule", "--udevrule")],
-    "flow table": [
-        ("--spacing-R 1", "--spacing-R is 1, allowed is 2 to 1,000"),
-        (
-            "--spacing-R",
-            "--spacing-R needs a value (",
-        ),
-    ],
-    "flow picture": [("--z-over-r nan", "--z-over-r is nan, allowed is 0.5 to 1,000")],
     "rigs": [("pqad", "did you mean 'pquad'")],
     "propellers": [("apc_10x7s", "did you mean 'apc_10x7sf'")],
     "rigs new": [("mine --radius -1", "--radius is -1 m, allowed is above 0")],

@@ -9,9 +9,8 @@ import pytest
 
 from benchtool.report.figure import PAGES, FigureEntry, every_figure
 from benchtool.report.files import figure_bytes
-from benchtool.report.paper import flights
 from benchtool.report.style import SIMULATED_GID
-from tests.contracts.figure_subjects import SUBJECTS, study
+from tests.contracts.figure_subjects import SUBJECTS
 
 FIGURES = {f"{entry.page}/{entry.name}": entry for entry in every_figure()}
 EACH = pytest.mark.parametrize("entry", FIGURES.values(), ids=FIGURES)
@@ -34,14 +33,7 @@ def test_it_is_in_the_table_of_the_reference(entry: FigureEntry) -> None:
     assert row in part, "write the page again: python docs/reference/write_figures.py"
 
 
-@pytest.fixture
-def quick_bench(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let figures of the pitch bench show two seconds that were simulated once."""
-    monkeypatch.setattr(flights, "pitch_study", lambda *_: study())
-
-
 @EACH
-@pytest.mark.usefixtures("quick_bench")
 def test_it_is_drawn_with_axes_words_and_stamp(entry: FigureEntry) -> None:
     assert entry.page in SUBJECTS, f"add a subject of {entry.page} to figure_subjects.py"
     blocks: dict[str, Any] = {}

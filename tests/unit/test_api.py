@@ -115,7 +115,7 @@ def test_simulations_take_a_controller_of_ones_own() -> None:
             return 0.0
 
     study = bt.simulate_pitch(["pid", Still], seed=3, duration_s=1.0)
-    assert study.tables == ("pid", "Still")
+    assert study.tables == ("pid", "Still", "visits")
     assert len(study.to_dataframe("Still")) == 250
     assert study.summary().startswith("SIMULATED pitch bench pquad")
     flight = bt.simulate_flight("pid", duration_s=1.0)

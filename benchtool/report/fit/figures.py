@@ -98,6 +98,14 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
     return RatioPoints(z, mean, sds, label, role, out.astype(bool))
 
 
+def ratio_rows(fit: FitOutput) -> list[dict[str, float]]:
+    """Return z/R, T_IGE/T_OGE and its standard deviation as measured at each distance."""
+    points = ratio_points(fit, "")
+    names = ("z_over_R", "ratio", "sd")
+    rows = zip(points.z_over_R, points.ratio, points.sd, strict=True)
+    return [dict(zip(names, row, strict=True)) for row in rows]
+
+
 def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = "model") -> Curve:
     """Return the fitted model's curve with its 68 and 95 % bands."""
     result = fit.results[-1]

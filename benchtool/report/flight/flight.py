@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -40,48 +40,8 @@ from benchtool.simulate.flight.warnings import warnings_of
 from benchtool.simulate.own_controller import made
 
 
-def flights_width(columns: int) -> float:
-    """Return the width of flights side by side, inches."""
-    return 7.0 if columns < 3 else 3.05 * columns
-
-
-def draw_flights(
-    figure: Figure,
-    flights: Mapping[str, Flown],
-    *,
-    beside: tuple[str, Flown] | None = None,
-    obstacle_m: tuple[float, float] | None = None,
-    focus_m: tuple[float, float] | None = None,
-    until_s: float | None = None,
-) -> None:
-    """Draw flights side by side: position above, pitch below, on common axes.
-
-    Args:
-        beside: legend and flight out of ground effect, drawn in grey in every column.
-        obstacle_m: extent of the obstacle along x, marked at the position's axis.
-        until_s: end of the time axis, where all that happens has happened.
-    """
-    axes = figure.subplots(
-        2, len(flights), sharex="col", sharey="row", squeeze=False, height_ratios=[1.15, 1.0]
-    )
-    last_s = until_s or float(max(flown.flight["time_s"][-1] for flown in flights.values()))
-    for column, (label, flown) in enumerate(flights.items()):
-        upper, lower = axes[0][column], axes[1][column]
-        grey = None if beside is None else beside[1]
-        _position(upper, flown, grey, obstacle_m)
-        _pitch(lower, flown, grey)
-        upper.set_title(f"{label}\n{verdict(flown)}", linespacing=1.35)
-        lower.set_xlabel("time [s]")
-        lower.set_xlim(0.0, last_s)
-    axes[0][0].set_ylabel("position $x$ [m]")
-    axes[1][0].set_ylabel("pitch, nose down [deg]")
-    if focus_m is not None:
-        axes[0][0].set_ylim(*focus_m)
-    _legend(figure, None if beside is None else beside[0], obstacle_m is not None)
-
-
 def _position(
-    axes: Axes, flown: Flown, beside: Flown | None, obstacle_m: tuple[float, float] | None
+    axes: Axes, flown: Flown, free: Flown, obstacle_m: tuple[float, float] | None
 ) -> None:
     _shade(axes, flown)
     x_m = flown.flight["x_m"]
@@ -89,18 +49,16 @@ def _position(
         if edge <= float(x_m.max()) + 0.5:
             axes.axhline(edge, color=GREEN, linewidth=0.9, linestyle=DOTTED)
     axes.axhline(flown.case.goals[-1].x_m, color=GREY, linewidth=1.1, linestyle=DASHED)
-    if beside is not None:
-        axes.plot(beside.flight["time_s"], beside.flight["x_m"], color=GREY, linewidth=1.3)
+    axes.plot(free.flight["time_s"], free.flight["x_m"], color=GREY, linewidth=1.3)
     axes.plot(flown.flight["time_s"], x_m, color=BLUE)
     _strike(axes, flown, x_m)
 
 
-def _pitch(axes: Axes, flown: Flown, beside: Flown | None) -> None:
+def _pitch(axes: Axes, flown: Flown, free: Flown) -> None:
     _shade(axes, flown)
     axes.axhline(0.0, color=GREY, linewidth=0.7)
-    if beside is not None:
-        grey_deg = np.degrees(beside.flight["pitch_rad"])
-        axes.plot(beside.flight["time_s"], grey_deg, color=GREY, linewidth=1.1)
+    grey_deg = np.degrees(free.flight["pitch_rad"])
+    axes.plot(free.flight["time_s"], grey_deg, color=GREY, linewidth=1.1)
     time_s, pitch_deg = flown.flight["time_s"], np.degrees(flown.flight["pitch_rad"])
     wanted_deg = np.degrees(flown.flight["pitch_ref_rad"])
     axes.plot(time_s, wanted_deg, color=VERMILION, linewidth=0.9, alpha=0.85)
@@ -129,14 +87,13 @@ def _shade(axes: Axes, flown: Flown) -> None:
         axes.axvspan(begin, end, color=OVER, lw=0, zorder=0.1)
 
 
-def _legend(figure: Figure, beside: str | None, obstacle: bool) -> None:
+def _legend(figure: Figure, obstacle: bool) -> None:
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=BLUE, label="flight"),
+        Line2D([], [], color=GREY, linewidth=1.3, label="PID out of ground effect"),
         Line2D([], [], color=VERMILION, linewidth=1.0, label="pitch command"),
         Line2D([], [], color=GREY, linestyle=DASHED, linewidth=1.1, label="goal"),
     ]
-    if beside is not None:
-        handles.insert(1, Line2D([], [], color=GREY, linewidth=1.3, label=beside))
     if obstacle:
         handles.append(Line2D([], [], color=GREEN, linestyle=DOTTED, label="obstacle's edges"))
     handles.append(Patch(color=OVER, label="a rotor is over the obstacle"))
@@ -158,17 +115,25 @@ def _title(flights: Sequence[Flown]) -> str:
     "ground effect; green: a rotor is over the obstacle.",
     simulated=True,
     height_in=5.3,
-    width_in=lambda flights: flights_width(len(flights) - 1),
+    width_in=lambda flights: 7.0 if len(flights) < 4 else 3.05 * (len(flights) - 1),
 )
 def flight(figure: Figure, flights: Sequence[Flown]) -> None:
-    """Draw a case under each controller; the first flight is the one out of ground effect."""
+    """Draw position above and pitch below under each controller; the first flight is in grey."""
     free, *others = flights
-    draw_flights(
-        figure,
-        {name_of(flown): flown for flown in others},
-        beside=("PID out of ground effect", free),
-        obstacle_m=obstacle_extent(others[0].case),
+    axes = figure.subplots(
+        2, len(others), sharex="col", sharey="row", squeeze=False, height_ratios=[1.15, 1.0]
     )
+    last_s = float(max(flown.flight["time_s"][-1] for flown in others))
+    obstacle_m = obstacle_extent(others[0].case)
+    for flown, (upper, lower) in zip(others, axes.T, strict=True):
+        _position(upper, flown, free, obstacle_m)
+        _pitch(lower, flown, free)
+        upper.set_title(f"{name_of(flown)}\n{verdict(flown)}", linespacing=1.35)
+        lower.set_xlabel("time [s]")
+        lower.set_xlim(0.0, last_s)
+    axes[0][0].set_ylabel("position $x$ [m]")
+    axes[1][0].set_ylabel("pitch, nose down [deg]")
+    _legend(figure, obstacle_m is not None)
 
 
 FLIGHT = Page("flight", [("The flight", ["flight"])])

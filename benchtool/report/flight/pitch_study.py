@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from benchtool import __version__
-from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.schedule import PlateVisit
 from benchtool.data.run.recording_file import beside, write_recording
@@ -82,10 +81,21 @@ def visit_numbers(run: PitchRun, visit: PlateVisit, duration_s: float) -> PlateN
     return plate_numbers(run, visit.in_s, min(visit.out_s, duration_s), visit.move_s)
 
 
+def visit_rows(study: PitchStudy) -> list[dict[str, Any]]:
+    """Return the numbers of every controller and visit of the plate, a row each."""
+    schedule = study.setup.schedule
+    return [
+        {"controller": run.controller, "z_over_R": visit.z_over_R}
+        | asdict(visit_numbers(run, visit, schedule.duration_s))
+        for run in study.runs
+        for visit in schedule.plate
+        if visit.in_s < schedule.duration_s
+    ]
+
+
 def table_lines(study: PitchStudy) -> list[str]:
     """Return the table of numbers: one line per controller and visit, or RMS errors without."""
-    schedule = study.setup.schedule
-    visits = [visit for visit in schedule.plate if visit.in_s < schedule.duration_s]
+    visits = visit_rows(study)
     width = max(len("controller"), *(len(run.controller) for run in study.runs))
     if not visits:
         lines = [f"{'controller':<{width}}  RMS error [deg]  largest [deg]"]
@@ -98,16 +108,14 @@ def table_lines(study: PitchStudy) -> list[str]:
         f"{'controller':<{width}}   z/R  quiet RMS    peak  settling  residual  rebound",
         f"{'':<{width}}              [deg]   [deg]       [s]     [deg]    [deg]",
     ]
-    for run in study.runs:
-        for visit in visits:
-            numbers = visit_numbers(run, visit, schedule.duration_s)
-            settling = "noise" if np.isnan(numbers.settling_s) else f"{numbers.settling_s:.1f}"
-            lines.append(
-                f"{run.controller:<{width}}  {visit.z_over_R:>4g}  "
-                f"{np.degrees(numbers.quiet_rms_rad):>9.2f}  {np.degrees(numbers.peak_rad):>6.2f}  "
-                f"{settling:>8}  {np.degrees(numbers.residual_rad):>8.2f}  "
-                f"{np.degrees(numbers.rebound_rad):>7.2f}"
-            )
+    for row in visits:
+        settling = "noise" if np.isnan(row["settling_s"]) else f"{row['settling_s']:.1f}"
+        lines.append(
+            f"{row['controller']:<{width}}  {row['z_over_R']:>4g}  "
+            f"{np.degrees(row['quiet_rms_rad']):>9.2f}  {np.degrees(row['peak_rad']):>6.2f}  "
+            f"{settling:>8}  {np.degrees(row['residual_rad']):>8.2f}  "
+            f"{np.degrees(row['rebound_rad']):>7.2f}"
+        )
     return lines
 
 
@@ -172,73 +180,31 @@ def _gain_set_name(control: PitchControl) -> str:
     return gains.name
 
 
-class PitchTrace(NamedTuple):
-    """Hold one run, on a hinge or in flight.
-
-    Attributes:
-        time_s, pitch_deg, reference_deg: (m,) each.
-        covered: (m,) how far the plate is in, 0 to 1.
-        away_deg: (m,) the same run with the plate parked (out of ground effect); None without.
-    """
-
-    label: str
-    time_s: Array
-    pitch_deg: Array
-    reference_deg: Array
-    covered: Array
-    away_deg: Array | None = None
-
-
-def trace_of(run: PitchRun, label: str, away: PitchRun | None = None) -> PitchTrace:
-    """Return a run on the hinge, and beside it the one with the plate parked."""
-    return PitchTrace(
-        label,
-        run.time_s,
-        np.degrees(run.column("true_theta_rad")),
-        np.degrees(run.column("reference_rad")),
-        run.column("plate_share"),
-        None if away is None else np.degrees(away.column("true_theta_rad")),
-    )
-
-
-def draw_study(figure: Figure, study: PitchStudy, note: str = "") -> None:
-    """Draw the study as the paper lays out its figures 26 to 28, with a note below."""
-    pairs = zip(study.runs, study.away, strict=True)
-    draw_pitch(figure, [trace_of(run, run.controller, away) for run, away in pairs], note)
-
-
-def pitch_height(panels: int) -> float:
-    """Return the height of so many panels, inches."""
-    return 1.0 + 1.55 * panels
-
-
-def draw_pitch(figure: Figure, traces: Sequence[PitchTrace], note: str = "") -> None:
-    """Draw one panel per run, all with the same axes, as in the paper's figures 26 to 28."""
-    panels = rows_of(figure, [1.0] * len(traces), sharey=True)
-    for axes, trace in zip(panels, traces, strict=True):
-        shade(axes, spans(trace.time_s, trace.covered > 0.0), "over-plate")
-        lines: list[tuple[Array | None, str, dict[str, Any]]] = [
-            (trace.reference_deg, "wanted", {"color": GREY, "lw": 1.0, "ls": "--"}),
-            (trace.away_deg, "plate away (OGE)", {"color": BLUE, "lw": 0.9}),
-            (trace.pitch_deg, "with the plate (IGE)", {"color": VERMILION, "lw": 1.2}),
-        ]
-        for values, label, look in lines:
-            if values is not None:
-                axes.plot(trace.time_s, values, label=label, **look)
-        axes.set_title(trace.label)
-        axes.set_ylabel("pitch [deg]\n(nose down +)")
-    panels[-1].set_xlabel(f"time [s]    (green: a rotor is over the plate)\n{note}".rstrip())
-    panels[0].set_xlim(float(traces[0].time_s[0]), float(traces[0].time_s[-1]))
-    legend_below(figure, panels[:1], len(panels[0].get_legend_handles_labels()[1]))
-
-
-figure(
+@figure(
     page="flight.pitch",
     name="pitch",
     title="{0.setup.bench.model.rig.name}: {0.setup.schedule.title}",
     caption="Pitch under each controller, with the plate and without; green: a rotor is over it.",
     simulated=True,
-    height_in=lambda study: pitch_height(len(study.runs)),
-)(draw_study)
+    height_in=lambda study: 1.0 + 1.55 * len(study.runs),
+)
+def draw_study(figure: Figure, study: PitchStudy) -> None:
+    """Draw one panel per run, all with the same axes, as in the paper's figures 26 to 28."""
+    panels = rows_of(figure, [1.0] * len(study.runs), sharey=True)
+    for axes, run, away in zip(panels, study.runs, study.away, strict=True):
+        shade(axes, spans(run.time_s, run.column("plate_share") > 0.0), "over-plate")
+        lines: list[tuple[PitchRun, str, str, dict[str, Any]]] = [
+            (run, "reference_rad", "wanted", {"color": GREY, "lw": 1.0, "ls": "--"}),
+            (away, "true_theta_rad", "plate away (OGE)", {"color": BLUE, "lw": 0.9}),
+            (run, "true_theta_rad", "with the plate (IGE)", {"color": VERMILION, "lw": 1.2}),
+        ]
+        for source, column, label, look in lines:
+            axes.plot(run.time_s, np.degrees(source.column(column)), label=label, **look)
+        axes.set_title(run.controller)
+        axes.set_ylabel("pitch [deg]\n(nose down +)")
+    panels[-1].set_xlabel("time [s]    (green: a rotor is over the plate)")
+    panels[0].set_xlim(float(run.time_s[0]), float(run.time_s[-1]))
+    legend_below(figure, panels[:1], 3)
+
 
 PITCH = Page("flight.pitch", [("The pitch bench", ["pitch"])])

@@ -28,7 +28,7 @@ class Flown:
 
 
 def fly_and_measure(case: FlightCase) -> Flown:
-    """Fly a case and take its numbers."""
+    """Fly a case, as that of another flight with some fields replaced; take its numbers."""
     flight = fly(case)
     return Flown(flight, measure(flight))
 

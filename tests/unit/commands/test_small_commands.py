@@ -1,4 +1,4 @@
-"""Commands that write or show one thing: firmware, flow, demo, record --dry-run."""
+"""Commands that write or show one thing: firmware, demo, record --dry-run."""
 
 from __future__ import annotations
 
@@ -25,18 +25,6 @@ def test_two_devices_never_share_a_name(tmp_path: Path) -> None:
         assert run("firmware", "--out", str(tmp_path / name)) == 0
     one, two = ((tmp_path / name / "settings.h").read_text("utf-8") for name in ("one", "two"))
     assert one != two
-
-
-@pytest.mark.slow
-def test_table_and_picture_of_the_flow(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run("flow", "table") == 0
-    printed = capsys.readouterr().out.splitlines()
-    assert printed[1].split()[3:] == ["-0.014", "-0.026", "-0.037", "-0.013", "+0.014", "+0.046"]
-    assert "prescribed wake, not CFD" in printed[-1]
-    assert run("flow", "picture", "--out", str(tmp_path)) == 0
-    svg = (tmp_path / "fig05-flow.svg").read_text("utf-8")
-    assert svg.startswith("<?xml")
-    assert (tmp_path / "fig05-flow.png").stat().st_size > 50_000
 
 
 @pytest.mark.slow

@@ -30,10 +30,10 @@ from benchtool.physics.blade_element import (
     torque_at_equal_speed,
 )
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.images import single_rotor_factor
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, model_from_toml, model_to_toml
 from tests.unit.physics.blades import BLADE, MOTOR, bladed
+from tests.unit.physics.closed_forms import single_rotor_factor
 
 RATIOS: tuple[Basis, ...] = ("equal_rpm2", "equal_pwm", "equal_power")
 Z_M = 0.12 * np.array([0.6, 0.8, 1.0, 1.5, 2.0, 3.0])

@@ -16,9 +16,9 @@ from benchtool.physics.blade_element import (
     torque_at_equal_speed,
     torque_coefficient,
 )
-from benchtool.physics.images import single_rotor_factor
 from benchtool.physics.motor import held_by_pulse_Nm, speed_near_plate, torque_per_speed
 from tests.unit.physics.blades import BLADE, MOTOR
+from tests.unit.physics.closed_forms import single_rotor_factor
 
 DENSITY, RADIUS_M, VOLTAGE = 1.225, 0.12, 6.5
 DISC_M2 = np.pi * RADIUS_M**2

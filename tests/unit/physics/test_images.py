@@ -8,12 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchtool.core.errors import UnknownChoice
-from benchtool.physics.body_lift import body_images, quad_body_lift_factor
-from benchtool.physics.images import (
-    image_velocity,
-    partial_factor,
+from benchtool.physics.body_lift import body_images
+from benchtool.physics.images import image_velocity, partial_factor, self_image
+from tests.unit.physics.closed_forms import (
+    quad_body_lift_factor,
     quad_factor,
-    self_image,
     single_rotor_factor,
     three_rotor_average_factor,
     three_rotor_corner_factor,

@@ -10,12 +10,11 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.bases import factor_at
-from benchtool.physics.body_lift import quad_body_lift_factor
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.partial_coverage import factors
-from benchtool.physics.images import quad_factor, single_rotor_factor
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
+from tests.unit.physics.closed_forms import quad_body_lift_factor, quad_factor, single_rotor_factor
 
 Z_M = np.array([0.06, 0.12, 0.18, 0.24, 0.36, 0.6])
 SPEEDS = np.full((4, 1), 576.0)

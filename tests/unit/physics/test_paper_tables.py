@@ -6,24 +6,25 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig_file import rig_named
-from benchtool.physics.body_lift import quad_body_lift_factor
 from benchtool.physics.coverage import rectangle_coverage
-from benchtool.physics.images import (
-    partial_factor,
+from benchtool.physics.images import partial_factor
+from benchtool.physics.mixer import pitch_moment_Nm
+from benchtool.physics.wake_rules import WAKE_RULES
+from tests.docs.examples import paper_script
+from tests.unit.physics import paper_tables as tables
+from tests.unit.physics.closed_forms import (
+    quad_body_lift_factor,
     quad_factor,
     single_rotor_factor,
     three_rotor_average_factor,
     three_rotor_corner_factor,
     three_rotor_end_factor,
 )
-from benchtool.physics.mixer import pitch_moment_Nm
-from benchtool.physics.wake_rules import WAKE_RULES
-from benchtool.simulate.pitch.attitude import hover_authority_Nm, restoring_moment_Nm
-from tests.unit.physics import paper_tables as tables
 from tests.unit.physics.general_sum import multirotor_factors, pole_z_over_R
 from tests.unit.physics.layouts import plus_layout
 from tests.unit.physics.paper_tables import as_printed, rows
 
+ATTITUDE = paper_script("attitude")
 ROOT2 = np.sqrt(2.0)
 GRAVITY = 9.81
 PQUAD_R, AMUSE_R = 0.12, 0.205
@@ -129,7 +130,7 @@ def test_moment_at_the_edge_of_an_obstacle(row: list[str]) -> None:
 def restoring_mNm(rig_name: str, z_over_R: float, tilt_deg: float, reading: str) -> float:
     """Return the moment against a nose-down tilt, for T = m g/4 of each disc."""
     tilts = np.radians([tilt_deg])
-    found = restoring_moment_Nm(rig_named(rig_name), np.array([z_over_R]), tilts, reading)
+    found = ATTITUDE.restoring_moment_Nm(rig_named(rig_name), np.array([z_over_R]), tilts, reading)
     return float(1e3 * found[0, 0])
 
 
@@ -174,13 +175,13 @@ def test_restoring_moment_of_amuse(row: list[str]) -> None:
 def test_restoring_moment_of_amuse_by_rotors_only() -> None:
     values = [restoring_mNm("amuse", 2.0, tilt, "rotors_only") for tilt in (5, 10)]
     check_row(values, ["139", "286"])
-    authority = 1e3 * hover_authority_Nm(rig_named("amuse"))
+    authority = 1e3 * ATTITUDE.hover_authority_Nm(rig_named("amuse"))
     check_row([100.0 * value / authority for value in values], ["0.5", "1.1"])
 
 
 @pytest.mark.parametrize("row", rows(tables.AUTHORITY_PERCENT), ids=lambda r: r[0])
 def test_restoring_moment_against_control_authority(row: list[str]) -> None:
-    authority = 1e3 * hover_authority_Nm(rig_named("pquad"))
+    authority = 1e3 * ATTITUDE.hover_authority_Nm(rig_named("pquad"))
     check_row([authority], ["1545"])
     for tilt, printed in zip((5, 10), row[1:], strict=True):
         if printed != "-":
@@ -194,7 +195,7 @@ def test_restoring_moment_against_control_authority(row: list[str]) -> None:
 def test_from_which_height_on_a_tilt_is_not_considerable(
     tilt_deg: float, percent: float, least: float
 ) -> None:
-    limit = 10.0 * percent * hover_authority_Nm(rig_named("pquad"))
+    limit = 10.0 * percent * ATTITUDE.hover_authority_Nm(rig_named("pquad"))
     moments = [restoring_mNm("pquad", z, tilt_deg, "images") for z in (least - 0.01, least)]
     assert moments[0] > limit > moments[1]
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import runpy
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -12,10 +9,8 @@ from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
 from benchtool.physics.distance_law import CONTACT_Z_OVER_R
-from benchtool.report.files import figure_bytes
 from benchtool.report.palette import LOOKS
 from benchtool.report.ratio import Band, Curve, RatioPoints, draw_ratio
-from benchtool.report.style import SIMULATED_GID
 
 Z = np.linspace(0.3, 6.0, 58)
 FACTOR = 1.0 / (1.0 - (1.0 / (4.0 * Z)) ** 2)
@@ -106,12 +101,3 @@ def test_bands_are_drawn_and_named() -> None:
     (line,) = [item for item in axes.lines if item.get_label() == "fit"]
     assert line.get_linestyle() == "-"
     assert line.get_color() == LOOKS["quad"].color
-
-
-def test_the_documentation_has_the_figures_that_its_script_draws() -> None:
-    folder = Path(__file__).parents[3] / "docs" / "assets"
-    figures = runpy.run_path(str(folder / "draw.py"))["figures"]()
-    assert {f"{name}.svg" for name in figures} <= {path.name for path in folder.glob("*.svg")}
-    for block in figures.values():
-        assert [text for text in block.figure.texts if text.get_gid() == SIMULATED_GID]
-    assert figure_bytes(figures["fig03-two-rigs"].figure).startswith(b"<?xml")

@@ -147,19 +147,6 @@ def test_nothing_is_written_over_unless_asked(run: Path, tmp_path: Path) -> None
     assert out.read_text() != "old"
 
 
-def test_the_layout_of_the_paper_draws_recipes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    recipe = Path(__file__).parents[3] / "fits" / "three_rotors"
-    words = ["report", "--layout", "paper", "--three", str(recipe), "--out", str(tmp_path)]
-    assert call(*words) == 0
-    drawn = tmp_path / "fig08-three-rotors.svg"
-    assert capsys.readouterr().out == f"written: {drawn} and png\n"
-    assert sorted(tmp_path.iterdir()) == [drawn.with_suffix(".png"), drawn]
-    assert call(*words) == 2
-    assert call(*words, "--overwrite") == 0
-
-
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -169,10 +156,6 @@ def test_the_layout_of_the_paper_draws_recipes(
         (("{table}",), "benchtool import"),
         (("{run}/points.csv",), "name its folder"),
         (("{run}", "--out", "page.pdf"), "does not end in .html"),
-        (("{run}", "--single", "{empty}"), "--single needs --layout paper"),
-        (("{run}", "--layout", "paper"), "--layout paper takes recipe folders"),
-        (("--layout", "paper"), "nothing to draw: give --three for figure 8"),
-        (("--layout", "poster"), "unknown --layout 'poster'; known: page, paper"),
         (("{run}", "--motors", "1,1"), "--motors is 1,1"),
         (("{run}", "--controller", "pid"), "a sweep has no controller"),
         (("{run}", "--model", "nomodel"), "unknown model"),

@@ -17,7 +17,6 @@ from benchtool.physics.blade_element import (
     thrust_at_equal_speed,
     torque_at_equal_speed,
 )
-from benchtool.physics.images import single_rotor_factor
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.flight import FlightCase, Goal, fly
@@ -26,6 +25,7 @@ from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
 from tests.unit.physics.blades import BLADE, MOTOR, bladed
+from tests.unit.physics.closed_forms import single_rotor_factor
 from tests.unit.simulate.flying import look_below
 
 FAR_M = 1.4
