@@ -38,15 +38,6 @@ def test_the_numbers_of_the_paper() -> None:
     assert pquad.disc_distances_m[0, 1] == pytest.approx(0.318, abs=5e-4)
 
 
-@pytest.mark.parametrize("name", ["pquad", "amuse"])
-def test_the_assumed_rotors_carry_the_vehicle_at_mid_throttle(name: str) -> None:
-    rig = rig_named(name)
-    each = rig.body.mass_kg * 9.81 / rig.n_rotors
-    hover = (each / rig.propulsion.thrust_coefficient_N_s2) ** 0.5
-    pulse = hover / rig.propulsion.speed_per_us_rad_s + rig.propulsion.pwm_start_us
-    assert 1400.0 < pulse < 1750.0
-
-
 @pytest.mark.parametrize(
     ("old", "new", "error", "words"),
     [
@@ -58,32 +49,11 @@ def test_the_assumed_rotors_carry_the_vehicle_at_mid_throttle(name: str) -> None
         ("radius_m = { value", "lag_s = { value", FileFormatError, "TOML"),
         ("thrust_N = 45.0", "thrust_N = 60.0", FileFormatError, "60 N, above .* 50 N"),
         ("= 1.035e-5", "== 1", FileFormatError, "not valid TOML: .*line"),
-        (
-            '[plate]\nsource = "assumed: belt-driven stage with a 1.2 m board"',
-            "[plate]",
-            FileFormatError,
-            "has no source",
-        ),
-        (
-            "[limits]",
-            '[motor]\nsource = "sheet"\nKv_rpm_V = 900.0\n[limits]',
-            FileFormatError,
-            "Kv_rpm_V and resistance_ohm, or governed = true",
-        ),
-        (
-            "[limits]",
-            "[blade]\nsolidity = 0.1\n[limits]",
-            FileFormatError,
-            "solidity has no source",
-        ),
+        ("[limits]", '[motor]\nsource = "a"\nKv_rpm_V = 9\n[limits]', FileFormatError, "Kv_rpm_V"),
+        ("[limits]", "[blade]\nsolidity = 0.1\n[limits]", FileFormatError, "solidity has no"),
         ('name = "pquad"', 'name = "pquad\\u202e"', InputError, "cannot name a rig in"),
         ('name = "pquad"', 'name = "the quad"', InputError, "'the quad' cannot name a rig"),
-        (
-            '[limits]\nsource = "',
-            '[limits]\nsource = ["sheet"] # "',
-            FileFormatError,
-            r"limits\.\w+ has no source",
-        ),
+        ('[limits]\nsource = "', '[limits]\nsource = ["a"] # "', FileFormatError, "has no source"),
     ],
 )
 def test_what_is_wrong_is_said(
@@ -92,11 +62,6 @@ def test_what_is_wrong_is_said(
     assert old in text
     with pytest.raises(error, match=words):
         rig_from_toml(text.replace(old, new, 1), "pquad.toml")
-
-
-def test_a_table_in_place_of_a_source_is_no_quantity(text: str) -> None:
-    rig = rig_from_toml(f"source = {{ sheet = 1.0 }}\n{text}", "pquad.toml")
-    assert rig == rig_from_toml(text, "pquad.toml")
 
 
 def test_an_unknown_rig_lists_the_known_ones() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from benchtool.core.schedule import PARKED_M, PlateVisit, Schedule, Signal, Swit
 from benchtool.core.schedule_file import schedule_named, schedule_names
 
 T = np.arange(0.0, 10.0, 0.01)
+VISIT = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=6.0, move_s=0.5)
 
 
 def shape(**values: object) -> np.ndarray:
@@ -42,8 +45,7 @@ def test_a_chirp_ends_at_its_last_frequency() -> None:
 
 
 def test_the_plate_comes_and_goes() -> None:
-    visit = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=6.0, move_s=0.5)
-    schedule = Schedule(name="x", title="x", duration_s=10.0, plate=(visit,)).sampled(100.0, 0.12)
+    schedule = Schedule(name="x", title="x", duration_s=10.0, plate=(VISIT,)).sampled(100.0, 0.12)
     at = {round(t, 2): k for k, t in enumerate(schedule.time_s)}
     assert schedule.plate_share[at[2.25]] == pytest.approx(0.5)
     assert schedule.plate_share[at[4.0]] == 1.0
@@ -83,9 +85,26 @@ def test_bad_schedules_are_refused(tmp_path: Path) -> None:
         Schedule(name="x", title="x", duration_s=1.0, switches=(Switch(at_s=1), Switch(at_s=0)))
     with pytest.raises(InputError, match="duration_s is nan"):
         schedule_named("plate").lasting(float("nan"))
+    with pytest.raises(InputError, match=r"from_s 1\.5 to_s 1"):
+        Signal(shape="step", from_s=1.5, to_s=1.0)
     path = tmp_path / "own.toml"
     path.write_text('name = "own"\ntitle = "own"\nduration_s = -1.0\n', encoding="utf-8")
     with pytest.raises(FileFormatError, match="duration_s"):
         schedule_named(path)
     with pytest.raises(UnknownChoice, match=r"known: .*plate"):
         schedule_named("plat")
+
+
+@pytest.mark.parametrize(
+    ("parts", "said"),
+    [
+        ({"duration_s": 1e9}, r"1e\+09; give at most 3600"),
+        ({"reference_deg": (Signal(shape="step", level=1e9),)}, r"reference_deg .* 1e\+09"),
+        ({"collective": (Signal(shape="step", level=-5.0),)}, "collective .* -4; .* between 0"),
+        ({"plate": (VISIT, replace(VISIT, in_s=5.0, out_s=9.0))}, "comes again at 5 s"),
+    ],
+)
+def test_what_no_bench_follows_is_refused(parts: dict[str, Any], said: str) -> None:
+    given = {"name": "x", "title": "x", "duration_s": 9.0, **parts}
+    with pytest.raises(InputError, match=said):
+        Schedule(**given).sampled(100.0, 0.12)

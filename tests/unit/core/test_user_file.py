@@ -9,7 +9,7 @@ import pytest
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.parsed_text import parse_json, parse_toml
-from benchtool.core.user_file import open_file, read_file, read_text
+from benchtool.core.user_file import open_file, read_text
 
 
 @pytest.mark.parametrize(
@@ -37,17 +37,6 @@ def test_what_is_no_text_file_is_refused(tmp_path: Path, name: str, says: str) -
     (tmp_path / "bytes").write_bytes(b"a\xff")
     with pytest.raises(FileFormatError, match=says):
         read_text(tmp_path / name, 10)
-
-
-def test_a_file_that_may_not_be_read_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def denied(*_: object) -> int:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(os, "open", denied)
-    with pytest.raises(FileFormatError, match="permission denied; check the path"):
-        read_file(tmp_path / "secret")
 
 
 def test_a_link_is_followed_only_where_that_is_wanted(tmp_path: Path) -> None:

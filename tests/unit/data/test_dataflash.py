@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from pymavlink.DFReader import DFReader, DFReader_binary, DFReader_text
 
-from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.formats import import_bytes, import_file
 from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.flight_logs import LAYOUTS, dataflash, hop, record, text_log
@@ -101,22 +100,6 @@ def test_motors_speeds_and_distance_find_their_channels() -> None:
     assert recording.provenance["device"] == "ArduCopter V4.5.7"
 
 
-def test_a_motor_without_pulses_is_reported() -> None:
-    records = [
-        (name, (values[0], 1500, 1510, 0, 1530) if name == "RCOU" else values)
-        for name, values in hop()
-    ]
-    records.append(("PARM", (0, b"SERVO11_FUNCTION", 37.0, 0.0)))
-    read = import_bytes(dataflash(records), "hop.bin", Options())
-    assert [item for item in read.recording.names if item.startswith("pwm")] == [
-        "pwm1_us", "pwm3_us", "pwm4_us",
-    ]  # fmt: skip
-    assert [(item.kind, item.channel) for item in found(read, "outputs")] == [
-        ("lacks", "pwm2_us"), ("lacks", "pwm5_us"),
-    ]  # fmt: skip
-    assert "motor 5 is on channel 11" in found(read, "outputs")[1].words
-
-
 def test_windows_of_the_sensor_and_of_the_user() -> None:
     read = import_bytes(dataflash(hop()), "hop.bin", Options(near_m=0.5))
     (window,) = read.windows
@@ -162,11 +145,6 @@ def test_a_records_head_inside_a_body_is_no_record() -> None:
     read = import_bytes(dataflash(records), "hop.bin", Options())
     assert read.tally.total == len(records) + 1 + len(LAYOUTS)
     assert found(read, "corrupt bytes") == []
-
-
-def test_a_log_without_flight_data_says_so() -> None:
-    with pytest.raises(FileFormatError, match="none is attitude, rates, outputs"):
-        import_bytes(dataflash([("POS", (1, 2, 3, 4))]), "pos.bin", Options())
 
 
 def test_a_stray_time_is_refused() -> None:

@@ -1,19 +1,14 @@
 from __future__ import annotations
 
-import csv
-from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
-import pytest
 
-from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.data.parquet import read_parquet
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import read_settings
-from benchtool.data.run.settings import SUFFIXES, TABLES, exported
+from benchtool.data.run.settings import exported
 from tests.unit.data.run_of import small_run
 
 
@@ -50,33 +45,3 @@ def test_what_is_not_on_the_disk_is_made_with_the_same_numbers(tmp_path: Path) -
     (run.path / "samples.csv").unlink()
     again = BytesIO(exported(run.path, "samples", ".csv")).read()
     assert again.count(b"\n") == whole.count(b"\n")
-
-
-def test_pyarrow_reads_numbers_units_and_the_hash_of_the_samples(tmp_path: Path) -> None:
-    run = small_run(tmp_path / "run")
-    run.close()
-    table = pq.read_table(run.path / "samples.parquet")
-    with (run.path / "samples.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    for name in ("time_s", "device_time_us", "pwm1_us", "rpm1", "thrust_N"):
-        cells = [float(row[name]) if row[name] else None for row in rows]
-        assert [None if one is None or one != one else one for one in table[name].to_pylist()] == [
-            pytest.approx(one, rel=0, abs=0) if one is not None else None for one in cells
-        ]
-    facts = table.schema.metadata
-    units = {"time_s": b"s", "device_time_us": b"us", "rpm1": b"rpm", "thrust_N": b"N"}
-    assert {name: facts[f"unit:{name}".encode()] for name in units} == units
-    stated = sha256((run.path / "samples.csv").read_bytes()).hexdigest().encode()
-    assert facts[b"provenance:sha256"] == stated
-
-
-def test_a_table_that_nobody_knows_is_refused(tmp_path: Path) -> None:
-    run = small_run(tmp_path / "run")
-    with pytest.raises(UnknownChoice, match="known: points, samples, settings"):
-        exported(run.path, "../metadata", ".csv")
-    with pytest.raises(UnknownChoice):
-        exported(run.path, "points", ".json")
-    (run.path / "samples.csv").unlink()
-    with pytest.raises(FileFormatError, match="no samples in it"):
-        exported(run.path, "samples", ".csv")
-    assert (len(TABLES), len(SUFFIXES)) == (3, 3)

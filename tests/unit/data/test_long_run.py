@@ -9,10 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.core.errors import FileFormatError
-from benchtool.data.run.closing import scan_samples
 from benchtool.data.run.read import read_samples, sample_names
-from benchtool.data.run.run import Run
 from tests.unit.data.run_of import small_run
 
 ROWS = 400_000
@@ -81,56 +78,3 @@ def test_some_channels_are_those_of_the_whole(tmp_path: Path) -> None:
     assert sample_names(run.path) == whole.names
     (run.path / "samples.csv").unlink()
     assert sample_names(run.path) == whole.names
-
-
-@pytest.mark.parametrize("time", ["inf", "nan", "", "1.0x"])
-def test_a_time_that_is_none_is_not_gone_on_with(tmp_path: Path, time: str) -> None:
-    samples = small_run(tmp_path / "run").path / "samples.csv"
-    lines = samples.read_text().splitlines()
-    lines[3] = f"{time},{lines[3].split(',', 1)[1]}"
-    samples.write_text("\n".join(lines) + "\n")
-    with pytest.raises(FileFormatError, match=r"samples\.csv, line 4: it begins with"):
-        scan_samples(samples, frozenset())
-
-
-def test_a_channel_of_no_number_names_the_file(tmp_path: Path) -> None:
-    run = small_run(tmp_path / "run")
-    samples = run.path / "samples.csv"
-    samples.write_text(samples.read_text().replace(",sample,", ",sampel,", 1))
-    with pytest.raises(FileFormatError, match=r"samples\.csv"):
-        read_samples(run.path)
-    with pytest.raises(FileFormatError, match="sampel"):
-        run.close()
-    assert Run.open(run.path)
-
-
-FEW_ADDRESSES = """
-import resource, sys
-from pathlib import Path
-from benchtool.data.parquet import load_library
-from benchtool.data.run.run import Run
-
-load_library()
-status = dict(line.split(":", 1) for line in open("/proc/self/status"))
-most = int(status["VmSize"].split()[0]) * 1024 + (256 << 20)
-resource.setrlimit(resource.RLIMIT_AS, (most, most))
-Run.open(Path(sys.argv[1])).close()
-"""
-
-
-@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="needs /proc")
-def test_a_run_is_closed_where_the_system_refuses_another_thread(tmp_path: Path) -> None:
-    import resource
-
-    run = small_run(tmp_path / "run")
-    # Stacks of 1 GB: no thread fits into what is left, and everything else does.
-    stack = (1 << 30, resource.getrlimit(resource.RLIMIT_STACK)[1])
-    done = subprocess.run(
-        [sys.executable, "-c", FEW_ADDRESSES, str(run.path)],
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_STACK, stack),
-        capture_output=True, text=True, timeout=30.0, check=False,
-    )  # fmt: skip
-    assert (done.returncode, done.stderr) == (0, "")
-    rows = read_samples(run.path / "samples.csv").values
-    (run.path / "samples.csv").unlink()
-    assert np.array_equal(read_samples(run.path).values, rows, equal_nan=True)

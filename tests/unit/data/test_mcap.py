@@ -110,13 +110,3 @@ def test_another_s_file_is_refused(tmp_path: Path) -> None:
     for read in (read_mcap, bt.read):
         with pytest.raises(FileFormatError, match="benchtool has not written this MCAP file"):
             read(path)
-
-
-def test_python_reads_an_mcap_file_and_makes_its_page(tmp_path: Path) -> None:
-    made, path = recording(700), tmp_path / "a.mcap"
-    write_mcap(path, made)
-    found = bt.read(path)
-    table = found.to_dataframe()
-    np.testing.assert_array_equal(table["thrust_N"], made.column("thrust_N"))
-    found.report(tmp_path / "a.html")
-    assert "thrust_N" in (tmp_path / "a.html").read_text("utf-8")

@@ -41,11 +41,6 @@ def test_a_size_that_no_propeller_has_is_refused(text: str) -> None:
         propeller_named(text)
 
 
-def test_an_unknown_one_is_refused_with_the_known_and_how_to_write_a_size() -> None:
-    with pytest.raises(UnknownChoice, match=r"10x4\.5.*apc_10x7sf"):
-        propeller_named("apc10")
-
-
 @pytest.fixture
 def library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Give an empty library of the user's own."""

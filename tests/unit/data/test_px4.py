@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from pyulog import ULog
 
-from benchtool.core.errors import FileFormatError
 from benchtool.data.formats.formats import import_bytes, import_file
 from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.stand_logs import found
@@ -55,13 +54,6 @@ def test_numbers_are_pyulogs(path: Path) -> None:
     assert read.tally.total == sum(len(item.data["timestamp"]) for item in log.data_list)
 
 
-def test_what_each_log_lacks(path: Path) -> None:
-    read = import_file(path)
-    lacks = {item.what for item in read.findings if item.kind == "lacks"}
-    assert ("rpm" in lacks) == (path.name == "sample_log_small.ulg")
-    assert "distance" in lacks
-
-
 def test_a_cut_log_gives_what_is_whole(path: Path) -> None:
     data = path.read_bytes()
     half = len(data) * 2 // 3
@@ -81,10 +73,3 @@ def test_corrupt_bytes_are_reported(path: Path) -> None:
     read = import_bytes(bytes(data), path.name, Options())
     assert read.tally.balanced
     assert [item.kind for item in found(read, "corrupt bytes")] == ["refused"]
-
-
-def test_a_header_alone_is_refused(path: Path) -> None:
-    data = path.read_bytes()
-    for length in (8, 16, 200):
-        with pytest.raises(FileFormatError):
-            import_bytes(data[:length], path.name, Options())

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.air import relative_density_sd
-from benchtool.core.channel import Channel, error_name, unit_in_name
+from benchtool.core.channel import Channel, unit_in_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Motor, Propeller, Sensor
 from benchtool.core.rig_file import rig_named
@@ -22,7 +22,6 @@ from benchtool.data.derived import (
     QuantityValues,
     circumstances,
     derive,
-    with_quantities,
 )
 from benchtool.data.formats.formats import import_file
 from benchtool.data.quantities import QUANTITIES, following
@@ -104,14 +103,6 @@ def test_torque_of_a_data_sheet_is_the_winding_current_over_kv() -> None:
     assert "data sheet" in kv.origin
 
 
-def test_a_measured_torque_goes_before_the_data_sheet() -> None:
-    motor = Motor(Kv_rpm_V=900.0, resistance_ohm=0.1)
-    got = found(table(**ROW), propeller=PROPELLER, air=AIR, motor=motor)
-    assert got["torque_Nm"].value[0] == TORQUE_NM
-    assert got["torque_Nm"].origin == "measured"
-    assert not any("data sheet" in one.origin for one in got.values())
-
-
 def test_own_errors_are_those_of_the_closed_formulae() -> None:
     got = found(table(**ROW, **ERRORS))
     t, q, n = 0.02 / THRUST_N, 6e-4 / TORQUE_NM, 4.0 / RPM
@@ -171,13 +162,6 @@ def test_only_what_the_bench_measures_appears(missing: str, gone: set[str]) -> N
     assert set(found(table(**ROW))) - set(left) == gone
 
 
-def test_what_follows_from_torque_is_named() -> None:
-    assert set(following("torque_Nm")) == {
-        "mechanical_power_W", "motor_efficiency", "propeller_efficiency_N_W", "cp",
-        "figure_of_merit",
-    }  # fmt: skip
-
-
 def test_without_chord_there_is_no_reynolds_number_and_without_propeller_no_coefficient() -> None:
     bare = Propeller(name="bare", diameter_m=DIAMETER_M)
     assert "reynolds_75" not in found(table(**ROW), propeller=bare, air=AIR)
@@ -202,13 +186,6 @@ def test_a_rotor_at_rest_has_no_coefficient_and_nothing_warns() -> None:
     assert isnan(got["efficiency_N_W"].value[1])
 
 
-def test_a_torque_cell_of_the_other_sign_gives_a_positive_power() -> None:
-    got = found(table(**{**ROW, "torque_Nm": -TORQUE_NM}))
-    assert got["mechanical_power_W"].value[0] == pytest.approx(
-        BY_HAND["mechanical_power_W"], rel=1e-4
-    )
-
-
 def test_means_of_visits_take_the_scatter_where_it_is_larger() -> None:
     columns = {key: [value] * 4 for key, value in {**ROW, **ERRORS}.items()}
     columns["thrust_N"] = [8.0, 8.4, 8.0, 8.002]
@@ -219,18 +196,6 @@ def test_means_of_visits_take_the_scatter_where_it_is_larger() -> None:
     assert means.standard_error[1] == pytest.approx(hypot(*ct.standard_error[2:]) / 2.0)
     share = ct.error_sources[0].columns[0, 0]
     assert means.error_sources[0].columns[1, 0] == pytest.approx(share, rel=2e-3)
-
-
-def test_columns_carry_units_and_errors_stand_beside_them() -> None:
-    recording = table(**ROW, **ERRORS)
-    known = circumstances(PROPELLER, AIR)
-    wide = with_quantities(recording, derive(recording, known))
-    assert error_name("efficiency_N_W") == "efficiency_se_N_W"
-    units = {channel.name: channel.unit for channel in wide.channels}
-    assert units["efficiency_gf_W"] == units["efficiency_se_gf_W"] == "gf/W"
-    assert units["efficiency_se_N_W"] == "N/W"
-    assert units["ct_se"] == "1"
-    assert wide.column("torque_se_Nm")[0] == ERRORS["torque_se_Nm"]
 
 
 UIUC = {"apcsf_10x7_static_kt0827": 0.254, "apce_16x8_static_2150od": 0.4064}
@@ -270,18 +235,6 @@ def test_powers_and_efficiencies_that_a_stand_writes_agree_with_its_own_channels
         ratio = recording.column(name)[loaded] / got[name][loaded]
         assert ratio == pytest.approx(1.0, abs=0.003), name
         assert loaded.sum() >= 10
-
-
-def test_what_a_stand_worked_out_is_left_out_after_a_repair_of_what_it_follows_from(
-    reference_data: Path,
-) -> None:
-    path = reference_data / "rcbenchmark_1580" / "StepsTest_2020-05-22_102946.csv"
-    read = import_file(path, Options(scale=("rpm1=1/2",)))
-    assert {"power_W", "efficiency_N_W"} <= set(read.recording.names)
-    assert not {"mechanical_power_W", "motor_efficiency"} & set(read.recording.names)
-    stale = next(one for one in read.findings if one.what == "stale columns")
-    assert stale.count == 3
-    assert "repair of rpm1" in stale.words
 
 
 def edited_run(folder: Path, **changes: dict[str, object]) -> Path:

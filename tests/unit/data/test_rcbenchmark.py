@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.errors import InputError
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from tests.unit.data.stand_logs import HEADER_1580, found, imported, log_text, logged, steps_1580
 
@@ -24,28 +24,6 @@ def test_units_become_ours_and_quotients_are_left_out() -> None:
     assert "Overall Efficiency" not in " ".join(recording.names)
     assert [item.kind for item in read.findings if item.kind == "doubt"] == []
     assert len(found(read, "dead channel")) == 1  # the optical probe
-
-
-@pytest.mark.parametrize(
-    ("unit", "newton"), [("kgf", STANDARD_GRAVITY_M_S2), ("lbf", 4.4482216152605), ("N", 1.0)]
-)
-def test_thrust_in_any_display_unit(unit: str, newton: float) -> None:
-    text = log_text(steps_1580()).replace("Thrust (gf)", f"Thrust ({unit})")
-    thrust = imported(text).recording.column("thrust_N")
-    np.testing.assert_allclose(thrust, steps_1580()["Thrust (gf)"] * newton, rtol=1e-14)
-
-
-def test_a_spreadsheet_saved_it() -> None:
-    text = log_text(steps_1580())
-    mangled = text.replace(",", ";").replace(".", ",").replace("\n", "\r\n")
-    plain, through = imported(text), imported(mangled.encode("cp1252"))
-    np.testing.assert_array_equal(plain.recording.values, through.recording.values)
-    assert {item.what for item in through.findings if item.kind == "repaired"} == {
-        "line ends",
-        "other delimiter",
-        "decimal commas",
-        "encoding",
-    }
 
 
 def test_blank_cells_of_a_slower_channel_stay_blank() -> None:
@@ -119,23 +97,6 @@ def test_a_text_cell_is_blanked_and_reported() -> None:
     assert (finding.lines, finding.channel) == ("7", "Thrust (gf)")
 
 
-def test_script_columns_without_a_name() -> None:
-    text = log_text(steps_1580())
-    head, rest = text.split("\n", 1)
-    longer = rest.replace(",\n", ",,3500,0.1,7,\n")
-    read = imported(f"{head}\n{longer}")
-    assert read.tally.kept == 20
-    assert found(read, "cells without a name")[0].kind == "left out"
-
-
-def test_a_header_longer_than_every_row() -> None:
-    header = HEADER_1580 + "TargetRPM,Change,Integral,"
-    body = log_text(steps_1580()).split("\n", 1)[1]
-    read = imported(f"{header}\n{body}")
-    assert read.tally.kept == 20
-    assert "Integral" in found(read, "ragged rows")[0].words
-
-
 def test_the_last_line_is_cut() -> None:
     text = log_text(steps_1580())
     read = imported(text[:-60])
@@ -193,34 +154,12 @@ def test_a_wrong_pole_count() -> None:
     np.testing.assert_allclose(mended.recording.column("rpm1"), rpm)
 
 
-def test_a_dead_cell_and_a_single_row() -> None:
-    dead = logged({"Thrust (gf)": np.zeros(20)})
-    assert [item.channel for item in found(dead, "dead channel")] == ["rpm1_optical", "thrust_N"]
-    single = imported(log_text({name: column[:1] for name, column in steps_1580().items()}))
-    assert found(single, "single row")[0].kind == "doubt"
-
-
 def test_the_optical_probe_stands_in_for_a_dead_electrical_one() -> None:
     rpm = steps_1580()["Motor Electrical Speed (RPM)"]
     columns = {"Motor Electrical Speed (RPM)": 0.0 * rpm, "Motor Optical Speed (RPM)": rpm}
     read = logged(columns)
     np.testing.assert_array_equal(read.recording.column("rpm1"), rpm)
     assert read.sources["rpm1"] == "Motor Optical Speed (RPM)"
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "is empty"),
-        ("   \n \n", "is empty"),
-        (HEADER_1580 + "\n", "no row below it"),
-        ("a,b\n1,2\n", "--columns"),
-        ("PK\x03\x04\0\0\0\0zip", "not a text file"),
-    ],
-)
-def test_what_cannot_be_read_is_refused_in_a_sentence(text: str, said: str) -> None:
-    with pytest.raises(FileFormatError, match=said):
-        imported(text)
 
 
 def test_what_is_known_must_make_sense() -> None:

@@ -6,10 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.data.catalogue import index
-from benchtool.data.catalogue.choice import ChoiceInputs, chosen
 from benchtool.data.catalogue.index import list_entries
-from benchtool.data.run import entry as run_list
 from benchtool.data.run.entry import Entry, entry_of
 from benchtool.data.run.runs_folder import RunsFolder
 from tests.unit.data.run_of import small_run
@@ -53,42 +50,6 @@ def test_everything_is_listed_with_what_it_is(folder: RunsFolder) -> None:
     assert (found["fits/quad"].rig, found["fits/quad"].state) == ("quad_bench", "converged")
     assert found["answer"].summary == "A cable pulls."
     assert found["lab.csv"].summary == "gap_mm, F_gf"
-
-
-def test_a_run_that_ended_without_a_reason_shows_none(tmp_path: Path) -> None:
-    small_run(tmp_path / "one").update_metadata(state="ended", reason=None)
-    assert entry_of(RunsFolder(tmp_path), "one").summary == "4 points"
-
-
-def test_the_newest_comes_first(folder: RunsFolder) -> None:
-    dates = [entry.date for entry in list_entries(folder)]
-    assert dates == sorted(dates, reverse=True)
-
-
-def test_a_folder_that_is_not_there_is_empty(tmp_path: Path) -> None:
-    assert list_entries(RunsFolder(tmp_path / "none")) == ()
-
-
-@pytest.mark.parametrize(
-    ("words", "kind", "names"),
-    [
-        ("", "", {"one", "quad", "fits/quad", "answer", "lab.csv"}),
-        ("PQUAD", "", {"quad"}),
-        ("quad", "", {"quad", "fits/quad"}),
-        ("quad", "fit", {"fits/quad"}),
-        ("2026-03", "", {"one"}),
-        ("stopped ctrl", "", {"one"}),
-        ("stopped pquad", "", set()),
-        ("cable", "", {"answer"}),
-    ],
-)
-def test_words_find_by_name_rig_date_kind_and_state(
-    folder: RunsFolder, words: str, kind: str, names: set[str]
-) -> None:
-    assert {
-        entry.name
-        for entry in chosen(list_entries(folder), ChoiceInputs(words=words, kind=kind or None))
-    } == names
 
 
 def test_what_is_broken_is_listed_with_its_reason(folder: RunsFolder) -> None:
@@ -139,23 +100,3 @@ def test_a_pitch_recording_is_known_by_its_channels(folder: RunsFolder) -> None:
     assert (found.kind, found.summary, found.can_fit) == ("pitch recording", "1,375 samples", False)
     (run.path / "samples.csv").unlink()
     assert "no samples in it" in entry_of(folder, "pitch").problem
-
-
-def test_only_what_has_changed_is_read_again(
-    folder: RunsFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen: index.Seen = {}
-    whole = list_entries(folder, seen)
-    read: list[str] = []
-
-    def noted(folder: RunsFolder, name: str) -> Entry:
-        read.append(name)
-        return entry_of(folder, name)
-
-    monkeypatch.setattr(run_list, "entry_of", noted)
-    assert list_entries(folder, seen) == whole
-    assert read == []
-    (folder.root / "quad" / "points.csv").write_text("point,kind\n1,bogus\n", "utf-8")
-    again = {entry.name: entry for entry in list_entries(folder, seen)}
-    assert read == ["quad"]
-    assert "bogus" in again["quad"].problem

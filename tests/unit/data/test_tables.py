@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.data.formats.formats import import_files
 from benchtool.data.repairs.foreign_units import conversion
-from tests.unit.data.stand_logs import found, imported, log_text, steps_1580
+from tests.unit.data.stand_logs import found, imported
 
 FLIGHT_STAND = "Time;Load [ozf];Torque (ozf in);Speed;Note\n0,0;1,5;0,1;50;a\n0,5;2,5;0,2;60;b\n"
 MAP = """
@@ -36,31 +35,6 @@ def test_a_column_map_with_units_that_only_pint_knows(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.column("temperature_degC"), 20.0)
     assert found(read, "columns")[0].words == "the map does not name Note"
     assert read.sources["rpm1"] == "Speed [Hz] times 0.5"
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ('thrust_N = { column = "Load", unit = "N" }', "lacks"),
-        ('lift_N = "Load [ozf]"', "unknown channel"),
-        ('thrust_N = { column = "Load [ozf]", unit = "furlong" }', "does not measure force"),
-        ('thrust_N = { column = "Load [ozf]", unit = "wibble" }', "is unknown"),
-        ('thrust_N = { column = "Load [ozf]", colour = "red" }', "colour"),
-        ("thrust_N = 5", "write it as"),
-        ("[columns]", "maps nothing"),
-        ("thrust_N = ", "not valid TOML"),
-    ],
-)
-def test_a_map_that_cannot_hold_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    (tmp_path / "map.toml").write_text(text)
-    with pytest.raises(InputError, match=said):
-        imported(FLIGHT_STAND, columns=tmp_path / "map.toml")
-
-
-def test_a_column_that_stands_twice_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "map.toml").write_text('thrust_N = "F"')
-    with pytest.raises(FileFormatError, match="stands 2 times"):
-        imported("F,F\n1,2\n", columns=tmp_path / "map.toml")
 
 
 @pytest.mark.parametrize(
@@ -94,24 +68,12 @@ def test_a_header_whose_unit_measures_something_else_is_refused() -> None:
         imported("t,Thrust (N)\n0,1\n", tare=("lift",))
 
 
-def test_quoted_cells_may_hold_anything() -> None:
-    text = 't,"Thrust (gf)",note\n0,"1.5","a, ""b""\n and c"\n1,"2.5",\n'
-    read = imported(text)
-    np.testing.assert_allclose(read.recording.column("thrust_N") / 9.80665e-3, [1.5, 2.5])
-    assert read.tally.total == 2
-
-
 def test_rows_whose_lengths_make_up_for_each_other() -> None:
     read = imported("time_s,thrust_N,rpm1\n0,1.5\n1,2.5,30,40\n2,3.5,50\n")
     assert found(read, "ragged rows")[0].lines == "2"
     assert (read.tally.kept, read.tally.refused) == (2, 1)
     two = imported("time_s,thrust_N,rpm1\n0,1.5\n1,2.5,30,\n")
     assert two.tally.kept == 2
-
-
-def test_a_quote_that_nobody_closes() -> None:
-    read = imported('time_s,thrust_N\n0,1.5\n"')
-    assert (read.tally.kept, read.tally.total) == (1, 1)
 
 
 def test_a_crazyflie_lifts_in_gram_force() -> None:
@@ -137,23 +99,6 @@ def test_a_propellers_coefficients_become_thrust_and_torque() -> None:
         imported(text, "static.txt")
 
 
-def test_two_files_that_disagree_by_a_pole_count(tmp_path: Path) -> None:
-    rpm = steps_1580()["Motor Electrical Speed (RPM)"]
-    (tmp_path / "a.csv").write_text(log_text(steps_1580()))
-    wrong = steps_1580(**{"Motor Electrical Speed (RPM)": 7.0 * rpm})
-    (tmp_path / "b.csv").write_text(log_text(wrong))
-    one, other = import_files([tmp_path / "a.csv", tmp_path / "b.csv"])
-    assert "near 1/7" in found(one, "rpm ratio")[0].words
-    assert "near 7" in found(other, "rpm ratio")[0].words
-
-
-def test_two_files_of_numbers_near_the_largest_are_compared(tmp_path: Path) -> None:
-    for name in ("a.csv", "b.csv"):
-        (tmp_path / name).write_text("time_s,pwm1_us,thrust_N,rpm1\n" + "1,1500,1e20,1e20\n" * 3)
-    for read in import_files([tmp_path / "a.csv", tmp_path / "b.csv"]):
-        assert read.recording.column("rpm1").tolist() == [1e20] * 3
-
-
 def test_windows_are_marked_by_the_user() -> None:
     from benchtool.data.formats.over_surface import parse_window
 
@@ -172,3 +117,22 @@ def test_windows_are_marked_by_the_user() -> None:
         imported(text, over=(parse_window("1:2:3"),))
     with pytest.raises(InputError, match="recording ends at 9 s"):
         imported(text, over=(parse_window("20:30:1"),))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('thrust_N = { column = "Load", unit = "N" }', "lacks"),
+        ('lift_N = "Load [ozf]"', "unknown channel"),
+        ('thrust_N = { column = "Load [ozf]", unit = "furlong" }', "does not measure force"),
+        ('thrust_N = { column = "Load [ozf]", unit = "wibble" }', "is unknown"),
+        ('thrust_N = { column = "Load [ozf]", colour = "red" }', "colour"),
+        ("thrust_N = 5", "write it as"),
+        ("[columns]", "maps nothing"),
+        ("thrust_N = ", "not valid TOML"),
+    ],
+)
+def test_a_map_that_cannot_hold_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "map.toml").write_text(text)
+    with pytest.raises(InputError, match=said):
+        imported(FLIGHT_STAND, columns=tmp_path / "map.toml")

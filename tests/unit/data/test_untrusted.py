@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +10,6 @@ from hypothesis import strategies as st
 from benchtool.core.channel import unit_in_name
 from benchtool.core.errors import InputError
 from benchtool.data.formats.formats import import_bytes
-from benchtool.data.repairs.foreign_units import Conversion, conversion
 from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.flight_logs import dataflash, hop, text_log
 from tests.unit.data.stand_logs import log_text, steps_1580
@@ -62,11 +58,6 @@ def check_import(data: bytes, name: str) -> Imported | None:
 
 
 @pytest.mark.parametrize("name", SEEDS)
-def test_the_seeds_are_good_files(name: str) -> None:
-    assert check_import(SEEDS[name], name) is not None
-
-
-@pytest.mark.parametrize("name", SEEDS)
 @given(data=st.data())
 @settings(max_examples=60)
 def test_mutated_files(name: str, data: st.DataObject) -> None:
@@ -88,23 +79,6 @@ def test_mutated_files(name: str, data: st.DataObject) -> None:
     check_import(bytes(seed), name)
 
 
-@given(st.binary(max_size=300))
-def test_any_bytes(data: bytes) -> None:
-    check_import(data, "any")
-
-
-@given(
-    st.binary(max_size=200), st.sampled_from([b"\xa3\x95", b"ULog\x01\x12\x35", b"FMT, 1, 2, A,"])
-)
-def test_any_bytes_after_a_logs_first_ones(rest: bytes, first: bytes) -> None:
-    check_import(first + rest, "any")
-
-
-@given(st.binary(max_size=200))
-def test_any_frames(rest: bytes) -> None:
-    check_import(struct.pack(">Q", 1_700_000_000_000_000) + b"\xfd" + rest, "any")
-
-
 @given(
     st.lists(st.lists(CELLS, min_size=1, max_size=7), min_size=1, max_size=14),
     st.sampled_from([",", ";", "\t"]),
@@ -118,25 +92,3 @@ def test_any_cells_under_a_known_header(
     header = delimiter.join(["Time (s)", "ESC signal (µs)", "Thrust (gf)", "Voltage (V)", ""])
     lines = [header, *(delimiter.join(row) for row in rows)]
     check_import((end.join(lines) + end * is_ended).encode(), "cells")
-
-
-@given(st.text(max_size=20), st.sampled_from(["N", "rpm", "s", "1", "degC", "N m"]))
-def test_any_unit(text: str, target: str) -> None:
-    try:
-        scale: Conversion | None = conversion(text, target)
-    except InputError as error:
-        said, scale = str(error), None
-    if scale is None:
-        assert repr(text) in said
-    else:
-        assert np.isfinite([scale.factor, scale.offset]).all()
-
-
-@given(data=st.data())
-@settings(max_examples=40)
-def test_mutated_px4_logs(reference_data: Path, data: st.DataObject) -> None:
-    seed = bytearray((reference_data / "logs" / "sample_px4_events.ulg").read_bytes()[:150_000])
-    for _ in range(data.draw(st.integers(1, 6))):
-        at = data.draw(st.integers(0, len(seed) - 1))
-        seed[at : at + 4] = data.draw(st.binary(min_size=0, max_size=8))
-    check_import(bytes(seed), "events.ulg")
