@@ -19,14 +19,12 @@ from benchtool.explain.engine.posterior import (
     _inseparable,
     _nearest,
     _pruned,
-    _refused,
     _trial,
     _unnamed,
     _weights,
     _with_check,
     _with_law,
     prior,
-    probabilities,
     searched,
 )
 from benchtool.explain.engine.shared_errors import AMPLITUDES
@@ -275,23 +273,6 @@ def test_effects_that_contend_are_tried_with_a_law_that_is_off() -> None:
     assert [one.widened for one in trial.tried] == [{"law": 1.0}, {}, {"curve": 3.0}, {}]
     # A candidate above its base is the base; one beside a wider discrepancy may be above it.
     assert [float(one.at[0]) for one in trial.tried] == [0.0, 0.0, 1.0, 0.0]
-
-
-def test_probabilities_are_those_of_the_odds() -> None:
-    trial = place(slope=6.0, step=2.0, curve=1.0)
-    assert probabilities(trial) == pytest.approx(
-        {"slope": 0.6, "step": 0.2, "curve": 0.1, "none": 0.1}
-    )
-    assert probabilities(place(slope=0.25)) == pytest.approx({"slope": 0.2, "none": 0.8})
-    assert probabilities(Trial(base=opening(), tried=(), log_odds={"slope": -9e3}))["none"] == 1.0
-    assert _weights(Made(), trial) == pytest.approx(
-        {"slope": 0.6, "step": 0.2, "none": 0.1, "unknown": 0.1}
-    )
-
-
-def test_what_larger_things_are_left_of_keeps_a_twentieth() -> None:
-    left = _refused({"slope": 0.6, "none": 0.1, "unknown": 0.3}, 0.05)
-    assert left == pytest.approx({"slope": 0.03, "none": 0.005, "unknown": 0.965})
 
 
 @pytest.mark.parametrize(

@@ -32,21 +32,6 @@ def judged(model: Model, truth: Model) -> Verdict:
     return explain(subject, draws=32).verdict
 
 
-@pytest.mark.slow
-def test_friction_is_named_from_measured_speeds_with_its_size(model: Model) -> None:
-    """With the speeds shifted within a tick it came out a tenth too small."""
-    verdict = judged(model, model.fixed("coulomb_friction.torque_Nm", 0.011))
-    assert (verdict.kind, verdict.names) == ("effect", ("coulomb_friction",))
-    assert verdict.effects[0].probability > 0.9
-    found = verdict.effects[0].parameters[0]
-    assert found.low - found.std <= 0.011 <= found.high + found.std
-    gap = verdict.gaps[0]
-    assert gap.after < 1.25 * gap.floor_high
-    assert {gap.channel for gap in verdict.gaps} == {"theta_rad", "gyro_rad_s"}
-    assert set(BEFORE_SPEED) <= set(verdict.not_judged)
-    assert sum("nothing between pulse and speed" in line for line in verdict.remarks) == 2
-
-
 def test_what_lies_before_the_speeds_is_never_named(model: Model) -> None:
     truth = model.with_effect("battery_sag", rate_per_s=0.004).fixed("motor_lag.tau_s", 0.04)
     verdict = judged(model, truth)

@@ -64,6 +64,7 @@ def found_on(model: Model, truth: Model) -> Dependence | None:
     return dependence(missed, model.rig.propulsion.radius_m)
 
 
+@pytest.mark.slow
 def test_what_leans_on_rubber_is_found_with_its_angle_and_stiffness(model: Model) -> None:
     found = found_on(model, model.with_effect(RUBBER, stiffness_Nm=STIFFNESS_NM))
     assert found is not None

@@ -43,31 +43,6 @@ def recording(**changed: Array | None) -> Recording:
     return Recording.from_columns(pairs, {"file": "made.csv"})
 
 
-def test_a_whole_recording_needs_no_words(rig: Rig) -> None:
-    log = pitch_log(recording(), rig)
-    assert log.remarks == ()
-    assert not log.logged.from_speeds
-    assert log.logged.rate_Hz == pytest.approx(100.0)
-    assert len(log.logged) == 1000
-    assert log.logged.pwm_us[0, 0] == 1450.0
-    assert log.logged.speed_rad_s[1, 0] == pytest.approx(5520.0 * np.pi / 30.0)
-    assert not log.logged.plate_share.any()
-
-
-@pytest.mark.parametrize(
-    ("left_out", "words"),
-    [
-        ({"rpm1": None, "rpm2": None}, "no rpm"),
-        ({"gyro_rad_s": None}, "no gyro"),
-        ({"plate_z_m": None}, "parked"),
-        ({"pwm1_us": None, "pwm2_us": None}, "driven by the speeds that were measured"),
-    ],
-)
-def test_what_it_lacks_is_said(rig: Rig, left_out: dict[str, None], words: str) -> None:
-    log = pitch_log(recording(**left_out), rig)
-    assert any(words in remark for remark in log.remarks)
-
-
 def test_without_pulses_the_plant_is_driven_by_speeds(rig: Rig) -> None:
     log = pitch_log(recording(pwm1_us=None, pwm2_us=None), rig)
     assert log.logged.from_speeds
@@ -116,26 +91,6 @@ def test_a_plant_that_is_driven_seldom_is_said_or_refused(rig: Rig) -> None:
     seldom[::8] = np.nan
     with pytest.raises(InputError, match=r"comes 12\.5 times a second, which says too little"):
         pitch_log(recording(pwm1_us=seldom), rig)
-
-
-def test_pulses_slower_than_the_loop_are_told_with_the_rate_to_record(rig: Rig) -> None:
-    pquad = rig_named("pquad")
-    rate_Hz = pquad.sensors["theta_rad"].rate_Hz
-    told = "no effect explains; record outputs and attitude as fast as the loop runs, "
-
-    def four_rotors(hertz: float) -> Recording:
-        made = recording(time_s=np.arange(1000) / hertz)
-        for rotor in (3, 4):
-            made = made.with_column(Channel(f"pwm{rotor}_us", "us"), np.full(1000, 1450.0))
-        return made
-
-    assert not any(told in one for one in pitch_log(four_rotors(rate_Hz), pquad).remarks)
-    (remark,) = [one for one in pitch_log(four_rotors(0.5 * rate_Hz), pquad).remarks if told in one]
-    assert f"pwm1_us comes {0.5 * rate_Hz:g} times a second" in remark
-    assert f"{rate_Hz:g} times a second here" in remark
-    # A coarser encoder does not see it.
-    beam = recording(time_s=np.arange(1000) / 100.0)
-    assert not any(told in one for one in pitch_log(beam, rig).remarks)
 
 
 def test_only_gaps_is_refused(rig: Rig) -> None:

@@ -59,18 +59,6 @@ def test_a_plate_whose_pace_is_said_loses_no_more_than_it_takes(
     assert len(visited) - len(brief.logged) == (3 * 2 + 1) * 50
 
 
-@pytest.mark.slow
-def test_what_is_left_is_as_white_as_what_is_told(model: Model, visited: Recording) -> None:
-    """Taken for all in or all out on its way, the plate left two and a half times as much."""
-    sizes = []
-    for recording in (visited, without(visited, "coverage1")):
-        evidence = PitchEvidence(model, [pitch_log(recording, model.rig).logged])
-        pitch = evidence.residuals(np.zeros(len(evidence.parameters)))[:, 0]
-        rows = len(pitch) // (2 + model.rig.n_discs)
-        sizes.append(np.sqrt(np.mean(pitch[:rows] ** 2)))
-    assert sizes[1] < 1.1 * sizes[0]
-
-
 @pytest.mark.parametrize(
     ("left_out", "of_hinge", "of_speeds"),
     [("nothing", 2, 2), ("gyro_rad_s", 1, 2), (r"rpm\d|gyro_rad_s", 1, 0), ("rpm2", 2, 1)],

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 
 from benchtool.core.array import Array
 from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.engine.parameters import ScaledParameter
-from benchtool.explain.engine.posterior import Posterior, probabilities, searched
+from benchtool.explain.engine.posterior import Posterior, searched
 from benchtool.explain.engine.subject import Discrepancy, RowGroups
 
 ROWS = 200
@@ -45,13 +44,6 @@ def test_of_two_effects_each_is_tried_beside_the_other() -> None:
 
 def test_what_no_effect_describes_is_the_discrepancy() -> None:
     assert names_of(lambda x: 6.0 * np.cos(4.0 * x)) == [("curve",)] * 12
-
-
-def test_probabilities_sum_to_one() -> None:
-    for trial in found(lambda x: 2.0 * x, 1).trials:
-        shown = probabilities(trial)
-        assert sum(shown.values()) == pytest.approx(1.0)
-        assert set(shown) == {"slope", "step", "curve", "none"}
 
 
 def test_noise_beyond_the_stated_one_is_found_in_the_rows() -> None:

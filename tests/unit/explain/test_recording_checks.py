@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,7 +14,6 @@ from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
-from benchtool.data.table import read_table
 from benchtool.explain.pitch.log import pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.recording_checks import mended_readings
@@ -177,31 +174,6 @@ def test_recordings_of_two_pitch_benches_are_refused(model: Model, good: Recordi
     faster = changed(good, **{f"rpm{k}": 1.4 * good.column(f"rpm{k}") for k in (1, 2)})
     with pytest.raises(InputError, match=r"speed over pulse in check is 1.4"):
         PitchSubject(model, logs[:1], [pitch_log(faster, model.rig, "check")])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("family", "needs"), [("pitch", "mujoco"), ("sweeps", "scipy")])
-def test_of_good_foreign_recordings_nothing_is_claimed(
-    family: str, needs: str, reference_data: Path, tmp_path: Path
-) -> None:
-    """Four recordings of each family, made by physics of others."""
-    pytest.importorskip(needs)
-    generator = reference_data.parent / "foreign" / f"{family}.py"
-    if not generator.exists():
-        pytest.skip("no generator of foreign benches beside the reference data")
-    for seed in (100, 101):
-        command = [sys.executable, str(generator), "--seed", str(seed), "--out", str(tmp_path)]
-        subprocess.run(command, check=True, capture_output=True, cwd=tmp_path)
-        folder = tmp_path / f"{family}-none-{seed}"
-        model = load_model(str(folder / "model.toml")).model
-        for part in ("learn", "check"):
-            recording = read_table(folder / f"{part}.csv", {}, [])
-            log = (
-                pitch_log(recording, model.rig, plate_slide_s=0.0)
-                if family == "pitch"
-                else sweep_log(recording, model.rig)
-            )
-            assert log.remarks == ()
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Evidence of sweeps: residuals are white at the truth, and parameters act as the model says."""
+"""Plate sweeps as evidence: their logs, rotor speeds and residuals, white at the truth."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 
 from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.data.columns import KINDS
+from benchtool.core.rig_file import rig_named
+from benchtool.data.columns import KINDS, channel_called
 from benchtool.data.run.read import read_points
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import sweep_log
 from benchtool.explain.sweep.next_experiment import as_read, speed_at
+from benchtool.explain.sweep.power import FIRST_VISITS, Power
 from benchtool.fit.uncertainty.bench_errors import bench_errors
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
@@ -158,3 +161,121 @@ def test_blades_and_motor_predict_the_speed_at_a_pulse_against_the_plate() -> No
         missed[share] = np.abs(shown / power.speed_rad_s[late] - 1.0)
     assert missed[1.0].max() < 1e-9
     assert 0.002 < missed[0.0].max() < 0.006
+
+
+RIG = rig_named("pquad")
+
+
+@pytest.fixture(scope="module")
+def points() -> Recording:
+    return read_points(QUAD, KINDS)
+
+
+def only(recording: Recording, *names: str) -> Recording:
+    """Return the recording with only those columns."""
+    return Recording.from_columns(
+        [(channel_called(name), recording.column(name)) for name in names]
+    )
+
+
+def test_tares_are_rows_without_a_plate_or_speed(points: Recording) -> None:
+    log = sweep_log(points, RIG)
+    assert log.tare.sum() == 2
+    assert (log.conditions.speed_rad_s[:, log.tare] == 0.0).all()
+    assert (log.conditions.plate_z_m[log.tare] > 1e5).all()
+    assert not any("tare" in remark for remark in log.remarks)
+
+
+def test_stays_end_where_the_plate_moves_or_the_cell_is_tared(points: Recording) -> None:
+    log = sweep_log(points, RIG)
+    places = log.conditions.plate_z_m
+    assert (np.diff(log.stay) >= 0).all()
+    for number in np.unique(log.stay):
+        rows = log.stay == number
+        assert np.ptp(places[rows]) < 1e-3
+        assert len(set(log.tare[rows].tolist())) == 1
+
+
+def test_rows_come_in_the_order_of_time(points: Recording) -> None:
+    mixed = points.select(np.random.default_rng(1).permutation(len(points)))
+    assert (np.diff(sweep_log(mixed, RIG).conditions.time_s) > 0.0).all()
+
+
+def test_rows_with_empty_cells_are_left_out_and_counted(points: Recording) -> None:
+    values = points.values.copy()
+    values[5, points.index("thrust_N")] = np.nan
+    log = sweep_log(Recording(points.channels, values), RIG)
+    assert len(log) == len(points) - 1
+    assert any(f"for an empty cell: 1 of {len(points)} rows" in remark for remark in log.remarks)
+
+
+def test_points_without_thrust_are_refused(points: Recording) -> None:
+    with pytest.raises(InputError, match=r"few\.csv has no thrust_N, only plate_z_m, rpm1"):
+        sweep_log(only(points, "plate_z_m", "rpm1"), RIG, "few.csv")
+
+
+def test_too_few_points_are_refused(points: Recording) -> None:
+    with pytest.raises(InputError, match=r"has 3 whole points .* at least 4 are needed"):
+        sweep_log(points.select(np.arange(1, 4)), RIG, "few.csv")
+
+
+def test_speeds_at_given_pulses_are_kept_apart(points: Recording) -> None:
+    power = sweep_log(points, RIG).power
+    assert power is not None
+    assert set(np.round(power.pulse_us)) == {1450.0, 1600.0}
+    assert len(power.time_s) == len(points) - 2
+    assert np.isfinite(power.voltage_V).all()
+    assert 0.0 < power.late.mean() < 1.0
+
+
+@pytest.fixture(scope="module")
+def power() -> Power:
+    found = sweep_log(read_points(QUAD, KINDS), load_model("quad").model.rig).power
+    assert found is not None
+    return found
+
+
+def sagging(power: Power) -> np.ndarray:
+    """Return what a supply keeps that sags steadily (m, 1)."""
+    return power.supply(np.array([1e-4]), np.array([0.0]), np.array([0.02]))
+
+
+def test_speeds_of_a_supply_that_is_known_are_predicted_exactly(power: Power) -> None:
+    drive = sagging(power)[None]
+    scale = 1.0 + power.level
+    read = np.broadcast_to(scale * drive[0, :, 0], power.rotor_rad_s.shape)[:, :, None]
+    predicted = power.predicted(drive, read)
+    assert predicted[:, power.late] == pytest.approx(read[:, power.late], rel=1e-12)
+    assert not predicted[:, ~power.late].any()
+
+
+def test_only_earlier_visits_predict(power: Power) -> None:
+    drive = sagging(power)[None]
+    read = power.rotor_rad_s[:, :, None].copy()
+    before = power.predicted(drive, read)
+    place = int(np.flatnonzero(power.late)[len(power.late) // 2])
+    read[:, place] *= 1.5
+    after = power.predicted(drive, read)
+    changed = np.flatnonzero((before != after).any(axis=(0, 2)))
+    assert len(changed) > 1
+    assert changed.min() > place
+    assert (power.level[changed] == power.level[place]).all()
+
+
+def test_the_first_visits_of_a_level_are_not_judged(power: Power) -> None:
+    for level in np.unique(power.level):
+        rows = np.flatnonzero(power.level == level)
+        assert not power.late[rows[:FIRST_VISITS]].any()
+        assert power.late[rows[FIRST_VISITS:]].all()
+
+
+def test_load_is_counted_as_in_the_other_sweep(power: Power) -> None:
+    harder = replace(power, full_load=1.25 * power.full_load)
+    same = power.loaded_as(harder)
+    assert same.load == pytest.approx(power.load / 1.25)
+    assert same.load * same.full_load == pytest.approx(power.load * power.full_load)
+
+
+def test_current_is_not_counted_in_units_of_speed(power: Power) -> None:
+    other = replace(power, by_current=not power.by_current, full_load=7.0)
+    assert power.loaded_as(other) is power

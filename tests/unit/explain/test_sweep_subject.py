@@ -20,11 +20,10 @@ from benchtool.data.table import read_table
 from benchtool.explain.added_model import added_model
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.verdict import NextExperiment
-from benchtool.explain.sweep.next_experiment import MINUTES, SweepDesign, points_of
+from benchtool.explain.sweep.next_experiment import MINUTES
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.physics.catalogue import own_effects
 from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.model_file import load_model
@@ -82,36 +81,11 @@ def test_a_fit_of_the_new_model_keeps_the_truth_in_its_interval(
     assert fitted.chi2_per_dof < alone.chi2_per_dof
 
 
-def test_the_gap_shrinks_to_the_floor(story: Explanation) -> None:
-    gap = next(gap for gap in story.verdict.gaps if gap.channel == "thrust_N")
-    assert gap.before > 4.0 * gap.after
-    assert gap.after < 1.3 * gap.floor
-    assert gap.unit == "N"
-
-
-def test_it_shows_in_thrust_near_the_plate(story: Explanation) -> None:
-    where = story.verdict.where
-    assert where is not None
-    assert where.stage == "rpm_to_thrust"
-    overlay = next(one for one in story.overlays if one.channel == "thrust_N")
-    assert overlay.axis == "z_over_R"
-    near = overlay.at < 1.0
-    missed_before = np.nanmean(np.abs(overlay.measured - overlay.before)[near])
-    missed_after = np.nanmean(np.abs(overlay.measured - overlay.after)[near])
-    assert missed_after < 0.3 * missed_before
-
-
 def test_the_whole_model_lacks_nothing() -> None:
     verdict = explained("quad_bench", "quad").verdict
     assert (verdict.kind, verdict.names) == ("none", ())
     for gap in verdict.gaps:
         assert gap.after == gap.before
-
-
-def test_one_rotor_needs_no_body() -> None:
-    verdict = explained("single", "single_rotor").verdict
-    assert "body_lift" not in verdict.names
-    assert "body_lift" in verdict.not_judged
 
 
 def proposed(
@@ -159,13 +133,6 @@ def test_the_plate_goes_aside_for_what_shows_only_there(effect: str, over_the_ed
 def test_what_no_sweep_can_tell_apart_is_said_not_to_be_decided() -> None:
     chosen, _ = proposed("single_rotor", "load_cell_hysteresis", "tare_offset")
     assert not chosen.decides
-
-
-def test_what_is_unknown_between_pulse_and_speed_asks_for_a_ladder_of_pulses() -> None:
-    chosen, plan = proposed("quad", "battery_sag", "plate_offset", "pwm_to_rpm")
-    assert "the ESC's mode" in chosen.reason
-    assert len(plan.throttle.pwm_us) == 4
-    assert len(plan.plate.distances_m) >= 2
 
 
 def test_one_explanation_alone_needs_no_experiment() -> None:
@@ -280,52 +247,3 @@ def test_a_departure_within_the_stated_discrepancy_is_none_that_matters(tmp_path
     verdict = explain(SweepSubject(model, [learn], [check]), propose=False).verdict
     assert verdict.names == ("load_cell_hysteresis",)
     assert verdict.kind == "effect"
-
-
-MINE = """
-from benchtool.physics.effects.effect import Effect, Hooks, expression, number
-
-
-@expression
-def factor(p, i, flow):
-    return 1.0 + p.c * (flow.speed_rad_s[i] / 500.0 - 1.0)
-
-
-EFFECT = Effect(
-    name="soft_blades",
-    title="Soft blades",
-    description="Blades that untwist under load.",
-    subsystem="rpm_to_thrust",
-    law="T = k w^2 (1 + c (w / 500 - 1))",
-    parameters=(
-        number("c", "1", 0.0, "slope", neutral=0.0, within=(-0.5, 0.5), tolerance=0.03),
-    ),
-    hooks=Hooks(factor=factor),
-    shows="several throttle levels",
-    source="a guess",
-    confused_with={"thrust_exponent": "nothing but the blades' own stiffness separates them"},
-    benches=frozenset({"sweep"}),
-)
-"""
-
-
-def test_it_is_weighed_like_any_other(tmp_path: Path) -> None:
-    path = tmp_path / "mine.py"
-    path.write_text(MINE, encoding="utf-8")
-    own = own_effects(str(path), print)
-    learn, check = halves("single_rotor")
-    subject = SweepSubject(load_model("single").model, [learn], [check], own)
-    verdict = explain(subject, draws=20, propose=False).verdict
-    assert verdict.tolerances["soft_blades.c"] == 0.03
-    assert "soft_blades" in verdict.probabilities
-    assert "soft_blades.c" in verdict.parameters
-    assert "soft_blades" not in verdict.names
-
-
-def test_a_planned_point_is_described_as_a_recorded_one() -> None:
-    learn, check = halves("quad")
-    evidence = SweepSubject(load_model("quad").model, [learn], [check]).evidence
-    design = SweepDesign(distances_m=(0.1, 0.2), lateral_m=(0.0,), pwm_us=(1500.0,))
-    log = points_of(design, evidence)
-    names = ("stay", "zero_s", "tared", "tare", "rounded")
-    assert {len(getattr(log.visits, name)) for name in names} == {len(log)}

@@ -7,9 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.explain.engine.verdict import KINDS, PLACES, STAGES, Kind, NotJudged, Unnamed
-from benchtool.physics.catalogue import EFFECTS
-from benchtool.physics.effects.effect import SUBSYSTEMS
+from benchtool.explain.engine.verdict import KINDS, Kind, NotJudged, Unnamed
 from tests.unit.explain.hand_made import FRICTION, NEXT, OFFSET, gap, verdict
 
 
@@ -43,25 +41,6 @@ def test_a_verdict_is_as_sure_as_its_probability(probability: float, said: str) 
     assert found.sentence.startswith(said)
     assert found.sentence.endswith(f"probability {probability:.2f}.")
     assert found.is_sure == (probability > 0.9)
-
-
-def test_no_probability_is_told_as_one() -> None:
-    assert "probability above 0.99." in verdict(
-        effects=(replace(FRICTION, probability=0.9994),)
-    ).sentence  # fmt: skip
-
-
-def test_of_several_effects_each_is_told_as_sure_as_it_is() -> None:
-    said = verdict("several").sentence
-    assert said.startswith("The model lacks Coulomb friction: ")
-    assert "probability 0.98; and may lack centre-of-gravity offset: " in said
-
-
-def test_every_stage_and_every_effect_reads_in_a_sentence() -> None:
-    assert set(PLACES) == set(SUBSYSTEMS)
-    assert set(STAGES) == set(SUBSYSTEMS)
-    assert EFFECTS["cog_offset"].phrase == "centre-of-gravity offset"
-    assert EFFECTS["coulomb_friction"].phrase == "Coulomb friction"
 
 
 CURVE = Unnamed(

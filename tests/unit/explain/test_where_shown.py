@@ -37,14 +37,3 @@ def test_the_clock_is_named_only_where_nothing_else_fits_about_as_well(
     found = where_shown(groups, before, np.ones(N), "hinge")
     assert found is not None
     assert (found.stage, found.regime) == ("hinge", regime)
-
-
-def test_of_equal_regimes_that_of_the_clock_comes_last() -> None:
-    same = TIME >= 600
-    groups = RowGroups(
-        stages={"hinge": np.ones(N, bool)}, regimes={LATE: same, "high collective": same}
-    )
-    found = where_shown(groups, np.where(same, 2.0, 1.0), np.ones(N), "hinge")
-    assert found is not None
-    assert found.regime == "high collective"
-    assert found.share == pytest.approx(1.0)

@@ -1,0 +1,303 @@
+"""An answer as JSON, page, model file and next steps."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchtool.commands.app import build
+from benchtool.core.parameter import Parameters
+from benchtool.core.schedule_file import schedule_named
+from benchtool.explain.added_model import added_model
+from benchtool.explain.engine.verdict import KINDS, Kind, NotJudged
+from benchtool.explain.next_steps import next_file, next_steps
+from benchtool.explain.recordings import names_of
+from benchtool.physics.catalogue import EFFECTS
+from benchtool.physics.model_file import load_model, model_from_toml
+from benchtool.report.answer.added_words import added_sentence, changes, changes_table
+from benchtool.report.answer.folder import Written, answer_tables, write_folder
+from benchtool.report.answer.page import answer_page
+from benchtool.report.figure import drawn
+from benchtool.report.html import render_report
+from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap, source, verdict
+
+PROMISED = (
+    "version", "verdict", "effects", "class", "where", "gap", "nearest", "tolerances",
+    "next_experiment", "model_out", "seconds",
+)  # fmt: skip
+
+
+def tables(kind: Kind, written: Written | None = None) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(
+        json.dumps(answer_tables(answer(kind), written or Written()), allow_nan=False)
+    )
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_promised_key_is_there_whatever_the_verdict(kind: Kind) -> None:
+    found = tables(kind)
+    assert set(PROMISED) <= set(found)
+    assert found["version"] == 2
+    assert found["verdict"] == kind
+    assert set(found["where"]) >= {"stage", "regime"}
+    assert set(found["nearest"]) == {"name", "share_closed", "after", "model"}
+    assert set(found["gap"]) == {"theta_rad", "gyro_rad_s", "rpm"}
+    assert all({"unit", "before", "after", "floor"} <= set(one) for one in found["gap"].values())
+    assert found["tolerances"]["coulomb_friction.torque_Nm"] == 0.002
+
+
+def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path: Path) -> None:
+    found = tables("class", Written(schedule="out/next_schedule.toml"))
+    assert found["class"] == ["coulomb_friction", "cog_offset"]
+    experiment = found["next_experiment"]
+    assert experiment["kind"] == "schedule"
+    assert experiment["file"] == "out/next_schedule.toml"
+    assert experiment["expected"] == {"cog_offset": 40.0}
+    path = tmp_path / "next.toml"
+    path.write_text(experiment["text"], encoding="utf-8")
+    assert schedule_named(path) == NEXT.schedule
+
+
+def test_a_plan_of_a_sweep_is_handed_on_as_it_is() -> None:
+    plan = replace(NEXT, schedule=None, plan_toml="seed = 3\n")
+    found = replace(
+        answer("class"),
+        explanation=replace(answer("class").explanation, verdict=verdict("class", next=plan)),
+    )
+    assert next_file(found) == ("next_plan.toml", "seed = 3\n")
+    assert answer_tables(found, Written())["next_experiment"]["kind"] == "plan"
+
+
+def test_what_is_not_judged_is_numbers_with_a_sentence() -> None:
+    trace = {"motor_lag": NotJudged.below(5000.0), "plate_offset": NotJudged.below(4.2)}
+    told = replace(answer(), explanation=replace(
+        answer().explanation, verdict=verdict(not_judged=trace)
+    ))  # fmt: skip
+    found = json.loads(json.dumps(answer_tables(told, Written()), allow_nan=False))["not_judged"]
+    assert found["motor_lag"] == {
+        "reason": "no_trace", "tolerances_needed": None,
+        "sentence": "leaves no trace in this data, however large it is",
+    }  # fmt: skip
+    assert found["plate_offset"]["reason"] == "too_weak"
+    assert found["plate_offset"]["tolerances_needed"] == 4.2
+    assert found["plate_offset"]["sentence"].endswith("(dz_m off by 0.0126 m)")
+
+
+def test_numbers_that_json_has_not_become_null() -> None:
+    broken = verdict(gaps=(gap("theta_rad", "rad", float("nan"), float("inf"), 0.1),))
+    found = replace(
+        answer(), explanation=replace(answer().explanation, verdict=broken)
+    )  # fmt: skip
+    assert answer_tables(found, Written())["gap"]["theta_rad"]["before"] is None
+
+
+def test_recordings_of_one_name_stand_apart_in_every_list() -> None:
+    paths = ("one/pid.csv", "two/pid.csv", "check.csv")
+    names = names_of(paths)
+    learn = tuple(replace(source(path, path[:3]), name=names[path]) for path in paths[:2])
+    check = (replace(source(paths[2], "che"), name=names[paths[2]]),)
+    twice = answer("effect", learn=learn, check=check)
+    assert twice.hashes == {"one/pid.csv": "one", "two/pid.csv": "two", "check.csv": "che"}
+    data = answer_tables(twice, Written())["data"]
+    assert data == {
+        "learn": {"one/pid.csv": "one", "two/pid.csv": "two"}, "check": {"check.csv": "che"},
+    }  # fmt: skip
+    page = render_report(answer_page(twice, {}))
+    assert "one/pid.csv, two/pid.csv" in page
+
+
+TITLES = ("What now", "Where", "Which", "The gap")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_page_says_the_verdict_first_and_what_was_not_judged(kind: Kind) -> None:
+    given = answer(kind)
+    text = render_report(answer_page(given, drawn("answer", given)))
+    assert given.verdict.sentence.split(",")[0] in text
+    places = [text.index(f">{title}</h2>") for title in TITLES]
+    assert places == sorted(places)
+    assert "would have to be 4.2 tolerances large to show" in text
+    assert ("Record next: " in text) == (kind in ("class", "unknown"))
+
+
+def test_what_was_added_is_told_with_whole_values_and_those_before() -> None:
+    given = answer("effect")
+    assert added_sentence(given, "found") == (
+        "Written: found/model.toml, which is pitch_bench with Coulomb friction in it."
+    )
+    found, moved = changes(given)
+    assert found.words == "coulomb_friction.torque_Nm = 0.0241 N m (0 before)"
+    assert (found.found, moved.found) == (True, False)
+    assert (moved.name, moved.now) == ("inertia_kgm2", 0.0309)
+    assert changes_table(given).rows[1][1] == "adjusted within what was known of it"
+
+
+def test_a_named_effect_leads_to_asking_again_and_to_simulating() -> None:
+    given = answer("effect", model_given="beam.toml", effects_given="own.py")
+    again, simulate = next_steps(given, "found")
+    assert again.command == (
+        "benchtool explain learn.csv --model found/model.toml --check check.csv --effects own.py "
+        "--out found-again"
+    )
+    assert simulate.command.startswith("benchtool simulate pitch --model found/model.toml --out ")
+
+
+def test_a_sweep_can_be_fitted_and_swept_with_what_was_found() -> None:
+    given = answer("effect")
+    sweep = replace(
+        given,
+        explanation=replace(given.explanation, verdict=verdict("effect", bench="sweep")),
+    )
+    commands = [step.command.split()[1] for step in next_steps(sweep, "found")]
+    assert commands == ["explain", "fit", "sweep"]
+    assert "'sim:beam?truth=found/model.toml'" in next_steps(sweep, "found")[2].command
+
+
+@pytest.mark.parametrize("bench", ["pitch", "sweep"])
+@pytest.mark.parametrize("kind", ["class", "unknown"])
+def test_an_open_question_leads_to_the_next_experiment(kind: Kind, bench: str) -> None:
+    plan = replace(NEXT, schedule=None, plan_toml="seed = 3\n") if bench == "sweep" else NEXT
+    given = answer(kind, model_given="beam.toml")
+    made = verdict(kind, bench=bench, next=plan)
+    steps = next_steps(
+        replace(given, explanation=replace(given.explanation, verdict=made)), "found"
+    )
+    assert ("found/next_schedule.toml" if bench == "pitch" else "found/next_plan.toml") in (
+        steps[0].command
+    )
+    assert steps[-1].command == (
+        "benchtool explain learn.csv found-next --model beam.toml --check check.csv --out "
+        "found-again"
+    )
+
+
+@pytest.mark.parametrize("folder", ["", "found"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_option_of_the_commands_exists(kind: Kind, folder: str) -> None:
+    for step in next_steps(answer(kind), folder):
+        program, name, *words = shlex.split(step.command)
+        assert program == "benchtool"
+        options = {word for word in words if word.startswith("--")}
+        assert options <= known_options(name, words[0])
+
+
+def known_options(name: str, first: str) -> set[str]:
+    """Return the options of a command, or of the first word's where it has several."""
+    from typer.main import get_command
+
+    found = get_command(build([name, first])).commands[name]  # type: ignore[attr-defined]
+    inner = getattr(found, "commands", {}).get(first, found)
+    return {option for item in inner.params for option in item.opts}
+
+
+def test_what_an_optimiser_left_of_a_zero_is_no_change() -> None:
+    given = answer("effect")
+    model = given.request.loaded.model.with_effect(EFFECTS["plate_side"])
+    found = Parameters(
+        (name, item.at(4.9e-27) if name == "plate_side.dx_m" else item)
+        for name, item in model.parameters.items()
+    )
+    told = replace(
+        given,
+        explanation=replace(given.explanation, verdict=verdict("effect", parameters=found)),
+    )
+    assert [one.name for one in changes(told)] == ["coulomb_friction.torque_Nm"]
+
+
+def test_the_named_effect_and_the_calibrated_inertia_stand_in_it_with_their_source() -> None:
+    again = model_from_toml(added_model(answer()), "new.toml")
+    parent = load_model(MODEL)
+    friction = again.model.parameters["coulomb_friction.torque_Nm"]
+    assert friction.value == 0.0241
+    assert friction.tolerance == 0.002
+    assert "learn.csv" in friction.source
+    assert again.model.parameters["inertia_kgm2"].value == 0.0309
+    assert again.model.parameters["inertia_kgm2"].prior == parent.model.parameters[
+        "inertia_kgm2"
+    ].prior  # fmt: skip
+    assert again.columns == parent.columns
+    assert again.model.wake_rule == "full"
+    kept = {name for name in parent.model.parameters if "friction" not in name} - {"inertia_kgm2"}
+    assert all(
+        again.model.parameters[name].value == parent.model.parameters[name].value for name in kept
+    )
+
+
+def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it() -> None:
+    parent = load_model(MODEL).model.parameters
+    moved = {"inertia_kgm2": 0.0309, "k": 1.01 * parent["k"].value}
+    found = Parameters(
+        (name, item.at(moved.get(name, item.value))) for name, item in parent.items()
+    )
+    told = answer()
+    swept = verdict("effect", bench="sweep", parameters=found)
+    made = added_model(replace(told, explanation=replace(told.explanation, verdict=swept)))
+    new = model_from_toml(made, "new.toml").model.parameters
+    assert new["inertia_kgm2"].free
+    assert new["inertia_kgm2"].prior == parent["inertia_kgm2"].prior
+    assert new["k"].free
+    assert (new["k"].prior.kind, new["k"].prior.mean) == ("normal", parent["k"].value)
+    assert new["k"].prior.sd == pytest.approx(0.01 * parent["k"].value)
+    assert not new["R_m"].free
+    pitch = model_from_toml(added_model(told), "new.toml").model.parameters
+    assert not pitch["inertia_kgm2"].free
+
+
+def test_of_a_class_the_likeliest_is_added_alone() -> None:
+    model = model_from_toml(added_model(answer("class")), "new.toml").model
+    assert model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
+    assert model.parameters["cog_offset.x_m"].value == 0.0
+
+
+def test_an_effect_that_the_parent_has_not_is_put_in() -> None:
+    loaded = load_model(MODEL)
+    bare = replace(loaded, model=loaded.model.without("coulomb_friction"))
+    calibrated = bare.model.with_effect("speed_map", gain=0.003).parameters
+    asked = answer(loaded=bare)
+    found = replace(
+        asked, explanation=replace(asked.explanation, verdict=verdict(parameters=calibrated))
+    )
+    model = model_from_toml(added_model(found), "new.toml").model
+    assert model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
+    assert model.parameters["speed_map.gain"].value == 0.003
+
+
+def test_a_rig_beside_the_parent_goes_with_the_model(tmp_path: Path) -> None:
+    from importlib import resources
+
+    rig = tmp_path / "mine.toml"
+    text = (resources.files("benchtool") / "library" / "rigs" / "beam.toml").read_text("utf-8")
+    rig.write_text(text.replace('name = "beam"', 'name = "mine"'), encoding="utf-8")
+    parent = tmp_path / "model.toml"
+    parent.write_text(MODEL.read_text("utf-8").replace('"beam"', '"mine.toml"'), encoding="utf-8")
+    out = tmp_path / "out"
+    write_folder(out, answer(loaded=load_model(parent)))
+    assert load_model(out / "model.toml").model.rig.name == "mine"
+
+
+def test_something_unknown_has_a_model_of_the_nearest_and_its_gap(tmp_path: Path) -> None:
+    given = answer("unknown")
+    written = write_folder(tmp_path / "out", given)
+    assert written.model == ""
+    assert Path(written.nearest).name == "model_nearest.toml"
+    loaded = load_model(written.nearest)
+    assert loaded.model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
+    assert "only the nearest, and closes 61 % of the gap" in loaded.model.provenance["verdict"]
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "With Coulomb friction, the nearest, the gap would be: pitch 0.917 → 0.63 deg" in text
+    near = json.loads((tmp_path / "out" / "answer.json").read_text(encoding="utf-8"))["nearest"]
+    assert near["after"]["theta_rad"] == 0.011
+    assert near["model"] == written.nearest
+
+
+def test_nothing_missing_writes_no_model(tmp_path: Path) -> None:
+    written = write_folder(tmp_path / "out", answer("none"))
+    assert written.model == ""
+    assert not (tmp_path / "out" / "model.toml").exists()
+    assert "within their noise" in (tmp_path / "out" / "report.html").read_text("utf-8")
