@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from benchtool.commands.terminal import each
-from benchtool.tasks import TaskStore
 from tests.proof.truth.budgets import budget_sweep
 from tests.unit.commands.command_line import said
 
@@ -20,9 +19,9 @@ Capsys = pytest.CaptureFixture[str]
 @pytest.fixture
 def tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.chdir(tmp_path)
-    for k in range(3):
+    for k in range(2):
         budget_sweep(k, tmp_path / f"bench{k}.csv")
-    return [f"bench{k}.csv" for k in range(3)]
+    return [f"bench{k}.csv" for k in range(2)]
 
 
 def results(folder: str) -> dict[str, Any]:
@@ -34,46 +33,17 @@ def test_each_is_fitted_as_alone_and_pooled_next(capsys: Capsys, tables: list[st
     code, out, error = said(capsys, "fit", *tables, "--each", *WORDS, "--out", "fits")
     assert code == 0, error
     assert "body_lift.K_b" in out
-    assert "benchtool pool fits/bench0 fits/bench1 fits/bench2" in out
-    assert sorted(each.name for each in Path("fits").iterdir()) == ["bench0", "bench1", "bench2"]
+    assert "benchtool pool fits/bench0 fits/bench1" in out
+    assert sorted(each.name for each in Path("fits").iterdir()) == ["bench0", "bench1"]
     said(capsys, "fit", tables[1], *WORDS, "--out", "alone")
     assert results("fits/bench1") == results("alone")
     assert Path("fits/bench1/report.html").is_file()
     code, _, error = said(capsys, "fit", *tables, "--each", *WORDS, "--out", "fits")
     assert code == 2
     assert "fits exists already" in error
-    code, out, _ = said(capsys, "pool", "fits/bench0", "fits/bench1", "fits/bench2", "--out", "p")
+    code, out, _ = said(capsys, "pool", "fits/bench0", "fits/bench1", "--out", "p")
     assert code == 0
     assert "written: p/report.html" in out
-
-
-@pytest.mark.slow
-def test_what_ended_goes_on(
-    capsys: Capsys, tables: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    real = TaskStore.__setitem__
-
-    def end_at_second(store: TaskStore, task: str, result: Any) -> None:
-        if len(store) == 1:
-            raise KeyboardInterrupt
-        real(store, task, result)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(TaskStore, "__setitem__", end_at_second)
-        code, _, error = said(capsys, "fit", *tables, "--each", *WORDS, "--out", "fits")
-    assert code != 0
-    assert "the same command resumes" in error
-    first = next(path for path in Path("fits").iterdir() if path.is_dir())
-    written = (first / "result.json").stat().st_mtime_ns
-    code, _, error = said(
-        capsys, "fit", *tables, "--each", *WORDS, "--loss", "huber", "--out", "fits"
-    )
-    assert code == 2
-    assert "results of other work" in error
-    code, _, error = said(capsys, "fit", *tables, "--each", *WORDS, "--out", "fits")
-    assert code == 0, error
-    assert (first / "result.json").stat().st_mtime_ns == written
-    assert sorted(each.name for each in Path("fits").iterdir()) == ["bench0", "bench1", "bench2"]
 
 
 def test_one_that_fails_ends_no_other(capsys: Capsys, tables: list[str]) -> None:
@@ -81,9 +51,8 @@ def test_one_that_fails_ends_no_other(capsys: Capsys, tables: list[str]) -> None
     code, out, error = said(capsys, "fit", *tables, "--each", *WORDS)
     assert code == 2
     assert "! bench1: " in out
-    assert "1 of 3 failed, the first is bench1" in error
+    assert "1 of 2 failed, the first is bench1" in error
     assert "bench0" in out
-    assert "bench2" in out
 
 
 def test_words_that_do_not_fit_are_refused(capsys: Capsys, tables: list[str]) -> None:
@@ -91,4 +60,4 @@ def test_words_that_do_not_fit_are_refused(capsys: Capsys, tables: list[str]) ->
     assert (code, "add --each" in error) == (2, True)
     code, _, error = said(capsys, "fit", tables[0], tables[0], "--each", *WORDS)
     assert (code, "both be called bench0" in error) == (2, True)
-    assert each.each_by_name(tables) == {f"bench{k}": f"bench{k}.csv" for k in range(3)}
+    assert each.each_by_name(tables) == {f"bench{k}": f"bench{k}.csv" for k in range(2)}

@@ -100,15 +100,6 @@ def test_rotorpy_gives_the_thrust_of_twenty_throttles(exported: Path, vehicle: V
     assert rates["wdot"][2] * vehicle.rig.rotors[0].spin < 0.0  # the body turns the other way
 
 
-def test_the_parser_of_sdf_reads_it(exported: Path) -> None:
-    drake = pytest.importorskip("pydrake.all", reason="no parser of SDF: pip install drake")
-    plant = drake.MultibodyPlant(0.001)
-    (model,) = drake.Parser(plant).AddModels(str(exported / "all" / "pquad.sdf"))
-    plant.Finalize()
-    assert len(plant.GetBodyIndices(model)) == 5
-    assert plant.CalcTotalMass(plant.CreateDefaultContext()) == pytest.approx(1.4)
-
-
 DEMANDS = np.linspace(0.0, 1.0, 1001)
 
 

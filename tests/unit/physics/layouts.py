@@ -38,14 +38,3 @@ def plus_layout(arm_m: float) -> RotorLayout:
         np.array([0.0, arm_m, 0.0, -arm_m]),
         np.array([1.0, -1.0, 1.0, -1.0]),
     )
-
-
-def cross_layout(arm_m: float) -> RotorLayout:
-    """Return the plus layout turned by 45 degrees to the left."""
-    half = arm_m * np.sqrt(0.5)
-    return RotorLayout(
-        ("front_left", "rear_left", "rear_right", "front_right"),
-        np.array([half, -half, -half, half]),
-        np.array([half, half, -half, -half]),
-        np.array([1.0, -1.0, 1.0, -1.0]),
-    )
