@@ -1,6 +1,6 @@
 """Draw the overview of the documentation from the recipes in fits/: python docs/assets/draw.py
 
-Figures 3, 4, 6 and 8 of the paper: python docs/examples/paper/ratios.py docs/assets
+fig06-body-lift.svg is one of: python docs/examples/paper/ratios.py
 """
 
 from __future__ import annotations

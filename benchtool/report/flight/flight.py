@@ -22,7 +22,7 @@ from benchtool.data.run.recording_file import write_recording
 from benchtool.report.figure import Page, drawn, figure
 from benchtool.report.files import refuse_existing, save_figure
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
-from benchtool.report.panels import DASHED, DOTTED, OVER, spans
+from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
 from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import measure
@@ -43,7 +43,7 @@ from benchtool.simulate.own_controller import made
 def _position(
     axes: Axes, flown: Flown, free: Flown, obstacle_m: tuple[float, float] | None
 ) -> None:
-    _shade(axes, flown)
+    shade(axes, over_surface(flown))
     x_m = flown.flight["x_m"]
     for edge in obstacle_m or ():
         if edge <= float(x_m.max()) + 0.5:
@@ -55,7 +55,7 @@ def _position(
 
 
 def _pitch(axes: Axes, flown: Flown, free: Flown) -> None:
-    _shade(axes, flown)
+    shade(axes, over_surface(flown))
     axes.axhline(0.0, color=GREY, linewidth=0.7)
     grey_deg = np.degrees(free.flight["pitch_rad"])
     axes.plot(free.flight["time_s"], grey_deg, color=GREY, linewidth=1.1)
@@ -80,11 +80,6 @@ def over_surface(flown: Flown) -> list[tuple[float, float]]:
     discs = range(1, flown.case.vehicle.rig.n_discs + 1)
     covered = np.sum([flown.flight[f"coverage{i}"] for i in discs], axis=0)
     return spans(flown.flight["time_s"], covered > 1e-3)
-
-
-def _shade(axes: Axes, flown: Flown) -> None:
-    for begin, end in over_surface(flown):
-        axes.axvspan(begin, end, color=OVER, lw=0, zorder=0.1)
 
 
 def _legend(figure: Figure, obstacle: bool) -> None:

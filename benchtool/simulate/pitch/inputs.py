@@ -35,7 +35,6 @@ class PitchInputs(Inputs):
 def setup_of(inputs: PitchInputs, gains: str, permit: CodePermit = refuse_code) -> PitchSetup:
     """Return what runs with one gain set; own code of a model is run by permit only."""
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
-    from benchtool.simulate.controllers.pitch import Feedforward
     from benchtool.simulate.pitch.setup import changed, pitch_setup
 
     setup = pitch_setup(
@@ -44,7 +43,6 @@ def setup_of(inputs: PitchInputs, gains: str, permit: CodePermit = refuse_code) 
         gains=gains,
         controllers=[name for name in inputs.controllers if name in PITCH_CONTROLLERS] or ["pid"],
         schedule=inputs.schedule,
-        feedforward=Feedforward(strength=0.9),
         permit=permit,
     )
     setup = changed(setup, inputs.study.settings)

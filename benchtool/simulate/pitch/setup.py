@@ -16,7 +16,7 @@ from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
 from benchtool.simulate.controllers.laws import pitch_controller
-from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
+from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
 from benchtool.simulate.pitch.run import PitchJob, substeps_of
@@ -75,7 +75,6 @@ def pitch_setup(
     gains: str = "s3",
     controllers: Sequence[str] = ("pid", "feedforward", "observer"),
     schedule: str = "plate",
-    feedforward: Feedforward | None = None,
     permit: CodePermit = refuse_code,
 ) -> PitchSetup:
     """Return the setup of these names; the model is the rig's own pitch model when left out.
@@ -93,7 +92,7 @@ def pitch_setup(
     set_ = gains_named(gains)
     return PitchSetup(
         bench=PitchBench.of(physics),
-        controls=tuple(pitch_controller(name, set_, feedforward) for name in controllers),
+        controls=tuple(pitch_controller(name, set_) for name in controllers),
         schedule=schedule_named(schedule),
     )
 
