@@ -75,8 +75,12 @@ def prepare_table(given: dict[str, Any]) -> tuple[str, ...]:
     given.setdefault("model", MODEL)
     own_model = "" if given["model"] in model_names() else str(given["model"])
     has_map = known or given.get("columns") is not None
-    if not changed(table) and not known and (has_map or _is_described(first, own_model)):
-        return ()
+    if not (changed(table) or known) and (
+        has_map
+        or (own_model and stated_in(own_model)[1])
+        or {"thrust_N", "thrust_ratio"} & set(read_csv_header(Path(first)))
+    ):
+        return ()  # the columns are described
     radius_m, rig_text = _radius(given.get("rig"), table, first, known, own_model)
     if has_map and not known and changed(table).keys() - {"radius", "runs"}:
         raise InputError("--map says which column is which; leave the other columns out")
@@ -106,13 +110,6 @@ def prepare_table(given: dict[str, Any]) -> tuple[str, ...]:
         words += [f"--{option}", str(given[option])] if given.get(option) else []
     print(f"again: {shlex.join(words)}")
     return one
-
-
-def _is_described(first: str, own_model: str) -> bool:
-    """Return whether a model file or the header says what the columns are."""
-    header = read_csv_header(Path(first))
-    in_model = bool(own_model and stated_in(own_model)[1])
-    return in_model or "thrust_N" in header or "thrust_ratio" in header
 
 
 def _radius(
