@@ -19,7 +19,7 @@ NAMES = ("time_s", "thrust_N", "rpm1", "voltage_V")
 
 def main() -> None:
     """Print a line for each format, twice, after what came back was compared."""
-    rows = int(next(iter(sys.argv[1:]), "10000000"))
+    rows = int(next(iter(sys.argv[1:]), "1000000"))
     values = np.round(np.random.default_rng(1).normal(size=(rows, len(NAMES))), 4)
     values[:, 0] = np.arange(rows) / 1000.0
     made = Recording(tuple(map(channel_called, NAMES)), values)
