@@ -134,10 +134,11 @@ def test_stop_stays_in_sight_of_a_page_that_is_zoomed_by_two_fingers(
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     page.context.new_cdp_session(page).send("Emulation.setPageScaleFactor", {"pageScaleFactor": 3})
-    page.wait_for_function(
+    in_sight = page.wait_for_function(
         "() => { const { left, top, right, bottom } = document.querySelector('.stop-button')"
         ".getBoundingClientRect(), { scale, offsetLeft: x, offsetTop: y } = visualViewport;"
         " const { width, height } = visualViewport; return scale > 2.9 && Math.min("
         "left - x, top - y, x + width - right, y + height - bottom) > -1; }",
         timeout=2000,
     )
+    assert in_sight.json_value()

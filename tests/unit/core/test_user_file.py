@@ -16,7 +16,7 @@ from benchtool.core.user_file import open_file, read_text
     ("name", "says"),
     [
         ("nothing", "no such file"),
-        ("file/below", "no such file"),
+        ("file/below", "(?i)not a directory"),
         ("folder", "this is a folder"),
         ("fifo", "this is a pipe"),
         ("/dev/zero", "this is a device"),
