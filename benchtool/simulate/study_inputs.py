@@ -40,7 +40,11 @@ class StudyInputs(Inputs):
     gains: Annotated[
         tuple[str, ...],
         Len(1),
-        Input("Gain set (s3, s1a, stiff), or its file; several in a campaign.", commas=True),
+        Input(
+            "Gain set (s3, s1a, stiff), or its file; several in a campaign.",
+            label="Gains",
+            commas=True,
+        ),
     ] = ("s3",)
     duration_s: Annotated[
         Annotated[float, Gt(0.0), Le(LONGEST_S)] | None, Input("Length.", "s", empty="its own")
@@ -50,12 +54,18 @@ class StudyInputs(Inputs):
         Mapping[str, float],
         Input(
             "NAME=VALUE, as gains.attitude=1.2 (a factor) or gains.attitude.k_q_per_s=8.",
+            label="Numbers, as gains.attitude=1.2",
             option="set",
         ),
     ] = field(default_factory=dict)
     campaign: CampaignInputs = CampaignInputs()
     out: Annotated[
-        Path | None, Input("Folder for recordings or table, and figure.", group="Results")
+        Path | None,
+        Input(
+            "Folder for recordings or table, and figure.",
+            label="Name of the folder",
+            group="Results",
+        ),
     ] = None
 
     def gain_set(self) -> str:

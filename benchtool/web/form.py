@@ -37,21 +37,24 @@ class InputForm(Generic[T]):
     def _field(self, item: Item, options: Mapping[str, str] | None) -> Any:
         if item.kind is bool:
             return ui.checkbox(item.label, value=bool(item.default), on_change=self._changed)
-        if options is not None and item.many:
-            return ui.select(
-                dict(options), multiple=True, label=item.label, on_change=self._changed
-            ).props("use-chips")
+        empty = f"empty: {item.about.empty or text_of(item.default) or '–'}"
         if options is not None:
-            select = ui.select(
-                dict(options), value=item.default, label=item.label, on_change=self._changed
+            made: Any = ui.select(
+                dict(options),
+                multiple=item.many,
+                value=None if item.many else item.default,
+                label=item.label,
+                on_change=self._changed,
             )
-            return select.props("clearable") if item.default is None else select
+            if item.many or item.default is None:
+                made.props("use-chips" if item.many else "clearable").props("hide-bottom-space")
+                made.props["hint"] = empty
+            return made
         if item.choices:
             usual = {"": text_of(item.default)}
             rest = {each: each for each in item.choices if each != item.default}
             return ui.select(usual | rest, value="", label=item.label, on_change=self._changed)
-        empty = item.about.empty or text_of(item.default) or "–"
-        made = ui.input(item.label, placeholder=f"empty: {empty}", on_change=self._changed)
+        made = ui.input(item.label, placeholder=empty, on_change=self._changed)
         return made.props("debounce=300")
 
     def choose(self, name: str, options: Mapping[str, str], value: str) -> None:

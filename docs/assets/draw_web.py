@@ -59,6 +59,11 @@ def choose(page: Page, label: str, option: str) -> None:
     page.mouse.click(5.0, 5.0)
 
 
+def fill(page: Page, label: str, text: str) -> None:
+    """Type into a field."""
+    page.get_by_label(label, exact=True).locator("visible=true").fill(text)
+
+
 def sweep(page: Page) -> None:
     """Connect a simulated bench and measure a small sweep, fast; then let it run in real time."""
     page.get_by_text("at the controls").wait_for()
@@ -87,19 +92,20 @@ def fit(page: Page) -> None:
 
 
 def explain(page: Page) -> None:
-    """Simulate a bench that hides friction, save it twice, and have it explained."""
+    """Simulate a bench that hides friction twice, and have it explained."""
     page.get_by_role("tab", name="Simulate").click()
-    page.locator(".side-views[data-drawn]").wait_for(timeout=LONG_MS)
-    choose(page, "Rig", "beam")
+    choose(page, "Rig on the hinge", "beam")
     choose(page, "Gains", "stiff")
-    choose(page, "Hidden effect", "Coulomb friction")
-    page.get_by_label("Length, s").fill("20")
-    for schedule, seed in (("identify", "1"), ("triangle", "2")):
-        choose(page, "Schedule", schedule)
-        page.get_by_label("Seed of the noise").fill(seed)
-        page.get_by_role("button", name="Save to the runs folder").click()
-        page.get_by_text(re.compile(f"saved as .*-pitch-{schedule}")).wait_for(timeout=LONG_MS)
+    fill(page, "Numbers, as gains.attitude=1.2", "coulomb_friction.torque_Nm=0.013")
+    fill(page, "Length, s", "20")
+    for schedule, seed in (("triangle", "2"), ("identify", "1")):
+        choose(page, "Schedule, or its file", schedule)
+        fill(page, "Seed of the noise", seed)
+        page.get_by_role("button", name="Simulate", exact=True).click()
+        page.locator(".card-title", has_text=f"-pitch-{schedule}").wait_for(timeout=LONG_MS)
     page.get_by_role("button", name="Explain", exact=True).click()
+    page.get_by_text("no recording to check on").wait_for()
+    choose(page, "Others to check on", "-pitch-triangle/pid.csv")
     page.get_by_role("button", name="Explain", exact=True).locator("visible=true").click()
     page.get_by_text("The gap", exact=True).or_(page.get_by_role("alert")).first.wait_for()
     page.get_by_role("button", name="Accept").click()
@@ -142,10 +148,6 @@ def arrange(page: Page, tab: str) -> None:
     elif tab == "Runs":
         page.locator(".run-name", has_text="sweep").last.click()
         page.locator("figure.shown:visible").first.wait_for()
-    elif tab == "Simulate":
-        page.get_by_role("button", name="Pause").click()
-        time = page.get_by_role("slider", name="Time in the run in seconds")
-        time.locator(".q-slider__track-container").click()
     elif tab in ("Fit", "Explain"):
         place = page.locator(".scroll-place:visible").last
         place.evaluate("place => place.scrollIntoView()")
@@ -196,9 +198,9 @@ def main(words: list[str]) -> None:
         page = browser.new_page(viewport={"width": 1280, "height": HEIGHT})
         page.set_default_timeout(LONG_MS)
         page.goto(address)
-        for fill in (sweep, explain, fit):
-            fill(page)
-            print(f"{fill.__name__} is done", flush=True)
+        for prepare in (sweep, explain, fit):
+            prepare(page)
+            print(f"{prepare.__name__} is done", flush=True)
         pictures(page, folder, every="--all" in words)
         browser.close()
 

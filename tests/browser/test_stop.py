@@ -115,7 +115,7 @@ def test_no_tab_keeps_stop_waiting_when_it_is_first_shown(page: Page) -> None:
         assert page.evaluate("Math.max(...window.blocked)") < 1e3 * SILENCE_S, tab
 
 
-TABS = {"Bench": 2, "Sweep": 3, "Runs": 1, "Fit": 4, "Simulate": 9, "Explain": 3}
+TABS = {"Bench": 2, "Sweep": 3, "Runs": 1, "Fit": 4, "Simulate": 4, "Explain": 3}
 """Tabs, with how many lists and sliders each shows at least."""
 
 

@@ -32,7 +32,7 @@ from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitc
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PitchStudy:
-    """Hold a run for each controller, and where wanted the same `away` from the plate."""
+    """Run of each controller, and the same `away` from the plate."""
 
     setup: PitchSetup
     runs: tuple[PitchRun, ...]
@@ -45,13 +45,11 @@ def pitch_study(
     seed: int = 0,
     own: Sequence[tuple[str, type[Any]]] = (),
     only_own: bool = False,
-    with_away: bool = True,
 ) -> PitchStudy:
     """Run every controller of a setup, with the plate and without, under the same noise.
 
     Args:
         own: name and class of the user's controllers; a new one is made for every run.
-        with_away: run them without the plate too; a study without has no figure.
     """
     radius_m = setup.bench.model.rig.propulsion.radius_m
     rate_Hz = setup.rate_Hz
@@ -61,16 +59,15 @@ def pitch_study(
         PitchJob(setup.bench, control, setup.nominal)
         for control in (() if only_own else setup.controls)
     ]
-    schedules = (near, far) if with_away else (near,)
     every = list(
         results_in_order(
-            partial(simulate_pitch, job, schedule, seed) for schedule in schedules for job in jobs
+            partial(simulate_pitch, job, schedule, seed) for schedule in (near, far) for job in jobs
         )
     )
     runs, away = every[: len(jobs)], every[len(jobs) :]
     for name, kind in own:
         job = PitchJob(setup.bench, setup.controls[0], setup.nominal)
-        for schedule, done in zip(schedules, (runs, away), strict=False):
+        for schedule, done in zip((near, far), (runs, away), strict=True):
             run = simulate_controller(made(kind, name), job, schedule, seed, name=name)
             done.append(run)
     return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)

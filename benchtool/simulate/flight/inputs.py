@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 class FlightInputs(Inputs):
     """What `benchtool simulate flight` takes."""
 
-    case: Annotated[str, Input("over, edge, oblique, corner, gust, ramp or plate.")] = "over"
+    case: Annotated[
+        str, Input("over, edge, oblique, corner, gust, ramp or plate.", label="Flight")
+    ] = "over"
     rig: Annotated[str, Input("Rig that flies.")] = "pquad"
     model: Annotated[
         str, Input("Model whose ground effect acts, or its file.", empty="eq. (4)")
@@ -32,6 +34,7 @@ class FlightInputs(Inputs):
         Input(
             "Some of pid, observer, feedforward, both; your own as module:Class; oge (PID over "
             "nothing) in a campaign.",
+            label="Controllers",
             commas=True,
             also="--controller",
             empty="pid,observer,feedforward; oge,pid in a campaign",

@@ -26,7 +26,12 @@ class PitchInputs(Inputs):
     controllers: Annotated[
         tuple[str, ...],
         Len(1),
-        Input("With commas; your own as module:Class.", commas=True, also="--controller"),
+        Input(
+            "With commas; your own as module:Class.",
+            commas=True,
+            also="--controller",
+            label="Controllers",
+        ),
     ] = ("pid", "feedforward", "observer")
     schedule: Annotated[str, Input("Schedule, or its file.")] = "plate"
     study: StudyInputs = field(default_factory=StudyInputs)
