@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchtool.commands.declared import declared
-from benchtool.commands.simulate_options import refuse_own, say_if_slow, show_study
+from benchtool.commands.simulate_options import say_if_slow, show_study
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.simulate.flight.inputs import FlightInputs
 
@@ -16,13 +16,12 @@ def flight(inputs: FlightInputs) -> None:
     """
     say_if_slow()
     if inputs.study.campaign.vary:
-        from benchtool.commands.terminal.campaign_display import run_with_progress
+        from benchtool.commands.terminal.show_campaign import show_campaign
         from benchtool.simulate.campaign_flight import OGE
         from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS
         from benchtool.simulate.flight.setup import full_name
 
-        refuse_own(inputs, (*FLIGHT_CONTROLLERS, OGE))
-        run_with_progress(inputs, full_name=full_name)
+        show_campaign(inputs, (*FLIGHT_CONTROLLERS, OGE), full_name=full_name)
         return
     from benchtool.results import flight_result
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError
 
 if TYPE_CHECKING:
     from benchtool.report.result import Result
-    from benchtool.simulate.flight.inputs import FlightInputs
-    from benchtool.simulate.pitch.inputs import PitchInputs
 
 
 def say_if_slow() -> None:
@@ -25,21 +22,6 @@ def say_if_slow() -> None:
             "pip install benchtool[fast] makes it a second",
             file=sys.stderr,
         )
-
-
-def refuse_own(inputs: PitchInputs | FlightInputs, known: Iterable[str]) -> None:
-    """Refuse what a campaign cannot run: one's own controllers, or a name given twice."""
-    for option, names in (
-        ("--controllers", inputs.controllers),
-        ("--gains", inputs.study.gains),
-    ):
-        if len(set(names)) < len(names):
-            raise InputError(f"{option} is {', '.join(names)}; name each once")
-    for name in inputs.controllers:
-        if ":" in name:
-            raise InputError("a campaign runs built-in controllers; leave your own out")
-        if name not in known:
-            raise UnknownChoice("controller", name, known)
 
 
 def show_study(result: Result[Any], out: Path | None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchtool.commands.declared import declared
-from benchtool.commands.simulate_options import refuse_own, say_if_slow, show_study
+from benchtool.commands.simulate_options import say_if_slow, show_study
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.simulate.pitch.inputs import PitchInputs
 
@@ -16,11 +16,10 @@ def pitch(inputs: PitchInputs) -> None:
     """
     say_if_slow()
     if inputs.study.campaign.vary:
-        from benchtool.commands.terminal.campaign_display import run_with_progress
+        from benchtool.commands.terminal.show_campaign import show_campaign
         from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
 
-        refuse_own(inputs, PITCH_CONTROLLERS)
-        run_with_progress(inputs)
+        show_campaign(inputs, PITCH_CONTROLLERS)
         return
     from benchtool.results import pitch_result
 

@@ -175,10 +175,3 @@ def arrow(axes: Axes, begin: tuple[float, float], end: tuple[float, float], **lo
     axes.annotate(
         "", end, begin, arrowprops={"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.5, **look}
     )
-
-
-def ticks_at(grid: Sequence[float], most: int) -> list[float]:
-    """Return the values of a grid, or every second, third ... from the first, so that few stay."""
-    step = -(-len(grid) // most)
-    even = [each for each in range(step, 2 * step) if (len(grid) - 1) % each == 0]
-    return list(grid[:: even[0] if even else step])

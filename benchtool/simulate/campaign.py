@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import islice, product
 from typing import Any, TypeVar
 
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError
 from benchtool.simulate.design import Design
 
 Row = Mapping[str, float | str]
@@ -19,31 +19,17 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measure:
-    """Say what one column of results is.
-
-    Attributes:
-        text: what is measured, with its unit, as an axis says it.
-        share: whether every run gives 0 or 1, so that the mean is a share.
-    """
-
-    text: str
-    share: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
-    """Simulate one thing at many points, with what a design, a table and a map need to know of it.
+    """One simulation at many points.
 
     Every point sees the same noise: seed k of one point is seed k of any other.
 
     Attributes:
         title: what is simulated, in one line.
         metadata: what was the same in all runs, for the table's file.
-        fixed: what a reader of a map must know of the numbers that are not varied.
         setups: what is simulated, by the name of the gain set; each is run at every point.
         controllers: run with every gain set.
-        measures: what can be drawn, by column; the first is drawn unless another is named.
+        measures: what is measured, with its unit, by column; the main one first.
         probe: probe(setup, point, design) refuses a point that cannot be run.
         case: case(setup, controller, point) -> what is run there, under every seed.
         run: run(pairs of case and number of the seed, first seed, threads) -> the measures of
@@ -52,10 +38,9 @@ class Campaign:
 
     title: str
     metadata: Mapping[str, str]
-    fixed: Mapping[str, str]
     setups: Mapping[str, Any]
     controllers: tuple[str, ...]
-    measures: Mapping[str, Measure]
+    measures: Mapping[str, str]
     probe: Callable[[Any, Point, Design], None]
     case: Callable[[Any, str, Point], Any]
     run: Callable[[Iterator[tuple[Any, int]], int, int | None], Iterator[Row]]
@@ -97,13 +82,6 @@ class Campaign:
 
         for measured in self.run(cases(), design.seed, threads):
             yield {**labels.popleft(), **measured}
-
-
-def measure_named(campaign: Campaign, name: str) -> str:
-    """Return the name of a measure that the campaign has; its first for an empty name."""
-    if name and name not in campaign.measures:
-        raise UnknownChoice("measure", name, campaign.measures)
-    return name or next(iter(campaign.measures))
 
 
 def at_point(error: InputError, point: Point) -> InputError:

@@ -8,7 +8,7 @@ from functools import partial
 from typing import NamedTuple
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.simulate.campaign import Campaign, Measure, Point, Row, at_point, results_in_order
+from benchtool.simulate.campaign import Campaign, Point, Row, at_point, results_in_order
 from benchtool.simulate.design import Design
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, fly
@@ -20,15 +20,15 @@ OGE = "oge"
 """PID with nothing below: what a gain set does by itself, without ground effect."""
 
 MEASURES = {
-    "arrives": Measure(text="share of flights that arrive", share=True),
-    "struck": Measure(text="share of flights that strike the obstacle", share=True),
-    "arrives_s": Measure(text="time of arrival [s]"),
-    "max_x_m": Measure(text="furthest x [m]"),
-    "push_backs": Measure(text="push-backs of more than 3 cm"),
-    "max_pitch_deg": Measure(text="largest pitch [deg]"),
-    "rms_pitch_deg": Measure(text="RMS of pitch [deg]"),
-    "max_roll_deg": Measure(text="largest roll [deg]"),
-    "swing_m": Measure(text="swing of x over the last 20 s [m]"),
+    "arrives": "share of flights that arrive",
+    "struck": "share of flights that strike the obstacle",
+    "arrives_s": "time of arrival [s]",
+    "max_x_m": "furthest x [m]",
+    "push_backs": "push-backs of more than 3 cm",
+    "max_pitch_deg": "largest pitch [deg]",
+    "rms_pitch_deg": "RMS of pitch [deg]",
+    "max_roll_deg": "largest roll [deg]",
+    "swing_m": "swing of x over the last 20 s [m]",
 }
 """What every flight is summed up in, as in its table; arrives_s is nan where it never does."""
 
@@ -54,12 +54,6 @@ def flight_campaign(setups: Mapping[str, FlightSetup], controllers: tuple[str, .
     return Campaign(
         title=f"{flown.title}, {first.vehicle.rig.name}",
         metadata={"flight": first.case} | first.words(),
-        fixed={
-            "z_over_R": f"{first.z_over_R:g}",
-            "speed_m_s": f"{flown.goals[-1].speed_m_s:g}",
-            "K_b": f"{first.vehicle.number('K_b'):g}",
-            "gyro_noise_rad_s": f"{first.gyro_noise_rad_s:g}",
-        },
         setups=setups,
         controllers=controllers,
         measures=MEASURES,

@@ -11,7 +11,7 @@ import numpy as np
 
 from benchtool.core.errors import InputError
 from benchtool.core.schedule import Schedule
-from benchtool.simulate.campaign import Campaign, Measure, Point, Row
+from benchtool.simulate.campaign import Campaign, Point, Row
 from benchtool.simulate.design import Design
 from benchtool.simulate.pitch.batch import simulate_many
 from benchtool.simulate.pitch.result import plate_numbers
@@ -20,12 +20,12 @@ from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup, changed
 from benchtool.simulate.pitch.simulate import taken
 
 MEASURES = {
-    "rms_deg": Measure(text="RMS error of pitch [deg]"),
-    "peak_deg": Measure(text="peak of the plate's visit [deg]"),
-    "residual_deg": Measure(text="residual of the plate's visit [deg]"),
-    "rebound_deg": Measure(text="rebound after the plate's visit [deg]"),
-    "quiet_rms_deg": Measure(text="RMS of pitch before the plate [deg]"),
-    "stopped_steps": Measure(text="steps at the hinge's stop"),
+    "rms_deg": "RMS error of pitch [deg]",
+    "peak_deg": "peak of the plate's visit [deg]",
+    "residual_deg": "residual of the plate's visit [deg]",
+    "rebound_deg": "rebound after the plate's visit [deg]",
+    "quiet_rms_deg": "RMS of pitch before the plate [deg]",
+    "stopped_steps": "steps at the hinge's stop",
 }
 """What every run is summed up in: the RMS error over the whole run, and the numbers of the plate's
 first visit (nan without one)."""
@@ -46,7 +46,6 @@ def pitch_campaign(setups: Mapping[str, PitchSetup]) -> Campaign:
     return Campaign(
         title=f"{model.rig.name}: {schedule.title or schedule.name}",
         metadata={"model": model.name, "schedule": schedule.name},
-        fixed={"model": model.name},
         setups=setups,
         controllers=tuple(control.name for control in first.controls),
         measures=MEASURES,

@@ -12,7 +12,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.data.run.campaign import unfinished, write_campaign
+from benchtool.data.run.campaign import write_campaign
 from benchtool.simulate.campaign import Campaign, Row
 from benchtool.simulate.campaign_flight import flight_campaign
 from benchtool.simulate.campaign_pitch import pitch_campaign
@@ -44,11 +44,6 @@ def campaign_of(inputs: PitchInputs | FlightInputs, permit: CodePermit = refuse_
     return flight_campaign(flight, inputs.controllers or ("oge", "pid"))
 
 
-def finished_runs(table: Path) -> Path:
-    """Return where finished blocks are until a campaign's table is complete."""
-    return table.with_name("runs.jsonl")
-
-
 def run_campaign(
     campaign: Campaign,
     inputs: PitchInputs | FlightInputs,
@@ -77,12 +72,11 @@ def run_campaign(
     here: Work[Block] = partial(_block_rows, campaign, design)
     there: Work[Block] = partial(_block_rows_of, inputs, design)
     done = 0
-    with TaskStore(finished_runs(table), about) as store:
+    with TaskStore(table.with_name("runs.jsonl"), about) as store:
         work = here if cluster is None else there
         for _, rows in run_tasks(work, blocks, store=store, cluster=cluster, processes=0):
             done += len(rows)
             written(done)
-        unfinished(table).unlink(missing_ok=True)  # of a process that ended while it wrote
         write_campaign((row for block in blocks for row in store[block]), table, metadata)
     store.path.unlink()
     return done

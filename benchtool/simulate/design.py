@@ -9,7 +9,6 @@ from math import isfinite, prod
 
 import numpy as np
 
-from benchtool.core.array import Array
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
 
@@ -49,13 +48,6 @@ class Vary:
     def values(self) -> list[float]:
         """Return the grid."""
         return [float(value) for value in np.linspace(self.lower, self.upper, self.count)]
-
-    def edges(self, cells: int | None = None) -> Array:
-        """Return the edges of cells around the grid's values, or of so many within the range."""
-        if cells is not None and self.count > 1:
-            return np.linspace(self.lower, self.upper, cells + 1)
-        half = (self.upper - self.lower) / (2.0 * max(self.count - 1, 1)) or 0.5
-        return np.linspace(self.lower - half, self.upper + half, self.count + 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

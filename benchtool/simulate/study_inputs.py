@@ -28,7 +28,7 @@ class CampaignInputs(Inputs):
     seeds: Annotated[int, Ge(1), Input("Seeds per point of a campaign.")] = 1
     samples: Annotated[int, Ge(0), Input("Random points in place of the grid.")] = 0
     measure: Annotated[
-        str, Input("What the map of a campaign shows; the main one when left out.")
+        str, Input("Mean that a campaign prints; of the main measure when left out.")
     ] = ""
     cluster: Cluster = None
 

@@ -27,13 +27,10 @@ from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.compare.page import compared
 from benchtool.report.compare.pooled_fits import PooledFits
-from benchtool.report.flight.campaign import CampaignMap, CampaignPanel
 from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
 from benchtool.report.replay.figures import ReplayedLog
 from benchtool.report.replay.recorded import Recorded
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
-from benchtool.simulate.campaign_pitch import pitch_campaign
-from benchtool.simulate.design import Design
 from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.study import Flown, fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
@@ -137,18 +134,6 @@ def sweep_samples() -> Recording:
     return found
 
 
-def campaign() -> CampaignMap:
-    """Return two panels of six cells with a run in each."""
-    design = Design.read(["K_b=1:3:3", "gains.attitude=0.8:1.2:2"])
-    panels = tuple(CampaignPanel("", name, (2, 3)) for name in ("pid", "observer"))
-    rows, columns = np.divmod(np.arange(6), 3)
-    for panel in panels:
-        panel.add((rows, columns), np.linspace(0.0, 1.0, 6))
-    made = pitch_campaign({"s3": study().setup})
-    edges = (np.linspace(0.5, 3.5, 4), np.linspace(0.7, 1.3, 3))
-    return CampaignMap(made, design, "peak_deg", panels, edges)
-
-
 def flights() -> list[Flown]:
     """Fly one case for a second, out of ground effect and with it."""
     return [flown(None), flown(2.0)]
@@ -203,7 +188,6 @@ SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {
     "answer": lambda: [answer(), answer("several"), answer("unknown"), with_law()],
     "fit": lambda: [sampled_fit(), fit("partial_area")],
     "flight": lambda: [flights()],
-    "flight.campaign": lambda: [campaign()],
     "flight.pitch": lambda: [study()],
     "motor": lambda: [motor()],
     "replay": lambda: [log()],

@@ -55,9 +55,7 @@ def write(kind: str, runs: int, folder: Path) -> tuple[float, float]:
     """Run a campaign into a table of that many rows; return time and processor time it took."""
     design = Design.read(["gains.attitude=0.9:1.1:10"], seeds=runs // 10)
     began, used = time.perf_counter(), time.process_time()
-    done = write_campaign(
-        campaign(kind).rows(design), folder / f"{runs}.parquet", {}, lambda _: None
-    )
+    done = write_campaign(campaign(kind).rows(design), folder / f"{runs}.parquet", {})
     assert done == runs
     return time.perf_counter() - began, time.process_time() - used
 

@@ -33,14 +33,6 @@ def test_probes_hold_every_corner_and_every_value_and_stay_few() -> None:
     assert {"K_b": 2.0, "lag_s": 0.1, "z_over_R": 3.0} in probes
 
 
-def test_cells_lie_around_the_values_of_a_grid_and_fill_the_range_of_random_points() -> None:
-    speed = Vary.read("speed_m_s=0.2:1.0:5")
-    np.testing.assert_allclose(speed.edges(), [0.1, 0.3, 0.5, 0.7, 0.9, 1.1])
-    np.testing.assert_allclose(speed.edges(4), [0.2, 0.4, 0.6, 0.8, 1.0])
-    for one in (Vary.read("K_b=2:2:1").edges(), Vary.read("K_b=2:2:1").edges(7)):
-        np.testing.assert_allclose(one, [1.5, 2.5])
-
-
 def test_names_are_completed_and_no_number_is_varied_twice() -> None:
     full = {"speed": "speed_m_s"}
     design = Design.read(["speed=1:2:3"], full_name=lambda name: full.get(name, name))

@@ -1,0 +1,96 @@
+"""A campaign on the terminal: its runs, its table, and the mean of one measure."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from itertools import product
+from math import nan
+from time import monotonic
+from typing import Any
+
+from rich.progress import MofNCompleteColumn, TimeRemainingColumn
+
+from benchtool import __version__
+from benchtool.commands.terminal.messages import announce_code, print_notes
+from benchtool.commands.terminal.tables import progress_bar
+from benchtool.core.counted import counted
+from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
+from benchtool.core.input_text import words_of
+from benchtool.data.run.campaign import campaign_means
+from benchtool.simulate.campaign_run import campaign_of, run_campaign
+from benchtool.simulate.design import Design
+from benchtool.simulate.flight.inputs import FlightInputs
+from benchtool.simulate.pitch.inputs import PitchInputs
+
+
+def show_campaign(inputs: PitchInputs | FlightInputs, known: Iterable[str], **names: Any) -> None:
+    """Run a campaign, write its table, and print the mean of a measure.
+
+    Args:
+        known: controllers that a campaign can run.
+        names: of `Design.read`.
+    """
+    _refuse_own(inputs, known)
+    campaign = campaign_of(inputs, announce_code, print_notes)
+    study, several, out = inputs.study, inputs.study.campaign, inputs.study.out
+    design = Design.read(
+        several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed, **names
+    )
+    measure = several.measure or next(iter(campaign.measures))
+    if measure not in campaign.measures:
+        raise UnknownChoice("measure", measure, campaign.measures)
+    if out is None:
+        raise InputError("a campaign writes its results to disk; add --out FOLDER")
+    table = out / "campaign.parquet"
+    for path in (out, table):
+        if path.exists() and not path.is_dir():
+            raise WouldOverwrite(str(path))
+    campaign.check(design)
+    series = list(product(campaign.setups, campaign.controllers))
+    total = design.n_points * design.seeds * len(series)
+    print(
+        f"SIMULATED campaign: {campaign.title}; {design.describe()}; {counted(total, 'run')}",
+        flush=True,
+    )
+    metadata = {
+        "simulated": "true", "benchtool": __version__, **campaign.metadata, **design.words(),
+        "set": " ".join(words_of(study.settings, commas=False)),
+    }  # fmt: skip
+    began = monotonic()
+    with progress_bar(MofNCompleteColumn(), TimeRemainingColumn(), transient=False) as progress:
+        task = progress.add_task("runs", total=total)
+        try:
+            count = run_campaign(
+                campaign, inputs, design, table, metadata,
+                lambda done: progress.update(task, completed=done),
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            rows = table.with_name("runs.jsonl")
+            print(f"ended; finished runs are in {rows}; the same command resumes", file=sys.stderr)
+            raise
+    took_s = max(monotonic() - began, 1e-9)
+    print(f"{counted(count, 'run')} in {took_s:.1f} s, {count / took_s:.3g} runs/s")
+    print(f"written: {table}", flush=True)
+    means = campaign_means(table, measure)
+    if not means:
+        raise InputError(f"{measure} has no value in any run; name another with --measure")
+    print(f"{campaign.measures[measure]}, mean of all:")
+    for gains, controller in series:
+        name = f"{gains}, {controller}" if len(campaign.setups) > 1 else controller
+        print(f"  {name}: {means.get((gains, controller), nan):.3g}")
+
+
+def _refuse_own(inputs: PitchInputs | FlightInputs, known: Iterable[str]) -> None:
+    """Refuse what a campaign cannot run: one's own controllers, or a name given twice."""
+    for option, names in (
+        ("--controllers", inputs.controllers),
+        ("--gains", inputs.study.gains),
+    ):
+        if len(set(names)) < len(names):
+            raise InputError(f"{option} is {', '.join(names)}; name each once")
+    for name in inputs.controllers:
+        if ":" in name:
+            raise InputError("a campaign runs built-in controllers; leave your own out")
+        if name not in known:
+            raise UnknownChoice("controller", name, known)
