@@ -18,10 +18,9 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
@@ -29,7 +28,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 from urllib.parse import urlsplit
 
 from benchtool.core.errors import (
-    BenchtoolError,
     FileFormatError,
     InputError,
     LinkLost,
@@ -204,62 +202,41 @@ def run_tasks(
         yield name, result
 
 
-class _Refused:
-    """Carry an error of a task: many of them take more than a text, and cannot be pickled."""
-
-    def __init__(self, error: BenchtoolError) -> None:
-        self.kind, self.text = type(error), str(error)
-
-    def error(self) -> BenchtoolError:
-        made = self.kind.__new__(self.kind)
-        Exception.__init__(made, self.text)
-        return made
-
-
-def _outcome(work: Work[T], item: T) -> Result | _Refused:
-    try:
-        return work(item)
-    except BenchtoolError as error:
-        return _Refused(error)
-
-
-def _result(outcome: Result | _Refused) -> Result:
-    if isinstance(outcome, _Refused):
-        raise outcome.error()
-    return outcome
-
-
 def _in_processes(
     work: Work[T], left: dict[str, T], processes: int
 ) -> Iterator[tuple[str, Result]]:
-    spawn = get_context("spawn")
     fruitless = 0
     while left:
-        theirs, lifeline = spawn.Pipe(duplex=False)
-        pool = ProcessPoolExecutor(processes, spawn, end_with_parent, (theirs,))
         done = len(left)
-        try:
-            futures = {
-                pool.submit(partial(_outcome, work), item): name for name, item in left.items()
-            }
+        # Suppressed: it may come while tasks are submitted, and once for each task that is lost.
+        with WorkerProcesses(processes) as pool, suppress(BrokenProcessPool):
+            futures = {pool.submit(work, item): name for name, item in left.items()}
             for future in as_completed(futures):
                 with suppress(BrokenProcessPool):
-                    outcome = future.result()
+                    result = future.result()
                     name = futures.pop(future)
                     del left[name]
-                    yield name, _result(outcome)
-        except BrokenProcessPool:  # already while tasks were handed to it
-            pass
-        finally:
-            lifeline.close()
-            pool.shutdown(cancel_futures=True)
-            theirs.close()
+                    yield name, result
         fruitless = fruitless + 1 if len(left) == done else 0
         if fruitless == ROUNDS:
             raise ResourceExhausted(
                 f"processes ended {ROUNDS} times before any of {len(left)} tasks was done, as when "
                 f"memory runs out; close other programs and repeat the command"
             )
+
+
+class WorkerProcesses(ProcessPoolExecutor):
+    """Executor whose processes end at once when it is shut down, or when this process is gone."""
+
+    def __init__(self, count: int) -> None:
+        spawn = get_context("spawn")
+        self._theirs, self._lifeline = spawn.Pipe(duplex=False)
+        super().__init__(count, spawn, end_with_parent, (self._theirs,))
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
+        self._lifeline.close()
+        super().shutdown(wait, cancel_futures=cancel_futures)
+        self._theirs.close()
 
 
 def end_with_parent(lifeline: Pipe) -> None:
@@ -300,39 +277,27 @@ def _client(address: str) -> Client:
 def _on_cluster(
     client: Client, address: str, work: Work[T], left: Mapping[str, T], store: TaskStore | None
 ) -> Iterator[tuple[str, Result]]:
-    from distributed import as_completed as dask_completed
-    from distributed.client import FutureCancelledError
     from distributed.scheduler import KilledWorker
 
     finished = "" if store is None else f"; what is finished is in {store.path}"
+    # A name that other work has not: the scheduler gives one result for one name.
+    key = client.id if store is None else store.key
     with client:
-        # A name that other work has not: the scheduler gives one result for one name.
-        key = client.id if store is None else store.key
+        pool = client.get_executor()  # type: ignore[no-untyped-call]
         futures = {
-            client.submit(partial(_outcome, work), item, key=f"benchtool-{key}-{name}"): name
+            pool.submit(work, item, key=f"benchtool-{key}-{name}"): name
             for name, item in left.items()
         }
         try:
-            for future in dask_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
-                error = None if future.status == "finished" else future.exception()
-                if error is not None and not isinstance(error, KilledWorker | FutureCancelledError):
-                    raise _Fault(error)
-                outcome = future.result()
-                yield futures.pop(future), _result(outcome)
-                future.release()  # the scheduler need not hold what is on the disk
-        except _Fault as fault:
-            raise fault.args[0] from None
+            for future in as_completed(futures):
+                yield futures.pop(future), future.result()
         except KilledWorker as error:
             raise LinkLost(
                 f"workers of {address} died several times at one task ({error}){finished}; look "
                 f"at the workers, and repeat the command"
             ) from error
-        except (FutureCancelledError, OSError, TimeoutError) as error:
+        except CancelledError as error:
             raise LinkLost(
                 f"the scheduler at {address} was lost{finished}; start a scheduler and workers "
                 f"again, and repeat the command"
             ) from error
-
-
-class _Fault(Exception):
-    """Carry a fault of the work past what is said of a lost scheduler."""

@@ -34,6 +34,7 @@ what to do next. The numbers are attributes too, so that no caller parses text.
 
 from __future__ import annotations
 
+import copyreg
 import re
 import sys
 from collections.abc import Iterable, Sequence
@@ -53,6 +54,10 @@ class BenchtoolError(Exception):
     """Root of everything benchtool raises on purpose."""
 
     exit_code = 1
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Many subclasses take more than a text: a pickled error is made without them.
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 class InputError(BenchtoolError):

@@ -6,6 +6,7 @@ from its inputs. The same runs under the same seeds give the same rows, wherever
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -69,11 +70,11 @@ def run_campaign(
     blocks = {str(k): (k, min(k + size, total)) for k in range(0, total, size)}
     about = {**metadata, "runs": str(total), "runs of a block": str(size), "inputs": _said(inputs)}
     cluster = inputs.study.campaign.cluster
-    here: Work[Block] = partial(_block_rows, campaign, design)
-    there: Work[Block] = partial(_block_rows_of, inputs, design)
+    work: Work[Block] = partial(_block_rows, campaign, design)
+    if cluster is not None:
+        work = partial(_block_rows_of, pickle.dumps(inputs), design)
     done = 0
     with TaskStore(table.with_name("runs.jsonl"), about) as store:
-        work = here if cluster is None else there
         for _, rows in run_tasks(work, blocks, store=store, cluster=cluster, processes=0):
             done += len(rows)
             written(done)
@@ -92,24 +93,12 @@ def _block_rows(campaign: Campaign, design: Design, block: Block) -> list[Row]:
     return list(campaign.rows(design, None, *block))
 
 
-def _block_rows_of(inputs: PitchInputs | FlightInputs, design: Design, block: Block) -> list[Row]:
+def _block_rows_of(inputs: bytes, design: Design, block: Block) -> list[Row]:
     """Return the rows of a block in a worker, which has one thread for it."""
-    return list(_campaign(_Same(inputs)).rows(design, 1, *block))
-
-
-class _Same:
-    """Inputs by what they say, so that a worker makes a campaign once for all its blocks."""
-
-    def __init__(self, inputs: PitchInputs | FlightInputs) -> None:
-        self.inputs = inputs
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and self.inputs == other.inputs
-
-    def __hash__(self) -> int:
-        return hash(str(self.inputs))
+    return list(_campaign(inputs).rows(design, 1, *block))
 
 
 @lru_cache(maxsize=4)
-def _campaign(same: _Same) -> Campaign:
-    return campaign_of(same.inputs)
+def _campaign(inputs: bytes) -> Campaign:
+    """Return the campaign of pickled inputs; a worker makes it once for all its blocks."""
+    return campaign_of(pickle.loads(inputs))

@@ -15,7 +15,6 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -26,7 +25,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from benchtool.core.errors import BenchtoolError, RunStopped
 from benchtool.data.atomic import partial_folder
-from benchtool.tasks import end_with_parent
+from benchtool.tasks import WorkerProcesses, end_with_parent
 
 T = TypeVar("T")
 
@@ -45,8 +44,7 @@ class WorkerProcess:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._pool: ProcessPoolExecutor | None = None
-        self._lifeline: Pipe | None = None
+        self._pool: WorkerProcesses | None = None
 
     async def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
         """Return what a function returns.
@@ -55,32 +53,26 @@ class WorkerProcess:
             BenchtoolError: what the function raised, with the same sentence.
             RunStopped: the process ended before it was done.
         """
-        pool = self._pool or self._start()
+        pool = self._pool = self._pool or WorkerProcesses(1)
         try:
-            status, result = await asyncio.wrap_future(pool.submit(_outcome, work, arguments))
+            return await asyncio.wrap_future(pool.submit(work, *arguments))
         except BrokenProcessPool:
             if self._pool is pool:
                 self.close()
             raise RunStopped(
                 f"the process for {self._name} ended before it was done; try again"
             ) from None
-        if status == "failed":
-            raise BenchtoolError(result)
-        return result
+        except BenchtoolError:
+            raise
+        except Exception as error:  # noqa: BLE001 -- whatever it is, the page must show it
+            traceback.print_exception(error)
+            raise BenchtoolError(fault_sentence(error)) from None
 
     def close(self) -> None:
         """End the process, whatever it does; safe to call twice."""
-        if self._pool is not None and self._lifeline is not None:
-            self._lifeline.close()
-            # The process is ending already; waiting frees what the pool holds of the system.
-            self._pool.shutdown(wait=True, cancel_futures=True)
-            self._pool = self._lifeline = None
-
-    def _start(self) -> ProcessPoolExecutor:
-        spawn = get_context("spawn")
-        theirs, self._lifeline = spawn.Pipe(duplex=False)
-        self._pool = ProcessPoolExecutor(1, spawn, end_with_parent, (theirs,))
-        return self._pool
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
