@@ -25,10 +25,8 @@ class Campaign:
     Every point sees the same noise: seed k of one point is seed k of any other.
 
     Attributes:
-        title: what is simulated, in one line.
         metadata: what was the same in all runs, for the table's file.
         setups: what is simulated, by the name of the gain set; each is run at every point.
-        controllers: run with every gain set.
         measures: what is measured, with its unit, by column; the main one first.
         probe: probe(setup, point, design) refuses a point that cannot be run.
         case: case(setup, controller, point) -> what is run there, under every seed.
@@ -60,8 +58,6 @@ class Campaign:
 
         Args:
             threads: how many runs at once; all cores when None.
-            start: first row.
-            stop: one behind the last; all when None.
         """
         labels: deque[Row] = deque()
 
@@ -98,7 +94,6 @@ def results_in_order(tasks: Iterable[Callable[[], T]], threads: int | None = Non
     while they run; threads are enough.
 
     Args:
-        tasks: pieces of work that know nothing of each other.
         threads: how many at once; all cores when None.
     """
     workers = max(1, threads if threads is not None else (os.cpu_count() or 1))

@@ -56,10 +56,7 @@ def run_campaign(
     """Run a campaign, write its table, and return its rows.
 
     Args:
-        campaign: of the inputs.
         inputs: of the command; on a cluster, files that they name must be where the workers are.
-        table: Parquet file.
-        metadata: of the table.
         written: called with how many runs are done.
 
     Raises:

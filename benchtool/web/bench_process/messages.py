@@ -215,7 +215,6 @@ class ConnectionStatus:
         session: counts connections; a new number means other channels and a new clock.
         identity, rig: of the bench, its limits those that hold now; None when off.
         stated: limits by the rig itself, up to which they may be widened again.
-        calibration: stored for this device, None when there is none.
         weighs: for masses on the load cell only, no motor can turn.
         reason: why there is none, empty when that was commanded.
         unseen: why motors may still turn, empty unless they were not seen to stand.
