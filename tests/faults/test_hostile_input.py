@@ -54,7 +54,7 @@ def said(
         (["import", "/dev/zero", "--dry-run"], "this is a device"),
         (["rigs", "fifo"], "this is a pipe"),
         (["rigs", LONG], "unknown rig"),
-        (["rigs", f"{LONG}.toml"], "longer than the system allows"),
+        (["rigs", f"{LONG}.toml"], "file name too long"),
         (["models", "/dev/zero"], "this is a device"),
         (["sweep", "sim:pquad_single", "--plan", "fifo", "--dry-run"], "this is a pipe"),
         (["sweep", "sim:pquad_single", "--plan", "/dev/zero", "--dry-run"], "this is a device"),

@@ -12,7 +12,7 @@ from typing import Any
 from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
 from benchtool import __version__
-from benchtool.commands.terminal.messages import announce_code, print_notes
+from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.tables import progress_bar
 from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
@@ -32,7 +32,7 @@ def show_campaign(inputs: PitchInputs | FlightInputs, known: Iterable[str], **na
         names: of `Design.read`.
     """
     _refuse_own(inputs, known)
-    campaign = campaign_of(inputs, announce_code, print_notes)
+    campaign = campaign_of(inputs, announce_code)
     study, several, out = inputs.study, inputs.study.campaign, inputs.study.out
     design = Design.read(
         several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed, **names

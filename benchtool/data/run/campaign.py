@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from itertools import islice
 from pathlib import Path
-from typing import Any
-
-from numpy.typing import NDArray
 
 from benchtool.core.errors import WouldOverwrite
 
@@ -16,56 +14,41 @@ ROWS_AT_ONCE = 4096
 def write_campaign(
     rows: Iterable[Mapping[str, float | str]], path: Path, metadata: Mapping[str, str]
 ) -> int:
-    """Write rows of the same columns to a new table as they come and return how many.
+    """Write rows of equal columns to a new table as they come and return how many.
 
-    The file gets its name when it is complete; until then, and after an error, it ends in `.part`.
+    The file ends in `.part` until it is complete.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    part = unfinished(path)
-    for present in (path, part):
-        if present.exists():
-            raise WouldOverwrite(str(present))
+    if path.exists():
+        raise WouldOverwrite(str(path))
     path.parent.mkdir(parents=True, exist_ok=True)
-    writer: Any = None
-    pending: list[dict[str, float | str]] = []
-
-    def flush() -> None:
-        nonlocal writer
-        if pending:
-            table = pa.Table.from_pylist(pending)
+    part = path.with_name(path.name + ".part")
+    left, count, writer = iter(rows), 0, None
+    try:
+        while group := [dict(row) for row in islice(left, ROWS_AT_ONCE)]:
+            table = pa.Table.from_pylist(group)
             if writer is None:
                 schema = table.schema.with_metadata(dict(metadata))
                 writer = pq.ParquetWriter(part, schema, compression="zstd")
             writer.write_table(table.cast(writer.schema))
-            pending.clear()
-
-    count = 0
-    try:
-        for row in rows:
-            count += 1
-            pending.append(dict(row))
-            if len(pending) >= ROWS_AT_ONCE:
-                flush()
+            count += len(group)
     finally:
-        flush()
         if writer is not None:
             writer.close()
-    if part.exists():
+    if count:
         part.replace(path)
     return count
 
 
-def unfinished(path: Path) -> Path:
-    """Return where a campaign's table is until it is complete."""
-    return path.with_name(path.name + ".part")
-
-
-def campaign_batches(path: Path, columns: Sequence[str]) -> Iterator[dict[str, NDArray[Any]]]:
-    """Yield some columns of a campaign's table, (n_rows,) each, a few thousand rows at once."""
+def campaign_means(path: Path, measure: str) -> dict[tuple[str, str], float]:
+    """Return the mean of a measure by gain set and controller, over the runs that have a value."""
+    import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
-    with pq.ParquetFile(path) as file:
-        for batch in file.iter_batches(batch_size=ROWS_AT_ONCE, columns=list(columns)):
-            yield {name: batch.column(name).to_numpy(zero_copy_only=False) for name in columns}
+    keys = ["gains", "controller"]
+    table = pq.read_table(path, columns=[*keys, measure], read_dictionary=keys)
+    known = table.filter(pc.is_finite(table[measure]))
+    rows = known.group_by(keys).aggregate([(measure, "mean")]).to_pylist()
+    return {(row["gains"], row["controller"]): row[f"{measure}_mean"] for row in rows}

@@ -11,7 +11,6 @@ from benchtool.acquire.arming import arming_warnings, remember_check, require_un
 from benchtool.acquire.bench_check import check_bench
 from benchtool.bench.bench import Readings
 from benchtool.bench.drivers import open_bench
-from benchtool.bench.serial.hello import UNPROTECTED
 from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig_file import rig_named
 from tests.unit.acquire.fake_bench import FakeBench
@@ -105,9 +104,9 @@ def test_unattended_needs_a_check_of_the_same_day(
 
 def test_what_makes_a_bench_more_dangerous_is_named() -> None:
     rig = rig_named("pquad")
-    hello = replace(still_hello(version=1), simulated=False)
-    unprotected, unseen, unwatched = arming_warnings(hello.identity("serial:x", 100.0), rig)
-    assert unprotected == UNPROTECTED
+    hello = replace(still_hello(), simulated=False, facts={"warning": "anybody may steer it"})
+    warning, unseen, unwatched = arming_warnings(hello.identity("serial:x", 100.0), rig)
+    assert warning == "anybody may steer it"
     assert "will not be seen to stand" in unseen
     assert unwatched.startswith("no channel brings ")
 

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from benchtool.core.errors import WouldOverwrite
-from benchtool.data.run.campaign import unfinished, write_campaign
+from benchtool.data.run.campaign import write_campaign
 from benchtool.simulate.campaign import Row
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
@@ -67,9 +67,7 @@ def test_gain_sets_stand_side_by_side(capsys: pytest.CaptureFixture[str], tmp_pa
     assert abs(peaks["stiff, pid"]) < 0.5 * abs(peaks["s3, pid"])
 
 
-def test_a_campaign_that_is_broken_off_keeps_its_rows_and_is_not_written_over(
-    tmp_path: Path,
-) -> None:
+def test_a_table_has_its_name_once_it_is_complete_and_is_not_written_over(tmp_path: Path) -> None:
     path = tmp_path / "campaign.parquet"
 
     def rows() -> Iterator[Row]:
@@ -79,9 +77,10 @@ def test_a_campaign_that_is_broken_off_keeps_its_rows_and_is_not_written_over(
     with pytest.raises(KeyboardInterrupt):
         write_campaign(rows(), path, {})
     assert not path.exists()
-    assert pd.read_parquet(unfinished(path))["K_b"].tolist() == list(range(10))
-    with pytest.raises(WouldOverwrite, match=r"campaign\.parquet\.part exists already"):
-        write_campaign((), path, {})
+    assert write_campaign([{"K_b": 1.0}], path, {}) == 1
+    with pytest.raises(WouldOverwrite, match=r"campaign\.parquet exists already"):
+        write_campaign([{"K_b": 2.0}], path, {})
+    assert pd.read_parquet(path)["K_b"].tolist() == [1.0]
 
 
 def test_memory_does_not_grow_with_the_number_of_runs(tmp_path: Path) -> None:
