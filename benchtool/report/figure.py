@@ -33,28 +33,18 @@ def is_simulated(subject: Any) -> bool:
 
 @dataclass(slots=True, kw_only=True)
 class FigureEntry:
-    """Register a function ``draw(figure, subject)`` that fills an empty figure of a page.
+    """Register a function ``draw(figure, subject)`` that fills an empty figure of a page."""
 
-    Attributes:
-        page: what shows it; the part before a point is the folder of its module.
-        name: of its file, and in its page's list of sections.
-        when: whether the subject has anything to draw; always when left out.
-        each: the subject's items by key where the figure is drawn once for each: the function then
-            takes the item as third argument, and its file is called ``name_key``.
-        simulated: whether the figure is stamped; the subject's own ``simulated`` when left out.
-        layout: None for a figure that places its axes by itself.
-    """
-
-    page: str
-    name: str
+    page: str  # the part before a point is the folder of its module
+    name: str  # of its file and section
     caption: Text
     title: Text
-    when: Callable[[Any], bool] = lambda subject: True
-    each: Callable[[Any], Mapping[str, Any]] | None = None
+    when: Callable[[Any], bool] = lambda subject: True  # has anything to draw
+    each: Callable[[Any], Mapping[str, Any]] | None = None  # one figure, ``name_key``, per item
     height_in: Size = 4.5
     width_in: Size = WIDTH_IN
     simulated: bool | Callable[[Any], bool] = is_simulated
-    layout: Literal["constrained"] | None = "constrained"
+    layout: Literal["constrained"] | None = "constrained"  # None: places its axes itself
     draw: Callable[..., None] = field(init=False)
 
     def __call__(self, draw: Draw) -> Draw:
@@ -132,9 +122,7 @@ def captions(page: str) -> dict[str, str]:
     return {name: text for name, text in texts.items() if isinstance(text, str)}
 
 
-Part = str | Callable[[Any], Block | Sequence[Block] | None]
-"""The name of a figure, or a function of the subject that returns blocks, if it has any."""
-
+Part = str | Callable[[Any], Block | Sequence[Block] | None]  # a name or a block
 PAGES: dict[str, Page] = {}  # every page of the modules that were imported, by name
 
 

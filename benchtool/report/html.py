@@ -21,7 +21,6 @@ _NAMESPACES = re.compile(r'\s+xmlns(?::\w+)?="[^"]*"')
 _METADATA = re.compile(r"\s*<metadata>.*?</metadata>", re.DOTALL)
 _SIZE = re.compile(r'(<svg\b[^>]*?)\s+width="([\d.]+)pt"([^>]*?)\s+height="[\d.]+pt"', re.DOTALL)
 _REFERENCES = re.compile(r'(\bid="|url\(#|href="#)')
-
 _PAGE = "report.html.j2"
 _STYLE = "report.css"
 

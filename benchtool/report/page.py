@@ -55,17 +55,12 @@ class Listing:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Show rows of cells, already formatted.
-
-    Attributes:
-        rows: cells as text, as many in each row as there are heads.
-        text_columns: how many columns on the left hold words; the others are aligned as numbers.
-    """
+    """Show rows of cells, already formatted."""
 
     caption: str
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
-    text_columns: int = 1
+    text_columns: int = 1  # on the left; the others are aligned as numbers
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -105,14 +100,10 @@ class Section:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Report:
-    """Hold a whole page.
-
-    Attributes:
-        highlights: the few numbers that matter most, name to formatted value, shown large.
-    """
+    """Hold a whole page."""
 
     title: str
     summary: str
     sections: Sequence[Section]
     simulated: bool
-    highlights: Mapping[str, str] = field(default_factory=dict)
+    highlights: Mapping[str, str] = field(default_factory=dict)  # shown large

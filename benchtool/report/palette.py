@@ -12,7 +12,6 @@ from typing import Literal
 Role = Literal[
     "single_rotor", "second_rig", "three_rotors", "quad", "model", "formula", "measurement", "muted"
 ]
-
 BLACK = "#1b1b1b"
 ORANGE = "#e69f00"
 SKY = "#56b4e9"
@@ -42,5 +41,4 @@ LOOKS: dict[Role, Look] = {
     "measurement": Look(BLACK, "o"),
     "muted": Look(GREY, "."),
 }
-
 CYCLE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK, GREY)  # rotors 1 to 8, four ensembles

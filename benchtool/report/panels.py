@@ -17,9 +17,7 @@ from benchtool.core.array import Array
 from benchtool.core.units import from_si
 from benchtool.report.palette import BLACK, CYCLE, GREY, PALE
 
-OVER = "#bfe3c8"
-"""Background while a rotor is over a surface, as in the paper's figures 26 to 28."""
-
+OVER = "#bfe3c8"  # background while a rotor is over a surface, from the paper's figures 26 to 28
 DASHED = (0, (5, 2.2))
 DOTTED = (0, (1.5, 1.5))
 
@@ -69,10 +67,6 @@ def envelope(time_s: Array, values: Array, slots: int = 900) -> tuple[Array, Arr
     """Return times and values with the smallest and the largest of every slot, nan left out.
 
     Two samples of each slot preserve the spikes of a long signal.
-
-    Args:
-        time_s: (n,) s.
-        values: (n,) the signal; nan where it had no new value.
     """
     present = np.isfinite(values) & np.isfinite(time_s)
     time_s, values = time_s[present], values[present]

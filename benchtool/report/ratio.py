@@ -31,20 +31,14 @@ _BAND_ALPHA = {68: 0.30, 95: 0.13}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RatioPoints:
-    """Hold measured (or simulated) thrust ratios.
+    """Hold measured (or simulated) thrust ratios."""
 
-    Attributes:
-        z_over_R, ratio: (m,) each, dimensionless.
-        sd: (m,) standard deviation over repeats; nan where there was one repeat.
-        left_out: (m,) True for points that the fit left out, drawn hollow; None when all were used.
-    """
-
-    z_over_R: Array
-    ratio: Array
-    sd: Array
+    z_over_R: Array  # (m,) dimensionless
+    ratio: Array  # (m,) dimensionless
+    sd: Array  # (m,) standard deviation over repeats; nan for one repeat
     label: str
     role: Role = "measurement"
-    left_out: NDArray[np.bool_] | None = None
+    left_out: NDArray[np.bool_] | None = None  # (m,) True: not in the fit, drawn hollow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,22 +52,15 @@ class Band:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """Hold a model's curve.
+    """Hold a model's curve."""
 
-    Attributes:
-        z_over_R, ratio: (m,) each, dimensionless.
-        style: "fit" (solid) or "formula" (dashed, as the paper draws its PFI curves).
-        bands: intervals of the curve, at most one per level.
-        nearest_z_over_R: the curve is drawn from there on, where its law is trusted.
-    """
-
-    z_over_R: Array
-    ratio: Array
+    z_over_R: Array  # (m,) dimensionless
+    ratio: Array  # (m,) dimensionless
     label: str
     role: Role = "formula"
-    style: Literal["fit", "formula"] = "formula"
-    bands: tuple[Band, ...] = ()
-    nearest_z_over_R: float = VALIDITY_Z_OVER_R
+    style: Literal["fit", "formula"] = "formula"  # solid or dashed
+    bands: tuple[Band, ...] = ()  # at most one per level
+    nearest_z_over_R: float = VALIDITY_Z_OVER_R  # drawn from there on
 
     @property
     def valid(self) -> NDArray[np.bool_]:

@@ -23,13 +23,10 @@ from benchtool.report.sweep.page import COMPARED, SWEEP
 from benchtool.report.sweep.run import read_sweep_run
 
 Kind = Literal["sweep", "pitch", "recording", "fit", "explanation"]
-
-TAKES = (
+TAKES = (  # kinds of paths that a report is made of
     "a run folder of benchtool sweep or record, a folder of benchtool fit --out or explain --out, "
     "or a recording of benchtool import or simulate"
 )
-"""What a report can be made of, for the one sentence that refuses anything else."""
-
 MARKS: dict[str, Kind] = {FIT_FILE: "fit", ANSWER_FILE: "explanation"}  # each has its report.html
 PAGE = "report.html"
 

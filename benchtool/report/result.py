@@ -25,15 +25,10 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Result(Generic[Found]):
-    """Hold what a call found, and show it: as text, figures, tables, a page.
-
-    Attributes:
-        found: everything that was worked out, as the rest of benchtool takes it.
-        path: of the run or recording that it was read from; None where there is none.
-    """
+    """Hold what a call found, and show it: as text, figures, tables, a page."""
 
     found: Found
-    path: Path | None = None
+    path: Path | None = None  # of the run or recording read; None where there is none
     _page: Page
     _summary: Callable[[Found], str]
     _tables: Mapping[str, Callable[[Found], pd.DataFrame]] = field(default_factory=dict)
@@ -86,9 +81,6 @@ class Result(Generic[Found]):
         """Write what the command writes with ``--out`` into a new folder; return the files to open.
 
         What has no such folder of its own gets its report page there.
-
-        Args:
-            commands: that made it, for the page; none where it was made from Python.
 
         Raises:
             WouldOverwrite: something is there already.

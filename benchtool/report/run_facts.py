@@ -53,7 +53,7 @@ def device_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     return facts
 
 
-_RIG = {
+_RIG = {  # facts by table; a run without the table has none of them
     "propulsion": {
         "rotor radius": "{radius_m:g} m",
         "k of T = k ω², in its file": "{thrust_coefficient_N_s2:g} N/(rad/s)²",
@@ -65,7 +65,6 @@ _RIG = {
         "{z_max_m:g} m, parked at {z_park_m:g} m"
     },
 }
-"""Facts by table of a rig; a run that states no such table has none of them."""
 
 
 def rig_facts(metadata: Mapping[str, Any]) -> dict[str, str]:

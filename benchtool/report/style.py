@@ -20,15 +20,12 @@ WIDTH_IN = 7.0  # width of every figure: the text width of a printed A4 page, in
 TITLE_CHARACTERS = 69  # how many characters of the title fit into one line of a figure
 SIMULATED = "SIMULATED"
 SIMULATED_GID = "simulated-stamp"
-
-BASES = {
+BASES = {  # what is equal in both thrusts of a ratio
     "equal_power": "equal electrical power",
     "equal_pwm": "equal pwm",
     "equal_rpm2": "equal rpm²",
     "joint": "equal rpm² (joint fit)",
 }
-"""What is held equal between the two thrusts of a ratio, as the axis says it."""
-
 _OURS: dict[str, Any] = {
     "font.family": ["DejaVu Sans"],
     "font.size": 9.5,
@@ -76,11 +73,9 @@ _NOT_LOOK = (
     "backend", "interactive", "toolbar", "keymap", "webagg", "tk.", "macosx", "docstring",
     "figure.hooks", "date.epoch", "savefig.directory", "timezone",
 )  # fmt: skip
-
 _LOOK: Any = {
     key: value for key, value in mpl.rcParamsDefault.items() if not key.startswith(_NOT_LOOK)
 } | _OURS
-
 _DRAWING = RLock()
 
 

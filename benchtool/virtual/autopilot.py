@@ -25,44 +25,25 @@ from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.server import ServedDevice
 
 BEAT_S = 1.0
-
-SET_INTERVAL, REQUEST_MESSAGE, REBOOT = 511, 512, 246
-"""MAV_CMD_SET_MESSAGE_INTERVAL, MAV_CMD_REQUEST_MESSAGE, MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN."""
-
-SILENT_S, READY_S = 1.0, 2.4
-"""After a restart: until the first heartbeat, and until motor tests are taken (as recorded)."""
-
-FASTEST_HZ = 400.0
-"""Rate of the main loop, which bounds that of streams (SCHED_LOOP_RATE)."""
-
-PLATE_US = 50_000
-"""The virtual world reports its plate's distance twenty times a second; a choice."""
-
-TEXT = 50
-"""Letters in one STATUSTEXT."""
-
-GROUND_LOST_S = 5.0
-"""Without a ground station's heartbeat for so long an armed autopilot ends its flight (ArduPilot's
-FS_GCS_TIMEOUT)."""
+SET_INTERVAL, REQUEST_MESSAGE, REBOOT = 511, 512, 246  # MAV_CMD_* numbers
+SILENT_S, READY_S = 1.0, 2.4  # first heartbeat, first motor test after a restart; recorded
+FASTEST_HZ = 400.0  # rate of the main loop, which bounds that of streams (SCHED_LOOP_RATE)
+PLATE_US = 50_000  # interval of the plate's distance reports; assumed
+TEXT = 50  # letters in one STATUSTEXT
+GROUND_LOST_S = 5.0  # lost ground station ends an armed flight (FS_GCS_TIMEOUT)
 
 
 class VirtualAutopilot(ServedDevice):
-    """Speak MAVLink for a virtual bench.
-
-    Args:
-        key: 32 bytes that sign every frame; None signs nothing.
-        now_s: time since 1970, for signatures.
-        hover_us: pulse that a pilot holds once the autopilot is armed, on a pitch bench.
-    """
+    """Speak MAVLink for a virtual bench."""
 
     def __init__(
         self,
         firmware: Firmware,
         kind: str = "ardupilot",
         system: int = 1,
-        key: bytes | None = None,
-        now_s: float = 0.0,
-        hover_us: float | None = None,
+        key: bytes | None = None,  # 32 bytes that sign every frame
+        now_s: float = 0.0,  # since 1970, for signatures
+        hover_us: float | None = None,  # pulse of the pilot of an armed pitch bench
     ) -> None:
         super().__init__(firmware)
         self.kind, hello = kind, firmware.hello

@@ -13,53 +13,29 @@ from benchtool.bench.mavlink.pilots import LEAST_US, LONGEST_US, MOTORS_OF_FRAME
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.array import Array
 
-AUTOPILOTS = {"ardupilot": 3, "px4": 12}
-"""MAV_AUTOPILOT of what can be imitated, by name."""
-
+AUTOPILOTS = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT of what can be imitated, by name
 LONGEST_S = 600.0
-
-PX4_LONGEST_S = 3.0
-"""Longest time-outs that are taken (ArduCopter's MOTOR_TEST_TIMEOUT_SEC, PX4's ACTUATOR_TEST)."""
-
-ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
-"""MAV_RESULT."""
-
-CRITICAL, WARNING, INFO = 2, 4, 6
-"""MAV_SEVERITY."""
-
+PX4_LONGEST_S = 3.0  # longest time-out (ACTUATOR_TEST)
+ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4  # MAV_RESULT
+CRITICAL, WARNING, INFO = 2, 4, 6  # MAV_SEVERITY
 SET_SERVO, TERMINATE, AUX_FUNCTION, SAFETY_SWITCH = 183, 185, 218, 5300
-
 SET_MODE, CAMERA = 176, 206
-
-EMERGENCY_STOP = 31.0
-"""Number of ArduPilot's auxiliary function that stops motors, for DO_AUX_FUNCTION."""
-
-PLUS_ORDER = (3, 1, 4, 2, 5, 6, 7, 8, 9, 10, 11, 12)
-"""Output of each motor, in the order of ArduCopter's motor test on a plus frame."""
-
+EMERGENCY_STOP = 31.0  # ArduPilot's DO_AUX_FUNCTION that stops motors
+PLUS_ORDER = (3, 1, 4, 2, 5, 6, 7, 8, 9, 10, 11, 12)  # ArduCopter motor test
 STRAIGHT_ORDER = tuple(range(1, 13))
-
-StatusText = tuple[int, str]
-"""Severity and words of a text."""
+StatusText = tuple[int, str]  # severity and words
 
 
 class MotorOrders(ABC):
-    """Be how one kind of autopilot takes orders and turns motors by them.
+    """Be how one kind of autopilot takes orders and turns motors by them."""
 
-    Attributes:
-        outputs: (n_rotors,) output of each motor, from 1.
-        lacks: numbers of the messages that it does not have.
-        safe: whether a safety switch holds every output without a pulse.
-        texts: what it reports of its motors, until it is taken.
-    """
-
-    outputs: tuple[int, ...]
+    outputs: tuple[int, ...]  # (n_rotors,) from 1
     n_outputs: int
-    lacks: frozenset[int]
+    lacks: frozenset[int]  # numbers of messages that it does not have
     parameters: dict[str, float]
 
     def __init__(self, hello: Hello) -> None:
-        self.safe = False
+        self.safe = False  # a safety switch holds every output without a pulse
         self.texts: list[StatusText] = []
         self._n_rotors = hello.n_rotors
         self._stopped: Array = np.full(hello.n_rotors, hello.pwm_stop_us)

@@ -11,17 +11,7 @@ from benchtool.core.channel import Channel
 
 
 class Streams:
-    """Hold what a bench last reported, and make messages of it.
-
-    Attributes:
-        outputs_us: pulse of every output, 0 where there is none.
-        known: numbers of the messages that there are.
-
-    Args:
-        channels: of the rows that `hold` is given.
-        order: (n_rotors,) output that drives each rotor, from 1.
-        silent: numbers of messages that are accepted and never come: nothing is connected there.
-    """
+    """Hold what a bench last reported, and make messages of it."""
 
     def __init__(
         self, channels: Sequence[Channel], order: Sequence[int], silent: Sequence[int] = ()
@@ -30,7 +20,7 @@ class Streams:
         self._index = {channel.name: index for index, channel in enumerate(channels)}
         self._last = [nan] * len(channels)
         self._order = tuple(order)
-        self.outputs_us = [0] * 16
+        self.outputs_us = [0] * 16  # 0: no pulse
         self._count = 0
         self._silent = set(silent)
         read = self._reading

@@ -96,11 +96,7 @@ EXAMPLE = "coulomb_friction.torque_Nm:0.012"
 
 
 def with_hidden(model: Model, text: str) -> Model:
-    """Return a model with some numbers of effects changed.
-
-    Args:
-        text: EFFECT.PARAMETER:VALUE in SI units, several with commas.
-    """
+    """Return a model with EFFECT.PARAMETER:VALUE[,...] in SI units applied."""
     for each in text.split(","):
         name, _, value = each.partition(":")
         effect, _, parameter = name.partition(".")
@@ -119,34 +115,24 @@ def with_hidden(model: Model, text: str) -> Model:
     return model
 
 
-PITCH_LIMIT_RAD = np.radians(45.0)
-"""A device stops beyond this angle: three quarters of the way to the hinge's stop. A choice."""
-
-RATE_LIMIT_RAD_S = 10.0
-"""A device stops beyond this rate: no schedule that ships comes near half of it. A choice."""
+PITCH_LIMIT_RAD = np.radians(45.0)  # device stops beyond; hinge stop is at 60°; assumed
+RATE_LIMIT_RAD_S = 10.0  # device stops beyond; twice that of shipped schedules; assumed
 
 
 def pitch_plant(
     rig: Rig,
-    truth: str | None = None,
+    truth: str | None = None,  # model or its file; default: the rig's pitch model
     schedule: str = "plate",
     controller: str = "pid",
     gains: str = "s3",
     seed: int = 0,
-    rate_Hz: float | None = None,
-    own: type[PitchController] | None = None,
+    rate_Hz: float | None = None,  # stream rate; default: control rate
+    own: type[PitchController] | None = None,  # user's controller at the rate of the gains
     hidden: str = "",
     change: Callable[[PitchJob], PitchJob] = lambda job: job,
     permit: CodePermit = refuse_code,
 ) -> PitchBenchPlant:
-    """Return the simulated pitch bench of these names.
-
-    Args:
-        truth: model or its file; the rig's own pitch model when None.
-        rate_Hz: stream rate; the control rate when None.
-        own: class of the user's own controller; its rate is that of the gains.
-        permit: called with the file of a truth's own effects before it is run.
-    """
+    """Return the simulated pitch bench of these names."""
     usual = f"pitch_{rig.name}"
     if truth is not None:
         model = load_model(truth, rig, permit).model

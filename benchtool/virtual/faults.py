@@ -34,7 +34,7 @@ class Fault:
         return self.at_s <= since_s < self.at_s + self.for_s
 
 
-FAULTS: dict[str, dict[str, float | str]] = {
+FAULTS: dict[str, dict[str, float | str]] = {  # defaults of each fault
     # Of the link: lose every byte, or flip one bit of it, with probability p; hold all bytes back
     # and deliver them at once; send nothing; pull the cable.
     "drop": {"p": 0.001},
@@ -47,7 +47,6 @@ FAULTS: dict[str, dict[str, float | str]] = {
     "over_thrust": {"at_s": 5.0, "for_s": 1.0, "thrust_N": 1000.0},
     "refuse_move": {"at_s": 0.0},
 }
-"""Every fault with its keys and their defaults."""
 
 
 def fault_from(text: str) -> Fault:

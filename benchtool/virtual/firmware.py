@@ -19,14 +19,9 @@ from benchtool.core.array import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
 
-MAX_RATE_HZ = 5000.0
-"""Fastest stream that a device accepts; a guess at what a small microcontroller can print."""
-
-LONGEST_REASON = 300
-"""Characters of a failure's reason that are sent, so that the line stays one that a host takes."""
-
-REMIND_S = 1.0
-"""A stopped device repeats why, so that a lost line cannot hide it."""
+MAX_RATE_HZ = 5000.0  # fastest stream of a small microcontroller; assumed
+LONGEST_REASON = 300  # maximum length of a failure's reason, so that it fits one line
+REMIND_S = 1.0  # interval at which a stopped device repeats its reason
 
 
 class Plant(Protocol):
@@ -76,11 +71,7 @@ class Rows:
 
 
 class Firmware:
-    """Guard a plant: accept commands, check limits on every tick, stop when the host is silent.
-
-    Args:
-        hello: what the device reports about itself; its limits hold from the start.
-    """
+    """Guard a plant: accept commands, check limits on every tick, stop when the host is silent."""
 
     def __init__(self, plant: Plant, hello: Hello, now_s: float = 0.0) -> None:
         self.hello = hello

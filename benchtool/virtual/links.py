@@ -51,11 +51,7 @@ class ServerLink(ABC):
 
 
 class PtyLink(ServerLink):
-    """Listen on a pseudo-terminal.
-
-    Args:
-        symlink: a path that always leads to the present terminal, also after a replug.
-    """
+    """Listen on a pseudo-terminal; the symlink leads to the present one, also after a replug."""
 
     def __init__(self, symlink: Path | None = None) -> None:
         if os.name != "posix":
@@ -217,11 +213,8 @@ class TcpLink(ServerLink):
 
 
 FRAME_START = 0xFD
-
 HEADER_BYTES, SIGNATURE_BYTES = 12, 13
-
-DATAGRAM_BYTES = 1400
-"""Most bytes of whole frames in one datagram: below the usual 1500 of a network's packets."""
+DATAGRAM_BYTES = 1400  # maximum of whole frames, below 1500 of a network packet
 
 
 def whole_frames(data: bytes, start: int) -> int:
@@ -239,11 +232,7 @@ def whole_frames(data: bytes, start: int) -> int:
 
 
 class UdpLink(ServerLink):
-    """Carry frames in datagrams, whole ones only.
-
-    Args:
-        listen: True waits for a host; False sends to it from the start, as autopilots do.
-    """
+    """Carry whole frames in datagrams; unless it listens, it sends to the host from the start."""
 
     def __init__(self, host: str, port: int, listen: bool) -> None:
         self._host, self._port, self._listen = host, port, listen

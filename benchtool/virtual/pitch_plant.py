@@ -24,27 +24,14 @@ from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 from benchtool.simulate.pitch.simulate import PitchController, own_ticks
 
-HOLD_S = 2.0
-"""Behind its end a schedule holds; its last values stand in a block of this length. A choice."""
-
-CATCH_RAD_S = 0.5
-"""How fast the catch brings the beam back to level; an assumption."""
-
-IDLE_SHARE = 0.05
-"""Share of the pulse range that counts as idle; an assumption: motors turn slowly or not at all."""
-
-SLOWEST_RPM = 60.0
-"""Below this a tachometer shows 0, five times the noise of the rigs that ship; an assumption."""
-
-IDLE_RUN = 2**31
-"""Number of the run whose noise the sensors have before the first arming: none that counts up."""
-
-_CONTROLLER = ("law_state", "command.torque_Nm", "command.difference_us")
-"""Records that begin anew with every arming."""
-
+HOLD_S = 2.0  # last values of a schedule, in blocks of this length; assumed
+CATCH_RAD_S = 0.5  # rate at which the catch levels the beam; assumed
+IDLE_SHARE = 0.05  # share of the pulse range; motors turn slowly or not at all; assumed
+SLOWEST_RPM = 60.0  # a tachometer shows 0 below; five times the noise; assumed
+IDLE_RUN = 2**31  # number of the noise before the first arming
+_CONTROLLER = ("law_state", "command.torque_Nm", "command.difference_us")  # new per arming
 _VISIT = ("setpoint.plate_z_m", "setpoint.plate_share")
-_NOMINAL_VISIT = ("nominal_plate_z_m", "nominal_share")
-"""Where the plate is, and where a map has it, in the schedule."""
+_NOMINAL_VISIT = ("nominal_plate_z_m", "nominal_share")  # in a schedule
 
 
 def idle_us(rig: Rig) -> float:
@@ -55,22 +42,15 @@ def idle_us(rig: Rig) -> float:
 
 
 class PitchBenchPlant:
-    """Be a pitch bench with its controller, advanced tick by tick.
-
-    Args:
-        schedule: what the controller follows from the moment of arming on.
-        seed: of the noise; the n-th arming (from 0) has the noise of run n, as `simulate_pitch`.
-        rate_Hz: stream rate, the control rate over a whole number; the control rate when None.
-        own: class of the user's own controller, made anew for every arming; that of the job, None.
-    """
+    """Be a pitch bench with its controller, advanced tick by tick."""
 
     def __init__(
         self,
         job: PitchJob,
-        schedule: Schedule,
-        seed: int,
-        rate_Hz: float | None = None,
-        own: type[PitchController] | None = None,
+        schedule: Schedule,  # from arming on
+        seed: int,  # of the noise; the n-th arming has the noise of run n of `simulate_pitch`
+        rate_Hz: float | None = None,  # stream rate, control rate over a whole number
+        own: type[PitchController] | None = None,  # user's controller, made anew for every arming
     ) -> None:
         self.job, self.schedule, self.rig = job, schedule, job.bench.model.rig
         self.nearest_z_over_R = job.bench.model.nearest_z_over_R

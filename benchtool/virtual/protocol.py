@@ -17,8 +17,7 @@ from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import event_line
 from benchtool.virtual.server import ServedDevice
 
-LAST_NUMBER = frames.TIME_MODULUS_US - 1
-"""Largest number of an order; they grow from the hello on and never start over."""
+LAST_NUMBER = frames.TIME_MODULUS_US - 1  # largest order number
 
 
 class OrderCheck:
@@ -27,18 +26,11 @@ class OrderCheck:
     An order carries a number that grows and the last device time that its host has read. Its age is
     the time since then on the device's own clock, so that neither the host's clock nor the delay
     of the way to the host matters.
-
-    Args:
-        speed: device seconds per wall second; the age limit is wall time.
-
-    Attributes:
-        armed: whether orders to turn or to move are obeyed.
-        number: of the last order that was carried out.
     """
 
     def __init__(self, speed: float = 1.0) -> None:
         self.armed = False
-        self.number = 0
+        self.number = 0  # of the last order carried out
         self._speed = speed
         self._stopped_us = -inf
 
@@ -48,12 +40,7 @@ class OrderCheck:
         self._stopped_us = now_us
 
     def refusal(self, number: int, time: str, now_us: int) -> str:
-        """Return why an order is refused as late, nothing when it may be carried out.
-
-        Args:
-            time: device time that the order repeats, as it came.
-            now_us: device time, not wrapped.
-        """
+        """Return why an order is refused as late, nothing when it may be carried out."""
         if number <= self.number:
             return f"{wire.LATE}number {number} comes after {self.number}"
         if not (time.isdecimal() and len(time) <= 10 and int(time) < frames.TIME_MODULUS_US):

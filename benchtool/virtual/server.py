@@ -13,16 +13,11 @@ from benchtool.virtual.links import ServerLink
 
 
 class ServedDevice(ABC):
-    """Be a device without a port, around a guarded plant; wall time is handed in.
-
-    Attributes:
-        speed: device seconds per wall second.
-        host_since_s: wall time at which the present host came, None before any.
-    """
+    """Be a device without a port, around a guarded plant; wall time is handed in."""
 
     def __init__(self, firmware: Firmware) -> None:
         self.firmware, self.speed = firmware, firmware.hello.speed
-        self.host_since_s: float | None = None
+        self.host_since_s: float | None = None  # wall time; None before any
 
     @abstractmethod
     def receive(self, data: bytes, now_s: float) -> bytes:
@@ -38,16 +33,9 @@ class ServedDevice(ABC):
 
 
 NAP_S = 0.004
-
-LONGEST_CATCH_UP_S = 0.5
-"""Wall time that the physics makes up for after the process was held; more is left out."""
-
-FAILURE_S = 1.0
-"""A device whose program failed reports it for so long before it is gone. A choice."""
-
-OUTBOX_BYTES = 65536
-"""What the device holds for a host that does not read, on top of what the link holds; samples
-beyond it are dropped and counted. A choice: 0.6 s of 12 channels at 1 kHz, for busy machines."""
+LONGEST_CATCH_UP_S = 0.5  # maximum wall time that the physics catches up with
+FAILURE_S = 1.0  # a failed program is reported for so long; assumed
+OUTBOX_BYTES = 65536  # buffer on top of the link's; 0.6 s of 12 channels at 1 kHz; assumed
 
 
 class ServerOutbox:
@@ -78,19 +66,13 @@ class ServerOutbox:
 
 
 class BenchServer:
-    """Serve one device over one link, to one host after another.
-
-    Args:
-        tick_Hz: gives the ticks of the plant per second of device time, at present.
-        faults: what goes wrong on the wire.
-        on_hello: called when a host has sent a hello.
-    """
+    """Serve one device over one link, to one host after another."""
 
     def __init__(
         self,
         device: ServedDevice,
         link: ServerLink,
-        tick_Hz: Callable[[], float],
+        tick_Hz: Callable[[], float],  # per second of device time, at present
         faults: LinkFaults | None = None,
         on_hello: Callable[[], None] = lambda: None,
         clock: Callable[[], float] = time.monotonic,

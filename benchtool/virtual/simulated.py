@@ -34,20 +34,12 @@ from benchtool.virtual.devices import (
 from benchtool.virtual.firmware import Firmware, Rows
 from benchtool.virtual.pitch_plant import PitchBenchPlant
 
-MOVE_STEP_S = 0.1
-"""While the plate moves, time passes in steps of this length, to stop soon after it has arrived."""
-
-MOVE_LIMIT_S = 600.0
-"""A plate that has not arrived after this long never will."""
+MOVE_STEP_S = 0.1  # time step while the plate moves
+MOVE_LIMIT_S = 600.0  # longest move of the plate
 
 
 class SimulatedBench(Opened):
-    """Answer as a rotor bench does, from simulated physics, without waiting.
-
-    Args:
-        imperfections: how far from perfect; the default bench when left out.
-        max_step_s: most time that passes between two looks of the device at its own limits.
-    """
+    """Answer as a rotor bench does, from simulated physics, without waiting."""
 
     def __init__(
         self,
@@ -57,7 +49,7 @@ class SimulatedBench(Opened):
         seed: int = 0,
         rate_Hz: float = 200.0,
         imperfections: Imperfections | None = None,
-        max_step_s: float = 10.0,
+        max_step_s: float = 10.0,  # longest time between two limit checks
     ) -> None:
         plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
         self._power_up(address, plant, hello_of(plant, truth, seed), max_step_s)
@@ -224,8 +216,7 @@ class SimulatedBench(Opened):
             raise LinkLost(f"{what} was requested of a bench that is not open; open it first")
 
 
-LOOK_S = 0.02
-"""The device looks at its limits so often, because a beam turns quickly. A choice, five ticks."""
+LOOK_S = 0.02  # interval of limit checks, five ticks; assumed
 
 
 class SimulatedPitch(SimulatedBench):

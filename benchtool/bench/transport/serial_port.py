@@ -11,7 +11,6 @@ from benchtool.bench.transport.transport import first_bytes, lost_error, opening
 from benchtool.core.errors import InputError, LinkLost
 
 WRITE_TIMEOUT_S = 0.2  # a blocked device is lost: a watchdog of 250 ms has nearly expired
-
 _MOST_READS = 16
 
 

@@ -93,18 +93,12 @@ class TcpSocket(SocketTransport):
 
 
 MOST_PEERS = 8  # Senders that are answered; a choice. Beyond it the oldest is forgotten
-
 DATAGRAM_BYTES = 65536
 BUFFER_BYTES = 1 << 20  # system buffer: seconds of telemetry
 
 
 class UdpSocket(SocketTransport):
-    """Carry bytes in datagrams.
-
-    Args:
-        listen: True binds and answers whoever has sent; False sends to `host` first, and only
-            datagrams from that very address and port are received.
-    """
+    """Datagrams: binds and answers the last sender (`listen`), else sends first to `host` alone."""
 
     def __init__(self, host: str, port: int, listen: bool) -> None:
         super().__init__(host, port)

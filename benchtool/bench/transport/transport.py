@@ -17,11 +17,7 @@ import psutil
 from benchtool.core.errors import LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 Answer = TypeVar("Answer")
-
-NAP_S = 0.005
-"""Longest sleep between two reads. A pseudo-terminal holds 0.2 s of a 1 kHz stream; a nap with one
-read costs a twelfth of the processor time that a wake-up per line does (measured, see
-tests/proof/benchmarks/bench_link.py)."""
+NAP_S = 0.005  # longest sleep between reads, see tests/proof/benchmarks/bench_link.py
 
 
 def first_bytes(take: Callable[[], bytes], timeout_s: float) -> bytes:
@@ -69,28 +65,19 @@ class Transport(Protocol):
 
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit (8N1)
 LONGEST_WAIT_S = 0.02  # longest wait of one read: a heartbeat that is due is sent at most that late
-
 SHOWN_BYTES = 200
 
 
 class LinkEnd(ABC):
-    """Be the host's end of a conversation over a transport.
-
-    Attributes:
-        received: the first bytes that came, to say what answers where the protocol is not known.
-    """
+    """Be the host's end of a conversation over a transport."""
 
     def __init__(self, transport: Transport, address: str, clock: Callable[[], float]) -> None:
         self.transport, self.address, self.clock = transport, address, clock
-        self.received = b""
+        self.received = b""  # first bytes, to name an unknown protocol
 
     @abstractmethod
     def pump(self, timeout_s: float) -> bool:
-        """Send a heartbeat when one is due and take what arrives within a short wait.
-
-        Returns:
-            whether anything arrived.
-        """
+        """Send a heartbeat when one is due; return whether anything arrives within a short wait."""
 
     def close(self) -> None:
         self.transport.close()
@@ -115,12 +102,7 @@ _DENIED = {errno.EACCES, errno.EPERM}
 
 
 def opening_error(error: Exception, where: str, windows: bool = False) -> LinkError:
-    """Return what an exception on opening means.
-
-    Args:
-        error: an OSError (pyserial's SerialException is one), termios.error or socket error.
-        windows: on Windows an access denied on a port means that somebody else has it open.
-    """
+    """Return what an exception on opening means."""
     number = _number(error)
     text = _text(error)
     if number in _BUSY or "exclusively lock" in text or (windows and _denied(number, text)):
@@ -178,15 +160,11 @@ _MASTERS = ("/dev/ptmx", "/dev/pts/ptmx")
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """Name one process that has a port open.
-
-    Attributes:
-        is_terminal: whether it also holds the master end of pseudo-terminals, as a virtual bench.
-    """
+    """Name one process that has a port open."""
 
     pid: int
     name: str
-    is_terminal: bool = False
+    is_terminal: bool = False  # also holds a master end, as a virtual bench does
 
 
 def holders(port: str) -> tuple[Holder, ...]:

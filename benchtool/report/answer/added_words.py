@@ -16,19 +16,13 @@ from benchtool.report.page import Table
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Hold a number in which the new model differs from the old.
-
-    Attributes:
-        before: its value in the old model; None where that has no such effect.
-        now: the whole value in the new one, nothing to be added to the old.
-        found: whether it belongs to what was named; others moved within what was known of them.
-    """
+    """Hold a number in which the new model differs from the old."""
 
     name: str
-    before: float | None
-    now: float
+    before: float | None  # None where the old model has no such effect
+    now: float  # whole value, not an addition
     unit: str
-    found: bool
+    found: bool  # False for an adjustment of another effect
 
     @property
     def words(self) -> str:

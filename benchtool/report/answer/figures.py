@@ -117,13 +117,10 @@ def _which_title(answer: Answer, place: Rivals) -> str:
 
 
 WHICH = "Probability of each explanation that was weighed; the answer is blue."
-"""Caption of the probabilities where one verdict is weighed."""
-
 WHICH_OF_SEVERAL = (
     "Probability of each explanation for one of the named effects, the others taken for granted; "
     "the answer is blue."
 )
-"""Caption of each effect's own probabilities where several are named."""
 
 
 def shown_explanations(probabilities: Mapping[str, float]) -> dict[str, float]:

@@ -39,13 +39,7 @@ def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
 
 
 def write_folder(folder: Path, answer: Answer, called: Path | None = None) -> Written:
-    """Write everything of an answer and return where programs find model and next experiment.
-
-    Args:
-        folder: made where it is not there; files of these names are replaced. A file of the
-            user's own effects is copied beside a model that has one of them.
-        called: the name that the folder will have; its present one when None.
-    """
+    """Write an answer and return the paths of model and next experiment; replaces these files."""
     known, effects_file = called or folder, answer.request.effects_file
     folder.mkdir(parents=True, exist_ok=True)
     model = _write_model(folder, MODEL, answer if answer.has_model else None, effects_file)
@@ -93,11 +87,7 @@ def _write_model(folder: Path, name: str, answer: Answer | None, effects_file: P
 
 
 def write_json(path: Path, answer: Answer, folder: Path | None = None) -> None:
-    """Write the answer for programs; replaces a file of that name.
-
-    Args:
-        folder: that the answer was written to; None where it was not.
-    """
+    """Write the answer for programs; replaces a file of that name."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if folder is None:
         replace_json(path, answer_tables(answer, Written()))

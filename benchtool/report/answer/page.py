@@ -131,7 +131,6 @@ FLOOR = (
     "data that it simulated itself, median of {0.verdict.draws} draws of the stated sensor and "
     "wake noise."
 )
-
 ANSWER = Page(
     "answer",
     [
@@ -160,12 +159,7 @@ ANSWER = Page(
 def answer_page(
     answer: Answer, figures: Mapping[str, FigureBlock], next_name: str = "", folder: str = ""
 ) -> Report:
-    """Return the report page of an answer.
-
-    Args:
-        next_name: name of the file beside the page that holds the next experiment.
-        folder: of the page, as it was typed; empty where nothing is written yet.
-    """
+    """Return the report page of an answer."""
     report = ANSWER.report(answer, answer.commands, figures)
     now = Section("What now", _now(answer, next_name, folder))
     return replace(report, sections=[now, *report.sections])

@@ -80,7 +80,6 @@ SHORT_LEGEND = (
     "Closed: how much of the squared error above the floor is gone, 100 % at the floor."
 )
 LEGEND = f"As given: the model as its file states it. {SHORT_LEGEND}"
-"""What the columns of the gap are."""
 
 
 def gap_table(answer: Answer) -> Table:

@@ -41,22 +41,17 @@ from benchtool.report.sweep.figures import MARKERS
 THRUST = Quantity(
     name="thrust_N", symbol="T", title="thrust", formula="", of=lambda thrust_N: thrust_N
 )
-REPEATED = ("efficiency_N_W", "tip_mach", "reynolds_75")
-"""Quantities that the curves leave out: another unit of one that is drawn, or speed once more."""
+REPEATED = ("efficiency_N_W", "tip_mach", "reynolds_75")  # other units, not drawn
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RunComparison:
-    """Hold runs to be drawn over one quantity, and what each does at a wanted thrust.
-
-    Attributes:
-        found: the best first; empty where no thrust is wanted.
-    """
+    """Hold runs to be drawn over one quantity, and what each does at a wanted thrust."""
 
     runs: tuple[ComparedRun, ...]
     over: Over = "thrust"
     thrust_N: float = nan
-    found: tuple[AtThrust, ...] = ()
+    found: tuple[AtThrust, ...] = ()  # best first; empty where no thrust is wanted
     ranked_by: str = ""
 
     @property

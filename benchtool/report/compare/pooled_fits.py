@@ -24,32 +24,24 @@ ONE_QUANTITY = 1.0 - 1e-9  # correlation from which two are one quantity: R_m, R
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PooledFits:
-    """Hold the fits of several rigs and what they say together.
-
-    Attributes:
-        units: of the parameters, by name.
-        hashes: of the data files, by fit and file.
-    """
+    """Hold the fits of several rigs and what they say together."""
 
     pooled: Pooled
-    units: Mapping[str, str]
+    units: Mapping[str, str]  # of parameters
     basis: str
     simulated: bool
     seed: int
-    hashes: Mapping[str, str]
+    hashes: Mapping[str, str]  # of data files, by fit and file
 
 
 def pool_fits(
     folders: Sequence[Path],
-    of: Sequence[str] = (),
+    of: Sequence[str] = (),  # parameters; default: those of the physics without unit
     shared: Sequence[str] = (),
     *,
     seed: int = 1,
 ) -> PooledFits:
     """Pool the fits that folders hold, one of each rig.
-
-    Args:
-        of: parameters; those without a unit that describe the physics when left out.
 
     Raises:
         InputError: fewer than two fits, fits that cannot be used, or that share data.

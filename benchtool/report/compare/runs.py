@@ -25,34 +25,26 @@ from benchtool.data.run.run import Run
 from benchtool.data.run.settings import aggregate, settings_quantities
 
 Over = Literal["thrust", "rpm", "power", "throttle", "distance"]
-
-AXES: dict[Over, tuple[str, str]] = {
+AXES: dict[Over, tuple[str, str]] = {  # column and label of each axis
     "thrust": ("thrust_N", "thrust [N]"),
     "rpm": ("rpm1", "rotor speed [rpm]"),
     "power": ("power_W", "electrical power [W]"),
     "throttle": ("pwm1_us", "pulse [µs]"),
     "distance": ("plate_z_m", "plate distance [m]"),
 }
-"""What runs may be drawn over: the column, and the axis's label."""
-
 LOADED = 0.02  # rows below this share of a run's greatest thrust are idle; assumed
 WINDOW = log(1.5)  # rows within a factor 1.5 of a thrust make its interpolation; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ComparedRun:
-    """Hold one run or recording of a comparison.
-
-    Attributes:
-        rows: settings of a sweep, or levels of a recording.
-        away: whether the rows are those with the plate parked alone.
-    """
+    """Hold one run or recording of a comparison."""
 
     name: str
     path: Path
-    rows: Recording
+    rows: Recording  # settings of a sweep, or levels of a recording
     quantities: tuple[QuantityValues, ...]
-    away: bool = False
+    away: bool = False  # rows with the plate parked
 
     @property
     def simulated(self) -> bool:
@@ -131,23 +123,16 @@ def _selected(run: ComparedRun, chosen: NDArray[np.bool_]) -> ComparedRun:
 
 @dataclass(frozen=True, slots=True)
 class AtThrust:
-    """Hold what a run does at a wanted thrust.
-
-    Attributes:
-        values: of each column with its standard error, nan where nobody knows it.
-        remark: why there are none: the thrusts that the run reaches.
-    """
+    """Hold what a run does at a wanted thrust."""
 
     run: str
-    values: dict[str, tuple[float, float]]
-    remark: str = ""
+    values: dict[str, tuple[float, float]]  # value and standard error; nan where unknown
+    remark: str = ""  # why there are no values
 
 
+# power of each efficiency; the first known one ranks runs
 EFFICIENCIES = {"efficiency_gf_W": "power_W", "propeller_gf_W": "mechanical_power_W"}
-"""Thrust over which power, in the order in which runs are ranked by them."""
-
-SHOWN = ("power_W", "mechanical_power_W", "rpm1", "pwm1_us", "figure_of_merit")
-"""What is interpolated to a thrust, beside the efficiencies."""
+SHOWN = ("power_W", "mechanical_power_W", "rpm1", "pwm1_us", "figure_of_merit")  # interpolated
 
 
 @np.errstate(divide="ignore", invalid="ignore")

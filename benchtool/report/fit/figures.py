@@ -34,7 +34,6 @@ from benchtool.report.ratio import (
 )
 
 LINE_POINTS = 120
-
 SHOWN_DRAWS = 400  # parameter draws behind a curve's band
 
 

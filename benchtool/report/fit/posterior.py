@@ -22,7 +22,6 @@ from benchtool.report.panels import rows_of
 
 SIGMAS_2D = (1.0, 2.0)  # contours of a plane normal: 39 % and 86 % of the draws
 _LEVELS = tuple(1.0 - float(np.exp(-0.5 * sigma**2)) for sigma in SIGMAS_2D)
-
 SHOWN_STEPS = 600  # steps of a chain that are drawn at most, evenly spaced
 SHOWN_WALKERS = 12  # at most this many walkers of each ensemble are drawn
 R_HAT_LIMIT = 1.01  # above it, chains disagree (Vehtari et al., Bayesian Analysis 16, 2021, p. 667)

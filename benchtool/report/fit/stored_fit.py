@@ -23,29 +23,22 @@ from benchtool.report.fit.tables import comparison_table, laws_table, methods_ta
 from benchtool.report.page import Block, Paragraph, Warnings
 
 T = TypeVar("T")
-
 SIMULATED = "SIMULATED DATA: no physical bench produced these points"
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class StoredFit:
-    """Hold what result.json says of a fit.
-
-    Attributes:
-        rig: name of the rig that it was fitted on; empty where the file does not say.
-        simulated: whether any of the data came from no physical bench.
-        results: one for each method; their samples stand in samples.csv.
-    """
+    """Hold what result.json says of a fit."""
 
     recipe: Mapping[str, Any]
     model: str
-    rig: str
+    rig: str  # empty where the file does not say
     basis: str
     simulated: bool
     read: int
     used: int
     left_out: tuple[str, ...]
-    results: tuple[FitResult, ...]
+    results: tuple[FitResult, ...]  # one per method; their samples are in samples.csv
     comparison: Comparison | None = None
     budget: Budget | None = None
     laws: LawComparison | None = None

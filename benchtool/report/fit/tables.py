@@ -20,14 +20,13 @@ from benchtool.report.numbers import (
 from benchtool.report.page import Table
 
 _HEADLINES = [f"{one.name}.{one.headline}" for one in EFFECTS.values() if one.headline]
-MOST_WANTED = (
+MOST_WANTED = (  # first parameters of a table, by the begin of their names
     *(name for name in _HEADLINES if not name.endswith("_")),
     "R_m",
     "k",
     "k_standard_",
     *(name for name in _HEADLINES if name.endswith("_")),
 )
-"""Parameters that a reader looks for first, by the beginning of their names."""
 
 
 def wanted_rank(name: str) -> int:

@@ -43,14 +43,10 @@ class PitchStudy:
 def pitch_study(
     setup: PitchSetup,
     seed: int = 0,
-    own: Sequence[tuple[str, type[Any]]] = (),
+    own: Sequence[tuple[str, type[Any]]] = (),  # user's controllers, made anew for every run
     only_own: bool = False,
 ) -> PitchStudy:
-    """Run every controller of a setup, with the plate and without, under the same noise.
-
-    Args:
-        own: name and class of the user's controllers; a new one is made for every run.
-    """
+    """Run every controller of a setup, with the plate and without, under the same noise."""
     radius_m = setup.bench.model.rig.propulsion.radius_m
     rate_Hz = setup.rate_Hz
     near = setup.schedule.sampled(rate_Hz, radius_m)

@@ -34,7 +34,6 @@ MEANS = {
     "lag_down": "time constant of speed, throttle falling",
     "delay_down": "dead time before it",
 }
-"""What each constant is."""
 
 
 def constants_table(fit: MotorFit) -> Table:
@@ -94,7 +93,6 @@ EXPORT = (
     "benchtool export RUN --motor RUN --to all writes them for ArduPilot, PX4, Betaflight, Gazebo, "
     "MuJoCo and firmware, counted from the pulse at which motors idle."
 )
-"""What to type for an autopilot's numbers: they are not the constants themselves."""
 
 
 def motor_sentence(fit: MotorFit) -> str:

@@ -26,10 +26,7 @@ from benchtool.report.replay.recorded import Recorded
 
 CLOSER_S = 5.0  # how much before and after a green stretch a closer look shows
 ROOM = 0.75
-LEAST_ROOM_DEG = 1.0
-"""Room above and below what was recorded, as a share of its range and at least so much: a simulated
-run that leaves it must not squeeze the recording flat."""
-
+LEAST_ROOM_DEG = 1.0  # least room above and below what was recorded
 MOST_CLOSER = 6  # green stretches that are looked at closer; the first ones
 
 

@@ -150,7 +150,6 @@ NO_BUDGET = Paragraph(
     "Nothing is fitted from a pitch recording on this page, so it has no uncertainty budget. "
     "benchtool explain fits what a model lacks to it and states its standard uncertainty."
 )
-
 REPLAY = Page(
     "replay",
     [

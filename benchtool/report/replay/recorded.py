@@ -32,26 +32,18 @@ from benchtool.report.run_facts import (
 )
 
 PLAN = "The plan of the experiment (plan.toml)."
-
 MODELLED = ("model", "controller", "gains", "schedule", "seed", "truth", "rig", "device")
-"""Facts of a recording that stand above others on its page."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Recorded:
-    """Hold a recording with all that is written beside it.
-
-    Attributes:
-        facts: metadata of a run, or the JSON beside a file.
-        provenance: controller, gains and so on, where anything states them.
-        plan_text: of a run; empty for a file.
-    """
+    """Hold a recording with all that is written beside it."""
 
     path: Path
     recording: Recording
-    facts: Mapping[str, Any]
-    provenance: Mapping[str, str]
-    plan_text: str
+    facts: Mapping[str, Any]  # metadata of a run, or the JSON beside a file
+    provenance: Mapping[str, str]  # controller, gains and so on
+    plan_text: str  # empty for a file
     sha256: str
 
     @property

@@ -40,15 +40,9 @@ from benchtool.report.style import BASES
 from benchtool.report.sweep.run import SweepRun
 
 ERRORS = "the standard deviation over repeats, or the standard error of a visit where it is larger"
-"""What an error bar of a setting is."""
-
 RUN_ROLES: tuple[Role, ...] = ("single_rotor", "second_rig", "three_rotors", "measurement", "muted")
-"""Colours and markers of several runs in one figure, in their order."""
-
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-
 DISTANCE_LABEL = "distance to the plate  $z/R$ [–]"
-
 DOTTED = (0, (1.2, 1.6))
 
 
@@ -239,8 +233,7 @@ def _in_panels(run: SweepRun) -> list[QuantityValues]:
     return [one for one in run.quantities if one.name != "efficiency_N_W"]
 
 
-Predicted = Callable[[Model, Conditions, Any], Any]
-"""predicted(model, conditions, values) -> a quantity (..., m) that is drawn over distance."""
+Predicted = Callable[[Model, Conditions, Any], Any]  # of model, conditions, values
 
 
 def _draw_levels(

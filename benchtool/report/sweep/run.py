@@ -27,11 +27,10 @@ from benchtool.fit.nominal import NominalModel
 from benchtool.fit.uncertainty.budget import Budget
 from benchtool.fit.uncertainty.run_budget import run_budget
 
-FILES = (
+FILES = (  # files of a run folder in the order of their hashes in a report
     *("plan.toml", "metadata.json", "points.csv", "samples.csv", "samples.parquet"),
     *("settings.csv", "events.jsonl"),
 )
-"""Files of a run folder, in the order in which a report lists their hashes."""
 
 
 _HEALTH = ("voltage_V", "current_A", "temperature_degC")  # channels whose limits are looked at
@@ -39,38 +38,26 @@ _HEALTH = ("voltage_V", "current_A", "temperature_degC")  # channels whose limit
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SweepRun:
-    """Hold a run of `benchtool sweep`.
-
-    Attributes:
-        tares: what was left after each tare; None where none was made.
-        samples: every sample; None where the folder holds none (`recalibrated-...`).
-        thrust_error_N: (s,) standard deviation over repeats, or the standard error of a visit where
-            that is larger: two repeats may agree by chance.
-        quantities: that the bench allows, of each setting.
-        ratio, ratio_error: (s,) T_IGE/T_OGE of each setting and the same of it; nan where there is
-            none.
-        model: what stands beside the run in its figures; None without.
-        budget: of its thrusts; None where its points make none.
-    """
+    """Hold a run of `benchtool sweep`."""
 
     path: Path
     metadata: Mapping[str, Any]
     plan_text: str
     rig: Rig
     points: Recording
-    tares: Recording | None
-    samples: Recording | None
+    tares: Recording | None  # residuals after each tare
+    samples: Recording | None  # None in `recalibrated-...` folders
     settings: Recording
-    thrust_error_N: Array
-    quantities: tuple[QuantityValues, ...]
-    ratio: Array
-    ratio_error: Array
+    thrust_error_N: Array  # (s,) larger of deviation over repeats, error of a visit
+    quantities: tuple[QuantityValues, ...]  # of each setting
+    ratio: Array  # (s,) T_IGE/T_OGE; nan where there is none
+    ratio_error: Array  # (s,)
     basis: str
     events: tuple[Event, ...]
     sha256: str
     files: Mapping[str, str]
-    model: NominalModel | None = None
-    budget: Budget | None = None
+    model: NominalModel | None = None  # drawn beside the run
+    budget: Budget | None = None  # of its thrusts
 
     @property
     def name(self) -> str:

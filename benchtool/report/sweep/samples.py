@@ -33,8 +33,6 @@ from benchtool.report.panels import (
 from benchtool.report.sweep.run import SweepRun
 
 KIND_COLORS = {"measure": BLUE, "reference": GREEN, "anchor": ORANGE, "tare": GREY}
-"""Shading of the windows in which points were taken; any other kind is shaded purple."""
-
 MINUTES_FROM_S = 600.0  # runs longer than this have their time axis in minutes
 Window = tuple[float, float, str]  # begin and end, s, of the samples of a point, and its kind
 _PANELS = {"thrust": 1.5, "speed": 1.2, "pwm": 0.9, "plate": 0.9}  # relative heights
@@ -71,16 +69,10 @@ def samples_height(recording: Recording) -> float:
 def draw_samples(
     figure: Figure,
     recording: Recording,
-    windows: Sequence[Window] = (),
-    radius_m: float | None = None,
+    windows: Sequence[Window] = (),  # stretches whose samples became points
+    radius_m: float | None = None,  # for a second axis in z/R
 ) -> None:
-    """Draw the signals of a run one above the other, the windows of its points shaded.
-
-    Args:
-        recording: the samples; a signal that was never read has no panel.
-        windows: stretches of time whose samples became points.
-        radius_m: rotor radius; when given, the plate distance has a second axis in z/R.
-    """
+    """Draw the signals of a run one above the other, the windows of its points shaded."""
     time_s, signals = recording.si("time_s"), _signals(recording)
     last_s = float(np.nanmax(time_s, initial=0.0))
     unit, per_unit_s = ("min", 60.0) if last_s > MINUTES_FROM_S else ("s", 1.0)

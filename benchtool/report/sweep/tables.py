@@ -18,14 +18,13 @@ from benchtool.report.sweep.figures import ERRORS
 from benchtool.report.sweep.run import SweepRun
 
 SHOWN_EVENTS = 60  # events in the table; a run with more has them all in its events.jsonl
-_LIMITS = {
+_LIMITS = {  # limits of a rig: words, unit, channels
     "thrust_N": ("thrust", "N", "thrust_N"),
     "rpm": ("rotor speed", "rpm", "rpm"),
     "current_A": ("current", "A", "current_A"),
     "temperature_degC": ("temperature", "°C", "temperature_degC"),
     "pwm_us": ("pulse", "µs", "pwm"),
 }
-"""Limits of a rig that nothing may exceed: words, unit, and the channels that they hold for."""
 
 
 def mean_rpm(run: SweepRun) -> Array:
