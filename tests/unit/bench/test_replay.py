@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from benchtool.bench.drivers import open_bench
-from benchtool.core.errors import CommandRefused
 
 HEADER = "time_s,device_time_us,point,phase,pwm1_us,rpm1,thrust_N,thrust_raw,torque_Nm"
 
@@ -30,17 +29,3 @@ def test_samples_come_back_in_their_own_time(run):
     assert np.array_equal(first.values[:2, 1], [4001.0, 4002.0])
     assert np.isnan(first.values[0, 2])
     assert first.values[1, 2] == 9.5
-
-
-def test_commands_are_refused_and_stop_holds(run):
-    with open_bench(f"replay:{run}") as bench:
-        for command in (
-            lambda: bench.set_pwm(np.array([1500.0])),
-            lambda: bench.move_plate(0.5),
-            bench.tare,
-            lambda: bench.set_rate(100.0),
-        ):
-            with pytest.raises(CommandRefused, match="takes no commands"):
-                command()
-        bench.stop()
-        assert len(bench.read(0.1)) == 21

@@ -9,12 +9,9 @@ from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.serial import commands as wire
 from benchtool.core.errors import (
-    BenchtoolError,
     InputError,
-    StageError,
 )
 from benchtool.core.rig_file import rig_named
-from benchtool.core.units import unit_named
 from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
 from benchtool.simulate.pitch.simulate import simulate_pitch
 from benchtool.virtual.devices import pitch_hello, pitch_plant
@@ -122,31 +119,6 @@ def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
 @pytest.fixture
 def bench() -> Bench:
     return open_bench("sim:pquad?mode=pitch&seed=2&controller=observer+feedforward")
-
-
-def test_a_sim_address_gives_it_on_a_virtual_clock(bench: Bench) -> None:
-    with bench:
-        identity = bench.identity
-        assert identity.simulated
-        assert identity.has_loop
-        assert identity.facts["controller"] == "observer+feedforward"
-        assert set(identity.limits) >= {"theta_rad", "gyro_rad_s", "rpm", "pwm_us"}
-        for channel in identity.channels:
-            unit_named(channel.unit)
-        bench.set_rate(50.0)
-        readings = bench.read(2.0)
-        assert len(readings) == 100
-        assert np.diff(readings.time_s) == pytest.approx(0.02)
-        with pytest.raises(StageError, match=r"0\.05"):
-            bench.move_plate(0.001)
-        bench.set_pwm(np.full(4, 1400.0))
-        with pytest.raises(StageError, match="idle"):
-            bench.move_plate(0.5)
-        with pytest.raises(BenchtoolError, match="1950"):
-            bench.set_pwm(np.full(4, 2500.0))
-        assert np.nanmax(bench.read(1.0).values[:, NAMES.index("rpm1")]) > 1000.0
-    with bench:
-        assert bench.read(1.0).values[-1, NAMES.index("pwm1_us")] == 1000.0
 
 
 class Own:

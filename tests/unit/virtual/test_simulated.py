@@ -29,16 +29,6 @@ def test_time_advances_by_exactly_what_was_asked(bench):
     assert np.all(np.diff(device_us) == 5000.0)
 
 
-def test_samples_taken_while_the_plate_moves_are_not_lost(bench):
-    bench.read(1.0)
-    bench.move_plate(1.2)
-    readings = bench.read(0.5)
-    assert column(bench, readings, "plate_z_m")[-1] == pytest.approx(1.2)
-    assert readings.time_s[0] == pytest.approx(1.005)
-    assert len(readings) == pytest.approx((2.0 + 0.5) * 200, abs=25)
-    assert any(message.startswith("arrived") for message in readings.messages)
-
-
 def test_the_device_stops_by_itself_and_the_samples_that_show_why_come_first(bench):
     bench.tare()
     bench.set_limit("thrust_N", 5.0)
