@@ -36,12 +36,12 @@ from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model as _load_model
 from benchtool.report.answer.folder import refuse_taken, write_json
 from benchtool.report.compare import page as comparing
-from benchtool.report.compare.pooled_fits import PooledFits
+from benchtool.report.compare.pooled import PooledFits
 from benchtool.report.compare.runs import Over
 from benchtool.report.flight.pitch_study import PitchStudy
 from benchtool.report.motor.page import MOTOR, motor_lines
+from benchtool.report.replay.page import STAND
 from benchtool.report.replay.recorded import Recorded, read_recorded
-from benchtool.report.replay.stand import STAND
 from benchtool.report.report_file import kind_of
 from benchtool.report.result import Data, Found, Result, estimate_row, paths_of
 from benchtool.report.style import look as figure_style

@@ -23,7 +23,7 @@ from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.answer.folder import PAGE, write_folder
 from benchtool.report.answer.page import ANSWER
 from benchtool.report.compare import pooled as pooling
-from benchtool.report.compare.pooled_fits import PooledFits, pool_fits
+from benchtool.report.compare.pooled import PooledFits, pool_fits
 from benchtool.report.fit.figures import ratio_rows
 from benchtool.report.fit.page import FIT, refuse_full, sentence, write_fit
 from benchtool.report.flight import flight as flight_report

@@ -35,10 +35,10 @@ def is_simulated(subject: Any) -> bool:
 class FigureEntry:
     """Register a function ``draw(figure, subject)`` that fills an empty figure of a page."""
 
-    page: str  # the part before a point is the folder of its module
-    name: str  # of its file and section
     caption: Text
     title: Text
+    page: str = ""  # default: folder of its module, which the part before a point is
+    name: str = ""  # of its file and section; default: that of the function
     when: Callable[[Any], bool] = lambda subject: True  # has anything to draw
     each: Callable[[Any], Mapping[str, Any]] | None = None  # one figure, ``name_key``, per item
     height_in: Size = 4.5
@@ -48,6 +48,8 @@ class FigureEntry:
     draw: Callable[..., None] = field(init=False)
 
     def __call__(self, draw: Draw) -> Draw:
+        self.page = self.page or draw.__module__.split(".")[-2]
+        self.name = self.name or draw.__name__
         if (self.page, self.name) in _FIGURES:
             raise ValueError(f"page {self.page} has a figure {self.name} already; rename one")
         self.draw = draw

@@ -9,7 +9,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Figure
 
 from benchtool.core.errors import UnknownChoice, WouldOverwrite
@@ -55,21 +54,18 @@ def axes_of(figure: Figure) -> str:
         if not axes.axison or not set(scales) <= {"linear", "log"}:
             continue
         place = axes.get_position()
+        # Only the lowest of several axes may have the label below them.
+        siblings = (axes, *axes.get_shared_x_axes().get_siblings(axes))
+        label = next((one.get_xlabel() for one in siblings if one.get_xlabel()), "")
         found.append(
             {
                 "box": [round(at, 4) for at in (place.x0, 1 - place.y1, place.x1, 1 - place.y0)],
                 "x": [*axes.get_xlim(), scales[0]],
                 "y": [*axes.get_ylim(), scales[1]],
-                "labels": [_plain(_shared_label(axes)), _plain(axes.get_ylabel())],
+                "labels": [_plain(label), _plain(axes.get_ylabel())],
             }
         )
     return json.dumps(found)
-
-
-def _shared_label(axes: Axes) -> str:
-    """Return the label below axes, which only the lowest of several may carry."""
-    siblings = (axes, *axes.get_shared_x_axes().get_siblings(axes))
-    return next((one.get_xlabel() for one in siblings if one.get_xlabel()), "")
 
 
 def _plain(label: str) -> str:

@@ -97,14 +97,8 @@ def broken_line(axes: Axes, time_s: Array, values: Array, **look: Any) -> None:
 def in_radii(axes: Axes, radius_m: float) -> None:
     """Add an axis in z/R on the right of a plate distance in mm."""
     in_mm = from_si(radius_m, "mm")
-
-    def to_radii(z_mm: Any) -> Any:
-        return z_mm / in_mm
-
-    def to_mm(ratio: Any) -> Any:
-        return ratio * in_mm
-
-    axes.secondary_yaxis("right", functions=(to_radii, to_mm)).set_ylabel("$z/R$ [–]")
+    functions = (lambda z_mm: z_mm / in_mm, lambda ratio: ratio * in_mm)
+    axes.secondary_yaxis("right", functions=functions).set_ylabel("$z/R$ [–]")
 
 
 def rotor_color(rotor: int) -> str:

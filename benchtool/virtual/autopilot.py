@@ -179,7 +179,8 @@ class VirtualAutopilot(ServedDevice):
         self._streams.outputs_us[:] = [0] * 16
 
     def _forget(self) -> None:
-        self._orders = orders.motor_orders(self.kind, self.firmware.hello)
+        kind = orders.Px4Orders if self.kind == "px4" else orders.ArduPilotOrders
+        self._orders: orders.MotorOrders = kind(self.firmware.hello)
         self._frames = MavlinkFrames(
             self._system, AUTOPILOT_COMPONENT, self._key, self._since_1970_s, counts=False
         )

@@ -210,8 +210,3 @@ class Px4Orders(MotorOrders):
 
     def end(self) -> None:
         self._running = {}
-
-
-def motor_orders(kind: str, hello: Hello) -> MotorOrders:
-    """Return how that autopilot takes orders, in front of a bench that sends this hello."""
-    return Px4Orders(hello) if kind == "px4" else ArduPilotOrders(hello)

@@ -114,7 +114,10 @@ class PitchBenchPlant:
     @property
     def channel_rates_Hz(self) -> tuple[float, ...]:
         """How often each channel of the stream has a new value."""
-        return tuple(min(self._sensor_Hz(channel), self.rate_Hz) for channel in self.channels)
+        families = (channel.name.rstrip("0123456789") for channel in self.channels)
+        sensors = (self.job.bench.sensors.get(family) for family in families)
+        rates_Hz = (one.rate_Hz if one else 0.0 for one in sensors)
+        return tuple(min(rate or self.control_rate_Hz, self.rate_Hz) for rate in rates_Hz)
 
     @property
     def plate_moving(self) -> bool:
@@ -298,11 +301,6 @@ class PitchBenchPlant:
             loop.sent[:] = np.roll(loop.sent, shift, axis=1)
             loop.past[:] = np.roll(loop.past, shift, axis=1)
         self._tick = tick
-
-    def _sensor_Hz(self, channel: Channel) -> float:
-        family = channel.name.rstrip("0123456789")
-        sensor = self.job.bench.sensors.get(family)
-        return sensor.rate_Hz if sensor and sensor.rate_Hz else self.control_rate_Hz
 
 
 class _Still:

@@ -26,7 +26,7 @@ from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.compare.page import compared
-from benchtool.report.compare.pooled_fits import PooledFits
+from benchtool.report.compare.pooled import PooledFits
 from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
 from benchtool.report.replay.figures import ReplayedLog
 from benchtool.report.replay.recorded import Recorded

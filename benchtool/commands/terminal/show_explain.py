@@ -13,9 +13,8 @@ from rich.progress import TaskProgressColumn, TimeElapsedColumn
 from benchtool.commands.terminal.tables import Output, print_table, progress_bar
 from benchtool.explain.answer import Answer
 from benchtool.explain.next_steps import lines, next_file, next_sentence, next_steps
-from benchtool.report.answer.added_words import added_sentence, changes
 from benchtool.report.answer.folder import ANSWER, PAGE
-from benchtool.report.answer.page import where_sentence
+from benchtool.report.answer.page import added_sentence, changes, where_sentence
 from benchtool.report.answer.tables import (
     short_effects_table,
     short_gap_table,

@@ -65,8 +65,6 @@ def _regimes(answer: Answer, item: Disagreement) -> list[str]:
 
 
 @figure(
-    page="answer",
-    name="where",
     title="Where the model disagrees",
     caption="Size of the residuals in each part of the recordings, over the noise that the model "
     "states, where they stand above it; first those that the addition made smaller by most. Bold: "
@@ -104,18 +102,6 @@ def where(figure: Figure, answer: Answer) -> None:
         panels[0].legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
 
 
-def _rivals(answer: Answer) -> dict[str, Rivals]:
-    """Return the places whose explanations compete: one, or one of each effect of several."""
-    several = answer.verdict.kind == "several"
-    return {place.effect if several else "": place for place in answer.verdict.places}
-
-
-def _which_title(answer: Answer, place: Rivals) -> str:
-    if answer.verdict.kind == "several":
-        return f"What may stand in the place of: {answer.title_of(place.effect)}"
-    return "How likely each explanation is"
-
-
 WHICH = "Probability of each explanation that was weighed; the answer is blue."
 WHICH_OF_SEVERAL = (
     "Probability of each explanation for one of the named effects, the others taken for granted; "
@@ -145,11 +131,16 @@ def percentage(value: float) -> str:
 
 
 @figure(
-    page="answer",
-    name="which",
-    title=_which_title,
+    title=lambda answer, place: (
+        f"What may stand in the place of: {answer.title_of(place.effect)}"
+        if answer.verdict.kind == "several"
+        else "How likely each explanation is"
+    ),
     caption=lambda answer, _: WHICH_OF_SEVERAL if answer.verdict.kind == "several" else WHICH,
-    each=_rivals,
+    each=lambda answer: {
+        place.effect if answer.verdict.kind == "several" else "": place
+        for place in answer.verdict.places
+    },
     height_in=lambda _, place: 1.1 + 0.27 * len(shown_explanations(place.probabilities)),
 )
 def which(figure: Figure, answer: Answer, place: Rivals) -> None:
@@ -185,8 +176,6 @@ def parameter_text(item: FoundParameter) -> str:
 
 
 @figure(
-    page="answer",
-    name="parameters",
     title="What was found, against what would not matter",
     caption="Each parameter with its 95 % interval, counted in tolerances from where its effect is "
     "absent.",
@@ -233,8 +222,6 @@ def gap_numbers(gap: ChannelGap, changed: bool) -> str:
 
 
 @figure(
-    page="answer",
-    name="gap",
     title="The gap on the check recordings",
     caption="Prediction error before (hatched) and after, over what a true model would miss; thin "
     "lines: 95 % of a bootstrap over windows. Diamonds: the model as its file states it, before "
@@ -297,8 +284,6 @@ def _gap_bars(axes: Axes, row: int, gap: ChannelGap, changed: bool) -> None:
 
 
 @figure(
-    page="answer",
-    name="depends",
     title=lambda answer: f"What is missing, over {answer.verdict.depends.phrase}",
     caption="Dots: what each reading misses, beside what may vary within tolerance. Line with its "
     "95 % band: a smooth function of the variable. Dashed: the law, up to a constant.",

@@ -43,8 +43,6 @@ def _overlay_title(answer: Answer, overlay: Overlay) -> str:
 
 
 @figure(
-    page="answer",
-    name="overlay",
     title=_overlay_title,
     caption=lambda answer, _: overlay_caption(answer.verdict.window_s),
     each=lambda answer: {item.channel: item for item in answer.explanation.overlays},

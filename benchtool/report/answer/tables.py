@@ -46,11 +46,10 @@ def _effects_caption(answer: Answer, more: str = "") -> str:
 
 def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tuple[str, ...]:
     head = (effect.title, STAGES[effect.stage])
-    evidence = (
-        percentage(effect.probability),
-        f"{effect.log_likelihood_ratio:.1f}",
-        _p_value(effect.p_value),
-    )
+    p_value = f"{effect.p_value:.2g}" if effect.p_value >= 1e-15 else f"<\u00a0{1e-15:.0e}"
+    ratio = f"{effect.log_likelihood_ratio:.1f}"
+    # A line may break behind a hyphen, never behind a minus.
+    evidence = (percentage(effect.probability), ratio, p_value.replace("-", "−"))
     return (
         *(head if first else ("", "")),
         item.name,
@@ -59,12 +58,6 @@ def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tu
         with_unit(f"{item.tolerance:.3g}", item.unit),
         *(evidence if first else ("", "", "")),
     )
-
-
-def _p_value(value: float) -> str:
-    # A line may break behind a hyphen, never behind a minus.
-    shown = f"<\u00a0{1e-15:.0e}" if value < 1e-15 else f"{value:.2g}"
-    return shown.replace("-", "−")
 
 
 def _interval(item: FoundParameter) -> str:

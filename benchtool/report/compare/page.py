@@ -104,10 +104,6 @@ MOST_BARS = 60  # rows of a run with error bars in a panel; more would hide each
 MAIN = 0.1  # rows above this share of a run's greatest thrust set the range of an axis; assumed
 
 
-def _away(one: RunComparison) -> str:
-    return " with the plate parked" if any(run.away for run in one.runs) else ""
-
-
 def _left_out(one: RunComparison) -> str:
     column = AXES[one.over][0]
     names = [run.name for run in one.runs if run.values(column) is None]
@@ -130,12 +126,11 @@ def _drawn(one: RunComparison) -> list[Quantity]:
 
 
 @figure(
-    page="compare",
-    name="curves",
     title=lambda one: f"Runs compared over {one.over}",
     caption=lambda one: (
         f"Every quantity that a run allows over {one.over}, run by run: settings of sweeps"
-        f"{_away(one)}, levels of recordings; bars: standard errors where they are known, of up to "
+        + (" with the plate parked" if any(run.away for run in one.runs) else "")
+        + f", levels of recordings; bars: standard errors where they are known, of up to "
         f"{MOST_BARS} rows."
         f"{_left_out(one)}"
     ),

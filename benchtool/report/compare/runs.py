@@ -205,7 +205,8 @@ def _interpolated(
             moved = moved - slope * source.sd
         shared = hypot(shared, float(np.linalg.norm(gain[0] @ moved)))
     if one is not None and not any(s.name == "thrust scale" for s in one.error_sources):
-        shared = hypot(shared, slope * _thrust_scale(run))
+        scales = (s.sd for q in run.quantities for s in q.error_sources if s.name == "thrust scale")
+        shared = hypot(shared, slope * next(scales, 0.0))
     return value, value * hypot(sd, shared)
 
 
@@ -220,12 +221,6 @@ def _scatter(x: Array, y: Array, local: float) -> float:
         return local
     left = y[upper] - np.polyval(np.polyfit(x[upper], y[upper], 3), x[upper])
     return float(left @ left) / free
-
-
-def _thrust_scale(run: ComparedRun) -> float:
-    """Return the relative standard uncertainty of the scale of a run's thrust."""
-    scales = (s.sd for q in run.quantities for s in q.error_sources if s.name == "thrust scale")
-    return next(scales, 0.0)
 
 
 def ranked(found: Sequence[AtThrust]) -> tuple[str, list[AtThrust]]:

@@ -72,11 +72,14 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     if (drawn := budget.monte_carlo) is not None:
         total(f"Monte Carlo, {INTERVAL}: lower end", drawn.low)
         total("upper end", drawn.high)
+    is_zero = np.isnan(budget.one_percent)
+    units = (unit_for_people(budget.units[p]) if is_zero[p] else "%" for p in places)
+    heads = (f"{budget.names[p]} [{unit}]" for p, unit in zip(places, units, strict=True))
     left_out = len(budget.lines) - len(lines)
     rest = f" {counted(left_out, 'smaller source')} left out." if left_out else ""
     return Table(
         f"Uncertainty budget: standard uncertainties in percent of the value.{rest}",
-        ("source", "standard uncertainty", "if halved", *(_header(budget, p) for p in places)),
+        ("source", "standard uncertainty", "if halved", *heads),
         rows,
         text_columns=3,
     )
@@ -98,12 +101,6 @@ def _stated(budget: Budget, row: int) -> str:
     line = budget.lines[row]
     measured = " from residuals" if line.kind == "A" and not line.in_fit else ""
     return with_unit(f"{line.kind}: {line.sd:.2g}", line.unit) + measured
-
-
-def _header(budget: Budget, place: int) -> str:
-    is_zero = np.isnan(budget.one_percent[place])
-    unit = unit_for_people(budget.units[place]) if is_zero else "%"
-    return f"{budget.names[place]} [{unit}]"
 
 
 def budget_sentence(budget: Budget) -> str:
@@ -162,15 +159,13 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
 
 
 @figure(
-    page="fit",
-    name="budget",
     title="Uncertainty budget: {0.recipe.name}",
     caption="What each source contributes to each quantity: standard uncertainty in percent of the "
     "value, in the fit's own standard error and beside it; dashed: all together.",
     when=lambda fit: fit.budget is not None,
     height_in=lambda fit: chart_height(fit.budget),
 )
-def budget_chart(figure: Figure, fit: FitOutput) -> None:
+def budget(figure: Figure, fit: FitOutput) -> None:
     """Draw the contributions of the largest sources to up to four quantities as bars."""
     assert fit.budget is not None  # `when`
     draw_budget(figure, fit.budget)

@@ -44,8 +44,6 @@ def titled(what: str, fit: FitOutput) -> str:
 
 
 @figure(
-    page="fit",
-    name="ratio",
     title=lambda fit: titled("Ground effect", fit),
     caption="Thrust near the plate over thrust far from it. Points: mean and standard deviation "
     "over repeats; solid line: the fitted model with its statistical 68 % and 95 % bands; dashed: "
@@ -156,8 +154,6 @@ def name_of_data(fit: FitOutput) -> str:
 
 
 @figure(
-    page="fit",
-    name="thrust",
     title=lambda fit: titled("Thrust against rotor speed", fit),
     caption="Thrust against rotor speed at each plate distance (lines: the fitted model), and what "
     "the model leaves over.",
@@ -221,8 +217,6 @@ def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
 
 
 @figure(
-    page="fit",
-    name="area",
     title="Increment against covered area: {0.recipe.name}",
     caption="How much of the full increment a partly covered disc makes.",
     when=lambda fit: any(effect.name == PARTIAL_COVERAGE for effect in fit.fitted.effects),
@@ -240,7 +234,8 @@ def area(figure: Figure, fit: FitOutput) -> None:
     covered, measured, sd = _increments(fit)
     points(share, covered, measured, sd, BLUE, label=name_of_data(fit))
     points(departure, covered, measured - covered, sd, BLUE)
-    at, fitted, sd = _area_factors(fit)
+    factors = {name: item.value for name, item in fit.fitted.parameters.items()}
+    at, fitted, sd = factor_table(factors, {item.name: item.sd for item in fit.results[0].derived})
     for axes, values, label in (
         (share, fitted, "fitted area factors"),
         (departure, fitted - at, None),
@@ -277,15 +272,7 @@ def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
     return covered, mean, sds
 
 
-def _area_factors(fit: FitOutput) -> tuple[Array, Array, Array]:
-    """Return the fitted area factors by rising area (k,): area, factor, sd."""
-    values = {name: item.value for name, item in fit.fitted.parameters.items()}
-    return factor_table(values, {item.name: item.sd for item in fit.results[0].derived})
-
-
 @figure(
-    page="fit",
-    name="laws",
     title="Laws on held-out distances: {0.recipe.name}",
     caption=(
         "Mean loss of log score per distance against the law that predicts best, two standard "

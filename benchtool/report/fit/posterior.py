@@ -53,8 +53,6 @@ def _labels(result: FitResult) -> list[str]:
 
 
 @figure(
-    page="fit",
-    name="corner",
     title="Posterior: {0.recipe.name}",
     caption="Posterior draws, pair by pair; the least-squares answer is marked.",
     when=lambda fit: sampled(fit) is not None,
@@ -127,8 +125,6 @@ def _tidy(figure: Figure, estimates: Sequence[Estimate]) -> None:
 
 
 @figure(
-    page="fit",
-    name="chains",
     title=lambda fit: (
         f"Chains of {_result(fit).facts['ensembles'] or 1} ensembles: {_result(fit).model}"
     ),

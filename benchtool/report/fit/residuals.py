@@ -27,8 +27,6 @@ def standardised(fit: FitOutput) -> Array:
 
 
 @figure(
-    page="fit",
-    name="residuals",
     title="What the fit leaves over: {0.recipe.name}",
     caption="Measured minus model over the standard error: against distance, in the order of "
     "measurement, as a histogram, and as runs of equal sign.",

@@ -149,10 +149,7 @@ def methods_table(results: Sequence[FitResult]) -> Table:
             cells.append(printed(found) if found else "–")
         rows.append(cells)
     rows.append(
-        [
-            "χ² / degrees of freedom",
-            *(f"{result.chi2:.1f} / {result.dof}" for result in results),
-        ]
+        ["χ² / degrees of freedom", *(f"{result.chi2:.1f} / {result.dof}" for result in results)]
     )
     one_model = len({result.model for result in results}) == 1
     heads = [

@@ -103,8 +103,6 @@ def _title(flights: Sequence[Flown]) -> str:
 
 
 @figure(
-    page="flight",
-    name="flight",
     title=_title,
     caption="Position and pitch under each controller; grey: the same flight with PID out of "
     "ground effect; green: a rotor is over the obstacle.",

@@ -175,13 +175,12 @@ def _gain_set_name(control: PitchControl) -> str:
 
 @figure(
     page="flight.pitch",
-    name="pitch",
     title="{0.setup.bench.model.rig.name}: {0.setup.schedule.title}",
     caption="Pitch under each controller, with the plate and without; green: a rotor is over it.",
     simulated=True,
     height_in=lambda study: 1.0 + 1.55 * len(study.runs),
 )
-def draw_study(figure: Figure, study: PitchStudy) -> None:
+def pitch(figure: Figure, study: PitchStudy) -> None:
     """Draw one panel per run, all with the same axes, as in the paper's figures 26 to 28."""
     panels = rows_of(figure, [1.0] * len(study.runs), sharey=True)
     for axes, run, away in zip(panels, study.runs, study.away, strict=True):

@@ -103,14 +103,12 @@ def _panels(log: ReplayedLog) -> list[Panel]:
 
 
 @figure(
-    page="replay",
-    name="log",
     title="The log: {0.recorded.name}",
     caption="Pitch against its reference, and what else the log holds; green: a rotor is over a "
     "surface, as in the paper's figures 26 to 30. {0.simulation}",
     height_in=lambda log: 2.2 + 1.25 * len(_panels(log)),
 )
-def whole_log(figure: Figure, log: ReplayedLog) -> None:
+def log(figure: Figure, log: ReplayedLog) -> None:
     """Draw the whole log: attitude on top, and below what is known of outputs and torque."""
     draw, time_s = _panels(log), log.track.time_s
     panels = rows_of(figure, [2.0] + [1.0] * (len(draw) - 1))
@@ -124,8 +122,6 @@ def whole_log(figure: Figure, log: ReplayedLog) -> None:
 
 
 @figure(
-    page="replay",
-    name="closer",
     title="Closer, over the surface",
     caption="The same around each green stretch. {0.simulation}",
     when=lambda log: bool(log.stretches),

@@ -106,8 +106,6 @@ def _distances(run: SweepRun, series: Sequence[RatioPoints]) -> Array:
 
 
 @figure(
-    page="sweep",
-    name="ratio",
     title="Ground effect: {0.name}",
     caption=lambda run: (
         f"Thrust near the plate over thrust with the plate parked, at "
@@ -126,7 +124,6 @@ def ratio(figure: Figure, run: SweepRun) -> None:
 
 @figure(
     page="sweep.compared",
-    name="ratios",
     title="Runs compared",
     caption=lambda runs: (
         f"Thrust near the plate over thrust with the plate parked, run by run, at "
@@ -148,8 +145,6 @@ def ratios(figure: Figure, runs: Sequence[SweepRun]) -> None:
 
 
 @figure(
-    page="sweep",
-    name="distance",
     title="Thrust against distance: {0.name}",
     caption=lambda run: (
         f"Thrust against plate distance at each throttle level. Bars as above; "
@@ -165,8 +160,6 @@ def distance(figure: Figure, run: SweepRun) -> None:
 
 
 @figure(
-    page="sweep",
-    name="efficiency",
     title="Thrust per electrical power: {0.name}",
     caption=lambda run: (
         "Thrust over electrical power against plate distance at each throttle level; bars: "
@@ -186,8 +179,6 @@ def efficiency(figure: Figure, run: SweepRun) -> None:
 
 
 @figure(
-    page="sweep",
-    name="quantities",
     title="What follows from the measurements: {0.name}",
     caption=lambda run: (
         "Each quantity that the bench allows against "
@@ -299,7 +290,6 @@ def _model_line(
 
 @figure(
     page="sweep.calibration",
-    name="calibration",
     title="Calibration {0[id]}",
     caption="The calibration. Above: mean raw reading of each known mass and the line. Below: what "
     "the line leaves over; a gap between the two ways is hysteresis, an arch a bent line.",
@@ -335,8 +325,6 @@ def calibration(figure: Figure, known: Mapping[str, Any]) -> None:
 
 
 @figure(
-    page="sweep",
-    name="budget",
     title="Uncertainty budget: {0.name}",
     caption="What each source contributes to thrusts at the fastest level: standard uncertainty in "
     "percent of the value, in the errors of their means and beside them; dashed: all together.",

@@ -49,11 +49,7 @@ from benchtool.report.sweep.tables import (
     tares_table,
 )
 
-
-def _without_samples(run: SweepRun) -> Block | None:
-    if run.samples is not None:
-        return None
-    return Paragraph("The folder holds no samples, only points made of them.")
+NO_SAMPLES = Paragraph("The folder holds no samples, only points made of them.")
 
 
 def _drift(run: SweepRun) -> list[Block]:
@@ -222,7 +218,10 @@ SWEEP = Page(
         ),
         _motor_sections,
         ("Quantities", ["quantities", quantity_tables]),
-        ("Raw and averaged", ["samples", "visits", _without_samples]),
+        (
+            "Raw and averaged",
+            ["samples", "visits", lambda run: NO_SAMPLES if run.samples is None else None],
+        ),
         ("Order, drift and tares", ["order", _drift]),
         ("Uncertainty budget", [lambda run: budget_blocks(run.budget), "budget"]),
         ("Limits and events", [limits_table, events_block]),

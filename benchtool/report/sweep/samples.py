@@ -112,8 +112,6 @@ def draw_samples(
 
 
 @figure(
-    page="sweep",
-    name="samples",
     title="Every sample: {0.name}",
     caption=lambda run: (
         "Every sample as the device sent it"
@@ -161,8 +159,6 @@ def _raw_thrust(run: SweepRun) -> tuple[Array, Array] | None:
 
 
 @figure(
-    page="sweep",
-    name="visits",
     title="Raw samples beside their means: {0.name}",
     caption=lambda run: (
         "Raw samples of each visit beside their mean: nothing is filtered but by "
@@ -225,8 +221,6 @@ def _rows_of_kinds(run: SweepRun) -> Mapping[str, NDArray[np.bool_]]:
 
 
 @figure(
-    page="sweep",
-    name="order",
     title="Order, anchors and tares: {0.name}",
     caption="Above: plate distances in the order of measurement. Below: change of thrust at the "
     "anchors, brought to the first anchor's rotor speed, and what the load cell showed after each "

@@ -125,7 +125,8 @@ def limits_table(run: SweepRun) -> Table:
         if key not in limits or not seen or not np.isfinite(seen).any():
             continue
         most = float(np.nanmax(seen))
-        rows.append((words, unit, f"{most:.4g}", f"{limits[key]:g}", _room(most, limits[key])))
+        room = f"{100.0 * (1.0 - most / limits[key]):.0f} %"
+        rows.append((words, unit, f"{most:.4g}", f"{limits[key]:g}", room))
     least_V = limits.get("voltage_min_V", 0.0)
     if "voltage_V" in source and np.isfinite(source.column("voltage_V")).any() and least_V:
         seen_V = float(np.nanmin(source.column("voltage_V")))
@@ -137,10 +138,6 @@ def limits_table(run: SweepRun) -> Table:
         rows,
         text_columns=2,
     )
-
-
-def _room(seen: float, limit: float) -> str:
-    return f"{100.0 * (1.0 - seen / limit):.0f} %"
 
 
 def events_block(run: SweepRun) -> Block:

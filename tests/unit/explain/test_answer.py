@@ -19,9 +19,8 @@ from benchtool.explain.next_steps import next_file, next_steps
 from benchtool.explain.recordings import names_of
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model_file import load_model, model_from_toml
-from benchtool.report.answer.added_words import added_sentence, changes, changes_table
 from benchtool.report.answer.folder import Written, answer_tables, write_folder
-from benchtool.report.answer.page import answer_page
+from benchtool.report.answer.page import added_sentence, answer_page, changes, changes_table
 from benchtool.report.figure import drawn
 from benchtool.report.html import render_report
 from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap, source, verdict

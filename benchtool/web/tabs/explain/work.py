@@ -75,9 +75,8 @@ def explain(
     """
     from benchtool.explain.added_model import added_effects
     from benchtool.explain.next_steps import next_file
-    from benchtool.report.answer.added_words import added_sentence
     from benchtool.report.answer.folder import write_folder
-    from benchtool.report.answer.page import answer_page
+    from benchtool.report.answer.page import added_sentence, answer_page
     from benchtool.report.figure import drawn
     from benchtool.report.files import axes_of
     from benchtool.report.page import Block, Facts, FigureBlock, Paragraph
