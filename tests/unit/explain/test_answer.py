@@ -293,10 +293,3 @@ def test_something_unknown_has_a_model_of_the_nearest_and_its_gap(tmp_path: Path
     near = json.loads((tmp_path / "out" / "answer.json").read_text(encoding="utf-8"))["nearest"]
     assert near["after"]["theta_rad"] == 0.011
     assert near["model"] == written.nearest
-
-
-def test_nothing_missing_writes_no_model(tmp_path: Path) -> None:
-    written = write_folder(tmp_path / "out", answer("none"))
-    assert written.model == ""
-    assert not (tmp_path / "out" / "model.toml").exists()
-    assert "within their noise" in (tmp_path / "out" / "report.html").read_text("utf-8")

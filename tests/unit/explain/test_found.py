@@ -149,11 +149,3 @@ def test_a_draft_is_written_once_and_told_of(tmp_path: Path, rng: np.random.Gene
     assert "What it depends on" in page
     assert "drafted as an effect" in page
     assert any("found_effect.py" in step.command for step in next_steps(made, str(folder)))
-
-
-def test_without_a_law_nothing_is_drafted(tmp_path: Path, rng: np.random.Generator) -> None:
-    each = 0.02 * rng.standard_normal(30)
-    found = dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
-    assert found is not None
-    assert write_folder(tmp_path / "found", unknown(found)).draft == ""
-    assert list((tmp_path / "found").glob("*.py")) == []

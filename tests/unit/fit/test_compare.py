@@ -91,13 +91,6 @@ def test_a_foretold_density_carries_the_uncertainty_of_the_fit() -> None:
     assert left[0] == pytest.approx(problem.observed[24] - row @ result.values)
 
 
-def test_folds_are_seeded_and_whole_settings() -> None:
-    problems = candidates(with_body_lift())
-    one, again, other = (compare(problems, seed=seed) for seed in (1, 1, 2))
-    assert one.scores[1].held_out_log_score == again.scores[1].held_out_log_score
-    assert one.scores[1].held_out_log_score != other.scores[1].held_out_log_score
-
-
 def test_what_cannot_be_compared_is_refused() -> None:
     problem = line_problem()
     with pytest.raises(InputError, match="no model to compare"):

@@ -147,10 +147,6 @@ def test_a_log_of_one_motor_gives_the_hover_point_of_four(tmp_path: Path) -> Non
         bt.motor(path, rig="pquad", mass_kg=0.4, rotors=3)
     with pytest.raises(InputError, match="on 2 rotors"):
         bt.motor(path, propeller="5x4", mass_kg=100.0, rotors=2)
-    with pytest.raises(InputError, match="on 2 rotors"):
-        bt.export(path, "px4", tmp_path / "b.params", propeller="5x4", mass_kg=100.0, rotors=2)
-    with pytest.raises(InputError, match="--rotors is 3"):
-        bt.export("virtual_pquad", "px4", tmp_path / "b.params", rotors=3)
 
 
 LOGS = (

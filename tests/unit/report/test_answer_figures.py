@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.testing import assert_allclose
 
@@ -35,15 +33,6 @@ def test_an_overlay_draws_measurement_both_models_and_what_each_leaves() -> None
     assert [text.get_text() for text in figure.legends[0].get_texts()] == [
         "measured", "simulated, old model", "simulated, new model",
     ]  # fmt: skip
-
-
-def test_an_unchanged_model_is_drawn_once_and_points_of_a_sweep_stand_by_themselves() -> None:
-    given = answer("none")
-    verdict = replace(given.verdict, bench="sweep")
-    given = replace(given, explanation=replace(given.explanation, verdict=verdict))
-    figure = drawn("answer", given, ["overlay"])["overlay_theta_rad"].figure
-    assert len(figure.axes) == 2
-    assert [line.get_linestyle() for line in figure.axes[0].lines] == ["None", "-"]
 
 
 def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise() -> None:

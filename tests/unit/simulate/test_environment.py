@@ -126,12 +126,6 @@ def test_a_fine_grid_comes_near_the_box() -> None:
     assert errors[1] < errors[0]
 
 
-def test_touching_is_reported_and_low_heights_are_held() -> None:
-    assert below(OBSTACLE, 4.0, z=0.05)[-2:] == (0.0, 1.0)  # touching, held
-    assert below(OBSTACLE, 4.0, z=-0.01).touching == 1.0
-    assert below(OBSTACLE, 2.0, z=-0.01).touching == 0.0
-
-
 @pytest.mark.parametrize(
     ("make", "says"),
     [

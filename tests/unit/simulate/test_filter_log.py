@@ -78,19 +78,6 @@ def test_a_wrong_plant_shows(true_model: Model) -> None:
     assert abs(gyro.mean()) > 20.0 / np.sqrt(len(gyro))
 
 
-def test_lanes_do_not_see_each_other(true_model: Model) -> None:
-    logged = logged_from(true_model, seed=5).between(0, 500)
-    bench = PitchBench.of(true_model)
-    heavy = replace(bench, inertia_kgm2=0.05)
-    gains = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True).gains
-    alone = filter_log([heavy], logged, gains)
-    among = filter_log([bench, heavy, bench], logged, gains)
-    np.testing.assert_allclose(among.theta_rad[:, 1], alone.theta_rad[:, 0], rtol=1e-12)
-    many = filter_log([bench] * 39 + [heavy], logged, gains)
-    np.testing.assert_allclose(many.theta_rad[:, 39], alone.theta_rad[:, 0], rtol=1e-12)
-    np.testing.assert_allclose(many.theta_rad[:, 38], among.theta_rad[:, 2], rtol=1e-12)
-
-
 def test_a_part_of_a_log_goes_on_where_the_whole_was(true_model: Model) -> None:
     logged = logged_from(true_model, seed=6)
     bench = PitchBench.of(true_model.with_effect("battery_sag", rate_per_s=0.002))
