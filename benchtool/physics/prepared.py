@@ -20,8 +20,7 @@ from benchtool.physics.fold import chained
 from benchtool.physics.images import image_velocity
 from benchtool.physics.model import Model
 
-Images = list[tuple[float, Any]]
-"""(distance, summed source) of images that blow together."""
+Images = list[tuple[float, Any]]  # (distance, summed source) of images that blow together
 
 
 class Prepared:

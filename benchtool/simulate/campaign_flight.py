@@ -16,8 +16,7 @@ from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.setup import FlightSetup, changed
 from benchtool.simulate.flight.warnings import too_short
 
-OGE = "oge"
-"""PID with nothing below: what a gain set does by itself, without ground effect."""
+OGE = "oge"  # PID with nothing below: what a gain set does by itself, without ground effect
 
 MEASURES = {
     "arrives": "share of flights that arrive",

@@ -28,8 +28,7 @@ MOST_BLOCKS = 400
 FEWEST_RUNS = 50
 """Runs of a block, but for the last: some 0.1 s of pitch runs, against 1 ms that a task costs."""
 
-Block = tuple[int, int]
-"""First run and one behind the last."""
+Block = tuple[int, int]  # First run and one behind the last
 
 
 def campaign_of(inputs: PitchInputs | FlightInputs, permit: CodePermit = refuse_code) -> Campaign:

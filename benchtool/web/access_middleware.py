@@ -36,8 +36,7 @@ text, so these two are allowed."""
 MOST_BODY_BYTES = MOST_BYTES + 100_000
 """A table that is handed over, and what a form puts around it."""
 
-WRONG_TOKEN_S = 1.0
-"""Wrong tokens are answered one after another, so much apart; a choice."""
+WRONG_TOKEN_S = 1.0  # Wrong tokens are answered one after another, so much apart; a choice
 
 MOST_WAITING = 50
 """Wrong tokens that wait for their answer; more are answered at once that they are too many."""
@@ -45,8 +44,7 @@ MOST_WAITING = 50
 REFUSED = 403
 TOO_LARGE = 413
 TOO_MANY = 429
-CLOSED = 1008
-"""Close code of a websocket that breaks the rules (RFC 6455, section 7.4.1)."""
+CLOSED = 1008  # Close code of a websocket that breaks the rules (RFC 6455, section 7.4.1)
 
 
 class AccessMiddleware:

@@ -20,8 +20,7 @@ _RELEASE = re.compile(r"release (\d{1,15})")
 _BEAT = re.compile(r"beat (\d{1,9})")
 
 
-PAGES: dict[str, PageContext] = {}
-"""Pages by the name of their connection."""
+PAGES: dict[str, PageContext] = {}  # Pages by the name of their connection
 
 
 def add_control_line(context: PageContext) -> None:

@@ -35,8 +35,7 @@ ReportProgress = Callable[[str, float], None]
 NICENESS = 5
 """Of a job, on POSIX systems; a guess that leaves processor time to the page and the bench."""
 
-GRACE_S = 2.0
-"""How long a cancelled job may take to end before it is killed; a guess."""
+GRACE_S = 2.0  # How long a cancelled job may take to end before it is killed; a guess
 
 
 class WorkerProcess:

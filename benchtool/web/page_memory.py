@@ -14,14 +14,9 @@ from typing import Any
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.run.state import recall, remember
 
-MOST_MESSAGES = 200
-"""The log holds so many, the newest; a choice."""
-
-MOST_TABS = 20
-"""The forms of so many browser tabs are remembered, those used last; a choice."""
-
-WRITE_AFTER_S = 0.5
-"""Forms are written so long after a change, several changes together; a choice."""
+MOST_MESSAGES = 200  # The log holds so many, the newest; a choice
+MOST_TABS = 20  # The forms of so many browser tabs are remembered, those used last; a choice
+WRITE_AFTER_S = 0.5  # Forms are written so long after a change, several changes together; a choice
 
 
 @dataclass(frozen=True, slots=True)

@@ -50,8 +50,7 @@ def open_page(
     return file
 
 
-PORT = 8460
-"""Where the page is when nobody names a port and this one is free; a choice."""
+PORT = 8460  # Where the page is when nobody names a port and this one is free; a choice
 
 TOKEN_BYTES = 24
 

@@ -11,14 +11,9 @@ from benchtool.report.palette import BLACK, BLUE, CYCLE, SKY
 STATIC = Path(__file__).parent / "static"
 
 ACCENT = "#0072b2"
-STOP = "#b00020"
-"""A red used for Stop alone; white on it has a contrast of 7.3 to 1."""
-
-ALARM = "#b34700"
-"""Errors and warnings; white on it has a contrast of 5.7 to 1."""
-
-LIGHT_INK = "#e8eaed"
-"""Stands for black on a dark ground."""
+STOP = "#b00020"  # A red used for Stop alone; white on it has a contrast of 7.3 to 1
+ALARM = "#b34700"  # Errors and warnings; white on it has a contrast of 5.7 to 1
+LIGHT_INK = "#e8eaed"  # Stands for black on a dark ground
 
 
 def cycle(dark: bool) -> tuple[str, ...]:

@@ -343,13 +343,11 @@ def open_mavlink(address: MavlinkAddress) -> MavlinkBench:
     return MavlinkBench(transport_of(address), address.text, settings, cell=cell)
 
 
-AGAIN_S = 0.5
-"""A plate order that was not acknowledged is sent again after so long."""
+AGAIN_S = 0.5  # A plate order that was not acknowledged is sent again after so long
 
 ARRIVE_S = 120.0
 
-MOVING, THERE, REFUSED = 1.0, 0.0, -1.0
-"""Values of `plate_mov`."""
+MOVING, THERE, REFUSED = 1.0, 0.0, -1.0  # Values of `plate_mov`
 
 
 class VirtualPlate:

@@ -30,8 +30,7 @@ OLDEST_S = 0.5
 """Orders are refused from this age on: a host waits 5 x 100 ms for an answer and then commands a
 stop, so that an older order has been given up."""
 
-LATE = "late: "
-"""How the reason of such a refusal begins."""
+LATE = "late: "  # How the reason of such a refusal begins
 
 
 def too_old(reason: str) -> bool:
@@ -39,8 +38,7 @@ def too_old(reason: str) -> bool:
     return reason.startswith(LATE) and " ms old" in reason
 
 
-PROTOCOL_VERSION = 2
-"""Protocol version of host and device; another one is refused."""
+PROTOCOL_VERSION = 2  # Protocol version of host and device; another one is refused
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,7 @@ ANSWER_S = 0.1
 """How long one try of a command waits: six latency periods (16 ms) of an FTDI adapter."""
 
 TRIES = 5
-HEARTBEAT_S = 0.08
-"""A third of the 250 ms watchdog: two heartbeats may get lost."""
+HEARTBEAT_S = 0.08  # A third of the 250 ms watchdog: two heartbeats may get lost
 
 FRESH_S = 0.1
 """An order repeats a device time that was read no longer ago; a fifth of the age at which the

@@ -22,8 +22,7 @@ from benchtool.core.array import Array
 CRC_START = 0xFFFF
 """Start value of CRC-16/CCITT-FALSE (polynomial 0x1021, no reflection, no final xor)."""
 
-MAX_LINE_BYTES = 512
-"""Longest line that a receiver buffers; a longer one is discarded as a whole."""
+MAX_LINE_BYTES = 512  # Longest line that a receiver buffers; a longer one is discarded as a whole
 
 
 def crc16(payload: bytes) -> int:
@@ -49,8 +48,7 @@ def frame_fields(letter: str, fields: Iterable[str]) -> bytes:
 
 _UNSAFE = str.maketrans({"$": " ", "*": " ", "\n": " ", "\r": " "})
 
-HEARTBEAT = frame(b"B")
-"""The line that only says that the host lives."""
+HEARTBEAT = frame(b"B")  # The line that only says that the host lives
 
 
 def frame_command(number: int, command: Command, time_us: int = 0) -> bytes:

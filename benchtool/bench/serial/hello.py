@@ -16,11 +16,8 @@ from benchtool.core.errors import InputError, ProtocolError
 
 Fields = tuple[str, ...]
 
-UNLIMITED_BAUD = 0
-"""The baud rate of a link that has none: USB CDC, TCP, a pseudo-terminal."""
-
-LARGEST_SPEED = 1000.0
-"""Fastest virtual bench."""
+UNLIMITED_BAUD = 0  # The baud rate of a link that has none: USB CDC, TCP, a pseudo-terminal
+LARGEST_SPEED = 1000.0  # Fastest virtual bench
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,8 +196,7 @@ def _wrong(what: str) -> ProtocolError:
     return ProtocolError(f"the device's hello makes no sense: {what}; update its firmware")
 
 
-MOST_LINES = 256
-"""More are not stored; a bench with 64 rotors says about 220."""
+MOST_LINES = 256  # More are not stored; a bench with 64 rotors says about 220
 
 
 class HelloReader:

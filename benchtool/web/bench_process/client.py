@@ -14,8 +14,7 @@ from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import FRAME, frame_time_s
 from benchtool.web.bench_process.spawn import ProcessHandle
 
-SHOWN_EVENTS = 200
-"""Events of a run that pages show; the run folder has them all."""
+SHOWN_EVENTS = 200  # Events of a run that pages show; the run folder has them all
 
 HEARTBEAT_INTERVAL_S = 0.1
 

@@ -34,11 +34,8 @@ from benchtool.web.bench_process.session import Session
 from benchtool.web.bench_process.telemetry import Telemetry
 from benchtool.web.bench_process.throttle import DeadManSwitch
 
-PRIORITY = -10
-"""Niceness of the bench process, for users that may have it; a choice."""
-
-FASTEST = 100.0
-"""Highest speed of a virtual clock, in multiples of real time; a choice."""
+PRIORITY = -10  # Niceness of the bench process, for users that may have it; a choice
+FASTEST = 100.0  # Highest speed of a virtual clock, in multiples of real time; a choice
 
 
 MAX_SERVER_SILENCE_S = 1.0  # ten heartbeats; assumed

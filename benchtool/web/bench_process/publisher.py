@@ -18,8 +18,7 @@ import numpy as np
 from benchtool.core.array import Array
 from benchtool.web.bench_process.messages import BenchEvent
 
-HEAD = 3
-"""Numbers before the channels."""
+HEAD = 3  # Numbers before the channels
 
 
 class Decimator:

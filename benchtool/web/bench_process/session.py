@@ -26,8 +26,7 @@ from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.telemetry import Telemetry
 from benchtool.web.bench_process.throttle import DeadManSwitch, ThrottleRamp
 
-READ_S = 0.02
-"""Longest read between two looks at the commands."""
+READ_S = 0.02  # Longest read between two looks at the commands
 
 
 class Session:

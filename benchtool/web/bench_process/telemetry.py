@@ -59,11 +59,8 @@ def _family(name: str) -> str:
     return "rpm" if bare == "rpm" else name
 
 
-FRAME_S = 0.05
-"""Time between two frames: 20 a second."""
-
-STATUS_FRAMES = 5
-"""Frames from one status to the next: four a second."""
+FRAME_S = 0.05  # Time between two frames: 20 a second
+STATUS_FRAMES = 5  # Frames from one status to the next: four a second
 
 
 SHOWN = (

@@ -78,8 +78,7 @@ class DeadManSwitch:
 SLEW_us_s = 500.0
 """Pulses rise so fast: from standstill to half throttle in about a second. A choice."""
 
-STEP_S = 0.04
-"""Time between two commands while pulses change."""
+STEP_S = 0.04  # Time between two commands while pulses change
 
 
 class ThrottleRamp:

@@ -16,8 +16,7 @@ from benchtool.web.widgets import CommandRow, shows_errors, titled_card
 SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}
 """Speeds of a virtual clock that are offered."""
 
-FIRST = "sim:pquad"
-"""Address that stands there at first: needs no hardware."""
+FIRST = "sim:pquad"  # Address that stands there at first: needs no hardware
 
 PITCH = "mode=pitch&schedule=identify"
 """Behind the address of a simulated bench: on a hinge, its beam moved as explaining likes best."""

@@ -12,8 +12,7 @@ from benchtool.web.bench_process.messages import TightenLimits
 from benchtool.web.context import PageContext
 from benchtool.web.widgets import open_dialog, shows_errors, titled_card
 
-CLOSE = 0.9
-"""Share of a limit from which on its bar warns; a choice."""
+CLOSE = 0.9  # Share of a limit from which on its bar warns; a choice
 
 
 class LimitsCard:

@@ -12,8 +12,7 @@ from benchtool.web.tabs.bench.manual_cards import LoadCellCard, ThrottleCard
 from benchtool.web.tabs.bench.record_card import LiveRecordCard, RecordCard
 from benchtool.web.widgets import show_facts, titled_card
 
-LOOK_S = 0.25
-"""How often the numbers beside the charts are refreshed."""
+LOOK_S = 0.25  # How often the numbers beside the charts are refreshed
 
 
 class DeviceCard:

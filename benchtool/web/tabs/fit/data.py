@@ -41,8 +41,7 @@ FIT_CHANNELS = {
 """Channels that a fit uses, as docs/how-to/fit-your-csv.md lists them; those with words for people
 stand first, the others in a list that can be opened."""
 
-NONE, CONSTANT = "", "\0constant"
-"""Choices of a column that are no column."""
+NONE, CONSTANT = "", "\0constant"  # Choices of a column that are no column
 
 
 def units_for(channel: str) -> tuple[str, ...]:

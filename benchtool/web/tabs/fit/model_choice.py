@@ -32,8 +32,7 @@ from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
 MODEL_FILE = "model.toml"
 
-OF_COMMAND = ("profile", "budget")
-"""Inputs of the command that stand in no recipe."""
+OF_COMMAND = ("profile", "budget")  # Inputs of the command that stand in no recipe
 
 
 class ParameterChoice(NamedTuple):

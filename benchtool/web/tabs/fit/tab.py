@@ -27,14 +27,9 @@ from benchtool.web.widgets import STYLE, CommandRow, show_section, show_waiting,
 
 USUAL_MODEL = "quad_bench"
 
-DRAWER = "figures"
-"""The process that reads runs and draws; the Runs tab has it, too."""
-
-FITS = "fits"
-"""Kind of the jobs."""
-
-ANSWER = "fit.answer"
-"""Under this name the page remembers which fit it shows."""
+DRAWER = "figures"  # The process that reads runs and draws; the Runs tab has it, too
+FITS = "fits"  # Kind of the jobs
+ANSWER = "fit.answer"  # Under this name the page remembers which fit it shows
 
 BASES = {
     "joint": "thrust itself (joint fit)",

@@ -37,8 +37,7 @@ from benchtool.web.widgets import (
 EXPORTED = ("fit", *SWEEPS)
 """Kinds of entries that may hold what autopilots and simulators take; logs with pulses do, too."""
 
-DRAWER = "figures"
-"""The process that reads runs and draws."""
+DRAWER = "figures"  # The process that reads runs and draws
 
 WRITER = "reports"
 """The process that writes downloads; a long page takes seconds, and nothing waits behind it."""

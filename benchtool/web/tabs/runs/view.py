@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from benchtool.report.compare.runs import Over
     from benchtool.report.page import Block, Report
 
-HEAD_ROWS = 12
-"""Rows of a table that are shown; a choice."""
+HEAD_ROWS = 12  # Rows of a table that are shown; a choice
 
 
 def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
@@ -84,8 +83,7 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
     raise InputError(f"{name} has no part {part!r}; open it again")
 
 
-MOTOR_PART = "Thrust curve and motor constants"
-"""What is shown of a stand's log beside its numbers."""
+MOTOR_PART = "Thrust curve and motor constants"  # What is shown of a stand's log beside its numbers
 
 
 def _motor_parts(path: Path) -> tuple[str, ...]:

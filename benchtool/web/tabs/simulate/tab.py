@@ -35,8 +35,7 @@ SimulationJob = Job[tuple[PageSection, str]]
 
 KINDS: dict[str, type[Simulation]] = {"pitch bench": PitchInputs, "flight": FlightInputs}
 
-ALWAYS = ("duration_s", "seed", "set", "out")
-"""Fields of every simulation."""
+ALWAYS = ("duration_s", "seed", "set", "out")  # Fields of every simulation
 
 
 def _pitch_choices() -> dict[str, Mapping[str, str] | None]:

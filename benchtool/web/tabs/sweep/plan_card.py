@@ -34,13 +34,11 @@ from benchtool.web.widgets import (
     titled_card,
 )
 
-SHOWN_VISITS = 400
-"""Rows of the order that are shown; a choice."""
+SHOWN_VISITS = 400  # Rows of the order that are shown; a choice
 
 COLUMNS = ("visit", "kind", "z/R", "us", "repeat")
 
-LARGEST_BYTES = 100_000
-"""A plan file that is longer is none."""
+LARGEST_BYTES = 100_000  # A plan file that is longer is none
 
 FIRST = (
     "z_over_r", "pwm", "repeats", "rotors", "tilt", "lateral", "sample_s", "anchor_every", "seed",

@@ -23,8 +23,7 @@ BASES = {"equal_rpm2": "equal rpm²", "equal_pwm": "equal pulse", "equal_power":
 
 assert tuple(BASES) == RATIO_BASES
 
-STANDARD = {1: "single_bench", 4: "quad_bench"}
-"""Model that is shown first, by the number of discs."""
+STANDARD = {1: "single_bench", 4: "quad_bench"}  # Model that is shown first, by the number of discs
 
 SPAN = (0.5, 5.0)
 """Distances z/R of the curves; where the image formulae hold, and where little is left."""

@@ -15,11 +15,8 @@ from benchtool.web.tabs.sweep.plan_card import PlanCard
 from benchtool.web.tabs.sweep.ratio_card import RatioCard
 from benchtool.web.widgets import open_tab, shows_errors
 
-LOOK_S = 0.5
-"""How often points are looked for: the plot changes at most twice a second."""
-
-HIDDEN_EVENTS = frozenset({"device"})
-"""Events that the run folder has and the page does not show."""
+LOOK_S = 0.5  # How often points are looked for: the plot changes at most twice a second
+HIDDEN_EVENTS = frozenset({"device"})  # Events that the run folder has and the page does not show
 
 MOST_EVENTS = 60
 

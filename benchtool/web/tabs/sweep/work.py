@@ -15,8 +15,7 @@ from benchtool.report.palette import BLUE, LOOKS, VERMILION
 
 CURVE_POINTS = 80
 
-Trace = dict[str, Any]
-"""One line or set of markers, as Plotly takes it."""
+Trace = dict[str, Any]  # One line or set of markers, as Plotly takes it
 
 
 class MeasuredRatios(NamedTuple):
