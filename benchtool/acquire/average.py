@@ -27,11 +27,8 @@ def read_span(bench: Bench, seconds: float, step_s: float = 0.1) -> Array:
 CUTOFF_SD = 5.0  # from the median; 1 normal sample in 1.7 million is an outlier; assumed
 FEWEST_JUDGED = 8  # among fewer samples none is an outlier; assumed
 
+# Share of outliers; with more, none is left out and the point is marked; assumed.
 MOST_REJECTED = 0.05
-"""Largest share of outliers. Where more samples lie apart they belong to the distribution (a rotor
-that hunts between two speeds) or the sensor is bad: none is left out, and the point is marked. A
-choice: a tachometer that misses one count in twenty needs mending."""
-
 COARSE = 0.05  # largest step of a sensor's own resolution, as a share of its reading; assumed
 
 

@@ -37,8 +37,8 @@ REPEATS_SINGLE = 9  # tests per distance with one rotor on (paper, section 2.1)
 REPEATS_SEVERAL = 5  # tests per distance with the full multirotor (paper, section 2.2)
 STANDARD_PERCENT = (40.0, 60.0)  # throttle levels of a plan that names none; assumed
 
+# Assumed: dense where the increment is steep.
 STANDARD_DISTANCES_OVER_R = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
-"""Distances of a plan that names none; a choice: dense where the increment is steep."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,8 +41,7 @@ CHUNK_BYTES = 4 << 20  # Of messages, before they are compressed; a choice
 _DEFINITIONS = (b"\x03", b"\x04")  # opcodes of schema and channel, before the first message
 _LENGTH_BYTES = 9  # Opcode and length of a record, which the length leaves out
 
-_HEAD_BYTES = _LENGTH_BYTES + 22
-"""Before a message's fields: also its channel, sequence and two times."""
+_HEAD_BYTES = _LENGTH_BYTES + 22  # channel, sequence and two times
 
 
 def write_mcap(

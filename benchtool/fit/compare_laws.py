@@ -30,9 +30,7 @@ from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
-SAME_DISTANCE = 0.02
-"""Points within this part of a distance are one distance; a choice, above a stage's scatter."""
-
+SAME_DISTANCE = 0.02  # relative; above the scatter of a stage; assumed
 LEAST_DISTANCES = 4  # fewer leave no degrees of freedom for a law of two numbers beside k
 
 NO_PLATE_Z_OVER_R = 1e3  # no plate beyond it: such points determine k and are not held out

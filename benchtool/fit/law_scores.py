@@ -61,8 +61,8 @@ class LawComparison:
         return "; ".join([f"{where} {said}", *rest])
 
 
+# Tables through the data.
 TABLES = {name for name, effect in EFFECTS.items() if effect.knots_setting}
-"""Tables through the data, which follow any bench."""
 
 
 def _listed(names: list[str]) -> str:

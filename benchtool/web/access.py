@@ -7,8 +7,7 @@ from ipaddress import ip_address
 from secrets import compare_digest
 from urllib.parse import urlsplit
 
-LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
-"""Names under which a server on the loopback address is reached."""
+LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})  # names of the loopback address
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

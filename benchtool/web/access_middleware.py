@@ -33,14 +33,10 @@ POLICY = (
 """Nothing is loaded from, or sent to, anywhere else. NiceGUI runs inline scripts and evaluates
 text, so these two are allowed."""
 
-MOST_BODY_BYTES = MOST_BYTES + 100_000
-"""A table that is handed over, and what a form puts around it."""
-
+MOST_BODY_BYTES = MOST_BYTES + 100_000  # a table and the form around it
 WRONG_TOKEN_S = 1.0  # Wrong tokens are answered one after another, so much apart; a choice
 
-MOST_WAITING = 50
-"""Wrong tokens that wait for their answer; more are answered at once that they are too many."""
-
+MOST_WAITING = 50  # wrong tokens that wait for their answer
 REFUSED = 403
 TOO_LARGE = 413
 TOO_MANY = 429

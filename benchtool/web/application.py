@@ -25,12 +25,8 @@ from benchtool.web.page import serve_page
 from benchtool.web.theme import serve_static
 from benchtool.web.widgets import notify_all_pages, notify_error
 
-RECONNECT_S = 15.0
-"""A page that was silent for so long is dropped; loaded again, it starts anew. A choice: on busy
-machines browsers wait for seconds."""
-
-MOST_MESSAGE_BYTES = 1_000_000
-"""What a page sends in one message over a websocket; files come as requests."""
+RECONNECT_S = 15.0  # a page silent for longer is dropped; assumed
+MOST_MESSAGE_BYTES = 1_000_000  # of a websocket; files come as requests
 
 
 def run_application(

@@ -21,8 +21,7 @@ from benchtool.web.page_memory import FormMemory, PageMessages
 
 J = TypeVar("J", bound=Job[Any])
 
-GRACE_S = 2.0
-"""A controller that is gone for so long may be replaced: reloading a page takes less. A choice."""
+GRACE_S = 2.0  # a controller gone for longer may be replaced; assumed
 
 
 class ControlLock:

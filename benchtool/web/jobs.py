@@ -32,9 +32,7 @@ T = TypeVar("T")
 ReportProgress = Callable[[str, float], None]
 """report(what is being done, share of the whole from 0 to 1)"""
 
-NICENESS = 5
-"""Of a job, on POSIX systems; a guess that leaves processor time to the page and the bench."""
-
+NICENESS = 5  # of a job, on POSIX systems; assumed
 GRACE_S = 2.0  # How long a cancelled job may take to end before it is killed; a guess
 
 

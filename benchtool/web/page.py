@@ -24,8 +24,8 @@ TABS = {
 `build(context)` that makes its elements in the present slot; it is imported when the tab is first
 shown, so that a page is usable before the libraries of every tab are there."""
 
+# Loads the plots' library before STOP is drawn.
 EARLY = '<script type="module">import "nicegui-plotly";</script>'
-"""Runs the plots' library, a second of a busy main thread, before STOP is there to be pressed."""
 
 
 def serve_page(server: ServerState) -> None:

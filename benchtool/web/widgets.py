@@ -189,9 +189,7 @@ def multiple_choice(label: str, changed: Callable[[], object]) -> ui.select:
     return choice.props("use-chips use-input input-debounce=0").classes("w-full")
 
 
-UPLOADED = ".csv,text/csv,.txt,.log,.bin,.ulg,.tlog"
-"""Endings of files that an import may read; what they hold decides."""
-
+UPLOADED = ".csv,text/csv,.txt,.log,.bin,.ulg,.tlog"  # of files that an import may read
 UPLOAD_HEAD = """
 <q-btn flat icon="add" label="LABEL" class="w-full" @click="props.pickFiles" />
 <span style="display: none"><q-uploader-add-trigger /></span>

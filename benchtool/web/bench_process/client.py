@@ -18,8 +18,7 @@ SHOWN_EVENTS = 200  # Events of a run that pages show; the run folder has them a
 
 HEARTBEAT_INTERVAL_S = 0.1
 
-PATIENCE_S = 5.0
-"""The bench process has so long to stop motors and close a run when the server ends."""
+PATIENCE_S = 5.0  # for the bench process to stop motors and close a run
 
 
 class BenchClient:

@@ -11,8 +11,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.core.rig import Rig
 from benchtool.web.bench_process.messages import HoldThrottle, ReleaseThrottle
 
-SILENCE_S = 0.5
-"""Dead-man time: motors go to zero so long after the page's last report that the button is held."""
+SILENCE_S = 0.5  # dead-man time since the page reported the button as held
 
 
 class DeadManSwitch:

@@ -18,9 +18,7 @@ SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 
 
 FIRST = "sim:pquad"  # Address that stands there at first: needs no hardware
 
-PITCH = "mode=pitch&schedule=identify"
-"""Behind the address of a simulated bench: on a hinge, its beam moved as explaining likes best."""
-
+PITCH = "mode=pitch&schedule=identify"  # options of a simulated hinge
 STEPS = (
     "**Without hardware**: press *Connect*. `sim:pquad` is a simulated quadrotor over a plate; no "
     "motor turns, and its clock can run up to 100 times faster.",

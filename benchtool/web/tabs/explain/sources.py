@@ -78,11 +78,8 @@ def suggested_folder(sources: RecordingSources, learn: Sequence[str], date: str)
     return sources.runs.free_path(date, f"explain-{stem}")
 
 
-EXAMPLE = "example: "
-"""Begins what comes with a checkout of benchtool; no name in a runs folder has a colon."""
-
-RECORDED = (*SWEEPS, "pitch recording", "recording", "table")
-"""Kinds of entries that can be explained."""
+EXAMPLE = "example: "  # prefix of recordings of a checkout; no run has a colon
+RECORDED = (*SWEEPS, "pitch recording", "recording", "table")  # kinds that can be explained
 
 
 def examples_folder() -> Path | None:

@@ -41,8 +41,7 @@ WHAT = (
     "learns from some recordings and is checked on others of the same bench."
 )
 
-OPEN = ("What now", "Where", "Which", "The gap")
-"""Sections of the report that are shown; the others can be opened."""
+OPEN = ("What now", "Where", "Which", "The gap")  # sections that are open at first
 
 
 class AnswerView:

@@ -15,8 +15,7 @@ from benchtool.data.atomic import complete_folder, partial_folder
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.web.jobs import Job, PageSection, ReportProgress
 
-DRAWN_FROM = 0.85
-"""Share of the whole at which an answer is there and its figures are drawn; a guess."""
+DRAWN_FROM = 0.85  # share of progress at which figures are drawn; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,13 +34,10 @@ from benchtool.web.widgets import (
     shows_errors,
 )
 
-EXPORTED = ("fit", *SWEEPS)
-"""Kinds of entries that may hold what autopilots and simulators take; logs with pulses do, too."""
-
+EXPORTED = ("fit", *SWEEPS)  # kinds with values to export
 DRAWER = "figures"  # The process that reads runs and draws
 
-WRITER = "reports"
-"""The process that writes downloads; a long page takes seconds, and nothing waits behind it."""
+WRITER = "reports"  # process that writes downloads
 
 
 class Download(NamedTuple):

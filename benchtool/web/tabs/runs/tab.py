@@ -27,9 +27,8 @@ NOTHING = (
 LOOK_S = 3.0
 
 (_OVER,) = (item for item in items(ReportInputs) if item.name == "over")
+# Axes of compared runs.
 OVER = {"": "sweeps: thrust ratio"} | {key: f"over {key}" for key in _OVER.choices}
-"""What runs are drawn over side by side."""
-
 COLUMNS = (
     ("name", "Name"),
     ("kind", "Kind"),

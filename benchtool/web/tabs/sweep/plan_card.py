@@ -47,9 +47,7 @@ FIRST = (
 """Inputs of a plan that are always shown; the others can be opened."""
 
 FIELDS = tuple(item.name for item in items(Plan))
-OF_A_PLATE = (*(item.name for item in items(PlatePart)), "anchor_every")
-"""Inputs that a test without a plate does without."""
-
+OF_A_PLATE = (*(item.name for item in items(PlatePart)), "anchor_every")  # inputs of a plate
 AIR = tuple(item.name for item in items(Air))
 
 

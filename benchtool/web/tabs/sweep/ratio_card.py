@@ -25,9 +25,7 @@ assert tuple(BASES) == RATIO_BASES
 
 STANDARD = {1: "single_bench", 4: "quad_bench"}  # Model that is shown first, by the number of discs
 
-SPAN = (0.5, 5.0)
-"""Distances z/R of the curves; where the image formulae hold, and where little is left."""
-
+SPAN = (0.5, 5.0)  # z/R of the curves
 _STAMP = {
     "text": "<b>SIMULATED</b>", "xref": "paper", "yref": "paper", "x": 0.01, "y": 0.01,
     "showarrow": False, "font": {"color": VERMILION, "size": 13},
