@@ -87,7 +87,6 @@ def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab: Path, column: int
     ("words", "said"),
     [
         ("", "nothing to fit"),
-        ("lab.csv", "does not say how large the rotor is; give --radius"),
         ("lab.csv --model lab.tom", "no such file|unknown model"),
         (f"{LAB} --basis equal_pwm", "kind 'reference'"),
         (f"{LAB} --free K_b", "unknown parameter 'K_b'"),
