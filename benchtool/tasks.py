@@ -41,22 +41,17 @@ if TYPE_CHECKING:
     from distributed import Client
 
 T = TypeVar("T")
-Result = Any
-"""What JSON holds: numbers, text, lists and dictionaries of them."""
+Result = Any  # what JSON holds: numbers, text, lists and dictionaries of them
 
 Work = Callable[[T], Result]
 
-Cluster = Annotated[
+Cluster = Annotated[  # input of every command that has many tasks
     str | None,
     Input("Dask scheduler, as tcp://HOST:8786, whose workers do it.", empty="this machine"),
 ]
-"""Input of every command that has many tasks."""
 
-REACHED_S = 10.0
-"""Time in which a scheduler must answer."""
-
-ROUNDS = 3
-"""So often processes may die one after the other without a single result."""
+REACHED_S = 10.0  # time in which a scheduler must answer
+ROUNDS = 3  # so often processes may die one after the other without a single result
 
 
 class TaskStore:

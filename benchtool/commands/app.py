@@ -98,10 +98,9 @@ COMMANDS: dict[str, tuple[str, str]] = {
 """Each command, in the order of the help: "module:function" in this package ("" for a group of
 subcommands) and its line there, which is also the first line of the command's docstring."""
 
-_OF_A_NAME = {
+_OF_A_NAME = {  # system errors of a path that cannot be one, wherever it was typed
     *(errno.ENOENT, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP)
 }
-"""What the system says of a path that cannot be one; where it was typed does not matter."""
 
 COMPLETING = "_BENCHTOOL_COMPLETE"  # set by a shell's completion script
 UNEXPECTED = 70  # exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)

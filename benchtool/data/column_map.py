@@ -147,7 +147,7 @@ def column_map_to_toml(columns: Mapping[str, ColumnSource]) -> str:
     return tomli_w.dumps({"columns": {name: stated(item) for name, item in columns.items()}})
 
 
-NAMES: dict[str, str] = {
+NAMES: dict[str, str] = {  # names that people give to columns, in small letters, and their channel
     **dict.fromkeys(("t", "time", "zeit"), "time_s"),
     **dict.fromkeys(("thrust", "schub", "force", "kraft", "f", "fz", "lift"), "thrust_N"),
     **dict.fromkeys(("torque", "moment", "drehmoment"), "torque_Nm"),
@@ -184,13 +184,11 @@ NAMES: dict[str, str] = {
     **dict.fromkeys(("thrust ratio", "t_ratio", "t/t_oge", "t_ige/t_oge", "ratio"), "thrust_ratio"),
     "vibration": "vibration_m_s2",
 }
-"""Names that people give to columns, in small letters, and the channel that they mean."""
 
-IN_RADII: dict[str, float] = {
+IN_RADII: dict[str, float] = {  # names of distances in rotor radii, in small letters; their unit
     **dict.fromkeys(("z_over_r", "z/r", "z_r", "h/r", "h_r", "h_over_r"), 1.0),
     **dict.fromkeys(("z_over_d", "z/d", "z_d", "h/d", "h_d", "h_over_d"), 2.0),
 }
-"""Names of distances that are counted in rotor radii, in small letters, and how many one is."""
 
 _ENDING = re.compile(r"(?P<name>.+?)[_ ](?P<unit>[A-Za-z]+)")
 

@@ -48,7 +48,7 @@ class Target:
 XML = "<!-- {} -->"
 sdf, mujoco, rotorpy = (partial(render, name) for name in ("sdf", "mujoco", "rotorpy"))
 
-TARGETS: Mapping[str, Target] = {
+TARGETS: Mapping[str, Target] = {  # what `benchtool export --to` takes
     "sdf": Target("Gazebo: SDF with MulticopterMotorModel", "{name}.sdf", sdf, XML),
     "mujoco": Target("MuJoCo: MJCF with thrust actuators", "{name}.xml", mujoco, XML),
     "rotorpy": Target("rotorpy: a module with quad_params", "{name}_params.py", rotorpy),
@@ -57,7 +57,6 @@ TARGETS: Mapping[str, Target] = {
     "betaflight": Target("Betaflight: thrust_linear", "{name}.cli.txt", betaflight),
     "c": Target("C header: thrust and throttle near a surface", "{name}.h", c_header, "/* {} */"),
 }
-"""What `benchtool export --to` takes."""
 
 
 def target_named(name: str) -> Target:

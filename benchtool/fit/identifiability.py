@@ -19,11 +19,10 @@ from benchtool.physics.catalogue import EFFECTS
 INFLATION = 5.0  # confused: the others make an sd this many times larger (a pair: 0.98)
 SHARE = 0.25  # least scaled component of a parameter that belongs to a confused direction
 MATTERS = 0.1  # part of a value without tolerance above which a confused sd is reported
-BASELINE: dict[frozenset[str], str] = {
+BASELINE: dict[frozenset[str], str] = {  # what separates two parameters of no effect
     frozenset({"k", "R_m"}): "reference points without the plate",
     frozenset({"k", "calibration.scale"}): "with a better calibration of the load cell",
 }
-"""What data separate a pair of numbers that belong to no effect."""
 
 
 def separated_by() -> dict[frozenset[str], str]:

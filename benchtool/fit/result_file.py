@@ -18,8 +18,7 @@ from benchtool.fit.diagnose import refusal
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.model_file import LoadedModel, model_to_toml
 
-Answer = Literal["given", "model rejected", "none"]
-"""Whether a fit has an answer, and whether the data reject its model."""
+Answer = Literal["given", "model rejected", "none"]  # whether a fit has one
 
 
 def result_tables(output: FitOutput) -> dict[str, Any]:

@@ -17,12 +17,11 @@ from benchtool.web.access import Access, RequestFacts, host_name
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-HEADERS = (
+HEADERS = (  # no other site can frame this page, nor learn its address
     (b"x-frame-options", b"DENY"),
     (b"referrer-policy", b"no-referrer"),
     (b"x-content-type-options", b"nosniff"),
 )
-"""No other site can frame this page, nor learn its address."""
 
 POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; worker-src 'self'; "

@@ -29,9 +29,7 @@ from benchtool.tasks import WorkerProcesses, end_with_parent
 
 T = TypeVar("T")
 
-ReportProgress = Callable[[str, float], None]
-"""report(what is being done, share of the whole from 0 to 1)"""
-
+ReportProgress = Callable[[str, float], None]  # (what is being done, share from 0 to 1)
 NICENESS = 5  # of a job, on POSIX systems; assumed
 GRACE_S = 2.0  # How long a cancelled job may take to end before it is killed; a guess
 

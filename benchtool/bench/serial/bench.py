@@ -31,11 +31,8 @@ from benchtool.core.errors import (
     StageError,
 )
 
-STALE_S = 1.0
-"""A stream that brings nothing for so long is lost (wall time); a choice, four watchdogs."""
-
-POLL_PLATE_S = 0.5
-"""How often a moving plate's state is requested, should the `arrived` line get lost."""
+STALE_S = 1.0  # wall time without data after which a stream is lost: 4 watchdogs; assumed
+POLL_PLATE_S = 0.5  # interval of state requests while the plate moves: `arrived` may be lost
 
 HALT_TRIES = 3
 

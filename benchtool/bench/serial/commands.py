@@ -146,7 +146,7 @@ def _number(text: str) -> float:
     return value
 
 
-COMMANDS: dict[str, type[Command]] = {
+COMMANDS: dict[str, type[Command]] = {  # by name on the wire; fields in the order of the class
     "hello": RequestHello,
     "pwm": SetPwm,
     "plate": SendPlate,
@@ -158,7 +158,6 @@ COMMANDS: dict[str, type[Command]] = {
     "clear": Clear,
     "arm": ArmDevice,
 }
-"""Every command by its name on the wire; its fields follow in the order of the class."""
 
 _NAMES = {kind: name for name, kind in COMMANDS.items()}
 _READERS: dict[str, Callable[[str], float | str]] = {

@@ -14,12 +14,10 @@ from benchtool.bench.serial.hello import Hello, HelloReader
 from benchtool.bench.transport.transport import LinkEnd, Transport
 from benchtool.core.errors import HostPaused, LinkLost, NoDevice, PortBusy, ProtocolError
 
-HELLO_S = 5.0
-"""How long the hello is repeated: boards that reset when their port is opened boot meanwhile."""
+HELLO_S = 5.0  # the hello is repeated: boards that reset when opened boot meanwhile
 
 HELLO_TRY_S = 0.25
-ANSWER_S = 0.1
-"""How long one try of a command waits: six latency periods (16 ms) of an FTDI adapter."""
+ANSWER_S = 0.1  # one try of a command: six latency periods (16 ms) of an FTDI adapter
 
 TRIES = 5
 HEARTBEAT_S = 0.08  # A third of the 250 ms watchdog: two heartbeats may get lost

@@ -19,9 +19,7 @@ from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.serial.commands import Command, RequestHello, fields_of
 from benchtool.core.array import Array
 
-CRC_START = 0xFFFF
-"""Start value of CRC-16/CCITT-FALSE (polynomial 0x1021, no reflection, no final xor)."""
-
+CRC_START = 0xFFFF  # CRC-16/CCITT-FALSE (polynomial 0x1021, no reflection, no final xor)
 MAX_LINE_BYTES = 512  # Longest line that a receiver buffers; a longer one is discarded as a whole
 
 

@@ -60,7 +60,7 @@ class Hello(Identity):
         )
 
 
-_NUMBERS: dict[str, tuple[str, type[float], float, float, str]] = {
+_NUMBERS: dict[str, tuple[str, type[float], float, float, str]] = {  # name, type and range, default
     "rotors": ("n_rotors", int, 1, 64, ""),
     "rate": ("rate_Hz", float, 0.01, 1e6, ""),
     "watchdog": ("watchdog_s", float, 100.0, 10e3, "250"),  # ms on the wire
@@ -71,7 +71,6 @@ _NUMBERS: dict[str, tuple[str, type[float], float, float, str]] = {
     "speed": ("speed", float, 0.001, LARGEST_SPEED, "1"),
     "loop": ("has_loop", bool, 0, 1, "0"),
 }
-"""Lines with one number: its name here, type and range, and what a missing line stands for."""
 
 
 def hello_lines(hello: Hello) -> tuple[Fields, ...]:

@@ -12,11 +12,8 @@ from benchtool.core.rig import Rig
 BOARDS = {"uno": "Arduino Uno R3", "nano": "Arduino Nano, bootloader of 2018 or later"}
 MCU, CLOCK_HZ, UPLOAD_BAUD = "atmega328p", 16_000_000, 115_200  # as in the core's boards.txt
 
-MOST_MOTORS = 2
-"""Pulse outputs of the one 16-bit timer (data sheet ATmega328P, chapter 16: OC1A and OC1B)."""
-
-SHORTEST_US, LONGEST_US = 500.0, 2500.0
-"""Pulses that an ESC could mean; a choice, hobby ESCs and servos stay within."""
+MOST_MOTORS = 2  # outputs of the one 16-bit timer (ATmega328P, chapter 16: OC1A, OC1B)
+SHORTEST_US, LONGEST_US = 500.0, 2500.0  # plausible pulses of ESCs and servos; assumed
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
 

@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Literal, get_args
 
-EntryKind = Literal[
+EntryKind = Literal[  # a recording is one file with its JSON beside it, a table any CSV
     "sweep",
     "live recording",
     "pitch recording",
@@ -17,7 +17,6 @@ EntryKind = Literal[
     "table",
     "unknown",
 ]
-"""What an entry may be. A recording is one file with its JSON beside it, a table any CSV."""
 
 SWEEPS = ("sweep", "live recording")  # runs with points: by a plan, or of motors turned by hand
 

@@ -12,13 +12,12 @@ from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, l
 from benchtool.data.formats.messages import RAD, MessageLog, Messages, Scales, Stream
 from benchtool.data.repairs.imported import Finding, Imported, Options
 
-WANTED = frozenset(
+WANTED = frozenset(  # messages of a log that are read; the others are counted only
     {
         *("ATT", "ANG", "RATE", "IMU", "RCOU", "ESC", "RPM", "BAT", "CURR", "RFND", "PARM", "MSG"),
         *(f"ESC{number}" for number in range(1, 9)),
     }
 )
-"""Messages of a log that are read; the others are counted only."""
 
 GOOD_RANGE = 4  # RangeFinder::Status::Good of ArduPilot's AP_RangeFinder.h
 

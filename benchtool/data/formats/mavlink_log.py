@@ -19,12 +19,11 @@ from benchtool.data.formats.messages import RAD, MessageLog, Messages, Stream, T
 from benchtool.data.repairs.imported import Finding, Imported, Options
 
 _ESC_GROUPS = ("1_TO_4", "5_TO_8", "9_TO_12")
-WANTED = (
+WANTED = (  # messages that are read, beside ESC_STATUS; the others are counted only
     *("ATTITUDE", "ATTITUDE_TARGET", "NAV_CONTROLLER_OUTPUT", "SERVO_OUTPUT_RAW", "RPM"),
     *(f"ESC_TELEMETRY_{group}" for group in _ESC_GROUPS),
     *("DISTANCE_SENSOR", "RANGEFINDER", "SYS_STATUS", "PARAM_VALUE", "HEARTBEAT"),
 )
-"""Messages that are read, beside ESC_STATUS; the others are counted only."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from benchtool.data.formats.flight_log import flight_import, logged_motors, moto
 from benchtool.data.formats.messages import LOOKS_DOWN, MessageLog, Messages, Stream
 from benchtool.data.repairs.imported import Finding, Imported, Options
 
-WANTED = (
+WANTED = (  # topics that are read; the others are counted only
     "vehicle_attitude",
     "vehicle_attitude_setpoint",
     "vehicle_angular_velocity",
@@ -30,16 +30,14 @@ WANTED = (
     "battery_status",
     "distance_sensor",
 )
-"""Topics that are read; the others are counted only."""
 
 LEAST_PULSE_US, MOST_PULSE_US = 700.0, 2600.0  # DShot counts to 1999, simulators to 1
 MOTORS = {101 + i: 1 + i for i in range(12)}  # Motor number by output function
 
-_FAULTS = (
+_FAULTS = (  # what pyulog lets through on broken files, beside its own exceptions
     *(struct.error, IndexError, KeyError, ValueError, TypeError, AttributeError, OverflowError),
     *(RecursionError, MemoryError, EOFError),
 )
-"""What pyulog lets through on broken files, beside its own exceptions."""
 
 
 def read_px4(data: bytes, where: str, provenance: Mapping[str, str], options: Options) -> Imported:

@@ -20,7 +20,7 @@ from benchtool.data.repairs.mapped import map_header, read_columns
 
 ELECTRICAL, OPTICAL = "Motor Electrical Speed", "Motor Optical Speed"
 
-CHANNELS: dict[str, str] = {
+CHANNELS: dict[str, str] = {  # columns of the stands by name, as in their exports of 2017 to 2023
     "Time": "time_s",
     "ESC signal": "pwm1_us",
     "ESC": "pwm1_us",
@@ -44,7 +44,6 @@ CHANNELS: dict[str, str] = {
     "Overall Efficiency": "efficiency_N_W",
     "Vibration": "vibration_m_s2",
 }
-"""Columns of the stands by name, as in their exports of 2017 to 2023."""
 
 
 def read_rcbenchmark(

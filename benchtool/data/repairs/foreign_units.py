@@ -11,7 +11,7 @@ from typing import Any
 from benchtool.core.errors import InputError
 from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, unit_named
 
-_SPELLINGS: dict[str, str] = {
+_SPELLINGS: dict[str, str] = {  # seen in real headers (RCbenchmark writes µs, N·m and ºC)
     **dict.fromkeys(("µs", "μs", "usec"), "us"),
     **dict.fromkeys(("RPM", "Rpm", "U/min", "1/min", "min-1"), "rpm"),
     **dict.fromkeys(("N·m", "N⋅m", "N*m", "Nm", "N.m", "N-m"), "N m"),
@@ -21,7 +21,6 @@ _SPELLINGS: dict[str, str] = {
     "sec": "s",
     "": "1",
 }
-"""Spellings seen in real headers (RCbenchmark writes µs, N·m and ºC) and what they stand for."""
 
 _FORCE_OF_MASS: dict[str, str] = {"g": "gf", "kg": "kgf", "lb": "lbf", "oz": "ozf"}
 """A thrust given in a unit of mass is that mass's weight."""

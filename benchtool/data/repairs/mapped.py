@@ -90,10 +90,9 @@ def map_header(
     return columns, findings
 
 
-Choose = Callable[
+Choose = Callable[  # (columns, numbers by channel, findings to add to) -> the columns that stay
     [Sequence[MappedColumn], Mapping[str, Array], list[Finding]], Sequence[MappedColumn]
 ]
-"""Given the columns, their numbers by channel, and findings to add to: the columns that stay."""
 
 
 def read_columns(

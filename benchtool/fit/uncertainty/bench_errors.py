@@ -187,7 +187,7 @@ def _type_b(name: str, unit: str, sd: float, columns: Array) -> ErrorSource:
     )
 
 
-STATED_BY: dict[str, tuple[str, ...]] = {
+STATED_BY: dict[str, tuple[str, ...]] = {  # keys of the rig that state a source
     "place": ("plate.repeatability_m", "plate.backlash_m"),
     "plate reading": ("sensors.plate_z_m.quantum",),
     "distance scale": ("sensors.plate_z_m.scale_sd",),
@@ -196,7 +196,6 @@ STATED_BY: dict[str, tuple[str, ...]] = {
     "thrust scale": ("sensors.thrust_N.scale_sd",),
     "zero wander": ("sensors.thrust_N.walk", "sensors.thrust_N.flicker"),
 }
-"""Keys of the rig that state a source, the first that is there."""
 
 
 def _origin(rig: Rig, name: str) -> str:

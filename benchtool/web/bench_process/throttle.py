@@ -74,9 +74,7 @@ class DeadManSwitch:
         return None
 
 
-SLEW_us_s = 500.0
-"""Pulses rise so fast: from standstill to half throttle in about a second. A choice."""
-
+SLEW_us_s = 500.0  # from standstill to half throttle in about a second; assumed
 STEP_S = 0.04  # Time between two commands while pulses change
 
 

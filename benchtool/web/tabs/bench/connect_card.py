@@ -19,7 +19,7 @@ SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 
 FIRST = "sim:pquad"  # Address that stands there at first: needs no hardware
 
 PITCH = "mode=pitch&schedule=identify"  # options of a simulated hinge
-STEPS = (
+STEPS = (  # what to do first, where no bench is connected
     "**Without hardware**: press *Connect*. `sim:pquad` is a simulated quadrotor over a plate; no "
     "motor turns, and its clock can run up to 100 times faster.",
     "**With a bench on a cable**: press *Find*, choose its port, name its rig, then *Connect*. "
@@ -27,7 +27,6 @@ STEPS = (
     "**Then**: *Sweep* measures thrust over plate distance and throttle, *Fit* estimates K_b and "
     "the effective radius from it. *Simulate* and *Explain* need no bench.",
 )
-"""What to do first, where no bench is connected."""
 
 
 class ConnectCard:
