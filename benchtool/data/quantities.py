@@ -16,7 +16,6 @@ import numpy as np
 from benchtool.core.air import sound_speed_m_s, viscosity_Pa_s
 from benchtool.core.array import Array
 from benchtool.core.channel import family_of, unit_in_name
-from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig import CHORD_RADIUS
 from benchtool.core.units import from_si
 
@@ -182,11 +181,3 @@ def following(channel: str) -> tuple[str, ...]:
 
 
 DATA_SHEET = ("Kv_rpm_V", "resistance_ohm", "no_load_current_A")  # from the motor's data sheet
-
-
-def quantity_named(name: str) -> Quantity:
-    """Return a quantity by its name, or refuse the name with the known ones."""
-    for quantity in QUANTITIES:
-        if quantity.name == name:
-            return quantity
-    raise UnknownChoice("quantity", name, (quantity.name for quantity in QUANTITIES))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.array import Array
 from benchtool.core.units import from_si
-from benchtool.report.palette import BLACK, CYCLE, GREY, PALE
+from benchtool.report.palette import CYCLE, GREY, PALE
 
 OVER = "#bfe3c8"  # background while a rotor is over a surface, from the paper's figures 26 to 28
 DASHED = (0, (5, 2.2))
@@ -156,10 +156,3 @@ def named_rows(
         label.set_fontweight("bold" if name in bold else "normal")
     axes.set_ylim(len(names) - bottom, -top)
     axes.grid(visible=False, axis="y")
-
-
-def arrow(axes: Axes, begin: tuple[float, float], end: tuple[float, float], **look: Any) -> None:
-    """Draw an arrow from begin to end."""
-    axes.annotate(
-        "", end, begin, arrowprops={"arrowstyle": "-|>", "color": BLACK, "linewidth": 1.5, **look}
-    )
