@@ -34,8 +34,7 @@ while not notes.closed:
 """
 """`time.monotonic` is one clock for all processes of a machine."""
 
-MARGIN_S = 1.0
-"""What stood still before a test began may still be felt in it."""
+MARGIN_S = 1.0  # what stood still before a test began may still be felt in it
 
 
 class Probe:

@@ -10,8 +10,7 @@ import benchtool
 from benchtool.physics.catalogue import EFFECTS
 
 PACKAGE = Path(benchtool.__file__).parent
-CASES = ("acquire/check_plan.py",)
-"""Cases and recipes: they are about named effects."""
+CASES = ("acquire/check_plan.py",)  # cases and recipes: they are about named effects
 
 OTHER_THINGS = (
     *("bench/mavlink/side_cell.py", "virtual/autopilot.py", "report/palette.py"),

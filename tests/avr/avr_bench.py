@@ -30,10 +30,8 @@ from benchtool.virtual.devices import virtual_plant
 INSTALL = "apt-get install gcc-avr avr-libc simavr libsimavr-dev libelf-dev"
 BAUD = 500_000
 STEP_S = 0.005
-HEARD_BYTES = 1500
-"""Most that is sent in one line of the peer."""
-DIVIDER = 6.8 / 106.8
-"""Of the battery's voltage, at the ADC (pins.h)."""
+HEARD_BYTES = 1500  # most that is sent in one line of the peer
+DIVIDER = 6.8 / 106.8  # of the battery's voltage, at the ADC (pins.h)
 
 
 def missing() -> str:

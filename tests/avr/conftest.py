@@ -12,13 +12,12 @@ from benchtool.core.rig_file import rig_named
 from tests.avr.avr_bench import AvrBench, PacedAvrBench, build, build_peer, missing, physics
 
 RIG = rig_named("pquad_single")
-PAIR = replace(
+PAIR = replace(  # two motors, and the pulse limit of the protocol's page
     RIG,
     name="pair",
     rotors=(RIG.rotors[0], replace(RIG.rotors[0], name="second", x_m=0.3)),
     limits=replace(RIG.limits, pwm_us=1900.0),
 )
-"""Two motors, and the pulse limit of the protocol's page."""
 
 
 @pytest.fixture(scope="session")

@@ -14,11 +14,8 @@ from benchtool.bench.serial.bench import SerialBench
 from benchtool.core.errors import DeviceStopped
 from tests.avr.avr_bench import AvrBench
 
-FLASH_BYTES, RAM_BYTES, BOOTLOADER_BYTES = 32_768, 2_048, 512
-"""ATmega328P, and optiboot on it."""
-
-STACK_BYTES = 512
-"""Memory that must never have been touched, by variables or stack; a choice."""
+FLASH_BYTES, RAM_BYTES, BOOTLOADER_BYTES = 32_768, 2_048, 512  # ATmega328P, and optiboot on it
+STACK_BYTES = 512  # memory that must never have been touched, by variables or stack; assumed
 
 
 def host(bench: AvrBench) -> SerialBench:

@@ -17,8 +17,7 @@ STOPPED_S = 1.0
 """Whether STOP works is the question here; the processor is shared with the tool that presses, and
 how quick STOP is stands in `test_bench_page.py`."""
 
-HOLDING, STOPPING = 0, 1
-"""Fingers."""
+HOLDING, STOPPING = 0, 1  # fingers
 
 
 class Hands:

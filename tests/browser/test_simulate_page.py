@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
-COMPILES_MS = 150_000
-"""The first simulation of a machine compiles."""
+COMPILES_MS = 150_000  # the first simulation of a machine compiles
 
 
 def choose(page: Page, label: str, option: str) -> None:

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 
-NOWHERE = (640.0, 890.0)
-"""A place of the page where nothing is."""
+NOWHERE = (640.0, 890.0)  # a place of the page where nothing is
 
 
 @pytest.fixture

@@ -151,11 +151,10 @@ def replay_case() -> Case:
         )
 
 
-CASES: dict[str, Callable[[], Case]] = {
+CASES: dict[str, Callable[[], Case]] = {  # a case for every driver, by the scheme of its addresses
     "sim": lambda: Case(simulated()),
     "serial": serial_case,
     "tcp": serial_case,
     "mavlink": mavlink_case,
     "replay": replay_case,
 }
-"""A case for every driver, by the scheme of its addresses."""

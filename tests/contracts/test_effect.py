@@ -119,7 +119,7 @@ def test_it_says_what_does_not_matter_on_any_vehicle(
         assert item.tolerance is None or known[item.name] == item.tolerance
 
 
-TWO_SIDED = {
+TWO_SIDED = {  # parameters that physics leaves on both sides of neutral, and why
     "cog_offset.x_m": "a place lies on either side",
     "ground_shape.curvature": "a correction of a law",
     "gyro_bias.bias_rad_s": "a zero is off either way",
@@ -140,7 +140,6 @@ TWO_SIDED = {
     "tare_offset.thrust_N": "a zero is off either way",
     "thrust_exponent.excess": "an exponent is off either way",
 }
-"""Parameters that physics leaves on both sides of neutral, and why."""
 
 
 @EACH

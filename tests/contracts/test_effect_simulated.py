@@ -32,8 +32,7 @@ IN_MOVING_AIR = ("image_share",)
 RIG = rig_named("pquad")
 WALL = Environment(blocks=(Block(x_m=(0.2, 3.0)),), floor_m=-0.3)
 FLOOR = Environment(floor_m=0.0)
-COVERED = (1.0, 0.6, 0.1, 0.6)
-"""Shares of the discs over a pitch bench's plate."""
+COVERED = (1.0, 0.6, 0.1, 0.6)  # shares of the discs over a pitch bench's plate
 
 
 def neutral(rig: Rig, name: str) -> Model:

@@ -17,8 +17,7 @@ from benchtool.virtual.firmware import Firmware
 from tests.contracts.benches import RIG, TRUTH, looped
 from tests.doubles.loopback_link import LoopbackLink
 
-LONGEST_S = 0.15
-"""Longest silence that a watcher may see."""
+LONGEST_S = 0.15  # longest silence that a watcher may see
 
 
 def flown(kind: str) -> Bench:

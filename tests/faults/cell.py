@@ -18,8 +18,7 @@ from tests.faults.loop import Hangs, Outcome, World, plan, sweep_in
 from tests.faults.proxy import Fault
 
 WATCHDOG_S = 0.25
-SLACK_S = 0.05
-"""A few steps of the clock, and what is on its way."""
+SLACK_S = 0.05  # a few steps of the clock, and what is on its way
 
 THRUST_N, PLATES_M = 2.303, (1.36, 1.32)
 """Of the sweep that nothing is done to. It has one visit, and a second one where a stage is needed

@@ -11,14 +11,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Literal
 
-TURNING_US = 1051.0
-"""A pulse from here on turns a rotor of the virtual bench (idle 1050 us)."""
-
-STEADY_S = 0.30
-"""Pulses that have not changed for so long are held: settling or sampling."""
-
-Way = Literal["host", "device"]
-"""Where a unit goes."""
+TURNING_US = 1051.0  # a pulse from here on turns a rotor of the virtual bench (idle 1050 us)
+STEADY_S = 0.30  # pulses that have not changed for so long are held: settling or sampling
+Way = Literal["host", "device"]  # where a unit goes
 
 Phase = Literal[
     "connect",  # the host opens the link
@@ -55,8 +50,7 @@ class Seen:
 class Dialect(ABC):
     """Follow a conversation: the phase it is in, and what was said."""
 
-    answers: tuple[bytes, ...] = ()
-    """How answers begin."""
+    answers: tuple[bytes, ...] = ()  # how answers begin
 
     def __init__(self, seen: Seen | None = None) -> None:
         self.seen = seen or Seen()
@@ -204,8 +198,7 @@ def fields_in(line: bytes) -> list[str]:
     return payload.decode("ascii", "replace").split(",") if whole else []
 
 
-NAMES = {"plate_z_m": b"plate_z", "thrust_N": b"thrust"}
-"""Named values that carry a channel."""
+NAMES = {"plate_z_m": b"plate_z", "thrust_N": b"thrust"}  # named values that carry a channel
 
 EXTRA = {77: 143, 251: 170}
 """What the checksum of a message ends with, by its number (MAVLink common.xml)."""

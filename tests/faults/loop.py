@@ -53,11 +53,8 @@ from tests.faults.links import (
 )
 from tests.faults.proxy import Fault, Proxy
 
-WATCHED_S, WATCHED_STEP_S = 1.5, 0.02
-"""The device is watched for so long after the host has ended."""
-
-LONGEST_S = 600.0
-"""Virtual time after which a run hangs."""
+WATCHED_S, WATCHED_STEP_S = 1.5, 0.02  # the device is watched for so long after the host has ended
+LONGEST_S = 600.0  # virtual time after which a run hangs
 
 
 class Hangs(BaseException):

@@ -57,8 +57,7 @@ FAULTS: dict[str, dict[str, Any]] = {
 is on its way 0.04 s after the order to move.
 """
 
-RAMPING_S = 0.1
-"""A fault in a ramp begins so long after its first order: motors turn by then."""
+RAMPING_S = 0.1  # a fault in a ramp begins so long after its first order: motors turn by then
 
 
 def fault_of(cell: Cell) -> Fault:
@@ -79,11 +78,8 @@ NO_ACK = "did not acknowledge an order to turn"
 ANEW = "started anew...lost its position"
 UNMOVED = "plate_z_m still reads 1.4000 m after the move"
 
-TURNS = "ramping sampling stopping closing"
-"""Phases that come after a motor's first turn."""
-
-RUNS = Expected()
-"""The run goes on to its end."""
+TURNS = "ramping sampling stopping closing"  # phases that come after a motor's first turn
+RUNS = Expected()  # the run goes on to its end
 
 
 def ends(code: int, cause: str, within_s: float | None = None) -> Expected:

@@ -30,8 +30,7 @@ R_m.free = true
 own_strength = 1.0
 """
 
-FASTER = {"explain": ["--draws", "20"]}
-"""Options that a test adds so as not to wait."""
+FASTER = {"explain": ["--draws", "20"]}  # options that a test adds so as not to wait
 
 
 def printed(text: str) -> Iterator[list[str]]:

@@ -34,8 +34,7 @@ MORE_SETTINGS: dict[str, dict[int, float]] = {
 
 START_MM = {"driver_homing_too_long": -1400.0}
 OFFSETS = {"driver_reports_wpos": {"X": 5.0, "Y": 6.0, "Z": -50.0}}
-BOOT_S = {"driver_uno_resets_on_open": 1.6, "driver_slow_boot": 4.6}
-"""Of boards with a boot loader."""
+BOOT_S = {"driver_uno_resets_on_open": 1.6, "driver_slow_boot": 4.6}  # of boards with a boot loader
 
 CUT = ("driver_cable_in_move", "driver_frozen_in_move", "sweep_cable")
 """The line was cut while an answer was on its way."""
@@ -43,8 +42,7 @@ CUT = ("driver_cable_in_move", "driver_frozen_in_move", "sweep_cable")
 SYNC_S = 8.0
 """The host waits for the virtual stage at most so long longer than it waited for the real one."""
 
-NEAR_MM = 9.0
-"""What 0.1 s more or less make on the way."""
+NEAR_MM = 9.0  # what 0.1 s more or less make on the way
 
 
 def as_said(recording: Recording) -> list[Entry]:

@@ -27,8 +27,7 @@ from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.setup import pitch_setup
 
-RUNS = {"flight": (500, 2000, 8000), "pitch": (1000, 4000, 16000)}
-"""How many runs each line has."""
+RUNS = {"flight": (500, 2000, 8000), "pitch": (1000, 4000, 16000)}  # how many runs each line has
 
 WARM = {"flight": 40, "pitch": 640}
 """Runs before: they compile, and fill the buffers that are used again."""

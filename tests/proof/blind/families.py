@@ -18,8 +18,7 @@ Strength = Literal["full", "weak"]
 RANGES: dict[Strength, tuple[float, float]] = {"full": (2.0, 8.0), "weak": (0.3, 1.5)}
 """Sizes in tolerances past the neutral value."""
 
-NONE, PAIR = "none", "pair"
-"""Families with nothing hidden, and with two named effects, drawn."""
+NONE, PAIR = "none", "pair"  # families with nothing hidden, and with two named effects, drawn
 
 
 def drawn_size(

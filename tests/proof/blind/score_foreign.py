@@ -27,8 +27,7 @@ from tests.proof.blind.scoring import Asked, run, score_answer
 
 DEVELOPMENT, SCORING = range(500), range(500, 1000)
 
-TOLERANCES = 2.0
-"""Size of every hidden effect."""
+TOLERANCES = 2.0  # size of every hidden effect
 
 NULLS, PAIRS, PARTS = 12, 3, 40
 """Records of each kind in one part of the plan; every named and every outside effect has one."""
@@ -41,11 +40,10 @@ ABOUT = {
     "500 to 999.",
 }
 
-SHAPES = {
+SHAPES = {  # laws of the pitch bench for one effect, in turn
     "coulomb_friction": ("tanh", "dahl", "lugre", "stribeck"),
     "motor_lag": ("plain", "updown", "second"),
 }
-"""Laws of the pitch bench for one effect, in turn."""
 
 
 def generator(family: str) -> Path:

@@ -14,7 +14,7 @@ from tests.proof.blind.pitch import records as pitch
 from tests.proof.blind.scored import share_of
 from tests.proof.blind.sweep import records as sweep
 
-DEPENDS = {
+DEPENDS = {  # what each family depends on, in words of an answer; any of them counts
     "sweep": {
         "recirculation": ("wash", "load over"),
         "flutter_step": ("rotor speed",),
@@ -39,13 +39,11 @@ DEPENDS = {
         "jet_from_plate": ("plate distance",),
     },
 }
-"""What each family depends on, in words of an answer; any of them counts."""
 
 LAWLESS = ("arm_flexure", "encoder_backlash", "esc_steps", "thrust_lean")
 """Families of which no effect file can hold a law: memory, an encoder, what no hook sees."""
 
-CLOSED = 0.7
-"""Share of the held-out gap that a law should close."""
+CLOSED = 0.7  # share of the held-out gap that a law should close
 
 
 def _explained(bench: str, family: str, seed: int) -> Verdict:

@@ -36,8 +36,7 @@ from tests.proof.blind.sweep.table import RPM, Part
 
 Array = NDArray[np.float64]
 
-PARTS = 20
-"""Rich records of every named effect: 220 in all."""
+PARTS = 20  # rich records of every named effect: 220 in all
 
 
 def asked(first_seed: int, scale: float, length: int = 0) -> Iterator[Asked]:

@@ -33,11 +33,8 @@ from tests.proof.blind.families import NONE
 from tests.proof.blind.scored import Scored
 from tests.proof.blind.scoring import Asked, run, score_answer
 
-TOLERANCES = 4.0
-"""Size of every hidden effect."""
-
-NULLS = 12
-"""Records with nothing hidden in one part of the plan; every effect has one."""
+TOLERANCES = 4.0  # size of every hidden effect
+NULLS = 12  # records with nothing hidden in one part of the plan; every effect has one
 
 PARTS = 40
 

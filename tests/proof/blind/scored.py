@@ -11,14 +11,9 @@ Kind = Literal["named", "none", "pair", "outside"]
 Strength = Literal["full", "weak"]
 Excitation = Literal["rich", "poor"]
 
-MOST_MEMBERS = 3
-"""A class of more members says too little to count."""
-
-GAP_REACHED = 1.1
-"""Floors up to which a gap counts as closed."""
-
-SURE = 0.9
-"""A name that is stated with more than this probability is stated with confidence."""
+MOST_MEMBERS = 3  # a class of more members says too little to count
+GAP_REACHED = 1.1  # floors up to which a gap counts as closed
+SURE = 0.9  # a name that is stated with more than this probability is stated with confidence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

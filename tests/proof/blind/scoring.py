@@ -41,8 +41,7 @@ counted on seeds whose counts were known when it was made."""
 
 SEEDS_OF_A_BLOCK = 10_000
 
-FIRST_DEVELOPMENT_SEED = 2000
-"""Seeds below were looked at while the method was written."""
+FIRST_DEVELOPMENT_SEED = 2000  # seeds below were looked at while the method was written
 
 
 @dataclass(frozen=True, slots=True)

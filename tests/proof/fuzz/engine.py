@@ -25,8 +25,7 @@ HOSTILE = (
 )  # fmt: skip
 """Words that have broken parsers."""
 
-LONGEST_S = 5.0
-"""Processor time that one input may take; a choice."""
+LONGEST_S = 5.0  # processor time that one input may take; assumed
 
 MOST_BYTES = 100_000
 

@@ -22,8 +22,7 @@ from tests.proof.fuzz.engine import fuzz
 from tests.proof.fuzz.targets import Files, targets
 
 OUT = Path("build/fuzz")
-PART_S = 5.0
-"""Each target has its turn for so long; a choice."""
+PART_S = 5.0  # each target has its turn for so long; assumed
 
 NONE = {"inputs": 0, "seconds": 0.0}
 

@@ -18,14 +18,12 @@ from benchtool.data.run.run import Run, refuse_taken
 from tests.faults.loop import ADDRESS, Outcome, World, command, plan
 from tests.proof.kills.disk import Disk, recorded, write_tree
 
-RUN = "runs/run"
-"""Where the run is; `runs` is as new as the run in it."""
+RUN = "runs/run"  # where the run is; `runs` is as new as the run in it
 
 WITHOUT_PHASE = re.compile(rb"^((?:[^,]*,){3})[^,]*")
 """A row of the samples but for its phase, which a resumed run marks anew."""
 
-FAST = 20.0
-"""Times the speed of life; the slower, the more writes of the same rows."""
+FAST = 20.0  # times the speed of life; the slower, the more writes of the same rows
 
 Tree = dict[str, bytes | None]
 

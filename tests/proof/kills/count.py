@@ -17,8 +17,7 @@ from tests.proof.kills.test_kills import kill_by_strace
 HEAD = "| command | changes of the disk | states after a kill or cut | distinct, checked | failed |"
 
 
-STRACED = 40
-"""Real processes that strace kills; each takes some seconds."""
+STRACED = 40  # real processes that strace kills; each takes some seconds
 
 
 def main() -> int:

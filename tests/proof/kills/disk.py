@@ -26,8 +26,7 @@ from random import Random
 from typing import Any
 from unittest import mock
 
-Name = tuple[int, str]
-"""A folder's number and a name in it."""
+Name = tuple[int, str]  # a folder's number and a name in it
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,8 +28,7 @@ POWER_CUTS = {
 }
 """What of the changes that no `fsync` forced down is on the disk: shares of names, of bytes."""
 
-PROGRESS = 25
-"""A line is printed every so many changes."""
+PROGRESS = 25  # a line is printed every so many changes
 
 
 @dataclass(frozen=True, slots=True)

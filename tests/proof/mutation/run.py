@@ -39,11 +39,10 @@ from tests.proof.mutation.patched import Judge
 ROOT = Path(__file__).parents[3]
 PARTS = ("benchtool", "tests", "fits", "datasets", "docs", "pyproject.toml")
 RESULTS = ROOT / "build" / "mutants"
-LARGE = (
+LARGE = (  # in memory before the tests are forked off: what they import and nobody breaks
     *("hypothesis", "numpy", "pyarrow.csv", "pyarrow.parquet", "pydantic", "rich.console"),
     *("scipy.optimize", "scipy.stats", "pymavlink.dialects.v20.ardupilotmega", "typer"),
 )
-"""In memory before the tests are forked off: what they import and nobody breaks."""
 
 
 @contextmanager

@@ -45,13 +45,11 @@ BLOCK = """ms => setTimeout(() => {
   while (performance.now() < until);
 }, 20)"""
 
-BLOCKED_MS = (300, 1500)
-"""The page's main thread is busy for so long, drawn anew each time."""
+BLOCKED_MS = (300, 1500)  # the page's main thread is busy for so long, drawn anew each time
 
 NOWHERE = (640.0, 890.0)
 
-STAYS_S = 0.15
-"""The pulse is watched for so long after it came to zero, while the finger stays."""
+STAYS_S = 0.15  # the pulse is watched for so long after it came to zero, while the finger stays
 
 RESTARTS = 30
 """A busy machine may not get to open a dialog in time; presses then go on on a new page."""

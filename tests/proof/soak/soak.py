@@ -40,14 +40,12 @@ from tests.faults.loop import Hangs, command, plan
 from tests.long_count import LongCount, Stopped
 from tests.proof.soak.world import FAULTS, SoakWorld
 
-KINDS = {"memory": 3, "mavlink": 3, "grbl": 3, "pty": 1, "tcp": 1}
-"""Links, with weights."""
+KINDS = {"memory": 3, "mavlink": 3, "grbl": 3, "pty": 1, "tcp": 1}  # links, with weights
 
 CODES = (0, 3, 4, 5, 8)
 """Exit codes that a fault may bring; 2 is a mistake of this script, 70 one of the program."""
 
-RESUMED = 0.3
-"""Share of the stopped runs that are resumed."""
+RESUMED = 0.3  # share of the stopped runs that are resumed
 
 
 @dataclass

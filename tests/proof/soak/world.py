@@ -16,11 +16,8 @@ from tests.faults.loop import Hangs, World
 from tests.faults.proxy import Fault
 from tests.system.served import DeviceTime
 
-OLDEST_S = 0.5
-"""An order of the bench protocol that is older turns nothing."""
-
-ALLOWED_S = 0.03
-"""What the steps of host, links and device add to those times."""
+OLDEST_S = 0.5  # an order of the bench protocol that is older turns nothing
+ALLOWED_S = 0.03  # what the steps of host, links and device add to those times
 
 NAP_S = 0.001
 

@@ -39,8 +39,7 @@ from benchtool.simulate.plate_bench import PlateBench
 
 RATE_HZ = 80.0
 MOVE_STEP_S = 0.2
-SETTLE_S = 1.5
-"""Of a visit's motors, thirty of their time constants."""
+SETTLE_S = 1.5  # of a visit's motors, thirty of their time constants
 
 DISTANCES_OVER_R = (0.6, 0.8, 1.0, 1.5, 2.0, 3.0)
 PULSES_US = (1450.0, 1600.0)

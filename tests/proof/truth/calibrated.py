@@ -12,8 +12,7 @@ import numpy as np
 from benchtool.acquire.calibration import fit_calibration
 
 ROOT = Path(__file__).parents[3]
-TRUTH = 1.02e-5
-"""k that the bench of `datasets/quad` was made with."""
+TRUTH = 1.02e-5  # k that the bench of `datasets/quad` was made with
 
 MASSES_KG = np.array([0.0, 0.2, 0.5, 1.0, 1.5])
 COUNTS_PER_N = 420.0

@@ -25,14 +25,12 @@ from tests.long_count import sources_hash
 from tests.proof.truth.cells import CELLS, Cell, Sweep
 
 LEVELS = (0.6827, 0.95)
-FIRST_SEED = 3000
-"""Seeds from here on are counted; nothing was ever chosen by looking at them."""
+FIRST_SEED = 3000  # seeds from here on are counted; nothing was ever chosen by looking at them
 
 NORMAL_TAILS = 2.1
 """Widths of 95 over 68 % intervals: 1.96 of a normal distribution, 2.1 at 17 degrees of freedom."""
 
-BATCH = 40
-"""Trials of one sweep before the next one's, so that a count cut short has some of each."""
+BATCH = 40  # trials of one sweep before the next one's, so that a count cut short has some of each
 
 STORE = Path("build/coverage-truth")
 BEGIN, END = "<!-- counts -->", "<!-- end of counts -->"

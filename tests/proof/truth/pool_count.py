@@ -26,8 +26,7 @@ from benchtool.tasks import TaskStore, run_tasks
 from tests.long_count import sources_hash
 from tests.proof.truth.budgets import budget_sweep
 
-Draw = tuple[int, str, int]
-"""Rigs; "prior", or tau in units of the rigs' own errors; seed."""
+Draw = tuple[int, str, int]  # rigs; "prior", or tau in units of the rigs' own errors; seed
 
 SIZES = (2, 3, 5, 10)
 SPREADS = ("prior", "0", "1", "4")

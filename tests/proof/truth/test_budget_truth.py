@@ -12,8 +12,7 @@ from benchtool.fit.run_recipe import propagated, run_recipe
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from tests.proof.truth.cells import CELLS
 
-SIXTY = range(6000, 6060)
-"""Seeds of the benches; nothing was ever chosen by looking at them."""
+SIXTY = range(6000, 6060)  # seeds of the benches; nothing was ever chosen by looking at them
 
 
 @pytest.mark.slow

@@ -21,8 +21,7 @@ from benchtool.physics.model import Model
 RIG = rig_named("pquad_single")
 MODEL = Model.single(RIG, "single").freed("R_m")
 SPEED_RAD_S = 550.0
-RELATIVE = 2e-3
-"""Standard error of every thrust; two repeats, each with one reference."""
+RELATIVE = 2e-3  # standard error of every thrust; two repeats, each with one reference
 
 
 def problem(distances: int, rng: np.random.Generator) -> Problem:

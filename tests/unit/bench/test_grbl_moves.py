@@ -43,8 +43,7 @@ class Misheard(Looped):
         return super().read(min(timeout_s, ANSWER_S) if self._answer else timeout_s)
 
 
-ANSWER_S = 0.013
-"""95 % of the answers of Grbl 1.1h came within it."""
+ANSWER_S = 0.013  # 95 % of the answers of Grbl 1.1h came within it
 
 
 @pytest.mark.parametrize("start_mm", range(0, 40, 4))

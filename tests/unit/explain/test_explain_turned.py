@@ -14,8 +14,7 @@ from benchtool.physics.model_file import load_model
 from benchtool.simulate.pitch.filter_log import filter_log
 from tests.unit.explain.pitch_made import recorded, without
 
-BEFORE_SPEED = ("motor_lag", "transport_delay", "battery_sag")
-"""Effects between pulse and speed."""
+BEFORE_SPEED = ("motor_lag", "transport_delay", "battery_sag")  # effects between pulse and speed
 
 
 @pytest.fixture(scope="module")

@@ -74,13 +74,12 @@ def drafted(family: Family, folder: Path, rng: np.random.Generator) -> Dependenc
     return replace(found, law=law)
 
 
-CHANGES = {
+CHANGES = {  # what a law becomes in each hook, and a variable that it may see, with its reference
     "factor": ("1.0 + p.a * {f}", "flow.speed_rad_s[i] / p.reference", 500.0),
     "thrust_reading": ("reading + p.a * p.typical * {f}", "reading / p.reference", 10.5),
     "torque": ("p.a * p.typical * {f}", "flow.rate_rad_s / p.reference", 0.5),
     "gyro_reading": ("reading + p.a * p.typical * {f}", "flow.time_s / p.reference", 60.0),
 }
-"""What a law becomes in each hook, and a variable that it may see, with its reference."""
 
 
 DRAFTED = [(family, "factor") for family in FAMILIES] + [(FAMILIES[1], hook) for hook in CHANGES]

@@ -18,7 +18,7 @@ from benchtool.fit.run_recipe import run_recipe
 FITS = Path(__file__).parents[3] / "fits"
 RECIPES = sorted(path.parent.name for path in FITS.glob("*/recipe.toml"))
 
-TRUTH = {
+TRUTH = {  # numbers that the virtual benches were made with
     "single_rotor": {"k": 1.02e-5, "R_m": 0.126},
     "three_rotors": {"k": 1.02e-5, "R_m": 0.126, "body_lift.K_b": 1.9},
     "quad": {"k": 1.02e-5, "R_m": 0.126, "body_lift.K_b": 1.9},
@@ -30,7 +30,6 @@ TRUTH = {
         "partial_coverage.factor_3": 0.79,
     },
 }
-"""Numbers that the virtual benches were made with."""
 
 CALIBRATION = {
     "id": "cell", "date": "2026-01-31", "device_id": "bench", "slope_N_per_count": 5e-4,

@@ -18,11 +18,10 @@ from benchtool.fit.result_file import write_result
 from tests.proof.truth.budgets import budget_sweep
 from tests.proof.truth.pool_count import counted_draw, faults
 
-EIGHT_SCHOOLS = (
+EIGHT_SCHOOLS = (  # effects and standard errors (Rubin 1981, table 1)
     (28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0),
     (15.0, 10.0, 16.0, 11.0, 9.0, 11.0, 10.0, 18.0),
 )
-"""Effects and standard errors (Rubin 1981, table 1)."""
 
 
 def rig(

@@ -13,7 +13,7 @@ from benchtool.physics.model import Model
 from benchtool.physics.model_file import model_from_toml
 from benchtool.physics.tolerances import default_tolerances, tolerances, with_tolerances
 
-ON_THE_BEAM = {
+ON_THE_BEAM = {  # what the owner of the pitch bench named
     "coulomb_friction.torque_Nm": 0.002,
     "viscous_friction.damping_Nms": 0.004,
     "hinge_spring.stiffness_Nm_per_rad": 0.02,
@@ -26,7 +26,6 @@ ON_THE_BEAM = {
     "gyro_bias.bias_rad_s": 0.0035,
     "body_lift.K_b": 0.25,
 }
-"""What the owner of the pitch bench named."""
 
 
 def with_all(rig: Rig) -> Model:

@@ -14,8 +14,7 @@ from tests.proof.blind.pitch.plant import Plant
 from tests.proof.blind.pitch.sheet import SHEET, Sheet
 
 STEP_S = 0.001
-SPECK_KGM2 = 1e-9
-"""Own inertia of a point mass: MuJoCo wants one above zero."""
+SPECK_KGM2 = 1e-9  # own inertia of a point mass: MuJoCo wants one above zero
 
 # An impedance near one: dry friction then creeps at less than 1e-4 rad/s below its limit. MuJoCo's
 # own time constant of 20 ms would have it answer to the rate some 10 ms ahead, and so push a beam

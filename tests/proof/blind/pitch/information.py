@@ -39,11 +39,8 @@ HIGHEST = dict.fromkeys(NUISANCES, 1.0) | {
 }
 """What physics allows, in tolerances; a free effect reaches as far as it likes on that side."""
 
-STEP = 0.003
-"""Step of the differences, in tolerances: small, for friction bends the answer early."""
-
-SMOOTH_RAD_S = 0.02
-"""Width of the friction that is differentiated: one that sticks has no slope."""
+STEP = 0.003  # step of the differences, in tolerances: small, for friction bends the answer early
+SMOOTH_RAD_S = 0.02  # width of the friction that is differentiated: one that sticks has no slope
 
 
 def _with_noise(sd: float, quantum: float) -> float:

@@ -14,8 +14,7 @@ from tests.proof.blind.pitch.plant import Plant
 from tests.proof.blind.pitch.rotors import Rotors
 from tests.proof.blind.pitch.sheet import PARKED_M, SHEET, Sheet
 
-STEPS = round(SHEET.dt / STEP_S)
-"""Physics steps in one control period."""
+STEPS = round(SHEET.dt / STEP_S)  # physics steps in one control period
 
 LEAST_DENOMINATOR = 0.25
 """Ground effect never does more than quadruple a thrust; `capped` counts where this was needed."""
@@ -165,8 +164,7 @@ class Moving:
         return plant.load_shift_Nm * 0.5 * (1.0 - math.cos(math.pi * along))
 
 
-DAMPING_SHARE = 1.0
-"""Bristle damping over the critical damping of beam on bristles; a usual choice."""
+DAMPING_SHARE = 1.0  # bristle damping over the critical damping of beam on bristles; a usual choice
 
 
 class Bristle:

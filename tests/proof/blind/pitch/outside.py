@@ -15,8 +15,7 @@ import numpy as np
 from tests.proof.blind.families import Stage, Strength
 from tests.proof.blind.pitch.plant import Plant
 
-WEAK = 0.25
-"""Size of a weak effect in a full one's."""
+WEAK = 0.25  # size of a weak effect in a full one's
 
 Outside = Callable[[np.random.Generator, Plant, float], Plant]
 

@@ -19,8 +19,7 @@ DITHER_US = 15.0
 DETENTS_M = (0.08, 0.1, 0.12, 0.15, 0.18, 0.22, 0.28, 0.35)
 """Distances at which this bench's plate can stand."""
 
-CLEARANCE_M = 0.075
-"""Nearest that a reference brings the covered rotor to the plate."""
+CLEARANCE_M = 0.075  # nearest that a reference brings the covered rotor to the plate
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,8 +8,7 @@ from tests.proof.blind.pitch.beam import STEP_S
 from tests.proof.blind.pitch.plant import Plant
 from tests.proof.blind.pitch.sheet import SHEET, Sheet
 
-REFERENCE_RPM = 6000.0
-"""Speed at which every thrust exponent gives the data sheet's thrust."""
+REFERENCE_RPM = 6000.0  # speed at which every thrust exponent gives the data sheet's thrust
 
 
 class Rotors:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 
-DEVELOPMENT_SEEDS = range(10_000)
-"""For writing and tuning; whatever was looked at came from here."""
+DEVELOPMENT_SEEDS = range(10_000)  # for writing and tuning; whatever was looked at came from here
 
 SCORING_SEEDS = range(1_000_000, 2_000_000)
 """For the scorecard alone; nothing is ever chosen by looking at them."""

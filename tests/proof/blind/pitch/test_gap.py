@@ -18,8 +18,7 @@ from tests.proof.blind.pitch.programme import Programme
 from tests.proof.blind.pitch.records import make_record
 from tests.proof.blind.pitch.sheet import PARKED_M, SHEET
 
-MATTERS = 1.25
-"""A gap this many times the floor, in one channel at least, is one that matters."""
+MATTERS = 1.25  # a gap this many times the floor, in one channel at least, is one that matters
 
 
 def parked(

@@ -22,8 +22,7 @@ from tests.proof.blind.sweep.table import RPM, RPM_SE, Part
 
 Array = NDArray[np.float64]
 
-STEP = 0.05
-"""Step of derivatives, in tolerances."""
+STEP = 0.05  # step of derivatives, in tolerances
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,8 +29,7 @@ NUISANCES: dict[str, tuple[str, float, float]] = {
 }
 """Field of the bench, what the sheet says, and how far off it may be."""
 
-STEP = 0.02
-"""Step of the differences, in tolerances."""
+STEP = 0.02  # step of the differences, in tolerances
 
 
 @dataclass(frozen=True, slots=True, eq=False)

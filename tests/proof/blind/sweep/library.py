@@ -15,8 +15,7 @@ from tests.proof.blind.sweep.layouts import Layout, LayoutName
 BEAM_KG, BEAM_RADIUS_M = 1.2, 0.127
 """Vehicle for which the tolerances of forces and of the plate's distance were stated."""
 
-KNOTS = (0.25, 0.5, 0.75)
-"""Covered fractions at which the area factors of a model stand."""
+KNOTS = (0.25, 0.5, 0.75)  # covered fractions at which the area factors of a model stand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,8 +14,7 @@ import numpy as np
 from tests.proof.blind.families import Strength
 from tests.proof.blind.sweep.bench import Bench
 
-WEAK = 0.25
-"""Size of a weak effect in a full one's."""
+WEAK = 0.25  # size of a weak effect in a full one's
 
 Outside = Callable[[np.random.Generator, Bench, float], Bench]
 

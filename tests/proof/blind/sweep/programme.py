@@ -21,11 +21,10 @@ FEED_M_S = 0.1
 STOP_S, RAMP_S, SAMPLE_S, TARE_S = 1.0, 0.3, 2.0, 6.0
 TARE_EVERY_S = 240.0
 
-RICH_Z_OVER_R: dict[str, tuple[float, ...]] = {
+RICH_Z_OVER_R: dict[str, tuple[float, ...]] = {  # before they are shifted a little for each part
     "single": (0.5, 0.65, 0.85, 1.1, 1.5, 2.1, 3.0, 4.5, 6.5),
     "quad": (0.6, 0.75, 0.95, 1.25, 1.7, 2.4, 3.4, 4.8, 6.8),
 }
-"""Before they are shifted a little for each part."""
 
 ASIDE_M: dict[str, tuple[float, ...]] = {"single": (-0.3, 0.3), "quad": (-0.2, 0.2)}
 """Lateral positions that leave every disc over the plate."""
@@ -33,8 +32,7 @@ ASIDE_M: dict[str, tuple[float, ...]] = {"single": (-0.3, 0.3), "quad": (-0.2, 0
 QUARTERS = (-0.404, 0.0, 0.404)
 """How far a disc's axis lies within an edge, over R, when quarters of it are covered."""
 
-HABITS = ("one level", "one distance", "two of each")
-"""How a sweep can be poor."""
+HABITS = ("one level", "one distance", "two of each")  # how a sweep can be poor
 
 LEVELS_US = (1380.0, 1450.0, 1520.0, 1590.0)
 

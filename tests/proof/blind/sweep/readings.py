@@ -19,8 +19,7 @@ Array = NDArray[np.float64]
 
 QUARTER_OF_AN_HOUR_S = 900.0
 
-HOT_RAD_S = 500.0
-"""Speed at which warm blades and motors are as warm as their full loss says."""
+HOT_RAD_S = 500.0  # speed at which warm blades and motors are as warm as their full loss says
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -19,8 +19,7 @@ RPM_SE = 1.4
 """Standard error of a visit's mean speed, as an optical counter leaves after two seconds."""
 
 SAMPLES = 160
-DEGREES_OF_SE = 40
-"""A standard error from so many independent samples is itself uncertain."""
+DEGREES_OF_SE = 40  # a standard error from so many independent samples is itself uncertain
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
