@@ -1,9 +1,4 @@
-"""The registry of figures, and the pages that show them.
-
-A figure is a function ``draw(figure, subject)`` in a module of its page's folder
-(``report/fit/`` for the page "fit"), registered with its caption by `figure`. A page is a list of
-sections, each of which names figures or functions that return other blocks.
-"""
+"""The registry of figures, and the pages that show them."""
 
 from __future__ import annotations
 
@@ -130,10 +125,7 @@ PAGES: dict[str, Page] = {}  # every page of the modules that were imported, by 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Page:
-    """List the titles and parts of a page's sections, or functions that return sections, in order.
-
-    A section without any block is left out.
-    """
+    """Titles and parts of a page's sections, or functions of them; empty sections are left out."""
 
     name: str
     layout: Sequence[tuple[Text, Sequence[Part]] | Callable[[Any], Sequence[Section]]]

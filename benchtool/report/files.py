@@ -44,10 +44,7 @@ def figure_bytes(figure: Figure, file_format: Format = "svg") -> bytes:
 
 
 def axes_of(figure: Figure) -> str:
-    """Return where the axes of a drawn figure stand and what they span, as JSON.
-
-    Places are shares of the figure's width from the left and of its height from the top.
-    """
+    """Return boxes (shares of the figure from left and top), limits and labels of axes as JSON."""
     found = []
     for axes in figure.axes:
         scales = (axes.get_xscale(), axes.get_yscale())

@@ -64,10 +64,7 @@ def shade(axes: Axes, stretches: Iterable[tuple[float, float]], gid: str = "over
 
 
 def envelope(time_s: Array, values: Array, slots: int = 900) -> tuple[Array, Array]:
-    """Return times and values with the smallest and the largest of every slot, nan left out.
-
-    Two samples of each slot preserve the spikes of a long signal.
-    """
+    """Return times and values, minimum and maximum of every slot, without nan: spikes remain."""
     present = np.isfinite(values) & np.isfinite(time_s)
     time_s, values = time_s[present], values[present]
     if values.size <= 2 * slots:
@@ -128,10 +125,7 @@ def legend_over(axes: Axes, handles: Sequence[Artist]) -> None:
 
 
 def legend_below(figure: Figure, axes: Sequence[Axes], ncols: int, **instead: Artist) -> None:
-    """Put one legend of all axes below the figure, each label once.
-
-    Handles by label (blanks as underscores) take the place of those in the axes.
-    """
+    """Put one legend of all axes below the figure; `instead`: handles by label (_: blank)."""
     found: dict[str, Any] = {}
     for each in axes:
         found |= {

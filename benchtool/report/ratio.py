@@ -132,10 +132,7 @@ def formula_curves(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> list[Curve]
 
 
 def distances_of(series: Sequence[RatioPoints], model: Model | None = None) -> Array:
-    """Return the distances z/R (240,) of curves that go somewhat beyond the farthest point.
-
-    They begin where the formulae are trusted, or the law of the model beside them.
-    """
+    """Return z/R (240,) of curves from where laws are trusted to somewhat beyond the last point."""
     nearest = VALIDITY_Z_OVER_R if model is None else model.nearest_z_over_R
     farthest = max(float(np.nanmax(item.z_over_R)) for item in series)
     return np.linspace(min(nearest, VALIDITY_Z_OVER_R), max(1.1 * farthest, 2.0), 240)
@@ -144,10 +141,7 @@ def distances_of(series: Sequence[RatioPoints], model: Model | None = None) -> A
 def draw_ratio(
     figure: Figure, series: Sequence[RatioPoints], curves: Sequence[Curve], basis: str
 ) -> None:
-    """Draw thrust ratios with error bars over model curves with their bands.
-
-    Distances at which none of the curves' laws is trusted are hatched.
-    """
+    """Draw thrust ratios over curves with bands; distances where no law is trusted are hatched."""
     axes = figure.subplots()
     for each in series:
         _draw_points(axes, each)

@@ -32,11 +32,7 @@ PAGE = "report.html"
 
 
 def kind_of(path: Path) -> Kind:
-    """Return what stands at a path.
-
-    Raises:
-        FileFormatError: nothing, or nothing that a report can be made of.
-    """
+    """Return the kind of a path; FileFormatError where no report can be made of it."""
     if not path.exists():
         raise FileFormatError(str(path), f"there is no such file or folder; name {TAKES}")
     if path.is_dir():
@@ -77,11 +73,7 @@ def usual_out(paths: Sequence[Path]) -> Path:
 def page_text(
     paths: Sequence[Path], beside: Beside | None = None, commands: Sequence[str] = ()
 ) -> str:
-    """Return the report of what the paths name as HTML text.
-
-    Raises:
-        InputError: paths that make no report.
-    """
+    """Return the report of what the paths name as HTML text."""
     beside = beside or Beside()
     kinds = [kind_of(path) for path in paths]
     if len(paths) > 1 and set(kinds) != {"sweep"}:
@@ -103,12 +95,7 @@ def write_report(
 ) -> Path:
     """Write the report of what the paths name as one self-contained HTML file.
 
-    The page of a fit or an explanation is written when it is made: without `out`, its path is
-    returned as it stands.
-
-    Raises:
-        InputError: paths that make no report.
-        WouldOverwrite: the file exists.
+    Without `out`, the path of the page that a fit or an explanation already has is returned.
     """
     if not paths:
         raise InputError(f"nothing to report: name {TAKES}")

@@ -1,8 +1,4 @@
-"""What a run says of itself, as facts for a page: state, device, rig, air, calibration, versions.
-
-The metadata of a run folder come in as they stand in its JSON; what an older or foreign run does
-not state is left out or stated to be missing.
-"""
+"""Facts of a run for a page: state, device, rig, air, calibration, versions."""
 
 from __future__ import annotations
 

@@ -74,11 +74,7 @@ _DRAWING = RLock()
 
 @contextmanager
 def look() -> Iterator[None]:
-    """Hold the project's look for a while, whatever matplotlibrc the user's machine has.
-
-    Matplotlib's settings belong to the process: one thread draws or saves at a time, and the
-    settings are afterwards what they were before.
-    """
+    """Apply the look over any matplotlibrc, then restore it; one thread draws or saves at once."""
     with _DRAWING, rc_context(_LOOK):
         yield
 

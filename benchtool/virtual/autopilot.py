@@ -1,10 +1,7 @@
 """A virtual autopilot: what ArduPilot or PX4 answers, in front of simulated physics. Pure.
 
-Quiet until streams are requested; acknowledges what it does not do; turns motors for as long as a
-test's time-out says, disarmed or not; forgets every request at a restart. Wall time is handed in:
-time-outs run on it, readings on the device's own time. The heartbeat shows "hardware in the loop":
-no motor turns. Three named values are the virtual world's own: `plate_z`, `plate_x`, `plate_tilt`
-sent to it move the plate, `plate_mov` reports how that goes.
+Time-outs run on the wall time handed in, readings on device time. `plate_z`, `plate_x` and
+`plate_tilt` sent to it move the plate of the virtual world, `plate_mov` reports how that goes.
 """
 
 from __future__ import annotations

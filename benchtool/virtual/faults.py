@@ -127,10 +127,7 @@ class LinkFaults:
 
 
 class FaultyPlant:
-    """Be another plant, with faults of the bench that begin so many device seconds after `begin`.
-
-    One of a channel that the plant does not have is refused.
-    """
+    """Plant with faults of the bench that begin so many device seconds after `begin`."""
 
     def __init__(self, plant: Plant, faults: Iterable[Fault]) -> None:
         self._plant = plant

@@ -1,8 +1,7 @@
-"""The device's side without any wire: limits on every tick, the latch, the watchdog.
+"""The device's side without any wire or clock: limits on every tick, the latch, the watchdog.
 
-Pure: no I/O and no clock. Two times exist. Device time counts the plant's ticks; it is the time in
-samples and runs faster than the wall in a virtual bench at speed 20. Wall time (`now_s`) is handed
-in and feeds only the watchdog, which guards against a host that has died.
+Device time counts ticks and runs faster than the wall at speed 20; wall time (`now_s`) is handed in
+and feeds only the watchdog.
 """
 
 from __future__ import annotations
@@ -46,11 +45,7 @@ class Plant(Protocol):
         """Apply pulses (n_rotors,): us."""
 
     def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
-        """Start moving the plate at stage speed.
-
-        Raises:
-            StageError: the stage refuses; the device answers nak with this message.
-        """
+        """Start moving the plate at stage speed; StageError is answered as nak with its message."""
 
     def halt_plate(self) -> None:
         """Stop the plate where it is."""
@@ -144,11 +139,8 @@ class Firmware:
     def advance(self, n: int, now_s: float) -> Rows:
         """Run n ticks that end at wall time `now_s`, with watchdog and limits.
 
-        The limits are checked over the whole block, so n is the device's time to react. With n = 0
-        only the watchdog looks at the time.
-
-        Raises:
-            BenchtoolError: what runs on the plant failed; the motors have been stopped.
+        Limits are checked over the whole block: n is the device's time to react, 0 checks the
+        watchdog alone. A BenchtoolError of the plant is raised after the motors have been stopped.
         """
         self._check_watchdog(now_s)
         if n == 0:
@@ -282,10 +274,7 @@ def _is_lower_bound(name: str) -> bool:
 
 
 def _columns(name: str, channels: tuple[Channel, ...]) -> tuple[int, ...]:
-    """Return which channels a limit guards: `rpm` guards rpm1, rpm2 ...; `voltage_min_V` voltage_V.
-
-    Limits on commands (`pwm_us`, `plate_z_min_m`) are checked where the command arrives.
-    """
+    """Return channels that a limit guards (`rpm`: rpm1, rpm2 ...); none for a command's limit."""
     if name == "pwm_us" or name.startswith("plate_"):
         return ()
     family = name.replace("_min_", "_").replace("_max_", "_")

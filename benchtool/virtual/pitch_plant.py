@@ -1,7 +1,6 @@
 """The pitch bench as a device's plant: the closed loop runs on the device, the host only arms it.
 
-Pulses above idle arm the loop: their mean is the collective, and the schedule begins. Pulses at or
-below idle go straight to the motors, while a catch holds the beam and brings it back to level.
+Pulses above idle arm the loop, others go to the motors while a catch brings the beam to level.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""The device's end of the wire: bytes in, bytes out, around a `Firmware`. Pure; time is handed in.
-
-This is what a microcontroller does in its loop: read lines, refuse late orders, answer each command
-number once, send samples and events.
-"""
+"""The device's end of the wire: bytes in, bytes out, around a `Firmware`. Pure, without a clock."""
 
 from __future__ import annotations
 
@@ -21,12 +17,7 @@ LAST_NUMBER = frames.TIME_MODULUS_US - 1  # largest order number
 
 
 class OrderCheck:
-    """Know which orders are late.
-
-    An order carries a number that grows and the last device time that its host has read. Its age is
-    the time since then on the device's own clock, so that neither the host's clock nor the delay
-    of the way to the host matters.
-    """
+    """Know which orders are late: by number, and by age on the device's own clock."""
 
     def __init__(self, speed: float = 1.0) -> None:
         self.armed = False

@@ -92,12 +92,7 @@ class BenchServer:
         self._host_since_s: float | None = None
 
     def run(self, running: Callable[[], bool] = lambda: True, nap_s: float = NAP_S) -> None:
-        """Serve until `running` returns False, or until an exception (Ctrl-C) ends it.
-
-        Raises:
-            BenchtoolError: what runs on the device failed. The motors stand by then, and a host
-                has had the time to read why.
-        """
+        """Serve until `running` returns False; report an error of the device, then raise it."""
         while running():
             try:
                 self.step()

@@ -1,8 +1,6 @@
 """The virtual bench in the same process, on a virtual clock: `sim:` addresses.
 
-Nothing waits: `read(10.0)` returns ten seconds of samples at once. The device's side is the same
-firmware that answers on a port, with its limits and its latch; the host's heartbeat cannot fail
-here, because host and device are one process.
+Nothing waits: `read(10.0)` returns ten seconds of samples at once.
 """
 
 from __future__ import annotations
@@ -41,6 +39,8 @@ MOVE_LIMIT_S = 600.0  # longest move of the plate
 class SimulatedBench(Opened):
     """Answer as a rotor bench does, from simulated physics, without waiting."""
 
+    _max_step_s = 10.0  # longest time between two limit checks
+
     def __init__(
         self,
         address: str,
@@ -49,20 +49,16 @@ class SimulatedBench(Opened):
         seed: int = 0,
         rate_Hz: float = 200.0,
         imperfections: Imperfections | None = None,
-        max_step_s: float = 10.0,  # longest time between two limit checks
     ) -> None:
         plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
-        self._power_up(address, plant, hello_of(plant, truth, seed), max_step_s)
+        self._power_up(address, plant, hello_of(plant, truth, seed))
 
-    def _power_up(
-        self, address: str, plant: PlateBench | PitchBenchPlant, hello: Hello, max_step_s: float
-    ) -> None:
+    def _power_up(self, address: str, plant: PlateBench | PitchBenchPlant, hello: Hello) -> None:
         self._address = address
         self._plant = plant
         self._hello = hello
         self._firmware = Firmware(self._plant, self._hello)
         self._rate_Hz = plant.rate_Hz
-        self._max_step_s = max_step_s
         self._now_s = 0.0
         self._next_tick_s = 1.0 / plant.rate_Hz
         self._waiting: list[tuple[Array, Rows]] = []
@@ -216,14 +212,13 @@ class SimulatedBench(Opened):
             raise LinkLost(f"{what} was requested of a bench that is not open; open it first")
 
 
-LOOK_S = 0.02  # interval of limit checks, five ticks; assumed
-
-
 class SimulatedPitch(SimulatedBench):
     """Answer as a pitch bench does, without waiting."""
 
+    _max_step_s = 0.02  # five ticks, because a beam turns quickly; assumed
+
     def __init__(self, address: str, plant: PitchBenchPlant, seed: int = 0) -> None:
-        self._power_up(address, plant, pitch_hello(plant, seed), LOOK_S)
+        self._power_up(address, plant, pitch_hello(plant, seed))
 
 
 def open_simulated(address: SimAddress) -> SimulatedBench:

@@ -39,25 +39,13 @@ class Transport(Protocol):
         """Bits per second that the host's end was opened with, None where there is none."""
 
     def open(self) -> None:
-        """Open the port for this process alone and throw away what is old.
-
-        Raises:
-            PortBusy, PortDenied, NoDevice: why it cannot be had.
-        """
+        """Open the port for this process alone, drop old input; PortBusy, PortDenied, NoDevice."""
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what has arrived, waiting at most `timeout_s` for the first byte; maybe nothing.
-
-        Raises:
-            LinkLost: the other end went away.
-        """
+        """Return what arrives, waiting `timeout_s` for the first byte; maybe nothing. LinkLost."""
 
     def write(self, data: bytes) -> None:
-        """Send all of `data`.
-
-        Raises:
-            LinkLost: the other end went away or takes nothing.
-        """
+        """Send all of `data`; LinkLost where the other end went away or takes nothing."""
 
     def close(self) -> None:
         """Give the port back; safe to call twice, never raises."""
@@ -133,10 +121,7 @@ def lost_error(error: Exception, where: str) -> LinkLost:
 
 
 def _text(error: Exception) -> str:
-    """Return an exception's message; of an error within an error only the inner one's.
-
-    pyserial says "[Errno 2] could not open port X: [Errno 2] No such file or directory: 'X'".
-    """
+    """Return an exception's message; of an error within an error only the inner one's."""
     text = " ".join(str(error).split())
     inner = re.findall(r"\[Errno \d+\] ([^:\[]+)", text)
     return str(inner[-1]).strip() if len(inner) > 1 else text
@@ -168,11 +153,7 @@ class Holder:
 
 
 def holders(port: str) -> tuple[Holder, ...]:
-    """Return the processes that have `port` open; empty where the system does not say.
-
-    Linux has it in /proc for one's own processes. A process that also holds a pseudo-terminal's
-    master is the terminal itself, not a user of it, and counts only when nobody else is found.
-    """
+    """Return the processes that have `port` open, a pseudo-terminal itself only if no other has."""
     target = os.path.realpath(port)
     users: list[Holder] = []
     terminals: list[Holder] = []

@@ -43,11 +43,7 @@ def _marked(answer: Answer, item: Disagreement) -> str:
 def shown_regimes(
     before: Mapping[str, float], after: Mapping[str, float], marked: str
 ) -> list[str]:
-    """Return the regimes that are drawn: what stands above noise, and always the marked one.
-
-    First come those whose mean square the addition took most from; the worst without one. Where
-    nothing stands above noise, one row says so.
-    """
+    """Return the regimes above noise, at least one, by improvement; the marked one, too."""
     ranked = sorted(
         before, key=lambda name: before[name] ** 2 - after.get(name, 0.0) ** 2, reverse=True
     )

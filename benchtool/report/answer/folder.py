@@ -27,11 +27,7 @@ ANSWER = "answer.json"
 
 
 def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
-    """Refuse targets that hold something already, before an answer is worked out.
-
-    Raises:
-        WouldOverwrite: a folder with files in it, or a file.
-    """
+    """Raise WouldOverwrite for a folder with files in it or an existing file."""
     if folder is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise WouldOverwrite(str(folder), "--overwrite")
     if json_file is not None and json_file.exists():

@@ -66,12 +66,7 @@ class RunComparison:
 def compared(
     paths: Sequence[Path], over: Over = "thrust", thrust_N: float | None = None
 ) -> RunComparison:
-    """Return runs and recordings side by side.
-
-    Raises:
-        InputError: nothing to compare, or no run has what they are to be drawn over.
-        FileFormatError: a path that holds no thrust.
-    """
+    """Return runs and recordings side by side; FileFormatError for a path without thrust."""
     if over not in AXES:
         raise UnknownChoice("axis", over, AXES)
     if not paths:

@@ -52,12 +52,7 @@ def pool_fits(
     *,
     seed: int = 1,
 ) -> PooledFits:
-    """Pool the fits that folders hold, one of each rig.
-
-    Raises:
-        InputError: fewer than two fits, fits that cannot be used, or that share data.
-        NotConverged: the chains of tau do not agree.
-    """
+    """Pool the fits of folders, one of each rig; NotConverged where chains of tau disagree."""
     if len(folders) < 2:
         raise InputError(
             f"{counted(len(folders), 'fit')} given; pooling needs folders of 2 or more fits, as of "
@@ -147,8 +142,7 @@ def _is_physics(name: str, fits: Mapping[str, StoredFit]) -> bool:
 def _values(label: str, fit: StoredFit, names: Sequence[str]) -> RigValues:
     """Return a fit's values with the covariance of its whole budget.
 
-    A standard uncertainty is that of the normal distribution with the same 95 % interval, which
-    Student's t of few degrees of freedom is wider than.
+    Each standard uncertainty is that of the normal distribution with the same 95 % interval.
     """
     budget, result = _budget(fit), fit.results[0]
     own = tuple(name for name in names if name in budget.names)
@@ -326,11 +320,7 @@ POOL = Page(
 
 
 def write_pool(folder: Path, one: PooledFits, commands: Sequence[str] = ()) -> list[Path]:
-    """Write page, figure and pool.json into a new folder; return the files.
-
-    Raises:
-        WouldOverwrite: the folder holds something already; nothing was written.
-    """
+    """Write page, figure and pool.json into a new folder; return the files."""
     refuse_full(folder)
     make_folder(folder)
     replace_json(folder / "pool.json", tables(one))

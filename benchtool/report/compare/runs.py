@@ -71,12 +71,8 @@ class ComparedRun:
 def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
     """Return a run folder, a recording, or a stand's table as an import reads it.
 
-    A run of slow ramps is its samples in means of half a second. Over anything but distance, any
-    other sweep is what it is away from the plate: its references; where it
-    has none, all of its settings.
-
-    Raises:
-        FileFormatError: neither, or one that holds no thrust.
+    Slow ramps are means of half a second. Over anything but distance, other sweeps are their
+    references, or all of their settings without any. Raises FileFormatError without thrust.
     """
     if is_run(path) and (ramps := _ramps(path)) is not None:
         rows, found = ramps, derive(ramps, run_circumstances(path))
@@ -211,10 +207,7 @@ def _interpolated(
 
 
 def _scatter(x: Array, y: Array, local: float) -> float:
-    """Return the variance of rows about a cubic over the upper nine tenths of thrust.
-
-    A window of four rows may happen to lie on a line; it counts where rows are too few for more.
-    """
+    """Return the variance of rows about a cubic over the upper 90 % of thrust; `local` for few."""
     upper = x > x.max() - log(10.0)
     free = int(upper.sum()) - 4
     if free < 3:

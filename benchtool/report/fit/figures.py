@@ -206,10 +206,7 @@ def _mean_speed(conditions: Conditions) -> Array:
 
 
 def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
-    """Return the fitted model from standstill to a point's speeds (l,): rad/s, N.
-
-    Plate, tare and drift are those of that point, and the ratios of its rotors' speeds stay.
-    """
+    """Return the fitted model from standstill to a point's speeds (l,) at its setting: rad/s, N."""
     here = fit.data.conditions.select(np.full(LINE_POINTS, fastest))
     turning = replace(here, speed_rad_s=here.speed_rad_s * np.linspace(0.0, 1.03, LINE_POINTS))
     speeds = turning.speed_rad_s[here.speed_rad_s[:, 0] > 0.0]
@@ -223,10 +220,7 @@ def _line(fit: FitOutput, fastest: int) -> tuple[Array, Array]:
     height_in=5.4,
 )
 def area(figure: Figure, fit: FitOutput) -> None:
-    """Draw shares of the full increment over the straight line of the paper.
-
-    Below, the departure from the line, in which a bend of a few per cent can be seen.
-    """
+    """Draw shares of the full increment and, below, their departure from the straight line."""
     share, departure = rows_of(figure, (2.2, 1.0))
     ends = np.array([0.0, 1.0])
     share.plot(ends, ends, color=BLACK, linestyle=DASHED, label="in proportion to the area (line)")

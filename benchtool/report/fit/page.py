@@ -112,11 +112,7 @@ def refuse_full(folder: Path) -> None:
 
 
 def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Path:
-    """Write everything that a fit made into a new folder and return its report page.
-
-    Raises:
-        WouldOverwrite: the folder holds something already; nothing was written.
-    """
+    """Write everything that a fit made into a new folder and return its report page."""
     refuse_full(folder)
     make_folder(folder)
     write_result(folder, fit)

@@ -126,10 +126,7 @@ def runs_of_sign(residuals: Array) -> NDArray[np.intp]:
 
 
 def expected_runs(residuals: Array) -> tuple[float, float]:
-    """Return mean and sd of the number of runs that independent signs would make.
-
-    Wald and Wolfowitz, Ann. Math. Stat. 11, 1940, p. 147; the sd is 0 for one sign only.
-    """
+    """Return mean and sd of the number of runs of independent signs (Wald and Wolfowitz, 1940)."""
     above = int((residuals >= 0.0).sum())
     total = len(residuals)
     mixed = 2.0 * above * (total - above)

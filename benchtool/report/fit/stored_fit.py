@@ -79,11 +79,7 @@ def stored(output: FitOutput) -> StoredFit:
 
 
 def read_stored(folder: Path) -> StoredFit:
-    """Return the fit that a folder holds.
-
-    Raises:
-        FileFormatError: a result.json that does not say what it must.
-    """
+    """Return the fit that a folder holds."""
     return stored_from(read_result(folder), str(folder / FIT_FILE))
 
 

@@ -135,10 +135,7 @@ FLIGHT = Page("flight", [("The flight", ["flight"])])
 def fly_each(
     case: FlightCase, controls: Sequence[str], own: Sequence[tuple[str, type[Any]]] = ()
 ) -> list[Flown]:
-    """Fly a case out of ground effect with PID first, then under each controller.
-
-    Of a class of the user's `own`, a new object is made for every flight.
-    """
+    """Fly a case out of ground effect with PID first, then under each controller."""
     free = replace(out_of_ground_effect(case), control="pid")
     cases = [free, *(replace(case, control=control) for control in controls)]
     flights = list(results_in_order(partial(fly_and_measure, each) for each in cases))
@@ -195,11 +192,7 @@ def report_lines(flights: Sequence[Flown]) -> list[str]:
 
 
 def write_flights(out: Path, flights: Sequence[Flown]) -> list[Path]:
-    """Write a recording for each flight, the lines of the report and the figure.
-
-    Raises:
-        WouldOverwrite: one of the files is there already.
-    """
+    """Write a recording for each flight, the lines of the report and the figure, all new."""
     names = [flown.flight.own.replace(":", "-") or flown.case.control for flown in flights]
     names[0] = "oge"
     if len(set(names)) < len(names):

@@ -1,8 +1,4 @@
-"""A pitch or flight log as the paper's figures 26 to 30, the simulated run beside it.
-
-Green where a rotor is over a surface; attitude against reference; outputs, speeds, torque and
-distance where they are known.
-"""
+"""A pitch or flight log as the paper's figures 26 to 30, the simulated run beside it."""
 
 from __future__ import annotations
 

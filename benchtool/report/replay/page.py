@@ -135,10 +135,7 @@ def recording_page(path: Path, beside: Beside, commands: Sequence[str] = ()) -> 
 
 
 def errors_deg(track: PitchTrack, replay: Replay | None) -> tuple[Array, Array]:
-    """Return pitch errors (n,) of the log and of the simulated run on the log's clock: deg.
-
-    The error is from the reference, or from the log's median where none is logged.
-    """
+    """Return pitch errors (n,) from reference or median of log and simulated run: deg."""
     wanted = track.reference_rad
     if not np.isfinite(wanted).any():
         wanted = np.full(len(track), np.nanmedian(track.theta_rad))
@@ -165,10 +162,7 @@ def _rms_and_peak(errors: Array) -> tuple[str, ...]:
 
 
 def visits_table(log: ReplayedLog) -> Table | None:
-    """List the errors of the pitch in each green stretch and outside of all.
-
-    A simulated run that does not follow the log has no columns here.
-    """
+    """List pitch errors in each green stretch and outside; simulated ones that follow the log."""
     track = log.track
     if not track.visits:
         return None

@@ -297,10 +297,7 @@ def _model_line(
     height_in=5.2,
 )
 def calibration(figure: Figure, known: Mapping[str, Any]) -> None:
-    """Draw counts against force with the line, and below the residuals up and down.
-
-    To the calibration's JSON `known` adds, as "simulated", whether the load cell was virtual.
-    """
+    """Draw counts against force with the line, and below the residuals up and down."""
     newtons_per_kg = known["gravity_m_s2"] / known["lever_ratio"]
     force_N = np.array(known["masses_kg"], float) * newtons_per_kg
     counts, residual_N = np.array(known["counts"], float), np.array(known["residuals_N"], float)

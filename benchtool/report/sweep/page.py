@@ -248,10 +248,7 @@ CLEAR = 3.0  # a difference of more than so many of its standard deviations is c
 
 
 def common_table(runs: Sequence[SweepRun]) -> tuple[Table, str]:
-    """Return the ratios at settings that every run has, and what they say in a sentence.
-
-    Differences are those of each run from the first.
-    """
+    """Return the ratios at common settings, and in words their differences from the first run."""
     found = [_by_setting(run) for run in runs]
     common = [place for place in found[0] if all(place in one for one in found[1:])]
     rows, apart, worst = [], 0, (0.0, "")

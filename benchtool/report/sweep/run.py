@@ -108,11 +108,7 @@ class SweepRun:
 
 
 def read_sweep_run(path: Path, model: NominalModel | None = None) -> SweepRun:
-    """Return a sweep's run folder.
-
-    Raises:
-        FileFormatError: no run, one without a rig, or one that measured nothing yet.
-    """
+    """Return a sweep's run folder; FileFormatError without rig or points."""
     run = Run.open(path)
     metadata = run.metadata
     points = read_points(path)

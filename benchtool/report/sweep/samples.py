@@ -135,10 +135,7 @@ def samples(figure: Figure, run: SweepRun) -> None:
 
 
 def _raw_thrust(run: SweepRun) -> tuple[Array, Array] | None:
-    """Return visit and thrust (n,) of the samples behind points; None where there are none.
-
-    With a calibration the raw counts go through its slope about the visit's own mean.
-    """
+    """Return visit and thrust (n,) of raw samples, counts about the visit's mean; None without."""
     if run.samples is None:
         return None
     slope = float((run.metadata.get("calibration") or {}).get("slope_N_per_count", np.nan))
@@ -272,11 +269,7 @@ def _residual_N(plan_text: str) -> float:
 
 
 def anchor_changes(run: SweepRun) -> tuple[Array, Array, Array]:
-    """Return time, change since the first and its standard error of the anchors (a,) each.
-
-    Thrust is brought to the first anchor's summed squared speed, so that a battery that sags is
-    not taken for a load cell that drifts.
-    """
+    """Return time, change since the first and standard error of anchors (a,) at equal speeds."""
     part = run.points.select(np.flatnonzero(np.array(run.kinds) == "anchor"))
     if not len(part):
         return np.empty(0), np.empty(0), np.empty(0)
