@@ -71,6 +71,7 @@ def test_a_flight_is_found_again_by_a_page_that_is_loaded_anew(
 ) -> None:
     page = open_page(f"{web.url}?tab=simulate")
     page.get_by_role("button", name="flight", exact=True).click()
+    page.get_by_label("Speed limit, m/s").wait_for()
     page.get_by_label("Name of the folder").locator("visible=true").fill("over")
     expect(command(page)).to_contain_text("simulate flight --out")
     page.get_by_role("button", name="Simulate", exact=True).click()
