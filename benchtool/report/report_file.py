@@ -62,14 +62,6 @@ def is_mixed(paths: Sequence[Path]) -> bool:
     return "recording" in kinds and kinds <= {"sweep", "recording"}
 
 
-def usual_out(paths: Sequence[Path]) -> Path:
-    """Return where a report is written when nobody says where: in its folder, or beside a file."""
-    if len(paths) > 1:
-        return Path(PAGE)
-    path = paths[0]
-    return path / PAGE if path.is_dir() else path.with_name(f"{path.stem}-{PAGE}")
-
-
 def page_text(
     paths: Sequence[Path], beside: Beside | None = None, commands: Sequence[str] = ()
 ) -> str:
@@ -99,7 +91,9 @@ def write_report(
     """
     if not paths:
         raise InputError(f"nothing to report: name {TAKES}")
-    target = out or usual_out(paths)
+    path = paths[0]
+    beside_it = path / PAGE if path.is_dir() else path.with_name(f"{path.stem}-{PAGE}")
+    target = out or (Path(PAGE) if len(paths) > 1 else beside_it)
     own = comparison is None and len(paths) == 1 and kind_of(paths[0]) in ("fit", "explanation")
     if own and beside not in (None, Beside()):
         raise InputError(

@@ -228,8 +228,22 @@ def _highlights(answer: Answer) -> dict[str, str]:
 
 
 def _depends(answer: Answer) -> Block | None:
-    text = depends_sentence(answer)
-    return None if text is None else Paragraph(text)
+    """Say what was weighed, and how a law is scored; None where nothing depends on anything."""
+    found = answer.verdict.depends
+    if found is None:
+        return None
+    text = (
+        f"What is missing depends on {found.phrase}, probability {found.probability:.2f} among "
+        f"{found.candidates} pairs of a variable and where it acts, which are paid for."
+    )
+    if found.law is None:
+        return Paragraph(f"{text} No law of it closes enough of the gap to be drafted.")
+    numbers = ", ".join(f"{name} = {value:.4g}" for name, value in found.law.values.items())
+    return Paragraph(
+        f"{text} The shortest law is {found.formula} with {numbers}. Laws that were chosen without "
+        f"a tenth of the readings close {100.0 * found.closed:.0f} % of the squared gap there. It "
+        f"describes, it does not explain: its cause is for a person to name."
+    )
 
 
 FLOOR = (
@@ -269,22 +283,3 @@ def answer_page(
     report = ANSWER.report(answer, answer.commands, figures)
     now = Section("What now", _now(answer, next_name, folder))
     return replace(report, sections=[now, *report.sections])
-
-
-def depends_sentence(answer: Answer) -> str | None:
-    """Say what was weighed, and how a law is scored; None where nothing depends on anything."""
-    found = answer.verdict.depends
-    if found is None:
-        return None
-    text = (
-        f"What is missing depends on {found.phrase}, probability {found.probability:.2f} among "
-        f"{found.candidates} pairs of a variable and where it acts, which are paid for."
-    )
-    if found.law is None:
-        return f"{text} No law of it closes enough of the gap to be drafted."
-    numbers = ", ".join(f"{name} = {value:.4g}" for name, value in found.law.values.items())
-    return (
-        f"{text} The shortest law is {found.formula} with {numbers}. Laws that were chosen without "
-        f"a tenth of the readings close {100.0 * found.closed:.0f} % of the squared gap there. It "
-        f"describes, it does not explain: its cause is for a person to name."
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isfinite
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +13,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from benchtool.core.counted import counted
-from benchtool.fit.run_recipe import FitOutput
 from benchtool.fit.uncertainty.budget import COVERAGE, Budget
 from benchtool.report.figure import figure
 from benchtool.report.fit.tables import MOST_WANTED, wanted_rank
@@ -165,19 +165,9 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
     when=lambda fit: fit.budget is not None,
     height_in=lambda fit: chart_height(fit.budget),
 )
-def budget(figure: Figure, fit: FitOutput) -> None:
+def budget(figure: Figure, subject: Any) -> None:
     """Draw the contributions of the largest sources to up to four quantities as bars."""
-    assert fit.budget is not None  # `when`
-    draw_budget(figure, fit.budget)
-
-
-def chart_height(budget: Budget | None) -> float:
-    """Return inches for the bars of a budget."""
-    return 1.9 + (0.26 * len(_drawn(budget)[1]) if budget else 0.0)
-
-
-def draw_budget(figure: Figure, budget: Budget) -> None:
-    """Draw the contributions of the largest sources to up to four quantities as bars."""
+    budget: Budget = subject.budget
     places, lines = _drawn(budget)
     panels = figure.subplots(1, len(places), sharey=True, squeeze=False)[0]
     colors = [BLUE if budget.lines[row].in_fit else ORANGE for row in lines]
@@ -197,6 +187,11 @@ def draw_budget(figure: Figure, budget: Budget) -> None:
         Line2D([], [], color=BLACK, linestyle="--", linewidth=1.0, label="combined"),
     ]
     figure.legend(handles=handles, loc="outside lower right", ncols=3)
+
+
+def chart_height(budget: Budget) -> float:
+    """Return inches for the bars of a budget."""
+    return 1.9 + 0.26 * len(_drawn(budget)[1])
 
 
 def _drawn(budget: Budget) -> tuple[list[int], list[int]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
 import corner as corner_plot  # type: ignore[import-untyped]
 import numpy as np
@@ -79,14 +78,13 @@ def corner(figure: Figure, fit: FitOutput) -> None:
     )  # fmt: skip
     _tidy(figure, result.estimates)
     handles = [Line2D([], [], color=BLUE, label="posterior: 1 and 2 sd; dashed: 16, 50, 84 %")]
-    dashes: Literal["-"] = "-"
     for label, values in marked.items():
         at = [None if np.isnan(value) else float(value) for value in values]
         if n > 1:
-            corner_plot.overplot_lines(figure, at, color=VERMILION, linestyle=dashes, linewidth=1.2)
+            corner_plot.overplot_lines(figure, at, color=VERMILION, linestyle="-", linewidth=1.2)
         elif at[0] is not None:  # corner marks nothing on a single histogram
-            figure.axes[0].axvline(at[0], color=VERMILION, linestyle=dashes, linewidth=1.2)
-        handles.append(Line2D([], [], color=VERMILION, linestyle=dashes, label=label))
+            figure.axes[0].axvline(at[0], color=VERMILION, linestyle="-", linewidth=1.2)
+        handles.append(Line2D([], [], color=VERMILION, linestyle="-", label=label))
     top = 1.0 - 0.42 / figure.get_figheight()
     figure.legend(handles=handles, loc="upper right", bbox_to_anchor=(0.99, top))
 

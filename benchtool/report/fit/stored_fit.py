@@ -108,9 +108,9 @@ def stored_from(tables: Mapping[str, Any], where: str) -> StoredFit:
             used=int(points["used"]),
             left_out=tuple(points["left_out"]),
             results=with_budget(results, budget),
-            comparison=_comparison(tables.get("comparison")),
+            comparison=_scored(Comparison, Score, tables.get("comparison")),
             budget=budget,
-            laws=_laws(tables.get("laws")),
+            laws=_scored(LawComparison, LawScore, tables.get("laws")),
             **shared,
         )
     except KeyError as error:
@@ -136,18 +136,11 @@ def _result(method: Any, table: Mapping[str, Any], shared: dict[str, Any]) -> Fi
     )
 
 
-def _comparison(table: Mapping[str, Any] | None) -> Comparison | None:
+def _scored(cls: type[T], kind: type[Any], table: Mapping[str, Any] | None) -> T | None:
     if not table:
         return None
-    counts = {name: int(table.get(name, 0)) for name in ("folds", "settings", "seed")}
-    return Comparison(scores=tuple(_made(Score, one) for one in table["scores"]), **counts)
-
-
-def _laws(table: Mapping[str, Any] | None) -> LawComparison | None:
-    if not table:
-        return None
-    scores = tuple(_made(LawScore, one) for one in table["scores"])
-    return _made(LawComparison, table, scores=scores)
+    counts = dict.fromkeys(("folds", "settings", "seed"), 0)  # a comparison may lack them
+    return _made(cls, counts | dict(table), scores=tuple(_made(kind, x) for x in table["scores"]))
 
 
 def _made(cls: type[T], table: Mapping[str, Any], **own: Any) -> T:

@@ -20,7 +20,7 @@ from benchtool.physics.bases import thrust_per_power_N_W
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.report.figure import figure
-from benchtool.report.fit.budget import chart_height, draw_budget
+from benchtool.report.fit.budget import budget, chart_height
 from benchtool.report.palette import BLUE, CYCLE, GREY, ORANGE, Role
 from benchtool.report.panels import points, rows_of
 from benchtool.report.quantities import panels_height, quantity_panels
@@ -321,14 +321,11 @@ def calibration(figure: Figure, known: Mapping[str, Any]) -> None:
     figure.align_ylabels([line, left])
 
 
-@figure(
+figure(
+    page="sweep",
     title="Uncertainty budget: {0.name}",
     caption="What each source contributes to thrusts at the fastest level: standard uncertainty in "
     "percent of the value, in the errors of their means and beside them; dashed: all together.",
     when=lambda run: run.budget is not None,
     height_in=lambda run: chart_height(run.budget),
-)
-def budget(figure: Figure, run: SweepRun) -> None:
-    """Draw what each source contributes to thrusts of the fastest level."""
-    assert run.budget is not None  # `when`
-    draw_budget(figure, run.budget)
+)(budget)
