@@ -8,16 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import benchtool as bt
 from benchtool.core.channel import Channel, error_name, unit_in_name
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.recording import Recording
-from benchtool.data.formats.formats import import_file
 from benchtool.data.levels import levels_of
 from benchtool.data.run.recording_file import write_recording
-from benchtool.report.compare.page import COMPARISON, best_table, compared, comparison_sentence
+from benchtool.report.compare.page import best_table, compared, comparison_sentence
 from benchtool.report.compare.runs import ComparedRun, at_thrust, read_compared
-from tests.unit.report.report_text import rows_of, words_of
 
 GF = 9.80665e-3
 ROOT = Path(__file__).parents[3]
@@ -109,18 +106,6 @@ def test_runs_are_ranked_and_those_that_do_not_reach_the_thrust_are_named(tmp_pa
     assert "Not at that thrust: small (reaches 0.167 to 3 N)" in words
 
 
-def test_runs_without_current_are_ranked_by_shaft_power(reference_data: Path) -> None:
-    shaft = reference_data / "uiuc"
-    for name in ("apcsf_10x7_static_kt0827", "apce_16x8_static_2150od"):
-        rows = import_file(shaft / f"{name}.txt").recording
-        run = ComparedRun(name=name, path=shaft, rows=rows, quantities=read_quantities(rows))
-        thrust, power = rows.column("thrust_N"), rows.column("torque_Nm") * rows.si("rpm1")
-        between = np.exp(np.interp(np.log(3.0), np.log(thrust), np.log(power)))
-        got, sd = at_thrust(run, 3.0).values["propeller_gf_W"]
-        assert got == pytest.approx(3.0 / GF / between, rel=0.006)
-        assert 0.0 < sd < 0.01 * got
-
-
 def test_two_recordings_of_one_name_are_told_apart_by_their_paths(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
@@ -161,11 +146,6 @@ def test_a_ramp_that_moves_all_the_time_is_cut_into_means_of_half_a_second() -> 
     assert found.column("thrust_N") == pytest.approx(found.column("pwm1_us") / 1000.0)
 
 
-def test_a_step_test_s_own_rows_are_levels_already(reference_data: Path) -> None:
-    rows = import_file(reference_data / "rcbenchmark_1520" / "a1_11.csv").recording
-    assert levels_of(rows) is rows
-
-
 def test_a_sweep_is_what_it_is_away_from_the_plate_but_over_distance() -> None:
     run = ROOT / "datasets" / "quad" / "run"
     away, near = read_compared(run), read_compared(run, "distance")
@@ -173,20 +153,3 @@ def test_a_sweep_is_what_it_is_away_from_the_plate_but_over_distance() -> None:
     assert not near.away
     assert away.rows.column("plate_z_m").min() > near.rows.column("plate_z_m").max()
     assert len(away.quantities[0].value) == len(away.rows)
-
-
-def test_python_has_the_best_and_the_curves_and_writes_the_page(tmp_path: Path) -> None:
-    paths = [
-        written(tmp_path, name, stand(factor, np.linspace(0.5, 9.0, 30), noise=0.01))
-        for name, factor in (("a", 6.0), ("b", 7.0))
-    ]
-    result = bt.compare(paths, at_thrust_N=5.0)
-    assert result.tables == ("best", "curves")
-    best = result.to_dataframe()
-    assert best["run"].tolist() == ["a", "b"]
-    assert best["efficiency_gf_W"][0] == pytest.approx(5.0 / GF / (6.0 * 5.0**1.5), rel=0.01)
-    assert {"power_W", "efficiency_gf_W"} <= set(result.to_dataframe("curves"))
-    page = result.report(tmp_path / "page.html").read_text("utf-8")
-    assert len(rows_of(page, "At 5 N")) == 2
-    assert "Runs compared over thrust" in words_of(page)
-    assert set(result.figures()) == {"curves"} == set(COMPARISON.figures)

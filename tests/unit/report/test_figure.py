@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.report import figure as registry
-from benchtool.report.figure import Page, captions, drawn, figure
-from benchtool.report.page import FigureBlock, Paragraph
+from benchtool.report.figure import captions, drawn, figure
 from benchtool.report.style import SIMULATED_GID
 
 
@@ -33,10 +32,6 @@ def line(figure: Figure, subject: Subject) -> None:
     figure.subplots().plot([0.0, 1.0])
 
 
-def part(figure: Figure, subject: Subject, height: float) -> None:
-    figure.subplots().plot([0.0, height])
-
-
 def test_texts_name_the_subject_and_the_stamp_is_its_own() -> None:
     figure(page="fit", name="line", title="Line: {0.name}", caption="Of {0.name}.")(line)
     block = drawn("fit", Subject())["line"]
@@ -47,18 +42,6 @@ def test_texts_name_the_subject_and_the_stamp_is_its_own() -> None:
     assert SIMULATED_GID not in [text.get_gid() for text in measured.figure.texts]
 
 
-def test_a_figure_of_several_items_is_drawn_for_each() -> None:
-    figure(
-        page="fit", name="part", title=lambda subject, height: f"{height:g}", caption="A part.",
-        each=lambda subject: subject.parts, height_in=lambda subject, height: 2.0 + height,
-    )(part)  # fmt: skip
-    blocks = drawn("fit", Subject())
-    assert list(blocks) == ["part_a", "part_b"]
-    assert [block.figure.get_figheight() for block in blocks.values()] == [3.0, 4.0]
-    assert [block.figure.get_suptitle() for block in blocks.values()] == ["1", "2"]
-    assert list(drawn("fit", Subject(parts={"": 1.0}))) == ["part"]
-
-
 def test_a_name_is_taken_once_and_an_unknown_one_refused() -> None:
     register = figure(page="fit", name="line", title="Line", caption="A line.")
     register(line)
@@ -67,26 +50,3 @@ def test_a_name_is_taken_once_and_an_unknown_one_refused() -> None:
     with pytest.raises(UnknownChoice, match="figure of the page fit 'lime'; did you mean 'line'"):
         drawn("fit", Subject(), ["lime"])
     assert captions("fit") == {"line": "A line."}
-
-
-def test_a_page_has_its_sections_in_order_without_empty_ones() -> None:
-    figure(
-        page="fit", name="line", title="Line", caption="A line.", when=lambda s: s.name == "lab"
-    )(line)
-    figure(
-        page="fit", name="part", title="Part", caption="A part.", each=lambda s: s.parts
-    )(part)  # fmt: skip
-    page = Page(
-        "fit",
-        [
-            ("{0.name}: all", ["part", lambda subject: [Paragraph(subject.name)], "line"]),
-            ("Line", ["line"]),
-            ("Words", [lambda subject: []]),
-        ],
-    )
-    assert page.figures == ("part", "line", "line")
-    every, alone = page.sections(Subject())
-    assert (every.title, alone.title) == ("lab: all", "Line")
-    kinds = [type(block) for block in every.blocks]
-    assert kinds == [FigureBlock, FigureBlock, Paragraph, FigureBlock]
-    assert [section.title for section in page.sections(Subject(name="x"))] == ["x: all"]

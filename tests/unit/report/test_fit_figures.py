@@ -7,9 +7,8 @@ import pytest
 from matplotlib.container import ErrorbarContainer
 
 from benchtool.report.figure import drawn
-from benchtool.report.files import figure_bytes
-from benchtool.report.fit.residuals import expected_runs, judge_runs, runs_of_sign, standardised
-from tests.contracts.figure_subjects import fit, sampled_fit
+from benchtool.report.fit.residuals import expected_runs, judge_runs, runs_of_sign
+from tests.contracts.figure_subjects import fit
 
 
 def test_runs_are_counted_and_judged() -> None:
@@ -33,19 +32,6 @@ def test_the_expected_runs_are_those_of_independent_signs(rng: np.random.Generat
     assert np.std(counts) == pytest.approx(sd, rel=0.15)
 
 
-def test_residuals_are_drawn_four_ways_in_the_order_measured() -> None:
-    found = fit("quad")
-    distance, histogram, order, runs = drawn("fit", found, ["residuals"])["residuals"].figure.axes
-    values = standardised(found)
-    (dots,) = [line for line in distance.lines if line.get_gid() == "residuals"]
-    assert np.array_equal(np.asarray(dots.get_ydata()), values)
-    in_time = values[np.argsort(found.data.conditions.time_s[found.data.rows], kind="stable")]
-    assert np.array_equal(np.asarray(order.lines[1].get_ydata()), in_time)
-    area = sum(patch.get_height() * patch.get_width() for patch in histogram.patches)  # type: ignore[attr-defined]
-    assert area == pytest.approx(1.0)
-    assert f"{len(runs_of_sign(in_time))} runs" in runs.get_title(loc="left")
-
-
 def test_thrust_is_drawn_over_rpm_with_the_residuals_below() -> None:
     found = fit("quad")
     above, below = drawn("fit", found, ["thrust"])["thrust"].figure.axes
@@ -58,30 +44,3 @@ def test_thrust_is_drawn_over_rpm_with_the_residuals_below() -> None:
     used = found.data.used
     assert sorted(measured) == pytest.approx(sorted(found.data.observed[used]))
     assert sorted(rest) == pytest.approx(sorted((found.data.observed - predicted)[used]))
-
-
-def test_areas_are_set_against_the_straight_line() -> None:
-    found = fit("partial_area")
-    share, departure = drawn("fit", found, ["area"])["area"].figure.axes
-    fitted = np.asarray(share.lines[-1].get_ydata())
-    at = np.asarray(share.lines[-1].get_xdata())
-    assert np.all(np.diff(at) > 0.0)
-    assert np.asarray(departure.lines[-1].get_ydata()) == pytest.approx(fitted - at)
-    factors = [item.value for item in found.results[0].derived if ".factor_" in item.name]
-    assert set(np.round(factors, 9)) <= set(np.round(fitted, 9))
-
-
-def test_a_corner_marks_the_least_squares_and_names_its_axes() -> None:
-    found = sampled_fit()
-    figure = drawn("fit", found, ["corner"])["corner"].figure
-    n = len(found.results[0].estimates)
-    assert len(figure.axes) == n * n
-    assert "±" in figure.axes[0].get_title(loc="center")
-    labels = [axes.get_xlabel() for axes in figure.axes[-n:]]
-    assert [label.split("\n")[-1].split(" [")[0] for label in labels] == [
-        item.name.rpartition(".")[2] for item in found.results[0].estimates
-    ]
-    (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()][1:] == ["least squares"]
-    again = drawn("fit", found, ["corner"])["corner"].figure
-    assert figure_bytes(figure) == figure_bytes(again)

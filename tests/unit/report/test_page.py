@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from matplotlib.figure import Figure
 
 from benchtool.core.errors import InputError
 from benchtool.report.html import render_report
-from benchtool.report.numbers import unit_for_people, value_with_sd
+from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
     Commands,
     Facts,
@@ -23,36 +22,6 @@ from benchtool.report.page import (
     Warnings,
 )
 from benchtool.report.ratio import Curve, RatioPoints, draw_ratio
-from tests.unit.report.report_text import check_self_contained
-
-VOID = {"meta", "br", "hr", "img", "link", "input"}
-
-
-class Outline(HTMLParser):
-    """Collect ids, links and open tags, as a browser would."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.ids: list[str] = []
-        self.links: list[str] = []
-        self.open: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag not in VOID:
-            self.open.append(tag)
-        for name, value in attrs:
-            if name == "id":
-                self.ids.append(value or "")
-            if name in {"href", "xlink:href", "src"}:
-                self.links.append(value or "")
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self.open.pop()
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
 
 
 def figure_block(caption: str) -> FigureBlock:
@@ -77,29 +46,6 @@ def report() -> Report:
         simulated=True,
         highlights={"K_b": "1.97 ± 0.02"},
     )
-
-
-def outline_of(page: str) -> Outline:
-    outline = Outline()
-    outline.feed(page)
-    outline.close()
-    assert outline.open == []
-    return outline
-
-
-def test_the_page_is_self_contained() -> None:
-    page = render_report(report())
-    check_self_contained(page)
-    assert page == render_report(report())
-
-
-def test_no_two_elements_share_an_id_and_every_link_has_its_target() -> None:
-    outline = outline_of(render_report(report()))
-    twice = {name for name in outline.ids if outline.ids.count(name) > 1}
-    assert twice == set()
-    targets = {link[1:] for link in outline.links if link.startswith("#")}
-    assert targets <= set(outline.ids)
-    assert {"what-was-done", "conditions", "conditions-2"} <= targets
 
 
 def test_the_page_holds_what_it_was_given_with_markup_quoted() -> None:
@@ -153,10 +99,3 @@ def test_a_row_of_the_wrong_length_is_refused() -> None:
 )
 def test_numbers_have_the_digits_that_their_sd_allows(value: float, sd: float, text: str) -> None:
     assert value_with_sd(value, sd) == text
-
-
-def test_units_are_written_for_people() -> None:
-    assert unit_for_people("N/(rad/s)2") == "N/(rad/s)²"
-    assert unit_for_people("kg m2") == "kg\u00a0m²"
-    assert unit_for_people("1") == "–"
-    assert unit_for_people("1/s") == "1/s"

@@ -8,9 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
-from benchtool.physics.distance_law import CONTACT_Z_OVER_R
-from benchtool.report.palette import LOOKS
-from benchtool.report.ratio import Band, Curve, RatioPoints, draw_ratio
+from benchtool.report.ratio import Curve, RatioPoints, draw_ratio
 
 Z = np.linspace(0.3, 6.0, 58)
 FACTOR = 1.0 / (1.0 - (1.0 / (4.0 * Z)) ** 2)
@@ -79,25 +77,3 @@ def test_curves_stop_at_the_validity_limit_which_is_hatched() -> None:
     low, high = axes.get_ylim()
     assert low < 1.0
     assert 1.30 < high < 1.40
-
-
-def test_a_law_that_is_finite_at_contact_is_drawn_to_contact_beside_formulae_that_are_not() -> None:
-    """Nothing is hatched where one curve holds; each begins where its own law is trusted."""
-    z = np.linspace(CONTACT_Z_OVER_R, 4.0, 50)
-    to_contact = Curve(z, 1.0 + 0.3 * np.exp(-z), "exponential", nearest_z_over_R=CONTACT_Z_OVER_R)
-    axes = drawn(curves=(to_contact, Curve(z, 1.0 + 0.06 / z**2, "PFI")))
-    begins = {str(line.get_label()): np.min(line.get_xdata()) for line in axes.lines}
-    assert begins["exponential"] == CONTACT_Z_OVER_R
-    assert begins["PFI"] >= 0.5
-    assert not [patch for patch in axes.patches if patch.get_hatch()]
-    assert axes.get_ylim()[1] < 1.4
-
-
-def test_bands_are_drawn_and_named() -> None:
-    bands = (Band(FACTOR - 0.02, FACTOR + 0.02, 95), Band(FACTOR - 0.01, FACTOR + 0.01, 68))
-    axes = drawn(points(), curves=(curve("fit", style="fit", role="quad", bands=bands),))
-    assert [c.get_gid() for c in axes.collections if c.get_gid()] == ["band-95", "band-68"]
-    assert legend_of(axes) == ["rotor", "fit", "68 % band of the fit", "95 % band of the fit"]
-    (line,) = [item for item in axes.lines if item.get_label() == "fit"]
-    assert line.get_linestyle() == "-"
-    assert line.get_color() == LOOKS["quad"].color

@@ -48,12 +48,6 @@ def page(run: Path) -> str:
     return page_text([run], commands=["benchtool report one"])
 
 
-def test_the_page_is_self_contained_and_says_that_it_is_simulated(page: str) -> None:
-    check_self_contained(page)
-    assert page.count("<svg") == 8
-    assert words_of(page).startswith("Sweep: one SIMULATED")
-
-
 def test_every_setting_stands_in_the_table_with_the_run_s_own_numbers(run: Path, page: str) -> None:
     settings = read_settings(run)
     rows = rows_of(page, "Each setting")
