@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import warnings
 from collections.abc import Callable
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 import typer
 
-from benchtool import __version__
 from benchtool.commands import app
 from benchtool.core.errors import (
     BenchtoolError,
@@ -50,20 +48,6 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
         return int(leaving.value.code or 0), printed.out, printed.err
 
     return call
-
-
-def test_a_command_runs(run: Run) -> None:
-    assert run("try", "--times", "3") == (0, "done 3\n", "")
-
-
-def test_no_words_show_the_help_with_commands_that_are_not_imported(run: Run) -> None:
-    code, out, err = run()
-    assert (code, err) == (0, "")
-    assert re.search(r"^  try +Try something\n  absent +Not loaded$", out, re.MULTILINE)
-
-
-def test_the_version_is_shown_alone(run: Run) -> None:
-    assert run("--version") == (0, f"benchtool {__version__}\n", "")
 
 
 @pytest.mark.parametrize(
@@ -115,12 +99,6 @@ def test_a_fault_keeps_its_traceback_in_a_file(
     assert "in command" in kept.read_text(encoding="utf-8")
 
 
-def test_a_fault_shows_its_traceback_when_asked(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("BENCHTOOL_DEBUG", "1")
-    with pytest.raises(ZeroDivisionError):
-        run("try", raising=ZeroDivisionError())
-
-
 @pytest.mark.parametrize(
     "error",
     [
@@ -166,52 +144,3 @@ def test_warnings_of_data_are_lines_and_those_of_python_are_not_shown(
     with pytest.raises(SystemExit):
         app.main(["warn"])
     assert capsys.readouterr().err == "benchtool: warning: p.csv has changed\\x07\n"
-
-
-def test_a_group_loads_the_subcommand_that_was_named(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    module = ModuleType("benchtool.commands.several")
-    module.two = lambda: print("two ran")  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-    commands = {
-        "several": ("", "Try several things"),
-        "several one": ("absent:one", "Try one"),
-        "several two": ("several:two", "Try two"),
-    }
-    monkeypatch.setattr(app, "COMMANDS", commands)
-    for words, shown in [(["several", "two"], "two ran\n"), (["several"], "Usage: benchtool sev")]:
-        with pytest.raises(SystemExit):
-            app.main(words)
-        assert "".join(capsys.readouterr()).startswith(shown)
-
-
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("benchtool sw", "sweep"),
-        ("benchtool simulate pi", "pitch"),
-        ("benchtool sweep --repe", "--repeats"),
-        ("benchtool sweep --order ", "randomised\ncounterbalanced\nas_given"),
-        ("benchtool simulate flight --layout cr", "cross"),
-    ],
-)
-def test_tab_completes(
-    line: str,
-    expected: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setenv(app.COMPLETING, "complete_bash")
-    monkeypatch.setenv("COMP_WORDS", line)
-    monkeypatch.setenv("COMP_CWORD", str(len(line.split()) - (not line.endswith(" "))))
-    with pytest.raises(SystemExit):
-        app.main([])
-    assert capsys.readouterr().out.strip() == expected
-
-
-def test_help_lists_options_under_headings(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        app.main(["sweep", "--help"])
-    throttle = capsys.readouterr().out.partition("\nThrottle:\n")[2].partition("\n\n")[0]
-    assert re.findall(r"^  (--\S+)", throttle, re.MULTILINE)[:2] == ["--pwm", "--throttle"]

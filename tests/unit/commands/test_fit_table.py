@@ -125,22 +125,6 @@ def test_what_is_missing_is_refused_and_nothing_is_written(
     assert sorted(path.name for path in Path().iterdir()) == ["a.csv"]
 
 
-def test_all_that_is_missing_is_listed_with_the_command_and_the_map(
-    capsys: Capsys, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    table("a.csv", "a,z/R,c", np.full(7, 1.0), Z_M / RADIUS_M, np.full(7, 6000.0))
-    monkeypatch.setattr("sys.argv", ["benchtool", "fit", "a.csv", "--rpm", "c"])
-    code, out, error = fit(capsys, "a.csv --rpm c")
-    assert (code, out) == (2, "")
-    for text in (
-        "complete the command: benchtool fit a.csv --rpm c --radius RADIUS_M --thrust COLUMN\n",
-        '[columns.thrust_N]\ncolumn = "COLUMN"\nunit = "UNIT"\n',
-        '[columns.plate_z_m]\ncolumn = "z/R"\nfactor = ROTOR_RADIUS_OR_DIAMETER_M\n',
-        '[columns.rpm1]\ncolumn = "c"',
-    ):
-        assert text in error
-
-
 def test_runs_of_one_file_are_fitted_each_by_itself(capsys: Capsys) -> None:
     z, rpm = np.tile(Z_M, 2), np.full(14, 6000.0)
     thrust = np.concatenate([RATIO * SCATTER, 2.0 * RATIO * SCATTER])
@@ -180,22 +164,6 @@ def test_thrust_of_the_wrong_sign_is_named(capsys: Capsys, reference_data: Path)
     assert "thrust_N is negative at 352 of 352 points" in error
     assert "--flip thrust_N" in error
     assert not Path("no").exists()
-
-
-def test_units_in_brackets_are_shown_as_they_stand(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    lines = ["# stand 3", "z_R;Schub [gf]"]
-    lines += [f"{z:g};{100.0 / (1.0 - (0.25 / z) ** 2):.2f}" for z in (0.6, 0.8, 1.0, 1.5, 2, 4)]
-    Path("a.csv").write_text("\n".join(lines).replace(".", ",") + "\n", encoding="utf-8")
-    assert run("fit", "a.csv", "--radius", "0.127") == 0
-    out = capsys.readouterr().out
-    assert "Schub [gf]" in out
-    assert "\\[" not in out
-    assert "1 line of comments left out" in out
-    assert run("fit", "nothing.csv") == 2
-    assert "nothing.csv: neither a file nor a run folder" in capsys.readouterr().err
 
 
 def test_points_between_thousands_and_radii_are_read_as_they_are_meant(

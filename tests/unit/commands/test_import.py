@@ -14,7 +14,6 @@ from benchtool.core.recording import Recording
 from benchtool.data.columns import channel_called
 from benchtool.data.formats.formats import import_file
 from benchtool.data.run.recording_file import read_recording, write_recording
-from benchtool.data.table import read_table
 from tests.unit.commands import command_line
 from tests.unit.data.stand_logs import log_text, steps_1580
 
@@ -49,14 +48,6 @@ def test_what_is_written_reads_back(log: Path, ending: str) -> None:
     assert {item["what"] for item in facts["findings"]} >= {"untared", "blank cells"}
     assert facts["sources"]["thrust_N"] == "Thrust (gf)"
     assert facts["options"] == {"tare": "('thrust_N',)"}
-
-
-def test_a_fit_reads_what_is_written(log: Path) -> None:
-    assert run(log) == 0
-    table = read_table("imported/steps.csv")
-    np.testing.assert_array_equal(
-        table.column("thrust_N"), import_file(log).recording.column("thrust_N")
-    )
 
 
 def test_nothing_is_overwritten_untold(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -105,27 +96,3 @@ def test_a_recording_that_changed_is_refused(log: Path) -> None:
         read_recording(target)
     with pytest.raises(FileFormatError, match=r"\.csv or \.parquet"):
         write_recording(log.with_name("mine.xls"), recording, {})
-
-
-def test_a_folder_names_the_files_in_it(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = log.parent / "my logs"
-    folder.mkdir()
-    assert run("my logs") == 2
-    assert "none of its files is known; name the file" in capsys.readouterr().err
-    assert run(".", "--dry-run") == 2
-    assert "benchtool import steps.csv" in capsys.readouterr().err
-    (folder / "one").mkdir()
-    assert run("my logs") == 2
-    assert "look into my logs/one/" in capsys.readouterr().err
-    (folder / "notes.txt").write_text("nothing, here\n1, 2\n")
-    (folder / "photo.jpg").write_bytes(b"\xff\xd8\xff\xe0\0\0")
-    (folder / "a.csv").write_bytes(log.read_bytes())
-    (folder / "b.ulg").write_bytes(b"ULog\x01\x12\x35\x01")
-    assert run("my logs") == 2
-    said = capsys.readouterr().err
-    assert "benchtool import 'my logs/a.csv' 'my logs/b.ulg'" in " ".join(said.split())
-    assert "notes" not in said
-    for copy in range(9):
-        (folder / f"a{copy}.csv").write_bytes(log.read_bytes())
-    assert run("my logs") == 2
-    assert "(and 3 more)" in capsys.readouterr().err

@@ -77,43 +77,6 @@ def test_a_file_that_is_there_stays(capsys: pytest.CaptureFixture[str]) -> None:
     assert Path("mine.toml").read_text() == "mine"
 
 
-def test_a_beam_on_a_hinge_is_simulated_as_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    words = [
-        "rigs",
-        "new",
-        "mine.toml",
-        "--for",
-        "pitch",
-        "--radius",
-        "0.127",
-        "--arm",
-        "0.25",
-        "--inertia",
-        "0.03",
-    ]
-    code, out, _ = said(capsys, *words)
-    rig = rig_named("mine.toml")
-    assert code == 0
-    assert [rotor.x_m for rotor in rig.rotors] == [-0.25, 0.25]
-    assert rig.body.inertia_yy_kgm2 == 0.03
-    command = out.splitlines()[-1].split()[1:]
-    assert command == ["simulate", "pitch", "--rig", "mine.toml", "--model", "pitch_beam"]
-    code, out, _ = said(capsys, *command, "--duration-s", "1")
-    assert code == 0
-    assert "SIMULATED pitch bench mine, model pitch_beam" in out
-
-
-def test_a_stand_without_a_plate_is_tested_as_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    words = "rigs new mine.toml --for motor --radius 0.0635 --cell 50 --pulses 1000,1050,1950"
-    code, out, _ = said(capsys, *words.split())
-    assert code == 0
-    assert "plate.z_min_m" in rig_named("mine.toml").not_stated
-    command = out.splitlines()[-1].split()[1:]
-    code, out, _ = said(capsys, *command, "--out", "run")
-    assert code == 0, out
-    assert "16 points (simulated)" in out
-
-
 def test_the_next_propeller_of_a_motor_is_one_command(capsys: pytest.CaptureFixture[str]) -> None:
     words = "rigs new a.toml --for motor --propeller 10x4.5 --cell 5kgf --pulses 1000,1050,1950"
     assert said(capsys, *words.split(), "--current", "30")[0] == 0

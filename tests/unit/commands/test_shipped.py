@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.packaged import read_named
-from benchtool.core.rig_file import rig_names
-from benchtool.physics.model_file import model_names
 from tests.unit.commands.command_line import said as run
 
 
@@ -43,14 +41,3 @@ def test_what_is_no_rig_and_no_model_is_refused(
         code, out, err = run(capsys, command, str(torn), *toml)
         assert (code, out) == (2, "")
         assert "torn.toml" in err
-
-
-@pytest.mark.parametrize(("command", "names"), [("rigs", rig_names()), ("models", model_names())])
-def test_each_that_ships_has_a_line(
-    capsys: pytest.CaptureFixture[str], command: str, names: tuple[str, ...]
-) -> None:
-    code, out, _ = run(capsys, command)
-    assert code == 0
-    shown = [line.split()[0] for line in out.splitlines()]
-    assert shown[: len(names)] == list(names)
-    assert shown[len(names) :] in ([], ["yours,"])

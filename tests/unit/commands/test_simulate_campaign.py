@@ -56,17 +56,6 @@ def test_the_command_writes_a_tidy_table(
     assert [path.name for path in out.iterdir()] == ["campaign.parquet"]
 
 
-def test_gain_sets_stand_side_by_side(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    vary = ("--vary", "K_b=1.5:2.5:2", "--gains", "s3", "--gains", "stiff")
-    code, shown, _ = said(capsys, *WORDS, *vary, "--measure", "peak_deg", "--out", tmp_path)
-    assert code == 0
-    assert "8 runs" in shown
-    peaks = {line.split(":")[0].strip(): float(line.split(":")[1]) for line in shown.splitlines()
-             if line.startswith("  ")}  # fmt: skip
-    assert list(peaks) == ["s3, pid", "s3, observer", "stiff, pid", "stiff, observer"]
-    assert abs(peaks["stiff, pid"]) < 0.5 * abs(peaks["s3, pid"])
-
-
 def test_a_table_has_its_name_once_it_is_complete_and_is_not_written_over(tmp_path: Path) -> None:
     path = tmp_path / "campaign.parquet"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
@@ -51,22 +50,3 @@ def test_which_gains_cross_at_which_speed(
     assert (told["gyro_noise_rad_s"], told["vary.speed_m_s"]) == ("0.015", "0.2:0.8:2")
     assert run("--vary", "K_b=1:2:2", "--out", str(out)) == 2
     assert "exists already" in capsys.readouterr().err
-
-
-def test_a_random_design_of_another_measure(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(
-        "--case", "plate", "--duration-s", "14", "--vary", "z_over_R=1:3:2", "--samples", "12",
-        "--controllers", "pid", "--measure", "max_pitch_deg", "--out", str(tmp_path),
-    ) == 0  # fmt: skip
-    assert "largest pitch [deg], mean of all:" in capsys.readouterr().out
-    table = pd.read_parquet(tmp_path / "campaign.parquet")
-    assert len(set(table["z_over_R"])) == 12
-    assert np.corrcoef(table["z_over_R"], table["max_pitch_deg"])[0, 1] < -0.8
-
-
-def test_a_point_of_a_campaign_can_be_flown_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("--set", "speed=0.5", "--set", "z_over_R=3", "--set", "gains.attitude=1.4")
-    assert run("--controllers", "pid", *words) == 0
-    assert "z/R 3, 0.5 m/s" in capsys.readouterr().out

@@ -107,10 +107,3 @@ def test_a_switch_in_the_run_removes_what_the_pid_left() -> None:
     assert abs(torque[switch] - torque[switch - 1]) < 5.0 * np.std(
         np.diff(torque[switch - 500 : switch])
     )
-
-
-def test_the_plate_comes_as_near_as_it_is_told() -> None:
-    setup = pitch_setup(schedule="distances")
-    nearer = changed(setup, {"plate.z_over_R": 1.5}).schedule
-    assert [visit.z_over_R for visit in nearer.plate] == [1.5, 1.5, 1.5]
-    assert [visit.in_s for visit in nearer.plate] == [5.0, 18.0, 31.0]
