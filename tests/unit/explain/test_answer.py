@@ -15,15 +15,10 @@ from benchtool.core.parameter import Parameters
 from benchtool.core.schedule_file import schedule_named
 from benchtool.explain.added_model import added_model
 from benchtool.explain.engine.verdict import KINDS, Kind, NotJudged
-from benchtool.explain.next_steps import next_file, next_steps
-from benchtool.explain.recordings import names_of
-from benchtool.physics.catalogue import EFFECTS
+from benchtool.explain.next_steps import next_steps
 from benchtool.physics.model_file import load_model, model_from_toml
 from benchtool.report.answer.folder import Written, answer_tables, write_folder
-from benchtool.report.answer.page import added_sentence, answer_page, changes, changes_table
-from benchtool.report.figure import drawn
-from benchtool.report.html import render_report
-from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap, source, verdict
+from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap, verdict
 
 PROMISED = (
     "version", "verdict", "effects", "class", "where", "gap", "nearest", "tolerances",
@@ -63,16 +58,6 @@ def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path
     assert schedule_named(path) == NEXT.schedule
 
 
-def test_a_plan_of_a_sweep_is_handed_on_as_it_is() -> None:
-    plan = replace(NEXT, schedule=None, plan_toml="seed = 3\n")
-    found = replace(
-        answer("class"),
-        explanation=replace(answer("class").explanation, verdict=verdict("class", next=plan)),
-    )
-    assert next_file(found) == ("next_plan.toml", "seed = 3\n")
-    assert answer_tables(found, Written())["next_experiment"]["kind"] == "plan"
-
-
 def test_what_is_not_judged_is_numbers_with_a_sentence() -> None:
     trace = {"motor_lag": NotJudged.below(5000.0), "plate_offset": NotJudged.below(4.2)}
     told = replace(answer(), explanation=replace(
@@ -96,86 +81,6 @@ def test_numbers_that_json_has_not_become_null() -> None:
     assert answer_tables(found, Written())["gap"]["theta_rad"]["before"] is None
 
 
-def test_recordings_of_one_name_stand_apart_in_every_list() -> None:
-    paths = ("one/pid.csv", "two/pid.csv", "check.csv")
-    names = names_of(paths)
-    learn = tuple(replace(source(path, path[:3]), name=names[path]) for path in paths[:2])
-    check = (replace(source(paths[2], "che"), name=names[paths[2]]),)
-    twice = answer("effect", learn=learn, check=check)
-    assert twice.hashes == {"one/pid.csv": "one", "two/pid.csv": "two", "check.csv": "che"}
-    data = answer_tables(twice, Written())["data"]
-    assert data == {
-        "learn": {"one/pid.csv": "one", "two/pid.csv": "two"}, "check": {"check.csv": "che"},
-    }  # fmt: skip
-    page = render_report(answer_page(twice, {}))
-    assert "one/pid.csv, two/pid.csv" in page
-
-
-TITLES = ("What now", "Where", "Which", "The gap")
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_page_says_the_verdict_first_and_what_was_not_judged(kind: Kind) -> None:
-    given = answer(kind)
-    text = render_report(answer_page(given, drawn("answer", given)))
-    assert given.verdict.sentence.split(",")[0] in text
-    places = [text.index(f">{title}</h2>") for title in TITLES]
-    assert places == sorted(places)
-    assert "would have to be 4.2 tolerances large to show" in text
-    assert ("Record next: " in text) == (kind in ("class", "unknown"))
-
-
-def test_what_was_added_is_told_with_whole_values_and_those_before() -> None:
-    given = answer("effect")
-    assert added_sentence(given, "found") == (
-        "Written: found/model.toml, which is pitch_bench with Coulomb friction in it."
-    )
-    found, moved = changes(given)
-    assert found.words == "coulomb_friction.torque_Nm = 0.0241 N m (0 before)"
-    assert (found.found, moved.found) == (True, False)
-    assert (moved.name, moved.now) == ("inertia_kgm2", 0.0309)
-    assert changes_table(given).rows[1][1] == "adjusted within what was known of it"
-
-
-def test_a_named_effect_leads_to_asking_again_and_to_simulating() -> None:
-    given = answer("effect", model_given="beam.toml", effects_given="own.py")
-    again, simulate = next_steps(given, "found")
-    assert again.command == (
-        "benchtool explain learn.csv --model found/model.toml --check check.csv --effects own.py "
-        "--out found-again"
-    )
-    assert simulate.command.startswith("benchtool simulate pitch --model found/model.toml --out ")
-
-
-def test_a_sweep_can_be_fitted_and_swept_with_what_was_found() -> None:
-    given = answer("effect")
-    sweep = replace(
-        given,
-        explanation=replace(given.explanation, verdict=verdict("effect", bench="sweep")),
-    )
-    commands = [step.command.split()[1] for step in next_steps(sweep, "found")]
-    assert commands == ["explain", "fit", "sweep"]
-    assert "'sim:beam?truth=found/model.toml'" in next_steps(sweep, "found")[2].command
-
-
-@pytest.mark.parametrize("bench", ["pitch", "sweep"])
-@pytest.mark.parametrize("kind", ["class", "unknown"])
-def test_an_open_question_leads_to_the_next_experiment(kind: Kind, bench: str) -> None:
-    plan = replace(NEXT, schedule=None, plan_toml="seed = 3\n") if bench == "sweep" else NEXT
-    given = answer(kind, model_given="beam.toml")
-    made = verdict(kind, bench=bench, next=plan)
-    steps = next_steps(
-        replace(given, explanation=replace(given.explanation, verdict=made)), "found"
-    )
-    assert ("found/next_schedule.toml" if bench == "pitch" else "found/next_plan.toml") in (
-        steps[0].command
-    )
-    assert steps[-1].command == (
-        "benchtool explain learn.csv found-next --model beam.toml --check check.csv --out "
-        "found-again"
-    )
-
-
 @pytest.mark.parametrize("folder", ["", "found"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_option_of_the_commands_exists(kind: Kind, folder: str) -> None:
@@ -193,20 +98,6 @@ def known_options(name: str, first: str) -> set[str]:
     found = get_command(build([name, first])).commands[name]  # type: ignore[attr-defined]
     inner = getattr(found, "commands", {}).get(first, found)
     return {option for item in inner.params for option in item.opts}
-
-
-def test_what_an_optimiser_left_of_a_zero_is_no_change() -> None:
-    given = answer("effect")
-    model = given.request.loaded.model.with_effect(EFFECTS["plate_side"])
-    found = Parameters(
-        (name, item.at(4.9e-27) if name == "plate_side.dx_m" else item)
-        for name, item in model.parameters.items()
-    )
-    told = replace(
-        given,
-        explanation=replace(given.explanation, verdict=verdict("effect", parameters=found)),
-    )
-    assert [one.name for one in changes(told)] == ["coulomb_friction.torque_Nm"]
 
 
 def test_the_named_effect_and_the_calibrated_inertia_stand_in_it_with_their_source() -> None:

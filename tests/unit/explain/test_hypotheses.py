@@ -29,19 +29,6 @@ def gain(trial: Trial, name: str) -> float:
     return trial.base.cost - next(one.cost for one in trial.tried if one.opened[-1] == name)
 
 
-def names_of(truth: list[float], seed: int = 1) -> tuple[str, ...]:
-    return search(truth, seed).best.opened
-
-
-def test_small_imperfections_everywhere_are_nothing() -> None:
-    found = [names_of([0.4, -0.3, 0.2, 0.9], seed) for seed in range(30)]
-    assert found == [()] * 30
-
-
-def test_what_breaks_its_tolerance_is_named() -> None:
-    assert [names_of([3.0, -0.3, 0.2, 0.5], seed) for seed in range(20)] == [("a",)] * 20
-
-
 def test_two_effects_are_both_named() -> None:
     found = search([4.0, 5.0, 0.0, 0.0], 3)
     assert set(found.best.opened) == {"a", "b"}

@@ -68,16 +68,6 @@ def test_a_scattered_clock_is_straightened() -> None:
     assert np.max(np.abs(theta - moving(clock))[seen]) < 1e-4
 
 
-def test_rows_without_a_time_leave_no_gap() -> None:
-    time_s = np.arange(1000) / 200.0
-    theta = moving(time_s)
-    time_s[::97] = np.nan
-    rows = even_rows(recording(time_s=time_s, theta_rad=theta), "a")
-    assert (rows.mode == 2.0).sum() == 1
-    assert "11 rows without a time left out" in rows.remarks
-    assert np.isnan(rows.recording.column("theta_rad")).sum() in (9, 10)
-
-
 def test_a_gap_is_left_open_and_a_filter_begins_anew() -> None:
     time_s = np.arange(1000) / 200.0
     time_s[500:] += 0.5

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from benchtool.explain.found.search import dependence
 from benchtool.explain.pitch.dependences import missed_torques
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
-from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import (
     Effect,
     Flow,
@@ -81,12 +79,3 @@ def test_what_leans_on_rubber_is_found_with_its_angle_and_stiffness(model: Model
 
 def test_a_bench_as_the_model_says_depends_on_nothing(model: Model) -> None:
     assert found_on(model, model) is None
-
-
-def test_evidence_of_other_recordings_has_the_same_parameters(model: Model) -> None:
-    log = pitch_log(recorded(model, 1), model.rig).logged
-    own = replace(EFFECTS["viscous_friction"], name="my_own")
-    evidence = PitchEvidence(model, [log], [own])
-    names = [one.name for one in evidence.of([log, log], 2).parameters]
-    assert names == [one.name for one in evidence.parameters]
-    assert "my_own.damping_Nms" in names

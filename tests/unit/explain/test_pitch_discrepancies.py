@@ -77,20 +77,6 @@ def test_the_noise_of_a_reading_is_not_in_what_its_error_depends_on(
     assert np.corrcoef(before[1:], noise[:-1])[0, 1] > 0.3
 
 
-def test_long_recordings_make_no_more_rows() -> None:
-    """Means over ticks of white innovations are white, of the same size."""
-    log = pitch_log(recorded(MODEL, 4, seconds=40.0), MODEL.rig, "made").logged
-    few = PitchEvidence(MODEL, [log, log, log, log, log])
-    assert few.logs[0].together == 2
-    rows = rows_of(few)
-    assert len(rows) < 0.51 * 5 * len(rows_of(PitchEvidence(MODEL, [log])))
-    assert np.mean(rows**2) == pytest.approx(
-        np.mean(rows_of(PitchEvidence(MODEL, [log])) ** 2), rel=0.1
-    )
-    assert {len(one.columns) for one in few.discrepancies()} == {len(rows)}
-    assert {len(mask) for mask in few.groups().stages.values()} == {len(rows)}
-
-
 def test_a_recording_in_pieces_says_what_it_says_whole(
     evidence: PitchEvidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -100,12 +86,3 @@ def test_a_recording_in_pieces_says_what_it_says_whole(
     pieces = rows_of(evidence, battery_sag_rate_per_s=2.0)
     assert np.linalg.norm(pieces - whole) < 5e-3 * np.linalg.norm(whole)
     assert evidence.logs[0].n_rows > 1.8 * 1500
-
-
-def test_what_makes_a_row_lies_in_one_piece(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(filter_, "PIECE", 501)
-    monkeypatch.setattr("benchtool.explain.pitch.evidence.MOST_ROWS", 1000)
-    log = pitch_log(recorded(MODEL, 4, seconds=12.0), MODEL.rig, "made").logged
-    evidence = PitchEvidence(MODEL, [log])
-    assert evidence.logs[0].together == 3
-    assert {len(mask) for mask in evidence.groups().stages.values()} == {len(rows_of(evidence))}

@@ -73,14 +73,6 @@ def test_an_imported_recording_says_whether_it_is_simulated(tmp_path: Path) -> N
     assert not second.simulated
 
 
-def test_a_run_of_a_sweep_is_read_as_its_points() -> None:
-    other = SWEEP.parents[1] / "amuse_rotor" / "run"
-    (source,), _ = read_sources([str(SWEEP)], [str(other)], load_model("single"))
-    assert bench_of(source) == "sweep"
-    assert source.simulated
-    assert len(source.recording) > 100
-
-
 def test_a_dead_channel_is_left_out_and_told(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text(

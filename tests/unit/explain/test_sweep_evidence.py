@@ -19,7 +19,7 @@ from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import sweep_log
 from benchtool.explain.sweep.next_experiment import as_read, speed_at
-from benchtool.explain.sweep.power import FIRST_VISITS, Power
+from benchtool.explain.sweep.power import Power
 from benchtool.fit.uncertainty.bench_errors import bench_errors
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
@@ -60,22 +60,6 @@ def drawn(evidence: SweepEvidence, at: np.ndarray, seed: int) -> SweepEvidence:
     return evidence.of(replace(log, thrust_N=log.thrust_N + noise, power=power))
 
 
-def test_every_candidate_and_what_owners_know_roughly_can_be_turned(
-    evidence: SweepEvidence,
-) -> None:
-    effects = {item.effect for item in evidence.parameters}
-    assert {"body_lift", "plate_offset", "battery_sag", "load_cell_hysteresis"} <= effects
-    held = {item.name for item in evidence.parameters if item.held}
-    assert {"k", "R_m", "ground_shape.curvature", "plate_side.dx_m", "supply.drop"} <= held
-
-
-def test_many_sets_at_once_are_the_same_as_one_by_one(evidence: SweepEvidence) -> None:
-    sets = np.random.default_rng(0).uniform(0.0, 1.0, (5, len(evidence.parameters)))
-    together = evidence.residuals(sets)
-    for column, one in enumerate(sets):
-        assert evidence.residuals(one)[:, 0] == pytest.approx(together[:, column], rel=1e-9)
-
-
 def test_predictions_are_those_of_the_model(evidence: SweepEvidence) -> None:
     scaled = np.zeros(len(evidence.parameters))
     scaled[parameter(evidence, "body_lift.K_b")] = 8.0
@@ -103,14 +87,6 @@ def test_battery_sag_shows_in_speeds_and_voltage_alone(evidence: SweepEvidence) 
     stages = evidence.groups().stages
     assert not changed[stages["rpm_to_thrust"]].any()
     assert changed[stages["pwm_to_rpm"]].mean() > 0.9
-
-
-def test_labels_cover_every_row_once(evidence: SweepEvidence) -> None:
-    groups = evidence.groups()
-    n = len(evidence.residuals(np.zeros(len(evidence.parameters))))
-    assert sum(mask.astype(int) for mask in groups.stages.values()).tolist() == [1] * n
-    assert all(len(mask) == n and mask.any() for mask in groups.regimes.values())
-    assert "z/R below 1" in groups.regimes
 
 
 def test_the_noise_is_that_of_a_fit(evidence: SweepEvidence) -> None:
@@ -178,29 +154,6 @@ def only(recording: Recording, *names: str) -> Recording:
     )
 
 
-def test_tares_are_rows_without_a_plate_or_speed(points: Recording) -> None:
-    log = sweep_log(points, RIG)
-    assert log.tare.sum() == 2
-    assert (log.conditions.speed_rad_s[:, log.tare] == 0.0).all()
-    assert (log.conditions.plate_z_m[log.tare] > 1e5).all()
-    assert not any("tare" in remark for remark in log.remarks)
-
-
-def test_stays_end_where_the_plate_moves_or_the_cell_is_tared(points: Recording) -> None:
-    log = sweep_log(points, RIG)
-    places = log.conditions.plate_z_m
-    assert (np.diff(log.stay) >= 0).all()
-    for number in np.unique(log.stay):
-        rows = log.stay == number
-        assert np.ptp(places[rows]) < 1e-3
-        assert len(set(log.tare[rows].tolist())) == 1
-
-
-def test_rows_come_in_the_order_of_time(points: Recording) -> None:
-    mixed = points.select(np.random.default_rng(1).permutation(len(points)))
-    assert (np.diff(sweep_log(mixed, RIG).conditions.time_s) > 0.0).all()
-
-
 def test_rows_with_empty_cells_are_left_out_and_counted(points: Recording) -> None:
     values = points.values.copy()
     values[5, points.index("thrust_N")] = np.nan
@@ -217,15 +170,6 @@ def test_points_without_thrust_are_refused(points: Recording) -> None:
 def test_too_few_points_are_refused(points: Recording) -> None:
     with pytest.raises(InputError, match=r"has 3 whole points .* at least 4 are needed"):
         sweep_log(points.select(np.arange(1, 4)), RIG, "few.csv")
-
-
-def test_speeds_at_given_pulses_are_kept_apart(points: Recording) -> None:
-    power = sweep_log(points, RIG).power
-    assert power is not None
-    assert set(np.round(power.pulse_us)) == {1450.0, 1600.0}
-    assert len(power.time_s) == len(points) - 2
-    assert np.isfinite(power.voltage_V).all()
-    assert 0.0 < power.late.mean() < 1.0
 
 
 @pytest.fixture(scope="module")
@@ -262,20 +206,8 @@ def test_only_earlier_visits_predict(power: Power) -> None:
     assert (power.level[changed] == power.level[place]).all()
 
 
-def test_the_first_visits_of_a_level_are_not_judged(power: Power) -> None:
-    for level in np.unique(power.level):
-        rows = np.flatnonzero(power.level == level)
-        assert not power.late[rows[:FIRST_VISITS]].any()
-        assert power.late[rows[FIRST_VISITS:]].all()
-
-
 def test_load_is_counted_as_in_the_other_sweep(power: Power) -> None:
     harder = replace(power, full_load=1.25 * power.full_load)
     same = power.loaded_as(harder)
     assert same.load == pytest.approx(power.load / 1.25)
     assert same.load * same.full_load == pytest.approx(power.load * power.full_load)
-
-
-def test_current_is_not_counted_in_units_of_speed(power: Power) -> None:
-    other = replace(power, by_current=not power.by_current, full_load=7.0)
-    assert power.loaded_as(other) is power

@@ -120,26 +120,9 @@ def test_the_next_sweep_is_one_that_a_bench_accepts_and_decides(first: str, seco
     assert chosen.schedule is None
 
 
-@pytest.mark.parametrize(("effect", "over_the_edge"), [("plate_tilt", 0), ("partial_coverage", 2)])
-def test_the_plate_goes_aside_for_what_shows_only_there(effect: str, over_the_edge: int) -> None:
-    """One rotor over the middle of a plate: a tilt turns about it, the disc is all over it."""
-    _, plan = proposed("single_rotor", effect, "tare_offset")
-    rig = load_model("single").model.rig
-    within_m = 0.5 * rig.plate.size_x_m - rig.propulsion.radius_m
-    assert len(plan.plate.lateral_m) == 3
-    assert sum(abs(x_m) > within_m for x_m in plan.plate.lateral_m) == over_the_edge
-
-
 def test_what_no_sweep_can_tell_apart_is_said_not_to_be_decided() -> None:
     chosen, _ = proposed("single_rotor", "load_cell_hysteresis", "tare_offset")
     assert not chosen.decides
-
-
-def test_one_explanation_alone_needs_no_experiment() -> None:
-    learn, check = halves("quad")
-    subject = SweepSubject(load_model("quad").model, [learn], [check])
-    alone = [far_off(subject.evidence, "plate_tilt", 5.0)]
-    assert subject.next_experiment(alone, np.random.default_rng(0)) is None
 
 
 def test_a_measured_rotor_pair_follows_another_law(reference_data: Path) -> None:
