@@ -72,10 +72,6 @@ def sources(on: Rig) -> dict[str, Array]:
     return {source.name: source.columns for source in found}
 
 
-def test_a_bench_without_errors_has_no_source() -> None:
-    assert sources(rig()) == {}
-
-
 def test_a_place_is_shared_by_the_points_of_a_stay() -> None:
     (columns,) = sources(rig(repeatability_m=1e-4)).values()
     on = rig()
@@ -181,26 +177,6 @@ def drawn(on: Rig, seed: int, *, free_place: bool = False) -> Problem:
 
 
 PLACED = rig(repeatability_m=3e-4, thrust_N={"walk": 2e-4})
-
-
-@pytest.mark.slow
-def test_intervals_hold_the_truth_with_errors_of_place_and_zero() -> None:
-    inside = {"k": 0, "R_m": 0, "body_lift.K_b": 0}
-    alone = 0
-    for seed in range(200):
-        problem = drawn(PLACED, seed)
-        result, silent = (
-            fit_least_squares(one) for one in (problem, replace(problem, error_sources=()))
-        )
-        for name in inside:
-            low, high = result[name].interval_95
-            inside[name] += low <= problem.parameters[name].value <= high
-        low, high = silent["body_lift.K_b"].interval_95
-        alone += low <= 1.7 <= high
-        assert silent.chi2_per_dof > 2.0
-    for name, count in inside.items():
-        assert 178 <= count <= 199, name  # 95 % of 200, 99.9 % limits
-    assert alone < 150
 
 
 def test_the_scatter_of_places_can_be_estimated() -> None:

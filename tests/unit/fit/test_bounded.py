@@ -56,14 +56,3 @@ def test_a_penalty_is_a_prior() -> None:
     )
     assert found.at[0] == pytest.approx(0.6, rel=1e-6)
     assert found.cost == pytest.approx(2.4**2 + 4.0 * 0.36, rel=1e-6)
-
-
-def test_what_is_no_number_costs_without_end() -> None:
-    search = BoundedSearch.of(lambda sets: np.where(sets.T > 1.0, np.nan, sets.T - 2.0),
-                           (np.array([-9.0]), np.array([9.0])))  # fmt: skip
-    found = search.minimum(
-        np.zeros(1),
-        Region(lower=np.array([-5.0]), upper=np.array([5.0]), penalty=np.zeros(1)),
-    )
-    assert found.at[0] <= 1.0
-    assert found.cost < 4.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,14 +13,12 @@ from benchtool.core.air import Air, air_density_kg_m3
 from benchtool.core.array import Array
 from benchtool.core.error_source import ErrorSource, effective_dof
 from benchtool.core.parameter import Prior
-from benchtool.data.atomic import json_ready
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.recipe import Recipe
-from benchtool.fit.result_file import result_tables
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.fit.uncertainty.budget import Budget, MonteCarlo, budget_from
+from benchtool.fit.uncertainty.budget import MonteCarlo
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import drawn, monte_carlo
 from benchtool.fit.uncertainty.propagation import Propagation, bounded, budget_of, propagation
@@ -29,8 +26,6 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
 from benchtool.report.fit.budget import budget_table
-from benchtool.report.fit.page import sentence
-from benchtool.report.fit.tables import short_table
 from tests.unit.fit.cases import (
     X,
     calibrated_line,
@@ -177,29 +172,6 @@ def test_an_open_parameter_has_no_budget() -> None:
     assert propagation(problem, fit_least_squares(problem)) is None
 
 
-def test_it_comes_back_from_json() -> None:
-    way = carried(scaled_line(), Derived("a_over_b", "1", lambda v: v["a"] / v["b"]))
-    budget = budget_of(way, [shared(len(X))], traceability=["cell-1: lab 7, 2026-01-02"])
-    budget = replace(budget, monte_carlo=monte_carlo(way, draws=50, seed=3))
-    again = budget_from(json.loads(json.dumps(json_ready(budget.tables()))))
-    assert again == budget
-    assert isinstance(again, Budget)
-    source = budget.tables()["sources"][1]
-    assert source["percent"]["a"] == pytest.approx(100.0 * 0.1 / abs(budget.values[0]))
-
-
-@pytest.mark.parametrize("make", [line_problem, decay_problem, calibrated_line])
-def test_monte_carlo_confirms_normal_errors(make: Callable[[], Problem]) -> None:
-    problem = make()
-    problem = replace(problem, error_sources=(shared(len(problem), 0.05),))
-    way = carried(problem)
-    budget = budget_of(way)
-    budget = replace(budget, monte_carlo=monte_carlo(way, draws=2000, seed=1))
-    assert budget.monte_carlo is not None
-    assert budget.monte_carlo.sd == pytest.approx(budget.combined, rel=0.06)
-    assert all(budget.confirmed)
-
-
 @pytest.mark.parametrize(
     ("distribution", "dof", "ends"),
     [
@@ -314,17 +286,6 @@ def test_what_a_model_holds_counts_by_its_prior_or_tolerance() -> None:
     assert (by_prior.origin, by_prior.distribution) == ("sheet", "normal")
 
 
-def test_a_ratio_knows_no_scale_and_feels_a_tare_by_what_it_divides() -> None:
-    model = quad_model()
-    here = level_bench(model)
-    far = here.out_of_ground_effect()
-    sources = {one.name: one for one in held_sources(model, here, far)}
-    near_N, far_N = model.thrust_N(here), model.thrust_N(far)
-    tare = sources["tare_offset.thrust_N"]
-    expected = (near_N + tare.sd) / (far_N + tare.sd) - near_N / far_N
-    assert tare.columns[:, 0] == pytest.approx(expected)
-
-
 def test_k_is_given_at_the_standard_density_as_well(tmp_path: Path) -> None:
     """At the density that was stated, with what that density leaves open (CIPM-2007)."""
     table = "rpm1,thrust_N,thrust_se_N\n4000,1.81,0.01\n5000,2.83,0.01\n6000,4.08,0.01\n"
@@ -353,16 +314,6 @@ def test_k_is_given_at_the_standard_density_as_well(tmp_path: Path) -> None:
     assert "k_standard_air" not in bare.budget.names
 
 
-def test_a_value_of_nothing_has_contributions_in_its_own_unit() -> None:
-    way = carried(weighted_mean())
-    nothing = replace(way.items[0], value=1e-22)
-    budget = budget_of(replace(way, items=(nothing,)))
-    assert np.isnan(budget.percent).all()
-    table = budget_table(budget)
-    assert table.header[2:] == ("if halved", "mu [–]")
-    assert table.rows[0][2:] == ("mu −50 %", f"{budget.combined[0]:.2g}")  # the only source
-
-
 ROOT = Path(__file__).parents[3]
 
 
@@ -370,23 +321,6 @@ ROOT = Path(__file__).parents[3]
 def quad() -> FitOutput:
     recipe = Recipe(name="quad", data=(str(ROOT / "datasets/quad/run"),), model="quad_bench")
     return run_recipe(replace(recipe, methods=("least_squares", "emcee")))
-
-
-def test_the_headline_of_a_fit_has_the_error_of_its_budget(quad: FitOutput) -> None:
-    """With it K_b is known half as well as by the scatter alone."""
-    budget, item = quad.budget, quad.results[0]["K_b"]
-    assert budget is not None
-    row = budget.tables()["quantities"]["body_lift.K_b"]
-    assert item.combined_sd == row["combined"] > 1.5 * item.sd
-    assert item.combined_95 == pytest.approx(
-        (item.value - row["expanded"], item.value + row["expanded"])
-    )
-    headline = f"{item.value:.3f} ± {item.combined_sd:.3f} (statistical {item.sd:.3f})"
-    assert f"body_lift.K_b = {headline}" in sentence(quad)
-    (short,) = (one for one in short_table(quad.results[0]).rows if one[0] == "body_lift.K_b")
-    assert (short[2], short[-1]) == (headline.partition(" (")[0], f"{item.sd:.3f}")
-    stated = result_tables(quad)["results"]["least_squares"]["estimates"]["body_lift.K_b"]
-    assert (stated["combined_sd"], stated["sd"]) == (item.combined_sd, item.sd)
 
 
 def test_a_run_bounds_the_hysteresis_that_it_does_not_show(quad: FitOutput) -> None:

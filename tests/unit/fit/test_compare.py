@@ -12,9 +12,9 @@ from benchtool.core.rig_file import rig_named
 from benchtool.fit.compare import compare, predicted
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
-from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.problem import Problem
 from benchtool.physics.model import Model
-from tests.unit.fit.cases import X, free, line, line_problem, quad_conditions, quad_thrust
+from tests.unit.fit.cases import X, line_problem, quad_conditions, quad_thrust
 from tests.unit.fit.cases import quad_model as with_body_lift
 
 SIGMA_N = 0.3
@@ -46,26 +46,6 @@ def test_the_true_model_foretells_best() -> None:
     assert best.aic == min(score.aic for score in found.scores)
     assert "quad_body_lift predicts held-out points best" in found.sentence
     assert "clearly behind" in found.sentence
-
-
-def test_a_richer_model_is_not_clearly_better_where_it_is_not_needed() -> None:
-    problem = line_problem()
-
-    def parabola(v: object) -> object:
-        return line(v) + v[2] * X**2  # type: ignore[index]
-
-    richer = function_problem(
-        "parabola",
-        {**dict(problem.parameters), "c": free("c", 0.0)},
-        parabola,
-        problem.observed,
-        problem.standard_error,
-    )
-    found = compare([problem, richer])
-    assert not next(score for score in found.scores if score.model == "line").clearly_behind
-    by_name = {score.model: score for score in found.scores}
-    assert by_name["line"].bic < by_name["parabola"].bic
-    assert by_name["parabola"].parameters == 3
 
 
 def test_criteria_are_those_of_the_book() -> None:

@@ -8,7 +8,7 @@ import pytest
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
-from benchtool.fit.compare_laws import compare_laws, contestants, distance_groups
+from benchtool.fit.compare_laws import compare_laws, distance_groups
 from benchtool.fit.law_scores import LawComparison
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
@@ -110,17 +110,6 @@ def test_a_bench_that_follows_no_formula_follows_the_table_or_none() -> None:
     assert found.named("best") in ([], ["monotone_table"])
     assert "follows no" in found.sentence
     assert "rotor_images" in found.named("refused")
-
-
-def test_laws_that_are_one_by_another_parameter_count_once() -> None:
-    single = {effect.name: same for effect, same in contestants(asked())}
-    assert set(single["rotor_images"]) == {"cheeseman_bennett", "li", "nobahari"}
-    assert not set(single["rotor_images"]) & set(single)
-    quad = {effect.name: same for effect, same in contestants(asked(rig_named("pquad")))}
-    assert quad["rotor_images"] == ("cheeseman_bennett",)
-    assert quad["li"] == ("nobahari",)
-    own = {effect.name: same for effect, same in contestants(asked().with_law("nobahari"))}
-    assert "rotor_images" in own["nobahari"]
 
 
 def test_nearer_than_half_a_radius_only_laws_that_are_finite_there_are_tried() -> None:

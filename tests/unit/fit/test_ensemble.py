@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,9 @@ from numpy.typing import NDArray
 from benchtool.core.errors import EstimationError, InputError, NotConverged
 from benchtool.fit.diagnose import refusal
 from benchtool.fit.ensemble import convergence_of, fit_ensemble, split_rhat
-from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import NOISE_SCALE, Problem, function_problem
-from benchtool.fit.sampling import IslandDifference, log_probability
-from tests.unit.fit.cases import SMALL, X, free, line_problem, scaled_line
+from benchtool.fit.problem import Problem, function_problem
+from benchtool.fit.sampling import log_probability
+from tests.unit.fit.cases import SMALL, X, free, line_problem
 
 Array = NDArray[np.float64]
 
@@ -50,25 +48,6 @@ def test_the_probability_is_the_one_of_the_book(name: str) -> None:
     np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=1e-9, atol=1e-7)
 
 
-def test_a_scale_beside_a_fixed_scatter_weighs_points_apart() -> None:
-    problem = scaled_line()
-    parameters = {**dict(problem.parameters), "noise.sd": free("sd", 0.3, 0.0).fixed()}
-    both = function_problem(
-        "both", parameters, problem.predict, problem.observed, np.linspace(0.1, 0.4, len(X))
-    )
-    walkers = np.array([[1.0, 2.0, 1.5], [1.1, 1.9, 2.5]])
-    sigma = np.sqrt(np.outer(walkers[:, 2], both.standard_error) ** 2 + 0.3**2)
-    left = both.observed - (walkers[:, :1] + walkers[:, 1:2] * X)
-    expected = np.sum(-0.5 * (left / sigma) ** 2 - np.log(sigma), axis=1) - np.log(walkers[:, 2])
-    np.testing.assert_allclose(log_probability(both)(walkers), expected, rtol=1e-12)
-    np.testing.assert_allclose(both.sigma(1.5), sigma[0])
-    assert both.noise_name == NOISE_SCALE
-    # Least squares finds the scale at which all errors together leave chi2 at its mean.
-    found = fit_least_squares(both)
-    rows = both.whitening(found["noise.scale"].value)(both.residuals(found.values))
-    assert rows @ rows == pytest.approx(both.dof, rel=1e-8)
-
-
 def test_nothing_is_probable_outside_the_bounds_or_without_a_value() -> None:
     def root(v: Any) -> Any:
         return np.sqrt(v[0] - 1.0 + 0.0 * X)
@@ -79,27 +58,6 @@ def test_nothing_is_probable_outside_the_bounds_or_without_a_value() -> None:
     with np.errstate(all="ignore"):
         found = log_probability(problem)(np.array([[2.0], [3.5], [0.5]]))
     np.testing.assert_array_equal(np.isfinite(found), [True, False, False])
-
-
-def test_islands_never_meet() -> None:
-    """Put one island far away: no walker of the others may ever leave its own line."""
-    islands, walkers = 3, 8
-    coords = np.zeros((islands * walkers, 2))
-    coords[:, 0] = np.repeat([0.0, 100.0, 1e6], walkers)
-    coords[:, 1] = np.random.default_rng(1).standard_normal(len(coords))
-    model = SimpleNamespace(
-        random=np.random.RandomState(1), log_prob_fn=lambda x: -0.5 * x[:, 1] ** 2
-    )
-    state = SimpleNamespace(coords=coords, log_prob=-0.5 * coords[:, 1] ** 2)
-    moved = np.zeros(len(coords), bool)
-    for _ in range(50):
-        state, accepted = IslandDifference(islands).propose(model, state)
-        moved |= accepted
-    np.testing.assert_allclose(
-        state.coords[:, 0], np.repeat([0.0, 100.0, 1e6], walkers), rtol=1e-9, atol=1e-6
-    )
-    assert moved.all()
-    np.testing.assert_allclose(state.log_prob, -0.5 * state.coords[:, 1] ** 2)
 
 
 def test_a_normal_posterior_is_sampled_as_algebra_has_it() -> None:
@@ -139,21 +97,6 @@ def test_too_few_steps_give_advice_and_are_refused() -> None:
     assert isinstance(refused, NotConverged)
     assert "allow more than 60 steps" in str(refused)
     assert refusal([fit_ensemble(line_problem())]) is None
-
-
-def test_two_modes_are_not_called_converged() -> None:
-    """Two far islands of probability: each ensemble stays on its own."""
-
-    def square(v: Any) -> Any:
-        return v[0] ** 2 + 0.0 * X
-
-    problem = function_problem(
-        "square", {"a": free("a", 0.05, -9.0, 9.0)}, square, np.full(len(X), 25.0), np.ones(len(X))
-    )
-    found = [fit_ensemble(problem, max_steps=1500, seed=seed) for seed in range(1, 3)]
-    for result in found:
-        both_signs = np.ptp(np.sign(result.samples)) > 0
-        assert result.outcome.status == "not_converged" or not both_signs
 
 
 def test_walkers_are_even_and_enough() -> None:

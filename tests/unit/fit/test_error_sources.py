@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +11,11 @@ from scipy.stats import multivariate_normal
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.errors import InputError
 from benchtool.fit.compare import compare, predicted
-from benchtool.fit.diagnose import diagnose
-from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.profile import with_profile
 from benchtool.fit.sampling import log_probability
-from benchtool.fit.uncertainty.propagation import budget_of, propagation
+from benchtool.fit.uncertainty.propagation import propagation
 from tests.unit.fit.cases import (
     Array,
     X,
@@ -134,28 +131,6 @@ def test_the_posterior_is_that_of_the_covariance(made, kept: tuple[int, ...]) ->
     np.testing.assert_allclose(np.diff(found), np.diff(expected), rtol=1e-8, atol=1e-8)
 
 
-def test_emcee_agrees_with_least_squares() -> None:
-    problem = with_errors(line_problem())
-    exact, drawn = fit_least_squares(problem), fit_ensemble(problem, seed=3)
-    for name in ("a", "b"):
-        assert abs(drawn[name].value - exact[name].value) < 0.1 * exact[name].sd
-        assert drawn[name].sd == pytest.approx(exact[name].sd, rel=0.05)
-
-
-def test_a_subset_and_a_held_number_keep_their_errors() -> None:
-    problem = with_errors(line_problem())
-    rows = np.array([7, 3, 20])
-    np.testing.assert_allclose(
-        covariance_of(problem.subset(rows)), covariance_of(problem)[np.ix_(rows, rows)]
-    )
-    held = fit_least_squares(problem.fixed("b", 2.0))
-    ones = np.ones(25)
-    weight = np.linalg.solve(covariance_of(problem), ones)
-    assert held["a"].sd == pytest.approx((ones @ weight) ** -0.5, rel=1e-9)
-    calibrated = replace(calibrated_line(), error_sources=problem.error_sources)
-    assert calibrated.shared().shape == (25, 6)
-
-
 def test_held_out_points_are_judged_given_the_training_points() -> None:
     """The density is the Gaussian's own conditional one, with a flat prior on the line."""
     problem = with_errors(line_problem())
@@ -172,15 +147,6 @@ def test_held_out_points_are_judged_given_the_training_points() -> None:
         density, -0.5 * (left / sd) ** 2 - np.log(sd * np.sqrt(2 * np.pi)), atol=1e-4
     )
     assert compare([problem]).scores[0].parameters == 2
-
-
-def test_a_shared_error_is_no_structure_and_an_outlier_stays_one() -> None:
-    problem = with_errors(line_problem(5))
-    assert diagnose(problem, fit_least_squares(problem)).verdict == "consistent"
-    observed = problem.observed.copy()
-    observed[13] += 3.0
-    spoiled = replace(problem, observed=observed)
-    assert diagnose(spoiled, fit_least_squares(spoiled)).outliers == (13,)
 
 
 def test_gain_is_the_derivative_of_the_answer() -> None:
@@ -237,40 +203,3 @@ def test_a_robust_loss_holds_the_truth_where_points_share_errors(size: float, dr
     # 99.9 % of binomial counts of 200 at 68.3 % and at 95 %.
     assert np.all((one >= 114) & (one <= 158)), one
     assert np.all(two >= 179), two
-
-
-@pytest.mark.parametrize("draws", [12, 4])
-def test_an_outlier_costs_a_robust_fit_little_where_points_share_errors(draws: int) -> None:
-    """Whitening by all errors would carry a point far out into those that share a draw with it."""
-    errors, widths, found, wrong = [], [], 0, 0
-    for seed in range(60):
-        problem, bad = spoiled_line(seed, 1.0, draws)
-        result = fit_least_squares(problem, loss="huber")
-        clean = fit_least_squares(problem.subset(np.setdiff1d(np.arange(48), bad)))
-        errors.append(np.abs(result.values - clean.values) / np.sqrt(np.diag(clean.covariance)))
-        widths.append(np.sqrt(np.diag(result.covariance) / np.diag(clean.covariance)))
-        far = np.isin(diagnose(problem, result).outliers, bad)
-        found, wrong = found + int(far.sum()), wrong + int((~far).sum())
-    assert np.mean(errors) < 0.3
-    assert np.mean(widths) < 1.1
-    assert found > 0.95 * 60 * 4
-    assert wrong < 0.01 * 60 * 44
-
-
-@pytest.mark.parametrize("made", [line_problem, scaled_line])
-def test_the_covariance_of_a_robust_fit_widens_only_what_is_a_points_own(
-    made: Callable[[], Problem],
-) -> None:
-    problem = with_errors(made())
-    problem.observed[3] += 3.0
-    result = fit_least_squares(problem, loss="huber")
-    factor = float(result.facts["loss_factor"] or 0.0)
-    scale = result["noise.scale"].value if problem.noise_name else 1.0
-    v = covariance_of(problem, scale) + np.diag((scale * problem.standard_error) ** 2) * (
-        factor**2 - 1.0
-    )
-    assert factor > 1.0
-    np.testing.assert_allclose(result.covariance[:2, :2], line_by_algebra(problem, v)[1], rtol=1e-7)
-    way = propagation(problem, result)
-    assert way is not None
-    assert budget_of(way).combined == pytest.approx(budget_of(way).fit_sd, rel=1e-6)

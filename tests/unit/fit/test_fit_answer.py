@@ -70,48 +70,4 @@ def test_a_good_fit_is_exit_0(tmp_path: Path) -> None:
     assert "rejected" not in load_model(tmp_path / "fit" / "model.toml").model.provenance
 
 
-BOUNDED = """
-[model]
-name = "bounded"
-rig = "pquad_single"
-[parameters]
-k = { value = 1e-6, free = true, lower = 1e-7, upper = 1e-3 }
-R_m = 0.024
-[parameters.noise]
-scale = { value = 1.0, lower = 0.05, upper = 50 }
-[effects.tare_offset]
-thrust_N = { value = 0.0, free = true, prior = { kind = "normal", mean = 0.0, sd = 0.01 } }
-"""
-
-SMALL_MOTOR = """rpm1,thrust_N,thrust_se_N,plate_z_m
-20000,0.1180,0.0010,0.4
-20000,0.1172,0.0010,0.5
-25000,0.1838,0.0010,0.4
-25000,0.1834,0.0010,0.5
-30000,0.2644,0.0010,0.4
-30000,0.2650,0.0010,0.5
-"""
 """k = 2.68e-8 N/(rad/s)^2, as a motor of 20 g has."""
-
-
-def test_a_bound_is_said_beside_the_number_everywhere(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "bounded.toml").write_text(BOUNDED)
-    words = ["--noise", "scale", "--model", str(tmp_path / "bounded.toml")]
-    assert fitted(tmp_path, SMALL_MOTOR, *words) == 9
-    out = capsys.readouterr().out
-    result = json.loads((tmp_path / "fit" / "result.json").read_text())["results"]
-    page = (tmp_path / "fit" / "report.html").read_text()
-    toml = (tmp_path / "fit" / "model.toml").read_text()
-    estimates = result["least_squares"]["estimates"]
-    assert {name: item["bound"] for name, item in estimates.items()} == {
-        "k": "at its lower bound",
-        "noise.scale": "at its upper bound",
-        "tare_offset.thrust_N": "",
-    }
-    # In the sentence and in the table; the noise is not in the sentence.
-    for shown in (out, page):
-        assert shown.count("(at its lower bound)") >= 2
-        assert shown.count("(at its upper bound)") >= 1
-    assert 'source = "fitted: table, at its lower bound"' in toml

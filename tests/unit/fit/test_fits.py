@@ -155,17 +155,6 @@ def test_the_one_parameter_law_is_rejected_for_the_rotor_pair(
     }
 
 
-def test_points_with_too_many_outliers_are_named(tmp_path: Path) -> None:
-    recipe = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
-    run = Path(copied(tmp_path / "run", 1.0))
-    header, *rows = (run / "points.csv").read_text("utf-8").splitlines()
-    marked = [f"{header},suspect", *(f"{row},{int(n < 3)}" for n, row in enumerate(rows))]
-    (run / "points.csv").write_text("\n".join(marked) + "\n", "utf-8")
-    result = run_recipe(replace(recipe, data=(str(run),))).results[0]
-    (said,) = (text for text in result.warnings if "suspect" in text)
-    assert "2 points suspect: too many samples lie apart" in said  # one of the three is a tare
-
-
 def test_a_dead_speed_column_is_refused(reference_data: Path, tmp_path: Path) -> None:
     text = (DATASETS / "thrust_stand/model.toml").read_text("utf-8")
     model = tmp_path / "optical.toml"

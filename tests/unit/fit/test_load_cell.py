@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -24,7 +23,7 @@ from benchtool.fit.uncertainty.load_cell import ScaleError, pooled, with_scale_e
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from benchtool.fit.uncertainty.propagation import budget_of, propagation
 from benchtool.fit.uncertainty.run_budget import run_budget
-from tests.unit.fit.test_fits import CALIBRATION, DATASETS, FITS, copied
+from tests.unit.fit.test_fits import CALIBRATION, FITS, copied
 
 QUAD = replace(read_recipe(FITS / "quad"), methods=("least_squares",), compare=())
 STATED = [
@@ -50,25 +49,6 @@ def test_a_run_without_a_calibration_beside_one_that_has_it_is_named(tmp_path: P
     result = run_recipe(replace(QUAD, data=(*QUAD.data, other))).results[0]
     assert any("went through no calibration" in text for text in result.warnings)
     assert result["calibration.scale"].value == pytest.approx(1.01, abs=2e-3)
-
-
-def test_a_table_can_name_its_calibration(tmp_path: Path) -> None:
-    masses = np.array([0.0, 0.2, 0.5, 1.0, 1.5])
-    wobble = np.array([10.0, -20.0, 5.0, 15.0, -10.0])
-    made = fit_calibration(
-        masses, 8000.0 + 420.0 * 9.80665 * masses + wobble, date="2026-01-31", device_id="d"
-    )
-    file = tmp_path / "cell.json"
-    file.write_text(json.dumps(asdict(made)), "utf-8")
-    table = tmp_path / "points.csv"
-    table.write_bytes((DATASETS / "quad/run/points.csv").read_bytes())
-    recipe = replace(QUAD, data=(str(table),), rig="pquad")
-    plain = run_recipe(recipe).results[0]["k"]
-    named = run_recipe(replace(recipe, calibration=str(file))).results[0]["k"]
-    assert plain.sd < 0.1 * named.sd
-    assert named.sd / named.value == pytest.approx(made.relative_sd, rel=0.01)
-    half = 0.5 * (named.interval_95[1] - named.interval_95[0])
-    assert half / named.sd == pytest.approx(t.ppf(0.975, 3.0), rel=0.02)
 
 
 def weighed(seed: int) -> tuple[Problem, float]:
@@ -100,19 +80,6 @@ def test_intervals_of_five_masses_hold_the_thrust_coefficient() -> None:
         held += [low <= truth <= high for low, high in (k.interval_68, k.interval_95)]
     for count, p in zip(held, (0.6827, 0.95), strict=True):
         assert binom.ppf(5e-4, 400, p) <= count <= binom.ppf(1.0 - 5e-4, 400, p), (p, count)
-
-
-@pytest.mark.parametrize(("cells", "expected"), [(2, (0.65, 0.92)), (3, (0.62, 0.90))])
-def test_cells_that_compete_are_weighted_by_estimates(
-    cells: int, expected: tuple[float, float]
-) -> None:
-    """Without the correction two such cells hold k in 57 and 88 %, three in 51 and 84 %."""
-    held = np.zeros(2)
-    for seed in range(600):
-        k = fit_least_squares(competing(seed, cells))["k"]
-        held += [low <= 1.0 <= high for low, high in (k.interval_68, k.interval_95)]
-    for count, p in zip(held, expected, strict=True):
-        assert binom.ppf(5e-4, 600, p) <= count <= binom.ppf(1.0 - 5e-4, 600, p), (p, count / 600)
 
 
 def competing(seed: int, cells: int, *, pools: bool = False, se: float = 1e-5) -> Problem:
@@ -231,12 +198,6 @@ def test_a_cell_that_scatters_clearly_more_keeps_its_own() -> None:
     *alike, loose = pooled([calibrated(0.03, 9), calibrated(0.04, 9), calibrated(0.4, 9)])
     assert loose == calibrated(0.4, 9)
     assert {one["components"][0]["dof"] for one in alike} == {18.0}
-
-
-def test_one_calibration_or_one_without_its_scatter_stays_as_it_is() -> None:
-    assert pooled([calibrated(0.03)]) == [calibrated(0.03)]
-    both = [calibrated(0.03), {**calibrated(0.03), "residual_sd_N": None}]
-    assert pooled(both) == both
 
 
 def test_a_calibration_stands_in_the_budgets_of_fit_and_run(tmp_path: Path) -> None:

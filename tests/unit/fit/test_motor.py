@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import benchtool as bt
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
 from benchtool.acquire.plan import read_plan
@@ -19,7 +18,6 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig_file import rig_named
 from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.fit.motor.response import step_responses
-from benchtool.report.motor.page import hysteresis
 
 RIG = rig_named("pquad_single")
 TRUTH = {
@@ -66,30 +64,6 @@ def test_the_truth_of_a_virtual_bench_lies_in_the_interval(fitted: MotorFit, nam
     assert low < found.value < high
     assert found.sd < 0.03 * abs(truth)
     assert not found.open
-
-
-@pytest.mark.slow
-def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path: Path) -> None:
-    held = dict.fromkeys(TRUTH, 0)
-    for seed in range(20):
-        runs = [swept(name, seed, tmp_path / f"{name}{seed}") for name in ("steps", "response")]
-        found = fit_motor(runs, extrapolate=True)
-        for name, truth in TRUTH.items():
-            low, high = found[name].interval_95
-            held[name] += low <= truth <= high
-    # At 95 %, 15 or fewer of 20 have a chance of 0.3 % each.
-    assert {name: count for name, count in held.items() if count <= 15} == {}
-
-
-def test_each_way_of_the_throttle_is_apart(fitted: MotorFit) -> None:
-    ways = list(hysteresis(fitted))
-    assert [pulse for pulse, *_ in ways][:2] == [1140.0, 1230.0]
-    p = fitted.points
-    pulse, up, change, _ = ways[0]
-    here = p.pulse_us == pulse
-    by_hand = p.thrust_N[here & (p.way < 0.0)].mean() - p.thrust_N[here & (p.way > 0.0)].mean()
-    assert change == pytest.approx(by_hand)
-    assert up == pytest.approx(p.thrust_N[here & (p.way > 0.0)].mean())
 
 
 def stepped(lag_s: float, delay_s: float, rpm: tuple[float, float]) -> Recording:
@@ -144,15 +118,3 @@ def test_full_throttle_is_the_highest_measured_pulse_unless_requested(
         u = (1500.0 - 1050.0) / (result.full.pulse_us - 1050.0)
         exact_N = TRUTH["k"] * (1.05 * 450.0) ** 2
         assert result.thrust_at_throttle_N(u) == pytest.approx(exact_N, rel=5e-3)
-
-
-def test_python_gives_tables_and_figures(runs: list[Path]) -> None:
-    result = bt.motor(runs)
-    table = result.to_dataframe("constants").set_index("parameter")
-    assert table.loc["k", "value"] == pytest.approx(1.02e-5, rel=2e-3)
-    assert set(result.figures()) == {"thrust", "throttle", "response", "time"}
-    assert len(result.to_dataframe("points")) == 36
-    assert "T_max" in result.summary()
-    assert "<svg" in result._repr_html_()
-    page = bt.read(runs[0])._page.report(bt.read(runs[0]).found)
-    assert {"Constants", "Throttle up and down"} <= {section.title for section in page.sections}

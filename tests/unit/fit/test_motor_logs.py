@@ -131,24 +131,6 @@ def test_thrust_is_not_extrapolated_far_unless_requested(tmp_path: Path) -> None
         assert "22 %" not in text or "--extrapolate" in text
 
 
-def test_a_log_of_one_motor_gives_the_hover_point_of_four(tmp_path: Path) -> None:
-    path = log(tmp_path / "a.csv", 1)
-    found = bt.motor(path, propeller="5x4", mass_kg=0.4, rotors=4).found
-    single = bt.motor(path, propeller="5x4", mass_kg=0.1).found
-    for name in ("hover_rpm", "hover_throttle", "hover_thrust_share"):
-        assert found[name] == single[name]
-    (file,) = bt.export(
-        path, "ardupilot", tmp_path / "a.param", propeller="5x4", mass_kg=0.4, rotors=4
-    )
-    share = 0.1 * 9.80665 / found.value("T_max")
-    lines = [line for line in file.read_text().splitlines() if line.startswith("MOT_THST_HOVER,")]
-    assert [float(line.partition(",")[2]) for line in lines] == pytest.approx([share], rel=1e-4)
-    with pytest.raises(InputError, match="--rotors is 3"):
-        bt.motor(path, rig="pquad", mass_kg=0.4, rotors=3)
-    with pytest.raises(InputError, match="on 2 rotors"):
-        bt.motor(path, propeller="5x4", mass_kg=100.0, rotors=2)
-
-
 LOGS = (
     *(f"rcbenchmark_1520/{name}.csv" for name in (
         "a1_11", "a1_7", "b4_11", "b4_7", "c4_11", "d2_11",
@@ -220,32 +202,3 @@ def test_every_constant_of_a_measured_log_is_that_by_hand(name: str, tmp_path: P
     both = np.linalg.lstsq(np.column_stack([u, u * u]), p.thrust_N * ratio, rcond=None)[0]
     assert found.value("T_max") == pytest.approx(both.sum(), rel=0.03)
     assert found.value("expo") == pytest.approx(both[1] / both.sum(), abs=2.0 * found["expo"].sd)
-
-
-@measured
-@pytest.mark.parametrize("name", LOGS)
-def test_the_hover_speed_of_a_measured_log_is_that_between_its_levels(
-    name: str, tmp_path: Path
-) -> None:
-    law = measured_fit(name, tmp_path).law
-    if law is None:
-        pytest.skip("the log has no speed")
-    order = np.argsort(law.level_thrust_N)
-    root = np.sqrt(law.level_thrust_N[order])
-    for share in (0.35, 0.5, 0.7, 0.9):
-        hover_N = share * root[-1] ** 2
-        by_hand = np.interp(np.sqrt(hover_N), root, law.level_speed_rad_s[order])
-        value, sd = law.speed_at(hover_N)
-        assert abs(value / by_hand - 1.0) < 0.013
-        assert abs(value - by_hand) < 3.0 * sd
-        assert law.thrust_N(value) == pytest.approx(hover_N)
-
-
-@measured
-def test_a_voltage_far_beyond_a_measured_log_is_refused(tmp_path: Path) -> None:
-    found = measured_fit(LOGS[14], tmp_path)
-    assert found.value("T_measured") == pytest.approx(0.3693, abs=5e-4)
-    assert found.value("T_max") == pytest.approx(0.3693, abs=2.0 * found["T_max"].sd)
-    asked = measured_fit(LOGS[14], tmp_path, extrapolate=True)
-    assert asked.value("T_max") > 1.4 * 0.3693
-    assert asked["T_max"].sd > 0.1 * asked.value("T_max")

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NoReturn
 
 import pytest
 
 from benchtool import results
-from benchtool.commands.app import main
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.parameter import full_name
 from benchtool.fit.fit_data import recipe_model
@@ -59,31 +57,3 @@ def test_noise_that_is_named_by_itself_is_heeded() -> None:
     assert held.problem.sigma() == pytest.approx(2.0 * held.problem.standard_error)
     freed = results.run_recipe(quad(noise="stated", free=("noise.scale",)))
     assert freed.problem.noise_name == "noise.scale"
-
-
-def test_a_result_is_asked_by_last_parts_too() -> None:
-    result = results.run_recipe(quad(noise="stated")).results[0]
-    assert result["K_b"] is result["body_lift.K_b"]
-
-
-def captured(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Recipe, dict[str, Any]]]:
-    """Return a list that the recipe of a fit goes to, which is then not run."""
-    asked: list[tuple[Recipe, dict[str, Any]]] = []
-
-    def run(recipe: Recipe, report: object, **options: Any) -> NoReturn:
-        asked.append((recipe, options))
-        raise SystemExit(0)
-
-    monkeypatch.setattr(results, "run_recipe", run)
-    return asked
-
-
-def test_options_go_over_a_recipe_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "recipe.toml").write_text(
-        "[recipe]\nname = 'a'\ndata = ['r']\nmodel = 'quad'\nseed = 4\nwalkers = 40\n", "utf-8"
-    )
-    asked = captured(monkeypatch)
-    with pytest.raises(SystemExit):
-        main(["fit", "--recipe", str(tmp_path), "--seed", "5", "--fix", "K_b=2", "--fix", "R_m"])
-    ((recipe, _),) = asked
-    assert (recipe.seed, recipe.walkers, recipe.fix, recipe.hold) == (5, 40, {"K_b": 2.0}, ("R_m",))

@@ -133,13 +133,6 @@ def test_runs_of_two_vehicles_are_no_data_of_one_model(
             read()
 
 
-def test_a_rig_given_beside_a_run_must_be_the_runs_own(runs: tuple[str, str]) -> None:
-    with pytest.raises(
-        InputError, match="--rig pquad is not the rig that the data were recorded on"
-    ):
-        run_recipe(replace(recipe(runs[0]), rig="pquad"))
-
-
 HELD = """
 [model]
 name = "mine"

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from emcee import EnsembleSampler
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import norm
 
 import benchtool.api as bt
 from benchtool.core.array import Array
@@ -16,7 +15,6 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
 from benchtool.fit.result_file import write_result
 from tests.proof.truth.budgets import budget_sweep
-from tests.proof.truth.pool_count import counted_draw, faults
 
 EIGHT_SCHOOLS = (  # effects and standard errors (Rubin 1981, table 1)
     (28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0),
@@ -63,41 +61,6 @@ def test_one_parameter_is_as_integrated_on_a_grid_of_mean_and_spread() -> None:
     assert found.alike[0] == pytest.approx(zero / (1.0 + zero), rel=0.02)
 
 
-@pytest.mark.slow
-def test_correlated_parameters_are_as_emcee_samples_all_of_them_at_once() -> None:
-    """Mean, spreads and every rig's values sampled jointly, with emcee's own move."""
-    rng = np.random.default_rng(4)
-    covariance = np.array([[4.0, -1.5], [-1.5, 1.0]])
-    values = rng.multivariate_normal([0.0, 0.0], covariance, 3) + np.outer([0, 1, 4], [0, 1])
-    rigs = [rig(str(k), one, covariance, ("a", "b")) for k, one in enumerate(values)]
-    s = np.sqrt(np.diag(covariance))
-
-    def log_probability(x: Array) -> Array:
-        mu, u, own = x[:, :2], x[:, 2:4], x[:, 4:].reshape(-1, 3, 2)
-        inside = np.all((u > 0.0) & (u < 1.0), axis=1)
-        tau = s * np.clip(u, 1e-9, 1 - 1e-9) / (1.0 - np.clip(u, 1e-9, 1 - 1e-9))
-        found = norm.logpdf(own, mu[:, None], tau[:, None]).sum((1, 2))
-        for k in range(3):
-            found += multivariate_normal.logpdf(own[:, k] - values[k], [0.0, 0.0], covariance)
-        return np.where(inside, found, -np.inf)
-
-    start = np.concatenate(
-        [rng.normal(0, 1, (60, 2)), rng.uniform(0.3, 0.7, (60, 2)), rng.normal(0, 1, (60, 6))], 1
-    )
-    sampler = EnsembleSampler(60, 10, log_probability, vectorize=True)
-    sampler.random_state = np.random.MT19937(1).state
-    sampler.run_mcmc(start, 7000)
-    draws = sampler.get_chain(discard=2000, flat=True)
-    u = draws[:, 2:4]
-
-    found = pool_rigs(rigs, ["a", "b"])
-    medians = np.median(s * u / (1.0 - u), axis=0)
-    np.testing.assert_allclose(np.median(found.tau, axis=0), medians, rtol=0.12)
-    np.testing.assert_allclose(found.own.mean(0), draws[:, 4:].reshape(-1, 3, 2).mean(0), atol=0.12)
-    np.testing.assert_allclose(found.own.std(0), draws[:, 4:].reshape(-1, 3, 2).std(0), rtol=0.08)
-    np.testing.assert_allclose(np.median(found.mean, 0), np.median(draws[:, :2], 0), atol=0.15)
-
-
 def test_a_shared_parameter_is_the_weighted_mean_and_sharpens_the_others() -> None:
     covariance = np.array([[1.0, 0.9], [0.9, 1.0]])
     rigs = [rig(str(k), np.array([0.5 * k, 3.0 * k]), covariance, ("a", "b")) for k in range(3)]
@@ -122,14 +85,6 @@ def test_a_parameter_that_one_rig_lacks_is_pooled_of_the_others() -> None:
     assert len(found.differences["b"]) == 1
     with pytest.raises(InputError, match="b is in 1 fit of 2; pooling needs 2"):
         pool_rigs([whole[0], lacks[2]], ["a", "b"])
-
-
-@pytest.mark.slow
-def test_a_sample_of_counts_is_as_the_whole_one() -> None:
-    """tests/proof/truth/pool_count.py counts more of the same."""
-    assert (
-        faults([counted_draw((rigs, "prior", seed)) for rigs in (2, 5) for seed in range(60)]) == []
-    )
 
 
 @pytest.fixture(scope="module")

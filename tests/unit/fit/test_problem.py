@@ -61,17 +61,6 @@ def test_sigma_scales_and_adds_in_quadrature() -> None:
     assert fixed.noise_name is None
 
 
-def test_holding_a_parameter_keeps_the_prediction() -> None:
-    problem = quad_problem()
-    values = problem.start * 1.01
-    held = problem.fixed("R_m", values[1])
-    np.testing.assert_allclose(held.predict(values[[0, 2]]), problem.predict(values), rtol=1e-13)
-    many = values[:, None, None] * np.linspace(0.9, 1.1, 4)[None, :, None]
-    held_many = problem.fixed("k", 1e-5).predict(many[1:])
-    expected = problem.predict(np.concatenate([np.full((1, 4, 1), 1e-5), many[1:]]))
-    np.testing.assert_allclose(held_many, expected, rtol=1e-13)
-
-
 def test_a_subset_predicts_its_own_points() -> None:
     problem = quad_problem()
     rows = np.array([3, 0, 20])
@@ -155,22 +144,6 @@ def test_points_too_near_are_left_out_with_their_count() -> None:
     assert (len(whole), whole.facts["left_out_near"]) == (15, 0)
     with pytest.raises(InputError, match="all 15 points are nearer than z/R 9"):
         problem_from_model(model, conditions, thrust, np.ones(15), nearest_z_over_R=9.0)
-
-
-def test_points_of_one_plate_position_are_one_setting() -> None:
-    problem = quad_problem()
-    assert problem.groups is not None
-    assert len(np.unique(problem.groups)) == 7
-    assert set(np.bincount(problem.groups)) == {5}
-
-
-def test_a_model_without_errors_gets_a_free_scale() -> None:
-    model, conditions = quad_model(), quad_conditions()
-    observed = quad_thrust(model, conditions)
-    observed += 0.05 * np.random.default_rng(1).standard_normal(len(observed))
-    problem = problem_from_model(model, conditions, observed)
-    assert problem.noise_name == "noise.scale"
-    assert fit_least_squares(problem)["noise.scale"].value == pytest.approx(0.05, rel=0.3)
 
 
 def test_a_joint_prior_is_met_as_algebra_has_it() -> None:

@@ -12,17 +12,11 @@ from benchtool.core.rig_file import rig_named
 from benchtool.data.run.ratios import thrust_error
 from benchtool.data.table import read_table
 from benchtool.explain.sweep.log import sweep_log
-from benchtool.fit.ensemble import fit_ensemble
-from benchtool.fit.interval import with_derived
-from benchtool.fit.least_squares import fit_least_squares
-from benchtool.fit.problem import function_problem
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.physics.effects.effect import Derived
 from benchtool.report.fit.page import write_fit
 from benchtool.report.fit.stored_fit import read_stored, stored
 from benchtool.report.page import Table
-from tests.unit.fit.cases import X, free, noise
 
 
 def table(folder: Path, columns: str, *errors: str) -> str:
@@ -67,13 +61,6 @@ def test_a_scatter_of_samples_is_not_the_error_of_their_mean(
     np.testing.assert_allclose(log.se_N, expected)
 
 
-def test_the_scale_of_unknown_errors_carries_the_unit_of_thrust(tmp_path: Path) -> None:
-    data = table(tmp_path, "voltage_V", *["12"] * 6)
-    assert fitted(data, hold=("R_m",)).results[0]["noise.scale"].unit == "N"
-    stated = table(tmp_path, "thrust_se_N", *["0.02"] * 6)
-    assert fitted(stated, hold=("R_m",), noise="scale").results[0]["noise.scale"].unit == "1"
-
-
 def test_what_data_do_not_determine_is_said_with_why(tmp_path: Path) -> None:
     output = fitted(table(tmp_path, "thrust_se_N", *["0.02"] * 6))
     found = output.results[0]["R_m"]
@@ -92,19 +79,3 @@ def test_what_data_do_not_determine_is_said_with_why(tmp_path: Path) -> None:
     assert numbers["sd"] == found.sd
     assert numbers["interval_95"] == list(found.interval_95)
     assert read_stored(tmp_path / "fit").blocks == stored(output).blocks
-
-
-def test_both_estimators_say_what_is_open() -> None:
-    problem = function_problem(
-        "line",
-        {"a": free("a", 0.5), "b": free("b", 0.0, -1.0, 1.0)},
-        lambda v: v[0] + 1e-3 * v[1] * X,
-        1.0 + 0.2 * noise(1),
-        np.full(len(X), 0.2),
-    )
-    half = Derived("half", "1", lambda v: 0.5 * v["b"])
-    for result in (fit_least_squares(problem), fit_ensemble(problem)):
-        result = with_derived(result, [half])
-        assert "all that its bounds allow, -1 to 1" in result["b"].open
-        assert result["half"].open == "b is not"
-        assert result["a"].open == ""
