@@ -5,16 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 
-from benchtool.report.answer.overlay import worst_stretch
 from benchtool.report.figure import drawn
 from tests.unit.explain.hand_made import answer
-
-
-def test_the_worst_stretch_is_between_two_breaks() -> None:
-    at = np.arange(0.0, 6.0, 0.01)
-    at[::100] = np.nan
-    error = np.where((at > 3.0) & (at < 4.0), 0.5, 0.1)
-    assert_allclose(worst_stretch(at, error), (3.01, 3.99))
 
 
 def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise() -> None:

@@ -13,7 +13,7 @@ from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.data.levels import levels_of
 from benchtool.data.run.recording_file import write_recording
-from benchtool.report.compare.page import best_table, compared, comparison_sentence
+from benchtool.report.compare.page import best_table, compared
 from benchtool.report.compare.runs import ComparedRun, at_thrust, read_compared
 
 GF = 9.80665e-3
@@ -101,16 +101,6 @@ def test_runs_are_ranked_and_those_that_do_not_reach_the_thrust_are_named(tmp_pa
     assert table is not None
     assert [row[0] for row in table.rows] == ["1", "2", "–"]
     assert float(table.rows[1][-2]) > 10.0
-    words = comparison_sentence(one)
-    assert "At 5 N frugal is the most efficient" in words
-    assert "Not at that thrust: small (reaches 0.167 to 3 N)" in words
-
-
-def test_two_recordings_of_one_name_are_told_apart_by_their_paths(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    paths = [written(tmp_path / part, "log", stand(6.0, (1.0, 2.0))) for part in ("a", "b")]
-    assert [run.name for run in compared(paths).runs] == [str(path) for path in paths]
 
 
 def test_what_cannot_be_compared_is_refused_with_the_axes_that_can(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
-"""The registry of figures and the pages made of them, on a page of the test's own."""
+"""The registry of figures, on a page of the test's own."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import pytest
 from matplotlib.figure import Figure
@@ -17,7 +17,6 @@ from benchtool.report.style import SIMULATED_GID
 class Subject:
     name: str = "lab"
     simulated: bool = True
-    parts: dict[str, float] = field(default_factory=lambda: {"a": 1.0, "b": 2.0})
 
 
 @pytest.fixture(autouse=True)

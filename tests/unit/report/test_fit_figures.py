@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from matplotlib.container import ErrorbarContainer
 
-from benchtool.report.figure import drawn
 from benchtool.report.fit.residuals import expected_runs, judge_runs, runs_of_sign
-from tests.contracts.figure_subjects import fit
 
 
 def test_runs_are_counted_and_judged() -> None:
@@ -30,17 +27,3 @@ def test_the_expected_runs_are_those_of_independent_signs(rng: np.random.Generat
     mean, sd = expected_runs(signs)
     assert np.mean(counts) == pytest.approx(mean, abs=4.0 * sd / 20.0)
     assert np.std(counts) == pytest.approx(sd, rel=0.15)
-
-
-def test_thrust_is_drawn_over_rpm_with_the_residuals_below() -> None:
-    found = fit("quad")
-    above, below = drawn("fit", found, ["thrust"])["thrust"].figure.axes
-    bars = [item for item in above.containers if isinstance(item, ErrorbarContainer)]
-    left = [item for item in below.containers if isinstance(item, ErrorbarContainer)]
-    assert [bar.get_label() for bar in bars][-1] == "out of ground effect"
-    measured = np.concatenate([np.asarray(bar.lines[0].get_ydata()) for bar in bars])
-    rest = np.concatenate([np.asarray(bar.lines[0].get_ydata()) for bar in left])
-    predicted = found.fitted.thrust_N(found.data.conditions)
-    used = found.data.used
-    assert sorted(measured) == pytest.approx(sorted(found.data.observed[used]))
-    assert sorted(rest) == pytest.approx(sorted((found.data.observed - predicted)[used]))

@@ -1,12 +1,10 @@
-"""Parts of figures: thinned signals, ticks, a run's panels."""
+"""Parts of figures: thinned signals and broken lines."""
 
 from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchtool.core.channel import Channel
-from benchtool.core.recording import Recording
 from benchtool.report.panels import broken_line, envelope
 
 
@@ -32,13 +30,3 @@ def test_a_short_signal_is_drawn_as_it_is_and_breaks_where_it_is_blank() -> None
     broken_line(axes, time_s, values)
     drawn = np.asarray(axes.lines[0].get_ydata())
     np.testing.assert_array_equal(drawn, [1.0, np.nan, 3.0, 4.0, 5.0, np.nan])
-
-
-def run(rotors: int, last_s: float = 100.0) -> Recording:
-    """Make samples of 200 rows that rise with time; the plate was never read."""
-    time_s = np.linspace(0.0, last_s, 200)
-    columns = [(Channel("time_s", "s"), time_s), (Channel("thrust_N", "N"), time_s)]
-    for rotor in range(1, rotors + 1):
-        columns.append((Channel(f"rpm{rotor}", "rpm"), time_s))
-        columns.append((Channel(f"pwm{rotor}_us", "pwm_us"), 1000.0 + time_s))
-    return Recording.from_columns(columns)

@@ -1,4 +1,4 @@
-"""Ratio figures: every point with its bar, every curve where it is valid, the words on the axes."""
+"""Ratio figures: every point with its bar, every curve where it is valid."""
 
 from __future__ import annotations
 
@@ -15,13 +15,9 @@ FACTOR = 1.0 / (1.0 - (1.0 / (4.0 * Z)) ** 2)
 AT = np.array([0.4, 0.5, 1.0, 2.0, 4.0])
 
 
-def points(label: str = "rotor", **options: object) -> RatioPoints:
+def points() -> RatioPoints:
     ratio = 1.0 / (1.0 - (1.0 / (4.0 * AT)) ** 2)
-    return RatioPoints(AT, ratio, np.full(AT.size, 0.01), label, **options)  # type: ignore[arg-type]
-
-
-def curve(label: str = "PFI", **options: object) -> Curve:
-    return Curve(Z, FACTOR, label, **options)  # type: ignore[arg-type]
+    return RatioPoints(AT, ratio, np.full(AT.size, 0.01), "rotor")
 
 
 def drawn(*series: RatioPoints, curves: tuple[Curve, ...] = ()) -> Axes:
@@ -33,12 +29,6 @@ def drawn(*series: RatioPoints, curves: tuple[Curve, ...] = ()) -> Axes:
 
 def error_bars(axes: Axes) -> list[ErrorbarContainer]:
     return [item for item in axes.containers if isinstance(item, ErrorbarContainer)]
-
-
-def legend_of(axes: Axes) -> list[str]:
-    legend = axes.get_legend()
-    assert legend is not None
-    return [text.get_text() for text in legend.get_texts()]
 
 
 def test_every_point_has_its_bar_of_one_sd() -> None:
@@ -59,17 +49,8 @@ def test_one_repeat_is_a_point_without_a_bar() -> None:
     assert np.isfinite(axes.get_ylim()).all()
 
 
-def test_points_left_out_are_hollow_and_said_so() -> None:
-    axes = drawn(points(left_out=AT < 0.5))
-    used, out = error_bars(axes)
-    assert np.array_equal(out.lines[0].get_xdata(), [0.4])
-    assert out.lines[0].get_markerfacecolor() == "white"
-    assert len(used.lines[0].get_xdata()) == 4
-    assert legend_of(axes) == ["rotor", "rotor, left out of the fit"]
-
-
 def test_curves_stop_at_the_validity_limit_which_is_hatched() -> None:
-    axes = drawn(curves=(curve(),))
+    axes = drawn(curves=(Curve(Z, FACTOR, "PFI"),))
     (line,) = [item for item in axes.lines if item.get_label() == "PFI"]
     assert min(np.asarray(line.get_xdata())) >= 0.5
     (hatched,) = [patch for patch in axes.patches if patch.get_hatch()]

@@ -163,10 +163,9 @@ def test_a_run_that_does_not_follow_is_not_shown_as_a_result(log: Path) -> None:
     assert "does not follow" not in words_of(good)
     assert "simulated RMS error, over it" in facts_of(good)
     page = page_text([log], Beside(model=MODEL, rig="pquad", plate_z_m=0.12, motors=(3, 2, 1, 4)))
-    text, facts = words_of(page), facts_of(page)
+    facts = facts_of(page)
     assert facts["simulated run"] == "does not follow the log"
     assert not [name for name in facts if "RMS" in name and "simulated" in name]
-    assert "is no result" in text
 
 
 def test_how_far_a_run_may_be_from_its_log(flown: Recording) -> None:
@@ -240,19 +239,12 @@ def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(
     run = tmp_path / "hinge"
     words = ["sim:pquad?mode=pitch&seed=3", "--seconds", "12", "--yes", "--out", str(run)]
     assert call("record", *words) == 0
-    out = tmp_path / "hinge.html"
-    assert call("report", str(run), "--model", MODEL, "--out", str(out)) == 0
-    page = out.read_text()
-    check_self_contained(page)
-    facts, text = facts_of(page), words_of(page)
-    assert kind_of(run) == "pitch"
-    assert "Nothing is fitted from a pitch recording on this page, so it has no uncertain" in text
     for words in (["fit"], ["plan", "--for", "k=1%"]):
         assert call(*words, str(run), "--model", MODEL) == 2
         assert "this is a pitch run, from which nothing is fitted" in capsys.readouterr().err
-    assert "closed loop: controller pid with gains s3" in text
+    page = page_text([run], Beside(model=MODEL))
+    facts = facts_of(page)
     assert facts["sha256 of the run's data (points and samples)"] == data_hash(run)
-    assert facts["rig"].startswith("pquad: ")
     track = pitch_track(read_pitch(run))
     told = np.sqrt(np.nanmean(errors_deg(track, None)[0][track.any_over > 0.0] ** 2))
     assert facts["RMS pitch error, over a surface"] == f"{told:.2f}°"
