@@ -32,18 +32,13 @@ def results(folder: str) -> dict[str, Any]:
 def test_each_is_fitted_as_alone_and_pooled_next(capsys: Capsys, tables: list[str]) -> None:
     code, out, error = said(capsys, "fit", *tables, "--each", *WORDS, "--out", "fits")
     assert code == 0, error
-    assert "body_lift.K_b" in out
     assert "benchtool pool fits/bench0 fits/bench1" in out
     assert sorted(each.name for each in Path("fits").iterdir()) == ["bench0", "bench1"]
     said(capsys, "fit", tables[1], *WORDS, "--out", "alone")
     assert results("fits/bench1") == results("alone")
-    assert Path("fits/bench1/report.html").is_file()
     code, _, error = said(capsys, "fit", *tables, "--each", *WORDS, "--out", "fits")
     assert code == 2
     assert "fits exists already" in error
-    code, out, _ = said(capsys, "pool", "fits/bench0", "fits/bench1", "--out", "p")
-    assert code == 0
-    assert "written: p/report.html" in out
 
 
 def test_one_that_fails_ends_no_other(capsys: Capsys, tables: list[str]) -> None:

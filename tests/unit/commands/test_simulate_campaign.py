@@ -22,9 +22,9 @@ from tests.unit.commands.command_line import said
 WORDS = ("simulate", "pitch", "--duration-s", "12", "--controllers", "pid,observer")
 
 
-def short(duration_s: float = 12.0) -> PitchSetup:
+def short() -> PitchSetup:
     setup = pitch_setup(controllers=("pid",))
-    return replace(setup, schedule=setup.schedule.lasting(duration_s))
+    return replace(setup, schedule=setup.schedule.lasting(12.0))
 
 
 def test_every_point_sees_the_same_noise_and_stands_as_if_run_alone() -> None:

@@ -23,17 +23,9 @@ def test_which_gains_cross_at_which_speed(
         "--gains", "s3", "--gains", "stiff", "--duration-s", "60", "--out", str(out),
     ) == 0  # fmt: skip
     said = capsys.readouterr().out.splitlines()
-    assert said[0] == (
-        "SIMULATED campaign: Flying over an obstacle (case 1), pquad; 2 speed_m_s x "
-        "2 gains.attitude, 2 seeds; 32 runs"
-    )
-    assert said[3:8] == [
-        "share of flights that arrive, mean of all:",
-        "  s3, oge: 1",
-        "  s3, pid: 0.75",
-        "  stiff, oge: 1",
-        "  stiff, pid: 1",
-    ]
+    assert said[4:8] == [
+        "  s3, oge: 1", "  s3, pid: 0.75", "  stiff, oge: 1", "  stiff, pid: 1",
+    ]  # fmt: skip
     assert [path.name for path in out.iterdir()] == ["campaign.parquet"]
     names = ["speed_m_s", "gains.attitude", "gains", "controller", "seed", "arrives", "ending"]
     table = pd.read_parquet(out / "campaign.parquet")
