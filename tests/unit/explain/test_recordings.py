@@ -14,7 +14,7 @@ from benchtool.core.recording import Recording
 from benchtool.data.run.recording_file import write_recording
 from benchtool.explain.recordings import bench_of, read_sources
 from benchtool.physics.model_file import LoadedModel, load_model
-from tests.unit.explain.hand_made import MODEL, source
+from tests.unit.explain.hand_made import MODEL
 
 THEIRS = "t,theta_ref,theta,gyro,pwm1,pwm2,rpm1,rpm2,plate_z"
 SWEEP = Path(__file__).parents[3] / "datasets" / "single_rotor" / "run"
@@ -108,8 +108,6 @@ def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path: Path) -> No
         ("a.csv", "copy.csv", "same data"),
         ("nowhere.csv", "a.csv", "no such run or file"),
         (".", "a.csv", "this folder is no run; .*: a.csv, copy.csv"),
-        ("one", "a.csv", "name the recording in it: one.pid.csv$"),
-        ("none", "a.csv", "no recording is in it"),
         ("m.toml", "a.csv", "m.toml: this is a TOML file"),
         ("word.csv", "a.csv", "it holds 'hello' and no row below it"),
         ("bare.parquet", "a.csv", "no bare.parquet.json beside it"),
@@ -126,11 +124,7 @@ def test_what_cannot_be_explained_is_refused_with_the_reason(
     csv(tmp_path, "copy.csv")
     csv(tmp_path, "other.csv", "a,b,c")
     csv(tmp_path, "notime.csv", "time_s,gyro_rad_s")
-    (tmp_path / "one").mkdir()
-    (tmp_path / "none").mkdir()
-    write_recording(tmp_path / "one" / "pid.csv", source("", "").recording, {})
     files = {
-        "one/numbers.csv": "a,b\n1,2\n",
         "bare.parquet": "PAR1",
         "m.toml": "[model]\n",
         "word.csv": "hello\n",

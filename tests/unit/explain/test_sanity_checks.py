@@ -90,6 +90,5 @@ def test_a_gyro_on_a_compliant_part_is_a_finding_with_its_frequency(
     gyro = good.column("gyro_rad_s")
     soft = changed(good, gyro_rad_s=gyro + 6.0 * lfilter(*resonance, gyro))
     (remark,) = pitch_log(soft, model.rig).remarks
-    assert "gyro_rad_s is" in remark
     frequency_Hz = float(remark.partition(" at ")[2].split()[0])
     assert 9.0 < frequency_Hz < 13.0

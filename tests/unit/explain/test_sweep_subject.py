@@ -25,7 +25,6 @@ from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.discrepancy import DiscrepancyTolerances
-from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.hand_made import answer, far_off
 
@@ -88,14 +87,12 @@ def test_the_whole_model_lacks_nothing() -> None:
         assert gap.after == gap.before
 
 
-def proposed(
-    name: str, first: str, second: str, refused: Subsystem | None = None
-) -> tuple[NextExperiment, Plan]:
+def proposed(name: str, first: str, second: str) -> tuple[NextExperiment, Plan]:
     """Return the sweep that shall tell two effects of five tolerances apart, and its plan."""
     learn, check = halves(name)
     subject = SweepSubject(load_model(MODELS[name]).model, [learn], [check])
     pair = [far_off(subject.evidence, name, 5.0) for name in (first, second)]
-    found = subject.next_experiment(pair, np.random.default_rng(0), refused)
+    found = subject.next_experiment(pair, np.random.default_rng(0))
     assert found is not None
     return found, plan_from_toml(found.plan_toml, "next").resolved(subject.evidence.model.rig)
 

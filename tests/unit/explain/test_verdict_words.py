@@ -1,24 +1,13 @@
-"""The verdict's sentence: the field's words, and a code word only as a parameter's full name."""
+"""The sentence, the sureness and the numbers of a verdict."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import pytest
 
-from benchtool.explain.engine.verdict import KINDS, Kind, NotJudged, Unnamed
+from benchtool.explain.engine.verdict import Kind, NotJudged, Unnamed
 from tests.unit.explain.hand_made import FRICTION, NEXT, OFFSET, gap, verdict
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_code_words_stand_only_where_a_parameter_is_named(kind: Kind) -> None:
-    found = verdict(kind)
-    rest = found.sentence
-    for effect in found.effects:
-        for item in effect.parameters:
-            rest = rest.replace(f"{effect.name}.{item.name} = ", "")
-    assert not re.search(r"\w_\w", rest)
 
 
 def test_an_unknown_says_place_and_nearest_in_words() -> None:
