@@ -23,8 +23,8 @@ def curved(sets: Array) -> Array:
 WIDE = (np.full(3, -10.0), np.full(3, 10.0))
 
 
-def region(lower: list[float], upper: list[float], penalty: float = 0.0) -> Region:
-    return Region(lower=np.array(lower), upper=np.array(upper), penalty=np.full(3, penalty))
+def region(lower: list[float], upper: list[float]) -> Region:
+    return Region(lower=np.array(lower), upper=np.array(upper), penalty=np.zeros(3))
 
 
 @pytest.mark.parametrize(

@@ -20,12 +20,11 @@ from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.fit.uncertainty.budget import MonteCarlo
 from benchtool.fit.uncertainty.held_sources import held_sources
-from benchtool.fit.uncertainty.monte_carlo import drawn, monte_carlo
+from benchtool.fit.uncertainty.monte_carlo import drawn
 from benchtool.fit.uncertainty.propagation import Propagation, bounded, budget_of, propagation
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.model import Model
-from benchtool.report.fit.budget import budget_table
 from tests.unit.fit.cases import (
     X,
     calibrated_line,
@@ -190,17 +189,6 @@ def test_monte_carlo_draws_each_distribution(distribution: str, dof: float, ends
         assert found.std() == pytest.approx(1.0, rel=0.02)
 
 
-def test_a_ruling_uniform_source_has_the_coverage_factor_of_its_shape() -> None:
-    """A normal distribution's 1.96 would be too large, which Monte Carlo confirms."""
-    source = shared(3, 10.0, distribution="uniform")
-    way = carried(weighted_mean())
-    budget = replace(budget_of(way, [source]), monte_carlo=monte_carlo(way, [source]))
-    assert budget.coverage_factor[0] == pytest.approx(0.95 * 3.0**0.5, abs=2e-3)
-    assert budget.monte_carlo is not None
-    assert budget.monte_carlo.high[0] == pytest.approx(10.0 * 0.95 * 3.0**0.5, rel=0.03)
-    assert budget.confirmed == (True,)
-
-
 @pytest.mark.parametrize(("share", "factor"), [(0.5, 1.952), (0.7, 1.919), (0.9, 1.804)])
 def test_a_uniform_source_and_normal_ones_have_the_factor_of_their_sum(
     share: float, factor: float
@@ -321,18 +309,6 @@ ROOT = Path(__file__).parents[3]
 def quad() -> FitOutput:
     recipe = Recipe(name="quad", data=(str(ROOT / "datasets/quad/run"),), model="quad_bench")
     return run_recipe(replace(recipe, methods=("least_squares", "emcee")))
-
-
-def test_a_run_bounds_the_hysteresis_that_it_does_not_show(quad: FitOutput) -> None:
-    budget = quad.budget
-    assert budget is not None
-    place = budget.names.index("body_lift.K_b")
-    (line,) = (one for one in budget.lines if one.name.startswith("load_cell_hysteresis."))
-    assert (line.kind, line.in_fit) == ("A", False)
-    assert line.sd < 0.002  # of 0.0135 N assumed
-    assert line.contribution[place] < 0.3 * budget.combined[place]
-    (row,) = (row for row in budget_table(budget).rows if row[0] == f"{line.name} *")
-    assert row[1] == f"A: {line.sd:.2g} N from residuals"
 
 
 def test_a_posterior_has_the_sources_outside_of_it_as_well(quad: FitOutput) -> None:

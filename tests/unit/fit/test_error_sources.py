@@ -38,10 +38,10 @@ def blocks(size: float) -> Array:
     return size * np.kron(np.eye(5), np.ones((5, 1)))
 
 
-def with_errors(problem: Problem, rng: np.random.Generator | None = None) -> Problem:
+def with_errors(problem: Problem) -> Problem:
     """Return the problem with one zero for all points and one place for every five of them."""
     zero, places = np.full((25, 1), 0.15), blocks(0.2)
-    rng = rng or np.random.default_rng(11)
+    rng = np.random.default_rng(11)
     shifts = zero @ rng.standard_normal(1) + places @ rng.standard_normal(5)
     sources = (source(zero), source(places, scaled=True, name="place"))
     return replace(problem, observed=problem.observed + shifts, error_sources=sources)

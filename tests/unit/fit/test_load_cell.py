@@ -82,7 +82,7 @@ def test_intervals_of_five_masses_hold_the_thrust_coefficient() -> None:
         assert binom.ppf(5e-4, 400, p) <= count <= binom.ppf(1.0 - 5e-4, 400, p), (p, count)
 
 
-def competing(seed: int, cells: int, *, pools: bool = False, se: float = 1e-5) -> Problem:
+def competing(seed: int, cells: int, *, se: float = 1e-5) -> Problem:
     """Return the problem of a mean of 1 seen through cells of three degrees of freedom each."""
     rng = np.random.default_rng([7, seed, cells])
     problem = function_problem(
@@ -96,8 +96,8 @@ def competing(seed: int, cells: int, *, pools: bool = False, se: float = 1e-5) -
     for cell, sd in enumerate(0.01 * np.sqrt(rng.chisquare(3.0, cells) / 3.0)):
         of_line = {"name": "repeat", "kind": "A", "unit": "1", "sd": sd, "relative_sd": sd}
         of_line |= {"distribution": "student_t", "dof": 3.0}
-        stated = {"residual_sd_N": sd, "components": [of_line]} if pools else {}
-        facts = {"id": str(cell), "masses_kg": [0.0] * 5, "relative_sd": sd, **stated}
+        facts = {"id": str(cell), "masses_kg": [0.0] * 5, "relative_sd": sd}
+        facts |= {"residual_sd_N": sd, "components": [of_line]}
         known.append({**CALIBRATION, **facts})
     errors = [
         ScaleError(known=one, rows=np.arange(3 * cells) // 3 == cell)
@@ -111,11 +111,11 @@ def test_cells_that_share_their_scatter_hold_what_they_state(cells: int) -> None
     """With degrees of freedom as of independent estimates two held 66 and 92 %: 12 for 6."""
     held = np.zeros(2)
     for seed in range(600):
-        k = fit_least_squares(competing(seed, cells, pools=True))["k"]
+        k = fit_least_squares(competing(seed, cells))["k"]
         held += [low <= 1.0 <= high for low, high in (k.interval_68, k.interval_95)]
     for count, p in zip(held, (0.6827, 0.95), strict=True):
         assert binom.ppf(5e-4, 600, p) <= count <= binom.ppf(1.0 - 5e-4, 600, p), (p, count / 600)
-    problem = competing(0, cells, pools=True, se=1e-3)
+    problem = competing(0, cells, se=1e-3)
     k = fit_least_squares(problem)["k"]
     for p, (low, high) in ((0.6827, k.interval_68), (0.95, k.interval_95)):
         half = t.ppf(0.5 + 0.5 * p, 3.0 * cells)

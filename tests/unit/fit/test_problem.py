@@ -75,9 +75,7 @@ def test_a_subset_predicts_its_own_points() -> None:
     "more",
     [
         (),
-        ("plate_offset.dz_m",),
         ("plate_offset.dz_m", "plate_tilt.angle_rad"),
-        ("partial_coverage.share_1",),
         ("plate_offset.dz_m", "partial_coverage.share_2"),
         ("neighbour_images.strength", "tare_offset.thrust_N"),
     ],

@@ -16,7 +16,6 @@ from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.fit.page import write_fit
 from benchtool.report.fit.stored_fit import read_stored, stored
-from benchtool.report.page import Table
 
 
 def table(folder: Path, columns: str, *errors: str) -> str:
@@ -66,11 +65,6 @@ def test_what_data_do_not_determine_is_said_with_why(tmp_path: Path) -> None:
     found = output.results[0]["R_m"]
     assert found.sd > 1.0  # metres, of a rotor of 0.12 m
     why = "not determined: its 95 % interval is all that its bounds allow, 0.012 to 0.36"
-    shown = next(block for block in stored(output).blocks if isinstance(block, Table))
-    rows = {row[0]: row for row in shown.rows}
-    assert rows["R_m"][2].startswith(why)
-    assert rows["R_over_rotor_radius"][2].startswith("not determined: R_m is not")
-    assert "±" in rows["k"][2]
     assert why in write_fit(tmp_path / "fit", output).read_text("utf-8")
     # The numbers stay where programs read them.
     stated = json.loads((tmp_path / "fit" / "result.json").read_text("utf-8"))
