@@ -55,7 +55,7 @@ def test_pitch_records_are_explained(pitches: list[Scored]) -> None:
     check_sample(pitches)
 
 
-@pytest.mark.parametrize("family", ["sweeps", "pitch"])
+@pytest.mark.parametrize("family", ["sweeps", pytest.param("pitch", marks=pytest.mark.proof)])
 def test_foreign_benches_are_scored_by_the_same_form(family: str) -> None:
     if not os.environ.get("BENCHTOOL_REFERENCE_DATA"):
         pytest.skip("no generator of foreign benches: BENCHTOOL_REFERENCE_DATA is not set")
