@@ -86,12 +86,6 @@ def test_a_broken_parquet_file_is_refused(tmp_path: Path, data: bytes) -> None:
         read_parquet(tmp_path / "r.parquet")
 
 
-def test_an_unknown_word_in_a_parquet_file_is_refused(tmp_path: Path) -> None:
-    pq.write_table(pa.table({"phase": ["sample", "x"]}), tmp_path / "r.parquet")
-    with pytest.raises(FileFormatError, match="holds 'x', which is none of"):
-        read_parquet(tmp_path / "r.parquet")
-
-
 def test_words_and_gaps_come_back_from_parquet(tmp_path: Path) -> None:
     channels = (Channel("time_s", "s"), Channel("phase", "1"), Channel("thrust_N", "N"))
     values = np.array([[0.0, 5.0, 1.5], [0.1, 4.0, np.nan]])

@@ -6,7 +6,6 @@ import json
 import shutil
 import sqlite3
 import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from benchtool.data.catalogue.index import catalogued, index_folder
 from benchtool.data.run import entry as run_list
 from benchtool.data.run.entry import Entry, entry_of
 from benchtool.data.run.labels import label
-from benchtool.data.run.run import Run
 from benchtool.data.run.runs_folder import RunsFolder
 from tests.unit.commands.command_line import said
 from tests.unit.data.run_of import small_run
@@ -70,30 +68,15 @@ def names(root: Path, **by: Any) -> set[str]:
         ({"operator": "ada", "kind": "sweep"}, {"2026/one", "three"}),
         ({"since": "2026-03-12", "until": "2026-03-21"}, {"2026/two"}),
         ({"z_over_r": (0.4, 0.6)}, {"2026/two"}),
-        ({"z_over_r": (0.5, 1.0)}, {"2026/one", "2026/two"}),
         ({"tag": ("good", "first-day")}, {"three"}),
-        ({"tag": ("good", "bad")}, set()),
         ({"words": "nick ada"}, {"three"}),
         ({"state": "converged"}, {"fit"}),
-        ({"kind": "fit"}, {"fit"}),
-        ({"words": "consistent"}, {"fit"}),
         ({"fitted": ("body_lift.K_b=1.8..1.95",)}, {"fit"}),
-        ({"fitted": ("K_b", "R_m=0.12..0.13")}, {"fit"}),
         ({"fitted": ("K_b=2..3",)}, set()),
     ],
 )
 def test_entries_are_found_by(root: Path, by: dict[str, Any], expected: set[str]) -> None:
     assert names(root, **by) == expected
-
-
-def test_the_present_folder_has_the_same_names(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    expected = names(root)
-    monkeypatch.chdir(root)
-    assert names(Path()) == expected
-    assert [str(path) for path in bt.runs(".", operator="bob")] == ["2026/two"]
-    assert set(bt.runs(".").query("SELECT run FROM points")["run"]) == {
-        "2026/one", "2026/two", "three",
-    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -188,43 +171,6 @@ def test_fits_are_a_table_of_their_parameters(root: Path) -> None:
     ]
     assert list(table["combined_sd"]) == combined
     assert combined[0] == result["budget"]["quantities"]["body_lift.K_b"]["combined"]
-    derived = bt.runs(root).query("SELECT DISTINCT parameter FROM fits WHERE derived")
-    assert list(derived["parameter"]) == list(result["results"]["emcee"]["derived"])
-    both = bt.runs(root).query(
-        "SELECT (SELECT count(*) FROM points) AS points, (SELECT count(*) FROM fits) AS fits"
-    )
-    assert both["points"][0] == 15
-    with pytest.raises(InputError, match="the chosen runs have no fits: none of them is one"):
-        bt.runs(root, kind="sweep").query("SELECT * FROM fits")
-    for broken in ("{", json.dumps(result | {"results": {"emcee": {"estimates": 3}}})):
-        (root / "fit" / "result.json").write_text(broken, "utf-8")
-        left = bt.runs(root, kind="fit")
-        assert [entry.problem != "" for _, entry in left.found] == [True]
-        with pytest.raises(InputError, match="no fits"):
-            left.query("SELECT * FROM fits")
-
-
-@pytest.mark.filterwarnings("ignore::benchtool.core.errors.DataWarning")
-def test_a_run_that_changes_has_its_new_rows_only(root: Path) -> None:
-    runs = bt.runs(root, rig="hall")
-    sql = "SELECT count(*) AS n FROM points"
-    assert runs.query(sql)["n"][0] == 5
-    points = root / "three" / "points.csv"
-    lines = points.read_text("utf-8").splitlines(keepends=True)
-    points.write_text("".join(lines[:-1]), "utf-8")
-    assert bt.runs(root, rig="hall").query(sql)["n"][0] == 4
-    points.write_bytes("".join(lines).encode() + b"\r\n" + lines[-1].encode() + b"6,meas")
-    assert runs.query(sql)["n"][0] == 6
-
-
-@pytest.mark.filterwarnings("ignore::benchtool.core.errors.DataWarning")
-@pytest.mark.parametrize("broken", ["5,tare,0,0,fast", "5,tare"])
-def test_a_run_that_cannot_be_read_has_no_rows(root: Path, broken: str) -> None:
-    with (root / "2026/two/points.csv").open("a") as points:
-        points.write(broken + "," * 14 + "\n" if broken.endswith("fast") else broken + "\n")
-    found = bt.runs(root, kind="sweep").query("SELECT run, count(*) AS n FROM points GROUP BY run")
-    counts = {str(root / "2026/one"): 5, str(root / "three"): 5}
-    assert dict(zip(found["run"], found["n"], strict=True)) == counts
 
 
 @pytest.mark.parametrize(
@@ -256,32 +202,6 @@ def test_a_run_that_is_being_measured_is_listed_and_queried(root: Path) -> None:
         label(run.path, add=["live"])
     run.update_metadata(state="ended")
     assert names(root, tag=("live",)) == {"live"}
-
-
-def test_readers_beside_a_writer_see_whole_entries(root: Path) -> None:
-    """Two readers list and query while runs come, are labelled and go."""
-    stop, done = threading.Event(), list[int]()
-
-    def read() -> None:
-        while not stop.is_set():
-            found = bt.runs(root, rig="lab")
-            assert {path.name for path in found} == {"one", "two"}
-            counts = found.query("SELECT run, count(*) AS n FROM points GROUP BY run")
-            assert set(counts["n"]) == {5}
-            done.append(len(found))
-
-    readers = [threading.Thread(target=read) for _ in range(2)]
-    for reader in readers:
-        reader.start()
-    for number in range(6):
-        Run.create(root / f"new{number}", "", {"state": "running"})
-        label(root / "2026" / "one", add=[f"t{number}"])
-    while len(done) < 4 and all(reader.is_alive() for reader in readers):
-        time.sleep(0.01)
-    stop.set()
-    for reader in readers:
-        reader.join()
-    assert len(done) >= 4
 
 
 def test_labels_of_two_programs_are_both_there(root: Path) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -13,10 +11,7 @@ from benchtool.data.run.entry import verify_run
 from benchtool.data.run.read import changed_points, read_points
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
-from tests.unit.commands.command_line import said
 from tests.unit.data.run_of import CHANNELS, point, small_run
-
-QUAD = Path(__file__).parents[3] / "datasets/quad/run"
 
 
 @pytest.fixture
@@ -53,14 +48,6 @@ def test_closing_again_does_not_state_the_hash_of_changed_points(closed: Run) ->
     assert changed_points(closed.path)
 
 
-def test_a_run_of_an_earlier_version_has_no_hash_and_gives_no_warning(closed: Run) -> None:
-    closed.update_metadata(points={})
-    edit(closed.path)
-    assert len(read_points(closed.path)) == 4
-    assert verify_run(closed.path) == []
-    assert not closed.close()
-
-
 @pytest.mark.parametrize("left", ["open", "killed", "closed"])
 def test_points_of_a_resumed_run_give_no_warning(closed: Run, left: str) -> None:
     with (closed.path / "points.csv").open("a") as file:
@@ -85,44 +72,6 @@ def test_resuming_does_not_hide_a_change(closed: Run) -> None:
     with pytest.warns(DataWarning):
         closed.close()
     assert changed_points(closed.path)
-
-
-@pytest.fixture
-def quad(tmp_path: Path) -> Path:
-    """Return a run with a hash whose first thrust is 1.5 % larger."""
-    folder = tmp_path / "quad"
-    shutil.copytree(QUAD, folder)
-    run = Run.open(folder)
-    points = read_points(folder, ["measure", "reference", "anchor", "tare"])
-    run.write_points(points)
-    header, first, *rows = (folder / "points.csv").read_text().splitlines()
-    at = header.split(",").index("thrust_N")
-    cells = first.split(",")
-    cells[at] = repr(1.015 * float(cells[at]))
-    (folder / "points.csv").write_text("\n".join([header, ",".join(cells), *rows]) + "\n")
-    return folder
-
-
-def test_fit_and_its_result_name_changed_points(
-    quad: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = quad.parent / "fit"
-    code, _, err = said(capsys, "fit", quad, "--model", "quad_bench", "--out", out)
-    assert code == 0
-    assert err.startswith(f"benchtool: warning: {quad / 'points.csv'}")
-    stored = json.loads((out / "result.json").read_text())["results"]["least_squares"]
-    assert any(str(quad / "points.csv") in line for line in stored["warnings"])
-
-
-def test_runs_show_and_verify_name_changed_points(
-    quad: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert said(capsys, "runs", "show", quad)[2].count(f"{quad / 'points.csv'} has changed") == 1
-    code, out, _ = said(capsys, "runs", "verify", quad)
-    assert (code, "points.csv has changed" in out) == (2, True)
-    exported = quad.parent / "p.csv"
-    assert said(capsys, "runs", "export", quad, exported, "--table", "points")[0] == 0
-    assert exported.is_file()
 
 
 def test_verify_finds_what_changed(closed: Run) -> None:

@@ -1,23 +1,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError
-from benchtool.data.csv_text import lay_out, parse_csv, read_csv_header, read_csv_text
+from benchtool.data.csv_text import lay_out, parse_csv
 from benchtool.data.repairs.foreign_units import head_of
 from benchtool.data.repairs.numbers import numbers_of
-
-
-def test_plain_file_needs_no_repair() -> None:
-    table = parse_csv(b"a,b\n1,2\n3,\n", "x.csv")
-    assert table.header == ("a", "b")
-    assert table.rows == [["1", "2"], ["3", ""]]
-    assert table.lines == [2, 3]
-    assert table.repairs == ()
 
 
 def test_spreadsheet_file_is_mended_with_words() -> None:
@@ -108,16 +99,6 @@ def test_what_stands_around_a_header_is_left_out(case: str) -> None:
     )
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
-def test_a_header_is_read_without_the_rows(tmp_path: Path, encoding: str) -> None:
-    path = tmp_path / "long.csv"
-    path.write_text("# a stand\nz;thrust [N]\n" + "0,1;2,5\n" * 20_000, encoding=encoding)
-    assert read_csv_header(path) == read_csv_text(path).header == ("z", "thrust [N]")
-    one = tmp_path / "one.csv"
-    one.write_text("a,b", encoding=encoding)
-    assert read_csv_header(one) == ("a", "b")
-
-
 OPEN_QUOTES = {
     "never closed": ('# stand\nz,F,rpm\n1,2,3\n4,"5,6\n7,8,9\n', 4),
     "never closed, one line": ('z,F,rpm\n1,2,"3', 2),
@@ -144,14 +125,6 @@ def test_text_in_quotes_is_one_cell(note: str) -> None:
     table = parse_csv(data, "x.csv")
     assert table.rows == [["1", "2", note], ["3", "4", ""]]
     assert numbers_of(lay_out(data, "x.csv"), [0, 1]).columns.tolist() == [[1.0, 3.0], [2.0, 4.0]]
-
-
-def test_a_header_is_read_from_bytes_that_end_within_quotes(tmp_path: Path) -> None:
-    row = '1,2,"a note\nof two lines"\n'
-    path = tmp_path / "long.csv"
-    path.write_text("z,F,note\n" + row * 10_000)
-    assert read_csv_header(path) == ("z", "F", "note")
-    assert parse_csv(b'z,F\n1,"2', "x.csv", whole=False).header == ("z", "F")
 
 
 def test_impossible_numbers_of_a_foreign_file_are_blanked_and_counted() -> None:

@@ -78,16 +78,6 @@ def test_a_text_log_holds_the_same(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.recording.values, binary.values, rtol=1e-6)
 
 
-def test_reference_log_is_dfreaders(reference_data: Path) -> None:
-    path = reference_data / "logs" / "pymavlink_test.BIN"
-    read = import_file(path)
-    check_against_dfreader(read, DFReader_binary(str(path)))
-    assert found(read, "cut off")[0].count == 1
-    assert found(read, "rpm")[0].kind == "lacks"
-    count = sum(1 for _ in messages(DFReader_binary(str(path))))
-    assert read.tally.total - read.tally.refused == count
-
-
 def test_motors_speeds_and_distance_find_their_channels() -> None:
     recording = import_bytes(dataflash(hop()), "hop.bin", Options()).recording
     first = {name: recording.column(name) for name in recording.names}

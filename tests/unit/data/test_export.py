@@ -12,24 +12,6 @@ from benchtool.data.run.settings import exported
 from tests.unit.data.run_of import small_run
 
 
-def test_a_table_that_stands_on_the_disk_is_handed_on_as_it_is(tmp_path: Path) -> None:
-    run = small_run(tmp_path / "run")
-    run.close()
-    for name in ("settings.csv", "samples.csv", "samples.parquet"):
-        table, suffix = name.split(".")
-        assert exported(run.path, table, f".{suffix}") == (run.path / name).read_bytes()
-
-
-def test_exported_points_have_the_columns_on_the_disk_and_quantities_behind_them() -> None:
-    run = Path(__file__).parents[3] / "datasets" / "quad" / "run"
-    own = [line.split(",") for line in (run / "points.csv").read_text().splitlines()]
-    wide = [line.split(",") for line in exported(run, "points", ".csv").decode().splitlines()]
-    assert wide[0][: len(own[0])] == own[0]
-    assert {"ct", "ct_se", "tip_mach"} <= set(wide[0][len(own[0]) :])
-    thrust = own[0].index("thrust_N")
-    assert [line[thrust] for line in wide] == [line[thrust] for line in own]
-
-
 def test_what_is_not_on_the_disk_is_made_with_the_same_numbers(tmp_path: Path) -> None:
     run = small_run(tmp_path / "run")  # not closed: neither settings nor Parquet
     made = tmp_path / "made.parquet"

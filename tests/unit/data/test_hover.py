@@ -12,7 +12,6 @@ import pytest
 from benchtool.core.errors import InputError
 from benchtool.data.formats.formats import import_file
 from benchtool.data.repairs.imported import Options
-from benchtool.data.table import read_table
 
 MAP = """[columns]
 time_s = "t"
@@ -68,11 +67,3 @@ def test_a_table_without_heights_is_no_hover(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("thrust_N,rpm1\n1,2000\n2,3000\n")
     with pytest.raises(InputError, match="--hover needs time_s, plate_z_m and rpm1"):
         import_file(tmp_path / "a.csv", Options(hover_kg=1.0))
-
-
-def test_fits_read_parquet_through_a_map(tmp_path: Path) -> None:
-    pq.write_table(
-        pa.table({"F": [1.5, 2.5], "run": ["a", "b"], "n": [None, 7]}), tmp_path / "x.parquet"
-    )
-    found = read_table(tmp_path / "x.parquet", {"thrust_N": "F", "rpm1": "n"}, ["run=b"])
-    assert found.values.tolist() == [[2.5, 7.0]]

@@ -6,10 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from benchtool.data.run.read import read_samples, sample_names
 from tests.unit.data.run_of import small_run
 
 ROWS = 400_000
@@ -64,17 +62,3 @@ def test_memory_is_that_of_a_batch(long_runs: Path, statement: str, limit_MB: fl
     words = [sys.executable, "-c", code, str(long_runs)]
     grown_MB = float(subprocess.run(words, capture_output=True, check=True).stdout)
     assert grown_MB < limit_MB
-
-
-def test_some_channels_are_those_of_the_whole(tmp_path: Path) -> None:
-    run = small_run(tmp_path / "run")
-    whole = read_samples(run.path)
-    for _ in range(2):  # from samples.csv, then from the Parquet
-        some = read_samples(run.path, ["thrust_N", "phase", "absent"])
-        assert some.names == ("phase", "thrust_N")
-        for name in some.names:
-            np.testing.assert_array_equal(some.column(name), whole.column(name))
-        run.close()
-    assert sample_names(run.path) == whole.names
-    (run.path / "samples.csv").unlink()
-    assert sample_names(run.path) == whole.names

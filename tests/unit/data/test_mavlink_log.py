@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import struct
-from math import radians
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from benchtool.data.formats.formats import import_bytes, import_file
+from benchtool.data.formats.formats import import_bytes
 from benchtool.data.formats.mavlink_log import AutopilotClock
 from benchtool.data.repairs.imported import Imported, Options
 from tests.unit.data.stand_logs import found
@@ -78,30 +75,6 @@ def test_messages_become_channels_on_the_autopilots_clock(version: int) -> None:
     assert set(known(read, "distance_m")) == {0.45}
     if version == 2:
         assert [set(known(read, f"rpm{n}")) for n in (1, 4)] == [{5000.0}, {5003.0}]
-
-
-def test_numbers_are_mavutils(reference_data: Path) -> None:
-    path = reference_data / "logs" / "uavlogviewer_vtol.tlog"
-    read = import_file(path)
-    wanted: dict[str, list[float]] = {"theta_rad": [], "gyro_rad_s": [], "theta_ref_rad": []}
-    outputs = []
-    log = mavutil.mavlink_connection(str(path))
-    count = 0
-    while (message := log.recv_msg()) is not None:
-        count += 1
-        if message.get_type() == "ATTITUDE":
-            wanted["theta_rad"].append(-message.pitch)
-            wanted["gyro_rad_s"].append(-message.pitchspeed)
-        elif message.get_type() == "NAV_CONTROLLER_OUTPUT":
-            wanted["theta_ref_rad"].append(-radians(message.nav_pitch))
-        elif message.get_type() == "SERVO_OUTPUT_RAW":
-            outputs.append(message.servo5_raw)
-    assert read.tally.total == count
-    assert read.tally.balanced
-    for name, values in wanted.items():
-        # Rows stand by the autopilot's time, mavutil's messages by arrival.
-        np.testing.assert_array_equal(np.sort(known(read, name)), np.sort(values))
-    np.testing.assert_array_equal(np.sort(known(read, "pwm1_us")), np.sort(outputs))
 
 
 def test_a_cut_log_and_garbage_inside() -> None:

@@ -92,15 +92,6 @@ def test_a_merged_run_holds_its_runs_and_all_their_points(two: list[Path], tmp_p
         merge_runs(two, merged)
 
 
-def test_merging_a_merged_run_takes_its_parts(two: list[Path], tmp_path: Path) -> None:
-    merged = merge_runs(two, tmp_path / "merged").path
-    third = changed(tmp_path / "three", 0.99)
-    again = merge_runs([merged, third], tmp_path / "again").path
-    assert [Path(part).name for part in parts_of(again)] == ["001-001-one", "002-002-two",
-                                                             "003-three"]  # fmt: skip
-    assert set(read_points(again).column("part")) == {1.0, 2.0, 3.0}
-
-
 @pytest.mark.parametrize(
     ("facts", "said"),
     [

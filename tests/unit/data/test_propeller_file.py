@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
 
-from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.packaged import LIBRARY, user_library
 from benchtool.core.rig_file import rig_named, rig_to_toml
 from benchtool.data.propeller_file import propeller_named, propeller_names, read_propeller
@@ -35,12 +34,6 @@ def test_a_size_is_diameter_pitch_and_blades_in_inches() -> None:
     assert propeller.chord_m is None
 
 
-@pytest.mark.parametrize("text", ["0x4", "5x4x0", "5x4x21"])
-def test_a_size_that_no_propeller_has_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match=f"no propeller of size {text}"):
-        propeller_named(text)
-
-
 @pytest.fixture
 def library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Give an empty library of the user's own."""
@@ -60,15 +53,6 @@ def test_a_file_in_the_user_s_library_is_known_by_its_name(library: Path) -> Non
     assert rig_named("my_rig").name == "pquad_single"
     with pytest.raises(UnknownChoice, match="my_rig"):
         rig_named("other_rig")
-
-
-def test_a_file_of_one_s_own_by_a_shipped_name_is_refused(library: Path) -> None:
-    shutil.copy(LIBRARY / "propellers" / "apc_10x7sf.toml", library / "propellers")
-    with pytest.raises(FileFormatError, match="rename yours"):
-        propeller_named("apc_10x7sf")
-    (library / "rigs" / "pquad.toml").write_text(rig_to_toml(rig_named("beam")))
-    with pytest.raises(FileFormatError, match="rename yours"):
-        rig_named("pquad")
 
 
 def test_a_number_without_a_source_is_refused(library: Path) -> None:

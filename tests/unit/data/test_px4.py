@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from pyulog import ULog
 
-from benchtool.data.formats.formats import import_bytes, import_file
-from benchtool.data.repairs.imported import Imported, Options
-from tests.unit.data.stand_logs import found
+from benchtool.data.formats.formats import import_file
+from benchtool.data.repairs.imported import Imported
 
 PLAIN = {
     "gyro_rad_s": ("vehicle_angular_velocity", "xyz[1]", -1.0),
@@ -52,24 +51,3 @@ def test_numbers_are_pyulogs(path: Path) -> None:
     nose_up = [asin(2.0 * (w * y - z * x)) for w, x, y, z in q.T]
     np.testing.assert_allclose(-known(read, "theta_rad"), nose_up, atol=1e-12)
     assert read.tally.total == sum(len(item.data["timestamp"]) for item in log.data_list)
-
-
-def test_a_cut_log_gives_what_is_whole(path: Path) -> None:
-    data = path.read_bytes()
-    half = len(data) * 2 // 3
-    read = import_bytes(data[:half], path.name, Options())
-    assert read.tally.balanced
-    assert f"byte {half:,}" in found(read, "cut off")[0].words
-    whole = import_file(path)
-    rows = known(read, "theta_rad").size
-    assert rows > 0
-    np.testing.assert_array_equal(known(read, "theta_rad"), known(whole, "theta_rad")[:rows])
-
-
-def test_corrupt_bytes_are_reported(path: Path) -> None:
-    data = bytearray(path.read_bytes())
-    middle = len(data) // 2
-    data[middle : middle + 300] = b"\x00" * 300
-    read = import_bytes(bytes(data), path.name, Options())
-    assert read.tally.balanced
-    assert [item.kind for item in found(read, "corrupt bytes")] == ["refused"]

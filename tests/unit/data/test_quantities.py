@@ -23,12 +23,9 @@ from benchtool.data.derived import (
     circumstances,
     derive,
 )
-from benchtool.data.formats.formats import import_file
-from benchtool.data.quantities import QUANTITIES, following
-from benchtool.data.repairs.imported import Options
+from benchtool.data.quantities import QUANTITIES
 from benchtool.data.run.read import read_points
 from benchtool.data.run.settings import aggregate, settings_quantities
-from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance, zero_variance
 
 ROOT = Path(__file__).parents[3]
 
@@ -148,28 +145,6 @@ def test_an_error_that_nobody_states_is_nan_and_no_small_number() -> None:
     assert np.isfinite(got["ct"].total_error[0])
 
 
-@pytest.mark.parametrize(
-    ("missing", "gone"),
-    [
-        ("torque_Nm", {"torque_Nm", *following("torque_Nm")}),
-        ("current_A", set(following("current_A"))),
-        ("thrust_N", set(following("thrust_N"))),
-        ("rpm1", {*following("rpm1")}),
-    ],
-)  # fmt: skip
-def test_only_what_the_bench_measures_appears(missing: str, gone: set[str]) -> None:
-    left = found(table(**{key: value for key, value in ROW.items() if key != missing}))
-    assert set(found(table(**ROW))) - set(left) == gone
-
-
-def test_without_chord_there_is_no_reynolds_number_and_without_propeller_no_coefficient() -> None:
-    bare = Propeller(name="bare", diameter_m=DIAMETER_M)
-    assert "reynolds_75" not in found(table(**ROW), propeller=bare, air=AIR)
-    none = found(table(**ROW), propeller=None, air=AIR)
-    assert not {"ct", "cp", "figure_of_merit", "tip_mach"} & set(none)
-    assert "motor_efficiency" in none
-
-
 def test_of_several_rotors_squares_and_cubes_are_summed_and_torque_is_left_out() -> None:
     row = {**ROW, "rpm1": 6000.0, "rpm2": 3000.0}
     got = found(table(**row))
@@ -196,45 +171,6 @@ def test_means_of_visits_take_the_scatter_where_it_is_larger() -> None:
     assert means.standard_error[1] == pytest.approx(hypot(*ct.standard_error[2:]) / 2.0)
     share = ct.error_sources[0].columns[0, 0]
     assert means.error_sources[0].columns[1, 0] == pytest.approx(share, rel=2e-3)
-
-
-UIUC = {"apcsf_10x7_static_kt0827": 0.254, "apce_16x8_static_2150od": 0.4064}
-
-
-@pytest.mark.parametrize("name", UIUC)
-def test_coefficients_of_the_uiuc_tables_come_back(name: str, reference_data: Path) -> None:
-    path = reference_data / "uiuc" / f"{name}.txt"
-    recording = import_file(path, Options(air_density_kg_m3=1.18)).recording
-    ct, cp = recording.column("ct"), recording.column("cp")
-    air = {"density_kg_m3": 1.18, "stated": True}
-    propeller = Propeller(name=name, diameter_m=UIUC[name])
-    bare = recording.without(["ct", "cp"])  # from thrust and torque alone
-    got = {one.name: one for one in derive(bare, circumstances(propeller, air))}
-    assert got["ct"].value == pytest.approx(ct)
-    assert got["cp"].value == pytest.approx(cp)
-    assert got["figure_of_merit"].value == pytest.approx(sqrt(2.0 / pi) * ct**1.5 / cp)
-    kept = {one.name: one for one in derive(recording, circumstances(propeller, air))}
-    assert kept["ct"].origin == "as the file states it"
-
-
-WRITTEN = ("power_W", "mechanical_power_W", "motor_efficiency", "efficiency_N_W",
-           "propeller_efficiency_N_W")  # fmt: skip
-
-
-def test_powers_and_efficiencies_that_a_stand_writes_agree_with_its_own_channels(
-    reference_data: Path,
-) -> None:
-    path = reference_data / "rcbenchmark_1580" / "StepsTest_2020-05-22_102946.csv"
-    recording = import_file(path).recording
-    bare = recording.without(WRITTEN)
-    got = {one.name: one.value for one in derive(bare, circumstances(None, None))}
-    for name in WRITTEN:
-        # The program works out samples and then averages: at small torques means of quotients
-        # are larger than quotients of means.
-        loaded = recording.column("thrust_N") > (0.2 if name.startswith("propeller") else 0.0)
-        ratio = recording.column(name)[loaded] / got[name][loaded]
-        assert ratio == pytest.approx(1.0, abs=0.003), name
-        assert loaded.sum() >= 10
 
 
 def edited_run(folder: Path, **changes: dict[str, object]) -> Path:
@@ -285,9 +221,3 @@ def test_the_wander_of_the_zero_since_its_tare_is_in_the_error_of_thrust() -> No
     thrust = hypot(0.02, 0.004 * 10.0)  # a random walk of 4 mN after 1 s has 40 mN after 100 s
     expected = hypot(thrust / THRUST_N, 2.0 * 4.0 / RPM)
     assert ct.standard_error[0] / ct.value[0] == pytest.approx(expected, rel=1e-3)
-
-
-def test_the_variance_of_the_zero_is_the_diagonal_of_its_covariance() -> None:
-    since_s, noise = np.array([0.0, 0.3, 40.0, 9000.0]), ZeroNoise(walk=2e-3, flicker=5e-3)
-    full = np.diag(zero_covariance(since_s, noise))
-    assert zero_variance(since_s, noise) == pytest.approx(full, abs=1e-12)

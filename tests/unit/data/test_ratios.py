@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 from benchtool.core.array import Array
-from benchtool.core.error_source import joined
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Motor, Sensor
 from benchtool.core.rig_file import rig_named
 from benchtool.data.columns import channel_called, code_of
 from benchtool.data.run.ratios import (
-    EXPONENT_SD,
-    MOMENTUM_POWER,
     RATIO_BASES,
     VOLTAGE_POWER_SD,
     Ratios,
@@ -101,18 +98,6 @@ def test_each_reference_is_a_column_of_its_own_repeat() -> None:
     np.testing.assert_allclose(found.total_error[1:4], 0.002 * 2**0.5 * found.value[1:4])
 
 
-def test_one_power_leaves_its_exponent_uncertain() -> None:
-    points = visits(PULSES_US[:1])
-    reference, exponent = ratios(points, "equal_power").error_sources
-    assert (exponent.kind, exponent.sd) == ("B", EXPONENT_SD)
-    power = np.log(points.column("voltage_V") * points.column("current_A"))
-    found = ratios(points, "equal_power")
-    expected = -found.value * (power - power[0]) * EXPONENT_SD
-    np.testing.assert_allclose(exponent.columns[:, 0], expected, atol=1e-15)
-    spread = np.hypot(0.002, MOMENTUM_POWER * np.hypot(0.001, 0.003))
-    assert reference.sd == pytest.approx(spread)
-
-
 def test_sensors_of_the_rig_stand_in_for_errors_that_points_lack() -> None:
     points = visits()
     names = [name for name in points.names if not name.startswith(("voltage_se", "current_se"))]
@@ -149,9 +134,3 @@ def test_a_pack_that_empties_is_no_ground_effect_at_equal_pulses() -> None:
     # A controller that holds the speed leaves the voltage nothing to change.
     governed = replace(rig, motor=Motor(governed=True))
     assert len(ratios(sagging, "equal_pwm", governed).error_sources) == 1
-
-
-def test_runs_laid_side_by_side_share_no_reference() -> None:
-    (one,) = joined([ratios(visits(), "equal_pwm").error_sources] * 2)
-    assert one.columns.shape == (32, 8)
-    assert not one.columns[:16, 4:].any()

@@ -26,15 +26,6 @@ def test_units_become_ours_and_quotients_are_left_out() -> None:
     assert len(found(read, "dead channel")) == 1  # the optical probe
 
 
-def test_blank_cells_of_a_slower_channel_stay_blank() -> None:
-    thrust = steps_1580()["Thrust (gf)"].copy()
-    thrust[1::2] = np.nan
-    read = logged({"Thrust (gf)": thrust})
-    assert np.count_nonzero(np.isnan(read.recording.column("thrust_N"))) == 10
-    (finding,) = found(read, "blank cells")
-    assert (finding.channel, finding.count) == ("thrust_N", 10)
-
-
 def test_the_first_row_is_stamped_late() -> None:
     time_s = steps_1580()["Time (s)"].copy()
     time_s[0] = 0.6
@@ -86,26 +77,6 @@ def test_rows_of_other_lengths_and_of_text() -> None:
     assert found(read, "empty rows")[0].count == 1
 
 
-def test_a_text_cell_is_blanked_and_reported() -> None:
-    lines = log_text(steps_1580()).splitlines()
-    cells = lines[6].split(",")
-    cells[9] = "#DIV/0!"
-    lines[6] = ",".join(cells)
-    read = imported("\n".join(lines) + "\n")
-    assert np.isnan(read.recording.column("thrust_N")[5])
-    (finding,) = found(read, "text cells")
-    assert (finding.lines, finding.channel) == ("7", "Thrust (gf)")
-
-
-def test_the_last_line_is_cut() -> None:
-    text = log_text(steps_1580())
-    read = imported(text[:-60])
-    assert (read.tally.kept, read.tally.refused) == (19, 1)
-    whole = imported(text[:-1])
-    assert whole.tally.kept == 20
-    assert found(whole, "no last line end")[0].lines == "21"
-
-
 def test_an_untared_cell_and_a_pusher() -> None:
     thrust = steps_1580()["Thrust (gf)"]
     read = logged({"Thrust (gf)": thrust - 40.0})
@@ -152,14 +123,6 @@ def test_a_wrong_pole_count() -> None:
     assert "480%" in found(logged(hot | {"Current (A)": current}), "impossible efficiency")[0].words
     mended = logged({"Motor Electrical Speed (RPM)": 6.0 * rpm}, scale=("rpm1=1/6",))
     np.testing.assert_allclose(mended.recording.column("rpm1"), rpm)
-
-
-def test_the_optical_probe_stands_in_for_a_dead_electrical_one() -> None:
-    rpm = steps_1580()["Motor Electrical Speed (RPM)"]
-    columns = {"Motor Electrical Speed (RPM)": 0.0 * rpm, "Motor Optical Speed (RPM)": rpm}
-    read = logged(columns)
-    np.testing.assert_array_equal(read.recording.column("rpm1"), rpm)
-    assert read.sources["rpm1"] == "Motor Optical Speed (RPM)"
 
 
 def test_what_is_known_must_make_sense() -> None:

@@ -7,12 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.core.errors import FileFormatError
-from benchtool.data.csv_text import lay_out
-from benchtool.data.formats.formats import import_file, import_files
-from benchtool.data.repairs.foreign_units import head_of
+from benchtool.data.formats.formats import import_file
 from benchtool.data.repairs.imported import Imported, Options
-from tests.unit.data.stand_logs import found
 
 ROTOR_PAIRS = """
 [columns]
@@ -90,35 +86,6 @@ def test_every_file_imports_and_nothing_is_lost(reference_data: Path, tmp_path: 
         table.append(f"{name} | {read.tally.kept} of {read.tally.total} | {listed}")
     print("\n".join(table))  # shown with -s
     assert len(table) == len(measured)
-
-
-def test_no_column_of_a_table_is_dropped_without_a_word(
-    reference_data: Path, tmp_path: Path
-) -> None:
-    tables = [path for path in sorted(reference_data.rglob("*.csv")) if is_table(path)]
-    assert len(tables) > 20
-    for path in tables:
-        read = read_one(path, tmp_path)
-        stated = " ".join([*read.sources.values(), *(item.words for item in read.findings)])
-        for cell in lay_out(path.read_bytes(), path.name).header:
-            assert head_of(cell).name in stated, (path.name, cell, stated)
-
-
-def is_table(path: Path) -> bool:
-    return not any(path.match(name) for name in NO_MEASUREMENTS)
-
-
-def test_what_is_no_measurement_is_refused(reference_data: Path) -> None:
-    for name in NO_MEASUREMENTS:
-        with pytest.raises(FileFormatError):
-            import_file(reference_data / name)
-
-
-def test_the_wrong_pole_count_shows_against_its_neighbour(reference_data: Path) -> None:
-    folder = reference_data / "rcbenchmark_1580"
-    wrong, right = import_files(sorted(folder.glob("StepsTest_2020-06-16_*.csv")))
-    assert "6.05 times the speed of" in found(wrong, "rpm ratio")[0].words
-    assert "near 1/6" in found(right, "rpm ratio")[0].words
 
 
 def test_a_crazyflie_gives_the_known_coefficient(reference_data: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.data.catalogue.index import list_entries
-from benchtool.data.run.entry import Entry, entry_of
+from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from tests.unit.data.run_of import small_run
 
@@ -83,20 +83,3 @@ def test_what_is_broken_is_listed_with_its_reason(folder: RunsFolder) -> None:
         assert "\n" not in found[name].problem
         assert not found[name].can_fit
     assert found["quad"].problem == ""
-
-
-def test_a_run_that_has_just_begun_is_not_broken(folder: RunsFolder) -> None:
-    run = small_run(folder.root / "begun")
-    run.update_metadata(state="running")
-    (run.path / "points.csv").unlink()
-    begun = entry_of(folder, "begun")
-    assert (begun.problem, begun.summary, begun.state) == ("", "no point yet", "running")
-
-
-def test_a_pitch_recording_is_known_by_its_channels(folder: RunsFolder) -> None:
-    run = small_run(folder.root / "pitch")
-    run.update_metadata(device={"channels": {"theta_rad": "rad"}}, link={"samples": 1375})
-    found = entry_of(folder, "pitch")
-    assert (found.kind, found.summary, found.can_fit) == ("pitch recording", "1,375 samples", False)
-    (run.path / "samples.csv").unlink()
-    assert "no samples in it" in entry_of(folder, "pitch").problem

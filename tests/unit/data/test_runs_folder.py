@@ -22,12 +22,6 @@ def folder(tmp_path: Path) -> RunsFolder:
     return RunsFolder(root)
 
 
-def test_what_is_in_the_folder_is_found_by_its_name(folder: RunsFolder) -> None:
-    assert folder.path_of("one") == folder.root / "one"
-    assert folder.file_of("one/points.csv") == folder.root / "one" / "points.csv"
-    assert folder.name_of(folder.path_of("one/points.csv")) == "one/points.csv"
-
-
 @pytest.mark.parametrize(
     "name",
     [
@@ -83,23 +77,11 @@ def test_a_run_that_holds_a_link_out_is_refused_whole(folder: RunsFolder) -> Non
         folder.path_of("one")
 
 
-def test_a_link_that_stays_inside_is_followed(folder: RunsFolder) -> None:
-    (folder.root / "same").symlink_to("one")
-    assert folder.path_of("same/points.csv").read_text() == (
-        (folder.root / "one" / "points.csv").read_text()
-    )
-
-
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with names")
 def test_what_is_no_file_is_refused_before_it_is_opened(folder: RunsFolder) -> None:
     os.mkfifo(folder.root / "one" / "events.jsonl")
     with pytest.raises(InputError, match="neither a file nor a folder"):
         folder.path_of("one")
-
-
-def test_the_folder_itself_may_be_a_link(folder: RunsFolder, tmp_path: Path) -> None:
-    (tmp_path / "linked").symlink_to(folder.root)
-    assert RunsFolder(tmp_path / "linked").path_of("one").is_dir()
 
 
 def test_nothing_is_written_over(folder: RunsFolder) -> None:

@@ -13,7 +13,7 @@ from benchtool.core.errors import (
     MissingColumn,
     UnknownChoice,
 )
-from benchtool.data.table import Where, read_table
+from benchtool.data.table import read_table
 
 TEXT = """series,z_over_R,Fz,note
 Fz0,0.5,1000,first
@@ -48,15 +48,6 @@ def test_columns_are_mapped_converted_and_filtered(path: Path) -> None:
     assert len(found.provenance["sha256"]) == 64
 
 
-def test_without_a_map_columns_of_words_are_left_out(path: Path) -> None:
-    assert read_table(path).names == ("z_over_R", "Fz")
-
-
-def test_where_compares_numbers_as_numbers(path: Path) -> None:
-    assert len(read_table(path, {"thrust_N": "Fz"}, ["z_over_R=0.50"])) == 2
-    assert Where.parse(" a = b ") == Where("a", "b")
-
-
 @pytest.mark.parametrize(
     ("columns", "where", "kind", "words"),
     [
@@ -76,26 +67,6 @@ def test_what_does_not_fit_is_refused(
 ) -> None:
     with pytest.raises(kind, match=words):
         read_table(path, columns, where)
-
-
-def test_a_unit_in_the_name_of_a_column_is_not_passed_over(tmp_path: Path) -> None:
-    file = tmp_path / "stand.csv"
-    file.write_text("Thrust (g),RPM [rpm],Gap (mean)\n38,9000,0.1\n")
-    with pytest.raises(InputError, match=r"plate_z_m: unit 'rpm' does not measure length"):
-        read_table(file, {"plate_z_m": "RPM [rpm]"})
-    assert read_table(file, {"thrust_N": "Thrust (g)"}).column("thrust_N")[0] == pytest.approx(
-        38e-3 * 9.80665
-    )
-    found = read_table(
-        file,
-        {
-            "thrust_N": {"column": "Thrust (g)", "unit": "gf"},
-            "rpm1": "RPM [rpm]",
-            "plate_z_m": "Gap (mean)",
-        },
-    )
-    assert found.column("thrust_N")[0] == pytest.approx(38e-3 * 9.80665)
-    assert (found.column("rpm1")[0], found.column("plate_z_m")[0]) == (9000.0, 0.1)
 
 
 @pytest.mark.parametrize("cell", ["1e308", "-1e308", "1e400", "inf", "-inf"])

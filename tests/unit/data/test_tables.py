@@ -54,26 +54,11 @@ def test_units(text: str, target: str, factor: float) -> None:
     assert conversion(text, target).factor == pytest.approx(factor, rel=1e-12)
 
 
-def test_known_names_are_read_and_missing_units_are_reported() -> None:
-    read = imported("t,Thrust (kgf),pwm1,colour\n0,1,1500,red\n1,2,1600,blue\n")
-    np.testing.assert_allclose(read.recording.column("thrust_N"), [9.80665, 19.6133])
-    assert found(read, "units")[0].words == "the header names none; read t as s, pwm1 as pwm_us"
-    assert "colour" in found(read, "columns")[0].words
-
-
 def test_a_header_whose_unit_measures_something_else_is_refused() -> None:
     with pytest.raises(FileFormatError, match="does not measure force"):
         imported("t,Thrust (V)\n0,1\n")
     with pytest.raises(UnknownChoice, match="known: "):
         imported("t,Thrust (N)\n0,1\n", tare=("lift",))
-
-
-def test_rows_whose_lengths_make_up_for_each_other() -> None:
-    read = imported("time_s,thrust_N,rpm1\n0,1.5\n1,2.5,30,40\n2,3.5,50\n")
-    assert found(read, "ragged rows")[0].lines == "2"
-    assert (read.tally.kept, read.tally.refused) == (2, 1)
-    two = imported("time_s,thrust_N,rpm1\n0,1.5\n1,2.5,30,\n")
-    assert two.tally.kept == 2
 
 
 def test_a_crazyflie_lifts_in_gram_force() -> None:

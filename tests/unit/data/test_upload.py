@@ -11,15 +11,6 @@ from benchtool.data.run.runs_folder import RunsFolder, keep_table
 GOOD = b"gap_mm;F_gf\n60;424,1\n"
 
 
-def test_a_table_is_kept_in_a_folder_of_its_own(tmp_path: Path) -> None:
-    folder = RunsFolder(tmp_path / "runs")
-    first = keep_table(folder, "lab 1.csv", GOOD, "2026-01-02")
-    again = keep_table(folder, "lab 1.csv", GOOD, "2026-01-02")
-    assert folder.name_of(first) == "2026-01-02-lab-1/lab-1.csv"
-    assert folder.name_of(again) == "2026-01-02-lab-1-2/lab-1.csv"
-    assert first.read_bytes() == GOOD
-
-
 @pytest.mark.parametrize(
     "name",
     [
