@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from benchtool.core.rig import Motor, Rig
+from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.blade_element import (
     inflow_at_equal_thrust,
@@ -47,10 +45,6 @@ def settled(plant: PlateBench, z_m: float, pwm_us: float = 1500.0) -> dict[str, 
     return {channel.name: float(x) for channel, x in zip(plant.channels, last, strict=True)}
 
 
-def ratio(near: dict[str, float], far: dict[str, float], name: str) -> float:
-    return near[name] / far[name]
-
-
 @pytest.mark.parametrize("z_over_R", [0.5, 1.0, 2.0])
 def test_speed_torque_and_current_are_what_the_motor_and_the_blades_give(z_over_R: float) -> None:
     rig = bladed("pquad_single")
@@ -82,30 +76,6 @@ def test_speed_torque_and_current_are_what_the_motor_and_the_blades_give(z_over_
     assert near["current_A"] * near["voltage_V"] == pytest.approx(power, rel=1e-6)
     assert near["current_A"] < far["current_A"]
     assert far_q == pytest.approx(1.0, abs=1e-4)
-
-
-def test_a_governed_or_unknown_motor_turns_as_fast_everywhere() -> None:
-    for motor in (Motor(governed=True), None):
-        plant = bench(bladed("pquad_single", motor))
-        far, near = settled(plant, FAR_M), settled(plant, 0.12)
-        assert ratio(near, far, "rpm1") == 1.0
-        assert 1.058 < ratio(near, far, "thrust_N") < 1.0593
-        assert ratio(near, far, "current_A") == pytest.approx(ratio(near, far, "torque_Nm"))
-        assert ratio(near, far, "torque_Nm") < 0.9995
-
-
-def test_eq_10_as_printed_can_be_the_truth_of_such_a_rig() -> None:
-    rig = bladed("pquad_single")
-    printed = load_model("single", rig).model.fixed("blade_inflow.share", 0.0)
-    plain = replace(rig, blade=None)
-    flawless = Imperfections.none()
-    blocks = []
-    for own, truth in ((rig, printed), (plain, load_model("single", plain).model)):
-        plant = PlateBench(own, truth, np.random.default_rng(1), flawless)
-        plant.command_plate(0.1)
-        plant.command_pwm(np.array([1600.0]))
-        blocks.append(plant.advance(3000))
-    np.testing.assert_array_equal(*blocks)
 
 
 @pytest.mark.parametrize("rig", [rig_named("pquad"), bladed("pquad")], ids=["printed", "blades"])

@@ -29,10 +29,6 @@ def test_far_away_the_velocity_command_slews_up_to_its_limit() -> None:
     assert velocity_command(7.0, 0.0, 0.2, LOOP, 0.004) == pytest.approx(0.65 * 0.004)
 
 
-def test_near_the_goal_it_is_proportional() -> None:
-    assert velocity_command(0.01, 0.011, 0.2, LOOP, 0.004) == pytest.approx(0.011)
-
-
 def test_the_velocity_integral_is_limited() -> None:
     integral = 0.0
     for _ in range(10_000):

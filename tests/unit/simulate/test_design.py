@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from benchtool.core.errors import InputError
@@ -22,23 +21,6 @@ def test_a_grid_and_random_points() -> None:
     assert random == list(chance.points())
     assert random != list(Design.read([K_B, ATTITUDE], samples=50, seed=2).points())
     assert all(1.5 <= point["K_b"] <= 2.5 for point in random)
-
-
-def test_probes_hold_every_corner_and_every_value_and_stay_few() -> None:
-    design = Design.read(["K_b=1:2:100", "lag_s=0:0.1:100", "z_over_R=1:3:100"])
-    probes = list(design.probes())
-    assert len(probes) < 310 < design.n_points
-    for name, values in (("K_b", (1.0, 2.0)), ("lag_s", (0.0, 0.1)), ("z_over_R", (1.0, 3.0))):
-        assert {probe[name] for probe in probes} == set(np.linspace(*values, 100).tolist())
-    assert {"K_b": 2.0, "lag_s": 0.1, "z_over_R": 3.0} in probes
-
-
-def test_names_are_completed_and_no_number_is_varied_twice() -> None:
-    full = {"speed": "speed_m_s"}
-    design = Design.read(["speed=1:2:3"], full_name=lambda name: full.get(name, name))
-    assert design.names == ["speed_m_s"]
-    with pytest.raises(InputError, match="one number twice"):
-        Design.read(["speed=1:2:3", "speed_m_s=1:2:3"], full_name=lambda name: full.get(name, name))
 
 
 @pytest.mark.parametrize(

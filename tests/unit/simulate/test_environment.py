@@ -50,22 +50,6 @@ def test_level_over_everything_is_the_bench_formula() -> None:
     assert ground.coverage == (1.0,) * 4
 
 
-def test_coverage_over_an_edge_and_a_corner_is_exact() -> None:
-    box = Environment(blocks=(Block(x_m=(1.0, 2.0), y_m=(0.5, 2.0)),))
-    ground = below(box, 0.95, 0.45)
-    places = PQUAD.rig.disc_positions_m
-    exact = [rectangle_coverage(0.95 + x, 0.45 + y, 0.12, 1.0, 2.0, 0.5, 2.0) for x, y in places]
-    np.testing.assert_allclose(ground.coverage, exact, atol=1e-15)
-    assert 0.0 < max(exact) < 1.0
-
-
-def test_each_rotor_has_its_own_height() -> None:
-    ground = below(OBSTACLE, 4.0, attitude=(0.05, 0.1, 0.0))
-    lower = PQUAD.rig.disc_positions_m[:, 0] * np.sin(0.1)
-    raised = PQUAD.rig.disc_positions_m[:, 1] * np.cos(0.1) * np.sin(0.05)
-    np.testing.assert_allclose(ground.height_m, 0.24 - lower + raised, atol=1e-14)
-
-
 def test_a_ramp_under_a_vehicle_that_leans_with_it_is_level_ground() -> None:
     """Only the tilt between rotor plane and surface counts, not that against the horizon."""
     lean = 0.15
@@ -91,14 +75,6 @@ def test_the_body_term_reaches_beyond_the_edge_of_its_surface() -> None:
     assert 0.0 == covered[2] < covered[0] == 1.0
 
 
-def test_a_floor_takes_what_the_obstacle_leaves() -> None:
-    far = below(Environment(blocks=OBSTACLE.blocks, floor_m=-40.0), 3.1)
-    np.testing.assert_allclose(far.factor, below(OBSTACLE, 3.1).factor, atol=1e-5)
-    only_floor = below(Environment(floor_m=0.0), 3.1)
-    np.testing.assert_allclose(only_floor.factor, below(OBSTACLE, 4.0).factor, rtol=1e-13)
-    assert only_floor.coverage == (0.0,) * 4  # no rotor is over an obstacle
-
-
 def test_a_plate_slides_in_and_out() -> None:
     plate = Environment(
         blocks=(Block(x_m=(0.1, 1.0), times_s=(10.0, 10.5, 30.0, 30.5), slide_m=(1.0, 0.0)),)
@@ -108,22 +84,6 @@ def test_a_plate_slides_in_and_out() -> None:
     assert covered[2] == 1.0
     assert 0.0 < covered[1] < 1.0
     assert covered[3] == pytest.approx(covered[1], abs=1e-9)
-
-
-def test_a_fine_grid_comes_near_the_box() -> None:
-    errors = []
-    for step in (0.04, 0.02):
-        environment = Environment(grid=grid_of(step))
-        differences = [
-            np.abs(np.subtract(below(environment, x).factor, below(OBSTACLE, x).factor)).max()
-            for x in np.linspace(2.7, 3.4, 15)
-        ]
-        errors.append(max(differences))
-        np.testing.assert_allclose(
-            below(environment, 4.0).factor, below(OBSTACLE, 4.0).factor, rtol=1e-9
-        )
-    assert errors[1] < 0.011
-    assert errors[1] < errors[0]
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -68,28 +66,6 @@ def test_the_true_plant_leaves_white_noise_of_unit_size(true_model: Model) -> No
         assert abs(np.mean(row[1:] * row[:-1])) < 0.03 + spread
     for row in speeds:  # a correction by a tenth leaves that much of a reading's noise
         assert abs(np.mean(row[1:] * row[:-1])) < 0.1
-
-
-def test_a_wrong_plant_shows(true_model: Model) -> None:
-    logged = logged_from(true_model.fixed("cog_offset.x_m", 0.002)
-                         if "cog_offset.x_m" in true_model.parameters
-                         else true_model.with_effect("cog_offset", x_m=0.002), seed=4)  # fmt: skip
-    _, gyro = whitened(true_model, logged)[0]
-    assert abs(gyro.mean()) > 20.0 / np.sqrt(len(gyro))
-
-
-def test_a_part_of_a_log_goes_on_where_the_whole_was(true_model: Model) -> None:
-    logged = logged_from(true_model, seed=6)
-    bench = PitchBench.of(true_model.with_effect("battery_sag", rate_per_s=0.002))
-    gains = pitch_filter(bench, RATE_HZ, gyro=True, speeds=True).gains
-    whole = filter_log([bench], logged, gains)
-    start = 2000
-    hinge = (whole.pitch_rad, whole.rate_rad_s, whole.wake_Nm, whole.bent)
-    state = np.vstack([*(one[start] for one in hinge), whole.state_speed_rad_s[start]])
-    rest = logged.between(start, 3000)
-    rest = replace(rest, mode=np.append(0.0, rest.mode[1:]))
-    part = filter_log([bench], rest, gains, start_s=start / RATE_HZ, states=state)
-    np.testing.assert_allclose(part.theta_rad[1:], whole.theta_rad[start + 1 : 3000], atol=1e-9)
 
 
 def test_windows_of_a_log_are_what_its_parts_are_alone(true_model: Model) -> None:

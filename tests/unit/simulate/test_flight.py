@@ -9,8 +9,7 @@ import pytest
 
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.flight.cases import FLIGHTS, flight_case
-from benchtool.simulate.flight.environment import Block, Environment
-from benchtool.simulate.flight.flight import FlightLoop, Goal, fly
+from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.measures import arrival_s, count_push_backs, measure
 from benchtool.simulate.flight.study import fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
@@ -24,15 +23,6 @@ from tests.unit.simulate.flying import PQUAD, Slice, case, flown
 def test_the_notes_table(row: Row) -> None:
     found = measure(fly(row.case(PQUAD, gains_named("s3"))))
     assert row.departures(found) == []
-
-
-@pytest.mark.parametrize(
-    "row", [row for row in TABLE if row.flight == "over" and row.map_early_m < 0.1], ids=Row.label
-)
-def test_the_stiff_set_crosses_everywhere(row: Row) -> None:
-    found = measure(fly(row.case(PQUAD, gains_named("stiff"))))
-    assert row.outcome(found) == "yes"
-    assert found.push_backs == 0
 
 
 @pytest.mark.parametrize(("lag_s", "rounding"), [(0.0, 1e-11), (0.05, 1e-5)])
@@ -56,32 +46,6 @@ def test_in_the_plane_it_is_the_planar_model(lag_s: float, rounding: float) -> N
         np.testing.assert_allclose(flight[name], 0.0, atol=rounding)
 
 
-def test_a_turned_world_gives_a_turned_flight() -> None:
-    straight = fly(case(duration_s=25.0))
-    goal = Goal(x_m=0.0, y_m=7.0, z_m=0.24)
-    sideways = fly(
-        case(
-            below=Environment(blocks=(Block(x_m=(-np.inf, np.inf), y_m=(3.0, 5.0)),)),
-            goals=(goal,),
-            duration_s=25.0,
-        )
-    )
-    np.testing.assert_allclose(sideways["y_m"], straight["x_m"], atol=1e-8)
-    np.testing.assert_allclose(sideways["roll_rad"], -straight["pitch_rad"], atol=1e-8)
-
-
-def test_only_the_observer_fights_a_weight_on_one_side() -> None:
-    """A plate that stays under one rotor: PID leaves an angle, the observer takes it away."""
-    ends = {}
-    for control in ("pid", "observer", "both"):
-        flight = flown("plate", control=control, map_offset_m=(5.0, 0.0, 0.0))
-        there = (flight["time_s"] > 16.0) & (flight["time_s"] < 29.0)
-        ends[control] = float(np.abs(flight["pitch_rad"] - flight["pitch_ref_rad"])[there].mean())
-        assert flight["coverage1"][there].min() > 0.5
-    assert ends["pid"] > 5.0 * ends["observer"]
-    assert ends["both"] == pytest.approx(ends["observer"], rel=1e-6)
-
-
 def test_the_observer_finds_the_torque_that_is_there() -> None:
     flight = flown("plate", control="observer")
     late = (flight["time_s"] > 15.0) & (flight["time_s"] < 29.0)
@@ -89,14 +53,6 @@ def test_the_observer_finds_the_torque_that_is_there() -> None:
         flight["pitch_estimate_Nm"][late], flight["pitch_ground_Nm"][late], atol=1e-3
     )
     assert flight["pitch_ground_Nm"][late].mean() < -0.008
-
-
-def test_the_observer_undoes_torques_and_leaves_the_lift_to_the_height_loop() -> None:
-    """As the paper's controller: with all rotors covered there is lift to see, and no torque."""
-    start = {"start_m": (4.0, 0.0, 0.18), "goals": (), "duration_s": 5.0}
-    alone, watched = (flown("over", "stiff", control=c, **start) for c in ("pid", "observer"))
-    assert watched["force_z_estimate_N"].max() > 1.0
-    np.testing.assert_allclose(watched["z_m"], alone["z_m"], rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", FLIGHTS)
@@ -137,34 +93,3 @@ def test_measures_of_simple_traces() -> None:
     assert np.isnan(arrival_s(time, np.ones(6)))
     x = np.array([0.0, 1.0, 0.9, 1.2, 1.18, 1.3, 1.0, 0.5])
     assert count_push_backs(x, 7.0) == 2
-
-
-def run_as_it_stands(loop: FlightLoop) -> None:
-    """Run a loop without its compiled form."""
-    loop.ended = loop.loops.run.py_func(loop.arrays, loop.plan, -1, loop.n_ticks)
-
-
-def test_without_a_compiler_the_same_source_flies(monkeypatch: pytest.MonkeyPatch) -> None:
-    short = case("oblique", control="both", start_m=(2.75, 0.0, 0.24), duration_s=1.0)
-    compiled = fly(short)
-    monkeypatch.setattr(FlightLoop, "run", run_as_it_stands)
-    plain = fly(short)
-    assert compiled["coverage1"].max() > 0.05
-    np.testing.assert_allclose(plain.log, compiled.log, rtol=0.0, atol=1e-10)
-
-
-def test_a_cross_over_an_edge_has_two_rotors_in_front() -> None:
-    cross = replace(PQUAD, turned_deg=45.0)
-    flight = fly(flight_case("over", cross, gains_named("s3"), duration_s=30.0))
-    assert np.array_equal(flight["coverage1"] > 0.0, flight["coverage4"] > 0.0)
-    assert flight["x_m"].max() > 2.5
-    headed = fly(
-        flight_case("over", PQUAD, gains_named("s3"), duration_s=30.0, yaw_rad=-np.pi / 4.0)
-    )
-    early = flight["time_s"] < 20.0  # what is unstable at the edge magnifies any difference
-    np.testing.assert_allclose(headed["x_m"][early], flight["x_m"][early], atol=1e-3)
-
-
-def test_a_ramp_reference_lets_the_baseline_cross() -> None:
-    assert measure(flown(ramp=True)).arrives
-    assert not measure(flown()).arrives

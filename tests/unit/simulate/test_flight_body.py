@@ -81,12 +81,6 @@ def euler(quaternion: np.ndarray) -> list[float]:
     return [roll_of(body), pitch_of(body), yaw_of(body)]
 
 
-def test_euler_angles_survive_the_quaternion(rng: np.random.Generator) -> None:
-    for _ in range(50):
-        angles = rng.uniform([-3.0, -1.5, -3.0], [3.0, 1.5, 3.0])
-        np.testing.assert_allclose(euler(from_euler(*angles)), angles, atol=1e-7)
-
-
 def quaternion_rates(y: np.ndarray, force: np.ndarray, torque: np.ndarray) -> np.ndarray:
     w, a, b, c = y[6:10]
     p, q, r = y[10:13]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from benchtool.core.rig_file import rig_named
-from benchtool.simulate.flight.cases import GUST_DRAG_N_S_M, flight_case
+from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.setup import FlightSetup, changed
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
-from tests.unit.physics.blades import bladed
 
 VEHICLE = FlightVehicle.of_rig(rig_named("pquad"))
 SETUP = FlightSetup(case="over", vehicle=VEHICLE, gains=gains_named("s3"))
@@ -40,23 +37,3 @@ def test_every_name_changes_its_number() -> None:
     assert case.vehicle.identity == vehicle.identity
     assert case.gains.attitude.k_q_per_s == pytest.approx(14.8)
     assert case.gains.position.k_x_per_s == 0.9
-
-
-def test_drag_acts_in_the_gust_too_where_the_flight_brings_its_own() -> None:
-    gust = replace(SETUP, case="gust")
-    assert gust.flown("pid").vehicle.drag_N_s_m == GUST_DRAG_N_S_M
-    assert changed(gust, {"drag_N_s_m": 0.1}).flown("pid").vehicle.drag_N_s_m == 0.1
-
-
-def test_a_goal_of_ones_own_keeps_height_and_speed() -> None:
-    goal = changed(replace(SETUP, goal_m=(1.0, 2.0)), {"z_over_R": 3.0}).flown("pid").goals[0]
-    assert (goal.x_m, goal.y_m, goal.speed_m_s) == (1.0, 2.0, 0.2)
-    assert goal.z_m == pytest.approx(3.0 * VEHICLE.rig.propulsion.radius_m)
-
-
-def test_a_shipped_vehicle_flies_eq_10_as_printed_and_a_bladed_one_its_blades() -> None:
-    names = [effect.name for effect in VEHICLE.model.present_effects]
-    assert names == ["rotor_images", "neighbour_images", "body_lift"]
-    bladed_model = FlightVehicle.of_rig(bladed("pquad")).model
-    assert {effect.name for effect in bladed_model.present_effects} == {*names, "blade_inflow"}
-    assert bladed_model.parameters["blade_inflow.response"].value == pytest.approx(0.9016, abs=1e-4)

@@ -28,13 +28,6 @@ def test_the_published_numbers() -> None:
     assert s3.attitude.k_i_q_per_s2 == s3.attitude.k_i_theta_per_s2 == 0.0
 
 
-@pytest.mark.parametrize("name", gain_names())
-def test_every_number_has_a_source(name: str) -> None:
-    sources = gains_named(name).sources
-    assert len(sources) >= 18
-    assert all(sources.values())
-
-
 def test_a_factor_acts_on_the_gains_of_a_table_and_leaves_limits_alone() -> None:
     before = gains_named("stiff")
     after = before.with_values(attitude=1.5)

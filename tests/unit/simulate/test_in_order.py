@@ -23,14 +23,6 @@ def test_results_come_in_the_order_of_the_tasks(threads: int | None) -> None:
     assert list(results_in_order(counting([], 50), threads)) == list(range(50))
 
 
-def test_few_tasks_are_taken_ahead() -> None:
-    taken: list[int] = []
-    results = results_in_order(counting(taken, 1000), 2)
-    for number, result in enumerate(results):
-        assert result == number
-        assert len(taken) <= number + 4
-
-
 def test_tasks_run_at_the_same_time() -> None:
     meeting = Barrier(2, timeout=10.0)  # is passed only when two wait at once
     assert sorted(results_in_order([meeting.wait, meeting.wait], 2)) == [0, 1]

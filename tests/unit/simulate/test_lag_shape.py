@@ -39,8 +39,3 @@ def test_a_rotor_follows_with_the_lag_of_its_speed(speed: float, step: float) ->
     reached = followed(model, speed, speed + step, 10)
     rate = (1.0 + e * (speed / REFERENCE - 1.0) - a * np.sign(step)) / TAU_S
     assert reached == pytest.approx(speed + step * (1.0 - np.exp(-rate * 10 * DT_S)), abs=0.15)
-
-
-def test_without_a_shape_the_lag_is_exact() -> None:
-    plain = Model.single(RIG).with_effect("motor_lag", tau_s=TAU_S)
-    assert followed(shaped(0.0, 0.0), 500.0, 560.0, 7) == followed(plain, 500.0, 560.0, 7)

@@ -26,11 +26,6 @@ def test_it_filters_the_disturbance_with_its_own_rate() -> None:
     np.testing.assert_allclose(found, disturbance * (1.0 - np.exp(-rates * 0.3)), rtol=1e-4)
 
 
-def test_in_the_steady_state_it_is_the_disturbance_whatever_the_period() -> None:
-    found = estimated(10.0, np.full(6, 0.7), np.full(6, 0.05), 0.004, 2000)
-    np.testing.assert_allclose(found, 0.05, rtol=1e-9)
-
-
 def test_switched_on_it_starts_from_zero() -> None:
     explained = 0.0
     for momentum in (0.1, 0.2, 0.3):

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from benchtool.simulate.noise import lane_states, next_state, normal
 from benchtool.simulate.pitch.batch import LANES, simulate_many
-from benchtool.simulate.pitch.lane import cosine, sine
 from benchtool.simulate.pitch.run import PitchLoop
 from benchtool.simulate.pitch.simulate import simulate_pitch, taken
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
@@ -31,15 +28,6 @@ def test_a_run_is_the_same_alone_and_in_any_batch(threads: int) -> None:
         alone = simulate_pitch(each, SCHEDULE, seed=9, run=run)
         np.testing.assert_allclose(many[run], alone.log, rtol=1e-12, atol=1e-13)
     assert not np.array_equal(many[0], many[1])
-
-
-def test_lanes_differ_where_their_benches_differ() -> None:
-    benches = [replace(noisy_bench(), inertia_kgm2=0.018 + 0.001 * k) for k in range(4)]
-    jobs = [job(bench, soft()) for bench in benches]
-    runs = zip(jobs, range(4), strict=True)
-    for (number, log), each in zip(simulate_many(runs, SCHEDULE, whole_log), jobs, strict=True):
-        run = simulate_pitch(each, SCHEDULE, run=number)
-        np.testing.assert_allclose(log, run.log, rtol=1e-12, atol=1e-13)
 
 
 def test_a_lane_that_leaves_the_finite_numbers_is_reported() -> None:
@@ -68,9 +56,3 @@ def test_normal_numbers_are_normal() -> None:
     table = np.array(numbers)
     assert abs(np.mean(table[1:] * table[:-1])) < 4e-3
     assert abs(np.mean(table[:, 1:] * table[:, :-1])) < 4e-3
-
-
-def test_polynomials_are_sine_and_cosine_up_to_a_quarter_turn() -> None:
-    angles = np.linspace(-np.pi / 2.0, np.pi / 2.0, 2001)
-    np.testing.assert_allclose(sine(angles), np.sin(angles), atol=1e-15)
-    np.testing.assert_allclose(cosine(angles), np.cos(angles), atol=1e-15)

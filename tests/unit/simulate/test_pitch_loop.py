@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.schedule import PlateVisit, Signal
+from benchtool.core.schedule import Signal
 from benchtool.simulate.controllers.pitch import PulseLaw
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
 from benchtool.simulate.pitch.run import PitchLoop
@@ -87,20 +87,6 @@ def test_lag_and_delay_follow_a_step_exactly(delay_s: float) -> None:
     np.testing.assert_allclose(run.speed_rad_s[0], expected, rtol=1e-9)
 
 
-def test_readings_and_pulses_come_in_whole_quanta() -> None:
-    bench = noisy_bench("pitch_beam")
-    run = simulate_pitch(job(bench, soft()), sampled(1.0, reference_deg=SWAY), seed=3)
-    for values, quantum in (
-        (run.column("theta_rad"), 0.0003834951969714103),
-        (run.column("gyro_rad_s"), 0.001064650843716541),
-        (run.pwm_us, 1.0),
-        (run.speed_rad_s[:, 2:] * 30.0 / np.pi, 10.0),
-    ):
-        whole = values / quantum
-        np.testing.assert_allclose(whole, np.round(whole), atol=1e-8)
-        assert len(np.unique(np.round(whole))) > 3
-
-
 def test_a_noiseless_sensor_is_within_half_a_quantum_and_a_slow_one_holds() -> None:
     slow = PitchSensor(quantum=0.01, rate_Hz=50.0, bias=0.001)
     bench = replace(quiet_bench(), sensors={"theta_rad": slow})
@@ -152,10 +138,3 @@ def test_a_pulse_law_is_a_pid_in_microseconds() -> None:
     base = run.pwm_us.mean(axis=0)
     expected = 350.0 * error + 350.0 * error * (run.time_s + 0.002)
     np.testing.assert_allclose(run.pwm_us[0] - base, expected, rtol=1e-6)
-
-
-def test_too_near_a_plate_is_clamped_and_counted() -> None:
-    near = (PlateVisit(z_over_R=0.3, in_s=0.0, out_s=1e6, move_s=0.0),)
-    held = replace(quiet_bench("pquad"), inertia_kgm2=1e6)
-    run = simulate_pitch(job(held, soft()), sampled(1.0, plate=near))
-    assert run.clamped_steps == 1000

@@ -6,7 +6,6 @@ predict the encoder for a second with an error near its noise and the wake's.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -22,21 +21,6 @@ WINDOW, TICKS = 250, 7500
 WAKE_FLOOR_RAD = 0.004 / 0.03096 * np.sqrt(2.0 * 0.1 / 3.0) * 0.5
 """What the stated wake torque alone leaves over a second: its spectrum, integrated twice, root
 mean square over the window. The bench's small imperfections and the starting rate add to it."""
-
-
-def test_the_rig_is_the_owner_s(reference_data: Path) -> None:
-    known = json.loads((reference_data / "pitch_bench" / "bench.json").read_text())
-    rig = rig_named("beam")
-    p = rig.propulsion
-    per_rpm = 30.0 / np.pi
-    assert rig.body.inertia_yy_kgm2 == known["J"]
-    assert -rig.rotors[0].x_m == rig.rotors[1].x_m == known["L"]
-    np.testing.assert_allclose(
-        [p.radius_m, p.thrust_coefficient_N_s2 / per_rpm**2, p.speed_per_us_rad_s * per_rpm,
-         p.pwm_start_us, p.lag_s, rig.body.mass_kg],
-        [known["R"], known["kT"], known["rpm_per_us"], known["pwm0"], known["tau_m"], known["m"]],
-        rtol=1e-12,
-    )  # fmt: skip
 
 
 def test_logged_pulses_predict_the_encoder(reference_data: Path) -> None:

@@ -71,14 +71,6 @@ def test_a_feedforward_that_knows_everything_leaves_nothing() -> None:
     assert 0.4 * unaided() < half < 0.6 * unaided()
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [{"height_error_m": 0.04}, {"height_error_m": -0.02}, {"late_s": 0.5}, {"late_s": -0.5}],
-)
-def test_errors_of_its_map_show(wrong: dict[str, float]) -> None:
-    assert peak(Feedforward(strength=1.0, **wrong)) > 0.16 * unaided()
-
-
 def test_what_lanes_must_share_is_said() -> None:
     jobs = [job(quiet_bench("pquad"), soft()), job(quiet_bench("pquad"), soft("observer"))]
     with pytest.raises(InputError, match="must share rig, rates, delays"):

@@ -7,9 +7,8 @@ import pytest
 
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.imperfections import OPEN, Imperfections, LoadCell
+from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
 
 RIG = rig_named("pquad")
@@ -84,17 +83,6 @@ def test_the_same_seed_gives_the_same_readings_however_the_span_is_split():
     assert not np.array_equal(bench(seed=2).advance(1000), at_once, equal_nan=True)
 
 
-@pytest.mark.parametrize("name", ["amuse", "amuse_single", "pquad", "pquad_single"])
-def test_the_zero_wanders_as_the_rig_states(name):
-    rig = rig_named(name)
-    stated = rig.sensors["thrust_N"].walk
-    assert stated == Imperfections().on(rig).drift_walk_N_per_sqrt_s == 2e-4
-    flaws = replace(NONE, drift_walk_N_per_sqrt_s=OPEN).on(rig)
-    white = np.random.default_rng(1).standard_normal((2000, 100))
-    after = [LoadCell(flaws, 50.0).wander_N(np.ones(100), 0.01, row)[-1] for row in white]
-    assert np.std(after) == pytest.approx(stated, rel=0.05)
-
-
 def test_a_tare_takes_offset_and_creep_away_and_leaves_the_counts():
     plant = bench(replace(NONE, start_offset_N=0.7, drift_N_per_s=0.01))
     before = plant.advance(2000)
@@ -139,14 +127,3 @@ def test_battery_sag_of_the_truth_slows_the_rotors_and_shows_in_the_voltage():
         read = column(plant, block, name)
         read = read[np.isfinite(read)]
         assert read[-1] / read[0] == pytest.approx(1.0 - 0.001 * 100.0, abs=1e-3)
-
-
-def test_nearer_than_the_formulae_reach_is_clamped_and_counted():
-    plant = bench(NONE, Model.single(RIG))
-    settled(plant, z_m=0.08, duration_s=0.5)
-    assert plant.clamped_readings == 0
-    block = settled(plant, z_m=0.05, duration_s=0.5)
-    assert plant.clamped_readings > 0
-    speed = RIG.propulsion.speed_per_us_rad_s * (1500.0 - RIG.propulsion.pwm_start_us)
-    limit_N = model_N(Model.single(RIG), speed, 0.06)
-    assert column(plant, block, "thrust_N")[-1] == pytest.approx(limit_N, rel=1e-9)

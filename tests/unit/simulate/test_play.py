@@ -39,14 +39,3 @@ def test_levels_visited_up_and_down_read_as_the_settled_model_says() -> None:
         assert shown == pytest.approx(truth.thrust_N(settled)[0], abs=1e-9)
     bench.tare()
     assert bench.advance(10)[-1, thrust] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_without_width_there_is_no_play() -> None:
-    bare = Model.single(RIG)
-    idle = bare.with_effect("load_cell_hysteresis").freed("load_cell_hysteresis.half_width_N")
-    blocks = []
-    for truth in (bare, idle):
-        bench = PlateBench(RIG, truth, np.random.default_rng(1))
-        bench.command_pwm(np.array([1500.0]))
-        blocks.append(bench.advance(200))
-    assert np.array_equal(blocks[0], blocks[1], equal_nan=True)
