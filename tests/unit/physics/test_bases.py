@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.rig import Motor, Rig
+from benchtool.core.errors import InputError
+from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
@@ -31,7 +30,6 @@ from benchtool.physics.blade_element import (
 )
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
-from benchtool.physics.model_file import LoadedModel, model_from_toml, model_to_toml
 from tests.unit.physics.blades import BLADE, MOTOR, bladed
 from tests.unit.physics.closed_forms import single_rotor_factor
 
@@ -102,19 +100,6 @@ def test_a_ratio_at_any_basis_gives_the_same_radius(basis: Basis) -> None:
     assert fit_least_squares(printed)["R_m"].value < 0.99 * true_m
 
 
-@pytest.mark.parametrize("basis", RATIOS)
-def test_alike_rotors_have_the_ratio_of_one(basis: Basis) -> None:
-    """Four apart, each over its own image alone, and two that blow through one disc."""
-    single = bladed("pquad_single")
-    found = []
-    for rig in (single, bladed("pquad"), replace(single, rotors=single.rotors * 2)):
-        model = with_blades_of_rig(Model.single(rig))
-        values, near = model.parameters.values_array(), at(rig, Z_M)
-        flows = model.flow(near, values), model.flow(near.out_of_ground_effect(), values)
-        found.append(thrust_ratio(model, basis, *flows, values))
-    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=1e-12)
-
-
 def test_speeds_from_pulses_are_those_near_the_plate() -> None:
     """The same visits, speeds read or taken from the pulses' map: equal ratios at equal pulse."""
     rig = bladed("pquad")
@@ -146,19 +131,6 @@ def test_without_blades_every_basis_is_the_papers() -> None:
         np.testing.assert_allclose(thrust_ratio(model, basis, *flows, values), law, rtol=1e-9)
 
 
-def test_a_governed_motor_makes_pulse_and_speed_one_basis() -> None:
-    rig = bladed("pquad_single", Motor(governed=True))
-    model = with_blades_of_rig(Model.single(rig))
-    values = model.parameters.values_array()
-    flows = model.flow(at(rig, Z_M), values), model.flow(at(rig, 1.0), values)
-    by_speed = thrust_ratio(model, "equal_rpm2", *flows, values)
-    np.testing.assert_array_equal(thrust_ratio(model, "equal_pwm", *flows, values), by_speed)
-    by_power = thrust_ratio(model, "equal_power", *flows, values)  # of the shaft
-    q = [answers(0.12, z)[1] for z in (*Z_M, 1.0)]
-    expected = by_speed * (np.array(q[:-1]) / q[-1]) ** (-2.0 / 3.0)
-    np.testing.assert_allclose(by_power, expected, rtol=1e-13)
-
-
 def test_equal_pulse_without_a_motor_is_refused() -> None:
     rig = bladed("pquad_single", None)
     model = with_blades_of_rig(Model.single(rig)).freed("R_m")
@@ -186,36 +158,3 @@ def test_thrust_per_power_follows_from_thrust_and_torque() -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-12)
         far = thrust_per_power_N_W(model, at(rig, Z_M).out_of_ground_effect())
         assert np.all(found / far > factor_at(model, "equal_rpm2", at(rig, Z_M)))
-
-
-def written(model: Model) -> str:
-    return model_to_toml(LoadedModel(model=model, rig_name="mine"), "pquad_single")
-
-
-def test_numbers_of_blades_follow_the_rig_and_stated_ones_stay() -> None:
-    rig = bladed("pquad_single")
-    text = written(with_blades_of_rig(Model.single(rig)))
-    thick = replace(rig, blade=replace(BLADE, solidity=0.2))
-    for other in (rig, thick):
-        read = model_from_toml(text, "m.toml", other).model.parameters
-        assert other.blade is not None
-        assert read["blade_inflow.response"].value == inflow_response(other.blade)
-    with pytest.raises(FileFormatError, match=r"another rig's blades, and rig 'pquad_single'"):
-        model_from_toml(text, "m.toml", rig_named("pquad_single"))
-    head = '[model]\nname = "m"\nrig = "pquad_single"\n[effects.rotor_images]\n'
-    own = head + "[effects.blade_inflow]\nresponse = 1.4\n"
-    for other in (rig, rig_named("pquad_single")):
-        read = model_from_toml(own, "m.toml", other).model.parameters
-        assert read["blade_inflow.response"].value == 1.4
-        assert read["blade_inflow.share"].value == 1.0
-    shared = model_from_toml(head + "[effects.blade_inflow]\nshare = 0.5\n", "m.toml", rig).model
-    assert shared.parameters["blade_inflow.response"].value == inflow_response(BLADE)
-    assert shared.parameters["blade_inflow.share"].value == 0.5
-
-
-def test_a_law_at_equal_commands_is_left_as_it_stands() -> None:
-    head = '[model]\nname = "m"\nrig = "pquad_single"\n[effects.li]\nc = 3.4\n'
-    rig = bladed("pquad_single")
-    assert not model_from_toml(head, "m.toml", rig).model.answers_with_torque
-    named = model_from_toml(head + "[effects.blade_inflow]\n", "m.toml", rig).model
-    assert named.answers_with_torque

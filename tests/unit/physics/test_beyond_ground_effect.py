@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -35,30 +33,6 @@ def test_a_room_takes_seven_per_cent_at_two_and_a_half_radii_and_none_far_away()
     assert left[2] == pytest.approx(0.93)
     assert np.all(left[[0, 1, 3]] > 0.93)
     assert left[4] == pytest.approx(1.0, abs=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("name", "exponent", "rms"),
-    [
-        ("apcsf_10x7_static_kt0827.txt", 0.142, 0.005),
-        ("apce_16x8_static_2150od.txt", 0.119, 0.016),
-        ("apcff_4.2x4_static_0615rd.txt", 0.035, 0.013),
-    ],
-)
-def test_thrust_of_measured_propellers_follows_a_power_of_speed(
-    name: str, exponent: float, rms: float, reference_data: Path
-) -> None:
-    rpm, ct = np.loadtxt(reference_data / "uiuc" / name, skiprows=1)[:, :2].T
-    slope = np.polyfit(np.log(rpm), np.log(ct), 1)[0]
-    assert slope == pytest.approx(exponent, abs=0.02)
-    model = Model.single(rig_named("pquad_single"))
-    at = Conditions.of(
-        model.rig, speed_rad_s=rpm[None, :] * np.pi / 30.0, plate_z_m=np.full(len(rpm), 1e6)
-    )
-    with_it = model.with_effect("thrust_exponent", excess=slope)
-    ratio = with_it.thrust_N(at) / model.thrust_N(at)
-    left = np.log(ct) - np.log(ratio)
-    assert np.std(left) < rms < np.std(np.log(ct))
 
 
 def test_forward_speed_washes_the_ground_effect_out_as_the_source_prints_it() -> None:

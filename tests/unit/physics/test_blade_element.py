@@ -77,39 +77,6 @@ def test_every_basis_gives_the_worked_ratio(row: tuple[float, ...]) -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=5.1e-7)
 
 
-def test_hayden_at_one_radius() -> None:
-    inflow = inflow_at_equal_thrust((0.9926 + 0.03794 * 4.0) ** (2.0 / 3.0))
-    m, share = inflow_response(BLADE), profile_share(BLADE)
-    t, q = thrust_at_equal_speed(inflow, m), torque_at_equal_speed(inflow, m, share)
-    free, slope = speed_at_voltage(1.0), torque_per_speed(MOTOR)
-    assert slope is not None
-    w = speed_near_plate(free, drag_Nm_s2(1.0), q, slope) / free
-    assert round(inflow ** (-2.0 / 3.0), 6) == 1.094062
-    assert (round(t, 6), round(t * w * w, 6)) == (1.082053, 1.083894)
-
-
-@pytest.mark.parametrize("kappa", [0.4, 0.649519, 0.9, 1.0, 1.1])
-def test_ratios_are_those_of_the_coefficients(kappa: float) -> None:
-    (c_T, c_Q), (free_T, free_Q) = coefficients(kappa), coefficients(1.0)
-    m, share = inflow_response(BLADE), profile_share(BLADE)
-    assert thrust_at_equal_speed(kappa, m) == pytest.approx(c_T / free_T, rel=1e-14)
-    assert torque_at_equal_speed(kappa, m, share) == pytest.approx(c_Q / free_Q, rel=1e-14)
-    inflow = kappa * np.sqrt(c_T / 2.0)
-    by_element = 0.5 * BLADE.solidity * BLADE.lift_slope * (BLADE.pitch_rad / 3.0 - inflow / 2.0)
-    assert c_T == pytest.approx(by_element, rel=1e-14)
-
-
-@pytest.mark.parametrize("m", [0.2, 0.9016, 1.0, 3.0])
-def test_slopes_where_inflow_is_free(m: float) -> None:
-    """Induced torque falls with the inflow only for m below 1; at m above 1 it rises first."""
-    step = 1e-30j
-    thrust = thrust_at_equal_speed(1.0 + step, m).imag / 1e-30
-    torque = torque_at_equal_speed(1.0 + step, m, 0.0).imag / 1e-30
-    assert thrust == pytest.approx(-m / (1.0 + m / 2.0), rel=1e-13)
-    assert torque == pytest.approx((1.0 - m) / (1.0 + m / 2.0), rel=1e-13, abs=1e-13)
-    assert (torque_at_equal_speed(0.99, m, 0.0) > 1.0) == (m > 1.0)
-
-
 @pytest.mark.parametrize("G", [1.02, 1.3333, 2.0, 5.0])
 @pytest.mark.parametrize("m", [0.1, 0.9, 2.5])
 def test_without_profile_drag_equal_shaft_power_is_the_law(G: float, m: float) -> None:
@@ -138,21 +105,3 @@ def test_a_law_past_its_pole_stops_the_inflow() -> None:
         kappa = inflow_at_equal_thrust(np.float64(factor))
         assert kappa == 0.0
         assert thrust_at_equal_speed(kappa, 0.9) == pytest.approx(1.9, rel=1e-14)
-
-
-def by_rings(kappa_of_law: float, rings: int = 4000) -> float:
-    """Return C_T of untwisted blades with the inflow solved in every ring by itself."""
-    r = (np.arange(rings) + 0.5) / rings
-    half = BLADE.solidity * BLADE.lift_slope * kappa_of_law**2 / 16.0
-    inflow = half * (np.sqrt(1.0 + 2.0 * BLADE.pitch_rad * r / half) - 1.0)
-    element = 0.5 * BLADE.solidity * BLADE.lift_slope * (BLADE.pitch_rad * r**2 - inflow * r)
-    return float(element.mean())
-
-
-@pytest.mark.parametrize("row", TABLE, ids=lambda row: f"z/R {row[0]}")
-def test_uniform_inflow_is_four_per_cent_of_the_increment_off(row: tuple[float, ...]) -> None:
-    kappa = inflow_at_equal_thrust(single_rotor_factor(1.0, row[0]))
-    rings = by_rings(kappa) / by_rings(1.0)
-    assert rings == pytest.approx(row[-1], abs=5.1e-5)
-    uniform = thrust_at_equal_speed(kappa, inflow_response(BLADE))
-    assert (rings - 1.0) / (uniform - 1.0) == pytest.approx(0.957, abs=0.003)

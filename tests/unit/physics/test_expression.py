@@ -5,8 +5,6 @@ from __future__ import annotations
 import ast
 import inspect
 import pkgutil
-import subprocess
-import sys
 import textwrap
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -15,20 +13,17 @@ import numpy as np
 import pytest
 
 import benchtool.physics
-from benchtool.core.errors import MissingLibrary
 from benchtool.physics.body_lift import body_term
 from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
 from benchtool.physics.expression import (
     borrowed,
     compile_expressions,
-    compiled_closure,
     expression,
-    loop_part,
     recorded_expressions,
 )
 from benchtool.physics.images import image_velocity, partial_factor, self_image, thrust_factor
 from benchtool.physics.rotor import ground_effect_thrust_N, speed_from_pwm
-from benchtool.physics.wake_rules import WAKE_RULES, notes_weight
+from benchtool.physics.wake_rules import notes_weight
 from benchtool.simulate.layout import lent
 
 X = np.array([0.225, 0.0, -0.225, 0.0])
@@ -86,36 +81,6 @@ def test_compiled_loops_and_arrays_give_the_same_numbers(rng: np.random.Generato
     np.testing.assert_allclose(alone, whole, rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", sorted(WAKE_RULES))
-def test_every_wake_rule_compiles(name: str, rng: np.random.Generator) -> None:
-    numba = pytest.importorskip("numba")
-    compile_expressions()
-    weight = WAKE_RULES[name]
-    compiled = numba.njit(lambda coverage: weight(coverage))
-    for coverage in rng.uniform(0.0, 1.0, (20, 4)):
-        assert compiled(coverage) == pytest.approx(weight(coverage), rel=1e-14)
-
-
-def test_without_numba_the_source_runs_and_compiling_says_what_is_missing(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setitem(sys.modules, "numba.extending", None)
-    with pytest.raises(MissingLibrary, match=r"needs numba.*benchtool\[fast\]") as caught:
-        compile_expressions()
-    assert caught.value.package == "numba"
-    assert thrust_factor(0.5) == 2.0
-
-
-def test_importing_the_physics_does_not_import_numba() -> None:
-    found = pkgutil.iter_modules(benchtool.physics.__path__, "benchtool.physics.")
-    names = [info.name for info in found]
-    code = (
-        f"import sys, {', '.join(names)}; print(*sorted({{'numba', 'scipy'}} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ""
-
-
 def test_expressions_are_branch_free() -> None:
     for info in pkgutil.iter_modules(benchtool.physics.__path__, "benchtool.physics."):
         import_module(info.name)
@@ -134,27 +99,6 @@ def test_expressions_are_branch_free() -> None:
         if found:
             branches[function.__qualname__] = found
     assert branches == {}
-
-
-@loop_part
-def climbed(value: float, limit: float) -> float:
-    if value > limit:
-        return limit
-    return value
-
-
-def summed(values: np.ndarray, limit: float) -> float:
-    total = 0.0
-    for k in range(len(values)):
-        total += climbed(values[k], limit)
-    return total
-
-
-def test_a_compiled_loop_gives_what_its_source_gives(rng: np.random.Generator) -> None:
-    values = rng.normal(size=100)
-    compiled = compiled_closure(summed, "a test of sums")
-    assert compiled(values, 0.3) == summed(values, 0.3)
-    assert summed(values, 0.3) == pytest.approx(np.minimum(values, 0.3).sum(), rel=1e-13)
 
 
 class Two(NamedTuple):

@@ -13,7 +13,7 @@ import pytest
 
 from benchtool.physics import expression as compiling
 from benchtool.physics.expression import compiled_closure, expression
-from benchtool.physics.fold import Own, added, chained, each, multiplied, selected, summed
+from benchtool.physics.fold import Own, chained, each, multiplied, summed
 
 
 class Two(NamedTuple):
@@ -76,13 +76,6 @@ def test_joined_hooks_equal_the_written_out_expression(name: str) -> None:
         assert joined(i, FLOW, P) == expected(i, FLOW, P)
 
 
-def test_added_and_selected() -> None:
-    functions = (lambda x: x, lambda x: 10.0 * x, lambda x: 100.0 * x)
-    assert added(functions)(2.0) == 222.0
-    assert added(())(2.0) == 0.0
-    assert each(3, selected(functions))(2.0) == (2.0, 20.0, 200.0)
-
-
 def test_a_compiled_loop_gives_the_same_numbers() -> None:
     numba = pytest.importorskip("numba")
     compiling.compile_expressions()
@@ -143,14 +136,3 @@ def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
     assert [row[0] for row in second] == [row[0] for row in first]
     assert [row[1:] for row in first] == [["0", "1"], ["0", "1"]]
     assert [row[1:] for row in second] == [["1", "0"], ["1", "0"]]
-
-
-def test_without_numba_the_closure_runs_as_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing() -> None:
-        raise compiling.MissingLibrary("numba", "a compiled simulation", "fast")
-
-    monkeypatch.setattr(compiling, "compile_expressions", missing)
-    total = summed(TERMS)
-    made = compiled_closure(lambda flow, p: total(2, flow, p), "without numba")
-    assert made(FLOW, P) == joined_sum(2, FLOW, P)
-    assert not hasattr(made, "stats")

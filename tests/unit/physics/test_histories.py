@@ -25,13 +25,6 @@ def test_visits_may_stand_in_any_order() -> None:
         assert now.tolist() == then[order].tolist()
 
 
-def test_a_move_sideways_leaves_the_side_and_begins_a_stay() -> None:
-    place = np.array([[0.1, 0.2, 0.2], [0.0, 0.0, 0.3], [0.0, 0.0, 0.0]])
-    since_s, side = moves(np.array([0.0, 10.0, 20.0]), place)
-    assert since_s.tolist() == [0.0, 5.0, 5.0]
-    assert side.tolist() == [0.0, 1.0, 1.0]
-
-
 def test_a_mean_over_the_past_follows_what_is_within_its_time() -> None:
     time_s = np.arange(0.0, 600.0, 2.0)
     means = past_means(time_s, time_s, np.where(time_s < 300.0, 1.0, 0.0))
@@ -48,9 +41,3 @@ def test_motors_stand_still_while_the_plate_moves() -> None:
     assert means[0, 2] == pytest.approx(forgot)
     expected = 1.0 + (forgot * np.exp(-98.0 / 10.0) - 1.0) * np.exp(-2.0 / 10.0)
     assert means[0, 3] == pytest.approx(expected)
-
-
-def test_no_visit_has_no_past() -> None:
-    none = np.empty(0)
-    assert [len(one) for one in moves(none, np.empty((3, 0)))] == [0, 0]
-    assert past_means(none, none, none).shape == (len(PAST_S), 0)

@@ -30,12 +30,6 @@ def test_a_plate_that_moves_and_a_tare_unload_the_cell() -> None:
     assert visits(levels, places, since_tare).tolist() == expected
 
 
-def test_visits_may_stand_in_any_order() -> None:
-    place = np.zeros((3, 3))
-    times, load = np.array([2.0, 0.0, 1.0]), np.array([2.0, 1.0, 3.0])
-    assert load_directions(times, times, place, load).tolist() == [-1.0, 1.0, 1.0]
-
-
 def recording(*more: tuple[Channel, np.ndarray]) -> Recording:
     """Return three levels at one place, up and down again."""
     return Recording.from_columns(

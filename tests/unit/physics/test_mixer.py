@@ -7,21 +7,8 @@ import pytest
 
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.mixer import WRENCH, mixer_matrix, pitch_moment_Nm
-from tests.unit.physics.layouts import RotorLayout, plus_layout
 
 K, C, ARM = 1.2e-5, 1.8e-7, 0.225
-
-
-def matrix_of(layout: RotorLayout) -> np.ndarray:
-    """Return the mixer of a layout with this file's coefficients."""
-    return mixer_matrix(layout.x_m, layout.y_m, layout.spin, K, C)
-
-
-def test_the_plus_mixer_is_equation_9_entry_by_entry() -> None:
-    layout = plus_layout(ARM)
-    assert layout.names == ("front", "left", "rear", "right")
-    printed = [[K, K, K, K], [0, K * ARM, 0, -K * ARM], [-K * ARM, 0, K * ARM, 0], [-C, C, -C, C]]
-    np.testing.assert_allclose(matrix_of(layout), printed, rtol=1e-15, atol=0)
 
 
 ROWS = {row: number for number, row in enumerate(WRENCH)}
@@ -67,14 +54,3 @@ def test_every_row_of_the_paper_s_vehicles_is_equation_9(
     scale = {"thrust_N": k, "yaw_Nm": c}.get(row, k * float(np.hypot(x, y)[0]))
     printed = scale * np.array([*signs.values()], float)
     np.testing.assert_allclose(mixer_matrix(x, y, spin, k, c)[ROWS[row]], printed, atol=1e-20)
-
-
-@pytest.mark.parametrize("rig_name", ["pquad", "amuse"])
-def test_a_hovering_vehicle_does_not_turn(rig_name: str) -> None:
-    rig = rig_named(rig_name)
-    assert sum(place.spin for place in rig.rotors) == 0
-    pairs = [{rotor.spin for rotor in rig.rotors if rotor.name.startswith(side)} for side in SIDES]
-    assert pairs == [{1, -1}] * 4 or rig.n_rotors == 4
-
-
-SIDES = ("front", "left", "rear", "right")

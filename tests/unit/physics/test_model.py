@@ -38,15 +38,6 @@ def test_it_is_eq_2_3_and_4_for_the_quadrotor() -> None:
         np.testing.assert_allclose(model.thrust_N(conditions), thrust, rtol=1e-12)
 
 
-def test_three_rotors_make_two_thirds_of_the_body_lift() -> None:
-    model = load_model("quad_body_lift").model
-    three = np.array([[576.0], [576.0], [0.0], [576.0]])
-    conditions = Conditions.of(model.rig, speed_rad_s=three, plate_z_m=Z_M)
-    assert model.flow(conditions, model.parameters.values_array()).body_weight == pytest.approx(
-        np.full(6, 2.0 / 3.0)
-    )
-
-
 def test_coaxial_rotors_count_as_one_disc() -> None:
     rig = rig_named("amuse")
     z = np.array([1.0, 2.0]) * rig.propulsion.radius_m
@@ -57,13 +48,6 @@ def test_coaxial_rotors_count_as_one_disc() -> None:
     assert model.thrust_N(conditions)[0] == pytest.approx(
         8 * rig.propulsion.thrust_coefficient_N_s2 * 400.0**2 * expected[0]
     )
-
-
-def test_without_a_plate_there_is_no_ground_effect() -> None:
-    model = load_model("quad_body_lift").model
-    conditions = Conditions.of(model.rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
-    far = conditions.out_of_ground_effect()
-    assert np.array_equal(factor_at(model, "equal_rpm2", far), np.ones(6))
 
 
 def test_area_factors_follow_their_shares() -> None:

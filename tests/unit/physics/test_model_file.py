@@ -9,10 +9,7 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.parameter import Prior
-from benchtool.physics.baseline import baseline_parameters
-from benchtool.physics.bases import factor_at
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.model_file import load_model, model_from_toml, model_names, model_to_toml
 
 HEAD = "[model]\nname = 'x'\nrig = 'pquad'\n"
@@ -57,15 +54,6 @@ def test_a_prior_bounds_and_tolerance_survive_the_file() -> None:
     assert again.model.parameters["body_lift.K_b"] == item
 
 
-def test_stated_discrepancies_survive_the_file_and_default_ones_are_left_out() -> None:
-    loaded = load_model("quad_body_lift")
-    assert "[discrepancy]" not in model_to_toml(loaded)
-    stated = DiscrepancyTolerances(thrust=0.02, encoder_rad=0.001)
-    text = model_to_toml(replace(loaded, model=replace(loaded.model, discrepancy=stated)))
-    assert "[discrepancy]\nthrust = 0.02\nencoder_rad = 0.001\n" in text
-    assert model_from_toml(text, "again.toml").model.discrepancy == stated
-
-
 @pytest.mark.parametrize(
     ("text", "error", "words"),
     [
@@ -96,29 +84,3 @@ def test_stated_discrepancies_survive_the_file_and_default_ones_are_left_out() -
 def test_what_is_wrong_is_said(text: str, error: type[InputError], words: str) -> None:
     with pytest.raises(error, match=words):
         model_from_toml(text, "x.toml")
-
-
-NO_LAW = '[model]\nname = "old"\nrig = "pquad"\n[effects.body_lift]\nK_b = 1.5\n'
-
-
-def test_a_file_without_a_law_has_the_usual_one() -> None:
-    model = model_from_toml(NO_LAW, "old.toml").model
-    assert [effect.name for effect in model.effects] == ["rotor_images", "body_lift"]
-    assert model.parameters["rotor_images.own_strength"].value == 1.0
-
-
-def test_eq_2_can_be_taken_out_and_stays_out() -> None:
-    loaded = model_from_toml(NO_LAW, "old.toml")
-    without = replace(loaded, model=loaded.model.without("rotor_images"))
-    again = model_from_toml(model_to_toml(without), "new.toml").model
-    near = Conditions.of(again.rig, speed_rad_s=np.full(4, 500.0), plate_z_m=np.array([0.12]))
-    np.testing.assert_array_equal(
-        factor_at(again, "equal_rpm2", near), factor_at(without.model, "equal_rpm2", near)
-    )
-    assert (
-        1.0
-        < factor_at(again, "equal_rpm2", near)[0]
-        < factor_at(loaded.model, "equal_rpm2", near)[0]
-    )
-    alone = replace(again, effects=(), parameters=baseline_parameters(again.rig))
-    assert factor_at(alone, "equal_rpm2", near)[0] == 1.0

@@ -56,15 +56,6 @@ def written(folder: Path, text: str, name: str = "mine.py") -> str:
     return str(path)
 
 
-def test_one_effect_and_several_are_found(tmp_path: Path) -> None:
-    (effect,) = own_effects(written(tmp_path, GOOD), allow)
-    assert effect.name == "cubic_damping"
-    several = GOOD.replace("EFFECT =", "ONE =") + "EFFECTS = {'mine': ONE}\n"
-    assert [found.name for found in own_effects(written(tmp_path, several), allow)] == [
-        "cubic_damping"
-    ]
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [

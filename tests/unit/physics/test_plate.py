@@ -12,7 +12,6 @@ from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.images import clamped_height
 from benchtool.physics.model import Model
 from benchtool.physics.tilt import axis_cosine, height_over, plate_plane
-from tests.unit.physics.general_sum import pole_z_over_R
 
 angles = st.floats(-0.4, 0.4)
 places = st.floats(-0.4, 0.4)
@@ -34,10 +33,3 @@ def test_heights_below_the_limit_are_clamped() -> None:
     z = np.array([0.01, 0.0599, 0.06, 0.5])
     np.testing.assert_array_equal(clamped_height(z, 0.5 * 0.12), [0.06, 0.06, 0.06, 0.5])
     assert Model.single(rig_named("pquad")).nearest_z_over_R == VALIDITY_Z_OVER_R == 0.5
-
-
-def test_the_limit_is_above_every_pole_of_the_paper_s_vehicles() -> None:
-    for radius, d in ((0.12, 0.27), (0.12, 0.318), (0.205, 0.60)):
-        h = 0.5 * d
-        square = np.array([[h, h], [-h, h], [-h, -h], [h, -h]])
-        assert 0.25 < pole_z_over_R(radius, square, 2.0) < 0.6 * VALIDITY_Z_OVER_R

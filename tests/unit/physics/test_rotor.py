@@ -39,7 +39,3 @@ def test_speed_follows_pulse_and_voltage() -> None:
 def test_pulse_width_is_the_inverse(pwm: float, voltage: float) -> None:
     speed = speed_from_pwm(pwm, 1.3, 1100.0, voltage, 14.8)
     assert pwm_from_speed(speed, 1.3, 1100.0, voltage, 14.8) == pytest.approx(pwm, rel=1e-12)
-
-
-def test_no_thrust_wanted_is_no_speed() -> None:
-    np.testing.assert_array_equal(speed_from_thrust(np.array([-1.0, 0.0]), 1e-5), [0.0, 0.0])

@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.bases import factor_at
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import partial_factor
 from benchtool.physics.model import OWN_IMAGES, Model
-from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
+from benchtool.physics.model_file import load_model
 from benchtool.physics.prepared import Prepared
 from benchtool.physics.tilt import TILT_RULES
 from tests.unit.physics.general_sum import multirotor_factors
@@ -97,27 +96,6 @@ def test_a_prepared_model_gives_what_the_model_gives_under_tilt(
         np.testing.assert_allclose(
             prepared.thrust_N(values), model.thrust_N(conditions, values), rtol=1e-12
         )
-
-
-@pytest.mark.parametrize("rule", TILT_RULES)
-def test_a_prepared_model_of_a_level_plate_takes_one_disc_for_all(rule: str) -> None:
-    model = quad(rule).with_effect("plate_offset", dz_m=0.004).freed("plate_offset.dz_m")
-    conditions = over(0.24, 0.0)
-    prepared, values = Prepared(model, conditions), model.parameters.values_array()
-    values[list(model.parameters).index("plate_offset.dz_m")] += 0.01
-    assert len(prepared.flow(values).height_m) == 1
-    np.testing.assert_allclose(
-        prepared.thrust_N(values), model.thrust_N(conditions, values), rtol=1e-12
-    )
-
-
-def test_a_model_file_names_the_rule() -> None:
-    loaded = load_model("quad_body_lift")
-    assert loaded.model.tilt_rule == "axis"
-    text = model_to_toml(replace(loaded, model=quad("vertical")))
-    assert model_from_toml(text, "again.toml").model.tilt_rule == "vertical"
-    with pytest.raises(UnknownChoice, match=r"unknown tilt rule 'own'.*own_height"):
-        quad("own")
 
 
 def test_every_law_of_distance_counts_along_the_rotor_axis() -> None:
