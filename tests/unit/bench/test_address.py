@@ -20,8 +20,7 @@ from benchtool.bench.addresses import (
     parse_stage,
 )
 from benchtool.bench.drivers import open_bench, parse_address
-from benchtool.bench.serial.bench import SerialBench
-from benchtool.core.errors import InputError, UnknownChoice
+from benchtool.core.errors import InputError
 from benchtool.core.inputs import make
 from benchtool.core.own_code import refuse_code
 from benchtool.virtual.simulated import SimulatedBench
@@ -130,23 +129,6 @@ def test_a_wrong_stage_is_refused_in_a_dry_run_too(option: str, said: str) -> No
         sweep_to_run(inputs, Unattended(), refuse_code)
 
 
-@pytest.mark.parametrize(
-    ("text", "link"),
-    [
-        ("pty", ServedLink("bench", "pty")),
-        ("tcp:0", ServedLink("bench", "tcp", LOOPBACK, 0)),
-        ("tcp:localhost:5555", ServedLink("bench", "tcp", "localhost", 5555)),
-        ("mavlink", ServedLink("mavlink", "udpout", LOOPBACK, 14550)),
-        ("mavlink:pty", ServedLink("mavlink", "pty")),
-        ("mavlink:tcp:5760", ServedLink("mavlink", "tcp", LOOPBACK, 5760)),
-        ("mavlink:udpin:14551", ServedLink("mavlink", "udpin", LOOPBACK, 14551)),
-        ("mavlink:udpout:host:14551", ServedLink("mavlink", "udpout", "host", 14551)),
-    ],
-)
-def test_a_served_link_is_parsed_into_typed_values(text: str, link: ServedLink) -> None:
-    assert ServedLink.parse(text) == link
-
-
 DIGITS = "1" * 5000
 
 
@@ -165,11 +147,6 @@ def test_a_wrong_link_is_refused_with_the_known_ones(text: str) -> None:
     assert len(str(caught.value)) < 300
 
 
-def test_ports_are_not_opened_before_they_are_entered():
-    for text in ("serial:/dev/there_is_no_such_port", "serial:COM12", "tcp:127.0.0.1:1"):
-        assert isinstance(open_bench(text), SerialBench)
-
-
 def test_a_simulated_address_reads_its_truth_and_flaws(tmp_path):
     path = tmp_path / "bent.toml"
     path.write_text(TRUTH, encoding="utf-8")
@@ -181,10 +158,3 @@ def test_a_simulated_address_reads_its_truth_and_flaws(tmp_path):
         names = [channel.name for channel in bench.identity.channels]
         thrust = bench.read(2.0).values[:, names.index("thrust_N")]
     assert thrust[~(thrust != thrust)].mean() == pytest.approx(2.4, abs=0.005)
-
-
-def test_an_unknown_flaw_is_refused_with_the_known_ones(tmp_path):
-    path = tmp_path / "bent.toml"
-    path.write_text(TRUTH.replace("thrust_noise_N", "noise_N"), encoding="utf-8")
-    with pytest.raises(UnknownChoice, match="thrust_noise_N"):
-        open_bench(f"sim:pquad?truth={path}")

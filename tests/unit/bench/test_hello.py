@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import random
-
 import pytest
 
 from benchtool.bench.serial.frames import crc16, payload_of
@@ -11,12 +9,11 @@ from benchtool.bench.serial.hello import (
     MOST_LINES,
     Hello,
     HelloReader,
-    channel_hash,
     hello_from,
     hello_lines,
 )
 from benchtool.core.errors import ProtocolError
-from tests.wire.still_plant import StillPlant, still_hello
+from tests.wire.still_plant import still_hello
 
 LINES = hello_lines(still_hello())
 
@@ -67,13 +64,6 @@ def test_what_else_makes_no_sense(key: str, values: list[str], words: str) -> No
         hello_from(changed(key, *values))
 
 
-def test_the_hash_goes_by_names_units_and_order() -> None:
-    channels = StillPlant.channels
-    assert channel_hash(channels) == still_hello().channel_hash == "2E39"
-    assert channel_hash(channels[::-1]) != "2E39"
-    assert crc16(b"pwm1_us,pwm_us\nthrust_N,N\n") == int(channel_hash(channels[0:3:2]), 16)
-
-
 INDEXED = [(str(index), *line) for index, line in enumerate(LINES)]
 WHOLE = crc16(b"".join(payload_of("H", line) + b"\n" for line in INDEXED))
 ANSWER = (str(len(LINES)), f"{WHOLE:04X}")
@@ -85,12 +75,6 @@ def read(
     for line in lines:
         reader.take(line)
     return reader.hello(answer)
-
-
-def test_lines_in_any_order_and_twice_give_the_same_hello() -> None:
-    mixed = INDEXED * 2
-    random.Random(3).shuffle(mixed)
-    assert read(mixed, ANSWER, HelloReader()) == still_hello()
 
 
 def test_a_line_that_got_lost_may_come_with_the_next_try() -> None:

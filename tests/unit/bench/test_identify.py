@@ -9,12 +9,11 @@ import pytest
 
 from benchtool.bench.identify import Kind, kind_of
 from benchtool.bench.mavlink.frames import MavlinkFrames
-from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.serial.frames import frame
 from benchtool.bench.stage.grbl import GrblAxis, GrblStage
 from benchtool.core.errors import ProtocolError
-from tests.doubles.scripted_link import ScriptedLink, Talker
+from tests.doubles.scripted_link import Talker
 
 BEAT = MavlinkFrames(1, 1).pack(dialect().MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3))
 NOISE = np.random.default_rng(5).integers(128, 250, 200).astype(np.uint8).tobytes()
@@ -46,29 +45,3 @@ def test_a_stage_that_is_none_is_named(kind: Kind, said: str) -> None:
     with pytest.raises(ProtocolError, match=re.escape(said)):
         stage.open()
     assert link.closed == 1
-
-
-class Asked(ScriptedLink):
-    """A port on which somebody is quiet until the right question comes."""
-
-    def __init__(self, question: bytes, answer: bytes) -> None:
-        super().__init__()
-        self._question, self._reply = question, answer
-
-    def write(self, data: bytes) -> None:
-        if self._question in data:
-            self._answer = self._reply
-
-
-def test_a_quiet_bench_or_stage_is_made_to_speak_before_it_is_called_silent() -> None:
-    bench = Asked(b",hello", frame(b"H,protocol,1"))
-    with pytest.raises(ProtocolError, match="it is the bench, not a G-code stage"):
-        GrblStage(bench, GrblAxis("Z", 1.5), 0.1, clock=bench.clock).open()
-    for question, answer, said in (
-        (b",hello", frame(b"H,protocol,1"), "speaks the bench protocol, not MAVLink"),
-        (b"?", b"<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n", "is a G-code stage, not an autopilot"),
-    ):
-        link = Asked(question, answer)
-        talk = MavlinkLink(link, "mavlink:serial:/dev/x", link.clock, MavlinkFrames())
-        with pytest.raises(ProtocolError, match=said):
-            talk.find(None)

@@ -7,7 +7,6 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
@@ -15,7 +14,7 @@ import serial
 
 from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket
-from benchtool.bench.transport.transport import holders, opening_error
+from benchtool.bench.transport.transport import holders
 from benchtool.core.errors import LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
@@ -74,21 +73,6 @@ def test_what_opening_may_raise(
     assert type(caught.value) is kind
     assert caught.value.__cause__ is error
     assert "/dev/example" in str(caught.value)
-
-
-def test_access_denied_on_windows_means_busy() -> None:
-    error = serial.SerialException("could not open port 'COM3': PermissionError(13, 'denied')")
-    assert type(opening_error(error, "COM3", windows=True)) is PortBusy
-    assert type(opening_error(error, "COM3")) is PortDenied
-
-
-@posix
-def test_paths_that_are_no_port(tmp_path: Path) -> None:
-    file = tmp_path / "file"
-    file.touch()
-    for path, words in ((tmp_path / "absent", "cannot be opened"), (file, "not a serial port")):
-        with pytest.raises(NoDevice, match=words):
-            SerialPort(str(path)).open()
 
 
 @posix

@@ -30,12 +30,6 @@ def rows_of(*messages: object, **given: object) -> dict[str, list[float]]:
     return {name: column[np.isfinite(column)].tolist() for name, column in told.items()}
 
 
-def test_outputs_of_the_rotors() -> None:
-    told = rows_of(servo(1000, 1200, 1000, 1500, 1000))
-    assert told["pwm1_us"] == [1500.0]
-    assert told["pwm2_us"] == [1200.0]
-
-
 @pytest.mark.parametrize("unknown", [np.nan, np.inf])
 def test_an_output_that_shows_no_number_shows_no_stop(unknown: float) -> None:
     rows, watch = MavlinkRows(Wiring(**TWO), idle_us=1100.0), OutputWatch("mav", 1000.0)
@@ -109,16 +103,6 @@ def test_an_esc_that_has_said_nothing_new_is_not_repeated() -> None:
     assert told["rpm1"] == [4000.0]
 
 
-def test_an_esc_that_never_says_anything_has_no_speed() -> None:
-    counts = [[3, 3, 25_198 + step, 3] for step in range(5)]
-    some = [telemetry([0] * 4, 0) for _ in counts]
-    for message, count in zip(some, counts, strict=True):
-        message.count = count
-    told = rows_of(*some)
-    assert told["rpm1"] == [0.0] * 4
-    assert told["rpm2"] == []
-
-
 def test_battery_attitude_and_distance() -> None:
     told = rows_of(
         W.MAVLink_battery_status_message(
@@ -176,34 +160,12 @@ def test_a_constant_zero_while_driven_is_a_dead_channel() -> None:
     )
 
 
-def test_another_message_that_lives_takes_its_place() -> None:
-    sources = SpeedSources(1)
-    taken = []
-    for step in range(40):
-        sources.take("ESC_TELEMETRY", 0, 0.0, True, STEP_US * step)
-        taken.append(sources.take("RPM", 0, 3000.0 + step, True, STEP_US * step))
-    assert taken == [False] * 20 + [True] * 20
-    assert sources.take_messages()[-1] == "rpm1 is taken from RPM now"
-
-
-def test_a_dead_channel_that_wakes_up_is_taken_again() -> None:
-    sources = SpeedSources(1)
-    run(sources, "ESC_TELEMETRY", 0.0, 0)
-    assert sources.take("ESC_TELEMETRY", 0, 2000.0, True, 3_000_000)
-
-
 def test_hx711_examples_are_read_in_pieces() -> None:
     lines = CellLines()
     text = b"ading: 1\r\nHX711 reading: 124006\r\none reading:\t16.1\t| average:\t4.2\r\n"
     text += b"ready\r\n-3.5\n"
     readings = [value for at in range(0, len(text), 5) for value in lines.feed(text[at : at + 5])]
     assert readings == [124006.0, 16.1, -3.5]
-
-
-def test_a_line_without_an_end_is_not_kept_for_ever() -> None:
-    lines = CellLines()
-    assert lines.feed(b"x" * 100_000) == []
-    assert lines.feed(b"\nHX711 reading: 7\n") == [7.0]
 
 
 def test_readings_stand_on_the_autopilots_clock() -> None:

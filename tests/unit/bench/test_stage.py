@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import DeviceStage, HandStage, IdleStage, OneSidedStage
+from benchtool.bench.stage.stage import HandStage, IdleStage, OneSidedStage
 from benchtool.core.errors import StageError
 from benchtool.core.rig import PlateDrive
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.imperfections import Imperfections
 from benchtool.virtual.simulated import SimulatedBench
 
 
@@ -54,43 +53,6 @@ def test_it_overshoots_only_where_it_moves_away() -> None:
     stage.hold()  # stopped anywhere: the next move takes the play up again
     stage.move(0.2, 0.0, 0.0, pause)
     assert inner.sent[-2:] == [0.205, 0.2]
-
-
-def test_without_play_every_move_is_one() -> None:
-    inner = Listed()
-    stage = OneSidedStage(inner, plate(0.0))
-    for z_m in (0.2, 0.3):
-        stage.move(z_m, 0.0, 0.0, pause)
-    assert inner.sent == [0.2, 0.3]
-
-
-def test_a_distance_is_the_one_that_is_read_from_either_side() -> None:
-    """On the virtual bench thrust depends on the way there, unless the way is one-sided."""
-    rig = rig_named("pquad")
-
-    def thrusts(one_sided: bool, backlash_m: float = 0.001) -> np.ndarray:
-        quiet = replace(Imperfections.none(), backlash_m=backlash_m, thrust_rate_Hz=80.0)
-        bench = SimulatedBench(
-            "sim:pquad", rig, load_model("quad_body_lift").model, imperfections=quiet
-        )
-        with bench:
-            bench.open()
-            stage = DeviceStage(bench)
-            chosen = OneSidedStage(stage, plate(backlash_m)) if one_sided else stage
-            read = []
-            for before in (0.06, 0.3):
-                for z_m in (before, 0.1):
-                    chosen.move(z_m, 0.0, 0.0, pause)
-                bench.set_pwm(np.full(4, 1500.0))
-                bench.read(2.0)
-                column = [channel.name for channel in bench.identity.channels].index("thrust_N")
-                read.append(float(np.nanmean(bench.read(0.5).values[:, column])))
-                bench.set_pwm(np.full(4, 1000.0))
-                bench.read(3.0)
-        return np.array(read)
-
-    assert np.ptp(thrusts(one_sided=False)) > 0.03
-    np.testing.assert_allclose(thrusts(one_sided=True), thrusts(True, backlash_m=0.0), atol=1e-6)
 
 
 def test_it_stays_above_idle_and_inside_the_gap() -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.bench.wrappers import PacedBench, StoppableBench, StopRequested
+from benchtool.bench.wrappers import StoppableBench, StopRequested
 from benchtool.core.errors import LinkLost
 from benchtool.core.rig_file import rig_named
 from benchtool.virtual.firmware import Firmware
@@ -120,27 +119,3 @@ def test_a_request_does_not_end_a_guarded_bench_for_good() -> None:
         bench.set_pwm(np.array([1300.0]))
         bench.read(0.1)
         assert bench.reason is None
-
-
-class WallClock:
-    """Let waiting pass time, and nothing else."""
-
-    def __init__(self) -> None:
-        self.now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-    def wait(self, event: threading.Event, seconds: float) -> None:
-        self.now_s += seconds
-
-
-@pytest.mark.parametrize("speed", [1.0, 20.0])
-def test_a_virtual_clock_is_held_to_its_pace(speed: float) -> None:
-    clock = WallClock()
-    bench = PacedBench(open_bench("sim:pquad_single"), speed, clock, clock.wait)
-    with bench:
-        begun_s = bench.now_s()
-        while bench.now_s() - begun_s < 10.0:
-            bench.read(0.1)
-        assert clock.now_s - 100.0 == pytest.approx(10.0 / speed, rel=0.01)
