@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 import pytest
 from annotated_types import Ge, Gt, Le
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.inputs import Input, Inputs, changed, items, make, words
+from benchtool.core.inputs import Input, Inputs, make
 from benchtool.core.toml_text import read_strict
 
 Positive = Annotated[float, Gt(0.0), Le(100.0)]
@@ -113,23 +112,6 @@ def test_what_is_refused_says_why(given: dict[str, Any], sentence: str) -> None:
     assert str(refused.value).startswith(sentence)
 
 
-def test_values_and_typed_text_come_to_the_same() -> None:
-    typed = by_label(
-        pwm="5, 7", ramp_s="2", repeats="3", offset_m="1,-2", names="a,b", set="K_b=2", out="x"
-    )
-    given = order(
-        pwm=np.array([5.0, 7.0]), ramp_s=np.float32(2.0), repeats=np.int64(3), offset_m=[1, -2],
-        names=["a", "b"], set={"K_b": 2}, out=Path("x"),
-    )  # fmt: skip
-    assert typed == given
-    assert (typed.throttle.pwm_us, typed.offset_m, typed.out) == (
-        (5.0, 7.0),
-        (1.0, -2.0),
-        Path("x"),
-    )
-    assert order(only=["a,b", "c"]).only == ("a,b", "c")
-
-
 @pytest.mark.parametrize("text", ["0.3", "300ms", "300 ms", "0.3s", "3e5us", "+.3 s"])
 def test_a_typed_number_may_carry_a_unit_of_its_dimension(text: str) -> None:
     assert order(ramp_s=text).throttle.ramp_s == pytest.approx(0.3, rel=1e-12)
@@ -147,22 +129,3 @@ def test_what_is_given_goes_over_the_base_and_no_default_does() -> None:
         Throttle(inner=500.0)
     with pytest.raises(InputError, match=r"throttle is 3; make it with Throttle"):
         Order(device="sim", throttle=3)  # type: ignore[arg-type]
-
-
-def test_the_words_that_give_it_lead_back_to_it() -> None:
-    asked = order(pwm="5,7", names="a,b", only=["c", "d"], set="K_b=2", quick=True, out="x")
-    assert words(Order, changed(asked)) == [
-        "sim", "--only", "c", "--only", "d", "--names", "a,b", "--set", "K_b=2", "--out", "x",
-        "--quick", "--pwm", "5,7",
-    ]  # fmt: skip
-    assert words(Order, {"ramp_s": "0.1", "repeats": "", "quick": False}) == ["--ramp-s", "0.1"]
-
-
-def test_an_input_is_described_for_whoever_shows_it() -> None:
-    about = {item.name: item for item in items(Order)}
-    assert list(about)[-3:] == ["pwm", "ramp_s", "ratio"]
-    assert (about["ramp_s"].key, about["ramp_s"].range) == ("throttle.ramp_s", "0 to 10")
-    assert about["order"].choices == ("random", "given")
-    assert [about[name].label for name in ("repeats", "ramp_s")] == [
-        "Repeats", "Time between levels, s",
-    ]  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import pytest
@@ -70,28 +69,6 @@ def test_nothing_runs_without_a_permit(here: Path, way: str) -> None:
     with pytest.raises(InputError, match=r"evil\.py is Python code"):
         WAYS[way]()
     assert not (here / "EXECUTED").exists()
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["models", "m.toml"],
-        ["sweep", "sim:pquad_single?truth=m.toml", "--z-over-r", "1", "--dry-run"],
-        ["fit", "t.csv", "--model", "m.toml"],
-        ["explain", "t.csv", "--model", "m.toml"],
-        ["explain", "t.csv", "--model", "single", "--effects", "evil.py"],
-        ["simulate", "pitch", "--controllers", "evil:Law", "--duration-s", "0.1"],
-    ],
-    ids=" ".join,
-)
-def test_what_a_person_names_runs_and_is_named(
-    here: Path, capsys: pytest.CaptureFixture[str], words: list[str]
-) -> None:
-    sys.modules.pop("evil", None)
-    with pytest.raises(SystemExit):
-        main(words)
-    assert "evil.py" in capsys.readouterr().err.splitlines()[0]
-    assert (here / "EXECUTED").exists()
 
 
 @pytest.mark.parametrize(

@@ -32,18 +32,6 @@ class Outer(FileTable):
     by_name: Mapping[str, Inner] = field(default_factory=dict)
 
 
-def test_nested_tables_become_dataclasses() -> None:
-    read = read_strict(
-        Outer,
-        "name = 'a'\n[inner]\nsize_m = 1\n[[many]]\nsize_m = 2.5\ncount = 3\n"
-        "[by_name.x]\nsize_m = 4",
-        "a.toml",
-    )
-    assert read.inner == Inner(size_m=1.0)
-    assert read.many == (Inner(size_m=2.5, count=3),)
-    assert read.by_name == {"x": Inner(size_m=4.0)}
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

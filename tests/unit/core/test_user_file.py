@@ -90,8 +90,3 @@ def test_toml_beyond_its_bounds_is_refused(text: str, says: str) -> None:
 def test_json_beyond_its_bounds_is_refused(text: str | bytes, says: str) -> None:
     with pytest.raises(FileFormatError, match=says):
         parse_json(text, "x.json")
-
-
-def test_what_is_within_the_bounds_is_read() -> None:
-    assert parse_toml("a = [inf, -9223372036854775807]", "x") == {"a": [float("inf"), 1 - 2**63]}
-    assert parse_json('{"a": ["µ", 1e308]}', "x") == {"a": ["µ", 1e308]}
