@@ -7,8 +7,6 @@ from benchtool.acquire.average import (
     Average,
     average,
     is_settled,
-    slope_of,
-    statistical_inefficiency,
 )
 from benchtool.core.rig import Sensor
 
@@ -46,17 +44,6 @@ def test_vibrations_do_not_count_as_errors_of_the_mean(lines: int, rho: float) -
     assert np.mean([one.sd for one in found]) > 1.5
 
 
-def test_inefficiency_of_a_first_order_process() -> None:
-    values = autoregressive(np.random.default_rng(6), (1, 200_000), 0.6)[0]
-    # (1 + rho)/(1 - rho) for an AR(1) process.
-    assert statistical_inefficiency(values) == pytest.approx(4.0, rel=0.1)
-
-
-def test_alternating_and_constant_values_count_as_independent() -> None:
-    assert statistical_inefficiency(np.tile([1.0, -1.0], 50)) == 1.0
-    assert statistical_inefficiency(np.ones(50)) == 1.0
-
-
 def test_gaps_are_left_out_and_few_values_are_told() -> None:
     found = average(np.array([1.0, np.nan, 3.0]))
     assert (found.mean, found.n) == (2.0, 2)
@@ -84,17 +71,6 @@ def average_of(samples: np.ndarray) -> Average:
     return average(samples, quantum=1.0)
 
 
-def test_slope_and_error_of_a_noisy_line() -> None:
-    rng = np.random.default_rng(7)
-    time_s = np.arange(400) / 100.0
-    found = slope_of(time_s, 3.0 + 0.5 * time_s + 0.1 * rng.normal(size=400))
-    assert found.per_s == pytest.approx(0.5, abs=4.0 * found.se_per_s)
-    expected = 0.1 / np.sqrt(((time_s - time_s.mean()) ** 2).sum())
-    assert found.se_per_s == pytest.approx(expected, rel=0.25)
-    assert not found.settled(0.01)
-    assert found.settled(0.2)
-
-
 def test_settled_needs_a_whole_window_and_every_channel() -> None:
     time_s = np.arange(150) / 100.0
     flat = np.full(150, 5.0)
@@ -105,18 +81,6 @@ def test_settled_needs_a_whole_window_and_every_channel() -> None:
     assert not is_settled(np.empty(0), [np.empty(0)], 1.0, 0.002)
     assert not is_settled(time_s, [np.full(150, np.nan)], 1.0, 0.002)
     assert not is_settled(time_s, [], 1.0, 0.002)
-
-
-def test_an_exponential_settles_when_its_slope_has_gone() -> None:
-    time_s = np.arange(600) / 100.0
-    values = 10.0 - 4.0 * np.exp(-time_s / 0.5)
-    settled = [
-        time_s[i]
-        for i in range(100, 600, 10)
-        if is_settled(time_s[: i + 1], [values[: i + 1]], 1.0, 0.002)
-    ]
-    # 8 exp(-t/0.5) falls to 0.02 per s at t = 3.0 s, in the middle of the window.
-    assert 3.0 < settled[0] < 4.5
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.8])
@@ -138,24 +102,6 @@ def test_missed_counts_move_neither_mean_nor_standard_error(rho: float, share: f
     assert error.std() == pytest.approx(whole.std() / np.sqrt(1.0 - share), rel=0.05)
     stated = np.sqrt(np.mean([item.se**2 for item in found if not item.suspect]))
     assert stated == pytest.approx(error.std(), rel=0.12)  # as without outliers
-
-
-@pytest.mark.parametrize("n", [8, 12, 20, 50, 200])
-def test_efficiency_against_the_plain_mean(n: int) -> None:
-    samples = np.random.default_rng(n).normal(size=(4000, n))
-    robust = [average(row).mean for row in samples]
-    assert samples.mean(axis=1).var() / np.var(robust) > 0.99
-
-
-def test_one_half_speed_reading_in_a_hundred_moves_the_squared_speed_by_nothing() -> None:
-    readings = 4312.0 + 8.0 * np.random.default_rng(3).normal(size=100)
-    honest = average(readings).mean
-    readings[40] *= 0.5
-    assert (readings.mean() / honest) ** 2 == pytest.approx(0.99, abs=2e-3)
-    found = average(readings)
-    assert (found.mean / honest) ** 2 == pytest.approx(1.0, abs=1e-4)
-    assert found.n_rejected == 1
-    assert "1 of 100 samples of rpm1 (from 21" in found.rejection("rpm1")
 
 
 @pytest.mark.parametrize("share", [0.06, 0.3, 0.48])

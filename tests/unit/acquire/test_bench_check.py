@@ -109,10 +109,3 @@ def test_what_makes_a_bench_more_dangerous_is_named() -> None:
     assert warning == "anybody may steer it"
     assert "will not be seen to stand" in unseen
     assert unwatched.startswith("no channel brings ")
-
-
-def test_a_simulated_bench_that_measures_all_needs_no_warning() -> None:
-    identity = replace(still_hello(), simulated=True).identity("sim:", 100.0)
-    speeds = [replace(identity.channels[0], name=f"rpm{i}") for i in range(1, 5)]
-    seen = replace(identity, channels=(*identity.channels, *speeds))
-    assert arming_warnings(seen, rig_named("pquad")) == ()

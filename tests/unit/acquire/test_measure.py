@@ -44,15 +44,6 @@ def test_every_frequency_that_moves_a_mean_is_named() -> None:
     assert 25 <= named <= 60
 
 
-def test_it_says_what_to_do_and_is_silent_without_speed_or_samples() -> None:
-    text = aliased(12000.0, TIMES_S)
-    assert text.startswith("turned at 200.0 Hz, the 200.0 Hz of the load cell's samples")
-    assert text.endswith("measure at a pulse beside this one")
-    assert "2 times the 200.0 Hz" in aliased(24000.0, TIMES_S)
-    silent = [aliased(np.nan, TIMES_S), aliased(12000.0, TIMES_S[:1]), aliased(300.0, TIMES_S)]
-    assert silent == ["", "", ""]
-
-
 def test_a_point_of_a_sweep_is_marked_and_left_out_of_motor_constants(tmp_path: Path) -> None:
     rig = tmp_path / "loud.toml"
     rig.write_text(RIG)

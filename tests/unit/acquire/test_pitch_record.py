@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.acquire.bench_check import check_bench
 from benchtool.acquire.pitch_experiment import (
     PitchExperiment,
     arming_text,
@@ -180,13 +179,6 @@ def test_limits_of_device_and_rig_hold() -> None:
     weak = replace(RIG, limits=replace(RIG.limits, thrust_N=10.0))
     with pytest.raises(PlanError, match="10 N"):
         check_experiment(HOVER, weak)
-
-
-def test_a_pitch_bench_can_be_checked_without_a_load_cell() -> None:
-    with GuardedBench(open_bench(ADDRESS), RIG) as bench:
-        findings = list(check_bench(bench, RIG))
-    assert all(finding.passed for finding in findings)
-    assert [finding.name for finding in findings][-2:] == ["rotor 4 speed", "rotor 4 channel"]
 
 
 def test_zero_comes_before_the_samples_of_a_beam_that_turned_too_far_are_written(

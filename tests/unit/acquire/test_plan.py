@@ -13,7 +13,6 @@ from benchtool.core.errors import (
     PlanError,
 )
 from benchtool.core.rig_file import rig_named
-from benchtool.physics.model_file import load_model, model_names
 
 SINGLE, QUAD = rig_named("pquad_single"), rig_named("pquad")
 
@@ -36,13 +35,6 @@ def test_a_plan_reads_back_to_itself() -> None:
     assert plan.plate.distances_m == (0.06, 0.12)
 
 
-def test_repeats_are_those_of_the_study() -> None:
-    assert Plan().resolved(SINGLE).repeats == 9
-    assert Plan().resolved(QUAD).repeats == 5
-    alone = replace(Plan(), throttle=replace(Plan().throttle, rotors_on=(2,)))
-    assert alone.resolved(QUAD).repeats == 9
-
-
 @pytest.mark.parametrize("kind", ["randomised", "counterbalanced", "as_given"])
 def test_every_setting_is_visited_once_in_every_repeat(kind: str) -> None:
     plan = plan_from_toml(f"[order]\nkind = '{kind}'", "plan").resolved(QUAD)
@@ -54,13 +46,6 @@ def test_every_setting_is_visited_once_in_every_repeat(kind: str) -> None:
     for repeat in range(1, 6):
         numbers = [v.setting.number for v in planned if v.repeat == repeat]
         assert sorted(numbers) == [setting.number for setting in settings_of(plan, QUAD)]
-
-
-def test_counterbalanced_goes_there_and_back() -> None:
-    plan = plan_from_toml(TEXT, "plan").resolved(QUAD)
-    planned = [v for v in visits_of(plan, QUAD) if v.kind != "anchor"]
-    numbers = [v.setting.number for v in planned]
-    assert numbers[:6] == numbers[:5:-1]
 
 
 def test_anchors_stand_at_moves_of_the_plate_and_at_both_ends() -> None:
@@ -155,15 +140,3 @@ def test_the_largest_rest_of_a_tare_follows_from_the_stated_zero() -> None:
         assert residual_N(zero_sd=zero_sd) == pytest.approx(expected_N)
     assert residual_N(zero_sd=0.0) == 0.001 * SINGLE.limits.thrust_N
     assert residual_N(zero_sd=0.0, quantum=0.01) == 0.02
-
-
-def test_shipped_models_take_the_zero_that_their_rig_states() -> None:
-    models = [load_model(name).model for name in model_names()]
-    priors = {
-        model.name: (model.parameters["tare_offset.thrust_N"].prior, model.rig.sensors["thrust_N"])
-        for model in models
-        if "tare_offset.thrust_N" in model.parameters
-    }
-    assert {"quad_bench", "single_bench"} <= set(priors)
-    for prior, cell in priors.values():
-        assert (prior.kind, prior.mean, prior.sd) == ("normal", 0.0, cell.zero_sd)

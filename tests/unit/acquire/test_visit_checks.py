@@ -84,19 +84,6 @@ def test_a_coarse_speed_may_repeat_itself_unless_the_pulses_or_the_thrust_change
     assert frozen(visit(np.where(np.arange(300) % 50, 4300.0, 4400.0), rising)) == ""
 
 
-def test_every_channel_whose_noise_is_stated_is_looked_at() -> None:
-    seen = visit(RAW)
-    plate = Recording(
-        (*seen.channels, Channel("plate_z_m", "m")),
-        np.column_stack([seen.values, np.full(300, 0.12)]),
-    )
-    found = checks(thrust_N=100.0, rpm1=100.0, plate_z_m=100.0).frozen(plate, 0.0)
-    assert list(found) == ["plate_z_m"]
-    still = visit(RAW, np.full(300, 1.0))
-    own = replace(checks(thrust_N=100.0, rpm1=100.0), sensors={"thrust_N": Sensor(noise=0.01)})
-    assert list(own.frozen(still, 0.0)) == ["thrust_N"]
-
-
 @pytest.mark.parametrize("channel", ["rpm1", "thrust_N"])
 def test_telemetry_older_than_its_period_is_late(channel: str) -> None:
     seen = visit(RAW)
