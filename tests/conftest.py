@@ -29,7 +29,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture(scope="session")
-def reference_data() -> Path:
+def reference_data():
     """Give the folder of measured reference data, or skip the test where there is none."""
     folder = os.environ.get("BENCHTOOL_REFERENCE_DATA")
     if not folder:
@@ -40,13 +40,13 @@ def reference_data() -> Path:
 
 
 @pytest.fixture
-def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+def rng(request):
     """Give a generator seeded from the test's own name, the same on every machine."""
     return np.random.default_rng(zlib.crc32(request.node.name.encode()))
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
+def _own_state(tmp_path_factory):
     """Keep this user's calibrations and bench checks apart from those of the tests."""
     os.environ["BENCHTOOL_LIBRARY"] = str(tmp_path_factory.mktemp("library"))
     os.environ["BENCHTOOL_STATE"] = str(tmp_path_factory.mktemp("state"))

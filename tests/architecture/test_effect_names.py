@@ -42,6 +42,6 @@ def named(file: Path) -> list[str]:
     ]
 
 
-def test_no_effect_is_named_outside_its_own_file() -> None:
+def test_no_effect_is_named_outside_its_own_file():
     found = {place(file): names for file in files() if (names := named(file))}
     assert found == {}

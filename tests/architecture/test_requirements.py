@@ -48,7 +48,7 @@ def chosen(found: list[Requirement], machine: dict[str, str]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("lock", LOCKS)
-def test_every_requirement_is_pinned_and_hashed(lock: str) -> None:
+def test_every_requirement_is_pinned_and_hashed(lock):
     found = entries(lock)
     assert len(found) > 30
     assert [e for e in found if not re.match(r"[\w.-]+==\S+", e) or "--hash=sha256:" not in e] == []
@@ -62,7 +62,7 @@ def test_every_requirement_is_pinned_and_hashed(lock: str) -> None:
         (LOCKS[2], TABLES["dependency-groups"]["docs"]),
     ],
 )
-def test_a_lock_holds_what_the_project_asks_for(lock: str, lines: list[str]) -> None:
+def test_a_lock_holds_what_the_project_asks_for(lock, lines):
     asked = [Requirement(line) for line in lines if not line.startswith("benchtool")]
     for machine in MACHINES:
         pinned = chosen(requirements(lock), machine)
@@ -71,7 +71,7 @@ def test_a_lock_holds_what_the_project_asks_for(lock: str, lines: list[str]) -> 
                 assert need.specifier.contains(pinned[need.name].removeprefix("=="))
 
 
-def test_the_locks_agree() -> None:
+def test_the_locks_agree():
     for machine in MACHINES:
         tool, tested, site = (chosen(requirements(lock), machine) for lock in LOCKS)
         assert tool.items() <= tested.items()

@@ -56,7 +56,7 @@ def run(folder: Path, late_s: float) -> tuple[str, Path]:
     return ended.stdout, junit
 
 
-def test_a_failure_on_a_machine_that_was_late_is_a_skip_with_its_numbers(tmp_path: Path) -> None:
+def test_a_failure_on_a_machine_that_was_late_is_a_skip_with_its_numbers(tmp_path):
     said, junit = run(tmp_path, late_s=0.25)
     assert "1 failed, 1 passed, 2 skipped" in said
     assert "a sleep ended 0.250 s late, this test needs 0.1 s; it failed with" in said
@@ -68,7 +68,7 @@ def test_a_failure_on_a_machine_that_was_late_is_a_skip_with_its_numbers(tmp_pat
     assert text.count("too busy: a sleep ended") == 2
 
 
-def test_a_failure_in_time_stands(tmp_path: Path) -> None:
+def test_a_failure_in_time_stands(tmp_path):
     said, junit = run(tmp_path, late_s=0.09)
     assert "2 failed, 1 passed, 1 error" in said
     assert summary([junit]) == ("0 of 4 tests skipped: 0.0%, limit 2%", False)

@@ -33,7 +33,7 @@ def relative(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def test_no_file_of_the_package_is_long() -> None:
+def test_no_file_of_the_package_is_long():
     lengths = {
         relative(p): len(p.read_text("utf-8").splitlines()) for p in python_files("benchtool")
     }
@@ -41,7 +41,7 @@ def test_no_file_of_the_package_is_long() -> None:
 
 
 @pytest.mark.parametrize("pattern", [REGISTRY, MACHINE_PATH], ids=["registry", "machine path"])
-def test_no_file_names_a_registry_or_a_path_of_one_machine(pattern: re.Pattern[str]) -> None:
+def test_no_file_names_a_registry_or_a_path_of_one_machine(pattern):
     found = [
         f"{relative(path)}:{number}: {line.strip()[:80]}"
         for path in project_files()
@@ -68,7 +68,7 @@ def asserts_something(test: ast.AST) -> bool:
     return False
 
 
-def test_every_test_asserts_something() -> None:
+def test_every_test_asserts_something():
     silent = [
         f"{relative(path)}:{node.lineno} {node.name}"
         for path in python_files("tests")
@@ -80,7 +80,7 @@ def test_every_test_asserts_something() -> None:
     assert silent == []
 
 
-def test_optimisers_are_called_in_fit_only() -> None:
+def test_optimisers_are_called_in_fit_only():
     """Keep what import-linter cannot see: it knows scipy only as a whole."""
     strays = [
         relative(path)
@@ -91,7 +91,7 @@ def test_optimisers_are_called_in_fit_only() -> None:
     assert strays == []
 
 
-def test_nothing_waits_for_somebody_to_finish_it() -> None:
+def test_nothing_waits_for_somebody_to_finish_it():
     marks = re.compile("TO" + "DO|FIX" + "ME|XX" + "X")
     found = [
         f"{relative(path)}:{number}"

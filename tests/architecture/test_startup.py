@@ -41,7 +41,7 @@ def ask_for_help(words: list[str]) -> tuple[str, int, set[str]]:
 
 
 @pytest.mark.parametrize("command", ["", *COMMANDS])
-def test_help_imports_nothing_heavy(command: str) -> None:
+def test_help_imports_nothing_heavy(command):
     words = command.split()
     printed, code, modules = ask_for_help(words)
     assert code == 0
@@ -52,7 +52,7 @@ def test_help_imports_nothing_heavy(command: str) -> None:
     assert modules.isdisjoint(others)
 
 
-def test_no_extra_is_imported_to_drive_a_bench() -> None:
+def test_no_extra_is_imported_to_drive_a_bench():
     program = """
 import importlib, pkgutil, sys
 import benchtool, benchtool.bench, benchtool.acquire
@@ -67,7 +67,7 @@ print(sorted({"duckdb", "dask", "distributed", "mcap"} & {*sys.modules}))
     assert answer.stdout == "[]\n", answer.stderr
 
 
-def test_no_extra_is_a_dependency() -> None:
+def test_no_extra_is_a_dependency():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
     needed = " ".join(project["project"]["dependencies"])
     extras = project["project"]["optional-dependencies"]
@@ -77,7 +77,7 @@ def test_no_extra_is_a_dependency() -> None:
     assert [name for name in optional if name in needed] == []
 
 
-def test_the_numbers_of_a_table_are_read_without_pandas() -> None:
+def test_the_numbers_of_a_table_are_read_without_pandas():
     """Arrow's conversion to NumPy imports it where a cell is blank, and for no use."""
     program = """
 import sys

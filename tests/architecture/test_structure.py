@@ -55,7 +55,7 @@ def circles() -> set[frozenset[str]]:
             return found
 
 
-def test_no_folder_is_crowded() -> None:
+def test_no_folder_is_crowded():
     files = Counter(
         path.parent.relative_to(ROOT).as_posix()
         for path in python_files("benchtool")
@@ -65,7 +65,7 @@ def test_no_folder_is_crowded() -> None:
     assert crowded <= CATALOGUES
 
 
-def test_a_class_name_means_one_thing() -> None:
+def test_a_class_name_means_one_thing():
     places = defaultdict(set)
     for path in python_files("benchtool"):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
@@ -74,5 +74,5 @@ def test_a_class_name_means_one_thing() -> None:
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 
-def test_no_file_imports_one_that_imports_it() -> None:
+def test_no_file_imports_one_that_imports_it():
     assert circles() == set()

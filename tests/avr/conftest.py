@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -21,38 +19,38 @@ PAIR = replace(  # two motors, and the pulse limit of the protocol's page
 
 
 @pytest.fixture(scope="session")
-def peer(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def peer(tmp_path_factory):
     if reason := missing():
         pytest.skip(reason)
     return build_peer(tmp_path_factory.mktemp("peer"))
 
 
 @pytest.fixture(scope="session")
-def firmware(tmp_path_factory: pytest.TempPathFactory, peer: Path) -> Path:
+def firmware(tmp_path_factory, peer):
     """Give the firmware for one motor, its slope that of the simulated load cell."""
     folder = tmp_path_factory.mktemp("one")
     return build(folder, RIG, NEWTON_PER_COUNT=f"{physics(RIG).count_N}f")
 
 
 @pytest.fixture(scope="session")
-def pair_firmware(tmp_path_factory: pytest.TempPathFactory, peer: Path) -> Path:
+def pair_firmware(tmp_path_factory, peer):
     """Give the firmware for two motors."""
     return build(tmp_path_factory.mktemp("two"), PAIR)
 
 
 @pytest.fixture
-def bench(peer: Path, firmware: Path) -> Iterator[AvrBench]:
+def bench(peer, firmware):
     with AvrBench(peer, firmware, RIG) as running:
         yield running
 
 
 @pytest.fixture
-def pair(peer: Path, pair_firmware: Path) -> Iterator[AvrBench]:
+def pair(peer, pair_firmware):
     with AvrBench(peer, pair_firmware, RIG) as running:
         yield running
 
 
 @pytest.fixture
-def paced(peer: Path, firmware: Path) -> Iterator[PacedAvrBench]:
+def paced(peer, firmware):
     with PacedAvrBench(peer, firmware, RIG) as running:
         yield running

@@ -34,9 +34,7 @@ def compiled(source: Path, folder: Path, *more: str) -> Path:
 
 
 @pytest.mark.skipif(not CORE.exists(), reason="needs apt-get install arduino-core-avr")
-def test_the_sketch_links_with_the_arduino_core_and_runs(
-    peer: Path, firmware: Path, tmp_path: Path
-) -> None:
+def test_the_sketch_links_with_the_arduino_core_and_runs(peer, firmware, tmp_path):
     sketch = firmware.parent
     core = [
         compiled(source, tmp_path)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -45,7 +44,7 @@ def spin(driver: SerialBench, pulse_us: float) -> None:
     driver.set_pwm(np.full(driver.identity.n_rotors, pulse_us))
 
 
-def test_flash_and_memory_suffice(firmware: Path, pair_firmware: Path) -> None:
+def test_flash_and_memory_suffice(firmware, pair_firmware):
     for program in (firmware, pair_firmware):
         told = subprocess.run(["avr-size", program], capture_output=True, text=True, check=True)
         code, data, bss = map(int, told.stdout.splitlines()[1].split()[:3])
@@ -54,7 +53,7 @@ def test_flash_and_memory_suffice(firmware: Path, pair_firmware: Path) -> None:
         assert data + bss <= RAM_BYTES - STACK_BYTES
 
 
-def test_pulses_are_what_was_asked_for(pair: AvrBench) -> None:
+def test_pulses_are_what_was_asked_for(pair):
     with host(pair) as driver:
         for pulses_us in ((1200.0, 1000.0), (1000.0, 1899.5), (1512.5, 1333.3), (1000.0, 1000.0)):
             driver.set_pwm(np.array(pulses_us))
@@ -63,7 +62,7 @@ def test_pulses_are_what_was_asked_for(pair: AvrBench) -> None:
             assert seen[:2] == pytest.approx(pulses_us, abs=0.25)
 
 
-def test_sensors_are_read_truly(bench: AvrBench) -> None:
+def test_sensors_are_read_truly(bench):
     with host(bench) as driver:
         driver.tare()
         spin(driver, 1500.0)
@@ -85,7 +84,7 @@ def test_sensors_are_read_truly(bench: AvrBench) -> None:
     assert bench.state.faults == 0
 
 
-def test_the_fastest_stream_loses_nothing(pair: AvrBench) -> None:
+def test_the_fastest_stream_loses_nothing(pair):
     with host(pair) as driver:
         driver.set_rate(200.0)
         driver.set_pwm(np.array([1450.0, 1550.0]))
@@ -101,7 +100,7 @@ def test_the_fastest_stream_loses_nothing(pair: AvrBench) -> None:
 @pytest.mark.parametrize(
     ("name", "limit", "reading"), [("thrust_N", 1.0, "thrust_N"), ("rpm", 1500.0, "rpm1")]
 )
-def test_a_limit_stops_the_motors(bench: AvrBench, name: str, limit: float, reading: str) -> None:
+def test_a_limit_stops_the_motors(bench, name, limit, reading):
     with host(bench) as driver:
         driver.set_limit(name, limit)
         driver.tare()
@@ -111,7 +110,7 @@ def test_a_limit_stops_the_motors(bench: AvrBench, name: str, limit: float, read
     bench.wait(lambda state: state.pulses_us[0] == pytest.approx(1000.0, abs=0.5))
 
 
-def test_a_battery_that_is_gone_stops_the_motors(bench: AvrBench) -> None:
+def test_a_battery_that_is_gone_stops_the_motors(bench):
     def pull_the_battery() -> None:
         bench.battery = False
 
@@ -122,7 +121,7 @@ def test_a_battery_that_is_gone_stops_the_motors(bench: AvrBench) -> None:
     assert re.search(r"limit: voltage_V 0 against limit 9\.6; motors stopped", reason)
 
 
-def test_a_load_cell_that_falls_silent_stops_the_motors(bench: AvrBench) -> None:
+def test_a_load_cell_that_falls_silent_stops_the_motors(bench):
     with host(bench) as driver:
         spin(driver, 1300.0)
         read_for(driver, 0.3)
@@ -131,7 +130,7 @@ def test_a_load_cell_that_falls_silent_stops_the_motors(bench: AvrBench) -> None
     bench.wait(lambda state: state.pulses_us[0] == pytest.approx(1000.0, abs=0.5))
 
 
-def test_a_program_that_hangs_is_reset_within_300_ms(bench: AvrBench) -> None:
+def test_a_program_that_hangs_is_reset_within_300_ms(bench):
     with host(bench) as driver:
         spin(driver, 1300.0)
         read_for(driver, 0.2)
@@ -146,7 +145,7 @@ def test_a_program_that_hangs_is_reset_within_300_ms(bench: AvrBench) -> None:
     assert state.pulses_us[0] == pytest.approx(1000.0, abs=0.5)
 
 
-def test_a_host_that_falls_silent_leaves_motors_at_zero_within_300_ms(bench: AvrBench) -> None:
+def test_a_host_that_falls_silent_leaves_motors_at_zero_within_300_ms(bench):
     with host(bench) as driver:
         spin(driver, 1500.0)
         read_for(driver, 1.0)

@@ -21,7 +21,7 @@ ONE = [*SMALL, "--pwm", "1550", "--sample-s", "1", "--anchor-every", "0", "--yes
 
 
 @pytest.fixture
-def environment(tmp_path: Path) -> dict[str, str]:
+def environment(tmp_path):
     return environment_of(tmp_path)
 
 
@@ -75,9 +75,7 @@ def move_when_asked(process: subprocess.Popen[str], paced: PacedAvrBench) -> str
 
 
 @pytest.mark.real_time(deadline_s=0.1)
-def test_check_and_sweep_by_hand(
-    paced: PacedAvrBench, environment: dict[str, str], tmp_path: Path
-) -> None:
+def test_check_and_sweep_by_hand(paced, environment, tmp_path):
     errors, out = tmp_path / "errors.txt", tmp_path / "run"
     check = ["bench", "check", paced.address, "--rig", "pquad_single", "--yes"]
     with running(check, environment, errors) as process:

@@ -73,12 +73,12 @@ class Wire:
 
 
 @pytest.fixture
-def wire(bench: AvrBench) -> Wire:
+def wire(bench):
     return Wire(bench)
 
 
 @pytest.fixture
-def pair_wire(pair: AvrBench) -> Wire:
+def pair_wire(pair):
     return Wire(pair)
 
 
@@ -112,7 +112,7 @@ def as_messages(payloads: list[str]) -> list[TextMessage]:
     return [TextMessage(letter, tuple(fields)) for letter, *fields in split]
 
 
-def test_the_pages_conversation(pair_wire: Wire) -> None:
+def test_the_pages_conversation(pair_wire):
     told: list[str] = []
     expected: list[str] = []
     times: dict[str, str] = {}  # of this device, by those of the page
@@ -137,7 +137,7 @@ def test_the_pages_conversation(pair_wire: Wire) -> None:
     assert any("late" in text for text in told)
 
 
-def test_the_hello_is_whole_and_true(wire: Wire) -> None:
+def test_the_hello_is_whole_and_true(wire):
     come = wire.ask("C,1,hello,2")
     reader = HelloReader()
     for message in come[:-1]:
@@ -155,14 +155,14 @@ def test_the_hello_is_whole_and_true(wire: Wire) -> None:
     assert wire.order(2, "arm") == TextMessage("A", ("2", hello.channel_hash))
 
 
-def test_a_host_of_an_older_version_is_refused(wire: Wire) -> None:
+def test_a_host_of_an_older_version_is_refused(wire):
     answer = wire.answer("C,1,hello,1")
     assert answer == TextMessage(
         "N", ("1", "this device speaks protocol version 2; update benchtool")
     )
 
 
-def test_a_number_is_carried_out_once(wire: Wire) -> None:
+def test_a_number_is_carried_out_once(wire):
     first = wire.order(7, "limit,rpm,5000")
     assert wire.answer("C,7,limit,0,rpm,4000") == first
     assert wire.order(8, "limit,rpm,6000").fields[1] == "wider than 5000; only narrower ones"
@@ -172,7 +172,7 @@ def test_a_number_is_carried_out_once(wire: Wire) -> None:
     assert wire.order(9, "limit,rpm,4000").letter == "A"
 
 
-def test_late_orders_are_refused(wire: Wire, bench: AvrBench) -> None:
+def test_late_orders_are_refused(wire, bench):
     wire.ask("C,1,hello,2")
     disarmed = "not armed since the last stop; send arm first"
     assert wire.order(2, "pwm,1200") == TextMessage("N", ("2", disarmed))
@@ -216,17 +216,17 @@ def test_late_orders_are_refused(wire: Wire, bench: AvrBench) -> None:
         ("plate,0.1,0,0", NO_STAGE),
     ],
 )
-def test_what_it_refuses(wire: Wire, command: str, reason: str) -> None:
+def test_what_it_refuses(wire, command, reason):
     assert wire.order(4294967295, command) == TextMessage("N", ("4294967295", reason))
 
 
-def test_where_and_numbers_with_exponents(wire: Wire) -> None:
+def test_where_and_numbers_with_exponents(wire):
     assert wire.answer("C,1,where").fields[1:] == ("0", "", "", "")
     wire.order(2, "arm")
     assert wire.order(3, "pwm,1.2e3").letter == "A"
 
 
-def test_noise_is_thrown_away(wire: Wire) -> None:
+def test_noise_is_thrown_away(wire):
     wire.listen(0.05)
     wire.heard.clear()
     whole = frame(b"C,3,where")

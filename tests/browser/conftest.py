@@ -11,7 +11,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,7 @@ from benchtool.data.run.run import Run
 from tests.browser.device import Device, served_device
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator, LocatorAssertions, Page
+    from playwright.sync_api import Locator, LocatorAssertions, Page
 
 
 CHROMIUM = next(
@@ -50,7 +50,7 @@ class Web:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     """Give a headless browser, or skip where none is installed.
 
     Not for the whole session: its event loop would run under the tests of other folders.
@@ -93,28 +93,28 @@ def serving(runs: Path, state: Path, *options: str) -> Iterator[Web]:
 
 
 @pytest.fixture
-def web(browser: Browser, tmp_path: Path) -> Iterator[Web]:
+def web(browser, tmp_path):
     """Give a server of its own."""
     with serving(tmp_path / "runs", tmp_path / "state") as server:
         yield server
 
 
 @pytest.fixture
-def device() -> Iterator[Device]:
+def device():
     """Give a virtual quadrotor bench in real time."""
     with served_device() as served:
         yield served
 
 
 @pytest.fixture
-def fast_device() -> Iterator[Device]:
+def fast_device():
     """Give a virtual quadrotor bench, five times faster than life."""
     with served_device(speed=5.0) as served:
         yield served
 
 
 @pytest.fixture
-def open_page(browser: Browser) -> Iterator[Callable[[str], Page]]:
+def open_page(browser):
     """Give a function that opens an address in a window of its own; scripts must not fail."""
     contexts, faults = [], []
 
@@ -134,7 +134,7 @@ def open_page(browser: Browser) -> Iterator[Callable[[str], Page]]:
 
 
 @pytest.fixture
-def page(web: Web, open_page: Callable[[str], Page]) -> Page:
+def page(web, open_page):
     """Give a page at the controls."""
     opened = open_page(web.url)
     opened.get_by_text("at the controls", exact=True).wait_for()

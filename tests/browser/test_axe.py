@@ -19,7 +19,7 @@ SIZES = {"wide": (1280, 900), "narrow": (390, 844)}
 
 
 @pytest.fixture
-def judged(page: Page) -> Page:
+def judged(page):
     if not AXE.exists():
         pytest.skip("axe-core is not installed; npm install --no-save axe-core@4.14.1")
     page.add_script_tag(content=AXE.read_text("utf-8"))
@@ -50,7 +50,7 @@ def check_everywhere(page: Page, what: str) -> None:
 
 
 @pytest.mark.parametrize("tab", TABS)
-def test_a_tab_without_violations(judged: Page, tab: str) -> None:
+def test_a_tab_without_violations(judged, tab):
     if tab in ("Bench", "Sweep"):
         connect(judged, "sim:pquad")
     go_to(judged, tab)
@@ -58,7 +58,7 @@ def test_a_tab_without_violations(judged: Page, tab: str) -> None:
     check_everywhere(judged, tab)
 
 
-def test_a_dialog_without_violations(judged: Page) -> None:
+def test_a_dialog_without_violations(judged):
     connect(judged, "sim:pquad")
     go_to(judged, "Sweep")
     judged.get_by_role("button", name="Start the sweep").click()
@@ -66,7 +66,7 @@ def test_a_dialog_without_violations(judged: Page) -> None:
     check_everywhere(judged, "the dialog before a sweep")
 
 
-def test_what_axe_finds_fails_the_test(judged: Page) -> None:
+def test_what_axe_finds_fails_the_test(judged):
     judged.evaluate("document.querySelector('.stop-button').textContent = ''")
     with pytest.raises(AssertionError, match=r"button-name .critical.: .*stop-button"):
         check_everywhere(judged, "a STOP without a name")

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from benchtool.data.run.run import Run
-from tests.browser.conftest import Web, connect, expect
+from tests.browser.conftest import connect, expect
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    pass
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.real_time(deadline_s=0.1)
 BENCH = "sim:beam?mode=pitch&schedule=identify&gains=stiff&hidden=coulomb_friction.torque_Nm:0.012"
 
 
-def test_a_pitch_recording_goes_from_the_bench_to_explain(page: Page, web: Web) -> None:
+def test_a_pitch_recording_goes_from_the_bench_to_explain(page, web):
     connect(page, BENCH)
     page.get_by_label("Virtual clock").click()
     page.get_by_text("20 times faster").click()

@@ -2,18 +2,17 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import psutil
 import pytest
 
 from benchtool.web.bench_process.throttle import SILENCE_S
-from tests.browser.conftest import CHROMIUM, Web, centre, connect, expect
+from tests.browser.conftest import CHROMIUM, centre, connect, expect
 from tests.browser.device import Device
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
 
 STOPPED_S = 0.3
@@ -39,7 +38,7 @@ def hold(page: Page, device: Device, presses: int = 6) -> None:
 
 
 @pytest.mark.real_time(deadline_s=0.1)
-def test_a_bench_on_a_port_is_seen_live(page: Page, device: Device) -> None:
+def test_a_bench_on_a_port_is_seen_live(page, device):
     connect(page, device.address)
     expect(page.get_by_role("status").first).to_contain_text(device.address)
     page.get_by_text("virtual-pquad-0 (virtual)").wait_for()
@@ -67,9 +66,7 @@ def test_a_bench_on_a_port_is_seen_live(page: Page, device: Device) -> None:
     assert device.turning_us() <= 1000.0
 
 
-def test_motors_turn_while_the_button_is_held_and_keys_stop_them(
-    page: Page, device: Device
-) -> None:
+def test_motors_turn_while_the_button_is_held_and_keys_stop_them(page, device):
     connect(page, device.address)
     # The field loses the focus to the button, with the first press already.
     page.get_by_role("spinbutton", name="Pulse, us").click()
@@ -100,9 +97,7 @@ def test_motors_turn_while_the_button_is_held_and_keys_stop_them(
     assert device.stopped_after(typed) < 2.0
 
 
-def test_a_page_that_freezes_with_the_throttle_held_lets_go(
-    web: Web, device: Device, browser: Browser
-) -> None:
+def test_a_page_that_freezes_with_the_throttle_held_lets_go(web, device, browser):
     before = set(psutil.Process().children(recursive=True))
     other = browser.browser_type.launch(
         executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"]
@@ -124,9 +119,7 @@ def test_a_page_that_freezes_with_the_throttle_held_lets_go(
         other.close()
 
 
-def test_a_page_whose_main_thread_is_blocked_lets_go_and_says_why(
-    page: Page, device: Device
-) -> None:
+def test_a_page_whose_main_thread_is_blocked_lets_go_and_says_why(page, device):
     connect(page, device.address)
     hold(page, device)
     page.evaluate(
@@ -157,9 +150,7 @@ window.WebSocket = class extends Plain {
 
 
 @pytest.mark.parametrize("script", ["", CLOSE_IS_SEEN_LATE], ids=["plain", "worker_first"])
-def test_a_server_that_dies_with_the_throttle_held_stops_motors(
-    script: str, page: Page, web: Web, device: Device
-) -> None:
+def test_a_server_that_dies_with_the_throttle_held_stops_motors(script, page, web, device):
     page.add_init_script(script)
     page.reload()
     connect(page, device.address)
@@ -185,7 +176,7 @@ def test_a_server_that_dies_with_the_throttle_held_stops_motors(
 
 
 @pytest.mark.real_time(deadline_s=0.1)
-def test_a_server_that_hangs_greys_the_page_until_it_answers_again(page: Page, web: Web) -> None:
+def test_a_server_that_hangs_greys_the_page_until_it_answers_again(page, web):
     web.process.send_signal(signal.SIGSTOP)
     note = page.locator(".stop-note")
     try:
@@ -198,9 +189,7 @@ def test_a_server_that_hangs_greys_the_page_until_it_answers_again(page: Page, w
     assert "was lost at" in note.inner_text()
 
 
-def test_of_two_pages_one_is_at_the_controls(
-    page: Page, web: Web, device: Device, open_page: Callable[[str], Page]
-) -> None:
+def test_of_two_pages_one_is_at_the_controls(page, web, device, open_page):
     connect(page, device.address)
     second = open_page(web.url)
     second.get_by_text("watching").wait_for()

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import Web, connect, expect, only_run
-from tests.browser.device import Device
+from tests.browser.conftest import connect, expect, only_run
 from tests.browser.test_bench_page import STOPPED_S, hold
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ def seen_s(page: Page, folder: Path) -> tuple[list[str], list[float]]:
     return head, [float(row[0]) for row in rows]
 
 
-def test_paused_charts_zoom_and_give_what_is_seen(page: Page, tmp_path: Path) -> None:
+def test_paused_charts_zoom_and_give_what_is_seen(page, tmp_path):
     connect(page, BENCH)
     page.wait_for_function("Number(document.querySelector('.strips').dataset.frames) > 80")
     page.get_by_role("button", name="Pause").click()
@@ -69,9 +68,7 @@ def test_paused_charts_zoom_and_give_what_is_seen(page: Page, tmp_path: Path) ->
     assert max(gaps_s) < 0.5
 
 
-def test_stop_ends_a_live_recording_with_motors_at_zero(
-    page: Page, web: Web, device: Device
-) -> None:
+def test_stop_ends_a_live_recording_with_motors_at_zero(page, web, device):
     connect(page, device.address)
     page.get_by_role("button", name="Record", exact=True).click()
     page.get_by_role("button", name="End", exact=True).wait_for()

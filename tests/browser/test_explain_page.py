@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import tomllib
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,10 +13,10 @@ import pytest
 from benchtool.data.run.recording_file import write_recording
 from benchtool.report.flight.pitch_study import pitch_study
 from benchtool.simulate.pitch.setup import changed, pitch_setup
-from tests.browser.conftest import Web, expect, serving
+from tests.browser.conftest import expect, serving
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
@@ -35,7 +34,7 @@ def recorded(path: Path, duration_s: float, seed: int) -> None:
 
 
 @pytest.fixture
-def lab(browser: Browser, tmp_path: Path) -> Iterator[Web]:
+def lab(browser, tmp_path):
     """Give a server whose folder holds two recordings and a model."""
     bench = tmp_path / "runs" / "bench"
     bench.mkdir(parents=True)
@@ -57,9 +56,7 @@ def choose(page: Page, label: str, name: str) -> None:
 
 
 @pytest.mark.timeout(400)
-def test_a_hidden_effect_is_named_accepted_and_found_again(
-    lab: Web, open_page: Callable[[str], Page]
-) -> None:
+def test_a_hidden_effect_is_named_accepted_and_found_again(lab, open_page):
     page = open_page(f"{lab.url}?tab=explain")
     explain = page.get_by_role("button", name="Explain", exact=True)
     page.get_by_text("no recording to learn from is chosen").wait_for()

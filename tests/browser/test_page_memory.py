@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
@@ -12,14 +10,12 @@ import pytest
 from tests.browser.conftest import expect, serving
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    pass
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 
-def test_forms_survive_a_reload_and_a_restart_of_the_server(
-    open_page: Callable[[str], Page], tmp_path: Path
-) -> None:
+def test_forms_survive_a_reload_and_a_restart_of_the_server(open_page, tmp_path):
     places = tmp_path / "runs", tmp_path / "state"
     with serving(*places) as web:
         page = open_page(f"{web.url}?tab=fit")

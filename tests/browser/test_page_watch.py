@@ -50,7 +50,7 @@ def hanging(web: Web) -> Iterator[float]:
         web.process.send_signal(signal.SIGCONT)
 
 
-def test_a_page_that_is_blocked_pauses_its_sweep(page: Page, web: Web, device: Device) -> None:
+def test_a_page_that_is_blocked_pauses_its_sweep(page, web, device):
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     page.evaluate(BLOCK, 3500)
@@ -64,9 +64,7 @@ def test_a_page_that_is_blocked_pauses_its_sweep(page: Page, web: Web, device: D
     assert only_run(web).metadata["needs_page"] is True
 
 
-def test_a_page_that_is_closed_pauses_its_sweep_and_another_goes_on(
-    page: Page, web: Web, device: Device
-) -> None:
+def test_a_page_that_is_closed_pauses_its_sweep_and_another_goes_on(page, web, device):
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     other = page.context.new_page()
@@ -81,7 +79,7 @@ def test_a_page_that_is_closed_pauses_its_sweep_and_another_goes_on(
     wait_until_turning(other, device)
 
 
-def test_a_hidden_page_keeps_its_watch_and_names_what_turns(page: Page, device: Device) -> None:
+def test_a_hidden_page_keeps_its_watch_and_names_what_turns(page, device):
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     expect(page.locator(".status-line")).to_contain_text(re.compile(r"motors at 1500 us, \d+ rpm"))
@@ -96,7 +94,7 @@ def test_a_hidden_page_keeps_its_watch_and_names_what_turns(page: Page, device: 
     expect(page.locator(".status-line")).to_contain_text("running")
 
 
-def test_a_server_that_hangs_stops_the_sweep(page: Page, web: Web, device: Device) -> None:
+def test_a_server_that_hangs_stops_the_sweep(page, web, device):
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     with hanging(web) as hung:
@@ -105,7 +103,7 @@ def test_a_server_that_hangs_stops_the_sweep(page: Page, web: Web, device: Devic
     assert "no heartbeat" in only_run(web).metadata["reason"]
 
 
-def test_stop_does_not_need_the_server(page: Page, web: Web, device: Device) -> None:
+def test_stop_does_not_need_the_server(page, web, device):
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     page.mouse.move(*centre(page.locator(".stop-button")))
@@ -115,7 +113,7 @@ def test_stop_does_not_need_the_server(page: Page, web: Web, device: Device) -> 
         assert device.zero_after(pressed) < STOPPED_S
 
 
-def test_esc_stops_while_text_is_composed(page: Page, device: Device) -> None:
+def test_esc_stops_while_text_is_composed(page, device):
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     page.get_by_label("Repeats").focus()
@@ -128,9 +126,7 @@ def test_esc_stops_while_text_is_composed(page: Page, device: Device) -> None:
     assert device.zero_after(pressed) < STOPPED_S
 
 
-def test_stop_stays_in_sight_of_a_page_that_is_zoomed_by_two_fingers(
-    page: Page, device: Device
-) -> None:
+def test_stop_stays_in_sight_of_a_page_that_is_zoomed_by_two_fingers(page, device):
     begin(page, device, repeats=9)
     wait_until_turning(page, device)
     page.context.new_cdp_session(page).send("Emulation.setPageScaleFactor", {"pageScaleFactor": 3})

@@ -7,17 +7,17 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
 import pytest
 
-from tests.browser.conftest import Web, expect, serving
+from tests.browser.conftest import expect, serving
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
@@ -32,7 +32,7 @@ Opens = Callable[[str], "Page"]
 
 
 @pytest.fixture(scope="module")
-def filled(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Web]:
+def filled(browser, tmp_path_factory):
     """Give a server whose folder holds two sweeps, a fit and a run that broke."""
     runs = tmp_path_factory.mktemp("page") / "runs"
     for name in ("quad", "single_rotor"):
@@ -52,7 +52,7 @@ def wait_for_controls(page: Page) -> None:
     take.or_(page.get_by_text("at the controls", exact=True)).first.wait_for()
 
 
-def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> None:
+def test_a_run_is_found_and_shows_its_numbers(filled, open_page):
     page = open_page(f"{filled.url}?tab=runs")
     page.get_by_text("4 in runs, 1 cannot be read").wait_for()
     names = page.locator(".run-name")
@@ -89,7 +89,7 @@ def test_a_run_is_found_and_shows_its_numbers(filled: Web, open_page: Opens) -> 
     assert late.value.suggested_filename == "single_rotor-report.html"
 
 
-def test_a_fit_gives_the_numbers_of_the_command(filled: Web, open_page: Opens) -> None:
+def test_a_fit_gives_the_numbers_of_the_command(filled, open_page):
     page = open_page(f"{filled.url}?tab=fit&data=quad")
     page.get_by_label("body_lift.K_b is free").wait_for()
     wait_for_controls(page)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.browser.conftest import Web, expect
+from tests.browser.conftest import expect
 
 if TYPE_CHECKING:
     from playwright.sync_api import Locator, Page
@@ -30,9 +29,7 @@ def command(page: Page) -> Locator:
     return page.locator(".command-text", has_text="benchtool simulate").first
 
 
-def test_a_recording_with_a_hidden_effect_goes_to_explain(
-    web: Web, open_page: Callable[[str], Page]
-) -> None:
+def test_a_recording_with_a_hidden_effect_goes_to_explain(web, open_page):
     page = open_page(f"{web.url}?tab=simulate")
     choose(page, "Schedule, or its file", "steps")
     choose(page, "Controllers", "pid")
@@ -66,9 +63,7 @@ def test_a_recording_with_a_hidden_effect_goes_to_explain(
     expect(page.locator(".q-chip")).to_have_text(re.compile(rf"{out.name}/pid\.csv"))
 
 
-def test_a_flight_is_found_again_by_a_page_that_is_loaded_anew(
-    web: Web, open_page: Callable[[str], Page]
-) -> None:
+def test_a_flight_is_found_again_by_a_page_that_is_loaded_anew(web, open_page):
     page = open_page(f"{web.url}?tab=simulate")
     page.get_by_role("button", name="flight", exact=True).click()
     page.get_by_label("Speed limit, m/s").wait_for()

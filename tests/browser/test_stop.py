@@ -14,8 +14,7 @@ import pytest
 from benchtool.acquire.bench_check import low_throttle_us
 from benchtool.core.rig_file import rig_named
 from benchtool.web.bench_process.throttle import SILENCE_S
-from tests.browser.conftest import Web, centre, connect, expect, go_to
-from tests.browser.device import Device
+from tests.browser.conftest import centre, connect, expect, go_to
 from tests.browser.hands import STOPPED_S, Hands, click, drag, visible
 
 if TYPE_CHECKING:
@@ -26,15 +25,13 @@ NOWHERE = (640.0, 890.0)  # a place of the page where nothing is
 
 
 @pytest.fixture
-def hands(page: Page, device: Device) -> Hands:
+def hands(page, device):
     """Give hands on a page that is connected to a device."""
     connect(page, device.address)
     return Hands(page, device)
 
 
-def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(
-    page: Page, device: Device, hands: Hands
-) -> None:
+def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(page, device, hands):
     pulse = page.get_by_role("spinbutton", name="Pulse, us")
     slider = page.locator(".q-slider[aria-label=Pulse], .q-slider").first
     x, y = centre(slider)
@@ -73,9 +70,7 @@ def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(
             hands.stops(way)
 
 
-def test_a_key_that_stops_says_so_and_does_nothing_else(
-    page: Page, device: Device, hands: Hands
-) -> None:
+def test_a_key_that_stops_says_so_and_does_nothing_else(page, device, hands):
     note = page.locator(".stop-note")
     box = page.get_by_role("checkbox").first
     box.focus()
@@ -101,7 +96,7 @@ def test_a_key_that_stops_says_so_and_does_nothing_else(
     expect(page.get_by_text("simulated at 1 kHz").first).to_be_visible()
 
 
-def test_no_tab_keeps_stop_waiting_when_it_is_first_shown(page: Page) -> None:
+def test_no_tab_keeps_stop_waiting_when_it_is_first_shown(page):
     page.evaluate(
         "() => { window.blocked = [0]; new PerformanceObserver((list) => list.getEntries()"
         ".forEach((task) => window.blocked.push(task.duration))).observe({ type: 'longtask' }); }"
@@ -150,9 +145,7 @@ def overlays(page: Page) -> Iterator[tuple[str, Callable[[], None]]]:
 WAYS = ("touch", "mouse", "Escape")
 
 
-def test_stop_works_over_every_list_menu_dialog_note_and_dragged_slider(
-    page: Page, web: Web, device: Device, hands: Hands
-) -> None:
+def test_stop_works_over_every_list_menu_dialog_note_and_dragged_slider(page, web, device, hands):
     stopped = web.runs / "stopped"
     stopped.mkdir(parents=True)
     (stopped / "metadata.json").write_text('{"state": "stopped"}', "utf-8")

@@ -8,7 +8,6 @@ import pytest
 from benchtool.data.run.read import read_points
 from tests.browser.conftest import (
     SWEEP_MS,
-    Web,
     begin,
     centre,
     connect,
@@ -16,18 +15,18 @@ from tests.browser.conftest import (
     only_run,
     wait_for_points,
 )
-from tests.browser.device import Device, served_device
+from tests.browser.device import served_device
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    pass
 
 pytestmark = pytest.mark.real_time(deadline_s=0.1)
 
 
 @pytest.mark.parametrize("needs_page", [True, False])
 def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
-    needs_page: bool, page: Page, web: Web, fast_device: Device
-) -> None:
+    needs_page, page, web, fast_device
+):
     begin(page, fast_device, repeats=2, needs_page=needs_page)
     wait_for_points(page, 1)
     page.reload()
@@ -48,7 +47,7 @@ def test_a_sweep_goes_to_its_end_also_when_the_page_is_loaded_again(
     assert fast_device.turning_us() <= 1000.0
 
 
-def test_stop_in_mid_sweep_and_go_on_later(page: Page, web: Web, fast_device: Device) -> None:
+def test_stop_in_mid_sweep_and_go_on_later(page, web, fast_device):
     begin(page, fast_device, repeats=2)
     wait_for_points(page, 2)
     page.mouse.move(*centre(page.locator(".stop-button")))
@@ -73,7 +72,7 @@ def test_stop_in_mid_sweep_and_go_on_later(page: Page, web: Web, fast_device: De
     assert run.metadata["state"] == "ended"
 
 
-def test_the_arming_dialog_names_what_the_bench_does_not_protect_from(page: Page) -> None:
+def test_the_arming_dialog_names_what_the_bench_does_not_protect_from(page):
     with served_device(warning="a late order may turn its motors") as device:
         connect(page, device.address)
         warning = page.get_by_text("Warning: a late order may turn its motors")

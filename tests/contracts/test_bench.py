@@ -21,13 +21,13 @@ from tests.contracts.benches import MAKERS, PITCH_MAKERS, STOP_US, served, simul
 
 
 @pytest.fixture(params=[*MAKERS, "tcp", "pty"])
-def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+def bench(request):
     with made(request.param) as bench:
         yield bench
 
 
 @pytest.fixture(params=[*MAKERS, *PITCH_MAKERS, "tcp", "pty"])
-def any_bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+def any_bench(request):
     """Give a bench of either kind: with a load cell, or with a hinge."""
     with made(request.param) as bench:
         yield bench
@@ -70,13 +70,13 @@ def column(bench: Bench, rows: np.ndarray, name: str) -> np.ndarray:
     return shown[~np.isnan(shown)]
 
 
-def test_it_is_a_bench(any_bench: Bench) -> None:
+def test_it_is_a_bench(any_bench):
     bench = any_bench
     with bench:
         assert isinstance(bench, Bench)
 
 
-def test_the_identity_is_complete(bench: Bench) -> None:
+def test_the_identity_is_complete(bench):
     with bench:
         identity = bench.identity
     assert identity.device_id
@@ -96,7 +96,7 @@ def test_the_identity_is_complete(bench: Bench) -> None:
     assert {"pwm_us", *own} <= set(identity.limits)
 
 
-def test_time_goes_on_and_samples_come_in_order(any_bench: Bench) -> None:
+def test_time_goes_on_and_samples_come_in_order(any_bench):
     bench = any_bench
     with bench:
         before_s = bench.now_s()
@@ -106,7 +106,7 @@ def test_time_goes_on_and_samples_come_in_order(any_bench: Bench) -> None:
     assert np.all(np.diff(rows[:, 0]) > 0.0)
 
 
-def test_a_pulse_is_acknowledged_and_shows_in_the_stream(bench: Bench) -> None:
+def test_a_pulse_is_acknowledged_and_shows_in_the_stream(bench):
     with bench:
         bench.set_pwm(np.array([1400.0]))
         rows = gather(bench, 3.0)
@@ -114,7 +114,7 @@ def test_a_pulse_is_acknowledged_and_shows_in_the_stream(bench: Bench) -> None:
         assert column(bench, rows, "rpm1")[-1] > 1000.0
 
 
-def test_stop_zeroes_and_may_be_called_twice(any_bench: Bench) -> None:
+def test_stop_zeroes_and_may_be_called_twice(any_bench):
     bench = any_bench
     with bench:
         spin(bench, 1400.0)
@@ -126,7 +126,7 @@ def test_stop_zeroes_and_may_be_called_twice(any_bench: Bench) -> None:
         assert column(bench, rows, "rpm1")[-1] == 0.0
 
 
-def test_a_tare_brings_thrust_to_zero(bench: Bench) -> None:
+def test_a_tare_brings_thrust_to_zero(bench):
     with bench:
         before = np.mean(column(bench, gather(bench, 2.0), "thrust_N"))
         bench.tare()
@@ -136,7 +136,7 @@ def test_a_tare_brings_thrust_to_zero(bench: Bench) -> None:
     assert after == pytest.approx(0.0, abs=0.02)
 
 
-def test_the_plate_goes_where_it_is_sent(any_bench: Bench) -> None:
+def test_the_plate_goes_where_it_is_sent(any_bench):
     bench = any_bench
     with bench:
         bench.move_plate(1.2)
@@ -144,7 +144,7 @@ def test_the_plate_goes_where_it_is_sent(any_bench: Bench) -> None:
         assert column(bench, rows, "plate_z_m")[-1] == pytest.approx(1.2, abs=1e-3)
 
 
-def test_the_plate_is_refused_under_throttle_and_outside_of_its_travel(any_bench: Bench) -> None:
+def test_the_plate_is_refused_under_throttle_and_outside_of_its_travel(any_bench):
     bench = any_bench
     with bench:
         with pytest.raises(StageError, match=r"0\.05"):
@@ -154,7 +154,7 @@ def test_the_plate_is_refused_under_throttle_and_outside_of_its_travel(any_bench
             bench.move_plate(1.0)
 
 
-def test_a_pulse_that_is_too_long_is_refused_with_the_limit(any_bench: Bench) -> None:
+def test_a_pulse_that_is_too_long_is_refused_with_the_limit(any_bench):
     bench = any_bench
     with bench:
         with pytest.raises(BenchtoolError, match="1950"):
@@ -165,7 +165,7 @@ def test_a_pulse_that_is_too_long_is_refused_with_the_limit(any_bench: Bench) ->
         assert column(bench, rows, "pwm1_us")[-1] == STOP_US
 
 
-def test_another_rate_is_told_and_comes(any_bench: Bench) -> None:
+def test_another_rate_is_told_and_comes(any_bench):
     bench = any_bench
     with bench:
         bench.set_rate(50.0)
@@ -179,7 +179,7 @@ def test_another_rate_is_told_and_comes(any_bench: Bench) -> None:
     assert step_s == pytest.approx(0.02, rel=0.05)
 
 
-def test_leaving_it_stops_the_motors_and_closing_twice_is_safe(any_bench: Bench) -> None:
+def test_leaving_it_stops_the_motors_and_closing_twice_is_safe(any_bench):
     bench = any_bench
     with bench:
         spin(bench, 1400.0)
@@ -192,19 +192,19 @@ def test_leaving_it_stops_the_motors_and_closing_twice_is_safe(any_bench: Bench)
         assert column(bench, rows, "rpm1")[-1] == 0.0
 
 
-def test_an_error_in_the_body_is_not_hidden_by_leaving(any_bench: Bench) -> None:
+def test_an_error_in_the_body_is_not_hidden_by_leaving(any_bench):
     bench = any_bench
     with pytest.raises(ZeroDivisionError), bench:
         _ = 1 / 0
 
 
-def test_reading_a_bench_that_is_not_open_says_so(any_bench: Bench) -> None:
+def test_reading_a_bench_that_is_not_open_says_so(any_bench):
     bench = any_bench
     with pytest.raises(LinkLost, match="open it first"):
         bench.read(0.1)
 
 
-def test_a_replay_keeps_what_applies_to_it(tmp_path) -> None:
+def test_a_replay_keeps_what_applies_to_it(tmp_path):
     with simulated() as source:
         names = [channel.name for channel in source.identity.channels]
         readings = source.read(2.0)

@@ -192,7 +192,7 @@ def inputs_of(name: str) -> tuple[Item, ...]:
     return items(called.inputs)
 
 
-def test_every_command_has_a_case_of_its_own() -> None:
+def test_every_command_has_a_case_of_its_own():
     assert set(REFUSED) == set(RUNNABLE)
 
 
@@ -201,13 +201,8 @@ def test_every_command_has_a_case_of_its_own() -> None:
     [(name, *case) for name, cases in REFUSED.items() for case in cases],
 )
 def test_it_is_refused_in_one_sentence_and_leaves_nothing(
-    name: str,
-    words: str,
-    sentence: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    name, words, sentence, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken.js").write_text("mine")
     (tmp_path / "taken").mkdir()
@@ -222,7 +217,7 @@ def test_it_is_refused_in_one_sentence_and_leaves_nothing(
 
 
 @pytest.mark.parametrize("name", RUNNABLE)
-def test_every_input_says_what_it_is(name: str) -> None:
+def test_every_input_says_what_it_is(name):
     found = inputs_of(name)
     assert len({item.option for item in found}) == len(found)
     for item in found:
@@ -236,7 +231,7 @@ def test_every_input_says_what_it_is(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", RUNNABLE)
-def test_a_command_is_described_in_one_place(name: str) -> None:
+def test_a_command_is_described_in_one_place(name):
     called = getattr(import_module(module_of(name)), COMMANDS[name][0].partition(":")[2])
     assert called.__doc__.splitlines()[0].rstrip(".") == COMMANDS[name][1].rstrip(".")
     section = WRITTEN.read_text("utf-8").partition(f"## {name}\n")[2].partition("\n## ")[0]
@@ -244,7 +239,7 @@ def test_a_command_is_described_in_one_place(name: str) -> None:
         assert f"| `{item.option}" in section, item.key
 
 
-def test_every_key_of_a_plan_stands_on_the_page_of_the_plan_file() -> None:
+def test_every_key_of_a_plan_stands_on_the_page_of_the_plan_file():
     page = WRITTEN.with_name("plan.md").read_text("utf-8")
     for item in items(Plan):
         assert f"| `{item.key.rpartition('.')[2]}` |" in page, item.key

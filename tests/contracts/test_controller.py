@@ -66,7 +66,7 @@ def through_the_seam(name: str, gains: str) -> LawController:
 
 @EACH
 @SETS
-def test_the_loop_and_the_seam_give_the_same_run(name: str, gains: str) -> None:
+def test_the_loop_and_the_seam_give_the_same_run(name, gains):
     schedule = sampled(2.0, reference_deg=SWAY, plate=STEADY_PLATE)
     job = PitchJob(noisy_bench(), pitch_controller(name, gains_named(gains)))
     compiled = simulate_pitch(job, schedule, seed=8)
@@ -79,7 +79,7 @@ def test_the_loop_and_the_seam_give_the_same_run(name: str, gains: str) -> None:
 
 @EACH
 @SETS
-def test_at_rest_at_the_reference_it_asks_for_nothing(name: str, gains: str) -> None:
+def test_at_rest_at_the_reference_it_asks_for_nothing(name, gains):
     controller = through_the_seam(name, gains)
     still = PitchMeasurement(0.0, 0.1, 0.0, 1.0, ())
     for _ in range(100):
@@ -88,9 +88,7 @@ def test_at_rest_at_the_reference_it_asks_for_nothing(name: str, gains: str) -> 
 
 @EACH
 @SETS
-def test_it_pushes_towards_the_reference_within_what_the_mixer_can_give(
-    name: str, gains: str
-) -> None:
+def test_it_pushes_towards_the_reference_within_what_the_mixer_can_give(name, gains):
     for wanted in (0.05, -0.05, 50.0, -50.0):
         controller = through_the_seam(name, gains)
         level = PitchMeasurement(0.0, 0.0, 0.0, 1.0, ())
@@ -101,7 +99,7 @@ def test_it_pushes_towards_the_reference_within_what_the_mixer_can_give(
 
 @EACH
 @SETS
-def test_it_holds_the_reference_out_of_ground_effect(name: str, gains: str) -> None:
+def test_it_holds_the_reference_out_of_ground_effect(name, gains):
     schedule = sampled(6.0)
     job = PitchJob(noisy_bench(), pitch_controller(name, gains_named(gains)))
     run = simulate_pitch(job, schedule, seed=2)
@@ -109,7 +107,7 @@ def test_it_holds_the_reference_out_of_ground_effect(name: str, gains: str) -> N
 
 
 @pytest.mark.parametrize("name", [n for n in FLIGHT_CONTROLLERS if not over(n).feeds_forward])
-def test_the_loop_and_the_seam_give_the_same_flight(name: str) -> None:
+def test_the_loop_and_the_seam_give_the_same_flight(name):
     case = over(name)
     law = law_of(name, "free")
     compiled = fly(case)
@@ -132,9 +130,7 @@ def climb(
     return ClimbState(state.integral_N + error_m * dt_s), FlightCommand(thrust_N, 0.0, 0.0, 0.0)
 
 
-def test_a_flight_law_of_any_state_goes_the_way_of_the_cascade(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_flight_law_of_any_state_goes_the_way_of_the_cascade(monkeypatch):
     law = ControlLaw(
         name="climb", title="climb", body="free", step=climb, state=ClimbState(),
         numbers=lambda case, body: (8.0 * body.mass_kg, 4.0 * body.mass_kg),
@@ -151,7 +147,7 @@ def test_a_flight_law_of_any_state_goes_the_way_of_the_cascade(
 
 
 @pytest.mark.parametrize("name", FLIGHT_CONTROLLERS)
-def test_in_flight_it_holds_a_place_out_of_ground_effect(name: str) -> None:
+def test_in_flight_it_holds_a_place_out_of_ground_effect(name):
     high = replace(over(name), start_m=(0.0, 0.0, 2.0), goals=(), gyro_noise_rad_s=0.0)
     flight = fly(high)
     assert np.abs(np.stack([flight["x_m"], flight["y_m"], flight["z_m"] - 2.0])).max() < 1e-3
@@ -161,13 +157,13 @@ def test_in_flight_it_holds_a_place_out_of_ground_effect(name: str) -> None:
     ("heading", "controllers"),
     [("controller", PITCH_CONTROLLERS), ("controller in flight", FLIGHT_CONTROLLERS)],
 )
-def test_the_page_has_a_row_of_every_controller(heading: str, controllers: dict[str, str]) -> None:
+def test_the_page_has_a_row_of_every_controller(heading, controllers):
     table = PAGE.read_text(encoding="utf-8").partition(f"| {heading} | what it does |\n")[2]
     rows = re.findall(r"^\| `([\w+]+)` \| (.*) \|$", table.partition("\n\n")[0], re.MULTILINE)
     assert dict(rows) == controllers
 
 
-def test_every_law_in_the_folder_is_registered() -> None:
+def test_every_law_in_the_folder_is_registered():
     names = [info.name for info in iter_modules(controllers.__path__, f"{controllers.__name__}.")]
     found = (getattr(import_module(name), "LAW", None) for name in names)
     assert {(law.name, law.body) for law in found if isinstance(law, ControlLaw)} == {

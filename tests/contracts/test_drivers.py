@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import pkgutil
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from benchtool.bench.bench import Bench, Opened
 from benchtool.bench.drivers import DRIVERS, load, open_bench, parse_address
 from benchtool.bench.wrappers import BenchWrapper
 from benchtool.core.errors import BenchError, BenchtoolError, DeviceStopped, UnknownChoice
-from tests.contracts.benches import CASES, STOP_US, Case, stand_case
+from tests.contracts.benches import CASES, STOP_US, stand_case
 
 DOCS = Path(__file__).parents[2] / "docs" / "how-to" / "connect.md"
 DRIVEN = {name: case for name, case in CASES.items() if name != "replay"} | {"stand": stand_case}
@@ -41,24 +40,24 @@ def driver_classes() -> set[type]:
     return {kind for kind in found if not issubclass(kind, BenchWrapper)}
 
 
-def test_every_driver_class_is_registered() -> None:
+def test_every_driver_class_is_registered():
     modules = {driver.opener.partition(":")[0] for driver in DRIVERS.values()}
     lost = {kind.__name__ for kind in driver_classes() if kind.__module__ not in modules}
     assert lost == set(), "register them in benchtool/bench/drivers.py"
 
 
 @pytest.mark.parametrize("scheme", DRIVERS)
-def test_every_driver_has_a_row_in_the_docs(scheme: str) -> None:
+def test_every_driver_has_a_row_in_the_docs(scheme):
     rows = [line for line in DOCS.read_text("utf-8").splitlines() if line.startswith("| `")]
     assert any(row.startswith(f"| `{scheme}:") for row in rows), f"add a row for {scheme}: there"
 
 
-def test_every_driver_has_a_case() -> None:
+def test_every_driver_has_a_case():
     assert set(CASES) == set(DRIVERS), "add a case to tests/contracts/benches.py"
 
 
 @pytest.mark.parametrize("scheme", DRIVERS)
-def test_an_address_leads_to_its_opener_and_ends(scheme: str) -> None:
+def test_an_address_leads_to_its_opener_and_ends(scheme):
     driver = DRIVERS[scheme]
     address = parse_address(driver.example)
     assert type(address) is driver.address
@@ -69,7 +68,7 @@ def test_an_address_leads_to_its_opener_and_ends(scheme: str) -> None:
 
 
 @pytest.mark.parametrize("case", [*CASES.values(), stand_case], ids=[*CASES, "stand"])
-def test_it_opens_says_who_answers_and_reads_in_order(case: Callable[[], Case]) -> None:
+def test_it_opens_says_who_answers_and_reads_in_order(case):
     bench = case().bench
     with pytest.raises(BenchError, match="open it first"):
         bench.read(0.1)
@@ -99,7 +98,7 @@ def pulse(bench: Bench, duration_s: float) -> float:
 
 
 @driven
-def test_reading_keeps_a_motor_turning(case: Callable[[], Case]) -> None:
+def test_reading_keeps_a_motor_turning(case):
     with case().bench as bench:
         bench.set_pwm(np.array([1400.0]))
         assert pulse(bench, 2.0) == pytest.approx(1400.0, abs=3.0), "read sends no heartbeat"
@@ -108,7 +107,7 @@ def test_reading_keeps_a_motor_turning(case: Callable[[], Case]) -> None:
 
 
 @linked
-def test_a_host_that_hangs_falls_silent(case: Callable[[], Case]) -> None:
+def test_a_host_that_hangs_falls_silent(case):
     bench, link = case()
     assert link is not None
     with bench:
@@ -122,13 +121,13 @@ def test_a_host_that_hangs_falls_silent(case: Callable[[], Case]) -> None:
 
 
 @driven
-def test_a_pulse_beyond_the_limit_is_refused(case: Callable[[], Case]) -> None:
+def test_a_pulse_beyond_the_limit_is_refused(case):
     with case().bench as bench, pytest.raises(BenchtoolError):
         bench.set_pwm(np.array([2500.0]))
 
 
 @linked
-def test_closing_stops_the_motor(case: Callable[[], Case]) -> None:
+def test_closing_stops_the_motor(case):
     bench, link = case()
     with bench:
         bench.set_pwm(np.array([1400.0]))

@@ -22,7 +22,6 @@ from benchtool.physics.effects.effect import (
     HOOKS,
     NO_FLOW,
     SUBSYSTEMS,
-    BenchKind,
     Effect,
     Flow,
 )
@@ -64,12 +63,12 @@ def without_it(rig: Rig, name: str) -> Model:
 
 
 @pytest.fixture
-def rig() -> Rig:
+def rig():
     return rig_named("pquad")
 
 
 @pytest.fixture
-def conditions(rig: Rig) -> Conditions:
+def conditions(rig):
     """Six distances, half of them with the plate over the front half only, from pulse widths."""
     return Conditions.of(
         rig,
@@ -84,7 +83,7 @@ def conditions(rig: Rig) -> Conditions:
 
 
 @EACH
-def test_it_describes_itself(name: str) -> None:
+def test_it_describes_itself(name):
     effect = EFFECTS[name]
     assert effect.subsystem in SUBSYSTEMS
     for text in (effect.title, effect.description, effect.law, effect.shows, effect.source):
@@ -100,9 +99,7 @@ def test_it_describes_itself(name: str) -> None:
 @EACH
 @pytest.mark.parametrize("bench", BENCH_KINDS)
 @pytest.mark.parametrize("vehicle", ["beam", "pquad", "amuse_single"])
-def test_it_says_what_does_not_matter_on_any_vehicle(
-    name: str, bench: BenchKind, vehicle: str
-) -> None:
+def test_it_says_what_does_not_matter_on_any_vehicle(name, bench, vehicle):
     """A tolerance for each that shows on that bench, with room within the bounds."""
     effect = EFFECTS[name]
     known = default_tolerances(effect, rig_named(vehicle), bench)
@@ -143,7 +140,7 @@ TWO_SIDED = {  # parameters that physics leaves on both sides of neutral, and wh
 
 
 @EACH
-def test_physics_bounds_every_number_that_may_be_named(name: str) -> None:
+def test_physics_bounds_every_number_that_may_be_named(name):
     """A stand in the wake takes no negative share, a bearing has no negative friction."""
     for item in EFFECTS[name].parameters:
         if item.neutral is None or EFFECTS[name].distance_law is not None:
@@ -154,7 +151,7 @@ def test_physics_bounds_every_number_that_may_be_named(name: str) -> None:
         assert f"{name}.{item.name}" in TWO_SIDED or item.lower >= 0.0
 
 
-def test_damping_counts_the_tip_speed_of_the_blades_not_of_the_effective_radius(rig: Rig) -> None:
+def test_damping_counts_the_tip_speed_of_the_blades_not_of_the_effective_radius(rig):
     model = Model.single(rig).with_effect("aerodynamic_damping", coefficient=3.0)
     assert model.parameters["aerodynamic_damping.blade_radius_m"].value == rig.propulsion.radius_m
     effect = EFFECTS["aerodynamic_damping"]
@@ -169,9 +166,7 @@ def test_damping_counts_the_tip_speed_of_the_blades_not_of_the_effective_radius(
 
 
 @EACH
-def test_at_its_neutral_value_it_is_exactly_absent(
-    name: str, rig: Rig, conditions: Conditions
-) -> None:
+def test_at_its_neutral_value_it_is_exactly_absent(name, rig, conditions):
     bare = without_it(rig, name)
     neutral = {
         item.name: item.neutral for item in EFFECTS[name].parameters if item.neutral is not None
@@ -182,9 +177,7 @@ def test_at_its_neutral_value_it_is_exactly_absent(
 
 
 @EACH
-def test_its_hooks_at_neutral_change_nothing_when_they_are_called(
-    name: str, rig: Rig, conditions: Conditions
-) -> None:
+def test_its_hooks_at_neutral_change_nothing_when_they_are_called(name, rig, conditions):
     """A freed effect is called even at neutral, and then must not move the prediction."""
     effect = EFFECTS[name]
     neutral = {item.name: item.neutral for item in effect.parameters if item.neutral is not None}
@@ -197,9 +190,7 @@ def test_its_hooks_at_neutral_change_nothing_when_they_are_called(
 
 
 @EACH
-def test_moving_until_settled_equals_the_settled_case(
-    name: str, rig: Rig, conditions: Conditions
-) -> None:
+def test_moving_until_settled_equals_the_settled_case(name, rig, conditions):
     model = acting(rig, name)
     moving = moving_thrust_N(model, conditions, duration_s=60.0, steps=30_000)
     np.testing.assert_allclose(moving, model.thrust_N(conditions), rtol=1e-9)
@@ -247,14 +238,14 @@ def hinge_outputs(effect: Effect, values: list[float], flow: Flow) -> list[float
 
 @EACH
 @pytest.mark.parametrize("rate_rad_s", [-0.5, 0.0, 0.5])
-def test_at_neutral_a_hinge_is_left_exactly_alone(name: str, rate_rad_s: float) -> None:
+def test_at_neutral_a_hinge_is_left_exactly_alone(name, rate_rad_s):
     effect = EFFECTS[name]
     p = [item.value if item.neutral is None else item.neutral for item in effect.parameters]
     assert hinge_outputs(effect, p, turning(rate_rad_s=rate_rad_s)) == [0.0] * 7
 
 
 @EACH
-def test_away_from_neutral_it_shows_somewhere(name: str, rig: Rig, conditions: Conditions) -> None:
+def test_away_from_neutral_it_shows_somewhere(name, rig, conditions):
     """Lag alone hides on a settled bench, and a hinge shows only where there is one."""
     effect = EFFECTS[name]
     bare, model = without_it(rig, name), acting(rig, name)
@@ -270,7 +261,7 @@ def test_away_from_neutral_it_shows_somewhere(name: str, rig: Rig, conditions: C
 
 
 @pytest.mark.parametrize("name", [name for name, one in EFFECTS.items() if one.hooks.torque])
-def test_a_torque_on_scalars_arrays_and_complex_steps_agrees(name: str) -> None:
+def test_a_torque_on_scalars_arrays_and_complex_steps_agrees(name):
     effect = EFFECTS[name]
     values = [strong_value(name, item) for item in effect.parameters]
 
@@ -287,7 +278,7 @@ def test_a_torque_on_scalars_arrays_and_complex_steps_agrees(name: str) -> None:
     np.testing.assert_allclose(exact, (step[0] - step[1]) / 2e-4, rtol=1e-8)
 
 
-def test_numbers_and_parameters_have_the_same_names() -> None:
+def test_numbers_and_parameters_have_the_same_names():
     class P(NamedTuple):
         offset: float
         gain: float
@@ -297,9 +288,7 @@ def test_numbers_and_parameters_have_the_same_names() -> None:
 
 
 @EACH
-def test_scalars_arrays_and_complex_steps_agree(
-    name: str, rig: Rig, conditions: Conditions
-) -> None:
+def test_scalars_arrays_and_complex_steps_agree(name, rig, conditions):
     model = acting(rig, name)
     values = model.parameters.values_array()
     whole = model.thrust_N(conditions, values)
@@ -321,7 +310,7 @@ def test_scalars_arrays_and_complex_steps_agree(
 
 
 @EACH
-def test_a_prepared_model_predicts_the_same(name: str, rig: Rig, conditions: Conditions) -> None:
+def test_a_prepared_model_predicts_the_same(name, rig, conditions):
     model = acting(rig, name).freed("k", "R_m")
     prepared = Prepared(model, conditions)
     walkers = {"k": np.array([[0.9e-5], [1.1e-5]]), "R_m": np.array([[0.11], [0.13]])}
@@ -332,7 +321,7 @@ def test_a_prepared_model_predicts_the_same(name: str, rig: Rig, conditions: Con
 
 
 @EACH
-def test_its_hooks_branch_nowhere(name: str) -> None:
+def test_its_hooks_branch_nowhere(name):
     for hook in HOOKS:
         function = getattr(EFFECTS[name].hooks, hook)
         if function is None:

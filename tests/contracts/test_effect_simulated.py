@@ -87,14 +87,14 @@ def most_changed(one: np.ndarray, other: np.ndarray) -> float:
 
 
 @EACH
-def test_at_neutral_it_is_exactly_absent_on_a_hinge_and_in_flight(name: str) -> None:
+def test_at_neutral_it_is_exactly_absent_on_a_hinge_and_in_flight(name):
     on_a_hinge, in_flight = bare_logs(EFFECTS[name].distance_law is not None)
     assert np.array_equal(hinged(neutral(RIG, name)), on_a_hinge, equal_nan=True)
     assert np.array_equal(flown(neutral(RIG, name)).log, in_flight, equal_nan=True)
 
 
 @EACH
-def test_away_from_neutral_it_shows_on_a_hinge_and_in_flight_where_it_belongs(name: str) -> None:
+def test_away_from_neutral_it_shows_on_a_hinge_and_in_flight_where_it_belongs(name):
     """What belongs to a load cell shows in a sweep, what belongs to a bench not in flight."""
     effect, model = EFFECTS[name], acting(RIG, name)
     bare = bare_logs(effect.distance_law is not None)
@@ -110,9 +110,7 @@ def test_away_from_neutral_it_shows_on_a_hinge_and_in_flight_where_it_belongs(na
 
 @EACH
 @pytest.mark.parametrize("z_over_R", [1.0, 1.5, 4.0])
-def test_settled_it_is_on_a_hinge_and_in_flight_what_a_sweep_shows(
-    name: str, z_over_R: float
-) -> None:
+def test_settled_it_is_on_a_hinge_and_in_flight_what_a_sweep_shows(name, z_over_R):
     """The thrust factor of every disc over a plate that lies under all of them."""
     model = acting(RIG, name)
     z_m, n = z_over_R * RIG.propulsion.radius_m, RIG.n_discs
@@ -141,9 +139,7 @@ def test_settled_it_is_on_a_hinge_and_in_flight_what_a_sweep_shows(
 
 @pytest.mark.parametrize("rule", TILT_RULES)
 @pytest.mark.parametrize("pitch_rad", [-0.1, 0.17])
-def test_a_tilt_is_the_same_in_a_sweep_on_a_hinge_and_in_flight(
-    rule: str, pitch_rad: float
-) -> None:
+def test_a_tilt_is_the_same_in_a_sweep_on_a_hinge_and_in_flight(rule, pitch_rad):
     """A plate that leans under a level vehicle, and a vehicle that leans over a level surface."""
     model, n, z_m = replace(FlightVehicle.of_rig(RIG).model, tilt_rule=rule), RIG.n_discs, 0.2
     settled = Conditions.of(
@@ -165,7 +161,7 @@ def test_a_tilt_is_the_same_in_a_sweep_on_a_hinge_and_in_flight(
     np.testing.assert_allclose(below.factor, swept, rtol=1e-13)
 
 
-def test_another_law_flies_in_the_place_of_eq_2() -> None:
+def test_another_law_flies_in_the_place_of_eq_2():
     """Without any image a surface does nothing; with eq. (2) written as a curvature it does."""
     nothing = Model.single(RIG).without(OWN_IMAGES)
     over = (0.0, 0.0, 0.15)
@@ -181,7 +177,7 @@ def test_another_law_flies_in_the_place_of_eq_2() -> None:
     np.testing.assert_allclose(fly(case)["factor1"], expected, rtol=1e-2)
 
 
-def test_a_hidden_bias_and_a_delay_show_as_they_say() -> None:
+def test_a_hidden_bias_and_a_delay_show_as_they_say():
     """A gyro that shows a rate tilts the vehicle; a late command lets it drop behind."""
     calm = replace(
         FlightCase(
@@ -200,7 +196,7 @@ def test_a_hidden_bias_and_a_delay_show_as_they_say() -> None:
     assert (first[1] - first[0]) / 250.0 == pytest.approx(0.0213, abs=0.004)
 
 
-def test_a_vehicle_whose_bench_has_its_plate_above_flies_over_floors() -> None:
+def test_a_vehicle_whose_bench_has_its_plate_above_flies_over_floors():
     above = replace(RIG, plate=replace(RIG.plate, surface="above"))
     over = (0.0, 0.0, 0.2)
     swept, flown_over = (FlightVehicle.of_rig(rig) for rig in (RIG, above))

@@ -28,7 +28,7 @@ def fitted(method: str, name: str) -> tuple[Problem, FitResult]:
 
 
 @every_pair
-def test_answers_in_the_order_and_units_of_the_problem(method: str, name: str) -> None:
+def test_answers_in_the_order_and_units_of_the_problem(method, name):
     problem, result = fitted(method, name)
     assert result.method == method
     assert result.outcome.status == "converged"
@@ -47,7 +47,7 @@ def test_answers_in_the_order_and_units_of_the_problem(method: str, name: str) -
 
 
 @every_pair
-def test_intervals_enclose_the_value_and_each_other(method: str, name: str) -> None:
+def test_intervals_enclose_the_value_and_each_other(method, name):
     problem, result = fitted(method, name)
     for estimate in result.estimates:
         low95, high95 = estimate.interval_95
@@ -59,7 +59,7 @@ def test_intervals_enclose_the_value_and_each_other(method: str, name: str) -> N
 
 
 @every_pair
-def test_the_problem_is_left_as_it_was(method: str, name: str) -> None:
+def test_the_problem_is_left_as_it_was(method, name):
     problem, _ = fitted(method, name)
     fresh = SMALL[name]()
     np.testing.assert_array_equal(problem.parameters.pack(), fresh.parameters.pack())
@@ -67,7 +67,7 @@ def test_the_problem_is_left_as_it_was(method: str, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_both_estimators_agree(name: str) -> None:
+def test_both_estimators_agree(name):
     _, one = fitted("least_squares", name)
     problem, other = fitted("emcee", name)
     for estimate in one.estimates:
@@ -84,7 +84,7 @@ def test_both_estimators_agree(name: str) -> None:
 
 
 @pytest.mark.parametrize("method", ESTIMATORS)
-def test_the_same_problem_gives_the_same_answer(method: str) -> None:
+def test_the_same_problem_gives_the_same_answer(method):
     _, first = fitted(method, "decay")
     again = ESTIMATORS[method](SMALL["decay"]())
     np.testing.assert_array_equal(first.values, again.values)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import runpy
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -59,7 +59,7 @@ class Exported:
 
 
 @pytest.fixture(scope="module", params=["simulated", *LOGS])
-def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Exported:
+def exported(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("export")
     propeller = None
     if request.param == "simulated":
@@ -79,7 +79,7 @@ def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     return Exported(texts, files, vehicle)
 
 
-def test_simulators_have_one_thrust_at_every_throttle(exported: Exported) -> None:
+def test_simulators_have_one_thrust_at_every_throttle(exported):
     thrust = exported.thrust_N(THROTTLES)
     full = thrust[-1]
     # MuJoCo: gain times control; its comment says how the control goes with the throttle.
@@ -110,7 +110,7 @@ def test_simulators_have_one_thrust_at_every_throttle(exported: Exported) -> Non
             assert 0.7 * stated - 1e-4 <= off.max() <= 1.06 * stated + 1e-4
 
 
-def test_the_quadratic_law_of_a_header_reaches_full_thrust(exported: Exported) -> None:
+def test_the_quadratic_law_of_a_header_reaches_full_thrust(exported):
     name = exported.vehicle.name.upper()
     k, top = (
         exported.line("c", rf"#define {name}_{key} (\S+)f$")
@@ -119,7 +119,7 @@ def test_the_quadratic_law_of_a_header_reaches_full_thrust(exported: Exported) -
     assert k * top**2 == pytest.approx(exported.thrust_N(np.ones(1))[0], rel=1e-6)
 
 
-def test_rotors_of_px4_have_the_thrust_of_full_command(exported: Exported) -> None:
+def test_rotors_of_px4_have_the_thrust_of_full_command(exported):
     stated = re.findall(r"\tCA_ROTOR\d+_CT\t(\S+)", exported.texts["px4"])
     assert len(stated) == (
         exported.vehicle.rig.n_rotors if exported.vehicle.rig.n_rotors > 1 else 0
@@ -163,9 +163,7 @@ def betaflight(exported: Exported) -> np.ndarray:
 
 
 @pytest.mark.parametrize("target", [ardupilot, px4, betaflight])
-def test_thrust_goes_with_the_demand_of_an_autopilot(
-    exported: Exported, target: Callable[[Exported], np.ndarray]
-) -> None:
+def test_thrust_goes_with_the_demand_of_an_autopilot(exported, target):
     """Between idle and full: a gain of standard deviation s is off its line by s/2 at most."""
     start_us, motor = exported.vehicle.rig.propulsion.pwm_start_us, exported.vehicle.motor
     assert motor is not None

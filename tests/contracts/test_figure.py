@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from benchtool.report.figure import PAGES, FigureEntry, every_figure
+from benchtool.report.figure import PAGES, every_figure
 from benchtool.report.files import figure_bytes
 from benchtool.report.style import SIMULATED_GID
 from tests.contracts.figure_subjects import SUBJECTS
@@ -18,7 +18,7 @@ DOCS = Path(__file__).parents[2] / "docs" / "reference" / "figures.md"
 
 
 @pytest.mark.parametrize("page", sorted({entry.page for entry in FIGURES.values()} | set(PAGES)))
-def test_a_page_shows_every_figure_of_its_own_and_no_other(page: str) -> None:
+def test_a_page_shows_every_figure_of_its_own_and_no_other(page):
     registered = {entry.name for entry in FIGURES.values() if entry.page == page}
     assert page in PAGES, f"no page is called {page}: make one with Page({page!r}, ...)"
     shown = PAGES[page].figures
@@ -27,14 +27,14 @@ def test_a_page_shows_every_figure_of_its_own_and_no_other(page: str) -> None:
 
 
 @EACH
-def test_it_is_in_the_table_of_the_reference(entry: FigureEntry) -> None:
+def test_it_is_in_the_table_of_the_reference(entry):
     row = f"| `{entry.name}` |"
     part = DOCS.read_text("utf-8").partition(f"## {entry.page}\n")[2].partition("\n## ")[0]
     assert row in part, "write the page again: python docs/reference/write_figures.py"
 
 
 @EACH
-def test_it_is_drawn_with_axes_words_and_stamp(entry: FigureEntry) -> None:
+def test_it_is_drawn_with_axes_words_and_stamp(entry):
     assert entry.page in SUBJECTS, f"add a subject of {entry.page} to figure_subjects.py"
     blocks: dict[str, Any] = {}
     for subject in SUBJECTS[entry.page]():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from benchtool.data.formats.formats import FORMATS, Format, format_of, import_bytes
+from benchtool.data.formats.formats import FORMATS, format_of, import_bytes
 from benchtool.data.repairs.imported import Options
 from tests.unit.data.flight_logs import dataflash, hop, text_log
 from tests.unit.data.stand_logs import log_text, steps_1580
@@ -61,24 +61,24 @@ SAMPLES: dict[str, tuple[str, bytes]] = {
 
 
 @EACH
-def test_it_has_a_sample(member: Format) -> None:
+def test_it_has_a_sample(member):
     assert member.name in SAMPLES, f"add a file of the format {member.name} to SAMPLES"
 
 
 @EACH
-def test_its_reader_is_found(member: Format) -> None:
+def test_its_reader_is_found(member):
     assert callable(member.load())
 
 
 @EACH
-def test_its_sample_is_recognized_by_no_other_format(member: Format) -> None:
+def test_its_sample_is_recognized_by_no_other_format(member):
     _, data = SAMPLES[member.name]
     assert [item.name for item in FORMATS if item.recognizes(data)] == [member.name]
     assert format_of(data) is member
 
 
 @EACH
-def test_its_sample_is_imported_and_every_row_is_counted(member: Format) -> None:
+def test_its_sample_is_imported_and_every_row_is_counted(member):
     where, data = SAMPLES[member.name]
     read = import_bytes(data, where, Options())
     assert read.format.startswith(member.name)
@@ -90,12 +90,12 @@ def test_its_sample_is_imported_and_every_row_is_counted(member: Format) -> None
 
 
 @EACH
-def test_it_has_a_row_in_the_reference(member: Format) -> None:
+def test_it_has_a_row_in_the_reference(member):
     rows = re.findall(r"^\| (.+?)(?:,[^|]*)?(?: \([^|]*\))? \|", PAGE.read_text("utf-8"), re.M)
     assert member.name in rows, f"add a row for {member.name} to docs/reference/import.md"
 
 
-def test_every_importer_is_registered() -> None:
+def test_every_importer_is_registered():
     """A reader that nobody registered reads nothing: each is in `FORMATS` or a fallback."""
     folder = Path(__file__).parents[2] / "benchtool" / "data" / "formats"
     signature = re.compile(

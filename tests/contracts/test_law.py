@@ -77,24 +77,24 @@ FORMULAE: dict[str, Callable[[Array], Array]] = {
 
 
 @pytest.mark.parametrize("name", sorted(FORMULAE))
-def test_it_is_the_formula_that_its_source_prints(name: str) -> None:
+def test_it_is_the_formula_that_its_source_prints(name):
     x = np.array([0.8, 1.0, 2.0, 3.0, 4.5, 6.0])
     np.testing.assert_allclose(ratio(acting(name), x), FORMULAE[name](x), rtol=1e-13)
 
 
-def test_a_ceiling_by_momentum_theory_has_the_values_of_its_source() -> None:
+def test_a_ceiling_by_momentum_theory_has_the_values_of_its_source():
     found = ratio(acting("ceiling_momentum"), np.array([0.25, 0.5]))
     np.testing.assert_allclose(found, [1.37, 1.11], atol=0.005)
 
 
-def test_what_is_unverified_is_free() -> None:
+def test_what_is_unverified_is_free():
     """Nobody takes a constant from memory for a known one."""
     for name in ("exponential_denominator", "rational_law", "ceiling", "wall"):
         assert all(item.free for item in EFFECTS[name].parameters)
         assert any(word in EFFECTS[name].description for word in ("free", "unverified"))
 
 
-def test_a_rig_says_where_the_surface_is_and_refuses_laws_of_another() -> None:
+def test_a_rig_says_where_the_surface_is_and_refuses_laws_of_another():
     above = rig_of("ceiling")
     assert [effect.name for effect in Model.single(above).effects] == ["ceiling_momentum"]
     with pytest.raises(InputError, match=r"plate above the rotors, and hayden is a law of a surf"):
@@ -104,14 +104,14 @@ def test_a_rig_says_where_the_surface_is_and_refuses_laws_of_another() -> None:
         model_from_toml(text, "mine.toml", above)
 
 
-def test_images_in_a_surface_below_do_not_act_under_a_ceiling() -> None:
+def test_images_in_a_surface_below_do_not_act_under_a_ceiling():
     model = Model.single(rig_of("ceiling", rig_named("pquad")))
     at = Conditions.of(model.rig, speed_rad_s=np.full((4, 1), 500.0), plate_z_m=[0.06, 0.12])
     full = model.with_effect("neighbour_images").with_effect("body_lift")
     assert np.array_equal(factor_at(full, "equal_rpm2", at), factor_at(model, "equal_rpm2", at))
 
 
-def test_hayden_at_one_radius_and_where_it_is_clipped() -> None:
+def test_hayden_at_one_radius_and_where_it_is_clipped():
     found = ratio(acting("hayden"), np.array([1.0, 4.52, 4.53, 50.0]))
     assert found[0] == pytest.approx(1.094062, abs=5e-7)
     assert found[1] > 1.0
@@ -119,7 +119,7 @@ def test_hayden_at_one_radius_and_where_it_is_clipped() -> None:
     assert "clipped" in stated("hayden").far
 
 
-def test_defaults_without_a_source_pass_near_eq_2() -> None:
+def test_defaults_without_a_source_pass_near_eq_2():
     x = np.array([0.5, 1.0])
     for name in NEAR_EQ_2:
         np.testing.assert_allclose(
@@ -128,7 +128,7 @@ def test_defaults_without_a_source_pass_near_eq_2() -> None:
 
 
 @EACH
-def test_it_states_what_is_known_of_it(name: str) -> None:
+def test_it_states_what_is_known_of_it(name):
     law = stated(name)
     assert law.tested
     assert law.seen
@@ -140,7 +140,7 @@ def test_it_states_what_is_known_of_it(name: str) -> None:
 
 
 @EACH
-def test_far_away_it_is_one_and_nearer_it_never_falls(name: str) -> None:
+def test_far_away_it_is_one_and_nearer_it_never_falls(name):
     model = acting(name)
     reach = stated(name).nearest_z_over_R
     if singular := stated(name).singular:
@@ -153,7 +153,7 @@ def test_far_away_it_is_one_and_nearer_it_never_falls(name: str) -> None:
 
 
 @EACH
-def test_it_is_infinite_where_it_says_and_nowhere_else(name: str) -> None:
+def test_it_is_infinite_where_it_says_and_nowhere_else(name):
     law, model = stated(name), acting(name)
     if law.singular is None:
         at_contact = float(ratio(model, np.array([1e-9]))[0])
@@ -168,7 +168,7 @@ def test_it_is_infinite_where_it_says_and_nowhere_else(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in LAWS if stated(name).surface == "below"])
-def test_it_enters_the_sum_once_with_the_images_of_neighbours_and_the_body(name: str) -> None:
+def test_it_enters_the_sum_once_with_the_images_of_neighbours_and_the_body(name):
     """1/(1 - (1 - 1/G) - the rest), as eqs. (3) and (4) have it for eq. (2)."""
     rig = rig_named("pquad")
     z_m = np.array([1.2, 2.0, 4.0]) * rig.propulsion.radius_m
@@ -188,9 +188,7 @@ def test_it_enters_the_sum_once_with_the_images_of_neighbours_and_the_body(name:
         ("nobahari", {}, 6.25),
     ],
 )
-def test_laws_that_are_one_by_another_parameter_say_so(
-    name: str, values: dict[str, float], c: float
-) -> None:
+def test_laws_that_are_one_by_another_parameter_say_so(name, values, c):
     x = np.array([0.7, 1.0, 3.0])
     model = acting(name, **values)
     np.testing.assert_allclose(ratio(model, x), ratio(acting("li", c=c), x), rtol=1e-13)
@@ -200,7 +198,7 @@ def test_laws_that_are_one_by_another_parameter_say_so(
     assert said(numbers(model, name)) == pytest.approx(0.25 * c**0.5)
 
 
-def test_a_table_takes_its_knots_from_the_model_file_and_gives_them_back() -> None:
+def test_a_table_takes_its_knots_from_the_model_file_and_gives_them_back():
     text = (
         '[model]\nname = "mine"\nrig = "pquad_single"\n[effects.monotone_table]\nstep_1 = 0.1\n'
         "step_3 = 0.2\n[effects.monotone_table.settings]\nz_over_R = [0.3, 1.0, 2.0]\n"
@@ -216,7 +214,7 @@ def test_a_table_takes_its_knots_from_the_model_file_and_gives_them_back() -> No
         model_from_toml(text.replace("[0.3, 1.0", "[1.3, 1.0"), "mine.toml")
 
 
-def test_a_model_file_names_its_law_in_place_of_eq_2() -> None:
+def test_a_model_file_names_its_law_in_place_of_eq_2():
     text = '[model]\nname = "mine"\nrig = "pquad_single"\n[effects.hayden]\nstrength = 1.0\n'
     loaded = model_from_toml(text, "mine.toml")
     assert [effect.name for effect in loaded.model.effects] == ["hayden"]

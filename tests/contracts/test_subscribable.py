@@ -36,7 +36,7 @@ MAKERS: dict[str, Callable[[], Bench]] = {
 
 
 @pytest.mark.parametrize("name", MAKERS)
-def test_every_sample_is_told_once_and_as_it_comes(name: str) -> None:
+def test_every_sample_is_told_once_and_as_it_comes(name):
     bench = MAKERS[name]()
     assert isinstance(bench, Subscribable)
     told: list[Readings] = []

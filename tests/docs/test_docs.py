@@ -24,13 +24,13 @@ def as_case(page: Path) -> ParameterSet:
 
 
 @pytest.mark.parametrize("page", [as_case(page) for page in PAGES])
-def test_page(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     failures = run_page(page.read_text(encoding="utf-8"), str(page), tmp_path)
     assert failures == []
 
 
-def test_a_wrong_exit_code_is_reported_with_its_line(tmp_path: Path) -> None:
+def test_a_wrong_exit_code_is_reported_with_its_line(tmp_path):
     page = "intro\n\n```sh\n$ benchtool no-such-command\n```\n"
     (failure,) = run_page(page, "page.md", tmp_path)
     assert failure.startswith("page.md:3: $ benchtool no-such-command\nexit code 2, expected 0")

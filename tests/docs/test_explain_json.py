@@ -20,7 +20,7 @@ def example() -> dict[str, Any]:
     return tables
 
 
-def test_the_example_is_what_the_code_writes() -> None:
+def test_the_example_is_what_the_code_writes():
     written = Written(model="found/model.toml", schedule="found/next_schedule.toml")
     made = json.loads(json.dumps(answer_tables(answer("class"), written)))
     shown = example()
@@ -32,7 +32,7 @@ def test_the_example_is_what_the_code_writes() -> None:
     assert shown == made
 
 
-def test_the_table_names_every_key_and_the_version() -> None:
+def test_the_table_names_every_key_and_the_version():
     made = answer_tables(answer("class"), Written())
     told = set(re.findall(r"`\.?([\w.\[\]]+)`", PAGE.split("## Example")[0]))
     words = {word for one in told for word in re.split(r"[.\[\]]+", one)}

@@ -12,7 +12,7 @@ NAMED = re.compile(r"`(?:tests/)?((?:[a-z_]+/)+test_\w+\.py)(?:::(\w+))?`")
 
 
 @pytest.mark.parametrize("page", ["threats", "proof", "safety"])
-def test_every_test_that_a_page_names_is_there(page: str) -> None:
+def test_every_test_that_a_page_names_is_there(page):
     text = (ROOT / f"docs/explanation/{page}.md").read_text("utf-8")
     named = NAMED.findall(text)
     assert named

@@ -15,7 +15,7 @@ NOTEBOOKS = [pytest.param(path, id=path.stem) for path in DOCS.glob("notebooks/*
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)
-def test_a_notebook_is_stored_without_outputs_and_its_links_hold(path: Path) -> None:
+def test_a_notebook_is_stored_without_outputs_and_its_links_hold(path):
     cells = json.loads(path.read_text("utf-8"))["cells"]
     code = [cell for cell in cells if cell["cell_type"] == "code"]
     assert [cell for cell in code if cell["outputs"] or cell["execution_count"]] == []
@@ -30,7 +30,7 @@ def test_a_notebook_is_stored_without_outputs_and_its_links_hold(path: Path) -> 
     importlib.util.find_spec("nbclient") is None, reason="nbclient is not installed (`make docs`)"
 )
 @pytest.mark.parametrize("path", NOTEBOOKS)
-def test_a_notebook_runs_and_shows_figures(path: Path) -> None:
+def test_a_notebook_runs_and_shows_figures(path):
     notebook = runpy.run_path(str(DOCS / "notebooks" / "pages.py"))["executed"](path)
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     assert sum("image/png" in output.get("data", {}) for output in outputs) >= 2

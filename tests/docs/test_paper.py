@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ pytestmark = pytest.mark.slow
 FORMULAE = {"07", "10", "11", "16", "19", "29"}
 
 
-def test_the_scripts_use_the_public_interface_only() -> None:
+def test_the_scripts_use_the_public_interface_only():
     scripts = sorted(EXAMPLES.rglob("*.py"))
     imported = {
         node.module if isinstance(node, ast.ImportFrom) else alias.name
@@ -28,7 +27,7 @@ def test_the_scripts_use_the_public_interface_only() -> None:
     assert {name for name in imported if str(name).startswith("benchtool")} == {"benchtool"}
 
 
-def test_claims_and_their_page() -> None:
+def test_claims_and_their_page():
     claims = paper_script("claims")
     of_paper, of_changes = claims.paper_claims(), claims.sensitivity_claims()
     assert len(of_paper) == 25
@@ -51,7 +50,7 @@ def test_claims_and_their_page() -> None:
     )
 
 
-def test_every_figure_is_drawn_and_says_when_it_is_simulated() -> None:
+def test_every_figure_is_drawn_and_says_when_it_is_simulated():
     figures = paper_script("figures").FIGURES
     numbers = {name[3:5] for name in figures if name.startswith("fig")}
     assert numbers == {f"{number:02}" for number in range(3, 31)} - {"25"}
@@ -67,14 +66,14 @@ def test_every_figure_is_drawn_and_says_when_it_is_simulated() -> None:
             assert np.ptp(np.asarray(wanted[2], float)) == 0.0
 
 
-def test_the_picture_of_the_documentation_is_that_of_the_script(tmp_path: Path) -> None:
+def test_the_picture_of_the_documentation_is_that_of_the_script(tmp_path):
     name = "fig06-body-lift"
     paper_script("look").save({name: paper_script("ratios").FIGURES[name]}, tmp_path)
     assert (tmp_path / f"{name}.svg").read_bytes().startswith(b"<?xml")
     assert (EXAMPLES.parent / "assets" / f"{name}.svg").is_file()
 
 
-def test_the_sources_show_no_fountain_and_the_rings_do() -> None:
+def test_the_sources_show_no_fountain_and_the_rings_do():
     wake = paper_script("wake")
     heights = np.array([0.25, 0.5, 1.0, 1.5, 1.75, 2.0])
     sources, rings = wake.centre_line(heights).values()

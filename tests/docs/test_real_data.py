@@ -91,9 +91,7 @@ SECTIONS = re.findall(r"(?m)^## (.+)$", PAGE.read_text(encoding="utf-8"))
 
 @pytest.mark.slow
 @pytest.mark.parametrize("title", SECTIONS)
-def test_commands_print_what_the_page_shows(
-    title: str, reference_data: Path, tmp_path: Path
-) -> None:
+def test_commands_print_what_the_page_shows(title, reference_data, tmp_path):
     if "$MACHINES" in section(title) and not (reference_data.parent / "machines").is_dir():
         pytest.skip("no recordings of real machines beside the reference data")
     (tmp_path / "datasets").symlink_to(ROOT / "datasets")
@@ -118,7 +116,7 @@ def numbers_after(words: str, title: str) -> list[float]:
     ]
 
 
-def test_the_coplanar_pair_agrees_with_an_independent_fit() -> None:
+def test_the_coplanar_pair_agrees_with_an_independent_fit():
     """An independent fit of T0/(1 - c (R/4z)^2): c 1.13, T0 20.41 N, chi2/dof 35."""
     pair = section("A pair of rotors")
     (ratio,) = numbers_after("R_over_rotor_radius –", "A pair of rotors")
@@ -130,14 +128,14 @@ def test_the_coplanar_pair_agrees_with_an_independent_fit() -> None:
     )
 
 
-def test_crazyflie_coefficients_are_the_published_ones() -> None:
+def test_crazyflie_coefficients_are_the_published_ones():
     """IMRCLab's kf: 2.26e-8, 2.13e-8 and (eckart1) 2.26e-8 g/rpm^2."""
     gram_rpm2 = RAD_S_PER_RPM**2 / (GRAVITY_M_S2 * 1e-3)
     k = numbers_after("k =", "Crazyflie")
     assert [value * gram_rpm2 for value in k[:3]] == pytest.approx([2.26, 2.13, 2.26], abs=0.005)
 
 
-def test_the_slow_flyers_coefficient_rises_as_its_file_says(reference_data: Path) -> None:
+def test_the_slow_flyers_coefficient_rises_as_its_file_says(reference_data):
     """C_T of the 10x7 rises by 14 % from 2283 to 5987 rpm; the fitted power agrees within 2 %."""
     rows = (reference_data / "uiuc/apcsf_10x7_static_kt0827.txt").read_text().split("\n")[1:]
     table = [[float(cell) for cell in row.split()] for row in rows if row.strip()]
@@ -147,7 +145,7 @@ def test_the_slow_flyers_coefficient_rises_as_its_file_says(reference_data: Path
     assert (high / low) ** excess == pytest.approx(c_high / c_low, abs=0.02)
 
 
-def test_the_floor_acts_on_the_hovering_quadrotor_as_published() -> None:
+def test_the_floor_acts_on_the_hovering_quadrotor_as_published():
     """Published: 0.11413538 exp(-5.38792044 z) + 1.0275278, stand 1.1765514e-7 N/rpm^2, 1.5 kg."""
     title, published_a, published_b = "A quadrotor", 0.11413538 / 1.0275278, 5.38792044 * 0.12
     (ca,), (cb,) = (numbers_after(f"exponential_law.{name} –", title) for name in ("Ca", "Cb"))
@@ -159,7 +157,7 @@ def test_the_floor_acts_on_the_hovering_quadrotor_as_published() -> None:
     assert k * 1e-6 / stand == pytest.approx(14.7 / 17.8, abs=0.01)
 
 
-def test_the_floor_acts_on_the_small_quadrotor_as_its_authors_law_says() -> None:
+def test_the_floor_acts_on_the_small_quadrotor_as_its_authors_law_says():
     """Measured with the published thrust law: 9 g of 67 g at 7 to 8 cm, 4.5 g at 10 to 12 cm."""
     title = "A small quadrotor"
     (ca,), (cb,) = (numbers_after(f"exponential_law.{name} –", title) for name in ("Ca", "Cb"))
@@ -167,7 +165,7 @@ def test_the_floor_acts_on_the_small_quadrotor_as_its_authors_law_says() -> None
     assert found == pytest.approx([9.0 / 67.0, 4.5 / 67.0], rel=0.25)
 
 
-def test_flights_with_compensators_take_the_same_command_once_steady() -> None:
+def test_flights_with_compensators_take_the_same_command_once_steady():
     """Integral action: four flights agree within two standard errors, and with no compensator."""
     text = section("Flights with and without")
     rows = re.findall(r"Ca – ([\d.]+) ± ([\d.]+)", text)[:4]

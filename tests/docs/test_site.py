@@ -57,13 +57,13 @@ def build(source: Path, site: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
     assert build(ROOT, folder) == "0"
     return folder
 
 
-def test_every_page_is_there_and_in_the_navigation(site: Path) -> None:
+def test_every_page_is_there_and_in_the_navigation(site):
     index = Loaded()
     index.feed((site / "index.html").read_text("utf-8"))
     sources = {*DOCS.rglob("*.md"), *DOCS.rglob("*.ipynb")} - {DOCS / "README.md"}
@@ -72,7 +72,7 @@ def test_every_page_is_there_and_in_the_navigation(site: Path) -> None:
     assert [page for page in pages if not (site / page).is_file()] == []
 
 
-def test_nothing_is_loaded_from_another_host(site: Path) -> None:
+def test_nothing_is_loaded_from_another_host(site):
     for page in site.rglob("*.html"):
         found = Loaded()
         text = page.read_text("utf-8")
@@ -83,7 +83,7 @@ def test_nothing_is_loaded_from_another_host(site: Path) -> None:
         assert re.findall(r"url\(['\"]?(?:\w+:)?//[^)]*", sheet.read_text("utf-8")) == []
 
 
-def test_the_python_page_has_every_public_name_with_its_text(site: Path) -> None:
+def test_the_python_page_has_every_public_name_with_its_text(site):
     import benchtool
 
     text = (site / "reference" / "python.html").read_text("utf-8")
@@ -92,7 +92,7 @@ def test_the_python_page_has_every_public_name_with_its_text(site: Path) -> None
     assert "Read a run folder, a recording" in text
 
 
-def test_a_broken_link_and_a_missing_heading_are_refused(tmp_path: Path) -> None:
+def test_a_broken_link_and_a_missing_heading_are_refused(tmp_path):
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs" / "index.md").write_text("# A\n\n[b](b.md), [c](#c)\n")
     settings = (ROOT / "mkdocs.yml").read_text("utf-8").replace("hooks: [", f"hooks: [{ROOT}/")

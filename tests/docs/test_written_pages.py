@@ -20,7 +20,7 @@ PAGES = [
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_a_written_page_is_up_to_date(name: str) -> None:
+def test_a_written_page_is_up_to_date(name):
     folder, _, page = name.partition("/")
     script = DOCS / folder / f"write_{page.replace('-', '_')}.py"
     written = (DOCS / f"{name}.md").read_text("utf-8")

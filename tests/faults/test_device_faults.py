@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -28,9 +26,7 @@ SMALL = ["--rig", "pquad_single", "--repeats", "2", "--z-over-r", "0.5,1", "--sa
         ("unplug:at_s=4", 8, "look at its power and cable"),
     ],
 )
-def test_a_fault_ends_it_safely_and_says_why(
-    tmp_path: Path, fault: str, code: int, told: str
-) -> None:
+def test_a_fault_ends_it_safely_and_says_why(tmp_path, fault, code, told):
     long = ["--sample-s", "200"] if code == 8 else []
     words = ["sweep", ADDRESS, *SMALL, *long, "--yes", "--out", "run"]
     ended = command(words, tmp_path, World([], speed=20.0, device_faults=[fault]))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests.faults.dialects import framed
@@ -14,7 +12,7 @@ EVIL = "\x1b]0;owned\x07\x9b2J<script>x</script>"
 
 
 @pytest.mark.parametrize("line", ["E,limit,{}", "N,{{number}},{}"])
-def test_what_a_device_says_is_printed_as_text(tmp_path: Path, line: str) -> None:
+def test_what_a_device_says_is_printed_as_text(tmp_path, line):
     said: list[float] = []
 
     def say(world: World) -> None:

@@ -54,26 +54,26 @@ def benchtool(
 
 
 @pytest.mark.parametrize("words", [("rigs",), (*SWEEP, "run")], ids=["list", "sweep"])
-def test_a_full_output(tmp_path: Path, words: tuple[str, ...]) -> None:
+def test_a_full_output(tmp_path, words):
     code, said = benchtool(tmp_path, *words, output="/dev/full")
     assert said == ("benchtool: standard output cannot be written: no space left on device")
     assert code == 10
 
 
-def test_too_few_descriptors(tmp_path: Path) -> None:
+def test_too_few_descriptors(tmp_path):
     code, said = benchtool(tmp_path, *SWEEP, "run", limit=(resource.RLIMIT_NOFILE, 6))
     assert "too many open files" in said
     assert code == 10
 
 
-def test_too_little_memory(tmp_path: Path) -> None:
+def test_too_little_memory(tmp_path):
     code, said = benchtool(tmp_path, *SWEEP, "run", limit=(resource.RLIMIT_AS, 200 << 20))
     assert said.endswith("cannot allocate memory")
     assert code == 10
     assert not (tmp_path / "run").exists()  # nothing was begun, so nothing turned
 
 
-def test_a_file_that_may_not_grow_leaves_a_run_that_can_be_closed(tmp_path: Path) -> None:
+def test_a_file_that_may_not_grow_leaves_a_run_that_can_be_closed(tmp_path):
     code, said = benchtool(tmp_path, *SWEEP, "run", limit=(resource.RLIMIT_FSIZE, 60 << 10))
     assert "run cannot be written: file too large; zero was commanded" in said
     assert code == 10
@@ -91,9 +91,7 @@ def test_a_file_that_may_not_grow_leaves_a_run_that_can_be_closed(tmp_path: Path
     assert (code, said) == (0, "")
 
 
-def test_a_full_disk_while_a_run_is_made_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_while_a_run_is_made_leaves_nothing(tmp_path, monkeypatch):
     def no_room(handle: int) -> None:
         raise OSError(28, "No space left on device")
 
@@ -105,7 +103,7 @@ def test_a_full_disk_while_a_run_is_made_leaves_nothing(
     assert Run.create(tmp_path / "run", "", {}).path.is_dir()
 
 
-def test_a_read_only_folder_is_not_closed_and_said_so(tmp_path: Path) -> None:
+def test_a_read_only_folder_is_not_closed_and_said_so(tmp_path):
     made = small_run(tmp_path / "run")
     made.close()
     run = made.path
@@ -164,7 +162,7 @@ print("imported:", *imported)
     ],
     ids=["sweep", "record"],
 )
-def test_nothing_is_imported_once_motors_turn(tmp_path: Path, words: tuple[str, ...]) -> None:
+def test_nothing_is_imported_once_motors_turn(tmp_path, words):
     run = [sys.executable, "-c", IMPORTS, *words]
     done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1].strip() == "imported:"

@@ -78,9 +78,7 @@ def struck(folder: Path, strike: Callable[[Path], None]) -> tuple[Outcome, float
     ],
     ids=["deleted", "moved", "replaced", "samples deleted", "read-only"],
 )
-def test_a_folder_that_goes_ends_the_run_and_is_rescued(
-    tmp_path: Path, strike: Callable[[Path], None], said: str, code: int
-) -> None:
+def test_a_folder_that_goes_ends_the_run_and_is_rescued(tmp_path, strike, said, code):
     outcome, at_s = struck(tmp_path, strike)
     assert outcome.code == code, outcome.said
     zero_s = min(s for s, us in outcome.pulses if s > at_s and us <= 1000.0)
@@ -106,7 +104,7 @@ def test_a_folder_that_goes_ends_the_run_and_is_rescued(
         assert (saved / "samples.csv").read_text() == rows
 
 
-def test_a_rescued_run_is_gone_on_with(tmp_path: Path) -> None:
+def test_a_rescued_run_is_gone_on_with(tmp_path):
     struck(tmp_path, delete)
     (tmp_path / "run-rescued").rename(tmp_path / "run")
     resumed = command(["sweep", ADDRESS, "--resume", "run", "--yes"], tmp_path, World([]))

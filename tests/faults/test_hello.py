@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from unittest import mock
 
 import pytest
 
 from benchtool.bench.serial.hello import Hello, hello_lines
-from tests.faults.dialects import Phase
 from tests.faults.loop import Outcome, plan, sweep
 from tests.faults.proxy import Fault
 
@@ -19,7 +17,7 @@ def channels_recorded(outcome: Outcome) -> list[str]:
 
 
 @pytest.mark.parametrize("name", ["current_A", "thrust_raw", "plate_x_m", "plate_z_m", "thrust_N"])
-def test_a_line_lost_once_leaves_the_channels_as_they_are(tmp_path: Path, name: str) -> None:
+def test_a_line_lost_once_leaves_the_channels_as_they_are(tmp_path, name):
     lost = Fault("drop", phase="connect", way="host", only=f",channel,{name},", times=1)
     outcome = sweep(tmp_path, plan(), [lost])
     assert lost.hit == 1
@@ -33,7 +31,7 @@ def test_a_line_lost_once_leaves_the_channels_as_they_are(tmp_path: Path, name: 
 
 
 @pytest.mark.parametrize(("phase", "seed"), [("connect", 0), ("hello", 1)])
-def test_a_hello_out_of_order(tmp_path: Path, phase: Phase, seed: int) -> None:
+def test_a_hello_out_of_order(tmp_path, phase, seed):
     noise = Fault("reorder", phase=phase, for_s=1.0, p=0.3, seed=seed)
     outcome = sweep(tmp_path, plan(), [noise])
     assert noise.hit >= 3
@@ -43,9 +41,7 @@ def test_a_hello_out_of_order(tmp_path: Path, phase: Phase, seed: int) -> None:
 
 
 @pytest.mark.parametrize(("key", "value"), [(("speed",), "nan"), (("limit", "rpm"), "0")])
-def test_a_number_out_of_its_range_ends_in_one_sentence(
-    tmp_path: Path, key: tuple[str, ...], value: str
-) -> None:
+def test_a_number_out_of_its_range_ends_in_one_sentence(tmp_path, key, value):
     said: list[tuple[str, ...]] = []
 
     def lines(hello: Hello) -> list[tuple[str, ...]]:

@@ -22,9 +22,7 @@ Said = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture
-def said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Said:
+def said(tmp_path, monkeypatch, capsys):
     """Return a call that runs benchtool in an empty folder and gives exit code and stderr."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
@@ -66,7 +64,7 @@ def said(
     ids=lambda value: " ".join(value)[:60].encode("ascii", "replace").decode()
     if isinstance(value, list) else "",
 )  # fmt: skip
-def test_words_and_paths(said: Said, tmp_path: Path, words: list[str], says: str) -> None:
+def test_words_and_paths(said, tmp_path, words, says):
     (tmp_path / "t.csv").write_text("time_s,thrust_N\n0,1\n1,2\n")
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "fifo")
@@ -96,7 +94,7 @@ def test_words_and_paths(said: Said, tmp_path: Path, words: list[str], says: str
     ids=lambda address: address[:45].replace("\0", "NUL"),
 )
 @pytest.mark.parametrize("command", ["sweep", "doctor"])
-def test_addresses(said: Said, command: str, address: str) -> None:
+def test_addresses(said, command, address):
     words = [*SWEEP[2:], "--rig", "pquad_single", "--yes"] if command == "sweep" else []
     code, err = said(command, address, *words)
     assert code in (2, 3) or command == "doctor"
@@ -120,7 +118,7 @@ def test_addresses(said: Said, command: str, address: str) -> None:
     ],
     ids=lambda words: " ".join(words)[:50],
 )
-def test_toml_and_json(said: Said, tmp_path: Path, words: list[str], value: str) -> None:
+def test_toml_and_json(said, tmp_path, words, value):
     (tmp_path / "t.csv").write_text("thrust_N,rpm1,plate_z_m\n2.4,4500,0.06\n2.3,4500,0.24\n")
     for name in ("x.toml", "recipe.toml"):
         (tmp_path / name).write_text(f"repeats = {value}\n")
@@ -146,7 +144,7 @@ def test_toml_and_json(said: Said, tmp_path: Path, words: list[str], value: str)
         "repeats = 9999\n[plate]\ntilts_deg = [1,2,3,4,5,6,7,8,9]",
     ],
 )
-def test_plans_out_of_range(said: Said, tmp_path: Path, text: str) -> None:
+def test_plans_out_of_range(said, tmp_path, text):
     (tmp_path / "plan.toml").write_text(text)
     code, err = said("sweep", "sim:pquad_single", "--plan", "plan.toml", "--dry-run")
     assert code == 2
@@ -154,7 +152,7 @@ def test_plans_out_of_range(said: Said, tmp_path: Path, text: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory):
     """Return a small run."""
     run = tmp_path_factory.mktemp("runs") / "run"
     with pytest.raises(SystemExit):
@@ -241,9 +239,7 @@ DAMAGE: dict[str, Callable[[Path], None]] = {
     ],
     ids=lambda words: words[0],
 )
-def test_run_folders(
-    said: Said, tmp_path: Path, recorded: Path, words: list[str], damage: str
-) -> None:
+def test_run_folders(said, tmp_path, recorded, words, damage):
     run = tmp_path / "run"
     shutil.copytree(recorded, run)
     for name in ("samples.parquet", "settings.csv"):
@@ -255,9 +251,7 @@ def test_run_folders(
 
 @pytest.mark.parametrize("name", ["time_s", "device_time_us"])
 @pytest.mark.parametrize("value", ["inf", "nan", "1e308"])
-def test_a_run_with_times_that_are_none_is_not_resumed(
-    said: Said, tmp_path: Path, recorded: Path, name: str, value: str
-) -> None:
+def test_a_run_with_times_that_are_none_is_not_resumed(said, tmp_path, recorded, name, value):
     run = tmp_path / "run"
     shutil.copytree(recorded, run)
     for made in ("samples.parquet", "settings.csv"):
@@ -287,7 +281,7 @@ def test_a_run_with_times_that_are_none_is_not_resumed(
     ],
     ids=str,
 )
-def test_the_json_beside_a_recording(said: Said, tmp_path: Path, change: dict[str, object]) -> None:
+def test_the_json_beside_a_recording(said, tmp_path, change):
     rows = "".join(f"{0.01 * k:.2f},1.5\n" for k in range(50))
     (tmp_path / "t.csv").write_text(f"time_s,thrust_N\n{rows}")
     assert said("import", "t.csv", "--out", "r.csv")[0] == 0

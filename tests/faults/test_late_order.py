@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests.faults.loop import Outcome, World, plan, sweep
@@ -15,7 +13,7 @@ def stops_after_turning(outcome: Outcome) -> list[float]:
     return [s for s, words in outcome.seen.commands if words == "stop" and s > turned_s]
 
 
-def test_a_pulse_that_comes_after_the_stop_is_refused(tmp_path: Path) -> None:
+def test_a_pulse_that_comes_after_the_stop_is_refused(tmp_path):
     late = Fault("delay", phase="ramping", way="device", only=",pwm,", delay_s=0.9, skip=4)
     outcome = sweep(tmp_path, plan("1.36, 1.32"), [late])
     assert late.hit >= 5
@@ -29,7 +27,7 @@ def test_a_pulse_that_comes_after_the_stop_is_refused(tmp_path: Path) -> None:
     assert zero_s < stopped_s + 0.02
 
 
-def test_the_age_of_an_order_alone_refuses_it(tmp_path: Path) -> None:
+def test_the_age_of_an_order_alone_refuses_it(tmp_path):
     """Every command comes late, the stop as well, and heartbeats keep the watchdog quiet."""
     late = Fault("delay", phase="ramping", way="device", only="$C,", delay_s=0.55)
     outcome = sweep(tmp_path, plan(), [late])
@@ -42,7 +40,7 @@ def test_the_age_of_an_order_alone_refuses_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("phase", ["ramping", "sampling"])
-def test_a_host_that_was_suspended_says_so(tmp_path: Path, phase: str) -> None:
+def test_a_host_that_was_suspended_says_so(tmp_path, phase):
     paused_s: list[float] = []
 
     def pause(world: World) -> None:
@@ -63,7 +61,7 @@ def test_a_host_that_was_suspended_says_so(tmp_path: Path, phase: str) -> None:
     assert not outcome.orders_to_turn_after(paused_s[0] + 0.3)
 
 
-def test_a_pause_with_motors_at_zero_ends_nothing(tmp_path: Path) -> None:
+def test_a_pause_with_motors_at_zero_ends_nothing(tmp_path):
     paused_s: list[float] = []
 
     def pause(world: World) -> None:
@@ -78,9 +76,7 @@ def test_a_pause_with_motors_at_zero_ends_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("paused_s", [0.252, 0.26, 0.3])
-def test_a_stop_by_the_watchdog_blames_neither_motor_nor_channel(
-    tmp_path: Path, paused_s: float
-) -> None:
+def test_a_stop_by_the_watchdog_blames_neither_motor_nor_channel(tmp_path, paused_s):
     """Samples of motors that stand arrive together with the device's word that it stopped them."""
     begun: list[float] = []
 

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
@@ -17,7 +16,7 @@ from tests.long_count import ROOT, LongCount
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no signals for one process")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
-def test_a_signal_ends_the_program_and_no_cell(tmp_path: Path, name: str) -> None:
+def test_a_signal_ends_the_program_and_no_cell(tmp_path, name):
     path = tmp_path / "cells.jsonl"
     process = subprocess.Popen(
         [sys.executable, "-m", "tests.faults.matrix", str(path)],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 
@@ -24,11 +23,11 @@ def cell_or_slow(at: int, cell: Cell) -> object:
 
 
 @pytest.mark.parametrize("cell", [cell_or_slow(*item) for item in enumerate(CELLS)])
-def test_a_cell_of_the_table(tmp_path: Path, cell: Cell) -> None:
+def test_a_cell_of_the_table(tmp_path, cell):
     assert run_cell(cell, fault_of(cell), tmp_path).wrong == ""
 
 
-def test_the_table_covers_what_it_says() -> None:
+def test_the_table_covers_what_it_says():
     names = [cell.name for cell in CELLS]
     assert len(set(names)) == len(names) >= 230
     for cells in (CELLS, CELLS[FIRST::SAMPLE]):

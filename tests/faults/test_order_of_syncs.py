@@ -13,9 +13,7 @@ from tests.faults.loop import plan, sweep
 pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="needs /proc")
 
 
-def test_points_are_forced_to_the_disk_behind_their_samples(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_points_are_forced_to_the_disk_behind_their_samples(tmp_path, monkeypatch):
     write, fsync = os.write, os.fsync
     waiting: dict[str, int] = {}
     forced: list[str] = []
@@ -47,7 +45,7 @@ def test_points_are_forced_to_the_disk_behind_their_samples(
     assert {"run/samples.csv", "run/.samples.parquet.new"} <= set(forced)
 
 
-def test_a_folder_that_was_never_begun_does_not_block_its_name(tmp_path: Path) -> None:
+def test_a_folder_that_was_never_begun_does_not_block_its_name(tmp_path):
     run = Run.create(tmp_path / "run", "", {"state": "running"})
     run.event_log().close()
     (run.path / ".metadata.json.1.new").write_text("")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests.faults.loop import Outcome, plan, sweep
@@ -19,14 +17,14 @@ def check_nothing_turned(outcome: Outcome, fault: Fault) -> None:
     assert max((us for _, us in outcome.pulses), default=1000.0) == 1000.0
 
 
-def test_a_sensor_30_mm_off(tmp_path: Path) -> None:
+def test_a_sensor_30_mm_off(tmp_path):
     off = Fault("lie", phase="connect", way="host", channel="plate_z_m", value=-0.03)
     outcome = sweep(tmp_path, plan("1.36"), [off])
     check_nothing_turned(outcome, off)
     assert "plate_z_m reads 1.33" in outcome.last_line
 
 
-def test_a_sensor_that_freezes_in_mid_run_ends_it_at_the_next_move(tmp_path: Path) -> None:
+def test_a_sensor_that_freezes_in_mid_run_ends_it_at_the_next_move(tmp_path):
     frozen = Fault("freeze", phase="sampling", way="host", channel="plate_z_m")
     outcome = sweep(tmp_path, NEAR, [frozen])
     assert frozen.hit > 0
@@ -35,7 +33,7 @@ def test_a_sensor_that_freezes_in_mid_run_ends_it_at_the_next_move(tmp_path: Pat
     assert "still reads 0.0600 m after the move to 0.122" in outcome.last_line
 
 
-def test_a_plate_that_creeps_inside_the_gap_while_motors_turn(tmp_path: Path) -> None:
+def test_a_plate_that_creeps_inside_the_gap_while_motors_turn(tmp_path):
     near = Fault("lie", after_s=0.5, way="host", channel="plate_z_m", value=-0.03)
     outcome = sweep(tmp_path, plan("0.06", sample_s=10.0), [near])
     assert near.hit > 0
@@ -46,7 +44,7 @@ def test_a_plate_that_creeps_inside_the_gap_while_motors_turn(tmp_path: Path) ->
     assert outcome.pulse_at(near.begun_s + 0.1) == 1000.0
 
 
-def test_both_numbers_stand_in_each_point_and_the_stage_in_metadata(tmp_path: Path) -> None:
+def test_both_numbers_stand_in_each_point_and_the_stage_in_metadata(tmp_path):
     outcome = sweep(tmp_path, plan("1.36"), [])
     point = outcome.points()[0]
     assert float(point["plate_stage_z_m"]) == pytest.approx(1.36)

@@ -23,7 +23,7 @@ def in_ramp_down(world: World) -> bool:
 
 
 @pytest.fixture(scope="module")
-def dead_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dead_run(tmp_path_factory):
     """Return the folder of a run whose process was killed when all was measured."""
     folder = tmp_path_factory.mktemp("dead")
 
@@ -45,7 +45,7 @@ def dead_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def dead(dead_run: Path, tmp_path: Path) -> Path:
+def dead(dead_run, tmp_path):
     shutil.copytree(dead_run, tmp_path / "run")
     return tmp_path / "run"
 
@@ -63,7 +63,7 @@ def require_closed(run: Path, state: str = "ended") -> None:
     assert not list(run.glob(".*"))
 
 
-def test_runs_close_closes_it_once(dead: Path) -> None:
+def test_runs_close_closes_it_once(dead):
     (dead / ".metadata.json.99999.new").write_text("half")
     outcome = closed(dead, "runs", "close")
     assert (outcome.code, outcome.last_line) == (0, "run: closed; ended")
@@ -75,7 +75,7 @@ def test_runs_close_closes_it_once(dead: Path) -> None:
     assert {path.name: path.read_bytes() for path in dead.iterdir()} == before
 
 
-def test_resuming_it_closes_it(dead: Path) -> None:
+def test_resuming_it_closes_it(dead):
     outcome = closed(dead, "sweep", ADDRESS, "--yes", "--resume")
     assert outcome.code == 2
     assert outcome.last_line == (
@@ -87,12 +87,12 @@ def test_resuming_it_closes_it(dead: Path) -> None:
     assert outcome.last_line.endswith("and all measured already")
 
 
-def test_a_reader_of_settings_closes_it(dead: Path) -> None:
+def test_a_reader_of_settings_closes_it(dead):
     assert len(read_settings(dead)) == 1
     require_closed(dead)
 
 
-def test_a_run_without_its_number_of_visits_is_closed_by_its_plan(dead: Path) -> None:
+def test_a_run_without_its_number_of_visits_is_closed_by_its_plan(dead):
     facts = json.loads((dead / "metadata.json").read_text())
     assert facts.pop("visits") == 1
     (dead / "metadata.json").write_text(json.dumps(facts))
@@ -100,7 +100,7 @@ def test_a_run_without_its_number_of_visits_is_closed_by_its_plan(dead: Path) ->
     require_closed(dead)
 
 
-def test_one_that_died_before_its_last_point_is_stopped(dead: Path) -> None:
+def test_one_that_died_before_its_last_point_is_stopped(dead):
     points = dead / "points.csv"
     points.write_text("\n".join(points.read_text().split("\n")[:2]) + "\n")
     outcome = closed(dead, "runs", "close")
@@ -111,7 +111,7 @@ def test_one_that_died_before_its_last_point_is_stopped(dead: Path) -> None:
     require_closed(dead)
 
 
-def test_ctrl_c_behind_the_last_point_leaves_it_ended_once_closed(tmp_path: Path) -> None:
+def test_ctrl_c_behind_the_last_point_leaves_it_ended_once_closed(tmp_path):
     pressed: list[float] = []
 
     def press(world: World) -> None:
@@ -132,7 +132,7 @@ def test_ctrl_c_behind_the_last_point_leaves_it_ended_once_closed(tmp_path: Path
     require_closed(tmp_path / "run")
 
 
-def test_a_run_that_is_being_measured_is_not_closed(tmp_path: Path) -> None:
+def test_a_run_that_is_being_measured_is_not_closed(tmp_path):
     said: list[str] = []
 
     def close(world: World) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -28,7 +26,7 @@ def device_times_us(outcome: Outcome) -> list[int]:
     ],
     ids=["twice", "pairs reversed", "one pair reversed"],
 )
-def test_twice_or_exchanged(tmp_path: Path, fault: Fault, repeated: bool) -> None:
+def test_twice_or_exchanged(tmp_path, fault, repeated):
     outcome = sweep(tmp_path, plan("1.36", 4.0), [fault])
     assert fault.hit >= 2
     assert outcome.code == 0, outcome.said
@@ -43,7 +41,7 @@ def test_twice_or_exchanged(tmp_path: Path, fault: Fault, repeated: bool) -> Non
         assert link["repeated"] == pytest.approx(fault.hit, abs=20)
 
 
-def test_samples_that_are_lost_are_counted_one_by_one(tmp_path: Path) -> None:
+def test_samples_that_are_lost_are_counted_one_by_one(tmp_path):
     lost = Fault("drop", way="host", only="samples", p=0.1, seed=2)
     outcome = sweep(tmp_path, plan("1.36", 4.0), [lost])
     assert lost.hit > 50
@@ -51,7 +49,7 @@ def test_samples_that_are_lost_are_counted_one_by_one(tmp_path: Path) -> None:
     assert outcome.metadata["link"]["lost"] == pytest.approx(lost.hit, abs=3)
 
 
-def test_a_sweep_without_faults(tmp_path: Path) -> None:
+def test_a_sweep_without_faults(tmp_path):
     outcome = sweep(tmp_path, plan(), [])
     assert (outcome.code, outcome.metadata["state"]) == (0, "ended"), outcome.said
     assert [point["settled"] for point in outcome.points()] == ["1"]
@@ -65,7 +63,7 @@ def test_a_sweep_without_faults(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("sample_s", [2.0, 4.0])
-def test_a_span_that_lost_its_samples_is_measured_again(tmp_path: Path, sample_s: float) -> None:
+def test_a_span_that_lost_its_samples_is_measured_again(tmp_path, sample_s):
     fault = Fault("drop", way="host", only="samples", for_s=0.85)
     outcome = sweep(tmp_path, plan(sample_s=sample_s), [fault])
     assert fault.hit > 100
@@ -77,7 +75,7 @@ def test_a_span_that_lost_its_samples_is_measured_again(tmp_path: Path, sample_s
     assert (point["kind"], point["settled"]) == ("measure", "1")
 
 
-def test_a_visit_that_fails_is_marked_and_measured_on_resuming(tmp_path: Path) -> None:
+def test_a_visit_that_fails_is_marked_and_measured_on_resuming(tmp_path):
     # Four samples in five are lost while the plan's one point is held.
     fault = Fault("drop", way="host", only="samples", p=0.8, after_s=-0.2, seed=3)
     outcome = sweep(tmp_path, plan(), [fault])
@@ -103,9 +101,7 @@ def test_a_visit_that_fails_is_marked_and_measured_on_resuming(tmp_path: Path) -
     assert again.metadata["state"] == "ended"
 
 
-def test_a_run_is_read_before_its_bench_is_opened(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_is_read_before_its_bench_is_opened(tmp_path, monkeypatch):
     sweep(tmp_path, plan("1.36, 1.34", 0.5), [])
     points = tmp_path / "run/points.csv"
     points.write_text("\n".join(points.read_text().split("\n")[:3]) + "\n")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -18,7 +17,7 @@ from tests.faults.loop import plan, sweep
 from tests.faults.proxy import Fault
 
 
-def test_motors_that_ignore_the_stop_are_named_with_their_speed(tmp_path: Path) -> None:
+def test_motors_that_ignore_the_stop_are_named_with_their_speed(tmp_path):
     """The stop before the plate moves; the run's own end is a cell of the matrix."""
     fault = Fault("ignore", phase="stopping", way="device")
     outcome = sweep(tmp_path, plan("1.36, 1.32"), [fault])
@@ -37,7 +36,7 @@ def test_motors_that_ignore_the_stop_are_named_with_their_speed(tmp_path: Path) 
     assert "not_seen_to_stand" in [event.event for event in seen]
 
 
-def test_a_stop_that_is_ignored_for_a_moment_is_commanded_again(tmp_path: Path) -> None:
+def test_a_stop_that_is_ignored_for_a_moment_is_commanded_again(tmp_path):
     fault = Fault("ignore", phase="stopping", way="device", for_s=0.3)
     outcome = sweep(tmp_path, plan(), [fault])
     assert fault.hit > 2
@@ -49,12 +48,7 @@ def test_a_stop_that_is_ignored_for_a_moment_is_commanded_again(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("ends_early", [False, True])
-def test_a_bench_without_speeds_is_named_before_arming(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    ends_early: bool,
-) -> None:
+def test_a_bench_without_speeds_is_named_before_arming(tmp_path, monkeypatch, capsys, ends_early):
     told, read = SimulatedBench.identity, SimulatedBench.read
     interrupted: list[float] = []
 

@@ -7,8 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,7 +73,7 @@ class Served:
 
 
 @pytest.fixture
-def on_pty() -> Iterator[Served]:
+def on_pty():
     served = Served(PtyLink())
     yield served
     served.end()
@@ -107,7 +105,7 @@ def drive(bench: SerialBench, readings: int = 40) -> NDArray[np.float64]:
 
 @pytest.mark.real_time(deadline_s=0.1)
 @posix
-def test_drive_over_a_pseudo_terminal_twice(on_pty: Served) -> None:
+def test_drive_over_a_pseudo_terminal_twice(on_pty):
     for _ in range(2):
         last = drive(bench_at(on_pty.link.address))[-2:]
         np.testing.assert_array_equal(last[:, :2], [[1300, 1200]] * 2)
@@ -117,7 +115,7 @@ def test_drive_over_a_pseudo_terminal_twice(on_pty: Served) -> None:
 
 
 @posix
-def test_a_killed_host_leaves_motors_at_zero_within_300_ms(on_pty: Served) -> None:
+def test_a_killed_host_leaves_motors_at_zero_within_300_ms(on_pty):
     address = on_pty.link.address
     with turning(f"{address}?baud=2000000", 1500.0) as host:
         with pytest.raises(PortBusy) as caught:
@@ -137,7 +135,7 @@ def test_a_killed_host_leaves_motors_at_zero_within_300_ms(on_pty: Served) -> No
 
 
 @posix
-def test_a_host_that_hangs_is_told_so(on_pty: Served) -> None:
+def test_a_host_that_hangs_is_told_so(on_pty):
     with bench_at(on_pty.link.address) as bench:
         bench.set_pwm(np.array([1300.0, 1200.0]))
         on_pty.wait_for_a_stop()
@@ -165,7 +163,7 @@ def ended(process: subprocess.Popen[str]) -> tuple[int, str]:
 @pytest.mark.real_time(deadline_s=0.1)
 @posix
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_serve_from_the_command_line(tmp_path: Path, number: signal.Signals) -> None:
+def test_serve_from_the_command_line(tmp_path, number):
     symlink = tmp_path / "bench"
     process = serve("--rig", "pquad", "--speed", "20", "--symlink", str(symlink))
     try:
@@ -193,7 +191,7 @@ def test_serve_from_the_command_line(tmp_path: Path, number: signal.Signals) -> 
     assert (code, symlink.is_symlink()) == (0, False), errors
 
 
-def test_the_outbox_keeps_answers_and_counts_what_it_drops() -> None:
+def test_the_outbox_keeps_answers_and_counts_what_it_drops():
     outbox = ServerOutbox(room_bytes=10)
     for _ in range(5):
         outbox.add_sample(b"1234")

@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -58,7 +58,7 @@ class Cluster:
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Cluster]:
+def cluster(tmp_path):
     one = Cluster(tmp_path)
     yield one
     for process in one.processes:
@@ -89,7 +89,7 @@ def blocks(out: Path) -> int:
     return path.read_bytes().count(b"\n") - 1 if path.exists() else 0
 
 
-def test_whoever_is_killed_no_finished_block_is_lost(cluster: Cluster, tmp_path: Path) -> None:
+def test_whoever_is_killed_no_finished_block_is_lost(cluster, tmp_path):
     scheduler = cluster.scheduler()
     first = cluster.worker()
     out = tmp_path / "out"
@@ -140,7 +140,7 @@ def test_whoever_is_killed_no_finished_block_is_lost(cluster: Cluster, tmp_path:
     assert not (out / "runs.jsonl").exists()
 
 
-def test_a_campaign_of_this_machine_resumes_too(tmp_path: Path) -> None:
+def test_a_campaign_of_this_machine_resumes_too(tmp_path):
     running = client("--out", tmp_path)
     wait(lambda: blocks(tmp_path) >= 2)
     running.kill()
@@ -152,7 +152,7 @@ def test_a_campaign_of_this_machine_resumes_too(tmp_path: Path) -> None:
     assert pq.read_table(tmp_path / "campaign.parquet").num_rows == RUNS
 
 
-def test_no_scheduler_is_one_sentence(tmp_path: Path) -> None:
+def test_no_scheduler_is_one_sentence(tmp_path):
     address = Cluster(tmp_path).address
     running = client("--cluster", address, "--out", tmp_path / "out", BENCHTOOL_DEBUG="")
     said, _ = running.communicate(timeout=60)

@@ -56,9 +56,7 @@ def log_of(recording: Recording) -> bytes:
     return dataflash(items)
 
 
-def test_friction_is_named_from_two_flight_logs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_friction_is_named_from_two_flight_logs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for seed, name in ((1, "learn"), (2, "check")):
         Path(f"{name}.bin").write_bytes(log_of(flown(seed)))

@@ -51,7 +51,7 @@ def check_swept(ended: subprocess.CompletedProcess[str], folder: Path) -> None:
 
 @pytest.mark.real_time(deadline_s=0.1)
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_a_sweep_over_udp(tmp_path: Path, environment: dict[str, str], kind: str) -> None:
+def test_a_sweep_over_udp(tmp_path, environment, kind):
     link = f"mavlink:udpout:127.0.0.1:{free_port()}"
     with serving(link, environment, *FAST, "--autopilot", kind) as address:
         assert address.startswith("mavlink:udpin:127.0.0.1:")
@@ -81,7 +81,7 @@ class Watched(VirtualAutopilot):
 
 @posix
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_a_killed_host_leaves_motors_standing_within_300_ms(kind: str) -> None:
+def test_a_killed_host_leaves_motors_standing_within_300_ms(kind):
     rig = rig_named("pquad_single")
     truth = load_model("single", rig).model
     plant = virtual_plant(rig, truth, 1)

@@ -41,7 +41,7 @@ def truth(effect: str, value: str) -> str:
 
 
 @pytest.fixture(autouse=True)
-def _poor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _poor(tmp_path, monkeypatch):
     """Sweep a bench that hides a tilt of its plate so poorly that nothing can be said."""
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
@@ -59,9 +59,7 @@ def typed(monkeypatch: pytest.MonkeyPatch, lines: str) -> None:
     monkeypatch.setattr("sys.stdin", StringIO(lines))
 
 
-def test_experiments_are_recorded_until_the_answer_is_sure(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_experiments_are_recorded_until_the_answer_is_sure(monkeypatch, capsys):
     typed(monkeypatch, "ARM\n" * 3)
     capsys.readouterr()
     code, out, err = said(capsys, *EXPLAIN, "--bench", BENCH.format(35), "--json", "found.json")
@@ -78,9 +76,7 @@ def test_experiments_are_recorded_until_the_answer_is_sure(
     assert out.rstrip().splitlines()[-1].startswith("The answer is as sure as --until 0.95 after ")
 
 
-def test_each_experiment_is_armed_by_hand_and_not_by_yes(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_each_experiment_is_armed_by_hand_and_not_by_yes(monkeypatch, capsys):
     typed(monkeypatch, "yes\n")
     code, _, err = said(capsys, *EXPLAIN, "--bench", BENCH.format(35))
     assert code == 5
@@ -90,9 +86,7 @@ def test_each_experiment_is_armed_by_hand_and_not_by_yes(
     assert said(capsys, *EXPLAIN, "--bench", BENCH.format(35), "--yes")[0] == 2
 
 
-def test_ctrl_c_in_the_second_experiment_leaves_motors_at_zero_and_the_answer(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ctrl_c_in_the_second_experiment_leaves_motors_at_zero_and_the_answer(monkeypatch, capsys):
     """The signal comes for real, when the second sweep has measured three points."""
     typed(monkeypatch, "ARM\nARM\n")
     measured = ProgressLines.measured

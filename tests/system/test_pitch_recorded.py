@@ -77,9 +77,7 @@ def pulses_in(line: bytes) -> list[float]:
 
 @pytest.mark.real_time(deadline_s=0.1)
 @pytest.mark.parametrize("link", [pytest.param("pty", marks=posix), "tcp:127.0.0.1:0"])
-def test_a_whole_schedule_over_a_link(
-    tmp_path: Path, environment: dict[str, str], link: str
-) -> None:
+def test_a_whole_schedule_over_a_link(tmp_path, environment, link):
     run = tmp_path / "run"
     with serving(environment, link=link) as address:
         ended = recording(address, run, environment, "--seconds", "25", "--schedule", "plate")
@@ -102,9 +100,7 @@ def test_a_whole_schedule_over_a_link(
 
 
 @posix
-def test_a_killed_recorder_leaves_motors_at_zero(
-    tmp_path: Path, environment: dict[str, str]
-) -> None:
+def test_a_killed_recorder_leaves_motors_at_zero(tmp_path, environment):
     run = tmp_path / "run"
     with serving(environment) as address:
         process = recording(address, run, environment)
@@ -126,9 +122,7 @@ def test_a_killed_recorder_leaves_motors_at_zero(
     ("number", "reason"),
     [(signal.SIGINT, "stopped by Ctrl-C"), (signal.SIGTERM, "stopped by SIGTERM")],
 )
-def test_a_signal_ends_it_safely(
-    tmp_path: Path, environment: dict[str, str], number: signal.Signals, reason: str
-) -> None:
+def test_a_signal_ends_it_safely(tmp_path, environment, number, reason):
     run = tmp_path / "run"
     with serving(environment) as address:
         process = recording(address, run, environment)
@@ -147,9 +141,7 @@ def test_a_signal_ends_it_safely(
 
 
 @posix
-def test_a_silent_link_and_a_beam_that_turns_too_far_end_it(
-    tmp_path: Path, environment: dict[str, str]
-) -> None:
+def test_a_silent_link_and_a_beam_that_turns_too_far_end_it(tmp_path, environment):
     for name, faults, options, code, told in (
         ("silent", ["--fault", "silence:at_s=1,for_s=30"], [], 8, "not seen to stand"),
         ("far", [], ["--limit-deg", "1"], 4, "theta_rad"),
@@ -164,7 +156,7 @@ def test_a_silent_link_and_a_beam_that_turns_too_far_end_it(
         assert told in Run.open(run).metadata["reason"]
 
 
-def test_nobody_arms_a_bench_without_a_word(tmp_path: Path, environment: dict[str, str]) -> None:
+def test_nobody_arms_a_bench_without_a_word(tmp_path, environment):
     def answered(word: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [*COMMAND, "record", "sim:pquad?mode=pitch", "--out", "run", "--seconds", "1"],

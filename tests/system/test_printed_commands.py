@@ -69,9 +69,7 @@ class Session:
 
 
 @pytest.fixture
-def session(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Session:
+def session(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
     return Session(capsys)
@@ -81,12 +79,12 @@ def names(session: Session) -> list[str]:
     return [words[0] for words in session.done]
 
 
-def test_what_rigs_new_prints_runs(session: Session) -> None:
+def test_what_rigs_new_prints_runs(session):
     session.run("rigs", "new", "mine", "--radius", "0.12", deep=1)
     assert names(session) == ["rigs", "rigs", "sweep"]
 
 
-def test_what_explain_prints_runs_on_a_rig_of_ones_own(session: Session) -> None:
+def test_what_explain_prints_runs_on_a_rig_of_ones_own(session):
     session.run("rigs", "new", "mine", "--radius", "0.12")
     Path("model.toml").write_text(MODEL)
     Path("truth.toml").write_text(MODEL + "[effects.plate_offset]\ndz_m = 0.012\n")

@@ -15,7 +15,7 @@ pytestmark = posix
 
 
 @pytest.fixture
-def runs(tmp_path: Path) -> Path:
+def runs(tmp_path):
     return tmp_path / "runs"
 
 
@@ -24,9 +24,7 @@ def sweep_words(address: str, out: Path) -> list[str]:
     return ["sweep", address, *options.split(), str(out)]
 
 
-def test_every_bench_of_this_user_is_stopped(
-    tmp_path: Path, runs: Path, environment: dict[str, str]
-) -> None:
+def test_every_bench_of_this_user_is_stopped(tmp_path, runs, environment):
     links = [str(tmp_path / name) for name in ("a", "b")]
     rig = ("--rig", "pquad_single")
     with (
@@ -57,15 +55,13 @@ def test_every_bench_of_this_user_is_stopped(
         assert "stopped by benchtool stop" in Run.open(runs / name).metadata["reason"]
 
 
-def test_no_bench_is_no_success(environment: dict[str, str]) -> None:
+def test_no_bench_is_no_success(environment):
     found = run(["stop"], environment)
     assert found.returncode == 2
     assert environment["BENCHTOOL_STATE"] in found.stderr
 
 
-def test_a_run_that_was_killed_is_reported_once(
-    tmp_path: Path, runs: Path, environment: dict[str, str]
-) -> None:
+def test_a_run_that_was_killed_is_reported_once(tmp_path, runs, environment):
     folder = Path(environment["BENCHTOOL_STATE"]) / "stop"
     with serving("pty", environment, "--rig", "pquad_single", "--symlink", str(tmp_path / "a")) as (
         address

@@ -41,7 +41,7 @@ def serving_fast(folder: Path, environment: dict[str, str], *more: str) -> Itera
 
 
 @pytest.fixture
-def served(tmp_path: Path, environment: dict[str, str]) -> Iterator[str]:
+def served(tmp_path, environment):
     with serving_fast(tmp_path, environment) as address:
         yield address
 
@@ -68,9 +68,7 @@ def planned(run: Path) -> list[int]:
 
 
 @pytest.mark.real_time(deadline_s=0.1)
-def test_kill_loses_no_row_and_the_run_goes_on(
-    tmp_path: Path, served: str, environment: dict[str, str]
-) -> None:
+def test_kill_loses_no_row_and_the_run_goes_on(tmp_path, served, environment):
     run = tmp_path / "run"
     process = begin(served, run, environment, points=3)
     time.sleep(0.11)
@@ -98,9 +96,7 @@ def test_kill_loses_no_row_and_the_run_goes_on(
     ("number", "reason"),
     [(signal.SIGINT, "stopped by Ctrl-C"), (signal.SIGTERM, "stopped by SIGTERM")],
 )
-def test_a_signal_ends_it_safely_and_says_so(
-    tmp_path: Path, served: str, environment: dict[str, str], number: signal.Signals, reason: str
-) -> None:
+def test_a_signal_ends_it_safely_and_says_so(tmp_path, served, environment, number, reason):
     run = tmp_path / "run"
     process = begin(served, run, environment, points=2)
     code, told = end(process, number)
@@ -115,9 +111,7 @@ def test_a_signal_ends_it_safely_and_says_so(
     assert (run / "samples.parquet").is_file()
 
 
-def test_a_signal_during_a_move_loses_no_sample_and_shows_the_end(
-    tmp_path: Path, served: str, environment: dict[str, str]
-) -> None:
+def test_a_signal_during_a_move_loses_no_sample_and_shows_the_end(tmp_path, served, environment):
     run = tmp_path / "run"
     process = begin(served, run, environment, points=2)
     # After a point the rotors stop and the plate moves: 1.5 s at least, 75 ms of ours.
@@ -139,7 +133,7 @@ WORDS = ["--rig", "pquad_single", "--z-over-r", "1", "--pwm", "1450", "--repeats
 
 @pytest.mark.skipif(os.name != "posix", reason="needs SIGTERM")
 @pytest.mark.parametrize("said", [b"noise\n", frame(b"H,0,protocol,2"), frame(b"H,speed,-1")])
-def test_sigterm_ends_a_host_that_waits_for_the_hello(tmp_path: Path, said: bytes) -> None:
+def test_sigterm_ends_a_host_that_waits_for_the_hello(tmp_path, said):
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         words = ["sweep", f"tcp:127.0.0.1:{port}", *WORDS, "--out", "run"]

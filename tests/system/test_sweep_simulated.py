@@ -22,12 +22,12 @@ SMALL = ["--repeats", "2", "--z-over-r", "0.5,1,2", "--pwm", "1500", "--sample-s
 
 
 @pytest.fixture(autouse=True)
-def _state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _state(tmp_path, monkeypatch):
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_run_holds_what_it_must(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_holds_what_it_must(capsys):
     words = ["--temperature", "21", "--pressure", "1002", "--humidity", "45", "--operator", "me"]
     assert call("sweep", "sim:pquad_single?seed=3", *SMALL, *words, "--yes", "--out", "run") == 0
     said = capsys.readouterr().out
@@ -58,7 +58,7 @@ def test_a_run_holds_what_it_must(capsys: pytest.CaptureFixture[str]) -> None:
     assert np.isnan(thrust).mean() == pytest.approx(0.6, abs=0.01)
 
 
-def test_a_resumed_run_keeps_its_order(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_resumed_run_keeps_its_order(capsys):
     words = ["sweep", "sim:pquad_single?seed=3", *SMALL, "--yes", "--out"]
     assert call(*words, "whole") == 0
     assert call(*words, "cut") == 0
@@ -87,7 +87,7 @@ def test_a_resumed_run_keeps_its_order(capsys: pytest.CaptureFixture[str]) -> No
     assert "nothing is left to resume" in capsys.readouterr().err
 
 
-def test_a_watcher_that_goes_away_does_not_end_a_sweep() -> None:
+def test_a_watcher_that_goes_away_does_not_end_a_sweep():
     class Gone(io.StringIO):
         def write(self, text: str) -> int:
             if re.match(r"\d+/\d+ ", text):
@@ -116,7 +116,7 @@ def _cut_back(run: Path, points: int) -> None:
     (run / "metadata.json").write_text(json.dumps(facts))
 
 
-def test_a_resumed_run_says_what_was_cut() -> None:
+def test_a_resumed_run_says_what_was_cut():
     assert call("sweep", "sim:pquad_single", *SMALL, "--yes", "--out", "run") == 0
     _cut_back(Path("run"), points=4)
     assert call("sweep", "--resume", "run", "--yes") == 0
@@ -125,7 +125,7 @@ def test_a_resumed_run_says_what_was_cut() -> None:
     assert cut[1].endswith("points.csv was cut and left out: 5,meas")
 
 
-def test_a_limit_stops_the_sweep_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_limit_stops_the_sweep_at_once(capsys):
     from benchtool.core.packaged import read_named
 
     text = read_named("rig", "rigs", "pquad_single")[0]
@@ -145,7 +145,7 @@ def test_a_limit_stops_the_sweep_at_once(capsys: pytest.CaptureFixture[str]) -> 
     assert np.nanmax(read_samples(Path("run")).column("temperature_degC")) > 23.0
 
 
-def test_a_dry_run_makes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_makes_nothing(capsys):
     assert call("sweep", "serial:COM99", "--rig", "pquad", "--dry-run") == 0
     said = capsys.readouterr().out
     assert "18 settings, 5 repeats, randomised with seed 0: 96 visits" in said
@@ -171,9 +171,7 @@ def test_a_dry_run_makes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
         (["--resume", "absent"], "there is no such run"),
     ],
 )
-def test_bad_input_gets_one_sentence(
-    words: list[str], told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_gets_one_sentence(words, told, capsys):
     assert call("sweep", *words) == 2
     said = capsys.readouterr()
     assert told in said.err
@@ -183,7 +181,7 @@ def test_bad_input_gets_one_sentence(
     assert not Path("runs").exists()
 
 
-def test_an_existing_folder_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_existing_folder_is_left_alone(capsys):
     Path("run").mkdir()
     Path("run/notes.txt").write_text("mine")
     assert call("sweep", "sim:pquad", "--yes", "--out", "run") == 2
@@ -191,9 +189,7 @@ def test_an_existing_folder_is_left_alone(capsys: pytest.CaptureFixture[str]) ->
     assert [path.read_text() for path in Path("run").iterdir()] == ["mine"]
 
 
-def test_arming_wants_the_word(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_arming_wants_the_word(capsys, monkeypatch):
     from io import StringIO
 
     monkeypatch.setattr("sys.stdin", StringIO("yes\n"))
@@ -206,7 +202,7 @@ def test_arming_wants_the_word(
     assert "nobody answered" in capsys.readouterr().err
 
 
-def test_a_calibration_follows_every_run(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_calibration_follows_every_run(capsys):
     from benchtool.bench.drivers import open_bench
 
     with open_bench("sim:pquad_single") as bench:

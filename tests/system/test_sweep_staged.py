@@ -52,9 +52,7 @@ def serving_staged(bench: Path, stage: Path) -> Iterator[str]:
             link.close()
 
 
-def test_a_stage_moves_the_plate_and_no_sample_is_lost(
-    tmp_path: Path, environment: dict[str, str]
-) -> None:
+def test_a_stage_moves_the_plate_and_no_sample_is_lost(tmp_path, environment):
     bench, stage, out = (tmp_path / name for name in ("bench", "stage", "run"))
     with serving_staged(bench, stage) as option:
         words = ["sweep", f"serial:{bench}", *SMALL, "--yes", "--out", str(out)]

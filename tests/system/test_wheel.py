@@ -14,7 +14,7 @@ from tests.architecture.tracked import ROOT, project_files
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(tmp_path_factory):
     """Build the wheel without touching the network or the checkout."""
     folder = tmp_path_factory.mktemp("wheel")
     subprocess.run(
@@ -27,14 +27,14 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built
 
 
-def test_the_wheel_holds_every_file_of_the_package(wheel: Path) -> None:
+def test_the_wheel_holds_every_file_of_the_package(wheel):
     package = ROOT / "benchtool"
     ours = {p.relative_to(ROOT).as_posix() for p in project_files() if p.is_relative_to(package)}
     with zipfile.ZipFile(wheel) as archive:
         assert ours - set(archive.namelist()) == set()
 
 
-def test_the_command_line_runs_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
+def test_the_command_line_runs_from_the_wheel_alone(wheel, tmp_path):
     site = tmp_path / "site"
     empty = tmp_path / "empty"
     empty.mkdir()

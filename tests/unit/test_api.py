@@ -6,7 +6,6 @@ import inspect
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,11 +20,11 @@ RUN = Path(__file__).parents[2] / "datasets" / "quad" / "run"
 
 
 @pytest.fixture(scope="module")
-def fitted() -> Any:
+def fitted():
     return bt.fit(RUN, "quad_body_lift", fix={"k": 1.0208e-5})
 
 
-def test_nothing_is_loaded_before_it_is_used() -> None:
+def test_nothing_is_loaded_before_it_is_used():
     code = "import sys, benchtool as bt; dir(bt); print([m for m in sys.modules if '.' in m and m.startswith('benchtool')])"  # fmt: skip # noqa: E501
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "[]"
@@ -33,7 +32,7 @@ def test_nothing_is_loaded_before_it_is_used() -> None:
         bt.nothing  # type: ignore[attr-defined]  # noqa: B018
 
 
-def test_every_public_name_is_there_whatever_was_imported_before() -> None:
+def test_every_public_name_is_there_whatever_was_imported_before():
     import benchtool.explain.engine.explain
     import benchtool.fit.problem
 
@@ -43,7 +42,7 @@ def test_every_public_name_is_there_whatever_was_imported_before() -> None:
     assert "check" in inspect.signature(bt.explain).parameters
 
 
-def test_a_run_shows_itself() -> None:
+def test_a_run_shows_itself():
     run = bt.read(RUN)
     assert run.summary().startswith("80 visits of 16 settings on rig pquad")
     points = run.to_dataframe()
@@ -61,7 +60,7 @@ def test_a_run_shows_itself() -> None:
         run.to_dataframe("point")
 
 
-def test_a_log_of_a_stand_is_read_as_import_reads_it(tmp_path: Path) -> None:
+def test_a_log_of_a_stand_is_read_as_import_reads_it(tmp_path):
     log = tmp_path / "stand.csv"
     log.write_text(
         "Time (s),ESC signal (µs),Thrust (kgf),Motor Electrical Speed (RPM)\n"
@@ -75,7 +74,7 @@ def test_a_log_of_a_stand_is_read_as_import_reads_it(tmp_path: Path) -> None:
         bt.read(other)
 
 
-def test_a_fit_is_that_of_the_command(fitted: Any) -> None:
+def test_a_fit_is_that_of_the_command(fitted):
     recipe = Recipe(name="run", data=(str(RUN),), model="quad_body_lift", fix={"k": 1.0208e-5})
     expected = run_recipe(recipe).results[0]
     table = fitted.to_dataframe("estimates").set_index("parameter")
@@ -86,7 +85,7 @@ def test_a_fit_is_that_of_the_command(fitted: Any) -> None:
     assert repr(fitted) == fitted.summary()
 
 
-def test_a_fit_takes_what_was_read_and_writes_its_page(fitted: Any, tmp_path: Path) -> None:
+def test_a_fit_takes_what_was_read_and_writes_its_page(fitted, tmp_path):
     again = bt.fit([bt.read(RUN)], "quad_body_lift", fix={"k": 1.0208e-5})
     assert again.summary() == fitted.summary()
     page = fitted.report(tmp_path / "fit.html")
@@ -104,12 +103,12 @@ def test_a_fit_takes_what_was_read_and_writes_its_page(fitted: Any, tmp_path: Pa
         ({"walkers": 4}, "walkers is 4, allowed is 8 or more"),
     ],
 )
-def test_a_wrong_option_is_refused_by_its_name(options: dict[str, Any], words: str) -> None:
+def test_a_wrong_option_is_refused_by_its_name(options, words):
     with pytest.raises(InputError, match=words):
         bt.fit(RUN, "quad_body_lift", **options)
 
 
-def test_simulations_take_a_controller_of_ones_own() -> None:
+def test_simulations_take_a_controller_of_ones_own():
     class Still:
         def step(self, measurement: object, reference: object, dt_s: float) -> float:
             return 0.0
@@ -126,7 +125,7 @@ def test_simulations_take_a_controller_of_ones_own() -> None:
             bt.simulate_pitch(wrong)
 
 
-def test_an_explanation_holds_the_verdict_and_its_numbers(tmp_path: Path) -> None:
+def test_an_explanation_holds_the_verdict_and_its_numbers(tmp_path):
     from tests.unit.explain.test_sweep_subject import lab_sweep
 
     for seed in (1, 2):
@@ -140,7 +139,7 @@ def test_an_explanation_holds_the_verdict_and_its_numbers(tmp_path: Path) -> Non
     assert found.tables == ("effects", "gap", "probabilities")
 
 
-def test_a_fit_is_saved_as_the_command_saves_it(fitted: Any, tmp_path: Path) -> None:
+def test_a_fit_is_saved_as_the_command_saves_it(fitted, tmp_path):
     (page,) = fitted.save(tmp_path / "fit")
     assert page.name == "report.html"
     assert bt.load_model(tmp_path / "fit" / "model.toml").name

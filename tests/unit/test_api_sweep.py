@@ -22,13 +22,13 @@ PLAN = {"z_over_r": (1, 2), "pwm": 1500, "repeats": 1, "sample_s": 0.5, "anchor_
 
 
 @pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
     return tmp_path
 
 
-def test_a_sweep_returns_what_read_returns_of_its_run(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_sweep_returns_what_read_returns_of_its_run(capsys):
     result = bt.sweep("sim:pquad", **PLAN, yes=True, out="run")
     said = capsys.readouterr().out
     assert "rotors that will turn: 1 (front), 2 (left), 3 (rear), 4 (right)" in said
@@ -48,7 +48,7 @@ def test_a_sweep_returns_what_read_returns_of_its_run(capsys: pytest.CaptureFixt
         bt.sweep(resume="run", pwm=1500, yes=True)
 
 
-def test_nothing_is_opened_where_nobody_confirmed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_opened_where_nobody_confirmed(capsys):
     with pytest.raises(InputError, match=r"nothing was armed: bt\.sweep turns motors"):
         bt.sweep("tcp:127.0.0.1:1", "pquad", **PLAN)
     with pytest.raises(InputError, match="z_over_r names -1"):
@@ -68,7 +68,7 @@ class Answering(Unattended):
         return self.text
 
 
-def test_an_operator_of_ones_own_arms_in_place_of_yes() -> None:
+def test_an_operator_of_ones_own_arms_in_place_of_yes():
     with pytest.raises(RunStopped, match="not armed: ARM was not typed"):
         bt.sweep("sim:pquad", **PLAN, operator=Answering("yes"), out="run")
     assert not Path("run").exists()
@@ -77,9 +77,7 @@ def test_an_operator_of_ones_own_arms_in_place_of_yes() -> None:
     )
 
 
-def test_yes_does_not_arm_a_real_bench_that_was_not_checked(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_yes_does_not_arm_a_real_bench_that_was_not_checked(monkeypatch):
     bench = FakeBench()
     monkeypatch.setattr("benchtool.acquire.sweep_run.open_bench", lambda *_: bench)
     with pytest.raises(InputError, match="it was never checked; run benchtool bench check fake:1"):
@@ -97,7 +95,7 @@ def assert_stopped(run: Path) -> None:
     assert pulses_us[-1] <= 1000.0
 
 
-def test_ctrl_c_stops_motors_and_the_run_goes_on_later(capsys: pytest.CaptureFixture[str]) -> None:
+def test_ctrl_c_stops_motors_and_the_run_goes_on_later(capsys):
     with pytest.raises(RunStopped, match="stopped by Ctrl-C; zero was commanded"):
         bt.sweep("sim:pquad", **PLAN, yes=True, out="run", operator=Interrupted())
     assert_stopped(Path("run"))
@@ -109,7 +107,7 @@ def test_ctrl_c_stops_motors_and_the_run_goes_on_later(capsys: pytest.CaptureFix
 
 @pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("nbclient") is None, reason="nbclient (`make docs`)")
-def test_interrupt_of_a_notebook_stops_motors(tmp_path: Path) -> None:
+def test_interrupt_of_a_notebook_stops_motors(tmp_path):
     from jupyter_client.manager import start_new_kernel
 
     manager, client = start_new_kernel(kernel_name="python3", cwd=str(tmp_path))

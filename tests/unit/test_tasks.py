@@ -52,11 +52,11 @@ def refuse(n: int) -> int:
 
 
 @pytest.mark.parametrize("processes", [0, 2])
-def test_every_task_gives_its_result(processes: int) -> None:
+def test_every_task_gives_its_result(processes):
     assert dict(run_tasks(square, ITEMS, processes=processes)) == SQUARES
 
 
-def test_what_is_stored_is_not_run_again(tmp_path: Path) -> None:
+def test_what_is_stored_is_not_run_again(tmp_path):
     path, notes = tmp_path / "store.jsonl", tmp_path / "notes"
     work = partial(square_noted, notes)
     with TaskStore(path, ABOUT) as store:
@@ -69,7 +69,7 @@ def test_what_is_stored_is_not_run_again(tmp_path: Path) -> None:
     assert notes.read_text().split() == ["0", "1", "2", "2", "3", "4", "5"]
 
 
-def test_a_store_of_other_work_is_refused(tmp_path: Path) -> None:
+def test_a_store_of_other_work_is_refused(tmp_path):
     path = tmp_path / "store.jsonl"
     with TaskStore(path, ABOUT) as store:
         store["0"] = 0
@@ -85,7 +85,7 @@ def test_a_store_of_other_work_is_refused(tmp_path: Path) -> None:
     assert path.read_text() == "no store\n"
 
 
-def test_a_killed_process_loses_nothing(tmp_path: Path) -> None:
+def test_a_killed_process_loses_nothing(tmp_path):
     with TaskStore(tmp_path / "store.jsonl", ABOUT) as store:
         found = list(
             run_tasks(partial(die_once, tmp_path / "notes"), ITEMS, store=store, processes=2)
@@ -93,18 +93,18 @@ def test_a_killed_process_loses_nothing(tmp_path: Path) -> None:
     assert sorted(found) == sorted(SQUARES.items())
 
 
-def test_processes_that_die_again_and_again_are_one_sentence() -> None:
+def test_processes_that_die_again_and_again_are_one_sentence():
     with pytest.raises(ResourceExhausted, match="processes ended 3 times before any of 6 tasks"):
         list(run_tasks(die, ITEMS, processes=2))
 
 
 @pytest.mark.parametrize("processes", [0, 2])
-def test_an_error_of_a_task_keeps_its_class_and_its_sentence(processes: int) -> None:
+def test_an_error_of_a_task_keeps_its_class_and_its_sentence(processes):
     with pytest.raises(UnknownChoice, match="two"):
         list(run_tasks(refuse, ITEMS, processes=processes))
 
 
-def test_no_scheduler_is_said_before_anything_is_run(tmp_path: Path) -> None:
+def test_no_scheduler_is_said_before_anything_is_run(tmp_path):
     pytest.importorskip("distributed", reason="no Dask: pip install benchtool[cluster]")
     for address in ("tcp://127.0.0.1:1", "nonsense", "tcp://127.0.0.1:99999999"):
         with pytest.raises(InputError, match="no Dask scheduler answers at"):

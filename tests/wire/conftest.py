@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 
 @pytest.fixture(scope="session")
-def recordings(reference_data: Path) -> Path:
+def recordings(reference_data):
     """Give the folder of recorded Grbl conversations, or skip the test where there is none."""
     folder = reference_data.parent / "peers" / "grbl"
     if not folder.is_dir():

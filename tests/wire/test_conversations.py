@@ -63,7 +63,7 @@ def opened(*turns: Turn) -> tuple[SerialBench, ScriptedLink]:
     return bench, link
 
 
-def test_open_read_close() -> None:
+def test_open_read_close():
     stream = Turn(frame_command(3, wire.SetRate(100.0)), ack(3) + sample(0) + sample(1, ""))
     link = ScriptedLink(
         *OPENING[:2],
@@ -89,7 +89,7 @@ def test_open_read_close() -> None:
     assert link.closed == 1
 
 
-def test_answers_may_come_byte_by_byte() -> None:
+def test_answers_may_come_byte_by_byte():
     link = ScriptedLink(*[Turn(turn.sent, turn.answer, piece=40) for turn in OPENING])
     bench = bench_on(link)
     bench.open()
@@ -116,7 +116,7 @@ def call(bench: SerialBench, link: ScriptedLink, text: str) -> object:
 
 
 @pytest.mark.parametrize("talk", TALKS, ids=lambda talk: talk.split("\n")[0])
-def test_an_exact_conversation(talk: str) -> None:
+def test_an_exact_conversation(talk):
     _, *lines = talk.split("\n")
     wires = [line.split(" ->") for line in lines if "->" in line]
     bench, link = opened(
@@ -132,7 +132,7 @@ def test_an_exact_conversation(talk: str) -> None:
     link.check_finished()
 
 
-def test_a_hello_with_a_lost_line_is_requested_again() -> None:
+def test_a_hello_with_a_lost_line_is_requested_again():
     whole = hello_answer(1).splitlines(keepends=True)
     link = ScriptedLink(
         Turn(HELLO, b"".join(whole[:5] + whole[6:])),
@@ -144,7 +144,7 @@ def test_a_hello_with_a_lost_line_is_requested_again() -> None:
     link.check_finished()
 
 
-def test_a_board_that_boots_first_is_waited_for() -> None:
+def test_a_board_that_boots_first_is_waited_for():
     tries: list[Turn] = []
     for number in range(1, 9):
         said = b"ets Jul 29 2019\r\n" if number == 3 else b""
@@ -202,7 +202,7 @@ NOT_OPENED: dict[str, tuple[Callable[[], ScriptedLink], type[errors.BenchError],
 
 
 @pytest.mark.parametrize("case", NOT_OPENED)
-def test_what_cannot_be_opened_is_named_and_closed(case: str) -> None:
+def test_what_cannot_be_opened_is_named_and_closed(case):
     make, kind, said = NOT_OPENED[case]
     link = make()
     bench = SerialBench(link, "serial:scripted", clock=link.clock, device_id="bench-0042")
@@ -212,7 +212,7 @@ def test_what_cannot_be_opened_is_named_and_closed(case: str) -> None:
     assert link.now_s < 105.3 + 0.6  # a probe of what is silent, at most
 
 
-def test_losses_are_counted_once() -> None:
+def test_losses_are_counted_once():
     damaged = sample(3).replace(b"1.5", b"7.5")
     bench, _ = opened(Turn(HEARTBEAT, sample(0) + sample(2) + damaged + sample(4)))
     readings = bench.read(0.3)
@@ -220,7 +220,7 @@ def test_losses_are_counted_once() -> None:
     assert bench.read(0.0).lost == 0
 
 
-def test_a_stop_of_the_device_comes_before_the_samples_around_it_and_none_is_lost() -> None:
+def test_a_stop_of_the_device_comes_before_the_samples_around_it_and_none_is_lost():
     event = frame(b"E,limit,thrust_N 31 against limit 30; motors stopped")
     bench, link = opened(Turn(HEARTBEAT, sample(0) + event + sample(1)))
     with pytest.raises(errors.DeviceStopped, match="thrust_N 31 against limit 30"):
@@ -233,7 +233,7 @@ def test_a_stop_of_the_device_comes_before_the_samples_around_it_and_none_is_los
     link.check_finished()
 
 
-def test_what_stopped_the_device_before_we_came_is_not_our_stop() -> None:
+def test_what_stopped_the_device_before_we_came_is_not_our_stop():
     link = ScriptedLink(
         Turn(HELLO, STOPPED + hello_answer(1) + STOPPED),
         Turn(frame_command(2, CLEAR), STOPPED + ack(2)),
@@ -246,20 +246,20 @@ def test_what_stopped_the_device_before_we_came_is_not_our_stop() -> None:
     link.check_finished()
 
 
-def test_a_halt_is_sent_at_once_without_a_number() -> None:
+def test_a_halt_is_sent_at_once_without_a_number():
     bench, link = opened(Turn(frame_command(0, wire.StopDevice())))
     bench.halt()
     link.check_finished()
 
 
-def test_a_silent_stream_is_a_lost_link() -> None:
+def test_a_silent_stream_is_a_lost_link():
     bench, link = opened(*[Turn(HEARTBEAT)] * 20)
     with pytest.raises(errors.LinkLost, match=r"sent nothing for 1\.0 s"):
         bench.read(5.0)
     assert link.now_s < 101.5
 
 
-def test_a_pulled_cable_passes_through_and_close_stays_quiet() -> None:
+def test_a_pulled_cable_passes_through_and_close_stays_quiet():
     link = ScriptedLink(*OPENING, Turn(HEARTBEAT), then=errors.LinkLost("gone"))
     link.write_after_end = errors.LinkLost("gone as well")
     with pytest.raises(errors.LinkLost, match=r"gone$"), bench_on(link) as bench:
@@ -272,7 +272,7 @@ def test_a_pulled_cable_passes_through_and_close_stays_quiet() -> None:
     ("frame_bytes", "baud", "first_Hz", "refused"),
     [(101, 921_600, 100.0, "1,010,000 baud"), (100, 57_600, 57.6, "1,000,000 baud")],
 )
-def test_a_stream_fits_the_line(frame_bytes: int, baud: int, first_Hz: float, refused: str) -> None:
+def test_a_stream_fits_the_line(frame_bytes, baud, first_Hz, refused):
     link = ScriptedLink(
         Turn(HELLO, hello_answer(1, frame_bytes=frame_bytes, baud=baud)),
         OPENING[1],
@@ -286,7 +286,7 @@ def test_a_stream_fits_the_line(frame_bytes: int, baud: int, first_Hz: float, re
     link.check_finished()
 
 
-def test_time_of_a_fast_virtual_bench_is_device_time() -> None:
+def test_time_of_a_fast_virtual_bench_is_device_time():
     link = ScriptedLink(Turn(HELLO, hello_answer(1, speed=20.0)), *OPENING[1:], Turn(HEARTBEAT))
     bench = bench_on(link)
     bench.open()

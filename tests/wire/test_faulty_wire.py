@@ -28,7 +28,7 @@ def read_on(bench: SerialBench) -> None:
         bench.read(0.1)
 
 
-def test_nothing_is_lost_on_a_sound_wire() -> None:
+def test_nothing_is_lost_on_a_sound_wire():
     bench, link = wired()
     with bench:
         bench.set_pwm(np.array([1300.0, 1300.0]))
@@ -44,7 +44,7 @@ def test_nothing_is_lost_on_a_sound_wire() -> None:
 
 @pytest.mark.parametrize("fault", [fault_from("corrupt:p=0.0005"), fault_from("drop:p=0.0005")])
 @pytest.mark.parametrize("seed", range(5))
-def test_a_bad_wire_costs_samples_but_no_command(fault: Fault, seed: int) -> None:
+def test_a_bad_wire_costs_samples_but_no_command(fault, seed):
     bench, link = wired(fault, seed=seed)
     with bench:
         for step in range(8):
@@ -63,7 +63,7 @@ def test_a_bad_wire_costs_samples_but_no_command(fault: Fault, seed: int) -> Non
     assert link.device.firmware.latched is None
 
 
-def test_a_silence_shorter_than_a_second_is_lived_through() -> None:
+def test_a_silence_shorter_than_a_second_is_lived_through():
     bench, link = wired(fault_from("silence:at_s=1,for_s=0.6"))
     with bench:
         lost = 0
@@ -72,7 +72,7 @@ def test_a_silence_shorter_than_a_second_is_lived_through() -> None:
     assert lost == pytest.approx(120, abs=2)
 
 
-def test_an_order_that_a_pause_of_the_host_made_old_is_refused_and_the_pause_is_named() -> None:
+def test_an_order_that_a_pause_of_the_host_made_old_is_refused_and_the_pause_is_named():
     bench, link = wired()
     with bench:
         bench.set_pwm(np.array([1300.0, 1300.0]))
@@ -91,7 +91,7 @@ def test_an_order_that_a_pause_of_the_host_made_old_is_refused_and_the_pause_is_
         assert link.device.firmware.pwm_us.max() == 1000.0
 
 
-def test_an_order_that_the_pause_of_a_host_made_old_while_it_asked_for_the_time() -> None:
+def test_an_order_that_the_pause_of_a_host_made_old_while_it_asked_for_the_time():
     bench, link = wired()
     with bench:
         bench.stop()
@@ -133,7 +133,7 @@ def behind(link: LoopbackLink) -> None:
     link.read = some  # type: ignore[method-assign]
 
 
-def test_the_plate_moves_although_samples_from_before_a_pause_were_read_just_now() -> None:
+def test_the_plate_moves_although_samples_from_before_a_pause_were_read_just_now():
     bench, link = wired(speed=20.0)
     with bench:
         bench.set_pwm(np.array([1000.0, 1000.0]))
@@ -145,7 +145,7 @@ def test_the_plate_moves_although_samples_from_before_a_pause_were_read_just_now
         assert bench.read(0.1).values[-1, 3] == pytest.approx(0.3)
 
 
-def test_a_pause_before_an_order_to_turn_is_named_where_only_old_samples_were_read() -> None:
+def test_a_pause_before_an_order_to_turn_is_named_where_only_old_samples_were_read():
     bench, link = wired()
     with bench:
         bench.set_pwm(np.array([1300.0, 1300.0]))
@@ -158,7 +158,7 @@ def test_a_pause_before_an_order_to_turn_is_named_where_only_old_samples_were_re
         assert link.device.firmware.pwm_us.max() == 1000.0
 
 
-def test_a_plate_order_that_the_link_delivers_late_is_no_fault_of_the_stage() -> None:
+def test_a_plate_order_that_the_link_delivers_late_is_no_fault_of_the_stage():
     bench, _ = wired()
     with bench:
         bench.move_plate(0.2)

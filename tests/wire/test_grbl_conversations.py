@@ -89,7 +89,7 @@ def turns_of(line: str, settings: bytes) -> Iterable[Turn]:
 
 
 @pytest.mark.parametrize("talk", TALKS, ids=lambda talk: talk.split("\n")[0])
-def test_an_exact_conversation(talk: str) -> None:
+def test_an_exact_conversation(talk):
     _, *lines = talk.split("\n")
     turns = [line for line in lines if "->" in line or line in TURNS]
     calls = [line for line in lines if line not in turns]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 
@@ -49,7 +48,7 @@ COMPARED = {
 DRIVER = names("driver_", "hal_")
 
 
-def test_no_recording_is_left_out(recordings: Path) -> None:
+def test_no_recording_is_left_out(recordings):
     told = json.loads((recordings / "index.json").read_text("utf-8"))
     names = {item["name"] for item in told}
     found = {path.name.removesuffix(".jsonl.gz") for path in recordings.glob("*.gz")}
@@ -83,7 +82,7 @@ def outcome(stage: GrblStage, link: RecordedStage, words: str) -> str:
 
 
 @pytest.mark.parametrize("name", DRIVER or ["none"])
-def test_the_driver_does_what_is_right(recordings: Path, name: str) -> None:
+def test_the_driver_does_what_is_right(recordings, name):
     recording = Recording.read(recordings / f"{name}.jsonl.gz")
     link = RecordedStage(recording)
     feed_m_s = FEED_M_S.get(name, 0.1)

@@ -19,7 +19,7 @@ from tests.wire.autopilot_bench import KEY, PLUS, Bench, make_real, pulses
 from tests.wire.still_plant import StillPlant
 
 
-def test_the_map_says_which_output_is_which_rotor() -> None:
+def test_the_map_says_which_output_is_which_rotor():
     made = Bench(motor_map=PLUS)
     with made.bench as bench:
         bench.set_pwm(pulses(1000.0, 1300.0))
@@ -30,7 +30,7 @@ def test_the_map_says_which_output_is_which_rotor() -> None:
         assert not [text for text in messages if "hangs on" in text]
 
 
-def test_a_rotor_that_turns_alone_shows_its_output() -> None:
+def test_a_rotor_that_turns_alone_shows_its_output():
     made = Bench()
     with made.bench as bench:
         assert bench.identity.n_rotors == 4
@@ -43,7 +43,7 @@ def test_a_rotor_that_turns_alone_shows_its_output() -> None:
         assert made.last(values, "pwm2_us") == 1000.0
 
 
-def test_one_host_after_another_learns_how_fast_time_runs() -> None:
+def test_one_host_after_another_learns_how_fast_time_runs():
     made = Bench(rotors=2)
     made.autopilot.speed = 20.0
     for _ in range(3):
@@ -51,7 +51,7 @@ def test_one_host_after_another_learns_how_fast_time_runs() -> None:
             assert bench.identity.speed == 20.0
 
 
-def test_readings_are_as_old_as_they_are_however_long_nobody_looked() -> None:
+def test_readings_are_as_old_as_they_are_however_long_nobody_looked():
     made = Bench(rotors=2)
     with made.bench as bench:
         made.link.pass_time(0.4)
@@ -59,13 +59,13 @@ def test_readings_are_as_old_as_they_are_however_long_nobody_looked() -> None:
         assert 0.0 <= bench.now_s() - bench.read(0.1).time_s[-1] < 0.03
 
 
-def test_ardupilot_turns_one_motor_at_a_time_and_says_so() -> None:
+def test_ardupilot_turns_one_motor_at_a_time_and_says_so():
     made = Bench(motor_map=PLUS)
     with made.bench as bench, pytest.raises(InputError, match="motors 1, 2 cannot turn together"):
         bench.set_pwm(pulses(1300.0, 1300.0))
 
 
-def test_px4_turns_several_together() -> None:
+def test_px4_turns_several_together():
     straight = MotorMap(rig="two", autopilot="PX4", motors=(1, 2), outputs=(1, 2), escs=(1, 2))
     made = Bench("px4", motor_map=straight)
     with made.bench as bench:
@@ -81,7 +81,7 @@ def test_px4_turns_several_together() -> None:
         assert made.autopilot.outputs_us[:2] == (1000, 1000)
 
 
-def test_messages_that_do_not_come_are_told() -> None:
+def test_messages_that_do_not_come_are_told():
     made = Bench(motor_map=PLUS)
     with made.bench as bench:
         facts = bench.identity.facts
@@ -94,7 +94,7 @@ def test_messages_that_do_not_come_are_told() -> None:
     assert not [text for text in messages if "No ap_message" in text]
 
 
-def test_a_refused_order_carries_mavlinks_word() -> None:
+def test_a_refused_order_carries_mavlinks_word():
     made = Bench("px4", motor_map=PLUS)
     made.autopilot._orders.order = lambda *_: 1
     with made.bench as bench, pytest.raises(CommandRefused, match="TEMPORARILY_REJECTED"):
@@ -102,7 +102,7 @@ def test_a_refused_order_carries_mavlinks_word() -> None:
     assert max(made.autopilot.outputs_us) == 1000
 
 
-def test_a_tare_is_the_hosts() -> None:
+def test_a_tare_is_the_hosts():
     plant = StillPlant()
     plant.zero_N = -0.7
     made = Bench(motor_map=PLUS, plant=plant)
@@ -114,7 +114,7 @@ def test_a_tare_is_the_hosts() -> None:
         assert made.last(values, "thrust_raw") == pytest.approx(0.7)
 
 
-def test_a_slow_line_carries_less_and_says_so() -> None:
+def test_a_slow_line_carries_less_and_says_so():
     made = Bench(motor_map=PLUS, baud=38400)
     make_real(made)
     with made.bench as bench:
@@ -129,7 +129,7 @@ def test_a_slow_line_carries_less_and_says_so() -> None:
         made.bench.open()
 
 
-def test_the_plate_of_a_real_autopilot_needs_a_stage() -> None:
+def test_the_plate_of_a_real_autopilot_needs_a_stage():
     made = Bench(motor_map=PLUS)
     make_real(made)
     with made.bench as bench:
@@ -139,7 +139,7 @@ def test_the_plate_of_a_real_autopilot_needs_a_stage() -> None:
             bench.move_plate(0.2)
 
 
-def test_signed_frames_are_taken_and_others_refused() -> None:
+def test_signed_frames_are_taken_and_others_refused():
     signed = Bench(motor_map=PLUS, key=KEY, device_key=KEY)
     with signed.bench as bench:
         bench.set_pwm(pulses(1300.0, 1000.0))
@@ -151,7 +151,7 @@ def test_signed_frames_are_taken_and_others_refused() -> None:
             other.bench.open()
 
 
-def test_an_unsigned_order_turns_nothing_on_a_signed_autopilot() -> None:
+def test_an_unsigned_order_turns_nothing_on_a_signed_autopilot():
     made = Bench(motor_map=PLUS, device_key=KEY)
     with pytest.raises(ProtocolError, match=r"signs its frames .* give its key as key=FILE"):
         made.bench.open()
@@ -162,7 +162,7 @@ def test_an_unsigned_order_turns_nothing_on_a_signed_autopilot() -> None:
     assert max(made.autopilot.outputs_us) == 1000
 
 
-def test_link_quality_counts_messages_and_losses() -> None:
+def test_link_quality_counts_messages_and_losses():
     made = Bench(motor_map=PLUS)
     with made.bench as bench:
         made.read(1.0)
@@ -179,7 +179,7 @@ def test_link_quality_counts_messages_and_losses() -> None:
     assert float(facts["link_jitter_ms"]) > 0.0
 
 
-def test_losses_that_show_before_any_sample_come_with_the_next_samples() -> None:
+def test_losses_that_show_before_any_sample_come_with_the_next_samples():
     made = Bench(motor_map=PLUS)
     with made.bench as bench:
         made.read(0.5)
@@ -193,7 +193,7 @@ def test_losses_that_show_before_any_sample_come_with_the_next_samples() -> None
     assert lost == 7
 
 
-def test_a_load_cell_beside_the_autopilot_is_laid_on_its_time() -> None:
+def test_a_load_cell_beside_the_autopilot_is_laid_on_its_time():
     made = Bench(motor_map=PLUS, cell=("/dev/cell", 57600), thrust_scale_N=0.1)
     with made.bench as bench:
         names = [channel.name for channel in bench.identity.channels]
@@ -210,7 +210,7 @@ def test_a_load_cell_beside_the_autopilot_is_laid_on_its_time() -> None:
     np.testing.assert_allclose(thrust_N[told], 0.1 * raw[told])
 
 
-def test_an_autopilot_that_does_not_tell_its_outputs_is_refused() -> None:
+def test_an_autopilot_that_does_not_tell_its_outputs_is_refused():
     made = Bench(motor_map=PLUS)
     made.autopilot._orders.lacks = made.autopilot._orders.lacks | {36}
     said = r"does not report its outputs \(SERVO_OUTPUT_RAW denied, ACTUATOR_OUTPUT_STATUS denied\)"
@@ -218,7 +218,7 @@ def test_an_autopilot_that_does_not_tell_its_outputs_is_refused() -> None:
         made.bench.open()
 
 
-def test_streams_that_nobody_here_asks_for_are_switched_off_on_a_serial_line() -> None:
+def test_streams_that_nobody_here_asks_for_are_switched_off_on_a_serial_line():
     made = Bench(motor_map=PLUS, baud=57600)
     make_real(made)
     made.autopilot._every_us = {30: 20_000.0}  # ATTITUDE, of a host that has left
@@ -230,13 +230,13 @@ def test_streams_that_nobody_here_asks_for_are_switched_off_on_a_serial_line() -
 
 
 @pytest.mark.parametrize("timeout_s", [-1.0, 0.3, float("nan"), float("inf")])
-def test_no_order_to_turn_can_last(timeout_s: float) -> None:
+def test_no_order_to_turn_can_last(timeout_s):
     with pytest.raises(InputError, match=r"was not made, limits 0 and 0\.25 s"):
         MavCommand(209, (1.0, 1.0, 1300.0, timeout_s, 1.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("pulse_us", [999.0, 1901.0, 2200.0, float("nan")])
-def test_pulses_outside_of_the_autopilots_range_are_refused(pulse_us: float) -> None:
+def test_pulses_outside_of_the_autopilots_range_are_refused(pulse_us):
     range_us = ArduPilot().pulses({"MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 1900.0})
     with pytest.raises(InputError, match=r"range is 1000 to 1900 us \(MOT_PWM_MIN to MOT_PWM_MAX"):
         ArduPilot().turn({1: pulse_us}, range_us)

@@ -60,7 +60,7 @@ def met(*turns: Turn, host: Side, device: Side) -> tuple[MavlinkLink, ScriptedLi
     return station, link
 
 
-def test_a_quiet_autopilot_is_found_by_its_heartbeat_and_asked() -> None:
+def test_a_quiet_autopilot_is_found_by_its_heartbeat_and_asked():
     host, device = Side(255, 190), Side(1, 1)
     asked = interval("SERVO_OUTPUT_RAW", 50.0)
     opening = Turn(host.says(ours()), device.says(beat()))
@@ -72,7 +72,7 @@ def test_a_quiet_autopilot_is_found_by_its_heartbeat_and_asked() -> None:
     link.check_finished()
 
 
-def test_an_acknowledgement_that_got_lost_is_asked_for_again() -> None:
+def test_an_acknowledgement_that_got_lost_is_asked_for_again():
     host, device = Side(255, 190), Side(1, 1)
     pulses = ArduPilot().pulses({"MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 2000.0})
     turn_it = ArduPilot().turn({2: 1150.0}, pulses)[0]
@@ -87,7 +87,7 @@ def test_an_acknowledgement_that_got_lost_is_asked_for_again() -> None:
     link.check_finished()
 
 
-def test_no_acknowledgement_at_all_is_a_lost_link() -> None:
+def test_no_acknowledgement_at_all_is_a_lost_link():
     host, device = Side(255, 190), Side(1, 1)
     stop = ArduPilot().stop((1, 2))[0]
     assert stop.parameters[3] == 0.0
@@ -99,7 +99,7 @@ def test_no_acknowledgement_at_all_is_a_lost_link() -> None:
     link.check_finished()
 
 
-def test_a_message_that_it_has_not_is_denied_with_its_words() -> None:
+def test_a_message_that_it_has_not_is_denied_with_its_words():
     host, device = Side(255, 190), Side(1, 1)
     asked = interval("RAW_RPM", 20.0)
     words = WORDS.MAVLink_statustext_message(4, b"No ap_message for mavlink id (339)", 0, 0)
@@ -116,7 +116,7 @@ def test_a_message_that_it_has_not_is_denied_with_its_words() -> None:
     link.check_finished()
 
 
-def test_denied_and_accepted_but_silent_are_told_apart() -> None:
+def test_denied_and_accepted_but_silent_are_told_apart():
     host, device = Side(255, 190), Side(1, 1)
     wanted = (
         StreamRequest("SERVO_OUTPUT_RAW", 50.0),
@@ -148,7 +148,7 @@ def test_denied_and_accepted_but_silent_are_told_apart() -> None:
     link.check_finished()
 
 
-def test_an_unknown_parameter_gets_no_answer_and_is_left_out() -> None:
+def test_an_unknown_parameter_gets_no_answer_and_is_left_out():
     host, device = Side(255, 190), Side(1, 1)
     told = WORDS.MAVLink_param_value_message(b"MOT_PWM_MIN", 1000.0, 9, 900, 65535)
     station, link = met(host=host, device=device)
@@ -161,7 +161,7 @@ def test_an_unknown_parameter_gets_no_answer_and_is_left_out() -> None:
     link.check_finished()
 
 
-def test_a_whole_number_of_px4_comes_bit_by_bit() -> None:
+def test_a_whole_number_of_px4_comes_bit_by_bit():
     host, device = Side(255, 190), Side(1, 1)
     # 4 as the bits of a float.
     told = WORDS.MAVLink_param_value_message(b"CA_ROTOR_COUNT", 5.605193857299268e-45, 6, 9, 1)
@@ -171,7 +171,7 @@ def test_a_whole_number_of_px4_comes_bit_by_bit() -> None:
     assert Px4().n_motors({"CA_ROTOR_COUNT": 4.0}) == 4
 
 
-def test_several_autopilots_are_listed_and_one_is_chosen() -> None:
+def test_several_autopilots_are_listed_and_one_is_chosen():
     beats = Side(1, 1).says(beat()) + Side(7, 1).says(beat(12)) + Side(9, 154).says(beat(8))
     opening = Turn(Side(255, 190).says(ours()), beats)
     link = ScriptedLink(opening, *_beats_of_ours(4))
@@ -194,13 +194,13 @@ def test_several_autopilots_are_listed_and_one_is_chosen() -> None:
         (bytes(range(128, 240)), "the baud rate is wrong"),
     ],
 )
-def test_strangers_are_told_apart(received: bytes, words: str) -> None:
+def test_strangers_are_told_apart(received, words):
     link = ScriptedLink(Turn(Side(255, 190).says(ours()), received), *_beats_of_ours(6))
     with pytest.raises(ProtocolError, match=words):
         talk_on(link).find(None)
 
 
-def test_silence_names_power_and_port() -> None:
+def test_silence_names_power_and_port():
     beats = _beats_of_ours(4)
     link = ScriptedLink(Turn(Side(255, 190).says(ours())), *beats, Turn(PROBE))
     with pytest.raises(NoDevice, match="is open, but nothing came for 5 s; check power"):
@@ -214,7 +214,7 @@ def _beats_of_ours(count: int) -> list[Turn]:
     return [Turn(host.says(ours())) for _ in range(count)]
 
 
-def test_what_is_meant_for_another_ground_station_is_passed_over() -> None:
+def test_what_is_meant_for_another_ground_station_is_passed_over():
     host, device = Side(255, 190), Side(1, 1)
     stop = ArduPilot().stop((1,))[0]
     other = WORDS.MAVLink_command_ack_message(209, 4, 0, 0, 250, 190)

@@ -23,7 +23,7 @@ from tests.doubles.loopback_link import LoopbackLink
 from tests.wire.autopilot_bench import PLUS, Bench, pulses
 
 
-def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does() -> None:
+def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does():
     made = Bench(motor_map=PLUS)
     with made.bench as bench:
         bench.set_pwm(pulses(1300.0, 1000.0))
@@ -48,9 +48,7 @@ def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does() ->
     ],
     ids=["new order", "renewed"],
 )
-def test_an_order_that_gets_lost_starts_no_motor_that_stands_by_then(
-    again: bool, lost_s: float, said: str
-) -> None:
+def test_an_order_that_gets_lost_starts_no_motor_that_stands_by_then(again, lost_s, said):
     made = Bench(motor_map=PLUS)
     with made.bench as bench:
         bench.set_pwm(pulses(1300.0, 1000.0))
@@ -71,7 +69,7 @@ def test_an_order_that_gets_lost_starts_no_motor_that_stands_by_then(
         assert set(shown[shown.index(1000) :]) == {1000}
 
 
-def test_an_order_is_as_old_as_when_it_was_sent_however_late_it_was_acknowledged() -> None:
+def test_an_order_is_as_old_as_when_it_was_sent_however_late_it_was_acknowledged():
     made = Bench(motor_map=PLUS)
     with made.bench as bench:
         write = made.link.write
@@ -90,7 +88,7 @@ def test_an_order_is_as_old_as_when_it_was_sent_however_late_it_was_acknowledged
         assert max(made.autopilot.outputs_us) == 1000
 
 
-def test_no_order_is_sent_after_a_pause_while_its_acknowledgement_was_waited_for() -> None:
+def test_no_order_is_sent_after_a_pause_while_its_acknowledgement_was_waited_for():
     made = Bench(motor_map=PLUS)
     with made.bench as bench:
         send, sent = made.link.write, []
@@ -111,7 +109,7 @@ def test_no_order_is_sent_after_a_pause_while_its_acknowledgement_was_waited_for
         assert max(made.autopilot.outputs_us) == 1000
 
 
-def test_an_order_that_is_acknowledged_and_ignored_ends_the_run() -> None:
+def test_an_order_that_is_acknowledged_and_ignored_ends_the_run():
     ninth = MotorMap(rig="two", autopilot="ArduPilot", motors=(9, 2), outputs=(3, 1), escs=(3, 1))
     made = Bench(motor_map=ninth)
     said = r"commanded 1300 us and ArduPilot acknowledged it, but output 3 shows 1000 us after 0\.3"
@@ -168,7 +166,7 @@ ENDS: dict[str, tuple[Callable[[Bench], None], type[BenchError], str]] = {
 
 
 @pytest.mark.parametrize("cause", ENDS)
-def test_what_ends_a_run_leaves_motors_at_zero(cause: str) -> None:
+def test_what_ends_a_run_leaves_motors_at_zero(cause):
     break_it, kind, said = ENDS[cause]
     made = Bench(motor_map=PLUS)
     made.link.pass_time(5.0)
@@ -203,7 +201,7 @@ class LossyLink(LoopbackLink):
         return kept
 
 
-def test_a_link_that_loses_every_tenth_frame_ends_no_run(rng: np.random.Generator) -> None:
+def test_a_link_that_loses_every_tenth_frame_ends_no_run(rng):
     made = Bench(motor_map=PLUS)
     made.link = LossyLink(made.autopilot, 0.0, rng)
     made.bench = MavlinkBench(
@@ -222,7 +220,7 @@ def test_a_link_that_loses_every_tenth_frame_ends_no_run(rng: np.random.Generato
         assert made.autopilot.outputs_us[2] == 1400
 
 
-def test_another_motor_waits_until_the_outputs_show_the_stop_of_the_first() -> None:
+def test_another_motor_waits_until_the_outputs_show_the_stop_of_the_first():
     made = Bench(motor_map=PLUS)
     with made.bench as bench:
         bench.set_pwm(pulses(1300.0, 1000.0))
@@ -260,7 +258,7 @@ def answer_late(made: Bench, delay_s: float) -> None:
 
 
 @pytest.mark.parametrize("delay_s", [0.7, 2.5])
-def test_a_late_acknowledgement_alone_ends_nothing(delay_s: float) -> None:
+def test_a_late_acknowledgement_alone_ends_nothing(delay_s):
     made = Bench(rotors=1)
     with GuardedBench(made.bench, rig_named("pquad_single")) as guard:
         assert guard.identity.longest_delay_s == pytest.approx(0.3)
@@ -273,7 +271,7 @@ def test_a_late_acknowledgement_alone_ends_nothing(delay_s: float) -> None:
 
 
 @pytest.mark.parametrize("mode", ["plate", "pitch"])
-def test_only_orders_that_lapse_end_by_a_short_silence(mode: str) -> None:
+def test_only_orders_that_lapse_end_by_a_short_silence(mode):
     made = Bench(rotors=1, mode=mode, arm="host")
     made.autopilot._hover_us = 1300.0
     with made.bench as bench:

@@ -78,7 +78,7 @@ SENT = (
 
 
 @pytest.mark.parametrize("key", [None, KEY], ids=["plain", "signed"])
-def test_the_peer_reads_what_we_send(key: bytes | None) -> None:
+def test_the_peer_reads_what_we_send(key):
     ours = MavlinkFrames(key=key, now_s=1.7e9)
     heard = ask_peer(b"".join(map(ours.pack, SENT)), [], key)["heard"]
     assert [one["name"] for one in heard] == [message.msgname for message in SENT]
@@ -115,7 +115,7 @@ RECEIVED: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize("key", [None, KEY], ids=["plain", "signed"])
-def test_we_read_what_the_peer_sends(key: bytes | None) -> None:
+def test_we_read_what_the_peer_sends(key):
     frames = ask_peer(b"", RECEIVED, key)["frames"]
     ours = MavlinkFrames(key=key)
     heard = [message for frame in frames for message in ours.parse(bytes.fromhex(frame))]
@@ -127,7 +127,7 @@ def test_we_read_what_the_peer_sends(key: bytes | None) -> None:
             assert getattr(message, name) == value
 
 
-def test_a_signature_of_another_key_is_refused() -> None:
+def test_a_signature_of_another_key_is_refused():
     frames = ask_peer(b"", RECEIVED, bytes(32))["frames"]
     ours = MavlinkFrames(key=KEY)
     assert [ours.parse(bytes.fromhex(frame)) for frame in frames] == [[]] * len(frames)

@@ -33,7 +33,7 @@ STOP = np.full(4, 1000.0)
 
 
 @pytest.fixture(scope="module")
-def folder(reference_data: Path) -> Path:
+def folder(reference_data):
     return folder_of(reference_data)
 
 
@@ -105,7 +105,7 @@ OTHERS = {
 }
 
 
-def test_every_recorded_text_means_what_it_should(folder: Path) -> None:
+def test_every_recorded_text_means_what_it_should(folder):
     met = set()
     for severity, component, text in texts_of(facts_of(folder)):
         assert component == 1
@@ -117,7 +117,7 @@ def test_every_recorded_text_means_what_it_should(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("number", range(1, 7))
-def test_a_rotor_turns_stops_and_the_run_goes_on(folder: Path, number: int) -> None:
+def test_a_rotor_turns_stops_and_the_run_goes_on(folder, number):
     peer, bench = opened(folder, f"r{number}_turn_2s_and_stop")
     with bench:
         bench.set_pwm(pulse(1, 1300.0))
@@ -132,7 +132,7 @@ def test_a_rotor_turns_stops_and_the_run_goes_on(folder: Path, number: int) -> N
     assert all(0.0 <= order.param4 <= 0.25 for _, order in orders_of(peer))
 
 
-def test_the_first_motor_is_stopped_before_another_one_turns(folder: Path) -> None:
+def test_the_first_motor_is_stopped_before_another_one_turns(folder):
     # Recorded with a driver that did not, so that both turned: ours waits for the outputs.
     for name in ("q2_other_rotor_without_a_stop", "q2_other_rotor_without_a_stop_patched"):
         peer, bench = opened(folder, name)
@@ -147,7 +147,7 @@ def test_the_first_motor_is_stopped_before_another_one_turns(folder: Path) -> No
         assert set(motors[first_stop:]) == {(1.0, 0.0)}
 
 
-def test_a_refusal_is_told_in_the_autopilots_words(folder: Path) -> None:
+def test_a_refusal_is_told_in_the_autopilots_words(folder):
     _, bench = opened(folder, "j2_check_safety_switch_on", speeds=True)
     with bench:
         with pytest.raises(CommandRefused, match=r"DO_MOTOR_TEST .*: Motor Test: Safety switch"):
@@ -156,7 +156,7 @@ def test_a_refusal_is_told_in_the_autopilots_words(folder: Path) -> None:
         assert set(shown(bench, read(bench, 0.2), "pwm1_us")) == {0.0}
 
 
-def test_orders_to_turn_end_when_the_autopilot_falls_silent(folder: Path) -> None:
+def test_orders_to_turn_end_when_the_autopilot_falls_silent(folder):
     peer, bench = opened(folder, "h1_autopilot_killed_and_restarted", until_s=4.0)
     with bench:
         bench.set_pwm(pulse(1, 1400.0))
@@ -166,7 +166,7 @@ def test_orders_to_turn_end_when_the_autopilot_falls_silent(folder: Path) -> Non
     assert 0.2 < max(turning) - peer.said_s < 0.3
 
 
-def test_an_autopilot_that_starts_anew_is_called_so_and_gets_no_order(folder: Path) -> None:
+def test_an_autopilot_that_starts_anew_is_called_so_and_gets_no_order(folder):
     peer, bench = opened(folder, "h1_autopilot_killed_and_restarted", free_after_s=3.62)
     with bench:
         bench.set_pwm(pulse(1, 1400.0))
@@ -179,7 +179,7 @@ def test_an_autopilot_that_starts_anew_is_called_so_and_gets_no_order(folder: Pa
     assert not [order for time_s, order in orders_of(peer) if time_s >= ended_s]
 
 
-def test_a_restart_by_command_is_noticed_at_rest(folder: Path) -> None:
+def test_a_restart_by_command_is_noticed_at_rest(folder):
     name = "h2_reboot_command"
     parser, health = parser_of(), []
     for chunk in chunks_of(folder, name):
@@ -193,7 +193,7 @@ def test_a_restart_by_command_is_noticed_at_rest(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["g1_companion_own_clock", "g1_companion_own_clock_patched"])
-def test_a_companion_with_a_clock_of_its_own_is_no_restart(folder: Path, name: str) -> None:
+def test_a_companion_with_a_clock_of_its_own_is_no_restart(folder, name):
     _, bench = opened(folder, name)
     with bench:
         bench.set_pwm(pulse(1, 1300.0))
@@ -212,13 +212,13 @@ def test_a_companion_with_a_clock_of_its_own_is_no_restart(folder: Path, name: s
     "name", ["g2_companion_distance_unasked", "g2_companion_distance_unasked_patched",
              "g3_rangefinder_streams_unasked"]
 )  # fmt: skip
-def test_a_distance_that_nobody_asked_for_is_left_aside(folder: Path, name: str) -> None:
+def test_a_distance_that_nobody_asked_for_is_left_aside(folder, name):
     _, bench = opened(folder, name)
     with bench:
         assert "plate_z_m" not in [channel.name for channel in bench.identity.channels]
 
 
-def test_only_escs_that_tell_something_have_a_speed(folder: Path) -> None:
+def test_only_escs_that_tell_something_have_a_speed(folder):
     _, bench = opened(folder, "c2_sweep_telemetry_on_some_patched", speeds=True)
     with bench:
         names = {channel.name for channel in bench.identity.channels}
@@ -237,13 +237,13 @@ def check_of(folder: Path, name: str, **given: object) -> list[CheckResult]:
         return list(check_bench(bench, rig_named("pquad")))
 
 
-def test_a_bench_check_passes_with_speeds(folder: Path) -> None:
+def test_a_bench_check_passes_with_speeds(folder):
     findings = check_of(folder, "a1_check_with_telemetry_patched", speeds=True)
     assert len(findings) == 2 + 2 * 4
     assert [finding.text for finding in findings if not finding.passed] == []
 
 
-def test_a_bench_check_passes_without_speeds_and_says_so(folder: Path) -> None:
+def test_a_bench_check_passes_without_speeds_and_says_so(folder):
     findings = check_of(folder, "a2_check_rpm_none_patched")
     assert [finding.text for finding in findings if not finding.passed] == []
     assert "no channel measures the speed of rotors 1, 2, 3, 4" in findings[0].text
@@ -257,9 +257,7 @@ def test_a_bench_check_passes_without_speeds_and_says_so(folder: Path) -> None:
         ("b2_map_with_motors_patched", [0, 3, 2, 1], (1, 4, 3, 2)),
     ],
 )
-def test_the_map_is_what_eyes_and_outputs_say(
-    folder: Path, name: str, asked: list[int], motors: tuple[int, ...]
-) -> None:
+def test_the_map_is_what_eyes_and_outputs_say(folder, name, asked, motors):
     _, bench = opened(folder, name, motor_map=None, speeds=True, rotors=4)
     with bench:
         found = learn_motors(bench, rig_named("pquad"), lambda motor: asked[motor - 1], print)
@@ -272,7 +270,7 @@ def test_the_map_is_what_eyes_and_outputs_say(
     ["k1_57600_check", "k2_57600_serial_check", "k4_57600_uart_check",
      "k5_57600_uart_serial_check", "l1_through_mavproxy"],
 )  # fmt: skip
-def test_a_slow_line_and_a_router_start_a_motor(folder: Path, name: str) -> None:
+def test_a_slow_line_and_a_router_start_a_motor(folder, name):
     # What was recorded of them ends here: "starting motor test" had ended the run.
     _, bench = opened(folder, name, speeds=True)
     with bench:
@@ -282,7 +280,7 @@ def test_a_slow_line_and_a_router_start_a_motor(folder: Path, name: str) -> None
         assert bench.outputs_us()[2] in (1000, 1185)
 
 
-def test_an_acknowledgement_that_takes_long_ends_nothing(folder: Path) -> None:
+def test_an_acknowledgement_that_takes_long_ends_nothing(folder):
     # Behind MAVProxy on a busy machine the first one came after the host had given up.
     peer, bench = opened(folder, "l1_through_mavproxy_patched", speeds=True)
     with bench:
@@ -291,7 +289,7 @@ def test_an_acknowledgement_that_takes_long_ends_nothing(folder: Path) -> None:
         read(bench, 0.3)
 
 
-def test_every_conversation_of_ours_opens_with_all_that_its_streams_promise(folder: Path) -> None:
+def test_every_conversation_of_ours_opens_with_all_that_its_streams_promise(folder):
     opened_ones = 0
     for name, facts in facts_of(folder).items():
         command = str(facts.get("command", ""))

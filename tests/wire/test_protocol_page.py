@@ -44,12 +44,12 @@ def replayed(page: str) -> list[str]:
     return told
 
 
-def test_the_conversation_is_what_the_device_says() -> None:
+def test_the_conversation_is_what_the_device_says():
     conversation = block("text")
     assert replayed(conversation) == conversation.splitlines()
 
 
-def test_every_line_of_the_conversation_is_whole() -> None:
+def test_every_line_of_the_conversation_is_whole():
     lines = [line for line in block("text").splitlines() if line[0] in "<>"]
     decoder = Decoder(5)
     batch = decoder.feed("".join(line[2:] + "\n" for line in lines).encode())
@@ -62,7 +62,7 @@ def test_every_line_of_the_conversation_is_whole() -> None:
             command_from((name, time) if name == "hello" else (name, *values))
 
 
-def test_the_vector() -> None:
+def test_the_vector():
     assert "`123456789` is `29B1`" in PAGE
     assert crc16(b"123456789") == 0x29B1
 
@@ -83,7 +83,7 @@ int main(void)
 
 
 @pytest.mark.skipif(os.name != "posix" or not shutil.which("cc"), reason="needs a C compiler")
-def test_the_c_code_speaks_the_protocol(tmp_path: Path) -> None:
+def test_the_c_code_speaks_the_protocol(tmp_path):
     source, program = tmp_path / "device.c", tmp_path / "device"
     source.write_text(block("c") + MAIN, encoding="utf-8")
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -129,14 +128,14 @@ UNHEARD = dict.fromkeys(CUT, (6, "finished motor test"))
 """What was said when nobody was there any more."""
 
 
-def test_no_conversation_is_left_out(reference_data: Path) -> None:
+def test_no_conversation_is_left_out(reference_data):
     assert len(NAMES) == 59
     assert set(NAMES) == set(facts_of(folder_of(reference_data)))
     assert {*NOT_IMITATED, *UNTIL_S, *UNHEARD} <= set(NAMES)
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in NOT_IMITATED] or ["none"])
-def test_it_answers_as_the_real_one(reference_data: Path, name: str) -> None:
+def test_it_answers_as_the_real_one(reference_data, name):
     folder = folder_of(reference_data)
     chunks = chunks_of(folder, name)
     until_s = min(UNTIL_S.get(name, inf), chunks[-1].time_s + 1.0)

@@ -10,15 +10,15 @@ from tests.proof.blind.sweep import outside as sweep
 
 
 @pytest.mark.parametrize("family", ["stand_resonance", "warming_blades", "bending_plate"])
-def test_the_variable_and_a_law_are_found(family: str) -> None:
+def test_the_variable_and_a_law_are_found(family):
     assert found_on("sweep", family, 213) == (True, True)
 
 
 @pytest.mark.parametrize("family", ["drag_vane"])
-def test_on_a_pitch_bench_too(family: str) -> None:
+def test_on_a_pitch_bench_too(family):
     assert found_on("pitch", family, 100) == (True, True)
 
 
-def test_every_outside_family_says_what_it_depends_on() -> None:
+def test_every_outside_family_says_what_it_depends_on():
     assert set(DEPENDS["sweep"]) == set(sweep.OUTSIDE)
     assert set(DEPENDS["pitch"]) == set(pitch.OUTSIDE) > set(LAWLESS)

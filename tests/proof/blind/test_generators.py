@@ -18,7 +18,7 @@ from tests.proof.blind.pitch import seeds
 from tests.proof.blind.sweep import dirt as sweep_dirt
 from tests.proof.blind.sweep import library as sweep_library
 from tests.proof.blind.sweep import records as sweep
-from tests.proof.blind.sweep.layouts import LAYOUTS, Layout
+from tests.proof.blind.sweep.layouts import LAYOUTS
 
 HERE = Path(__file__).parent
 EACH_BENCH = pytest.mark.parametrize("bench", [pitch, sweep], ids=["pitch", "sweep"])
@@ -27,7 +27,7 @@ EACH_LAYOUT = pytest.mark.parametrize("layout", [None, *LAYOUTS.values()], ids=s
 
 
 @EACH_BENCH
-def test_the_same_arguments_make_the_same_record(bench) -> None:
+def test_the_same_arguments_make_the_same_record(bench):
     one, again, other = (bench.make_record(seed, "none", excitation="rich") for seed in (0, 0, 3))
     pd.testing.assert_frame_equal(one.learn, again.learn)
     pd.testing.assert_frame_equal(one.check, again.check)
@@ -42,7 +42,7 @@ def test_the_same_arguments_make_the_same_record(bench) -> None:
 
 
 @EACH_BENCH
-def test_a_pair_can_be_asked_for_by_name(bench) -> None:
+def test_a_pair_can_be_asked_for_by_name(bench):
     names = ("cog_offset", "motor_lag") if bench is pitch else ("plate_offset", "body_lift")
     record = bench.make_record(5, "+".join(names), excitation="rich")
     assert record.truth.names == names
@@ -56,9 +56,7 @@ def test_a_pair_can_be_asked_for_by_name(bench) -> None:
 
 
 @EACH_LAYOUT
-def test_sizes_cover_their_ranges_on_both_sides(
-    layout: Layout | None, rng: np.random.Generator
-) -> None:
+def test_sizes_cover_their_ranges_on_both_sides(layout, rng):
     named = pitch_library.NAMED if layout is None else sweep_library.NAMED
     on = [] if layout is None else [layout]
     for effect in named.values():
@@ -71,9 +69,7 @@ def test_sizes_cover_their_ranges_on_both_sides(
 
 
 @EACH_LAYOUT
-def test_a_dirty_bench_stays_within_half_of_every_tolerance(
-    layout: Layout | None, rng: np.random.Generator
-) -> None:
+def test_a_dirty_bench_stays_within_half_of_every_tolerance(layout, rng):
     for _ in range(100):
         if layout is None:
             plant = pitch_dirt.dirty_bench(rng)
@@ -94,7 +90,7 @@ def test_a_dirty_bench_stays_within_half_of_every_tolerance(
         assert {name: size for name, size in off.items() if abs(size) > 0.5 + 1e-6} == {}
 
 
-def test_scoring_seeds_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scoring_seeds_are_kept_apart(monkeypatch):
     assert not set(seeds.DEVELOPMENT_SEEDS) & set(seeds.SCORING_SEEDS)
     monkeypatch.delenv(seeds.SCORING_SWITCH, raising=False)
     with pytest.raises(PermissionError, match="run `make blind`"):
@@ -106,7 +102,7 @@ def test_scoring_seeds_are_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("bench", "uses_mujoco"), [("pitch", True), ("sweep", False)])
-def test_nothing_of_benchtool_is_imported(bench: str, uses_mujoco: bool) -> None:
+def test_nothing_of_benchtool_is_imported(bench, uses_mujoco):
     imported = packages_imported(HERE / bench)
     assert "numpy" in imported
     assert "benchtool" not in imported

@@ -21,12 +21,12 @@ PITCHES = (Asked(7000, "hinge_spring"), Asked(7000, "none"))
 
 
 @pytest.fixture(scope="module")
-def sweeps() -> list[Scored]:
+def sweeps():
     return [score_sweep.scored(one) for one in SWEEPS]
 
 
 @pytest.fixture(scope="module")
-def pitches() -> list[Scored]:
+def pitches():
     return [score_pitch.scored(one) for one in PITCHES]
 
 
@@ -44,19 +44,19 @@ def check_sample(records: list[Scored]) -> None:
             assert one.verdict == "unknown", one.label
 
 
-def test_sweeps_are_explained(sweeps: list[Scored]) -> None:
+def test_sweeps_are_explained(sweeps):
     check_sample(sweeps)
     poor = next(one for one in sweeps if one.excitation == "poor")
     assert poor.honest
     assert next(one for one in sweeps if one.kind == "pair").both_named
 
 
-def test_pitch_records_are_explained(pitches: list[Scored]) -> None:
+def test_pitch_records_are_explained(pitches):
     check_sample(pitches)
 
 
 @pytest.mark.parametrize("family", ["sweeps", pytest.param("pitch", marks=pytest.mark.proof)])
-def test_foreign_benches_are_scored_by_the_same_form(family: str) -> None:
+def test_foreign_benches_are_scored_by_the_same_form(family):
     if not os.environ.get("BENCHTOOL_REFERENCE_DATA"):
         pytest.skip("no generator of foreign benches: BENCHTOOL_REFERENCE_DATA is not set")
     plan = list(score_foreign.asked(family, score_foreign.SCORING.start, 1.0))
@@ -66,5 +66,5 @@ def test_foreign_benches_are_scored_by_the_same_form(family: str) -> None:
     assert set(score_foreign.DEVELOPMENT).isdisjoint(score_foreign.SCORING)
 
 
-def test_a_virtual_bench_that_ships_is_recorded_and_explained() -> None:
+def test_a_virtual_bench_that_ships_is_recorded_and_explained():
     check_sample([score_virtual.scored("quad", Asked(2, "load_cell_hysteresis"))])

@@ -78,7 +78,7 @@ def figure(records: list[Scored], what: str) -> str:
     return next(line.found for line in Scorecard("x", records).lines() if what in line.what)
 
 
-def test_wilson_intervals_are_those_of_the_formula() -> None:
+def test_wilson_intervals_are_those_of_the_formula():
     # Wilson's own formula, the roots of (p - q)^2 = z^2 q (1 - q) / n.
     for count, total in ((0, 10), (3, 10), (97, 100), (300, 300)):
         p, z2 = count / total, 1.959964**2
@@ -89,7 +89,7 @@ def test_wilson_intervals_are_those_of_the_formula() -> None:
     assert share_of([]).interval == (0.0, 1.0)
 
 
-def test_named_records_are_counted() -> None:
+def test_named_records_are_counted():
     records = [RIGHT, RIGHT, RIGHT, WRONG, CLASS]
     assert figure(records, "single right name").startswith("3 of 5: 60.0 %")
     assert figure(records, "right name or honest class").startswith("4 of 5")
@@ -104,7 +104,7 @@ def test_named_records_are_counted() -> None:
     assert figure(records, "seconds") == "median 1.0, most 1.0"
 
 
-def test_an_aim_is_reached_where_the_bad_end_of_the_interval_is() -> None:
+def test_an_aim_is_reached_where_the_bad_end_of_the_interval_is():
     """73 of 73 could be 95 %, 72 of 72 could be less."""
     for count, reached in ((72, False), (73, True)):
         lines = Scorecard("x", [RIGHT] * count).lines()
@@ -113,7 +113,7 @@ def test_an_aim_is_reached_where_the_bad_end_of_the_interval_is() -> None:
         assert (lines[0] == line) is not reached, "what misses its aim stands first"
 
 
-def test_a_class_counts_only_if_it_is_small_right_and_confirmed() -> None:
+def test_a_class_counts_only_if_it_is_small_right_and_confirmed():
     assert CLASS.in_class
     assert not CLASS.named_first
     assert not CLASS.wrong_names
@@ -124,7 +124,7 @@ def test_a_class_counts_only_if_it_is_small_right_and_confirmed() -> None:
     assert other.wrong_names == other.names
 
 
-def test_nulls_and_outsiders_are_counted() -> None:
+def test_nulls_and_outsiders_are_counted():
     false = replace(NULL, verdict="effect", names=("body_lift",))
     doubted = replace(NULL, verdict="unknown")
     records = [NULL, NULL, false, doubted, OUTSIDE, replace(OUTSIDE, verdict="none")]
@@ -133,7 +133,7 @@ def test_nulls_and_outsiders_are_counted() -> None:
     assert figure(records, "'unknown' for what is outside").startswith("1 of 2")
 
 
-def test_poor_records_may_say_that_an_effect_does_not_show() -> None:
+def test_poor_records_may_say_that_an_effect_does_not_show():
     poor = replace(
         RIGHT, excitation="poor", verdict="none", names=(), not_judged={"body_lift": 5.0}, where=""
     )
@@ -142,7 +142,7 @@ def test_poor_records_may_say_that_an_effect_does_not_show() -> None:
     assert figure(records, "poor").startswith("2 of 4")
 
 
-def test_what_counts_as_right_goes_by_size() -> None:
+def test_what_counts_as_right_goes_by_size():
     assert RIGHT.answers == {"body_lift"}
     assert replace(RIGHT, sizes=(0.6,), strength="weak").answers == {"none"}
     assert NULL.answers == {"none"}
@@ -151,7 +151,7 @@ def test_what_counts_as_right_goes_by_size() -> None:
     assert replace(PAIR, sizes=(0.5, 3.0)).answers == {"tare_offset"}
 
 
-def test_probabilities_are_held_against_the_truth() -> None:
+def test_probabilities_are_held_against_the_truth():
     assert RIGHT.stated == (0.95, True)
     assert WRONG.stated == (0.97, False)
     assert CLASS.stated == (0.8, True)
@@ -163,7 +163,7 @@ def test_probabilities_are_held_against_the_truth() -> None:
     assert OUTSIDE.given_to_truth == 0.7
 
 
-def test_a_calibrated_teller_has_a_small_error(rng: np.random.Generator) -> None:
+def test_a_calibrated_teller_has_a_small_error(rng):
     told = rng.uniform(0.5, 1.0, 4000)
     honest = [
         replace(RIGHT, probabilities={"body_lift": p})
@@ -194,20 +194,18 @@ class Told:
     ("names", "right"),
     [(("a",), True), (("a", "b"), True), (("a", "b", "c"), False), (("b",), False)],
 )
-def test_a_class_is_confirmed_where_nobody_could_tell_its_members(
-    names: tuple[str, ...], right: bool
-) -> None:
+def test_a_class_is_confirmed_where_nobody_could_tell_its_members(names, right):
     told = Told({"b": 0.5 * CANNOT_TELL, "c": 2.0 * CANNOT_TELL})
     assert class_confirmed(names, ("a",), lambda: told) is right
 
 
-def test_the_worst_channel_counts_against_the_floor() -> None:
+def test_the_worst_channel_counts_against_the_floor():
     floor = {"a": np.array([0.9, 1.0, 1.0, 1.2]), "b": np.array([2.0, 2.0, 2.6, 2.0])}
     learned = {"a": np.array([1.0, 1.05]), "b": np.array([2.3, 2.1])}
     assert (within(floor, floor, 1.1), within(learned, floor, 1.1)) == (0.5, 0.5)
 
 
-def test_a_share_of_chi_squared_draws_is_that_of_its_distribution() -> None:
+def test_a_share_of_chi_squared_draws_is_that_of_its_distribution():
     drawn = {"thrust_N": np.random.default_rng(0).chisquare(50, 20_000) ** 0.5}
     more = {"thrust_N": 1.1 * drawn["thrust_N"]}
     expected = chi2.cdf(1.21 * chi2.median(50), 50)

@@ -16,7 +16,7 @@ from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model
 from benchtool.physics.tolerances import tolerances
-from tests.proof.blind.sweep.layouts import LAYOUTS, Layout
+from tests.proof.blind.sweep.layouts import LAYOUTS
 from tests.proof.blind.sweep.library import NAMED
 from tests.proof.blind.sweep.records import HiddenSweep, make_record, write_record
 
@@ -24,7 +24,7 @@ EACH_LAYOUT = pytest.mark.parametrize("layout", LAYOUTS.values(), ids=list(LAYOU
 
 
 @EACH_LAYOUT
-def test_the_sheet_is_that_of_the_rig(layout: Layout) -> None:
+def test_the_sheet_is_that_of_the_rig(layout):
     rig = rig_named(layout.rig)
     p = rig.propulsion
     assert layout.places_m == tuple((place.x_m, place.y_m) for place in rig.rotors)
@@ -40,7 +40,7 @@ def test_the_sheet_is_that_of_the_rig(layout: Layout) -> None:
 
 
 @EACH_LAYOUT
-def test_tables_have_the_columns_of_a_run(layout: Layout, tmp_path: Path) -> None:
+def test_tables_have_the_columns_of_a_run(layout, tmp_path):
     record = make_record(0, "none", excitation="rich", layout=layout.name)
     # That bench has no stage of its own to compare the plate with.
     stage = {"plate_stage_z_m", "plate_read_z_m"}
@@ -60,9 +60,7 @@ def test_tables_have_the_columns_of_a_run(layout: Layout, tmp_path: Path) -> Non
 
 
 @EACH_LAYOUT
-def test_the_model_file_states_every_tolerance_and_believes_in_nothing(
-    layout: Layout, tmp_path: Path
-) -> None:
+def test_the_model_file_states_every_tolerance_and_believes_in_nothing(layout, tmp_path):
     record = make_record(0, "none", excitation="poor", layout=layout.name)
     model = load_model(write_record(record, tmp_path)[2]).model
     present = {effect.name for effect in model.present_effects}
@@ -112,7 +110,7 @@ def found(record: HiddenSweep, folder: Path, name: str) -> tuple[dict[str, float
 
 
 @pytest.mark.parametrize("name", [name for name in NAMED if name != "battery_sag"])
-def test_on_a_clean_bench_the_truth_is_found_again(name: str, tmp_path: Path) -> None:
+def test_on_a_clean_bench_the_truth_is_found_again(name, tmp_path):
     """Two independent implementations of the same bench agree, to half a tolerance."""
     record = make_record(1, name, excitation="rich", dirt="clean")
     values, residual = found(record, tmp_path, name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from random import Random
 
@@ -26,13 +25,13 @@ NAMES = ("bench link", "bench hello", "mavlink", "side cell", "grbl", "csv",
 
 
 @pytest.fixture(scope="module")
-def every() -> Iterator[dict[str, Target]]:
+def every():
     on_disk = Files()
     yield targets(on_disk)
     on_disk.close()
 
 
-def test_every_target_reads_its_first_seed(every: dict[str, Target]) -> None:
+def test_every_target_reads_its_first_seed(every):
     assert tuple(every) == NAMES
     for target in every.values():
         target.parse(target.seeds[0])
@@ -71,13 +70,13 @@ def searched(target: Target, examples: int) -> int:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_bytes_are_neither_read_nor_refused(every: dict[str, Target], name: str) -> None:
+def test_no_bytes_are_neither_read_nor_refused(every, name):
     assert searched(every[name], 20) >= 20
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", Random(39).sample(NAMES, 8))
-def test_many_bytes_are_read_or_refused(every: dict[str, Target], name: str) -> None:
+def test_many_bytes_are_read_or_refused(every, name):
     assert searched(every[name], 150) >= 150
     count, faults = fuzz(every[name], Random(name), most=300)
     assert count == 300
@@ -85,13 +84,13 @@ def test_many_bytes_are_read_or_refused(every: dict[str, Target], name: str) -> 
 
 
 @pytest.mark.parametrize("path", sorted(FOUND.iterdir()), ids=lambda path: path.name)
-def test_what_was_found_stays_mended(every: dict[str, Target], path: Path) -> None:
+def test_what_was_found_stays_mended(every, path):
     target = every[path.name.partition("--")[0].replace("-", " ")]
     with watched():
         assert not fault_of(target, path.read_bytes())
 
 
-def test_a_fault_is_found() -> None:
+def test_a_fault_is_found():
     def parse(data: bytes) -> None:
         if b"1e400" in data:
             raise ValueError("not ours")

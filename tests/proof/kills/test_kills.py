@@ -32,7 +32,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs POSIX")
         *(pytest.param(name, 6, marks=pytest.mark.slow, id=f"{name}-more") for name in KILLED),
     ],
 )
-def test_nothing_is_lost_and_everything_closes(tmp_path: Path, name: str, some: int | None) -> None:
+def test_nothing_is_lost_and_everything_closes(tmp_path, name, some):
     of = tape(KILLED[name], tmp_path)
     count = check_all(of, some)
     assert count.changes >= min(some or 10**9, len(of.changes) + 1)
@@ -40,7 +40,7 @@ def test_nothing_is_lost_and_everything_closes(tmp_path: Path, name: str, some: 
 
 
 @pytest.mark.slow
-def test_a_killed_process_leaves_what_the_disk_says(tmp_path: Path) -> None:
+def test_a_killed_process_leaves_what_the_disk_says(tmp_path):
     of = tape(KILLED["sweep"], tmp_path)
     for at in sorted(Random(2).sample(range(len(of.changes)), 6)):
         root = tmp_path / str(at)
@@ -69,7 +69,7 @@ def shape(tree: dict[str, bytes | None]) -> dict[str, int | bytes | None]:
 
 
 @pytest.mark.slow
-def test_a_killed_sweep_goes_on(tmp_path: Path) -> None:
+def test_a_killed_sweep_goes_on(tmp_path):
     of = tape(KILLED["sweep"], tmp_path)
     begun = [at for at, change in enumerate(of.changes) if b"sample," in change.data]
     disk, chosen = Disk(), set(Random(3).sample(begun, 3))
@@ -100,7 +100,7 @@ def straced(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
-def test_a_real_process_killed_by_strace_leaves_a_run_that_closes(tmp_path: Path) -> None:
+def test_a_real_process_killed_by_strace_leaves_a_run_that_closes(tmp_path):
     assert kill_by_strace(tmp_path, 4) == 4
 
 

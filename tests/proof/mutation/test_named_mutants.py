@@ -11,13 +11,13 @@ from types import ModuleType
 import pytest
 
 from tests.proof.mutation import patched
-from tests.proof.mutation.groups import GROUPS, NAMED, Named
+from tests.proof.mutation.groups import GROUPS, NAMED
 from tests.proof.mutation.run import ROOT
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="mutants are judged in forks")
-def test_a_broken_line_is_noticed() -> None:
+def test_a_broken_line_is_noticed():
     sample = [one.name for one in random.Random(24).sample(NAMED, 3)]
     named = [word for name in sample for word in ("--named", name)]
     ended = subprocess.run(
@@ -34,12 +34,12 @@ def test_a_broken_line_is_noticed() -> None:
 
 
 @pytest.mark.parametrize("named", NAMED, ids=lambda one: one.name)
-def test_a_named_mutant_still_fits_its_module(named: Named) -> None:
+def test_a_named_mutant_still_fits_its_module(named):
     source = (ROOT / named.module).read_text("utf-8")
     assert compile(named.applied(source), named.module, "exec")
 
 
-def test_whoever_judges_is_there() -> None:
+def test_whoever_judges_is_there():
     paths = {
         path for group in GROUPS.values() for path in (*group.sampled, *group.beside, *group.tests)
     }
@@ -58,7 +58,7 @@ class Owner:
 """
 
 
-def test_a_broken_source_is_put_in_place_of_a_module() -> None:
+def test_a_broken_source_is_put_in_place_of_a_module():
     module = ModuleType("benchtool.whole")
     module.__file__ = "whole.py"
     exec(WHOLE, module.__dict__)

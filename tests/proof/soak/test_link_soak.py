@@ -30,7 +30,7 @@ SHARE = 0.2
 core alone would judge the processor and its other guests. It was 0.11 to 0.16."""
 
 
-def test_1_kHz_beside_a_fit() -> None:
+def test_1_kHz_beside_a_fit():
     with device() as port, emcee_beside():
         load = measure(read_with_ours, port, SECONDS)
     with device() as port, emcee_beside():

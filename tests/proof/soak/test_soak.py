@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 
@@ -21,9 +20,7 @@ SAMPLE = [
 
 
 @pytest.mark.parametrize(("kind", "seed"), SAMPLE)
-def test_no_row_is_lost_and_no_motor_turns_without_a_host(
-    tmp_path: Path, kind: str, seed: int
-) -> None:
+def test_no_row_is_lost_and_no_motor_turns_without_a_host(tmp_path, kind, seed):
     outcome = sweep(kind, seed, 1.5 if seed < 100 else 3.0, tmp_path)
     if kind not in REAL:  # in real time a fault may end the sweep before its motors turn
         assert sum(outcome.struck.values()) >= 1

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.stats import binom
@@ -17,7 +15,7 @@ SIXTY = range(6000, 6060)  # seeds of the benches; nothing was ever chosen by lo
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_both_ways_hold_the_truth_of_sixty_benches(tmp_path: Path) -> None:
+def test_both_ways_hold_the_truth_of_sixty_benches(tmp_path):
     """Counts that right intervals give with a chance above 1 in 1000, and an rms z of about 1."""
     (cell,) = (cell for cell in CELLS if cell.budget)
     z: dict[str, list[float]] = {name: [] for name in cell.counted}

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -52,7 +51,7 @@ SAMPLE = range(1000, 1006)
         pytest.param(two_calibrations, marks=pytest.mark.proof),
     ],
 )
-def test_a_sample_of_sweeps_holds_the_truth(sweep: Sweep) -> None:
+def test_a_sample_of_sweeps_holds_the_truth(sweep):
     """Counts that right intervals give with a chance above 1 in 1000, in every cell."""
     trials = [run_trial(sweep, "least_squares", seed) for seed in SAMPLE]
     counts = counted(trials, "least_squares")
@@ -64,13 +63,13 @@ def test_a_sample_of_sweeps_holds_the_truth(sweep: Sweep) -> None:
         assert one.rms_z < 2.5
 
 
-def test_the_whole_tool_measures_what_the_plant_alone_does() -> None:
+def test_the_whole_tool_measures_what_the_plant_alone_does():
     trial = run_trial(quad_chain, "least_squares", SAMPLE[0])
     for found in trial["quad, benchtool sweep and fit"].values():
         assert abs(found.value - found.truth) < 4.0 * found.sd
 
 
-def test_points_hold_the_errors_of_voltage_and_current(tmp_path: Path) -> None:
+def test_points_hold_the_errors_of_voltage_and_current(tmp_path):
     bench = drawn(SAMPLE[0], "single_bench")
     visited(bench, tmp_path / "run")
     points = read_points(tmp_path / "run")
@@ -102,7 +101,7 @@ def trials_with(spread: float, n: int = 400, seed: int = 1) -> list[Trial]:
     ]
 
 
-def test_right_intervals_pass_and_inflated_or_narrow_ones_do_not() -> None:
+def test_right_intervals_pass_and_inflated_or_narrow_ones_do_not():
     right, wide, narrow = (counted(trials_with(s), "least_squares") for s in (1.0, 1.25, 0.8))
     assert faults(right) == []
     assert any("intervals of 68% hold" in fault for fault in faults(wide))
@@ -112,7 +111,7 @@ def test_right_intervals_pass_and_inflated_or_narrow_ones_do_not() -> None:
     assert "| cell | least_squares | a | 400 |" in table(right)
 
 
-def test_a_mean_off_by_a_third_of_what_is_stated_is_a_bias() -> None:
+def test_a_mean_off_by_a_third_of_what_is_stated_is_a_bias():
     trials = [
         {"cell": {name: replace(fit, truth=fit.truth - 0.33) for name, fit in cell.items()}}
         for cell in (trial["cell"] for trial in trials_with(1.0))
@@ -123,7 +122,7 @@ def test_a_mean_off_by_a_third_of_what_is_stated_is_a_bias() -> None:
     assert not any(replace(count, mean_z=0.1).is_biased for count in counts)
 
 
-def test_a_trial_is_stored_whole(tmp_path: Path) -> None:
+def test_a_trial_is_stored_whole(tmp_path):
     item: tuple[Sweep, Method, int] = (single_sweep, "least_squares", 1000)
     with TaskStore(tmp_path / "trials.jsonl", {}) as store:
         ((_, fresh),) = run_tasks(cells_of, {"1000": item}, store=store, processes=0)

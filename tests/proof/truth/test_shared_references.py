@@ -67,7 +67,7 @@ def held(problems: list[Problem]) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("distances", [pytest.param(6, marks=pytest.mark.proof), 12])
-def test_intervals_hold_with_the_covariance_and_not_without(distances: int) -> None:
+def test_intervals_hold_with_the_covariance_and_not_without(distances):
     rng = np.random.default_rng([20261123, distances])
     problems = [problem(distances, rng) for _ in range(200)]
     for count, level in zip(held(problems), (0.6827, 0.95), strict=True):

@@ -21,7 +21,7 @@ def autoregressive(rng: np.random.Generator, shape: tuple[int, int], rho: float)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.8])
-def test_the_standard_error_is_the_scatter_of_means(rho: float) -> None:
+def test_the_standard_error_is_the_scatter_of_means(rho):
     values = autoregressive(np.random.default_rng(5), (400, 500), rho)
     scatter = values.mean(axis=1).std(ddof=1)
     stated = np.sqrt(np.mean([average(row).se ** 2 for row in values]))
@@ -30,7 +30,7 @@ def test_the_standard_error_is_the_scatter_of_means(rho: float) -> None:
 
 @pytest.mark.parametrize("rho", [0.0, 0.6])
 @pytest.mark.parametrize("lines", [1, 4])
-def test_vibrations_do_not_count_as_errors_of_the_mean(lines: int, rho: float) -> None:
+def test_vibrations_do_not_count_as_errors_of_the_mean(lines, rho):
     rng = np.random.default_rng(12)
     values = autoregressive(rng, (400, 160), rho)
     time_s = np.arange(160) / 80.0
@@ -44,19 +44,19 @@ def test_vibrations_do_not_count_as_errors_of_the_mean(lines: int, rho: float) -
     assert np.mean([one.sd for one in found]) > 1.5
 
 
-def test_gaps_are_left_out_and_few_values_are_told() -> None:
+def test_gaps_are_left_out_and_few_values_are_told():
     found = average(np.array([1.0, np.nan, 3.0]))
     assert (found.mean, found.n) == (2.0, 2)
     assert average(np.array([np.nan])).n == 0
     assert np.isnan(average(np.array([4.0])).se)
 
 
-def test_a_silent_channel_has_the_error_of_rounding() -> None:
+def test_a_silent_channel_has_the_error_of_rounding():
     assert average(np.full(100, 2.0), quantum=0.12).se == pytest.approx(0.12 / np.sqrt(12.0))
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.1, 0.3, 0.5, 0.7, 1.0])
-def test_rounding_counts_as_far_as_noise_leaves_it(noise: float) -> None:
+def test_rounding_counts_as_far_as_noise_leaves_it(noise):
     """Errors of means scatter by their standard error; within a quarter where steps are many."""
     rng = np.random.default_rng(8)
     true = rng.uniform(0.0, 1.0, 400)
@@ -71,7 +71,7 @@ def average_of(samples: np.ndarray) -> Average:
     return average(samples, quantum=1.0)
 
 
-def test_settled_needs_a_whole_window_and_every_channel() -> None:
+def test_settled_needs_a_whole_window_and_every_channel():
     time_s = np.arange(150) / 100.0
     flat = np.full(150, 5.0)
     falling = 5.0 - 0.1 * time_s
@@ -85,7 +85,7 @@ def test_settled_needs_a_whole_window_and_every_channel() -> None:
 
 @pytest.mark.parametrize("rho", [0.0, 0.8])
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.04])
-def test_missed_counts_move_neither_mean_nor_standard_error(rho: float, share: float) -> None:
+def test_missed_counts_move_neither_mean_nor_standard_error(rho, share):
     """2,000 simulated visits of 200 speeds about 4312 rpm, some of them read at half speed."""
     rng = np.random.default_rng(17)
     clean = 4312.0 + 12.0 * autoregressive(rng, (2000, 200), rho)
@@ -105,7 +105,7 @@ def test_missed_counts_move_neither_mean_nor_standard_error(rho: float, share: f
 
 
 @pytest.mark.parametrize("share", [0.06, 0.3, 0.48])
-def test_a_rotor_that_hunts_is_not_halved(share: float) -> None:
+def test_a_rotor_that_hunts_is_not_halved(share):
     rng = np.random.default_rng(9)
     slow = rng.permutation(400) < share * 400
     readings = np.where(slow, 4000.0, 4400.0) + 8.0 * rng.normal(size=400)
@@ -126,7 +126,5 @@ def test_a_rotor_that_hunts_is_not_halved(share: float) -> None:
         ([4000.0] * 6 + [2000.0], 0.0, 0),  # too few to judge
     ],
 )
-def test_steps_of_a_coarse_sensor_are_no_outliers(
-    values: list[float], quantum: float, rejected: int
-) -> None:
+def test_steps_of_a_coarse_sensor_are_no_outliers(values, quantum, rejected):
     assert average(np.array(values), quantum).n_rejected == rejected

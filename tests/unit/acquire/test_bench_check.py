@@ -2,7 +2,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import date
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -57,7 +56,7 @@ def failures(change) -> list[str]:
         return [f.name for f in check_bench(Rewired(bench, change), QUAD) if not f.passed]
 
 
-def test_a_good_bench_passes_every_check() -> None:
+def test_a_good_bench_passes_every_check():
     with open_bench("sim:pquad?seed=1") as bench:
         findings = list(check_bench(bench, QUAD))
     assert len(findings) == 2 + 3 * 4
@@ -73,20 +72,18 @@ def test_a_good_bench_passes_every_check() -> None:
         (count_poles_double, ["rotor 1 speed"]),
     ],
 )
-def test_wrong_wiring_is_found(change, failed: list[str]) -> None:
+def test_wrong_wiring_is_found(change, failed):
     assert failures(change) == failed
 
 
-def test_nothing_is_armed_while_a_rotor_turns() -> None:
+def test_nothing_is_armed_while_a_rotor_turns():
     bench = FakeBench(idle_rpm=200.0)
     with pytest.raises(BenchError, match="rpm1 reads 200 rpm at zero command, limit 30 rpm"):
         list(check_bench(bench, rig_named("pquad_single")))
     assert {value for what, value in bench.log if what == "pwm"} == {1000.0}
 
 
-def test_unattended_needs_a_check_of_the_same_day(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unattended_needs_a_check_of_the_same_day(tmp_path, monkeypatch):
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path))
     identity, today = FakeBench().identity, date(2026, 1, 31)
     with pytest.raises(InputError, match="it was never checked; run benchtool bench check fake:1"):
@@ -102,7 +99,7 @@ def test_unattended_needs_a_check_of_the_same_day(
         require_unattended(bench.identity, rig_named("pquad_single"), today)
 
 
-def test_what_makes_a_bench_more_dangerous_is_named() -> None:
+def test_what_makes_a_bench_more_dangerous_is_named():
     rig = rig_named("pquad")
     hello = replace(still_hello(), simulated=False, facts={"warning": "anybody may steer it"})
     warning, unseen, unwatched = arming_warnings(hello.identity("serial:x", 100.0), rig)

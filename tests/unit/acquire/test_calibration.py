@@ -21,7 +21,7 @@ def fitted(counts: np.ndarray, masses: np.ndarray = MASSES, **more: float):
     return fit_calibration(masses, counts, date="2026-01-31", device_id="d", gravity_m_s2=G, **more)
 
 
-def test_an_exact_line_comes_back() -> None:
+def test_an_exact_line_comes_back():
     found = fitted(8000.0 + 420.0 * MASSES * G)
     assert found.slope_N_per_count == pytest.approx(1.0 / 420.0, rel=1e-12)
     assert found.offset_N == pytest.approx(-8000.0 / 420.0, rel=1e-12)
@@ -30,12 +30,12 @@ def test_an_exact_line_comes_back() -> None:
     np.testing.assert_allclose(found.newtons(np.array([8420.0]), 8000.0), [1.0])
 
 
-def test_the_lever_divides_the_force_at_the_rotor() -> None:
+def test_the_lever_divides_the_force_at_the_rotor():
     found = fitted(420.0 * MASSES * G, lever_ratio=2.0)
     assert found.slope_N_per_count == pytest.approx(1.0 / 840.0, rel=1e-12)
 
 
-def test_hysteresis_is_the_gap_between_up_and_down() -> None:
+def test_hysteresis_is_the_gap_between_up_and_down():
     counts = 420.0 * MASSES * G
     counts[5:] += 420.0 * 0.03
     found = fitted(counts)
@@ -56,12 +56,12 @@ def test_hysteresis_is_the_gap_between_up_and_down() -> None:
         ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], {"lever_ratio": 0.0}, "lever ratio of 0"),
     ],
 )
-def test_nonsense_is_refused(masses, counts, more, words: str) -> None:
+def test_nonsense_is_refused(masses, counts, more, words):
     with pytest.raises(CalibrationError, match=words):
         fitted(np.array(counts), np.array(masses), **more)
 
 
-def test_a_calibration_survives_json_and_refuses_strange_keys() -> None:
+def test_a_calibration_survives_json_and_refuses_strange_keys():
     rng = np.random.default_rng(1)
     found = fitted(8000.0 + 420.0 * MASSES * G + rng.normal(0.0, 5.0, len(MASSES)))
     data = json.loads(json.dumps(asdict(found)))
@@ -82,9 +82,7 @@ def test_a_calibration_survives_json_and_refuses_strange_keys() -> None:
         (25.0, 95_000.0, 0.8, (95_000.0 - 0.378 * 0.8 * 3169.0) / (287.05 * 298.15)),
     ],
 )
-def test_density_of_moist_air(
-    temperature_degC: float, pressure_Pa: float, humidity: float, density: float
-) -> None:
+def test_density_of_moist_air(temperature_degC, pressure_Pa, humidity, density):
     found = air_density_kg_m3(temperature_degC, pressure_Pa, humidity)
     # A real gas is denser than the ideal one by about 4e-4 here.
     assert found == pytest.approx(density, rel=8e-4)
@@ -93,7 +91,7 @@ def test_density_of_moist_air(
 @pytest.mark.parametrize(
     "wrong", [{"temperature": 300.0}, {"pressure": 101325.0}, {"humidity": 145.0}]
 )
-def test_other_units_are_noticed(wrong: dict[str, float]) -> None:
+def test_other_units_are_noticed(wrong):
     with pytest.raises(InputError, match="allowed is"):
         Air(**wrong)
 
@@ -144,9 +142,7 @@ def counted(days: int, sd_day: float = 0.0, known: MassUncertainty | None = None
     ],
     ids=["five masses", "masses", "all that is stated", "five days", "three days"],
 )
-def test_intervals_of_the_slope_hold_the_truth(
-    days: int, sd_day: float, known: MassUncertainty | None
-) -> None:
+def test_intervals_of_the_slope_hold_the_truth(days, sd_day, known):
     """Counted over 2,000 calibrations; normal intervals of five masses hold it in 61 and 85 %."""
     for held, p in zip(counted(days, sd_day, known), (0.6827, 0.95), strict=True):
         low, high = binom.ppf([5e-4, 1.0 - 5e-4], TRIALS, p) / TRIALS
@@ -156,7 +152,7 @@ def test_intervals_of_the_slope_hold_the_truth(
         assert low - min(room, 0.015) <= held / TRIALS <= high + room, (p, held / TRIALS)
 
 
-def test_each_source_is_a_component() -> None:
+def test_each_source_is_a_component():
     masses = np.array([0.0, 0.5, 1.0])
     day = 8000.0 + 420.0 * masses * G
     wobble = np.array([1.0, -2.0, 1.0])
@@ -192,7 +188,7 @@ def test_each_source_is_a_component() -> None:
     assert traceability(data).endswith("by Ada on 2026-01-31, certificate DKD 17")
 
 
-def test_days_need_masses_of_their_own_and_the_same_lever() -> None:
+def test_days_need_masses_of_their_own_and_the_same_lever():
     counts = 8000.0 + 420.0 * MASSES * G
     with pytest.raises(CalibrationError, match="2 different masses on b"):
         fitted(counts, days=["a"] * 7 + ["b"] * 2)
@@ -216,7 +212,7 @@ def test_days_need_masses_of_their_own_and_the_same_lever() -> None:
         ("not stated", None, ""),
     ],
 )
-def test_the_age_of_a_calibration(started: str, valid_days: float | None, said: str) -> None:
+def test_the_age_of_a_calibration(started, valid_days, said):
     sensor = {} if valid_days is None else {"valid_days": valid_days}
     known = {"id": "c", "date": "2026-01-31T090000"}
     facts = {"started": started, "calibration": known, "rig": {"sensors": {"thrust_N": sensor}}}

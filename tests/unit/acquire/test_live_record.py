@@ -55,7 +55,7 @@ def recorded(path: Path, *levels: tuple[float, float]) -> tuple[Run, LiveSummary
     return run, summary
 
 
-def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path: Path) -> None:
+def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path):
     run, summary = recorded(tmp_path, (6.0, 1000.0), (22.0, 1400.0), (23.0, 1500.0), (34.0, 1600.0))
     samples, points = read_samples(run.path), read_points(run.path)
     assert len(samples) == summary.samples
@@ -86,7 +86,7 @@ def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path: Path) ->
     assert read_settings(run.path).column("n_repeats").sum() == summary.points
 
 
-def test_a_limit_ends_it_with_motors_at_zero_and_the_samples_on_the_disk(tmp_path: Path) -> None:
+def test_a_limit_ends_it_with_motors_at_zero_and_the_samples_on_the_disk(tmp_path):
     with pytest.raises(RunStopped):
         _stopped(tmp_path)
     (path,) = tmp_path.iterdir()

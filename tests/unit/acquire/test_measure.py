@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -30,7 +28,7 @@ thrust_N = 15.0
 """
 
 
-def test_every_frequency_that_moves_a_mean_is_named() -> None:
+def test_every_frequency_that_moves_a_mean_is_named():
     random = np.random.default_rng(3)
     named = 0
     for turns_Hz in random.uniform(20.0, 420.0, 4000):
@@ -44,7 +42,7 @@ def test_every_frequency_that_moves_a_mean_is_named() -> None:
     assert 25 <= named <= 60
 
 
-def test_a_point_of_a_sweep_is_marked_and_left_out_of_motor_constants(tmp_path: Path) -> None:
+def test_a_point_of_a_sweep_is_marked_and_left_out_of_motor_constants(tmp_path):
     rig = tmp_path / "loud.toml"
     rig.write_text(RIG)
     run = bt.sweep(f"sim:{rig}", plan="steps", yes=True, out=tmp_path / "run")

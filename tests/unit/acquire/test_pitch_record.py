@@ -47,7 +47,7 @@ def recorded(
     return run, summary
 
 
-def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path: Path) -> None:
+def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path):
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.controllers.laws import pitch_controller
     from benchtool.simulate.gain_file import gains_named
@@ -85,7 +85,7 @@ def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path:
     assert "40 s" in summary_line(summary)
 
 
-def test_it_begins_at_rest_and_ends_with_motors_that_stand_still(tmp_path: Path) -> None:
+def test_it_begins_at_rest_and_ends_with_motors_that_stand_still(tmp_path):
     run, summary = recorded(tmp_path / "run", replace(HOVER, seconds=2.0))
     samples = read_samples(run.path)
     rpm = samples.column("rpm1")
@@ -104,14 +104,14 @@ def test_it_begins_at_rest_and_ends_with_motors_that_stand_still(tmp_path: Path)
     assert f"{len(samples)} samples" in summary_line(summary)
 
 
-def test_the_plate_is_sent_before_anything_spins(tmp_path: Path) -> None:
+def test_the_plate_is_sent_before_anything_spins(tmp_path):
     away = "sim:pquad?mode=pitch&schedule=steps"
     run, _ = recorded(tmp_path / "run", replace(HOVER, seconds=1.0, plate_z_m=0.24), away)
     plate = read_pitch(run.path).column("plate_z_m")
     assert np.nanmax(np.abs(plate - 0.24)) < 1e-6
 
 
-def test_an_angle_beyond_the_limit_stops_it_and_is_on_the_disk(tmp_path: Path) -> None:
+def test_an_angle_beyond_the_limit_stops_it_and_is_on_the_disk(tmp_path):
     path = tmp_path / "run"
     with pytest.raises(LimitExceeded, match="theta_rad"):
         recorded(path, replace(HOVER, pitch_limit_rad=radians(1.0)))
@@ -141,7 +141,7 @@ class Interrupted:
         return self._bench.read(timeout_s)
 
 
-def test_ctrl_c_commands_zero_at_once(tmp_path: Path) -> None:
+def test_ctrl_c_commands_zero_at_once(tmp_path):
     run = Run.create(tmp_path / "run", HOVER.to_toml(), {"state": "running"})
     bench = Interrupted(KeyboardInterrupt(), 3.0)
     with pytest.raises(KeyboardInterrupt), GuardedBench(bench, RIG) as guarded:  # type: ignore[arg-type]
@@ -162,12 +162,12 @@ def test_ctrl_c_commands_zero_at_once(tmp_path: Path) -> None:
         ({"plate_z_m": 0.001}, r"0\.05"),
     ],
 )
-def test_what_the_limits_do_not_allow_is_refused(changes: dict[str, float], told: str) -> None:
+def test_what_the_limits_do_not_allow_is_refused(changes, told):
     with pytest.raises(PlanError, match=told):
         check_experiment(replace(HOVER, **changes), RIG)
 
 
-def test_limits_of_device_and_rig_hold() -> None:
+def test_limits_of_device_and_rig_hold():
     assert check_experiment(HOVER, RIG).thrust_N == pytest.approx(1.4 * 9.81, rel=0.01)
     assert "5505 rpm" in arming_text(HOVER, RIG, check_experiment(HOVER, RIG))
     with pytest.raises(PlanError, match="1500 us"):
@@ -182,8 +182,8 @@ def test_limits_of_device_and_rig_hold() -> None:
 
 
 def test_zero_comes_before_the_samples_of_a_beam_that_turned_too_far_are_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    tmp_path, monkeypatch
+):
     strict = replace(HOVER, pitch_limit_rad=radians(0.01))
     did: list[str] = []
     stop, write = GuardedBench.stop, RunWriter.samples

@@ -29,14 +29,14 @@ anchor_every = 4
 """
 
 
-def test_a_plan_reads_back_to_itself() -> None:
+def test_a_plan_reads_back_to_itself():
     plan = plan_from_toml(TEXT, "plan.toml").resolved(QUAD)
     assert plan_from_toml(plan_to_toml(plan), "again") == plan
     assert plan.plate.distances_m == (0.06, 0.12)
 
 
 @pytest.mark.parametrize("kind", ["randomised", "counterbalanced", "as_given"])
-def test_every_setting_is_visited_once_in_every_repeat(kind: str) -> None:
+def test_every_setting_is_visited_once_in_every_repeat(kind):
     plan = plan_from_toml(f"[order]\nkind = '{kind}'", "plan").resolved(QUAD)
     visits = visits_of(plan, QUAD)
     assert [visit.point for visit in visits] == list(range(1, len(visits) + 1))
@@ -48,7 +48,7 @@ def test_every_setting_is_visited_once_in_every_repeat(kind: str) -> None:
         assert sorted(numbers) == [setting.number for setting in settings_of(plan, QUAD)]
 
 
-def test_anchors_stand_at_moves_of_the_plate_and_at_both_ends() -> None:
+def test_anchors_stand_at_moves_of_the_plate_and_at_both_ends():
     plan = plan_from_toml(TEXT, "plan").resolved(QUAD)
     visits = visits_of(plan, QUAD)
     anchors = [index for index, visit in enumerate(visits) if visit.kind == "anchor"]
@@ -61,12 +61,12 @@ def test_anchors_stand_at_moves_of_the_plate_and_at_both_ends() -> None:
     assert all(visit.kind != "anchor" for visit in visits_of(none, QUAD))
 
 
-def test_rotors_that_are_off_get_the_stop_pulse() -> None:
+def test_rotors_that_are_off_get_the_stop_pulse():
     plan = plan_from_toml(TEXT, "plan").resolved(QUAD)
     assert settings_of(plan, QUAD)[0].pwm_us == (1400.0, 1000.0, 1400.0, 1000.0)
 
 
-def test_expected_thrust_is_that_of_k_and_the_pwm_map() -> None:
+def test_expected_thrust_is_that_of_k_and_the_pwm_map():
     plan = plan_from_toml("[throttle]\npwm_us = [1550.0]", "p").resolved(SINGLE)
     found = expected_extremes(plan, SINGLE)
     speed = 1.05 * (1550.0 - 1050.0)
@@ -100,12 +100,12 @@ def test_expected_thrust_is_that_of_k_and_the_pwm_map() -> None:
         ("[rest]\nabove_degC = 40.0", "not below rest.above_degC"),
     ],
 )
-def test_plans_beyond_the_limits_are_refused(text: str, words: str) -> None:
+def test_plans_beyond_the_limits_are_refused(text, words):
     with pytest.raises(PlanError, match=words):
         check_plan(plan_from_toml(text, "plan").resolved(QUAD), QUAD)
 
 
-def test_narrower_limits_of_the_device_hold_too() -> None:
+def test_narrower_limits_of_the_device_hold_too():
     plan = Plan().resolved(QUAD)
     assert check_plan(plan, QUAD).pwm_us == 1590.0
     with pytest.raises(PlanError, match="limit 5 N"):
@@ -114,7 +114,7 @@ def test_narrower_limits_of_the_device_hold_too() -> None:
         check_plan(plan, QUAD, {"pwm_us": 1500.0})
 
 
-def test_duration_counts_moves_settling_and_tares() -> None:
+def test_duration_counts_moves_settling_and_tares():
     plan = plan_from_toml(
         "repeats = 1\n[plate]\ndistances_m=[0.4]\n[throttle]\npwm_us=[1400.0]\n"
         "[order]\nreferences=false\nanchor_every=0\n",
@@ -125,7 +125,7 @@ def test_duration_counts_moves_settling_and_tares() -> None:
     assert expected_duration_s(plan, SINGLE, visits) == pytest.approx(10.0 + 1.5 + 3.7 + 2.5)
 
 
-def test_the_largest_rest_of_a_tare_follows_from_the_stated_zero() -> None:
+def test_the_largest_rest_of_a_tare_follows_from_the_stated_zero():
     cell = SINGLE.sensors["thrust_N"]
 
     def residual_N(**facts: float) -> float:

@@ -59,7 +59,7 @@ def begun(path: Path, done: int = 1, rows: int = 4) -> Run:
     return run
 
 
-def test_a_run_goes_on_behind_what_it_has(tmp_path: Path) -> None:
+def test_a_run_goes_on_behind_what_it_has(tmp_path):
     run = begun(tmp_path / "run")
     rest = unfinished(run)
     assert (rest.done, rest.left, rest.stage, rest.calibration) == (frozenset({1}), 1, None, None)
@@ -73,20 +73,20 @@ def test_a_run_goes_on_behind_what_it_has(tmp_path: Path) -> None:
     assert found.column("phase").tolist() == [code_of("phase", word) for word in words]
 
 
-def test_a_run_of_which_nothing_was_measured_begins_anew(tmp_path: Path) -> None:
+def test_a_run_of_which_nothing_was_measured_begins_anew(tmp_path):
     run = begun(tmp_path / "run", done=0, rows=0)
     assert prepare(unfinished(run)) == Start()
     (run.path / "points.csv").unlink()
     assert unfinished(run).left == 2
 
 
-def test_a_run_that_counted_no_losses_begins_with_none(tmp_path: Path) -> None:
+def test_a_run_that_counted_no_losses_begins_with_none(tmp_path):
     run = begun(tmp_path / "run", done=0)
     run.update_metadata(link=None)
     assert prepare(unfinished(run)) == Start(time_s=6.5, tares=1, link=LinkQuality(12))
 
 
-def test_what_was_counted_is_that_of_the_visits_of_the_plan(tmp_path: Path) -> None:
+def test_what_was_counted_is_that_of_the_visits_of_the_plan(tmp_path):
     run = begun(tmp_path / "run")
     points = run.point_writer(1)
     points.append(replace(point(9, "measure", 1, 9, 1.0), settled=False, suspect=True))
@@ -105,7 +105,7 @@ def test_what_was_counted_is_that_of_the_visits_of_the_plan(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["distances_m", "pwm_us"])
-def test_a_plan_that_does_not_state_its_grid_is_refused(tmp_path: Path, name: str) -> None:
+def test_a_plan_that_does_not_state_its_grid_is_refused(tmp_path, name):
     run = begun(tmp_path / "run")
     plan = run.path / "plan.toml"
     plan.write_text(re.sub(rf"(?ms)^{name} = \[.*?\]$", "", plan.read_text()))
@@ -113,7 +113,7 @@ def test_a_plan_that_does_not_state_its_grid_is_refused(tmp_path: Path, name: st
         unfinished(run)
 
 
-def test_where_nothing_is_left_the_run_is_closed_once(tmp_path: Path) -> None:
+def test_where_nothing_is_left_the_run_is_closed_once(tmp_path):
     run = begun(tmp_path / "run", done=2)
     said = "nothing is left to resume of .*: 2 visits, and all measured already"
     with pytest.raises(InputError, match=f"{said}; it was not closed, and is now$"):
@@ -123,7 +123,7 @@ def test_where_nothing_is_left_the_run_is_closed_once(tmp_path: Path) -> None:
         prepare(unfinished(run))
 
 
-def test_a_visit_whose_line_was_cut_is_not_done(tmp_path: Path) -> None:
+def test_a_visit_whose_line_was_cut_is_not_done(tmp_path):
     run = begun(tmp_path / "run", done=2)
     path = run.path / "points.csv"
     path.write_bytes(path.read_bytes()[:-1])
@@ -131,7 +131,7 @@ def test_a_visit_whose_line_was_cut_is_not_done(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["tare", "failed"])
-def test_points_that_measured_nothing_are_no_visits(tmp_path: Path, kind: str) -> None:
+def test_points_that_measured_nothing_are_no_visits(tmp_path, kind):
     run = begun(tmp_path / "run", done=0)
     points = run.point_writer(1)
     points.append(point(1, kind, 0, 0, 0.0))
@@ -139,7 +139,7 @@ def test_points_that_measured_nothing_are_no_visits(tmp_path: Path, kind: str) -
     assert unfinished(run).left == 2
 
 
-def test_a_line_that_cannot_be_read_is_no_visit_to_measure_again(tmp_path: Path) -> None:
+def test_a_line_that_cannot_be_read_is_no_visit_to_measure_again(tmp_path):
     run = begun(tmp_path / "run")
     with open(run.path / "points.csv", "a") as file:
         file.write("2,measure,x\n")
@@ -147,7 +147,7 @@ def test_a_line_that_cannot_be_read_is_no_visit_to_measure_again(tmp_path: Path)
         unfinished(run)
 
 
-def test_another_device_is_refused(tmp_path: Path) -> None:
+def test_another_device_is_refused(tmp_path):
     rest = unfinished(begun(tmp_path / "run"))
     identity = FakeBench().identity
     require_same_device(rest, identity)
@@ -164,9 +164,7 @@ def test_another_device_is_refused(tmp_path: Path) -> None:
         ({"experiment": "pitch"}, "no plan of a sweep", "stopped"),
     ],
 )
-def test_a_run_of_any_kind_is_closed(
-    tmp_path: Path, facts: dict[str, object], plan: str, state: str
-) -> None:
+def test_a_run_of_any_kind_is_closed(tmp_path, facts, plan, state):
     run = begun(tmp_path / "run", done=2)
     run.update_metadata(**facts)
     (run.path / "plan.toml").write_text(plan)

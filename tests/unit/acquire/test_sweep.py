@@ -82,7 +82,7 @@ def sweep(
     return summary, run
 
 
-def test_a_sweep_measures_every_visit_once(tmp_path: Path) -> None:
+def test_a_sweep_measures_every_visit_once(tmp_path):
     bench, watcher = FakeBench(), Watcher()
     summary, run = sweep(bench, tmp_path / "run", watcher=watcher)
     visits = visits_of(PLAN.resolved(RIG), RIG)
@@ -100,7 +100,7 @@ def test_a_sweep_measures_every_visit_once(tmp_path: Path) -> None:
     assert run.metadata["link"]["samples"] == summary.samples
 
 
-def test_the_plate_moves_only_with_zero_commanded_and_the_end_ramps_down(tmp_path: Path) -> None:
+def test_the_plate_moves_only_with_zero_commanded_and_the_end_ramps_down(tmp_path):
     bench = FakeBench()
     sweep(bench, tmp_path / "run")
     pulses: list[float] = []
@@ -115,7 +115,7 @@ def test_the_plate_moves_only_with_zero_commanded_and_the_end_ramps_down(tmp_pat
     assert bench.log[-2:] == [("stop", None), ("close", None)]
 
 
-def test_samples_of_points_are_those_of_the_phase(tmp_path: Path) -> None:
+def test_samples_of_points_are_those_of_the_phase(tmp_path):
     _, run = sweep(FakeBench(), tmp_path / "run")
     samples, points = read_samples(run.path), read_points(run.path)
     taken = samples.column("phase") == code_of("phase", "sample")
@@ -134,9 +134,7 @@ def test_samples_of_points_are_those_of_the_phase(tmp_path: Path) -> None:
     [LinkLost("the link is gone"), RunStopped("stopped by SIGTERM"), KeyboardInterrupt()],
     ids=lambda error: type(error).__name__,
 )
-def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(
-    tmp_path: Path, error: BaseException
-) -> None:
+def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(tmp_path, error):
     bench = FakeBench()
 
     def fail() -> None:
@@ -165,14 +163,14 @@ def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(
     assert len(read_points(tmp_path / "run")) >= 1
 
 
-def test_a_tare_that_leaves_too_much_is_refused(tmp_path: Path) -> None:
+def test_a_tare_that_leaves_too_much_is_refused(tmp_path):
     with pytest.raises(BenchError, match=r"after 3 tares \+0\.2 N are left .* limit 0\.0502 N"):
         sweep(FakeBench(left_N=0.2), tmp_path / "run")
     events = [event.event for event in read_events(tmp_path / "run" / "events.jsonl")]
     assert events == ["plate", *["tare_residual"] * 3, "stopped"]
 
 
-def test_a_rotor_that_turns_at_zero_is_refused(tmp_path: Path) -> None:
+def test_a_rotor_that_turns_at_zero_is_refused(tmp_path):
     bench = FakeBench(idle_rpm=250.0)
     said = "MOTORS MAY STILL TURN: rpm1 250.*rpm1 still reads 250 rpm 10 s after zero"
     with pytest.raises(StandstillNotSeen, match=said):
@@ -180,7 +178,7 @@ def test_a_rotor_that_turns_at_zero_is_refused(tmp_path: Path) -> None:
     assert ("tare", None) not in bench.log
 
 
-def test_a_thrust_that_creeps_is_taken_and_marked(tmp_path: Path) -> None:
+def test_a_thrust_that_creeps_is_taken_and_marked(tmp_path):
     bench = FakeBench()
     plan = replace(PLAN, settle=replace(PLAN.settle, timeout_s=2.0))
 
@@ -196,7 +194,7 @@ def test_a_thrust_that_creeps_is_taken_and_marked(tmp_path: Path) -> None:
     assert sum(event.event == "settle_timeout" for event in events) == summary.measured
 
 
-def test_an_anchor_that_has_drifted_asks_for_a_tare(tmp_path: Path) -> None:
+def test_an_anchor_that_has_drifted_asks_for_a_tare(tmp_path):
     bench = FakeBench()
 
     def drift() -> None:
@@ -212,14 +210,14 @@ def test_an_anchor_that_has_drifted_asks_for_a_tare(tmp_path: Path) -> None:
     assert len(read_points(run.path, ["tare"])) == 2
 
 
-def test_a_tare_is_repeated_after_its_time(tmp_path: Path) -> None:
+def test_a_tare_is_repeated_after_its_time(tmp_path):
     plan = replace(PLAN, tare=replace(PLAN.tare, every_minutes=0.2))
     summary, run = sweep(FakeBench(), tmp_path / "run", plan)
     assert summary.tares == 2
     assert 12.0 < read_points(run.path).column("elapsed_s").max() < 12.0 + 5.0
 
 
-def test_a_hot_esc_rests_until_it_has_cooled(tmp_path: Path) -> None:
+def test_a_hot_esc_rests_until_it_has_cooled(tmp_path):
     bench = FakeBench()
 
     def heat() -> None:
@@ -248,7 +246,7 @@ COUNTS = fit_calibration(
 )
 
 
-def test_a_run_is_recalibrated_beside_its_raw_data(tmp_path: Path) -> None:
+def test_a_run_is_recalibrated_beside_its_raw_data(tmp_path):
     _, plain = sweep(FakeBench(), tmp_path / "plain")
     _, scaled = sweep(FakeBench(), tmp_path / "scaled", calibration=COUNTS)
     before = data_hash(plain.path)
@@ -268,7 +266,7 @@ def test_a_run_is_recalibrated_beside_its_raw_data(tmp_path: Path) -> None:
         recalibrate(plain, COUNTS)
 
 
-def test_a_pause_stands_between_two_visits_with_motors_at_zero(tmp_path: Path) -> None:
+def test_a_pause_stands_between_two_visits_with_motors_at_zero(tmp_path):
     bench, watcher = FakeBench(), Watcher()
     asked: list[float] = []
 
@@ -294,7 +292,7 @@ def events_of(run: Run, kind: str) -> list[str]:
     return [item.text for item in read_events(run.path / "events.jsonl") if item.event == kind]
 
 
-def test_missed_counts_are_left_out_and_their_number_stands_beside(tmp_path: Path) -> None:
+def test_missed_counts_are_left_out_and_their_number_stands_beside(tmp_path):
     bench = FakeBench()
     bench.shown_rpm = lambda time_s, rpm: np.where((time_s * 100.0).round() % 50, rpm, rpm / 2)
     summary, run = sweep(bench, tmp_path / "run")
@@ -311,7 +309,7 @@ def test_missed_counts_are_left_out_and_their_number_stands_beside(tmp_path: Pat
     assert (taken < 2500.0).sum() == summary.measured  # raw samples stay
 
 
-def test_a_rotor_that_hunts_marks_its_points(tmp_path: Path) -> None:
+def test_a_rotor_that_hunts_marks_its_points(tmp_path):
     bench = FakeBench()
     bench.shown_rpm = lambda time_s, rpm: np.where((time_s * 100.0).round() % 10, rpm, 0.9 * rpm)
     summary, run = sweep(bench, tmp_path / "run")
@@ -324,7 +322,7 @@ def test_a_rotor_that_hunts_marks_its_points(tmp_path: Path) -> None:
     assert ended.text.endswith(f"{summary.measured} of them suspect")
 
 
-def test_a_speed_that_freezes_is_found_within_its_visit_and_measured_again(tmp_path: Path) -> None:
+def test_a_speed_that_freezes_is_found_within_its_visit_and_measured_again(tmp_path):
     bench, begun_s = FakeBench(), 5.0
     bench.shown_rpm = lambda time_s, rpm: np.where(
         (time_s > begun_s) & (time_s < begun_s + 1.5), 4001.0, rpm
@@ -339,7 +337,7 @@ def test_a_speed_that_freezes_is_found_within_its_visit_and_measured_again(tmp_p
     assert summary.measured == len(read_points(run.path))
 
 
-def test_a_speed_that_stays_frozen_fails_its_visits_and_the_run_says_so(tmp_path: Path) -> None:
+def test_a_speed_that_stays_frozen_fails_its_visits_and_the_run_says_so(tmp_path):
     bench = FakeBench()
     bench.shown_rpm = lambda time_s, rpm: np.full(rpm.shape, 4001.0)
     with pytest.raises(RunStopped, match="too few, late or frozen, 0 are measured"):

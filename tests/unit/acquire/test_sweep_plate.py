@@ -92,7 +92,7 @@ anchor_every = 0
     return read_points(path).column("plate_z_m").tolist()
 
 
-def test_a_stage_that_is_right_is_believed_and_remembered(tmp_path: Path) -> None:
+def test_a_stage_that_is_right_is_believed_and_remembered(tmp_path):
     bench = bench_beside()
     found = sweep(bench, Carries(bench), "0.1, 0.5", tmp_path / "run")
     assert found == pytest.approx([0.1, 0.5], abs=2e-4)
@@ -109,9 +109,7 @@ def test_a_stage_that_is_right_is_believed_and_remembered(tmp_path: Path) -> Non
         ({0: 1.2}, "0.2", "still reads 1.4000 m after the move to 0.2 m"),
     ],
 )
-def test_lost_steps_end_the_run_before_motors_turn(
-    tmp_path: Path, lost_m: dict[int, float], distances: str, said: str
-) -> None:
+def test_lost_steps_end_the_run_before_motors_turn(tmp_path, lost_m, distances, said):
     bench = bench_beside()
     stage = Carries(bench, lost_m)
     with pytest.raises(StageError, match=said):
@@ -129,7 +127,7 @@ class Miswired(Carries):
         return super().move(z_m + 0.2, x_m, tilt_rad, pause)
 
 
-def test_a_stage_that_reports_another_place_than_its_target_ends_the_run(tmp_path: Path) -> None:
+def test_a_stage_that_reports_another_place_than_its_target_ends_the_run(tmp_path):
     bench = bench_beside()
     stage = Miswired(bench)
     said = r"reads 1\.3000 m after the move to 1\.1 m, the stage says 1\.3000 m, tolerance 1\.5 mm"
@@ -138,14 +136,14 @@ def test_a_stage_that_reports_another_place_than_its_target_ends_the_run(tmp_pat
     assert stage.highest_us == 1000.0
 
 
-def test_it_does_so_without_a_position_channel() -> None:
+def test_it_does_so_without_a_position_channel():
     with GuardedBench(FakeBench(), RIG) as bench:
         bench.confirm_plate(1.1, 1.1014)
         with pytest.raises(StageError, match=r"stage says 1\.1016 m after the move to 1\.1 m"):
             bench.confirm_plate(1.1, 1.1016)
 
 
-def test_a_resumed_run_names_the_stage_that_moved_the_plate(tmp_path: Path) -> None:
+def test_a_resumed_run_names_the_stage_that_moved_the_plate(tmp_path):
     bench = bench_beside()
     with pytest.raises(BenchtoolError):
         sweep(bench, Carries(bench, {1: 0.04}), "0.2, 0.6", tmp_path / "run")

@@ -43,7 +43,7 @@ def swept(plan: Plan, out: Path, **inputs: object) -> Run:
 
 
 @pytest.mark.parametrize("name", THROTTLE_TESTS)
-def test_a_shipped_test_keeps_the_limits_of_every_rig(name: str) -> None:
+def test_a_shipped_test_keeps_the_limits_of_every_rig(name):
     for rig_name in rig_names():
         rig = rig_named(rig_name)
         plan = read_plan(name).resolved(rig)
@@ -53,7 +53,7 @@ def test_a_shipped_test_keeps_the_limits_of_every_rig(name: str) -> None:
         assert all(visit.setting.place.parked for visit in visits)
 
 
-def test_steps_go_up_and_then_down_at_percentages_of_the_pulse_range() -> None:
+def test_steps_go_up_and_then_down_at_percentages_of_the_pulse_range():
     rig = rig_named("pquad_single")  # pulses from 1050 to 1950 us
     levels = [visit.setting.level_us for visit in visits_of(read_plan("steps").resolved(rig), rig)]
     up = [1140.0, 1230.0, 1320.0, 1410.0, 1500.0, 1590.0, 1680.0, 1770.0]
@@ -65,7 +65,7 @@ def test_steps_go_up_and_then_down_at_percentages_of_the_pulse_range() -> None:
     assert ramp == [1140.0, 1770.0] * 2
 
 
-def test_a_ramp_records_every_sample_on_the_way(tmp_path: Path) -> None:
+def test_a_ramp_records_every_sample_on_the_way(tmp_path):
     plan = read_plan("ramp")
     swept(plan, tmp_path / "run")
     pulses_us = read_samples(tmp_path / "run").column("pwm1_us")
@@ -75,7 +75,7 @@ def test_a_ramp_records_every_sample_on_the_way(tmp_path: Path) -> None:
     assert np.max(np.diff(between)) <= 630.0 / 400.0 + 1e-6
 
 
-def test_nothing_is_moved_on_a_bench_without_a_stage(tmp_path: Path) -> None:
+def test_nothing_is_moved_on_a_bench_without_a_stage(tmp_path):
     run = swept(SHORT, tmp_path / "run", stage="none")
     points = read_points(run.path)
     assert len(points) == 4

@@ -27,13 +27,13 @@ def span(thrust_values: int, rpm_values: int) -> Recording:
         (160, 40, "40 of 200 samples of rpm1"),
     ],
 )
-def test_a_point_needs_its_share(thrust: int, rpm: int, said: str) -> None:
+def test_a_point_needs_its_share(thrust, rpm, said):
     text = checks(thrust_N=80.0, rpm1=100.0).shortage(span(thrust, rpm))
     assert text.startswith(said)
     assert bool(text) == bool(said)
 
 
-def test_a_channel_that_never_had_a_value_is_short_whatever_its_rate() -> None:
+def test_a_channel_that_never_had_a_value_is_short_whatever_its_rate():
     assert "0 of 0 samples of thrust_N" in checks(thrust_N=0.0).shortage(span(0, 0))
 
 
@@ -66,7 +66,7 @@ def frozen(seen: Recording, before: float | None = None, sensor: Sensor | None =
     return own.frozen(seen, 0.0).get("rpm1", "")
 
 
-def test_a_speed_whose_noise_does_not_show_is_frozen() -> None:
+def test_a_speed_whose_noise_does_not_show_is_frozen():
     assert frozen(visit(RAW)) == ""
     assert frozen(visit(np.where(np.arange(300) < 205, RAW, 4310.0))) == ""  # not yet a second
     stuck = np.where(np.arange(300) < 150, RAW, 4310.0)
@@ -74,7 +74,7 @@ def test_a_speed_whose_noise_does_not_show_is_frozen() -> None:
     assert frozen(visit(stuck)).startswith(said)
 
 
-def test_a_coarse_speed_may_repeat_itself_unless_the_pulses_or_the_thrust_changed() -> None:
+def test_a_coarse_speed_may_repeat_itself_unless_the_pulses_or_the_thrust_changed():
     same = np.full(300, 4300.0)
     assert frozen(visit(same), sensor=COARSE) == ""
     assert frozen(visit(same), 4100.0, COARSE) == ""
@@ -85,7 +85,7 @@ def test_a_coarse_speed_may_repeat_itself_unless_the_pulses_or_the_thrust_change
 
 
 @pytest.mark.parametrize("channel", ["rpm1", "thrust_N"])
-def test_telemetry_older_than_its_period_is_late(channel: str) -> None:
+def test_telemetry_older_than_its_period_is_late(channel):
     seen = visit(RAW)
     values = seen.values.copy()
     values[255:, seen.index(channel)] = np.nan

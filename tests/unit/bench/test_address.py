@@ -9,7 +9,6 @@ from benchtool.acquire.operator import Unattended
 from benchtool.acquire.sweep_run import sweep_to_run
 from benchtool.bench.addresses import (
     LOOPBACK,
-    Address,
     GrblAddress,
     MavlinkAddress,
     ReplayAddress,
@@ -61,7 +60,7 @@ start_offset_N = 2.0
         ),
     ],
 )
-def test_an_address_is_parsed_into_typed_values(text: str, address: Address) -> None:
+def test_an_address_is_parsed_into_typed_values(text, address):
     assert parse_address(text) == replace(address, text=text)
 
 
@@ -98,7 +97,7 @@ def test_a_wrong_address_says_what_is_wrong(text, said):
 GRBL = "grbl:/dev/x"
 
 
-def test_a_stage_is_parsed_into_typed_values() -> None:
+def test_a_stage_is_parsed_into_typed_values():
     assert parse_stage("hand") == "hand"
     text = f"{GRBL}?axis=X&zero_mm=1500.5&direction=-1&lateral=Z&lateral_zero_mm=-3&baud=9600"
     assert parse_stage(text) == GrblAddress(
@@ -122,7 +121,7 @@ def test_a_stage_is_parsed_into_typed_values() -> None:
         (f"{GRBL}?tilt=A", "unknown option of grbl: addresses 'tilt'"),
     ],
 )
-def test_a_wrong_stage_is_refused_in_a_dry_run_too(option: str, said: str) -> None:
+def test_a_wrong_stage_is_refused_in_a_dry_run_too(option, said):
     given = {"address": "serial:/dev/none", "rig": "pquad_single", "stage": option, "dry_run": True}
     inputs = make(SweepInputs, {**given, "z_over_r": "2", "pwm": "1500"}, base=SweepInputs())
     with pytest.raises(InputError, match=said):
@@ -141,7 +140,7 @@ DIGITS = "1" * 5000
     ],
     ids=lambda text: text[:30],
 )
-def test_a_wrong_link_is_refused_with_the_known_ones(text: str) -> None:
+def test_a_wrong_link_is_refused_with_the_known_ones(text):
     with pytest.raises(InputError, match=r"0 .any. to 65535; known: pty, tcp:PORT") as caught:
         ServedLink.parse(text)
     assert len(str(caught.value)) < 300

@@ -48,9 +48,7 @@ ANSWER_S = 0.013  # 95 % of the answers of Grbl 1.1h came within it
 
 @pytest.mark.parametrize("start_mm", range(0, 40, 4))
 @pytest.mark.parametrize("z_m", [0.3, 0.08, 0.06, 0.052])
-def test_a_plate_that_runs_past_its_target_is_held_outside_of_the_least_gap(
-    z_m: float, start_mm: int
-) -> None:
+def test_a_plate_that_runs_past_its_target_is_held_outside_of_the_least_gap(z_m, start_mm):
     link = Misheard()
     stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, min_gap_m=0.05, clock=link.clock)
     stage.open()
@@ -66,7 +64,7 @@ def test_a_plate_that_runs_past_its_target_is_held_outside_of_the_least_gap(
     assert link.stage.position_mm["Z"] > -1450.0
 
 
-def test_a_distance_without_room_to_brake_is_refused_before_anything_moves() -> None:
+def test_a_distance_without_room_to_brake_is_refused_before_anything_moves():
     link = Looped()
     stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, min_gap_m=0.05, clock=link.clock)
     stage.open()
@@ -77,7 +75,7 @@ def test_a_distance_without_room_to_brake_is_refused_before_anything_moves() -> 
     assert stage.move(0.0511, 0.0, 0.0, quiet) == pytest.approx(0.0511)
 
 
-def test_the_host_homes_moves_waits_and_leaves_a_soft_limit_by_a_reset() -> None:
+def test_the_host_homes_moves_waits_and_leaves_a_soft_limit_by_a_reset():
     link, heard = Looped(), []
     stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, clock=link.clock, opening=heard.append)
     stage.open()
@@ -90,7 +88,7 @@ def test_the_host_homes_moves_waits_and_leaves_a_soft_limit_by_a_reset() -> None
     assert stage.move(1.4, 0.0, 0.0, quiet) == pytest.approx(1.4)
 
 
-def test_the_host_goes_on_from_a_hold() -> None:
+def test_the_host_goes_on_from_a_hold():
     link = Looped()
     stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, clock=link.clock)
     stage.open()

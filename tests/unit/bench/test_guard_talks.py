@@ -142,7 +142,7 @@ CHECKS = (
 
 
 @pytest.mark.parametrize("talk", TALKS, ids=lambda talk: talk.split("\n")[0])
-def test_a_guarded_bench(talk: str, fake: FakeBench) -> None:
+def test_a_guarded_bench(talk, fake):
     _, *lines = talk.split("\n")
     given: dict[str, Any] = {}
     while lines[0].startswith("with "):

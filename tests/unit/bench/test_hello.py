@@ -18,7 +18,7 @@ from tests.wire.still_plant import still_hello
 LINES = hello_lines(still_hello())
 
 
-def test_a_hello_survives_its_text() -> None:
+def test_a_hello_survives_its_text():
     hello = still_hello(speed=20.0, simulated=True, baud=115200, watchdog_s=0.1)
     lines = hello_lines(hello)
     assert hello_from(lines) == hello
@@ -38,7 +38,7 @@ BAD_NUMBERS = ("nan", "inf", "-inf", "-1", "1e400", "9" * 400, "", "ten", "0x10"
 @pytest.mark.parametrize(
     "key", ["speed", "watchdog", "rate", "rotors", "frame", "baud", "plate", "simulated"]
 )
-def test_every_number_has_a_range(key: str, text: str) -> None:
+def test_every_number_has_a_range(key, text):
     with pytest.raises(ProtocolError, match=rf"hello makes no sense: {key} is .*, not a number"):
         hello_from(changed(key, text))
 
@@ -59,7 +59,7 @@ def test_every_number_has_a_range(key: str, text: str) -> None:
         ("channel", ["way"], "too few fields"),
     ],
 )
-def test_what_else_makes_no_sense(key: str, values: list[str], words: str) -> None:
+def test_what_else_makes_no_sense(key, values, words):
     with pytest.raises(ProtocolError, match=words.replace("[", r"\[")):
         hello_from(changed(key, *values))
 
@@ -77,13 +77,13 @@ def read(
     return reader.hello(answer)
 
 
-def test_a_line_that_got_lost_may_come_with_the_next_try() -> None:
+def test_a_line_that_got_lost_may_come_with_the_next_try():
     reader = HelloReader()
     assert read(INDEXED[:7] + INDEXED[8:], ANSWER, reader) is None
     assert read(INDEXED[7:9], ANSWER, reader) == still_hello()
 
 
-def test_a_wrong_sum_over_all_lines_starts_over() -> None:
+def test_a_wrong_sum_over_all_lines_starts_over():
     reader = HelloReader()
     damaged = [*INDEXED[:3], ("3", "rotors", "7"), *INDEXED[4:]]
     assert read(damaged, ANSWER, reader) is None
@@ -91,7 +91,7 @@ def test_a_wrong_sum_over_all_lines_starts_over() -> None:
     assert read(INDEXED[3:], ANSWER, reader) == still_hello()
 
 
-def test_a_hello_without_end_is_not_stored() -> None:
+def test_a_hello_without_end_is_not_stored():
     reader = HelloReader()
     for index in range(10_000):
         reader.take((str(index), "fact", "a", "b"))

@@ -28,7 +28,7 @@ HEARD: dict[Kind, bytes] = {
 
 
 @pytest.mark.parametrize("kind", HEARD)
-def test_what_speaks_is_known(kind: Kind) -> None:
+def test_what_speaks_is_known(kind):
     assert kind_of(HEARD[kind]) == kind
 
 
@@ -39,7 +39,7 @@ def test_what_speaks_is_known(kind: Kind) -> None:
         ("noise", "the baud rate is wrong: GRBL has 115200"),
     ],
 )
-def test_a_stage_that_is_none_is_named(kind: Kind, said: str) -> None:
+def test_a_stage_that_is_none_is_named(kind, said):
     link = Talker(HEARD[kind])
     stage = GrblStage(link, GrblAxis("Z", 1.5), 0.1, clock=link.clock, name="the stage on /dev/y")
     with pytest.raises(ProtocolError, match=re.escape(said)):

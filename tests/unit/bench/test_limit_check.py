@@ -52,13 +52,13 @@ def stopped_at_s(
 
 
 @SPREADS
-def test_a_healthy_bench_goes_on(spread: NDArray[np.bool_]) -> None:
+def test_a_healthy_bench_goes_on(spread):
     assert stopped_at_s(spread, [4512.0] * 4, 9.2, 1500.0)[1] is None
 
 
 @SPREADS
 @pytest.mark.parametrize("block", [1, 5])
-def test_thrust_of_the_wrong_sign_stops_it(spread: NDArray[np.bool_], block: int) -> None:
+def test_thrust_of_the_wrong_sign_stops_it(spread, block):
     when_s, error = stopped_at_s(spread, [4512.0] * 4, -5.0, 1500.0, block)
     assert error is not None
     assert error.channel == "thrust_N"
@@ -67,7 +67,7 @@ def test_thrust_of_the_wrong_sign_stops_it(spread: NDArray[np.bool_], block: int
 
 @SPREADS
 @pytest.mark.parametrize("block", [1, 3, 5])
-def test_a_rotor_that_does_not_turn_stops_it(spread: NDArray[np.bool_], block: int) -> None:
+def test_a_rotor_that_does_not_turn_stops_it(spread, block):
     when_s, error = stopped_at_s(spread, [4512.0, 4512.0, 0.0, 4512.0], 6.9, 1500.0, block)
     assert error is not None
     assert error.channel == "rpm3"
@@ -124,7 +124,7 @@ def follows(time_s: Array, told_rpm: Array) -> Array:
     return told_rpm + 5.0 * np.sin(40.0 * time_s)[:, None]
 
 
-def test_a_loop_that_takes_a_rotor_far_from_the_hosts_pulse_goes_on() -> None:
+def test_a_loop_that_takes_a_rotor_far_from_the_hosts_pulse_goes_on():
     def saturated(time_s: Array) -> Array:
         pulses = hovering(time_s)
         pulses[time_s > 3.0, 2] = RIG.propulsion.pwm_start_us + 5.0  # held there by the loop
@@ -142,7 +142,7 @@ def test_a_loop_that_takes_a_rotor_far_from_the_hosts_pulse_goes_on() -> None:
     assert error.channel == "rpm3"
 
 
-def test_a_schedule_that_ends_by_itself_goes_on() -> None:
+def test_a_schedule_that_ends_by_itself_goes_on():
     def ends(time_s: Array) -> Array:
         stop_us = RIG.propulsion.pwm_stop_us
         return np.where(time_s[:, None] < 5.0, hovering(time_s), stop_us)
@@ -151,7 +151,7 @@ def test_a_schedule_that_ends_by_itself_goes_on() -> None:
 
 
 @pytest.mark.parametrize("block_s", [0.01, 0.05, 0.4])
-def test_a_dead_motor_under_a_loop_is_stopped(block_s: float) -> None:
+def test_a_dead_motor_under_a_loop_is_stopped(block_s):
     def dead(time_s: Array, told_rpm: Array) -> Array:
         rpm = follows(time_s, told_rpm)
         rpm[time_s > 4.0, 1] = 0.0
@@ -165,7 +165,7 @@ def test_a_dead_motor_under_a_loop_is_stopped(block_s: float) -> None:
     assert 6.0 < when_s < 4.0 + 2.0 + 1.0 + 2.0 * block_s
 
 
-def test_a_dead_motor_is_found_though_its_pulses_touch_the_start_again_and_again() -> None:
+def test_a_dead_motor_is_found_though_its_pulses_touch_the_start_again_and_again():
     def wild(time_s: Array) -> Array:
         swing_us = 450.0 * np.sin(2.0 * np.pi * 1.0 * time_s)
         return HOVER_US + np.outer(swing_us, [1.0, -1.0, 1.0, -1.0])
@@ -181,7 +181,7 @@ def test_a_dead_motor_is_found_though_its_pulses_touch_the_start_again_and_again
     assert when_s < 3.5
 
 
-def test_a_motor_that_runs_away_under_a_loop_is_stopped() -> None:
+def test_a_motor_that_runs_away_under_a_loop_is_stopped():
     def away(time_s: Array, told_rpm: Array) -> Array:
         rpm = follows(time_s, told_rpm)
         rpm[time_s > 2.0, 3] = 5000.0
@@ -196,7 +196,7 @@ def test_a_motor_that_runs_away_under_a_loop_is_stopped() -> None:
     assert 7.0 < when_s < 8.5
 
 
-def test_motors_that_a_loop_turns_after_the_hosts_zero_are_stopped() -> None:
+def test_motors_that_a_loop_turns_after_the_hosts_zero_are_stopped():
     stop_us = RIG.propulsion.pwm_stop_us
     when_s, error = loop_stopped_at_s(hovering, follows, host_us=stop_us)
     assert error is not None
@@ -206,7 +206,7 @@ def test_motors_that_a_loop_turns_after_the_hosts_zero_are_stopped() -> None:
     assert loop_stopped_at_s(hovering, follows, host_us=stop_us, armed_else=True)[1] is None
 
 
-def test_the_hosts_zero_ends_what_an_operator_began_too() -> None:
+def test_the_hosts_zero_ends_what_an_operator_began_too():
     check = LimitCheck(LOOP_CHANNELS, RIG, RIG.limits, 1.0, 0.0)
     check.expect_loop(0.0, armed_else=True)
     time_s = np.arange(1, 1501) / RATE_HZ
@@ -220,7 +220,7 @@ def test_the_hosts_zero_ends_what_an_operator_began_too() -> None:
     assert error.channel == "rpm1"
 
 
-def test_reported_pulses_that_fall_silent_stop_a_loop() -> None:
+def test_reported_pulses_that_fall_silent_stop_a_loop():
     def silent(time_s: Array) -> Array:
         pulses = hovering(time_s)
         pulses[time_s > 4.0] = np.nan
@@ -232,7 +232,7 @@ def test_reported_pulses_that_fall_silent_stop_a_loop() -> None:
     assert when_s < 5.2
 
 
-def test_a_loop_that_reports_no_pulses_is_judged_by_the_hosts() -> None:
+def test_a_loop_that_reports_no_pulses_is_judged_by_the_hosts():
     def slow(time_s: Array, told_rpm: Array) -> Array:
         return np.where(time_s[:, None] > 3.0, 100.0, told_rpm)
 
@@ -242,7 +242,7 @@ def test_a_loop_that_reports_no_pulses_is_judged_by_the_hosts() -> None:
     assert when_s < 3.2
 
 
-def test_a_host_that_slept_does_not_stop_a_loop_for_it() -> None:
+def test_a_host_that_slept_does_not_stop_a_loop_for_it():
     check = LimitCheck(LOOP_CHANNELS, RIG, RIG.limits, 1.0, 0.0)
     check.expect_loop(0.0, armed_else=False)
     check.commanded(np.full(4, HOVER_US), 0.0)
@@ -257,7 +257,7 @@ def test_a_host_that_slept_does_not_stop_a_loop_for_it() -> None:
 
 
 @pytest.mark.parametrize("channels", [CHANNELS[:4], LOOP_CHANNELS])
-def test_the_newest_speed_is_held_against_the_hosts_zero(channels: tuple[Channel, ...]) -> None:
+def test_the_newest_speed_is_held_against_the_hosts_zero(channels):
     check = LimitCheck(channels, RIG, RIG.limits, 1.0, 0.0)
     check.expect_loop(0.0, armed_else=False)
     check.commanded(np.full(4, RIG.propulsion.pwm_stop_us), 0.0)
@@ -269,7 +269,7 @@ def test_the_newest_speed_is_held_against_the_hosts_zero(channels: tuple[Channel
     assert check.breach(time_s[:2] + 0.06, rows[[2, 0]]) is not None
 
 
-def test_limits_without_a_channel_are_named() -> None:
+def test_limits_without_a_channel_are_named():
     told = unwatched_limits(LOOP_CHANNELS, RIG.n_rotors)
     missing = [name for name in ("voltage_V", "current_A", "temperature_degC")
                if name not in [channel.name for channel in LOOP_CHANNELS]]  # fmt: skip
@@ -290,9 +290,7 @@ def test_limits_without_a_channel_are_named() -> None:
         (4512.0, lambda expected_N, margin_N: 0.2 * expected_N - margin_N + 0.06, False),
     ],
 )
-def test_the_band_of_plausible_thrust(
-    rpm: float, thrust_N: Callable[[float, float], float], stops: bool
-) -> None:
+def test_the_band_of_plausible_thrust(rpm, thrust_N, stops):
     square = 4.0 * (rpm * np.pi / 30.0) ** 2
     expected_N = RIG.propulsion.thrust_coefficient_N_s2 * square
     shown_N = thrust_N(expected_N, 0.05 * RIG.limits.load_cell_rating_N)
@@ -301,7 +299,7 @@ def test_the_band_of_plausible_thrust(
     assert when_s < 1.0 or not stops
 
 
-def test_one_implausible_reading_among_good_ones_is_borne() -> None:
+def test_one_implausible_reading_among_good_ones_is_borne():
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
     check.commanded(np.full(4, 1500.0), 0.0)
     for step in range(200):
@@ -311,7 +309,7 @@ def test_one_implausible_reading_among_good_ones_is_borne() -> None:
 
 
 @pytest.mark.parametrize(("share", "limit_N"), [(1.1, 1.0), (-1.1, -1.0)])
-def test_a_reading_beyond_a_limit_names_the_limit_on_its_side(share: float, limit_N: float) -> None:
+def test_a_reading_beyond_a_limit_names_the_limit_on_its_side(share, limit_N):
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
     rated_N = RIG.limits.thrust_N
     error = check.breach(np.array([0.1]), np.array([[0.0] * 4 + [share * rated_N]]))
@@ -319,7 +317,7 @@ def test_a_reading_beyond_a_limit_names_the_limit_on_its_side(share: float, limi
     assert (error.value, error.limit) == (share * rated_N, limit_N * rated_N)
 
 
-def test_the_last_reading_of_a_block_is_held_against_the_pulse() -> None:
+def test_the_last_reading_of_a_block_is_held_against_the_pulse():
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
     check.commanded(np.full(4, 1500.0), 0.0)
     time_s = 3.0 + 0.01 * np.arange(1, 6)
@@ -336,9 +334,7 @@ PLATE_FIRST = (Channel("plate_z_m", "m"), *CHANNELS[:4])
 @pytest.mark.parametrize(
     ("more_us", "more_m", "stops"), [(1.0, -1e-6, True), (0.0, -1e-6, False), (1.0, 1e-6, False)]
 )
-def test_a_plate_inside_the_least_gap_stops_motors_that_turn(
-    more_us: float, more_m: float, stops: bool
-) -> None:
+def test_a_plate_inside_the_least_gap_stops_motors_that_turn(more_us, more_m, stops):
     check = LimitCheck(PLATE_FIRST, RIG, RIG.limits, 1.0, 0.0)
     check.commanded(np.full(4, RIG.propulsion.pwm_stop_us + more_us), 0.0)
     nearest_m = RIG.plate.z_min_m - plate_tolerance_m(RIG)
@@ -346,7 +342,7 @@ def test_a_plate_inside_the_least_gap_stops_motors_that_turn(
     assert (check.breach(np.array([0.1, 0.2]), rows) is not None) == stops
 
 
-def test_a_load_cell_is_not_stuck_while_nobody_reads_it() -> None:
+def test_a_load_cell_is_not_stuck_while_nobody_reads_it():
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
     check.commanded(np.full(4, 1500.0), 0.0)
     found = []
@@ -358,7 +354,7 @@ def test_a_load_cell_is_not_stuck_while_nobody_reads_it() -> None:
     assert stuck[0] == pytest.approx(24 + 7, abs=1.1)
 
 
-def test_thrust_is_not_implausible_while_nobody_reads_it() -> None:
+def test_thrust_is_not_implausible_while_nobody_reads_it():
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
     check.commanded(np.full(4, 1500.0), 0.0)
     times_s = [*np.arange(0.1, 0.45, 0.1), *np.arange(9.0, 10.0, 0.1)]
@@ -369,7 +365,7 @@ def test_thrust_is_not_implausible_while_nobody_reads_it() -> None:
 
 
 @pytest.mark.parametrize("number", range(5))
-def test_a_channel_that_falls_silent_is_named(number: int) -> None:
+def test_a_channel_that_falls_silent_is_named(number):
     check = LimitCheck(CHANNELS, RIG, RIG.limits, 1.0, 0.0)
     row = np.array([0.0, 0.0, 0.0, 0.0, 0.0])
     for step in range(1, 300):

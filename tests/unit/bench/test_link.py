@@ -26,20 +26,20 @@ from benchtool.bench.serial.hello import check_rate, highest_rate_Hz
 from benchtool.core.errors import InputError
 
 
-def test_lines_as_sent() -> None:
+def test_lines_as_sent():
     assert HEARTBEAT == b"$B*8976\n"
     spin = SetPwm((1200.0, 1200.5))
     assert frame_command(6, spin, (1 << 32) + 70) == frame(b"C,6,pwm,70,1200,1200.5")
     assert frame_command(1, RequestHello()) == frame(b"C,1,hello,2")
 
 
-def test_text_cannot_break_a_line() -> None:
+def test_text_cannot_break_a_line():
     line = frame_fields("E", ("note", "5*3 $ \r\n ü"))
     assert line.count(b"$") == line.count(b"*") == line.count(b"\n") == 1
     assert len(messages_in(line)) == 1
 
 
-def test_samples_come_back(rng: np.random.Generator) -> None:
+def test_samples_come_back(rng):
     values = np.round(rng.uniform(-1000, 20000, (500, 12)), 1)
     values[rng.random(values.shape) < 0.3] = np.nan
     values[0], values[:, -1] = np.nan, np.nan
@@ -51,7 +51,7 @@ def test_samples_come_back(rng: np.random.Generator) -> None:
     assert (batch.lost, batch.corrupt) == (0, 0)
 
 
-def test_device_time_goes_on_over_its_wrap() -> None:
+def test_device_time_goes_on_over_its_wrap():
     decoder = Decoder(1)
     times_us = (1 << 32) - 1500 + 1000 * np.arange(4)
     first, second = (
@@ -62,7 +62,7 @@ def test_device_time_goes_on_over_its_wrap() -> None:
     np.testing.assert_array_equal(together, times_us)
 
 
-def test_a_damaged_line_is_counted_and_left_out() -> None:
+def test_a_damaged_line_is_counted_and_left_out():
     lines = SampleFramer(2).frames(np.arange(5), np.ones((5, 2)))
     lines[2] = lines[2].replace(b",1", b",7", 1)
     batch = Decoder(2).feed(b"".join(lines))
@@ -70,7 +70,7 @@ def test_a_damaged_line_is_counted_and_left_out() -> None:
 
 
 @pytest.mark.parametrize("at", range(len(HEARTBEAT) - 1))
-def test_no_byte_of_a_frame_may_be_another(at: int) -> None:
+def test_no_byte_of_a_frame_may_be_another(at):
     decoder = Decoder()
     damaged = HEARTBEAT[:at] + b"#" + HEARTBEAT[at + 1 :]
     assert decoder.feed(HEARTBEAT + damaged + HEARTBEAT).corrupt == 1
@@ -91,7 +91,7 @@ def test_no_byte_of_a_frame_may_be_another(at: int) -> None:
         b"S,nan,nan,1,2",
     ],
 )
-def test_a_sample_that_makes_no_sense_spoils_no_other(payload: bytes) -> None:
+def test_a_sample_that_makes_no_sense_spoils_no_other(payload):
     good = SampleFramer(2).frames(np.arange(2), np.array([[1.0, 2.0], [3.0, 4.0]]))
     for action in ("error", "ignore"):  # as in tests, and as when a bench is driven
         with warnings.catch_warnings(action=action):
@@ -100,32 +100,32 @@ def test_a_sample_that_makes_no_sense_spoils_no_other(payload: bytes) -> None:
         assert (batch.corrupt, batch.lost) == (1, 0)
 
 
-def test_samples_before_the_hello_are_passed_over() -> None:
+def test_samples_before_the_hello_are_passed_over():
     batch = Decoder().feed(_sample(3) + HEARTBEAT)
     assert (len(batch), batch.corrupt, batch.values.shape) == (0, 0, (0, 0))
 
 
-def test_samples_are_on_the_clock_of_their_arrival() -> None:
+def test_samples_are_on_the_clock_of_their_arrival():
     decoder = Decoder(2)
     first, second = decoder.feed(_sample(1), 7.0), decoder.feed(_sample(2) + _sample(3), 7.25)
     assert first.time_s.tolist() == [7.0]
     assert second.time_s == pytest.approx([7.001, 7.002], abs=1e-5)
 
 
-def test_lines_with_carriage_return_are_taken() -> None:
+def test_lines_with_carriage_return_are_taken():
     line = SampleFramer(1).frames(np.arange(1), np.ones((1, 1)))[0]
     batch = Decoder(1).feed(line.replace(b"\n", b"\r\n"))
     assert (len(batch.values), batch.corrupt) == (1, 0)
 
 
-def test_boot_text_before_the_first_frame_is_not_corrupt() -> None:
+def test_boot_text_before_the_first_frame_is_not_corrupt():
     decoder = Decoder()
     batch = decoder.feed(b"half a line*12\r\nrst:0x1 (POWERON)\n" + HEARTBEAT + b"noise\n")
     assert len(decoder.take_messages()) == 1
     assert batch.corrupt == 1
 
 
-def test_a_line_without_end_is_not_kept() -> None:
+def test_a_line_without_end_is_not_kept():
     decoder = Decoder()
     decoder.feed(HEARTBEAT)
     decoder.take_messages()
@@ -137,7 +137,7 @@ def test_a_line_without_end_is_not_kept() -> None:
 
 
 @pytest.mark.parametrize("more", [0, 1])
-def test_the_longest_line_is_searched_for_frames(more: int) -> None:
+def test_the_longest_line_is_searched_for_frames(more):
     noise = b"x" * (MAX_LINE_BYTES - len(HEARTBEAT.rstrip()) + more)
     assert len(messages_in(noise + HEARTBEAT)) == 1 - more
 
@@ -171,7 +171,7 @@ CUTS = st.lists(st.integers(0, 2000), max_size=20)
 
 
 @given(st.lists(st.one_of(NOISE, st.integers(1, 9)), max_size=12), CUTS)
-def test_any_chunking_gives_the_same(pieces: list[bytes | int], cuts: list[int]) -> None:
+def test_any_chunking_gives_the_same(pieces, cuts):
     number, data = 0, frame(b"")
     for piece in pieces:
         number += piece if isinstance(piece, int) else 0
@@ -180,7 +180,7 @@ def test_any_chunking_gives_the_same(pieces: list[bytes | int], cuts: list[int])
 
 
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=12), CUTS)
-def test_samples_in_any_order_come_out_in_order(numbers: list[int], cuts: list[int]) -> None:
+def test_samples_in_any_order_come_out_in_order(numbers, cuts):
     decoder = Decoder(2)
     batches = [decoder.feed(data) for data in _cut(b"".join(map(_sample, numbers)), cuts)]
     found = [int(row[0]) for batch in batches for row in batch.values]
@@ -191,7 +191,7 @@ def test_samples_in_any_order_come_out_in_order(numbers: list[int], cuts: list[i
 
 
 @given(st.lists(st.tuples(st.binary(max_size=60), st.booleans()), min_size=1, max_size=8))
-def test_whole_frames_are_found_in_any_garbage(pieces: list[tuple[bytes, bool]]) -> None:
+def test_whole_frames_are_found_in_any_garbage(pieces):
     sent = [frame(b"E,note,%d" % i) for i in range(len(pieces))]
     data = b"".join(
         noise + (line if ended else line[:-1])
@@ -211,7 +211,7 @@ def test_whole_frames_are_found_in_any_garbage(pieces: list[tuple[bytes, bool]])
     assert set(expected) <= {message.fields[1] for message in found}
 
 
-def test_the_refusal_shows_the_arithmetic() -> None:
+def test_the_refusal_shows_the_arithmetic():
     with pytest.raises(InputError) as caught:
         check_rate(1000.0, 101, 921_600)
     assert str(caught.value) == (
@@ -220,19 +220,19 @@ def test_the_refusal_shows_the_arithmetic() -> None:
     )
 
 
-def test_what_fits_passes() -> None:
+def test_what_fits_passes():
     check_rate(912.0, 101, 921_600)
     check_rate(1e6, 101, 0)
     assert highest_rate_Hz(100, 1_000_000) == 1000.0
 
 
 @pytest.mark.parametrize("rate_Hz", [-1.0, float("nan")])
-def test_a_rate_that_is_none(rate_Hz: float) -> None:
+def test_a_rate_that_is_none(rate_Hz):
     with pytest.raises(InputError, match="makes no sense"):
         check_rate(rate_Hz, 101, 0)
 
 
-def test_host_time_is_right_to_the_smallest_delay(rng: np.random.Generator) -> None:
+def test_host_time_is_right_to_the_smallest_delay(rng):
     clock = DeviceClock()
     drift = 1.0 + 50e-6
     device_us = np.arange(0, 120_000_000, 5_000)
@@ -250,7 +250,7 @@ def test_host_time_is_right_to_the_smallest_delay(rng: np.random.Generator) -> N
     assert np.all(error_s < 0.002)
 
 
-def test_a_late_first_line_is_made_up_for() -> None:
+def test_a_late_first_line_is_made_up_for():
     clock = DeviceClock()
     clock.learn(0, 0.05)
     for step in range(1, 60_000):
@@ -268,7 +268,7 @@ def times_of(device_us: np.ndarray, arrived_s: np.ndarray) -> np.ndarray:
     return host_s
 
 
-def test_what_comes_sooner_than_the_clock_allows_corrects_it_soon() -> None:
+def test_what_comes_sooner_than_the_clock_allows_corrects_it_soon():
     device_us = np.arange(0, 30_000_000, 10_000)
     true_s = device_us * 1e-6
     host_s = times_of(device_us, np.where(true_s < 1.0, true_s + 5.0, true_s))
@@ -278,14 +278,14 @@ def test_what_comes_sooner_than_the_clock_allows_corrects_it_soon() -> None:
 
 
 @pytest.mark.parametrize("drift", [0.995, 1.005])
-def test_a_ceramic_resonator_is_followed(drift: float, rng: np.random.Generator) -> None:
+def test_a_ceramic_resonator_is_followed(drift, rng):
     device_us = np.arange(0, 600_000_000, 50_000)
     true_s = device_us * 1e-6 * drift
     host_s = times_of(device_us, true_s + rng.exponential(0.004, len(true_s)))
     assert np.abs(host_s - true_s).max() < 0.15
 
 
-def test_a_backlog_that_grows_does_not_pass_for_a_slow_clock() -> None:
+def test_a_backlog_that_grows_does_not_pass_for_a_slow_clock():
     device_us = np.arange(0, 60_000_000, 50_000)
     true_s = device_us * 1e-6
     arrived_s = 1.1 * true_s

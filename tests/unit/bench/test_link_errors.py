@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from unittest.mock import Mock
 
@@ -15,7 +15,7 @@ import serial
 from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import holders
-from benchtool.core.errors import LinkError, LinkLost, NoDevice, PortBusy, PortDenied
+from benchtool.core.errors import LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
 
@@ -30,7 +30,7 @@ def refusing(error: Exception) -> Callable[..., None]:
 
 
 @pytest.fixture
-def terminal() -> Iterator[tuple[int, int, SerialPort]]:
+def terminal():
     """Give both ends of a terminal and a port on it, not open."""
     import pty
 
@@ -64,9 +64,7 @@ def terminal() -> Iterator[tuple[int, int, SerialPort]]:
         (serial.SerialException("could not open port 'COM9': FileNotFoundError(2, '')"), NoDevice),
     ],
 )
-def test_what_opening_may_raise(
-    error: Exception, kind: type[LinkError], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_opening_may_raise(error, kind, monkeypatch):
     monkeypatch.setattr(serial, "Serial", refusing(error))
     with pytest.raises(kind) as caught:
         SerialPort("/dev/example").open()
@@ -76,7 +74,7 @@ def test_what_opening_may_raise(
 
 
 @posix
-def test_a_second_opening_names_the_holder(terminal: tuple[int, int, SerialPort]) -> None:
+def test_a_second_opening_names_the_holder(terminal):
     first, second = terminal[2], SerialPort(terminal[2].port)
     first.open()
     with pytest.raises(PortBusy) as caught:
@@ -90,7 +88,7 @@ def test_a_second_opening_names_the_holder(terminal: tuple[int, int, SerialPort]
 
 
 @posix
-def test_a_port_that_vanishes_is_a_lost_link(terminal: tuple[int, int, SerialPort]) -> None:
+def test_a_port_that_vanishes_is_a_lost_link(terminal):
     near, far, port = terminal
     port.open()
     os.write(near, b"last words")
@@ -106,14 +104,14 @@ def test_a_port_that_vanishes_is_a_lost_link(terminal: tuple[int, int, SerialPor
 
 
 @posix
-def test_a_port_that_takes_nothing_is_a_lost_link(terminal: tuple[int, int, SerialPort]) -> None:
+def test_a_port_that_takes_nothing_is_a_lost_link(terminal):
     terminal[2].open()
     with pytest.raises(LinkLost, match="took nothing"):
         terminal[2].write(b"x" * 1_000_000)
 
 
 @pytest.mark.parametrize("error", [ConnectionResetError(104, "reset"), BrokenPipeError(32, "pipe")])
-def test_tcp_links_that_break(error: OSError) -> None:
+def test_tcp_links_that_break(error):
     link = TcpSocket("127.0.0.1", 1)
     link._socket = Mock(recv=refusing(error), send=refusing(error))
     for use in (lambda: link.read(0.0), lambda: link.write(b"x")):

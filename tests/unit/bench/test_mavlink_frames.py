@@ -35,32 +35,32 @@ def take(*frames: bytes) -> tuple[list[int], LinkCounts]:
     return taken, ours.take_counts(1)
 
 
-def test_numbers_go_on_over_their_wrap() -> None:
+def test_numbers_go_on_over_their_wrap():
     frames = frames_of(40, first=240)
     assert take(*frames) == ([10 * step for step in range(40)], LinkCounts(messages=40))
 
 
-def test_a_gap_is_counted_across_the_wrap() -> None:
+def test_a_gap_is_counted_across_the_wrap():
     frames = frames_of(40, first=240)
     _, counts = take(*frames[:10], *frames[30:])
     assert counts == LinkCounts(messages=20, lost=20)
 
 
-def test_a_frame_that_comes_twice_is_dropped_and_counted() -> None:
+def test_a_frame_that_comes_twice_is_dropped_and_counted():
     frames = frames_of(100)
     taken, counts = take(*frames[:90], frames[89], frames[88], *frames[90:], frames[99])
     assert taken == [10 * step for step in range(100)]
     assert counts == LinkCounts(messages=100, duplicates=3)
 
 
-def test_a_frame_that_comes_late_is_not_lost() -> None:
+def test_a_frame_that_comes_late_is_not_lost():
     frames = frames_of(6)
     taken, counts = take(frames[0], frames[2], frames[1], *frames[3:])
     assert sorted(taken) == [0, 10, 20, 30, 40, 50]
     assert counts == LinkCounts(messages=6, reordered=1)
 
 
-def test_a_late_frame_is_given_back_to_the_count_of_a_later_look() -> None:
+def test_a_late_frame_is_given_back_to_the_count_of_a_later_look():
     frames = frames_of(12)
     ours = MavlinkFrames()
     ours.parse(frames[0] + frames[2])
@@ -71,13 +71,13 @@ def test_a_late_frame_is_given_back_to_the_count_of_a_later_look() -> None:
     assert ours.take_counts(1).lost == 1  # two are missing, one was counted too many before
 
 
-def test_each_component_counts_for_itself() -> None:
+def test_each_component_counts_for_itself():
     own, companion = frames_of(20, 1, first=7), frames_of(20, 191, first=130)
     mixed = [frame for pair in zip(own, companion, strict=True) for frame in pair]
     assert take(*mixed)[1] == LinkCounts(messages=40)
 
 
-def test_one_that_numbers_nothing_has_lost_nothing() -> None:
+def test_one_that_numbers_nothing_has_lost_nothing():
     same = MavlinkFrames(1, 191)
     made = WORDS.MAVLink_named_value_float_message
     frames = []
@@ -89,7 +89,7 @@ def test_one_that_numbers_nothing_has_lost_nothing() -> None:
     assert counts == LinkCounts(messages=20)
 
 
-def test_damaged_frames_count_from_the_first_whole_one_on() -> None:
+def test_damaged_frames_count_from_the_first_whole_one_on():
     ours = MavlinkFrames()
     whole, damaged = frames_of(2)
     damaged = damaged[:-1] + bytes([damaged[-1] ^ 1])
@@ -99,7 +99,7 @@ def test_damaged_frames_count_from_the_first_whole_one_on() -> None:
     assert (ours.take_counts(1).corrupt, ours.corrupt) == (2, 0)
 
 
-def test_jitter_is_how_unevenly_steps_arrive() -> None:
+def test_jitter_is_how_unevenly_steps_arrive():
     quality = MavlinkQuality()
     quality.counts.add(LinkCounts(messages=3, lost=2, duplicates=1, reordered=4))
     # The third is no step: it was made when the second was.
@@ -117,7 +117,7 @@ def test_jitter_is_how_unevenly_steps_arrive() -> None:
         assert quality.facts()["link_jitter_ms"] == jitter_ms
 
 
-def test_a_signature_counts_from_2015_on() -> None:
+def test_a_signature_counts_from_2015_on():
     key, now = bytes(range(32)), datetime(2020, 3, 1, 0, 0, 30, tzinfo=UTC)
     signing = MavlinkFrames(key=key, now_s=now.timestamp())
     made = WORDS.MAVLink_named_value_float_message(0, b"thrust", 1.0)
@@ -131,21 +131,21 @@ def test_a_signature_counts_from_2015_on() -> None:
         assert signature == sha256(key + body + link + stamp).digest()[:6]
 
 
-def test_microseconds_of_32_bits_go_on_over_their_wrap() -> None:
+def test_microseconds_of_32_bits_go_on_over_their_wrap():
     time = BootTime()
     told = [time.us32((MODULUS - 30_000 + 20_000 * step) % MODULUS) for step in range(5)]
     assert [us - told[0] for us in told] == [0, 20_000, 40_000, 60_000, 80_000]
     assert not time.rebooted
 
 
-def test_the_first_stamp_of_32_bits_is_taken_as_it_is() -> None:
+def test_the_first_stamp_of_32_bits_is_taken_as_it_is():
     time = BootTime()
     assert time.us64(1_700_000_000_000_000) == 0  # nothing is known of the boot yet
     assert time.us32(1_200_000_000) == 1_200_000_000
     assert not time.rebooted
 
 
-def test_stamps_of_every_kind_lie_on_one_count() -> None:
+def test_stamps_of_every_kind_lie_on_one_count():
     time = BootTime()
     boot_ms = 5_000_000  # 83 minutes: the 32 bits of microseconds have wrapped once
     assert time.ms32(boot_ms) == 5_000_000_000
@@ -156,7 +156,7 @@ def test_stamps_of_every_kind_lie_on_one_count() -> None:
     assert time.us64(0) == 5_000_001_000
 
 
-def test_milliseconds_wrap_after_seven_weeks() -> None:
+def test_milliseconds_wrap_after_seven_weeks():
     time = BootTime()
     first = time.ms32(MODULUS - 5)
     assert time.ms32(5) - first == 10_000
@@ -164,7 +164,7 @@ def test_milliseconds_wrap_after_seven_weeks() -> None:
 
 
 @pytest.mark.parametrize("uptime_ms", [10_000, 2_000_000, 4_000_000_000])
-def test_a_reboot_shows_and_time_goes_on(uptime_ms: int) -> None:
+def test_a_reboot_shows_and_time_goes_on(uptime_ms):
     time = BootTime()
     before = time.ms32(uptime_ms)
     after = time.ms32(3_000)
@@ -173,7 +173,7 @@ def test_a_reboot_shows_and_time_goes_on(uptime_ms: int) -> None:
     assert time.ms32(3_020) - after == 20_000
 
 
-def test_datagrams_in_the_wrong_order_are_no_reboot() -> None:
+def test_datagrams_in_the_wrong_order_are_no_reboot():
     time = BootTime()
     time.ms32(10_000)
     assert time.ms32(9_900) == 9_900_000
@@ -181,7 +181,7 @@ def test_datagrams_in_the_wrong_order_are_no_reboot() -> None:
     assert not time.rebooted
 
 
-def test_a_companion_that_starts_anew_is_laid_on_the_time_of_its_arrival() -> None:
+def test_a_companion_that_starts_anew_is_laid_on_the_time_of_its_arrival():
     time = CompanionTime()
     arrivals = [(10_000, 50_000_000), (10_020, 50_030_000), (100, 60_000_000), (120, 60_050_000)]
     found = [time.us(stamp_ms, arrived_us) for stamp_ms, arrived_us in arrivals]

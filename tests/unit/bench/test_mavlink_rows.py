@@ -31,7 +31,7 @@ def rows_of(*messages: object, **given: object) -> dict[str, list[float]]:
 
 
 @pytest.mark.parametrize("unknown", [np.nan, np.inf])
-def test_an_output_that_shows_no_number_shows_no_stop(unknown: float) -> None:
+def test_an_output_that_shows_no_number_shows_no_stop(unknown):
     rows, watch = MavlinkRows(Wiring(**TWO), idle_us=1100.0), OutputWatch("mav", 1000.0)
     watch.command({1: (3, 1000.0), 2: (1, 1000.0)}, 0.0)
     for step, shown in enumerate([1000.0, 1200.0, *[unknown] * 20]):
@@ -50,7 +50,7 @@ def test_an_output_that_shows_no_number_shows_no_stop(unknown: float) -> None:
     assert set(values[:, NAMES.index("pwm2_us")]) == {0.0}
 
 
-def test_messages_of_one_millisecond_are_one_row() -> None:
+def test_messages_of_one_millisecond_are_one_row():
     rows = MavlinkRows(Wiring(**TWO), idle_us=1100.0)
     for step in range(3):
         rows.take(servo(20_000 * step + 7, 1000, 1000, 1000))
@@ -73,7 +73,7 @@ def test_messages_of_one_millisecond_are_one_row() -> None:
         ),
     ],
 )
-def test_thrust_comes_by_name_in_three_messages(text: str, message: object) -> None:
+def test_thrust_comes_by_name_in_three_messages(text, message):
     other = W.MAVLink_named_value_float_message(5, b"other", 9.0)
     told = rows_of(message, other, thrust=ThrustSource.named(text), thrust_scale_N=2.0)
     assert told["thrust_raw"] == [2.5]
@@ -86,7 +86,7 @@ def telemetry(rpm: list[int], count: int) -> object:
     )
 
 
-def test_speeds_of_every_message() -> None:
+def test_speeds_of_every_message():
     told = rows_of(telemetry([0, 0, 0, 0], 6), telemetry([3000, 0, 4000, 0], 7))
     assert told["rpm1"] == [4000.0]
     assert told["temperature_degC"] == [30.0]
@@ -98,12 +98,12 @@ def test_speeds_of_every_message() -> None:
     assert told["rpm1"] == []
 
 
-def test_an_esc_that_has_said_nothing_new_is_not_repeated() -> None:
+def test_an_esc_that_has_said_nothing_new_is_not_repeated():
     told = rows_of(*[telemetry([3000, 0, 4000, 0], count) for count in (7, 7, 8, 8)])
     assert told["rpm1"] == [4000.0]
 
 
-def test_battery_attitude_and_distance() -> None:
+def test_battery_attitude_and_distance():
     told = rows_of(
         W.MAVLink_battery_status_message(
             0, 0, 0, 32767, [4100, 4000, 3900] + [65535] * 7, 250, -1, -1, -1
@@ -123,7 +123,7 @@ def test_battery_attitude_and_distance() -> None:
     assert told["plate_z_m"] == [pytest.approx(0.34)]
 
 
-def test_a_rotor_changes_places_when_its_output_is_found() -> None:
+def test_a_rotor_changes_places_when_its_output_is_found():
     rows = MavlinkRows(Wiring(motors=(1, 2), outputs=(0, 0), escs=(1, 2)), idle_us=1100.0)
     rows.wire(1, 2)
     for message in (
@@ -143,14 +143,14 @@ def run(sources: SpeedSources, source: str, rpm: float, begin: int, driven: bool
     return [sources.take(source, 0, rpm, driven, begin + STEP_US * step) for step in range(40)]
 
 
-def test_a_speed_that_changes_is_taken() -> None:
+def test_a_speed_that_changes_is_taken():
     sources = SpeedSources(1)
     assert all(run(sources, "ESC_TELEMETRY", 0.0, 0, driven=False))
     assert all(run(sources, "ESC_TELEMETRY", 3000.0, 2_000_000))
     assert sources.take_messages() == []
 
 
-def test_a_constant_zero_while_driven_is_a_dead_channel() -> None:
+def test_a_constant_zero_while_driven_is_a_dead_channel():
     sources = SpeedSources(1)
     taken = run(sources, "ESC_TELEMETRY", 0.0, 0)
     assert taken == [True] * 20 + [False] * 20
@@ -160,7 +160,7 @@ def test_a_constant_zero_while_driven_is_a_dead_channel() -> None:
     )
 
 
-def test_hx711_examples_are_read_in_pieces() -> None:
+def test_hx711_examples_are_read_in_pieces():
     lines = CellLines()
     text = b"ading: 1\r\nHX711 reading: 124006\r\none reading:\t16.1\t| average:\t4.2\r\n"
     text += b"ready\r\n-3.5\n"
@@ -168,7 +168,7 @@ def test_hx711_examples_are_read_in_pieces() -> None:
     assert readings == [124006.0, 16.1, -3.5]
 
 
-def test_readings_stand_on_the_autopilots_clock() -> None:
+def test_readings_stand_on_the_autopilots_clock():
     link = Talker(b"HX711 reading: 5\n")
     cell = SideCell(link, "/dev/cell", link.clock)
     cell.open()
@@ -181,7 +181,7 @@ def test_readings_stand_on_the_autopilots_clock() -> None:
     assert len(cell.rows(lambda wall_s: wall_s, clock, 3, [0, 1])[0]) == 0
 
 
-def test_rows_of_two_sources_come_in_order_and_never_twice_at_one_time() -> None:
+def test_rows_of_two_sources_come_in_order_and_never_twice_at_one_time():
     first = np.array([10, 20, 30]), np.full((3, 2), 1.0)
     second = np.array([5, 20, 31]), np.full((3, 2), 2.0)
     times_us, values = in_order(first, second, after_us=7)

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from hashlib import sha256
-from pathlib import Path
 
 import pytest
 
@@ -13,7 +12,7 @@ from benchtool.bench.mavlink.settings import (
 from benchtool.core.errors import InputError
 
 
-def test_listening_wider_than_this_computer_is_said_aloud() -> None:
+def test_listening_wider_than_this_computer_is_said_aloud():
     def warning(place: str) -> str:
         return settings_of(MavlinkAddress.parse(f"mavlink:{place}")).warning
 
@@ -22,7 +21,7 @@ def test_listening_wider_than_this_computer_is_said_aloud() -> None:
     assert warning("udpin:0.0.0.0:14550").startswith("listening on 0.0.0.0: any computer")
 
 
-def test_keys(tmp_path: Path) -> None:
+def test_keys(tmp_path):
     path, key = tmp_path / "key", bytes(range(32))
     for data, read in (
         (key, key),

@@ -39,7 +39,7 @@ def moved(before_m: float, *read_m: float) -> PlateCheck:
     return plate
 
 
-def test_the_tolerance_is_that_of_drive_and_sensor() -> None:
+def test_the_tolerance_is_that_of_drive_and_sensor():
     noisy = replace(RIG, sensors={"plate_z_m": Sensor(noise=0.002, quantum=0.0003)})
     assert plate_tolerance_m(noisy) == pytest.approx(0.0013 + RIG.plate.backlash_m + 0.008)
     assert pytest.approx(0.001 + RIG.plate.backlash_m + 0.0001) == TOLERANCE_M
@@ -73,9 +73,7 @@ def test_the_tolerance_is_that_of_drive_and_sensor() -> None:
         ((0.61,), 0.2, 0.2, 0.02, r"still reads 0.6100 m .*, tolerance 21\.\d mm"),
     ],
 )
-def test_a_reading_after_a_move(
-    read_m: tuple[float, ...], target_m: float, stage_m: float, more_m: float, said: str | None
-) -> None:
+def test_a_reading_after_a_move(read_m, target_m, stage_m, more_m, said):
     problem = moved(0.6, *read_m).problem(target_m, stage_m, more_m)
     if said is None:
         assert problem is None
@@ -85,7 +83,7 @@ def test_a_reading_after_a_move(
             raise problem
 
 
-def test_a_move_within_the_tolerance_is_not_called_frozen() -> None:
+def test_a_move_within_the_tolerance_is_not_called_frozen():
     problem = moved(0.5, 0.5).problem(1.0, 9.0, TO_HALF_M)
     assert problem is not None
     assert "still reads" not in str(problem)
@@ -104,7 +102,7 @@ def test_a_move_within_the_tolerance_is_not_called_frozen() -> None:
         (nan, 0.0, "brought no reading during the point at 0.5 m"),
     ],
 )
-def test_a_plate_that_moves_during_a_point(mean_m: float, more_m: float, said: str | None) -> None:
+def test_a_plate_that_moves_during_a_point(mean_m, more_m, said):
     problem = moved(0.5).crept(0.5, mean_m, *([more_m] if more_m else []))
     assert (problem is None) == (said is None)
     if problem is not None:
@@ -112,7 +110,7 @@ def test_a_plate_that_moves_during_a_point(mean_m: float, more_m: float, said: s
             raise problem
 
 
-def test_without_a_position_channel_nothing_is_judged() -> None:
+def test_without_a_position_channel_nothing_is_judged():
     plate = PlateCheck(CHANNELS[1:], RIG)
     plate.note(np.array([[3.0]]))
     assert not plate.measured
@@ -137,7 +135,7 @@ def test_without_a_position_channel_nothing_is_judged() -> None:
         (0.5, 0.0, inf, "tilted"),
     ],
 )
-def test_where_a_plate_may_go(z_m: float, x_m: float, tilt_rad: float, said: str | None) -> None:
+def test_where_a_plate_may_go(z_m, x_m, tilt_rad, said):
     if said is None:
         assert check_travel(RIG, z_m, x_m, tilt_rad) is None
     else:
@@ -177,9 +175,7 @@ class Idling:
         (START_US + 20.0, START_US, (9e3, 100.0, nan)),
     ],
 )
-def test_a_plate_moves_beside_rotors_at_idle(
-    idle_us: float | None, pwm_us: float, rpm: tuple[float, ...]
-) -> None:
+def test_a_plate_moves_beside_rotors_at_idle(idle_us, pwm_us, rpm):
     bench = Idling(idle_us, pwm_us, *rpm)
     wait_for_idle(bench, RIG)
     assert bench.time_s <= 0.1
@@ -195,9 +191,7 @@ def test_a_plate_moves_beside_rotors_at_idle(
         (None, START_US, (nan,), "turns at nan rpm", SPIN_DOWN_S),
     ],
 )
-def test_a_plate_does_not_move_beside_faster_ones(
-    idle_us: float | None, pwm_us: float, rpm: tuple[float, ...], said: str, within_s: float
-) -> None:
+def test_a_plate_does_not_move_beside_faster_ones(idle_us, pwm_us, rpm, said, within_s):
     bench = Idling(idle_us, pwm_us, *rpm)
     with pytest.raises(StageError, match=said):
         wait_for_idle(bench, RIG)

@@ -46,11 +46,11 @@ class Stream:
     ("new", "old", "step"),
     [(5, 3, 2), (3, 5, -2), (0, 65535, 1), (65535, 0, -1), (40_000, 5, -25_541), (7, 7, 0)],
 )
-def test_a_step_is_signed(new: int, old: int, step: int) -> None:
+def test_a_step_is_signed(new, old, step):
     assert signed_step(new, old, SEQUENCE_MODULUS) == step
 
 
-def test_samples_twice_are_left_out_and_counted() -> None:
+def test_samples_twice_are_left_out_and_counted():
     stream = Stream(10, 11, 12)
     assert stream.take(13, 13, 14, 14) == [0, 2]
     assert stream.take(14, 15) == [1]
@@ -58,27 +58,27 @@ def test_samples_twice_are_left_out_and_counted() -> None:
     assert (stream.lost, stream.repeated) == (0, 5)
 
 
-def test_a_steady_stream_goes_through_as_it_comes() -> None:
+def test_a_steady_stream_goes_through_as_it_comes():
     stream = Stream(10, 11)
     assert stream.take(12, 13, 14) == [0, 1, 2]
     assert stream.time_us == [place * PERIOD_US for place in (12, 13, 14)]
     assert (stream.lost, stream.repeated) == (0, 0)
 
 
-def test_within_a_block_samples_are_sorted() -> None:
+def test_within_a_block_samples_are_sorted():
     stream = Stream(10, 11)
     assert stream.take(13, 12, 15, 14) == [1, 0, 3, 2]
     assert stream.time_us == [place * PERIOD_US for place in (12, 13, 14, 15)]
     assert (stream.lost, stream.repeated) == (0, 0)
 
 
-def test_the_first_block_is_sorted_as_well() -> None:
+def test_the_first_block_is_sorted_as_well():
     stream = Stream(65_537, 65_536, 65_535)
     assert stream.time_us == [(65_535 + i) * PERIOD_US for i in range(3)]
     assert (stream.lost, stream.repeated) == (0, 0)
 
 
-def test_a_sample_that_comes_after_its_block_stays_lost() -> None:
+def test_a_sample_that_comes_after_its_block_stays_lost():
     stream = Stream(10, 11)
     assert stream.take(13) == [0]
     assert stream.take(12, 14) == [1]
@@ -86,7 +86,7 @@ def test_a_sample_that_comes_after_its_block_stays_lost() -> None:
 
 
 @pytest.mark.parametrize("gap", [2, 700, LEAP - 1, 20_000, 40_000, 65_535, 65_536, 65_537, 200_000])
-def test_a_gap_of_any_length_is_counted(gap: int) -> None:
+def test_a_gap_of_any_length_is_counted(gap):
     stream = Stream(65_530, 65_531)
     rows = sum(len(stream.take(65_531 + gap + i)) for i in range(5))
     assert stream.lost == gap + 4 - rows
@@ -95,7 +95,7 @@ def test_a_gap_of_any_length_is_counted(gap: int) -> None:
         assert stream.time_us == [(65_535 + gap) * PERIOD_US]
 
 
-def test_one_sample_of_a_wild_number_is_not_believed() -> None:
+def test_one_sample_of_a_wild_number_is_not_believed():
     stream = Stream(10, 11)
     wild = [(30_000, 12 * PERIOD_US), (12, 4_000_000_000), (9_000, 9_000 * PERIOD_US)]
     for number, sample in enumerate(wild):
@@ -105,14 +105,14 @@ def test_one_sample_of_a_wild_number_is_not_believed() -> None:
     assert (stream.lost, stream.repeated) == (0, 0)
 
 
-def test_a_wild_number_is_not_confirmed_by_one_of_the_same_time() -> None:
+def test_a_wild_number_is_not_confirmed_by_one_of_the_same_time():
     stream = Stream(10, 11)
     assert stream.take_stamps((30_000, 12 * PERIOD_US)) == []
     assert stream.take_stamps((30_001, 12 * PERIOD_US)) == []
     assert stream.take(12) == [0]
 
 
-def test_a_device_that_restarted_goes_on_in_time() -> None:
+def test_a_device_that_restarted_goes_on_in_time():
     stream = Stream(100_000, 100_001)
     assert stream.take(0) == []
     assert stream.take(1, 2) == [0, 1]
@@ -120,14 +120,14 @@ def test_a_device_that_restarted_goes_on_in_time() -> None:
     assert stream.lost == 0
 
 
-def test_a_stream_that_was_switched_off_and_on_lost_nothing() -> None:
+def test_a_stream_that_was_switched_off_and_on_lost_nothing():
     stream = Stream(10, 11)
     assert stream.take_stamps((12, 11 * PERIOD_US + 90_000_000)) == [0]
     assert stream.take_stamps((13, 12 * PERIOD_US + 90_000_000)) == [0]
     assert stream.lost == 0
 
 
-def test_random_losses_doubles_and_exchanges_add_up(rng: np.random.Generator) -> None:
+def test_random_losses_doubles_and_exchanges_add_up(rng):
     stream = Stream(64_000, 64_001)
     handed_on = 2
     place = 64_001

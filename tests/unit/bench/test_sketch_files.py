@@ -10,7 +10,7 @@ from benchtool.core.rig_file import rig_named
 RIG = rig_named("pquad_single")
 
 
-def test_settings_are_those_of_the_rig() -> None:
+def test_settings_are_those_of_the_rig():
     settings = sketch_files("uno", RIG, "bench-01", "bench")["settings.h"]
     defined = dict(re.findall(r"^#define (\w+) (\S+)", settings, re.MULTILINE))
     assert defined["DEVICE_NAME"] == '"bench-01"'

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
 
 import pytest
 
@@ -20,12 +19,12 @@ def _bound() -> socket.socket:
 
 
 @pytest.fixture
-def peer() -> Iterator[socket.socket]:
+def peer():
     with _bound() as opened:
         yield opened
 
 
-def test_a_stranger_on_the_same_host_is_not_heard(peer: socket.socket) -> None:
+def test_a_stranger_on_the_same_host_is_not_heard(peer):
     link = UdpSocket("127.0.0.1", peer.getsockname()[1], listen=False)
     link.open()
     try:
@@ -42,7 +41,7 @@ def test_a_stranger_on_the_same_host_is_not_heard(peer: socket.socket) -> None:
         link.close()
 
 
-def test_a_flood_does_not_hold_the_reader(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flood_does_not_hold_the_reader(monkeypatch):
     class Flood:
         def recvfrom(self, size: int) -> tuple[bytes, tuple[str, int]]:
             return b"x" * 1000, ("127.0.0.1", 9)

@@ -44,7 +44,7 @@ def plate(backlash_m: float) -> PlateDrive:
 def pause(_seconds: float) -> None: ...
 
 
-def test_it_overshoots_only_where_it_moves_away() -> None:
+def test_it_overshoots_only_where_it_moves_away():
     inner = Listed()
     stage = OneSidedStage(inner, plate(0.001))
     for z_m in (0.2, 0.1, 0.3, 1.498):
@@ -55,7 +55,7 @@ def test_it_overshoots_only_where_it_moves_away() -> None:
     assert inner.sent[-2:] == [0.205, 0.2]
 
 
-def test_it_stays_above_idle_and_inside_the_gap() -> None:
+def test_it_stays_above_idle_and_inside_the_gap():
     rig = rig_named("pquad")
     bare = SimulatedBench("sim:pquad", rig, load_model("quad_body_lift").model)
     inner = Listed()

@@ -35,7 +35,7 @@ def bench(names: tuple[str, ...], **more: object) -> Identity:
     )
 
 
-def test_the_threshold_comes_from_the_rig() -> None:
+def test_the_threshold_comes_from_the_rig():
     for name in rig_names():
         rig = rig_named(name)
         tip_m_s = standstill_rpm(rig) * pi / 30.0 * rig.propulsion.radius_m
@@ -74,7 +74,7 @@ def watched(identity: Identity, text: str) -> StandstillWatch:
 
 
 @pytest.mark.parametrize("row", SEEN)
-def test_what_is_seen_of_the_rotors(row: str) -> None:
+def test_what_is_seen_of_the_rotors(row):
     measured, spans, verdict, words = f"{row} ".split(" | ")
     words = words.strip()
     state = watched(BENCHES[measured], spans).state()
@@ -85,7 +85,7 @@ def test_what_is_seen_of_the_rotors(row: str) -> None:
 
 
 @pytest.mark.parametrize("shown", [nan, 4500.0])
-def test_readings_from_before_the_command_count_for_nothing(shown: float) -> None:
+def test_readings_from_before_the_command_count_for_nothing(shown):
     watch = watched(bench(RPM), "1500 1 4500*4")
     watch.commanded(STOP, 1.0)
     late_s = np.linspace(0.9, 1.0, 11)
@@ -94,7 +94,7 @@ def test_readings_from_before_the_command_count_for_nothing(shown: float) -> Non
     assert "no reading came after zero was commanded" in watch.state().text
 
 
-def test_the_time_that_is_told_is_that_of_the_reading_that_shows_it_not_of_the_question() -> None:
+def test_the_time_that_is_told_is_that_of_the_reading_that_shows_it_not_of_the_question():
     watch = watched(bench(RPM), "1500 1 4500*4; 1000 .3 0*4")
     watch.take(np.array([60.0]), np.full((1, 4), nan))
     assert "seen to stand 0.1 s after zero was commanded" in watch.state().text
@@ -103,7 +103,7 @@ def test_the_time_that_is_told_is_that_of_the_reading_that_shows_it_not_of_the_q
     assert "rpm4 900, 0.2 s after zero was commanded" in watch.state().text
 
 
-def test_rotors_without_a_measurement_are_named_before_arming() -> None:
+def test_rotors_without_a_measurement_are_named_before_arming():
     assert unmeasured_rotors(bench(RPM), RIG) == ""
     assert "rotors 1, 2, 3 and 4 will not be seen to stand" in unmeasured_rotors(bench(PWM), RIG)
     assert unmeasured_rotors(replace(bench(PWM), outputs_measured=True), RIG) == ""

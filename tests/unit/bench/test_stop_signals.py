@@ -5,7 +5,6 @@
 import os
 import signal
 import threading
-from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
@@ -18,28 +17,28 @@ from tests.unit.bench.guarded_fake import RIG
 
 
 @pytest.fixture
-def signals() -> Iterator[StopSignals]:
+def signals():
     scope = StopSignals(lambda reason: None)
     scope.install()
     yield scope
     scope.restore()
 
 
-def test_a_signal_is_noted_and_raised_when_asked_for(signals: StopSignals) -> None:
+def test_a_signal_is_noted_and_raised_when_asked_for(signals):
     signal.raise_signal(signal.SIGTERM)
     for _ in range(2):
         with pytest.raises(RunStopped, match="stopped by SIGTERM; zero was commanded"):
             signals.raise_if_requested()
 
 
-def test_a_signal_ends_one_scope_and_not_the_next(signals: StopSignals) -> None:
+def test_a_signal_ends_one_scope_and_not_the_next(signals):
     signal.raise_signal(signal.SIGTERM)
     signals.restore()
     signals.install()
     assert signals.raise_if_requested() is None
 
 
-def test_within_the_inner_scope_it_is_raised_at_once(signals: StopSignals) -> None:
+def test_within_the_inner_scope_it_is_raised_at_once(signals):
     reached = []
     with pytest.raises(RunStopped, match="stopped by Ctrl-C"), signals.interruptible():
         signal.raise_signal(signal.SIGINT)
@@ -48,13 +47,13 @@ def test_within_the_inner_scope_it_is_raised_at_once(signals: StopSignals) -> No
     signal.raise_signal(signal.SIGINT)  # behind it they are deferred again
 
 
-def test_one_that_was_noted_before_is_raised_on_entering(signals: StopSignals) -> None:
+def test_one_that_was_noted_before_is_raised_on_entering(signals):
     signal.raise_signal(signal.SIGTERM)
     with pytest.raises(RunStopped), signals.interruptible():
         pytest.fail("the body must not run")
 
 
-def test_only_the_first_is_raised_at_once(signals: StopSignals) -> None:
+def test_only_the_first_is_raised_at_once(signals):
     with pytest.raises(RunStopped), signals.interruptible():
         try:
             signal.raise_signal(signal.SIGINT)
@@ -63,7 +62,7 @@ def test_only_the_first_is_raised_at_once(signals: StopSignals) -> None:
 
 
 @pytest.mark.parametrize("call", ["set_pwm", "read", "listen", "stop", "close"])
-def test_no_call_of_a_guarded_bench_is_cut_in_two(fake, call) -> None:
+def test_no_call_of_a_guarded_bench_is_cut_in_two(fake, call):
     done = []
     plain = getattr(fake, "read" if call == "listen" else call)
 
@@ -87,7 +86,7 @@ def test_no_call_of_a_guarded_bench_is_cut_in_two(fake, call) -> None:
     assert fake.did[-1] == "close"
 
 
-def test_a_move_of_the_plate_is_interrupted(fake) -> None:
+def test_a_move_of_the_plate_is_interrupted(fake):
     def move(*place):
         signal.raise_signal(signal.SIGINT)
         pytest.fail("the move went on")
@@ -102,7 +101,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX signals")
 
 
 @posix
-def test_signals_are_ignored_once_begun_and_told_once(capfd: pytest.CaptureFixture[str]) -> None:
+def test_signals_are_ignored_once_begun_and_told_once(capfd):
     now_s = 100.0
     before = signal.getsignal(signal.SIGINT)
     with ClosingSignals(lambda: now_s) as closing:
@@ -119,13 +118,13 @@ def test_signals_are_ignored_once_begun_and_told_once(capfd: pytest.CaptureFixtu
 
 
 @posix
-def test_before_there_is_a_run_signals_mean_what_they_did() -> None:
+def test_before_there_is_a_run_signals_mean_what_they_did():
     with ClosingSignals(), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
 
 
 @posix
-def test_before_there_is_a_run_a_request_to_end_ends_the_program() -> None:
+def test_before_there_is_a_run_a_request_to_end_ends_the_program():
     if not (child := os.fork()):
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         with ClosingSignals(), suppress(BaseException):
@@ -134,7 +133,7 @@ def test_before_there_is_a_run_a_request_to_end_ends_the_program() -> None:
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGTERM
 
 
-def test_outside_of_the_main_thread_a_guard_reads_without_signals(fake) -> None:
+def test_outside_of_the_main_thread_a_guard_reads_without_signals(fake):
     read: list[int] = []
 
     def drive() -> None:

@@ -31,7 +31,7 @@ class Haltable(FakeBench):
             raise self.error
 
 
-def test_zero_goes_out_at_once_and_the_owner_hears_it_once() -> None:
+def test_zero_goes_out_at_once_and_the_owner_hears_it_once():
     bench = Haltable()
     stoppable = StoppableBench(bench)
     stoppable.request_stop("stopped by me")
@@ -42,7 +42,7 @@ def test_zero_goes_out_at_once_and_the_owner_hears_it_once() -> None:
 
 
 @pytest.mark.parametrize("call", ["pwm", "plate", "tare"])
-def test_nothing_is_commanded_after_a_request(call: str) -> None:
+def test_nothing_is_commanded_after_a_request(call):
     bench = FakeBench()
     stoppable = StoppableBench(bench)
     stoppable.request_stop("stopped")
@@ -57,7 +57,7 @@ def test_nothing_is_commanded_after_a_request(call: str) -> None:
     assert len(bench.log) == before
 
 
-def test_a_pulse_that_crosses_the_request_is_taken_back() -> None:
+def test_a_pulse_that_crosses_the_request_is_taken_back():
     class Crossing(FakeBench):
         def set_pwm(self, pwm_us: object) -> None:
             stoppable.request_stop("stopped")
@@ -71,7 +71,7 @@ def test_a_pulse_that_crosses_the_request_is_taken_back() -> None:
 
 
 @pytest.mark.parametrize("order", ["pwm", "plate"])
-def test_an_order_that_a_stopped_device_refuses_is_a_stop_and_no_refusal(order: str) -> None:
+def test_an_order_that_a_stopped_device_refuses_is_a_stop_and_no_refusal(order):
     plant = StillPlant()
     firmware = Firmware(plant, still_hello())
     link = LoopbackLink(firmware, lambda: plant.rate_Hz)
@@ -101,14 +101,14 @@ def test_an_order_that_a_stopped_device_refuses_is_a_stop_and_no_refusal(order: 
         assert plant.pwm_us.max() == 1300.0
 
 
-def test_a_link_that_is_gone_does_not_hide_the_request() -> None:
+def test_a_link_that_is_gone_does_not_hide_the_request():
     stoppable = StoppableBench(Haltable(LinkLost("gone")))
     stoppable.request_stop("stopped")
     with pytest.raises(StopRequested):
         stoppable.read(0.1)
 
 
-def test_a_request_does_not_end_a_guarded_bench_for_good() -> None:
+def test_a_request_does_not_end_a_guarded_bench_for_good():
     stoppable = StoppableBench(open_bench("sim:pquad_single"))
     with GuardedBench(stoppable, rig_named("pquad_single")) as bench:
         bench.set_pwm(np.array([1400.0]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from types import ModuleType
 from typing import Annotated
 
@@ -26,7 +25,7 @@ Run = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def run(monkeypatch, capsys):
     """Give a call that runs ``benchtool`` with a command ``try`` which raises what it is given."""
     monkeypatch.delenv("BENCHTOOL_DEBUG", raising=False)
 
@@ -59,11 +58,11 @@ def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> 
     ],
     ids=lambda error: type(error).__name__,
 )
-def test_our_errors_end_as_one_sentence(run: Run, error: BenchtoolError) -> None:
+def test_our_errors_end_as_one_sentence(run, error):
     assert run("try", raising=error) == (error.exit_code, "", f"benchtool: {error}\n")
 
 
-def test_an_interrupt_ends_with_130(run: Run) -> None:
+def test_an_interrupt_ends_with_130(run):
     assert run("try", raising=KeyboardInterrupt())[0] == 130
 
 
@@ -82,13 +81,11 @@ def test_an_interrupt_ends_with_130(run: Run) -> None:
         ),
     ],
 )
-def test_bad_words_end_as_one_sentence(run: Run, words: list[str], sentence: str) -> None:
+def test_bad_words_end_as_one_sentence(run, words, sentence):
     assert run(*words) == (2, "", f"benchtool: {sentence}\n")
 
 
-def test_a_fault_keeps_its_traceback_in_a_file(
-    run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_fault_keeps_its_traceback_in_a_file(run, monkeypatch, tmp_path):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     code, _, err = run("try", raising=ZeroDivisionError("a\nb"))
     (kept,) = tmp_path.iterdir()
@@ -106,7 +103,7 @@ def test_a_fault_keeps_its_traceback_in_a_file(
         ValueError("array must not contain infs or NaNs"),
     ],
 )
-def test_numbers_that_cannot_be_solved_for_are_no_fault(run: Run, error: Exception) -> None:
+def test_numbers_that_cannot_be_solved_for_are_no_fault(run, error):
     code, _, err = run("try", raising=error)
     assert code == EstimationError.exit_code
     assert str(error) in err
@@ -115,9 +112,7 @@ def test_numbers_that_cannot_be_solved_for_are_no_fault(run: Run, error: Excepti
 HOSTILE, SHOWN = "a\x1b[2Jb\u202ec\x9bd\te", "a\\x1b[2Jb\\u202ec\\u009bd\te"
 
 
-def test_control_characters_are_shown_escaped(
-    run: Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_control_characters_are_shown_escaped(run, monkeypatch, capsys):
     assert run("try", raising=LinkLost(HOSTILE)) == (3, "", f"benchtool: {SHOWN}\n")
     module = ModuleType("benchtool.commands.hostile")
     module.hostile = lambda: print(HOSTILE)  # type: ignore[attr-defined]
@@ -128,9 +123,7 @@ def test_control_characters_are_shown_escaped(
     assert capsys.readouterr().out == f"{SHOWN}\n"
 
 
-def test_warnings_of_data_are_lines_and_those_of_python_are_not_shown(
-    run: Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_warnings_of_data_are_lines_and_those_of_python_are_not_shown(run, monkeypatch, capsys):
     def warn() -> None:
         warnings.simplefilter("default")
         warnings.warn("p.csv has changed\x07", DataWarning, stacklevel=1)

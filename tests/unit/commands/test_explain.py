@@ -32,9 +32,7 @@ def shortened(folder: Path, name: str, seconds: float) -> str:
     return str(folder / name)
 
 
-def test_hidden_friction_is_named_and_everything_is_written(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_hidden_friction_is_named_and_everything_is_written(capsys, tmp_path):
     out, answer = tmp_path / "out", tmp_path / "answer.json"
     words = (LEARN, "--model", str(MODEL), "--check", CHECK, "--draws", "30")
     code, said, _ = run(capsys, *words, "--out", str(out), "--json", str(answer))
@@ -60,9 +58,7 @@ def test_hidden_friction_is_named_and_everything_is_written(
 
 @pytest.mark.slow  # a new law is compiled
 @pytest.mark.timeout(600)
-def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(capsys, tmp_path):
     own = tmp_path / "mine.py"
     own.write_text(GOOD, encoding="utf-8")
     code, _, _ = run(
@@ -91,13 +87,7 @@ def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(
         ),
     ],
 )
-def test_what_cannot_be_answered_ends_with_one_sentence(
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: tuple[str, ...],
-    said: str,
-) -> None:
+def test_what_cannot_be_answered_ends_with_one_sentence(capsys, tmp_path, monkeypatch, words, said):
     monkeypatch.chdir(tmp_path)
     shortened(tmp_path, "short.csv", 2.0)
     for name, text in (
@@ -119,14 +109,12 @@ def test_what_cannot_be_answered_ends_with_one_sentence(
         ("a --model m b", "a --model m b"),
     ],
 )
-def test_every_word_behind_check_is_a_check_recording(words: str, meant: str) -> None:
+def test_every_word_behind_check_is_a_check_recording(words, meant):
     assert spread(words.split()) == meant.split()
 
 
 @pytest.mark.slow
-def test_a_record_of_another_simulator_is_explained_as_it_stands(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, reference_data: Path
-) -> None:
+def test_a_record_of_another_simulator_is_explained_as_it_stands(capsys, tmp_path, reference_data):
     folder = reference_data / "pitch_bench"
     code, said, _ = run(
         capsys, str(folder / "body_lift.csv"), "--model", str(MODEL),
@@ -142,7 +130,7 @@ def test_a_record_of_another_simulator_is_explained_as_it_stands(
 
 
 @pytest.mark.slow
-def test_a_reader_who_leaves_early_loses_no_file(tmp_path: Path) -> None:
+def test_a_reader_who_leaves_early_loses_no_file(tmp_path):
     """As `benchtool explain ... | head -1` does."""
     words = [shortened(tmp_path, "a.csv", 8.0), "--model", str(MODEL), "--check", CHECK]
     answer = tmp_path / "answer.json"

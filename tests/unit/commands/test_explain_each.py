@@ -14,7 +14,7 @@ Capsys = pytest.CaptureFixture[str]
 
 
 @pytest.fixture
-def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capsys) -> list[str]:
+def runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for seed in (1, 2, 3):
         words = f"sim:pquad?truth=virtual_pquad&seed={seed} --yes --z-over-r 0.6,1,2 --pwm 1500 "
@@ -24,7 +24,7 @@ def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capsys) -> lis
 
 
 @pytest.mark.slow
-def test_each_has_the_answer_that_it_has_alone(capsys: Capsys, runs: list[str]) -> None:
+def test_each_has_the_answer_that_it_has_alone(capsys, runs):
     words = ("--model", "quad", "--check", "run3")
     code, out, error = said(capsys, "explain", *runs, *words, "--each", "--out", "found")
     assert code == 0, error
@@ -39,7 +39,7 @@ def test_each_has_the_answer_that_it_has_alone(capsys: Capsys, runs: list[str]) 
     assert alone == beside
 
 
-def test_words_that_do_not_fit_are_refused(capsys: Capsys) -> None:
+def test_words_that_do_not_fit_are_refused(capsys):
     given = ("a", "b", "--model", "quad", "--each", "--check")
     for words, says in (
         ((*given, "c", "d", "e"), "2 recordings and 3 to check on"),

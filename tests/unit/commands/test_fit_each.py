@@ -17,7 +17,7 @@ Capsys = pytest.CaptureFixture[str]
 
 
 @pytest.fixture
-def tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def tables(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for k in range(2):
         budget_sweep(k, tmp_path / f"bench{k}.csv")
@@ -29,7 +29,7 @@ def results(folder: str) -> dict[str, Any]:
     return found
 
 
-def test_each_is_fitted_as_alone_and_pooled_next(capsys: Capsys, tables: list[str]) -> None:
+def test_each_is_fitted_as_alone_and_pooled_next(capsys, tables):
     code, out, error = said(capsys, "fit", *tables, "--each", *WORDS, "--out", "fits")
     assert code == 0, error
     assert "benchtool pool fits/bench0 fits/bench1" in out
@@ -41,7 +41,7 @@ def test_each_is_fitted_as_alone_and_pooled_next(capsys: Capsys, tables: list[st
     assert "fits exists already" in error
 
 
-def test_one_that_fails_ends_no_other(capsys: Capsys, tables: list[str]) -> None:
+def test_one_that_fails_ends_no_other(capsys, tables):
     Path("bench1.csv").write_text("time_s,thrust_N\n1,2\n")
     code, out, error = said(capsys, "fit", *tables, "--each", *WORDS)
     assert code == 2
@@ -50,7 +50,7 @@ def test_one_that_fails_ends_no_other(capsys: Capsys, tables: list[str]) -> None
     assert "bench0" in out
 
 
-def test_words_that_do_not_fit_are_refused(capsys: Capsys, tables: list[str]) -> None:
+def test_words_that_do_not_fit_are_refused(capsys, tables):
     code, _, error = said(capsys, "fit", *tables, *WORDS, "--cluster", "tcp://127.0.0.1:1")
     assert (code, "add --each" in error) == (2, True)
     code, _, error = said(capsys, "fit", tables[0], tables[0], "--each", *WORDS)

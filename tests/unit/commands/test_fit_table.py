@@ -23,7 +23,7 @@ Capsys = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     return tmp_path
@@ -53,7 +53,7 @@ def fit(capsys: Capsys, words: str) -> tuple[int, str, str]:
     return said(capsys, "fit", *words.split())
 
 
-def test_a_spreadsheet_is_fitted_by_names_and_a_radius(capsys: Capsys) -> None:
+def test_a_spreadsheet_is_fitted_by_names_and_a_radius(capsys):
     spreadsheet()
     words = "data.csv --z Abstand --thrust Schub --unit gf --radius 0.127 --out first"
     code, out, error = fit(capsys, words)
@@ -75,7 +75,7 @@ def test_a_spreadsheet_is_fitted_by_names_and_a_radius(capsys: Capsys) -> None:
     assert Path("data.columns.toml").read_text() == before
 
 
-def test_ratios_give_a_radius_and_no_thrust_coefficient(capsys: Capsys) -> None:
+def test_ratios_give_a_radius_and_no_thrust_coefficient(capsys):
     table("r.csv", "z [mm],T_ratio", 1e3 * Z_M, RATIO * SCATTER)
     code, _, error = fit(capsys, "r.csv --ratio T_ratio --radius 0.127 --out r")
     assert code == 0, error
@@ -84,7 +84,7 @@ def test_ratios_give_a_radius_and_no_thrust_coefficient(capsys: Capsys) -> None:
     assert found["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
 
 
-def test_reference_rows_stand_far_from_the_plate(capsys: Capsys) -> None:
+def test_reference_rows_stand_far_from_the_plate(capsys):
     distances = [*map("{:.5f}".format, Z_M), "free"]
     thrusts = np.array([*(T_OGE_N * RATIO * SCATTER), T_OGE_N])
     table("a.csv", "gap (m),F (N),rpm", distances, thrusts, np.full(8, 6000.0))
@@ -110,9 +110,7 @@ MISSING = {
 
 @pytest.mark.parametrize("head", MISSING)
 @pytest.mark.parametrize("stdin", [io.StringIO, Terminal])
-def test_what_is_missing_is_refused_and_nothing_is_written(
-    capsys: Capsys, monkeypatch: pytest.MonkeyPatch, head: str, stdin: type[io.StringIO]
-) -> None:
+def test_what_is_missing_is_refused_and_nothing_is_written(capsys, monkeypatch, head, stdin):
     monkeypatch.setattr("sys.stdin", stdin(""))
     options, message = MISSING[head]
     table("a.csv", head, Z_M, T_OGE_N * RATIO, np.full(7, 6000.0))
@@ -121,7 +119,7 @@ def test_what_is_missing_is_refused_and_nothing_is_written(
     assert sorted(path.name for path in Path().iterdir()) == ["a.csv"]
 
 
-def test_runs_of_one_file_are_fitted_each_by_itself(capsys: Capsys) -> None:
+def test_runs_of_one_file_are_fitted_each_by_itself(capsys):
     z, rpm = np.tile(Z_M, 2), np.full(14, 6000.0)
     thrust = np.concatenate([RATIO * SCATTER, 2.0 * RATIO * SCATTER])
     table("a.csv", "run,z (m),F (N),rpm", ["low"] * 7 + ["high"] * 7, z, thrust, rpm)
@@ -133,7 +131,7 @@ def test_runs_of_one_file_are_fitted_each_by_itself(capsys: Capsys) -> None:
     assert high / low == pytest.approx(2.0, rel=1e-6)
 
 
-def test_published_tables_are_fitted_without_a_map(capsys: Capsys, reference_data: Path) -> None:
+def test_published_tables_are_fitted_without_a_map(capsys, reference_data):
     data = reference_data
     pairs = f"{data}/ground_effect/rotor_pairs.csv --radius 0.1651 --error-is se"
     code, _, error = fit(capsys, f"{pairs} --where series=Fz0 --out pair")
@@ -153,7 +151,7 @@ def test_published_tables_are_fitted_without_a_map(capsys: Capsys, reference_dat
     assert result("uiuc")["k"]["value"] == pytest.approx(k, rel=0.03)
 
 
-def test_thrust_of_the_wrong_sign_is_named(capsys: Capsys, reference_data: Path) -> None:
+def test_thrust_of_the_wrong_sign_is_named(capsys, reference_data):
     pusher = f"{reference_data}/rcbenchmark_1580/xNova-SR-steps-up.csv"
     code, _, error = fit(capsys, f"{pusher} --radius 0.0635 --out no")
     assert code == 6, error
@@ -163,8 +161,8 @@ def test_thrust_of_the_wrong_sign_is_named(capsys: Capsys, reference_data: Path)
 
 
 def test_points_between_thousands_and_radii_are_read_as_they_are_meant(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+    tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     lines = ["Abst;z/R;Schub [gf];rpm"]
     for z in (0.6, 0.8, 1.0, 1.5, 2.0, 4.0):

@@ -21,7 +21,7 @@ run = partial(command_line.run, "import")
 
 
 @pytest.fixture
-def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def log(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "steps.csv"
     thrust = steps_1580()["Thrust (gf)"] - 40.0
@@ -31,7 +31,7 @@ def log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_what_is_written_reads_back(log: Path, ending: str) -> None:
+def test_what_is_written_reads_back(log, ending):
     assert run(log, "--out", f"out/steps.{ending}", "--tare", "thrust_N") == 0
     recording = read_recording(f"out/steps.{ending}")
     wanted = import_file(log).recording
@@ -50,7 +50,7 @@ def test_what_is_written_reads_back(log: Path, ending: str) -> None:
     assert facts["options"] == {"tare": "('thrust_N',)"}
 
 
-def test_nothing_is_overwritten_untold(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_nothing_is_overwritten_untold(log, capsys):
     assert run(log) == 0
     before = Path("imported/steps.csv").read_bytes()
     assert run(log, "--flip", "thrust_N") == 2
@@ -60,7 +60,7 @@ def test_nothing_is_overwritten_untold(log: Path, capsys: pytest.CaptureFixture[
     assert Path("imported/steps.csv").read_bytes() != before
 
 
-def test_two_files_cannot_become_one(log: Path) -> None:
+def test_two_files_cannot_become_one(log):
     Path("other").mkdir()
     Path("other/steps.csv").write_bytes(log.read_bytes())
     assert run(log, "other/steps.csv") == 2
@@ -68,9 +68,7 @@ def test_two_files_cannot_become_one(log: Path) -> None:
     assert not Path("imported").exists()
 
 
-def test_a_foreign_file_gives_the_terminal_no_orders(
-    log: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_foreign_file_gives_the_terminal_no_orders(log, capsys):
     log.write_text(log_text(steps_1580()).replace("App message", "\x1b[31mred[/b]"))
     assert run(log, "--dry-run") == 0
     said = capsys.readouterr().out
@@ -81,7 +79,7 @@ def test_a_foreign_file_gives_the_terminal_no_orders(
     assert "\x1b" not in capsys.readouterr().err
 
 
-def test_a_recording_that_changed_is_refused(log: Path) -> None:
+def test_a_recording_that_changed_is_refused(log):
     recording = Recording(
         (channel_called("thrust_N"), channel_called("rpm1")),
         np.array([[1.5, np.nan], [np.nan, np.nan], [np.nan, 2.5]]),

@@ -20,20 +20,18 @@ class Terminal(io.StringIO):
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_fit_needs_a_radius_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_fit_needs_a_radius_alone(capsys):
     code, out, _ = said(capsys, *["rigs", "new", "mine", "--radius", "0.127"])
     rig = rig_named("mine.toml")
     assert (code, rig.propulsion.radius_m, len(rig.sources) - len(rig.not_stated)) == (0, 0.127, 1)
     assert "benchtool rigs mine.toml" in out
 
 
-def test_what_is_missing_is_asked_on_a_terminal(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_missing_is_asked_on_a_terminal(monkeypatch, capsys):
     typed = "0.12\n50\n\nhnad\nhand\n0.05,0.6\n"
     monkeypatch.setattr("sys.stdin", Terminal(typed))
     code, out, _ = said(capsys, *["rigs", "new", "mine.toml", "--for", "sweep"])
@@ -58,26 +56,21 @@ def test_what_is_missing_is_asked_on_a_terminal(
         ("--radius 0.1 --pulses 1200,1100,1900", "pwm_stop_us <= pwm_start_us"),
     ],
 )
-def test_what_is_missing_or_wrong_is_refused_without_a_terminal(
-    words: str,
-    reason: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_what_is_missing_or_wrong_is_refused_without_a_terminal(words, reason, monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     code, _, error = said(capsys, *f"rigs new mine.toml {words}".split())
     assert (code, reason in error) == (2, True), error
     assert not Path("mine.toml").exists()
 
 
-def test_a_file_that_is_there_stays(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_is_there_stays(capsys):
     Path("mine.toml").write_text("mine")
     code, _, error = said(capsys, *["rigs", "new", "mine.toml", "--radius", "0.1"])
     assert (code, "exists already" in error) == (2, True), error
     assert Path("mine.toml").read_text() == "mine"
 
 
-def test_the_next_propeller_of_a_motor_is_one_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_next_propeller_of_a_motor_is_one_command(capsys):
     words = "rigs new a.toml --for motor --propeller 10x4.5 --cell 5kgf --pulses 1000,1050,1950"
     assert said(capsys, *words.split(), "--current", "30")[0] == 0
     words = "rigs new b.toml --for motor --like a.toml --propeller 9x6"

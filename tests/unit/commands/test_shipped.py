@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from benchtool.core.packaged import read_named
@@ -17,9 +15,7 @@ from tests.unit.commands.command_line import said as run
         ("models", "quad_body_lift", "effects: rotor_images, neighbour_images, body_lift"),
     ],
 )
-def test_one_of_them_is_shown_in_words_or_as_its_file(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, command: str, name: str, line: str
-) -> None:
+def test_one_of_them_is_shown_in_words_or_as_its_file(capsys, tmp_path, command, name, line):
     assert line in run(capsys, command, name)[1]
     text = run(capsys, command, name, "--toml")[1]
     assert text == read_named(command[:-1], command, name)[0]
@@ -29,9 +25,7 @@ def test_one_of_them_is_shown_in_words_or_as_its_file(
 
 
 @pytest.mark.parametrize("toml", [[], ["--toml"]])
-def test_what_is_no_rig_and_no_model_is_refused(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, toml: list[str]
-) -> None:
+def test_what_is_no_rig_and_no_model_is_refused(capsys, tmp_path, toml):
     code, _, err = run(capsys, "rigs", "pqad", *toml)
     assert code == 2
     assert "did you mean 'pquad'" in err

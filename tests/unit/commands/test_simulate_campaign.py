@@ -5,7 +5,6 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -27,7 +26,7 @@ def short() -> PitchSetup:
     return replace(setup, schedule=setup.schedule.lasting(12.0))
 
 
-def test_every_point_sees_the_same_noise_and_stands_as_if_run_alone() -> None:
+def test_every_point_sees_the_same_noise_and_stands_as_if_run_alone():
     setup = short()
     design = Design.read(["bench.inertia_kgm2=0.015:0.021:3"], seeds=2, seed=5)
     rows = list(pitch_campaign({"s3": setup}).rows(design))
@@ -39,9 +38,7 @@ def test_every_point_sees_the_same_noise_and_stands_as_if_run_alone() -> None:
     assert rows[0]["rms_deg"] != rows[1]["rms_deg"]
 
 
-def test_the_command_writes_a_tidy_table(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_the_command_writes_a_tidy_table(capsys, tmp_path):
     out = tmp_path / "campaign"
     vary = ("--vary", "gains.attitude=0.8:1.2:2", "--vary", "K_b=1.5:2.5:3", "--seeds", "2")
     code, shown, _ = said(capsys, *WORDS, *vary, "--out", out)
@@ -56,7 +53,7 @@ def test_the_command_writes_a_tidy_table(
     assert [path.name for path in out.iterdir()] == ["campaign.parquet"]
 
 
-def test_a_table_has_its_name_once_it_is_complete_and_is_not_written_over(tmp_path: Path) -> None:
+def test_a_table_has_its_name_once_it_is_complete_and_is_not_written_over(tmp_path):
     path = tmp_path / "campaign.parquet"
 
     def rows() -> Iterator[Row]:
@@ -72,7 +69,7 @@ def test_a_table_has_its_name_once_it_is_complete_and_is_not_written_over(tmp_pa
     assert pd.read_parquet(path)["K_b"].tolist() == [1.0]
 
 
-def test_memory_does_not_grow_with_the_number_of_runs(tmp_path: Path) -> None:
+def test_memory_does_not_grow_with_the_number_of_runs(tmp_path):
     row = {"K_b": 1.0, "controller": "pid", "rms_deg": 0.5}
 
     def peak_of(count: int) -> int:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.table import read_csv_text
@@ -15,7 +13,7 @@ from tests.unit.commands import command_line
 run = partial(command_line.run, "simulate", "flight")
 
 
-def test_a_flight_under_each_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_flight_under_each_controller(tmp_path, capsys):
     out = tmp_path / "flight"
     assert run("--controllers", "pid,observer", "--out", str(out)) == 0
     printed = capsys.readouterr().out
@@ -30,7 +28,7 @@ def test_a_flight_under_each_controller(tmp_path: Path, capsys: pytest.CaptureFi
     assert "exists already" in capsys.readouterr().err
 
 
-def test_a_map_from_a_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_map_from_a_file(tmp_path, capsys):
     places = [(x, y) for x in np.arange(-1.0, 9.0, 0.1) for y in (-1.0, 0.0, 1.0)]
     rows = [f"{x:.3f},{y},{0.0 if 3.0 <= x <= 5.0 else ''}" for x, y in places]
     (tmp_path / "heights.csv").write_text("x_m,y_m,height_m\n" + "\n".join(rows) + "\n")
@@ -69,9 +67,7 @@ class Breaks(Law):
 """
 
 
-def test_a_controller_of_ones_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_controller_of_ones_own(tmp_path, monkeypatch, capsys):
     (tmp_path / "flownlaw.py").write_text(LAW)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -95,6 +91,6 @@ def test_a_controller_of_ones_own(
         assert ("flownlaw.py line" in sentence) is (name in ("flownlaw:Bad", "flownlaw:Breaks"))
 
 
-def test_a_vehicle_that_turns_over_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_vehicle_that_turns_over_is_told(capsys):
     assert run("--controllers", "pid", "--lag-s", "10") == 0
     assert "PID: it turned over (roll " in capsys.readouterr().out

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 import pandas as pd
 import pyarrow.parquet as pq
-import pytest
 
 from tests.unit.commands import command_line
 
 run = partial(command_line.run, "simulate", "flight")
 
 
-def test_which_gains_cross_at_which_speed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_which_gains_cross_at_which_speed(tmp_path, capsys):
     out = tmp_path / "crossing"
     assert run(
         "--vary", "speed=0.2:0.8:2", "--vary", "gains.attitude=1.0:1.6:2", "--seeds", "2",

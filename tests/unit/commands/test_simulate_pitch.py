@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -20,9 +18,7 @@ def simulate(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str,
     return said(capsys, "simulate", "pitch", *words)
 
 
-def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(capsys, tmp_path):
     out = tmp_path / "study"
     words = (*SHORT, "--controllers", "pid,observer+feedforward", "--out", str(out))
     assert simulate(capsys, *words)[0] == 0
@@ -37,9 +33,7 @@ def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(
     assert "exists already" in err
 
 
-def test_a_controller_of_ones_own_is_named_on_the_command_line(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_controller_of_ones_own_is_named_on_the_command_line(capsys, tmp_path, monkeypatch):
     (tmp_path / "lawofmine.py").write_text(
         "class Law:\n    def step(self, measurement, reference, dt_s):\n"
         "        error = reference.theta_rad - measurement.theta_rad\n"
@@ -58,7 +52,7 @@ def test_a_controller_of_ones_own_is_named_on_the_command_line(
     assert "lawofmine.py line 7: return 1.0 / 0.0" in err
 
 
-def test_numbers_are_set_by_name() -> None:
+def test_numbers_are_set_by_name():
     setup = changed(
         pitch_setup(),
         {
@@ -83,7 +77,7 @@ def test_numbers_are_set_by_name() -> None:
     assert pid.feedforward.strength == 0.0
 
 
-def test_a_switch_in_the_run_removes_what_the_pid_left() -> None:
+def test_a_switch_in_the_run_removes_what_the_pid_left():
     """As in Fig. 27: the plate stays, the observer comes in at 20 s, without a bump."""
     study = pitch_study(pitch_setup(schedule="switch", controllers=("observer",)))
     run = study.runs[0]

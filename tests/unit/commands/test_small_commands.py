@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from tests.unit.commands.command_line import run
 
 
-def test_firmware_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_firmware_is_written(tmp_path, capsys):
     out = tmp_path / "new" / "my_bench"
     assert run("firmware", "--board", "uno", "--out", str(out), "--device-id", "bench-01") == 0
     said = capsys.readouterr().out
@@ -20,7 +19,7 @@ def test_firmware_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert '"bench-01"' in (out / "settings.h").read_text("utf-8")
 
 
-def test_two_devices_never_share_a_name(tmp_path: Path) -> None:
+def test_two_devices_never_share_a_name(tmp_path):
     for name in ("one", "two"):
         assert run("firmware", "--out", str(tmp_path / name)) == 0
     one, two = ((tmp_path / name / "settings.h").read_text("utf-8") for name in ("one", "two"))
@@ -28,7 +27,7 @@ def test_two_devices_never_share_a_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_demo_prints_its_commands_and_its_page(tmp_path: Path) -> None:
+def test_the_demo_prints_its_commands_and_its_page(tmp_path):
     words = [sys.executable, "-m", "benchtool", "demo", "--out", str(tmp_path / "demo")]
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=300)
     page = tmp_path / "demo" / "fit" / "report.html"
@@ -38,6 +37,6 @@ def test_the_demo_prints_its_commands_and_its_page(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("address", ["sim:pquad?mode=pitch&schedule=steps", "serial:/dev/none"])
-def test_a_dry_run_opens_nothing(address: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_opens_nothing(address, capsys):
     assert run("record", address, "--rig", "pquad", "--dry-run") == 0
     assert "nothing was opened, nothing spins" in capsys.readouterr().out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -70,9 +70,7 @@ def by_file(**given: Any) -> Order:
         (by_file, "plan.toml: throttle.ramp_s is -3.0: input should be greater than or equal to 0"),
     ],
 )
-def test_a_range_holds_and_is_named_as_the_source_names_it(
-    source: Callable[..., Any], called: str
-) -> None:
+def test_a_range_holds_and_is_named_as_the_source_names_it(source, called):
     with pytest.raises(InputError) as refused:
         source(ramp_s=-3.0)
     assert str(refused.value).startswith(called)
@@ -106,19 +104,19 @@ def test_a_range_holds_and_is_named_as_the_source_names_it(
         ({"device": None}, "DEVICE is missing; give it"),
     ],
 )
-def test_what_is_refused_says_why(given: dict[str, Any], sentence: str) -> None:
+def test_what_is_refused_says_why(given, sentence):
     with pytest.raises(InputError) as refused:
         by_option(**given)
     assert str(refused.value).startswith(sentence)
 
 
 @pytest.mark.parametrize("text", ["0.3", "300ms", "300 ms", "0.3s", "3e5us", "+.3 s"])
-def test_a_typed_number_may_carry_a_unit_of_its_dimension(text: str) -> None:
+def test_a_typed_number_may_carry_a_unit_of_its_dimension(text):
     assert order(ramp_s=text).throttle.ramp_s == pytest.approx(0.3, rel=1e-12)
     assert order(offset_m="5cm, -1in").offset_m == pytest.approx((0.05, -0.0254))
 
 
-def test_what_is_given_goes_over_the_base_and_no_default_does() -> None:
+def test_what_is_given_goes_over_the_base_and_no_default_does():
     base = order(pwm=[5.0], ramp_s=2.0, order="given")
     after = make(Order, {"ratio": "1,2"}, base=base)
     assert (after.kind, after.throttle.ramp_s) == ("given", 2.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -83,9 +82,7 @@ def yard(text: str, folder: Path) -> object:
         (yard, "floor_m = @\n", "floor_m"),
     ],
 )
-def test_it_is_refused_by_name(
-    read: Callable[[str, Path], object], text: str, field: str, value: str, tmp_path: Path
-) -> None:
+def test_it_is_refused_by_name(read, text, field, value, tmp_path):
     assert "@" in text
     with pytest.raises(FileFormatError) as caught:
         read(text.replace("@", value), tmp_path)

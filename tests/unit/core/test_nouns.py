@@ -28,21 +28,21 @@ from benchtool.core.units import UNITS, from_si, to_si
         (3.0, "mm", 0.003),
     ],
 )
-def test_known_conversions(value: float, unit: str, si: float) -> None:
+def test_known_conversions(value, unit, si):
     assert to_si(value, unit) == pytest.approx(si, rel=1e-7)
 
 
 @given(st.floats(-1e6, 1e6), st.sampled_from(sorted(UNITS)))
-def test_every_unit_converts_back(value: float, unit: str) -> None:
+def test_every_unit_converts_back(value, unit):
     assert from_si(to_si(value, unit), unit) == pytest.approx(value, rel=1e-9, abs=1e-6)
 
 
-def test_an_unknown_unit_is_refused() -> None:
+def test_an_unknown_unit_is_refused():
     with pytest.raises(UnknownChoice, match="unit 'furlong'"):
         Channel("x", "furlong")
 
 
-def test_a_recording_gives_columns_and_refuses_unknown_ones() -> None:
+def test_a_recording_gives_columns_and_refuses_unknown_ones():
     recording = Recording.from_columns(
         [
             (Channel("rpm1", "rpm"), np.array([60.0, 120.0, 180.0])),
@@ -60,7 +60,7 @@ def test_a_recording_gives_columns_and_refuses_unknown_ones() -> None:
         Recording(recording.channels, np.zeros((3, 5)))
 
 
-def test_parameters_pack_and_unpack_the_free_ones() -> None:
+def test_parameters_pack_and_unpack_the_free_ones():
     parameters = Parameters(
         (
             ("a", Parameter("a", "m", 1.0, free=True, upper=5.0)),

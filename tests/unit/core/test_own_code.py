@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from benchtool.bench.drivers import open_bench
@@ -35,7 +33,7 @@ ROWS = "thrust_N,rpm1,plate_z_m\n2.4,4500,0.06\n2.3,4500,0.24\n2.2,4500,0.72\n"
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name, text in (("m.toml", MODEL), ("evil.py", CODE), ("t.csv", ROWS)):
         (tmp_path / name).write_text(text)
@@ -65,7 +63,7 @@ WAYS = {
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_nothing_runs_without_a_permit(here: Path, way: str) -> None:
+def test_nothing_runs_without_a_permit(here, way):
     with pytest.raises(InputError, match=r"evil\.py is Python code"):
         WAYS[way]()
     assert not (here / "EXECUTED").exists()
@@ -74,9 +72,7 @@ def test_nothing_runs_without_a_permit(here: Path, way: str) -> None:
 @pytest.mark.parametrize(
     "words", [["fit", "--recipe", "fit"], ["sweep", "--resume", "run", "--dry-run"]], ids=" ".join
 )
-def test_what_data_name_does_not_run(
-    here: Path, capsys: pytest.CaptureFixture[str], words: list[str]
-) -> None:
+def test_what_data_name_does_not_run(here, capsys, words):
     begun = ["sweep", "sim:pquad_single", "--z-over-r", "1,2", "--pwm", "1450", "--repeats", "1"]
     with pytest.raises(SystemExit):
         main([*begun, "--sample-s", "0.2", "--yes", "--out", "run"])

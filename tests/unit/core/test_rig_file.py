@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import pytest
 
@@ -16,12 +15,12 @@ from tests.unit.physics.blades import MOTOR, bladed
 
 
 @pytest.fixture
-def text() -> str:
+def text():
     return read_named("rig", "rigs", "pquad")[0]
 
 
 @pytest.mark.parametrize("name", rig_names())
-def test_a_shipped_rig_has_a_source_for_every_number(name: str) -> None:
+def test_a_shipped_rig_has_a_source_for_every_number(name):
     rig = rig_named(name)
     assert rig.name == name
     assert all(rig.sources.values())
@@ -30,7 +29,7 @@ def test_a_shipped_rig_has_a_source_for_every_number(name: str) -> None:
     assert "propulsion.radius_m" not in rig.assumed
 
 
-def test_the_numbers_of_the_paper() -> None:
+def test_the_numbers_of_the_paper():
     pquad, amuse = rig_named("pquad"), rig_named("amuse")
     assert (pquad.propulsion.radius_m, pquad.body.mass_kg, pquad.n_rotors) == (0.12, 1.4, 4)
     assert (amuse.propulsion.radius_m, amuse.body.mass_kg, amuse.n_rotors) == (0.205, 12.0, 8)
@@ -56,16 +55,14 @@ def test_the_numbers_of_the_paper() -> None:
         ('[limits]\nsource = "', '[limits]\nsource = ["a"] # "', FileFormatError, "has no source"),
     ],
 )
-def test_what_is_wrong_is_said(
-    text: str, old: str, new: str, error: type[InputError], words: str
-) -> None:
+def test_what_is_wrong_is_said(text, old, new, error, words):
     assert old in text
     with pytest.raises(error, match=words):
         rig_from_toml(text.replace(old, new, 1), "pquad.toml")
 
 
 @pytest.mark.parametrize("motor", [MOTOR, Motor(governed=True), None])
-def test_blades_and_motors_are_read_back(motor: Motor | None) -> None:
+def test_blades_and_motors_are_read_back(motor):
     rig = bladed("pquad", motor)
     again = rig_from_toml(rig_to_toml(rig), "again.toml")
     assert (again.blade, again.motor) == (rig.blade, motor)
@@ -79,7 +76,7 @@ radius_m = { value = 0.127, source = "ruler" }
 """
 
 
-def test_a_rig_of_a_radius_alone_has_typical_numbers_that_say_so() -> None:
+def test_a_rig_of_a_radius_alone_has_typical_numbers_that_say_so():
     rig = rig_from_toml(LEAST, "mine.toml")
     assert (rig.n_rotors, rig.propulsion.radius_m, rig.limits.current_A) == (1, 0.127, 1000.0)
     # T = C_T rho n^2 D^4 at 100 turns a second, by hand.
@@ -92,7 +89,7 @@ def test_a_rig_of_a_radius_alone_has_typical_numbers_that_say_so() -> None:
     assert rig_to_toml(rig).count("value") == 1
 
 
-def test_a_bench_needs_numbers_that_only_its_owner_knows(tmp_path: Path) -> None:
+def test_a_bench_needs_numbers_that_only_its_owner_knows(tmp_path):
     rig = rig_from_toml(LEAST, "mine.toml")
     with pytest.raises(InputError, match=r"does not state limits\.load_cell_rating_N, propulsion"):
         require_stated(rig, BENCH_KEYS, "a bench")

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +19,7 @@ def shape(**values: object) -> np.ndarray:
     return Signal(**values).sampled(T, 10.0)  # type: ignore[arg-type]
 
 
-def test_shapes() -> None:
+def test_shapes():
     step = shape(shape="step", level=2.0, from_s=1.0, to_s=3.0)
     assert step[T < 1.0 - 1e-6].max() == 0.0
     assert step[(T > 1.0 + 1e-6) & (T < 3.0 - 1e-6)].min() == 2.0
@@ -37,7 +35,7 @@ def test_shapes() -> None:
     assert np.all(np.diff(prbs.reshape(-1, 10), axis=1) == 0.0)
 
 
-def test_the_plate_comes_and_goes() -> None:
+def test_the_plate_comes_and_goes():
     schedule = Schedule(name="x", title="x", duration_s=10.0, plate=(VISIT,)).sampled(100.0, 0.12)
     at = {round(t, 2): k for k, t in enumerate(schedule.time_s)}
     assert schedule.plate_share[at[2.25]] == pytest.approx(0.5)
@@ -49,7 +47,7 @@ def test_the_plate_comes_and_goes() -> None:
     np.testing.assert_array_equal(at_once.share(np.array([0.0, 4.99, 5.0])), [1.0, 1.0, 0.0])
 
 
-def test_switches_act_from_their_time_on() -> None:
+def test_switches_act_from_their_time_on():
     schedule = Schedule(
         name="x",
         title="x",
@@ -60,7 +58,7 @@ def test_switches_act_from_their_time_on() -> None:
     assert np.all(schedule.feedforward == 1.0)
 
 
-def test_bad_schedules_are_refused(tmp_path: Path) -> None:
+def test_bad_schedules_are_refused(tmp_path):
     early = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=2.2)
     with pytest.raises(InputError, match=r"leaves at 2\.2 s, before it is in at 2\.5 s"):
         Schedule(name="x", title="x", duration_s=10.0, plate=(early,))
@@ -87,7 +85,7 @@ def test_bad_schedules_are_refused(tmp_path: Path) -> None:
         ({"plate": (VISIT, replace(VISIT, in_s=5.0, out_s=9.0))}, "comes again at 5 s"),
     ],
 )
-def test_what_no_bench_follows_is_refused(parts: dict[str, Any], said: str) -> None:
+def test_what_no_bench_follows_is_refused(parts, said):
     given = {"name": "x", "title": "x", "duration_s": 9.0, **parts}
     with pytest.raises(InputError, match=said):
         Schedule(**given).sampled(100.0, 0.12)

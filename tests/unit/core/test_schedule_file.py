@@ -10,6 +10,6 @@ from benchtool.core.toml_text import read_strict
 
 
 @pytest.mark.parametrize("name", schedule_names())
-def test_every_shipped_schedule_comes_back(name: str) -> None:
+def test_every_shipped_schedule_comes_back(name):
     schedule = schedule_named(name)
     assert read_strict(Schedule, schedule_to_toml(schedule), name) == schedule

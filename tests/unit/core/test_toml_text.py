@@ -41,7 +41,7 @@ class Outer(FileTable):
         ("name = 'a'\n[by_name.q]\nsize_m = 1\nx = 2", r"\[by_name.q\].*known: count, size_m"),
     ],
 )
-def test_an_unknown_key_is_refused_with_the_known_ones(text: str, words: str) -> None:
+def test_an_unknown_key_is_refused_with_the_known_ones(text, words):
     with pytest.raises(UnknownChoice, match=words):
         read_strict(Outer, text, "a.toml")
 
@@ -57,12 +57,12 @@ def test_an_unknown_key_is_refused_with_the_known_ones(text: str, words: str) ->
         ("name == 1", "not valid TOML: .*line 1"),
     ],
 )
-def test_a_wrong_value_is_said_with_its_key(text: str, words: str) -> None:
+def test_a_wrong_value_is_said_with_its_key(text, words):
     with pytest.raises(FileFormatError, match=words):
         read_strict(Outer, text, "a.toml")
 
 
-def test_sources_are_found_at_the_number_or_its_table() -> None:
+def test_sources_are_found_at_the_number_or_its_table():
     found = Sources()
     data = unwrap_quantities(
         parse_toml(

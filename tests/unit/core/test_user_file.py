@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 
@@ -28,7 +27,7 @@ from benchtool.core.user_file import open_file, read_text
         ("bytes", r"not UTF-8 text \(byte 1 is 0xff\)"),
     ],
 )
-def test_what_is_no_text_file_is_refused(tmp_path: Path, name: str, says: str) -> None:
+def test_what_is_no_text_file_is_refused(tmp_path, name, says):
     (tmp_path / "file").touch()
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "fifo")
@@ -39,7 +38,7 @@ def test_what_is_no_text_file_is_refused(tmp_path: Path, name: str, says: str) -
         read_text(tmp_path / name, 10)
 
 
-def test_a_link_is_followed_only_where_that_is_wanted(tmp_path: Path) -> None:
+def test_a_link_is_followed_only_where_that_is_wanted(tmp_path):
     (tmp_path / "file").write_text("text")
     (tmp_path / "link").symlink_to(tmp_path / "file")
     assert read_text(tmp_path / "link") == "text"
@@ -65,7 +64,7 @@ DIGITS = "1" * 4400
     ],
     ids=range(8),
 )
-def test_toml_beyond_its_bounds_is_refused(text: str, says: str) -> None:
+def test_toml_beyond_its_bounds_is_refused(text, says):
     with pytest.raises(FileFormatError, match=says):
         parse_toml(text, "x.toml")
 
@@ -87,6 +86,6 @@ def test_toml_beyond_its_bounds_is_refused(text: str, says: str) -> None:
     ],
     ids=range(11),
 )
-def test_json_beyond_its_bounds_is_refused(text: str | bytes, says: str) -> None:
+def test_json_beyond_its_bounds_is_refused(text, says):
     with pytest.raises(FileFormatError, match=says):
         parse_json(text, "x.json")

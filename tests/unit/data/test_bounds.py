@@ -27,14 +27,14 @@ def wide(columns: int) -> bytes:
 
 
 @pytest.mark.parametrize("read", [parse_csv, lay_out])
-def test_a_table_of_a_million_columns_is_refused_at_once(read) -> None:  # type: ignore[no-untyped-def]
+def test_a_table_of_a_million_columns_is_refused_at_once(read):
     began = time.process_time()
     with pytest.raises(FileFormatError, match=r"t\.csv: it has 1,000,000 columns, limit 4,096"):
         read(wide(1_000_000), "t.csv")
     assert time.process_time() - began < 2.0
 
 
-def test_a_table_of_too_many_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_of_too_many_cells_is_refused(monkeypatch):
     monkeypatch.setattr("benchtool.core.table_bounds.MOST_CELLS", 100)
     rows = b"a,b\n" + b"1,2\n" * 60
     with pytest.raises(FileFormatError, match=r"it has 122 cells, limit 100; keep the rows"):
@@ -48,9 +48,7 @@ def ones(path: Path, rows: int, columns: int) -> None:
     pq.write_table(table, path, compression="zstd")
 
 
-def test_a_small_parquet_file_of_much_data_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_small_parquet_file_of_much_data_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "samples.parquet"
     ones(path, 1_000_000, 8)
     assert path.stat().st_size < 200_000
@@ -69,9 +67,7 @@ def test_a_small_parquet_file_of_much_data_is_refused(
     ],
     ids=["text", "bytes", "list", "struct"],
 )
-def test_a_parquet_column_that_holds_no_numbers_is_refused(
-    tmp_path: Path, column: list[object], says: str
-) -> None:
+def test_a_parquet_column_that_holds_no_numbers_is_refused(tmp_path, column, says):
     pq.write_table(pa.table({"thrust_N": column}), tmp_path / "r.parquet")
     with pytest.raises(FileFormatError, match=says):
         read_parquet(tmp_path / "r.parquet")
@@ -80,13 +76,13 @@ def test_a_parquet_column_that_holds_no_numbers_is_refused(
 @pytest.mark.parametrize(
     "data", [b"", b"PAR1PAR1", b"PAR1" + b"\0" * 50, b"PAR1\xff\xff\xff\x7fPAR1"]
 )
-def test_a_broken_parquet_file_is_refused(tmp_path: Path, data: bytes) -> None:
+def test_a_broken_parquet_file_is_refused(tmp_path, data):
     (tmp_path / "r.parquet").write_bytes(data)
     with pytest.raises(FileFormatError, match="cannot be read as Parquet"):
         read_parquet(tmp_path / "r.parquet")
 
 
-def test_words_and_gaps_come_back_from_parquet(tmp_path: Path) -> None:
+def test_words_and_gaps_come_back_from_parquet(tmp_path):
     channels = (Channel("time_s", "s"), Channel("phase", "1"), Channel("thrust_N", "N"))
     values = np.array([[0.0, 5.0, 1.5], [0.1, 4.0, np.nan]])
     write_parquet(tmp_path / "r.parquet", Recording(channels, values))
@@ -101,7 +97,7 @@ def test_words_and_gaps_come_back_from_parquet(tmp_path: Path) -> None:
         ("settled", np.nan), ("thrust_N", np.inf),
     ],
 )  # fmt: skip
-def test_a_number_that_no_run_holds_is_refused(name: str, value: float) -> None:
+def test_a_number_that_no_run_holds_is_refused(name, value):
     recording = Recording((Channel(name, "1"),), np.array([[1.0], [value]]))
     with pytest.raises(FileFormatError, match=rf"samples\.csv, row 2: {name} is"):
         check_numbers(recording, "samples.csv")

@@ -36,7 +36,7 @@ def rig_facts(name: str, radius_m: float) -> dict[str, Any]:
 
 
 @pytest.fixture
-def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def root(tmp_path, monkeypatch):
     """Give three runs and a fit; the distance is 0.1 m everywhere (see `run_of`)."""
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
     root = tmp_path / "runs"
@@ -75,7 +75,7 @@ def names(root: Path, **by: Any) -> set[str]:
         ({"fitted": ("K_b=2..3",)}, set()),
     ],
 )
-def test_entries_are_found_by(root: Path, by: dict[str, Any], expected: set[str]) -> None:
+def test_entries_are_found_by(root, by, expected):
     assert names(root, **by) == expected
 
 
@@ -90,12 +90,12 @@ def test_entries_are_found_by(root: Path, by: dict[str, Any], expected: set[str]
         ({"folder": (Path("nowhere"),)}, "there is no folder nowhere"),
     ],
 )
-def test_a_wrong_choice_is_refused(root: Path, by: dict[str, Any], said: str) -> None:
+def test_a_wrong_choice_is_refused(root, by, said):
     with pytest.raises(InputError, match=said):
         names(root, **by)
 
 
-def test_only_what_changed_is_read_again(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_what_changed_is_read_again(root, monkeypatch):
     first = catalogued(root)
     read: list[str] = []
 
@@ -118,7 +118,7 @@ def test_only_what_changed_is_read_again(root: Path, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize("damage", ["lost", "garbage", "another version"])
-def test_a_damaged_index_is_made_anew(root: Path, damage: str) -> None:
+def test_a_damaged_index_is_made_anew(root, damage):
     whole = catalogued(root)
     assert len(bt.runs(root).query("SELECT * FROM settings"))
     file = index_folder(root) / "index.sqlite"
@@ -135,7 +135,7 @@ def test_a_damaged_index_is_made_anew(root: Path, damage: str) -> None:
     assert len(bt.runs(root).query("SELECT * FROM settings")) == 6
 
 
-def test_a_query_says_what_the_files_hold(root: Path) -> None:
+def test_a_query_says_what_the_files_hold(root):
     runs = bt.runs(root, rig="lab")
     assert {path.name for path in runs} == {"one", "two"}
     means = runs.query(
@@ -155,7 +155,7 @@ def test_a_query_says_what_the_files_hold(root: Path) -> None:
     assert sorted(joined["operator"]) == ["Bob", "ada"]
 
 
-def test_fits_are_a_table_of_their_parameters(root: Path) -> None:
+def test_fits_are_a_table_of_their_parameters(root):
     result = json.loads((root / "fit" / "result.json").read_text("utf-8"))
     table = bt.runs(root).query("SELECT * FROM fits WHERE parameter = 'body_lift.K_b'")
     assert list(table["method"]) == ["least_squares", "emcee"]
@@ -183,12 +183,12 @@ def test_fits_are_a_table_of_their_parameters(root: Path) -> None:
         ("", "a query is one SELECT"),
     ],
 )
-def test_a_query_that_is_none_is_refused(root: Path, sql: str, said: str) -> None:
+def test_a_query_that_is_none_is_refused(root, sql, said):
     with pytest.raises(InputError, match=said):
         bt.runs(root).query(sql)
 
 
-def test_a_run_that_is_being_measured_is_listed_and_queried(root: Path) -> None:
+def test_a_run_that_is_being_measured_is_listed_and_queried(root):
     run = small_run(root / "live")
     run.update_metadata(state="running", rig=rig_facts("lab", 0.1))
     with run.locked():
@@ -204,7 +204,7 @@ def test_a_run_that_is_being_measured_is_listed_and_queried(root: Path) -> None:
     assert names(root, tag=("live",)) == {"live"}
 
 
-def test_labels_of_two_programs_are_both_there(root: Path) -> None:
+def test_labels_of_two_programs_are_both_there(root):
     def add(first: int) -> None:
         for number in range(first, first + 10):
             label(root / "three", add=[f"t{number}"])
@@ -221,16 +221,14 @@ def test_labels_of_two_programs_are_both_there(root: Path) -> None:
 @pytest.mark.parametrize(
     "tag", ["two words", "a,b", "", "x" * 61, "a\x1b[2J", "a\u202eb", "-a", "a/b"]
 )
-def test_a_word_that_is_no_tag_is_refused(root: Path, tag: str) -> None:
+def test_a_word_that_is_no_tag_is_refused(root, tag):
     with pytest.raises(InputError, match="cannot name a tag"):
         label(root / "three", add=[tag])
     with pytest.raises(InputError, match=r"has no tag 'other' to remove \(it has: good, first-day"):
         label(root / "three", remove=["other"])
 
 
-def test_all_of_a_tag_command_is_checked_before_the_first_run_changes(
-    root: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_all_of_a_tag_command_is_checked_before_the_first_run_changes(root, capsys):
     before = (root / "three" / "labels.json").read_bytes()
     for arguments in (["three", "best"], ["three", "nowhere", "--add", "best"],
                       ["three", "2026/one", "--remove", "good"]):  # fmt: skip

@@ -9,13 +9,12 @@ import pytest
 from benchtool.core.errors import BenchtoolError, DataWarning
 from benchtool.data.run.entry import verify_run
 from benchtool.data.run.read import changed_points, read_points
-from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
 from tests.unit.data.run_of import CHANNELS, point, small_run
 
 
 @pytest.fixture
-def closed(tmp_path: Path) -> Run:
+def closed(tmp_path):
     run = small_run(tmp_path / "run")
     run.update_metadata(state="running", visits=4)
     run.close()
@@ -27,7 +26,7 @@ def edit(folder: Path) -> None:
     file.write_text(file.read_text("utf-8").replace(",11.0,", ",11.165,"), "utf-8")
 
 
-def test_a_closed_run_states_the_hash_of_its_points(closed: Run) -> None:
+def test_a_closed_run_states_the_hash_of_its_points(closed):
     assert changed_points(closed.path) == changed_points(closed.path / "points.csv") == ()
     assert verify_run(closed.path) == []
     edit(closed.path)
@@ -40,7 +39,7 @@ def test_a_closed_run_states_the_hash_of_its_points(closed: Run) -> None:
     assert "points.csv" in verify_run(closed.path)[0]
 
 
-def test_closing_again_does_not_state_the_hash_of_changed_points(closed: Run) -> None:
+def test_closing_again_does_not_state_the_hash_of_changed_points(closed):
     edit(closed.path)
     (closed.path / "settings.csv").unlink()
     with pytest.warns(DataWarning):
@@ -49,7 +48,7 @@ def test_closing_again_does_not_state_the_hash_of_changed_points(closed: Run) ->
 
 
 @pytest.mark.parametrize("left", ["open", "killed", "closed"])
-def test_points_of_a_resumed_run_give_no_warning(closed: Run, left: str) -> None:
+def test_points_of_a_resumed_run_give_no_warning(closed, left):
     with (closed.path / "points.csv").open("a") as file:
         file.write("5,meas")  # as a kill leaves it
     closed.update_metadata(points={}, samples={})
@@ -64,7 +63,7 @@ def test_points_of_a_resumed_run_give_no_warning(closed: Run, left: str) -> None
     writer.close()
 
 
-def test_resuming_does_not_hide_a_change(closed: Run) -> None:
+def test_resuming_does_not_hide_a_change(closed):
     edit(closed.path)
     writer = RunWriter(closed, CHANNELS, 1)
     writer.point(point(5, "measure", 1, 3, 11.1))
@@ -74,7 +73,7 @@ def test_resuming_does_not_hide_a_change(closed: Run) -> None:
     assert changed_points(closed.path)
 
 
-def test_verify_finds_what_changed(closed: Run) -> None:
+def test_verify_finds_what_changed(closed):
     run = closed.path
     assert verify_run(run) == []
     with (run / "samples.parquet").open("ab") as changed:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -38,9 +36,7 @@ ALL = "closed afterwards; all is measured: 4 visits"
         ("ended", 5, None, "ended", None),
     ],
 )
-def test_how_a_run_ended_is_said_once(
-    tmp_path: Path, state: str, planned: int | None, visits: int | None, closed: str, said: str
-) -> None:
+def test_how_a_run_ended_is_said_once(tmp_path, state, planned, visits, closed, said):
     run = small_run(tmp_path / "run")
     run.update_metadata(state=state, visits=planned)
     with run.locked() as log:
@@ -56,7 +52,7 @@ def test_how_a_run_ended_is_said_once(
     assert {path.name: path.read_bytes() for path in run.path.iterdir()} == before
 
 
-def test_an_event_that_a_killed_close_had_written_is_not_repeated(tmp_path: Path) -> None:
+def test_an_event_that_a_killed_close_had_written_is_not_repeated(tmp_path):
     run = small_run(tmp_path / "run")
     run.update_metadata(state="running", visits=4)
     with run.locked() as log:
@@ -65,13 +61,13 @@ def test_an_event_that_a_killed_close_had_written_is_not_repeated(tmp_path: Path
     assert len(read_events(run.path / "events.jsonl")) == 1
 
 
-def test_a_run_that_is_measured_or_closed_by_another_is_left_alone(tmp_path: Path) -> None:
+def test_a_run_that_is_measured_or_closed_by_another_is_left_alone(tmp_path):
     run = small_run(tmp_path / "run")
     with run.locked(), pytest.raises(InputError, match="another process measures or closes"):
         run.close()
 
 
-def test_left_overs_are_hidden_files_that_were_being_written(tmp_path: Path) -> None:
+def test_left_overs_are_hidden_files_that_were_being_written(tmp_path):
     for name in (".metadata.json.7.new", ".x.new", "x.new", ".x.newer", ".x"):
         (tmp_path / name).touch()
     (tmp_path / ".folder.new").mkdir()
@@ -80,9 +76,7 @@ def test_left_overs_are_hidden_files_that_were_being_written(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("error", [MemoryError(), OSError(28, "No space left on device")])
-def test_a_writer_that_fails_ends_the_close_and_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
-) -> None:
+def test_a_writer_that_fails_ends_the_close_and_leaves_nothing(tmp_path, monkeypatch, error):
     run = small_run(tmp_path / "run")
 
     def fail(writer: pq.ParquetWriter, batch: object) -> None:
@@ -107,7 +101,7 @@ def test_a_writer_that_fails_ends_the_close_and_leaves_nothing(
         ("1,2,3,settle,1,2 3,3\n", "column 'rpm1'"),
     ],
 )
-def test_a_line_that_cannot_be_read_is_named(tmp_path: Path, lines: str, problem: str) -> None:
+def test_a_line_that_cannot_be_read_is_named(tmp_path, lines, problem):
     run = small_run(tmp_path / "run")
     with open(run.path / "samples.csv", "a") as file:
         file.write(lines)
@@ -116,7 +110,7 @@ def test_a_line_that_cannot_be_read_is_named(tmp_path: Path, lines: str, problem
     assert not list(run.path.glob("*parquet*"))
 
 
-def test_blank_lines_and_spaces_change_no_number(tmp_path: Path) -> None:
+def test_blank_lines_and_spaces_change_no_number(tmp_path):
     run = small_run(tmp_path / "run")
     path = run.path / "samples.csv"
     rows = read_samples(path).values
@@ -128,7 +122,7 @@ def test_blank_lines_and_spaces_change_no_number(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["samples.csv", "samples.parquet"])
-def test_samples_are_sealed_again_where_either_file_has_changed(tmp_path: Path, name: str) -> None:
+def test_samples_are_sealed_again_where_either_file_has_changed(tmp_path, name):
     run = small_run(tmp_path / "run")
     run.close()
     with open(run.path / name, "ab") as file:
@@ -141,7 +135,7 @@ def test_samples_are_sealed_again_where_either_file_has_changed(tmp_path: Path, 
     assert not run.close()
 
 
-def test_a_run_with_a_link_for_its_samples_is_not_closed(tmp_path: Path) -> None:
+def test_a_run_with_a_link_for_its_samples_is_not_closed(tmp_path):
     run = small_run(tmp_path / "run")
     run.close()
     parquet = run.path / "samples.parquet"
@@ -150,7 +144,7 @@ def test_a_run_with_a_link_for_its_samples_is_not_closed(tmp_path: Path) -> None
         run.close()
 
 
-def test_settings_that_are_missing_are_made_again(tmp_path: Path) -> None:
+def test_settings_that_are_missing_are_made_again(tmp_path):
     run = small_run(tmp_path / "run")
     (run.path / ".settings.csv.7.new").write_text("half")
     run.close()
@@ -160,7 +154,7 @@ def test_settings_that_are_missing_are_made_again(tmp_path: Path) -> None:
     assert (run.path / "settings.csv").is_file()
 
 
-def test_a_run_without_rows_is_closed_without_tables(tmp_path: Path) -> None:
+def test_a_run_without_rows_is_closed_without_tables(tmp_path):
     run = Run.create(tmp_path / "run", "", {"state": "ended"})
     (run.path / "points.csv").write_text("point,kind\n")
     assert not has_rows(run.path / "points.csv")
@@ -175,7 +169,7 @@ ROWS = ("1,10,0,move,1,\n", "9,20,1,sample,2,\n", "3,30,2,settle,3,3\n", "4,40,2
         "5,45,0,end,5,\n")  # fmt: skip
 
 
-def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path: Path) -> None:
+def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path):
     path = tmp_path / "samples.csv"
     cut = "6,50,2,settle,6"
     path.write_text(HEAD + "".join(ROWS) + cut)
@@ -199,7 +193,7 @@ def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path: Path)
         *("nan,10,1,sample,1", "1e300,10,1,sample,1", "1,1e300,1,sample,1"),
     ],
 )
-def test_a_line_that_no_writer_has_written_is_named(tmp_path: Path, line: str) -> None:
+def test_a_line_that_no_writer_has_written_is_named(tmp_path, line):
     path = tmp_path / "samples.csv"
     path.write_text(HEAD + ROWS[0] + line + "\n")
     with pytest.raises(FileFormatError, match=r"samples\.csv, line 3: it begins with '"):

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from benchtool.data.repairs.foreign_units import head_of
 from benchtool.data.repairs.numbers import numbers_of
 
 
-def test_spreadsheet_file_is_mended_with_words() -> None:
+def test_spreadsheet_file_is_mended_with_words():
     table = parse_csv("\ufeffa;b;\r\n1,5;2\r\n;3,25;\r\n".encode(), "x.csv")
     assert table.header == ("a", "b")
     assert table.rows == [["1.5", "2"], ["", "3.25"]]
@@ -23,26 +21,26 @@ def test_spreadsheet_file_is_mended_with_words() -> None:
     ]
 
 
-def test_short_rows_are_counted_and_filled() -> None:
+def test_short_rows_are_counted_and_filled():
     table = parse_csv(b"a,b,c\n1,2,3\n4\n5,6\n", "x.csv")
     assert table.rows[1:] == [["4", "", ""], ["5", "6", ""]]
     assert table.repairs == ("2 rows shorter than the header, first in line 3",)
 
 
 @pytest.mark.parametrize("own", [False, True])
-def test_a_last_line_without_its_end(own: bool) -> None:
+def test_a_last_line_without_its_end(own):
     table = parse_csv(b"a,b\n1,2\n3,4", "x.csv", own=own)
     assert table.rows == ([["1", "2"]] if own else [["1", "2"], ["3", "4"]])
     assert bool(table.repairs) is own
 
 
-def test_a_cut_line_of_a_foreign_file_is_left_out() -> None:
+def test_a_cut_line_of_a_foreign_file_is_left_out():
     table = parse_csv(b"a,b\n1,2\n3", "x.csv")
     assert table.rows == [["1", "2"]]
     assert table.repairs == ("the last line was cut short and left out",)
 
 
-def test_windows_text_is_read_with_words() -> None:
+def test_windows_text_is_read_with_words():
     table = parse_csv("Time (s),ESC signal (µs)\n1,2\n".encode("cp1252"), "x.csv")
     assert table.header[1] == "ESC signal (µs)"
     assert table.repairs == ("the text is not UTF-8; read as Windows-1252",)
@@ -59,7 +57,7 @@ def test_windows_text_is_read_with_words() -> None:
         (b"a,b\n1,2,3\n", "line 2 has 3 cells, the header names 2 columns"),
     ],
 )
-def test_what_cannot_be_mended_is_refused(data: bytes, words: str) -> None:
+def test_what_cannot_be_mended_is_refused(data, words):
     with pytest.raises(FileFormatError, match=words):
         parse_csv(data, "x.csv")
 
@@ -80,7 +78,7 @@ LEADS = {
 
 
 @pytest.mark.parametrize("case", LEADS)
-def test_what_stands_around_a_header_is_left_out(case: str) -> None:
+def test_what_stands_around_a_header_is_left_out(case):
     lead, header, rows = LEADS[case]
     data = f"{lead}{header}{rows}".encode()
     table, laid = parse_csv(data, "x.csv"), lay_out(data, "x.csv")
@@ -109,9 +107,7 @@ OPEN_QUOTES = {
 
 @pytest.mark.parametrize("case", OPEN_QUOTES)
 @pytest.mark.parametrize("read", [parse_csv, lay_out])
-def test_a_quote_that_contains_rows_is_refused_with_its_line(
-    case: str, read: Callable[[bytes, str], object]
-) -> None:
+def test_a_quote_that_contains_rows_is_refused_with_its_line(case, read):
     text, line = OPEN_QUOTES[case]
     with pytest.raises(FileFormatError) as refused:
         read(text.encode(), "x.csv")
@@ -119,7 +115,7 @@ def test_a_quote_that_contains_rows_is_refused_with_its_line(
 
 
 @pytest.mark.parametrize("note", ["calm\nair", "calm, dry\nair", 'the "good" cell'])
-def test_text_in_quotes_is_one_cell(note: str) -> None:
+def test_text_in_quotes_is_one_cell(note):
     quoted = note.replace('"', '""')
     data = f'z,F,note\n1,2,"{quoted}"\n3,4,\n'.encode()
     table = parse_csv(data, "x.csv")
@@ -127,7 +123,7 @@ def test_text_in_quotes_is_one_cell(note: str) -> None:
     assert numbers_of(lay_out(data, "x.csv"), [0, 1]).columns.tolist() == [[1.0, 3.0], [2.0, 4.0]]
 
 
-def test_impossible_numbers_of_a_foreign_file_are_blanked_and_counted() -> None:
+def test_impossible_numbers_of_a_foreign_file_are_blanked_and_counted():
     table = lay_out(b"z,F\n1,2\n1e308,-9e99\n3,inf\n1e20,4\n", "x.csv")
     numbers = numbers_of(table, [0, 1])
     assert np.isnan(numbers.columns).tolist() == [

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import radians
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -59,7 +58,7 @@ def check_against_dfreader(read: Imported, reader: DFReader) -> None:
     assert compared > 100
 
 
-def test_numbers_are_dfreaders(tmp_path: Path) -> None:
+def test_numbers_are_dfreaders(tmp_path):
     path = tmp_path / "hop.bin"
     path.write_bytes(dataflash(hop()))
     read = import_file(path)
@@ -68,7 +67,7 @@ def test_numbers_are_dfreaders(tmp_path: Path) -> None:
     check_against_dfreader(read, DFReader_binary(str(path)))
 
 
-def test_a_text_log_holds_the_same(tmp_path: Path) -> None:
+def test_a_text_log_holds_the_same(tmp_path):
     path = tmp_path / "hop.log"
     path.write_text(text_log(hop()))
     read = import_file(path)
@@ -78,7 +77,7 @@ def test_a_text_log_holds_the_same(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.recording.values, binary.values, rtol=1e-6)
 
 
-def test_motors_speeds_and_distance_find_their_channels() -> None:
+def test_motors_speeds_and_distance_find_their_channels():
     recording = import_bytes(dataflash(hop()), "hop.bin", Options()).recording
     first = {name: recording.column(name) for name in recording.names}
     first = {name: values[np.isfinite(values)][0] for name, values in first.items()}
@@ -90,7 +89,7 @@ def test_motors_speeds_and_distance_find_their_channels() -> None:
     assert recording.provenance["device"] == "ArduCopter V4.5.7"
 
 
-def test_windows_of_the_sensor_and_of_the_user() -> None:
+def test_windows_of_the_sensor_and_of_the_user():
     read = import_bytes(dataflash(hop()), "hop.bin", Options(near_m=0.5))
     (window,) = read.windows
     assert (window.rotor, window.source) == (0, "distance sensor")
@@ -103,7 +102,7 @@ def test_windows_of_the_sensor_and_of_the_user() -> None:
     assert not covered.all()
 
 
-def test_a_cut_log_gives_what_is_whole() -> None:
+def test_a_cut_log_gives_what_is_whole():
     data = dataflash(hop())
     whole = import_bytes(data, "hop.bin", Options())
     cut = import_bytes(data[:-9], "hop.bin", Options())
@@ -113,7 +112,7 @@ def test_a_cut_log_gives_what_is_whole() -> None:
     assert len(whole.recording) - len(cut.recording) <= 1
 
 
-def test_corrupt_bytes_are_passed_over_and_counted() -> None:
+def test_corrupt_bytes_are_passed_over_and_counted():
     records = hop()
     middle = len(dataflash(records[:200]))
     data = dataflash(records)
@@ -127,7 +126,7 @@ def test_corrupt_bytes_are_passed_over_and_counted() -> None:
     assert f"byte {middle:,}" in finding.words
 
 
-def test_a_records_head_inside_a_body_is_no_record() -> None:
+def test_a_records_head_inside_a_body_is_no_record():
     records = hop()
     # These four floats hold 0xA3 0x95 and ATT's number.
     trap = np.frombuffer(b"\xa3\x95\x8c\x3f" * 4, "<f4").tolist()
@@ -137,7 +136,7 @@ def test_a_records_head_inside_a_body_is_no_record() -> None:
     assert found(read, "corrupt bytes") == []
 
 
-def test_a_stray_time_is_refused() -> None:
+def test_a_stray_time_is_refused():
     data = dataflash(hop()) + record("ATT", (1 << 60, 0, 0, 0, 0, 0, 0))
     read = import_bytes(data, "hop.bin", Options())
     assert found(read, "stray time")[0].count == 1

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from benchtool.data.run.settings import exported
 from tests.unit.data.run_of import small_run
 
 
-def test_what_is_not_on_the_disk_is_made_with_the_same_numbers(tmp_path: Path) -> None:
+def test_what_is_not_on_the_disk_is_made_with_the_same_numbers(tmp_path):
     run = small_run(tmp_path / "run")  # not closed: neither settings nor Parquet
     made = tmp_path / "made.parquet"
     made.write_bytes(exported(run.path, "samples", ".parquet"))

@@ -31,7 +31,7 @@ def flight(path: Path, height_m: np.ndarray, speed: np.ndarray) -> Options:
     return Options(columns=path.parent / "map.toml", hover_kg=2.0)
 
 
-def test_thrust_of_a_hover_is_mass_times_gravity_and_acceleration(tmp_path: Path) -> None:
+def test_thrust_of_a_hover_is_mass_times_gravity_and_acceleration(tmp_path):
     """Two seconds of rest, then one of a parabola whose turning point lies in its middle."""
     since_s = np.arange(3 * RATE_HZ) / RATE_HZ
     middle_s = since_s[2 * RATE_HZ :].mean()
@@ -49,9 +49,7 @@ def test_thrust_of_a_hover_is_mass_times_gravity_and_acceleration(tmp_path: Path
 @pytest.mark.parametrize(
     ("climb_m_s", "speed", "steady"), [(0.04, 4000.0, 4), (0.06, 4000.0, 0), (0.0, 0.0, 0)]
 )
-def test_only_steady_stays_with_turning_rotors_are_points(
-    tmp_path: Path, climb_m_s: float, speed: float, steady: int
-) -> None:
+def test_only_steady_stays_with_turning_rotors_are_points(tmp_path, climb_m_s, speed, steady):
     count = 4 * RATE_HZ
     path = tmp_path / "hover.parquet"
     height = 1.0 + climb_m_s * np.arange(count) / RATE_HZ
@@ -63,7 +61,7 @@ def test_only_steady_stays_with_turning_rotors_are_points(
             import_file(path, options)
 
 
-def test_a_table_without_heights_is_no_hover(tmp_path: Path) -> None:
+def test_a_table_without_heights_is_no_hover(tmp_path):
     (tmp_path / "a.csv").write_text("thrust_N,rpm1\n1,2000\n2,3000\n")
     with pytest.raises(InputError, match="--hover needs time_s, plate_z_m and rpm1"):
         import_file(tmp_path / "a.csv", Options(hover_kg=1.0))

@@ -28,9 +28,7 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
 
 
 @pytest.mark.parametrize(("name", "read"), READERS.values(), ids=READERS)
-def test_no_reader_follows_a_link(
-    tmp_path: Path, name: str, read: Callable[[Path], object]
-) -> None:
+def test_no_reader_follows_a_link(tmp_path, name, read):
     run = small_run(tmp_path / "run")
     run.close()
     path = run.path / name
@@ -40,7 +38,7 @@ def test_no_reader_follows_a_link(
         read(run.path)
 
 
-def test_a_file_that_a_person_names_may_be_a_link(tmp_path: Path) -> None:
+def test_a_file_that_a_person_names_may_be_a_link(tmp_path):
     (tmp_path / "real").write_text("{}")
     (tmp_path / "link").symlink_to("real")
     assert read_json(tmp_path / "link") == {}
@@ -48,7 +46,7 @@ def test_a_file_that_a_person_names_may_be_a_link(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["samples.csv", "points.csv", "events.jsonl"])
-def test_nothing_is_appended_through_a_link(tmp_path: Path, name: str) -> None:
+def test_nothing_is_appended_through_a_link(tmp_path, name):
     run = small_run(tmp_path / "run")
     run.event_log().close()
     victim = (run.path / name).rename(tmp_path / "victim")
@@ -59,7 +57,7 @@ def test_nothing_is_appended_through_a_link(tmp_path: Path, name: str) -> None:
     assert victim.read_bytes() == before
 
 
-def test_nothing_is_written_through_a_link_left_for_a_half_written_file(tmp_path: Path) -> None:
+def test_nothing_is_written_through_a_link_left_for_a_half_written_file(tmp_path):
     run = small_run(tmp_path / "run")
     victim = tmp_path / "victim"
     victim.write_text("mine")
@@ -71,7 +69,7 @@ def test_nothing_is_written_through_a_link_left_for_a_half_written_file(tmp_path
     assert victim.read_text() == "mine"
 
 
-def test_new_files_have_the_rights_that_the_umask_leaves(tmp_path: Path) -> None:
+def test_new_files_have_the_rights_that_the_umask_leaves(tmp_path):
     import os
 
     before = os.umask(0o002)

@@ -36,7 +36,7 @@ print(most_MB() - before)
 
 
 @pytest.fixture(scope="module")
-def long_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def long_runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     for name, count in (("short", ROWS // 10), ("long", ROWS)):
         samples = small_run(folder / name).path / "samples.csv"
@@ -57,7 +57,7 @@ def long_runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
     ids=["close", "resume", "one channel"],
 )
-def test_memory_is_that_of_a_batch(long_runs: Path, statement: str, limit_MB: float) -> None:
+def test_memory_is_that_of_a_batch(long_runs, statement, limit_MB):
     code = CHILD.format(statement=statement)
     words = [sys.executable, "-c", code, str(long_runs)]
     grown_MB = float(subprocess.run(words, capture_output=True, check=True).stdout)

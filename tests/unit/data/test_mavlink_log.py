@@ -57,7 +57,7 @@ def known(read: Imported, name: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_messages_become_channels_on_the_autopilots_clock(version: int) -> None:
+def test_messages_become_channels_on_the_autopilots_clock(version):
     items = [item for item in hop() if version == 2 or item[1].id < 256]
     read = import_bytes(tlog(items, version=version), "hop.tlog", Options())
     assert read.tally.balanced
@@ -77,7 +77,7 @@ def test_messages_become_channels_on_the_autopilots_clock(version: int) -> None:
         assert [set(known(read, f"rpm{n}")) for n in (1, 4)] == [{5000.0}, {5003.0}]
 
 
-def test_a_cut_log_and_garbage_inside() -> None:
+def test_a_cut_log_and_garbage_inside():
     items = hop()
     data = tlog(items)
     cut = import_bytes(data[:-3], "hop.tlog", Options())
@@ -91,7 +91,7 @@ def test_a_cut_log_and_garbage_inside() -> None:
     assert found(hurt, "corrupt bytes")
 
 
-def test_a_wrong_checksum_is_refused() -> None:
+def test_a_wrong_checksum_is_refused():
     items = hop()
     data = bytearray(tlog(items))
     data[len(tlog(items[:8])) - 1] ^= 0xFF  # checksum of the eighth frame
@@ -101,7 +101,7 @@ def test_a_wrong_checksum_is_refused() -> None:
     assert found(read, "corrupt frames")[0].count == 1
 
 
-def test_the_vehicle_is_known_from_others() -> None:
+def test_the_vehicle_is_known_from_others():
     other = tlog([(6_000_000 + 1000 * i, attitude(6000 + i, 0.9)) for i in range(5)], system=9)
     read = import_bytes(tlog(hop()) + other, "two.tlog", Options())
     assert read.recording.provenance["device"] == "MAVLink system 1, component 1"
@@ -109,7 +109,7 @@ def test_the_vehicle_is_known_from_others() -> None:
     assert read.tally.not_needed == 5
 
 
-def test_a_reboot_goes_on_in_time() -> None:
+def test_a_reboot_goes_on_in_time():
     items = [(1_000_000 * i, attitude(60_000 + 1000 * i)) for i in range(5)]
     items += [(10_000_000 + 1_000_000 * i, attitude(2_000 + 1000 * i)) for i in range(5)]
     read = import_bytes(tlog(items), "boot.tlog", Options())
@@ -119,7 +119,7 @@ def test_a_reboot_goes_on_in_time() -> None:
     assert found(read, "time starts anew")[0].count == 1
 
 
-def test_a_count_of_32_bits_wraps() -> None:
+def test_a_count_of_32_bits_wraps():
     host = np.arange(10, dtype=np.int64) * 60_000_000
     boot_ms = 4_290_000.0 + 60_000.0 * np.arange(10)
     clock = AutopilotClock.of(host, boot_ms)

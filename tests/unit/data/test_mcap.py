@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,9 +31,7 @@ def recording(rows: int, extra: int = 0) -> Recording:
 
 
 @pytest.mark.parametrize(("rows", "extra"), [(0, 0), (1, 0), (25, 0), (700, 30)])
-def test_what_was_written_comes_back(
-    tmp_path: Path, rows: int, extra: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_was_written_comes_back(tmp_path, rows, extra, monkeypatch):
     monkeypatch.setattr(mcap_file, "CHUNK_BYTES", 20_000)
     made = recording(rows, extra)
     write_mcap(tmp_path / "a.mcap", made)
@@ -46,9 +43,7 @@ def test_what_was_written_comes_back(
     assert (back.provenance, back.simulated) == (made.provenance, True)
 
 
-def test_the_format_s_own_reader_sees_messages_units_and_calibration(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_format_s_own_reader_sees_messages_units_and_calibration(tmp_path, monkeypatch):
     monkeypatch.setattr(mcap_file, "CHUNK_BYTES", 2_000)
     made, path = recording(100), tmp_path / "a.mcap"
     start_ns = 1_790_000_000_000_000_000
@@ -82,7 +77,7 @@ def test_the_format_s_own_reader_sees_messages_units_and_calibration(
         assert len(list(between)) == 10
 
 
-def test_damage_is_one_sentence(tmp_path: Path) -> None:
+def test_damage_is_one_sentence(tmp_path):
     path = tmp_path / "a.mcap"
     write_mcap(path, recording(500))
     data = path.read_bytes()

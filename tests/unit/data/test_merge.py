@@ -44,7 +44,7 @@ def changed(path: Path, factor: float, **facts: Any) -> Path:
 
 
 @pytest.fixture
-def two(tmp_path: Path) -> list[Path]:
+def two(tmp_path):
     air = {"temperature_degC": 20.0, "pressure_Pa": 101325.0, "humidity": 0.5,
            "density_kg_m3": 1.2, "measured": True}  # fmt: skip
     facts = Run(DATA).metadata
@@ -55,7 +55,7 @@ def two(tmp_path: Path) -> list[Path]:
     ]
 
 
-def test_the_fit_of_a_merged_run_is_that_of_its_runs(two: list[Path], tmp_path: Path) -> None:
+def test_the_fit_of_a_merged_run_is_that_of_its_runs(two, tmp_path):
     merged = merge_runs(two, tmp_path / "merged")
     recipe = Recipe(
         name="x", data=tuple(map(str, two)), model="single_bench",
@@ -69,7 +69,7 @@ def test_the_fit_of_a_merged_run_is_that_of_its_runs(two: list[Path], tmp_path: 
     assert together.density == apart.density
 
 
-def test_a_merged_run_holds_its_runs_and_all_their_points(two: list[Path], tmp_path: Path) -> None:
+def test_a_merged_run_holds_its_runs_and_all_their_points(two, tmp_path):
     before = [contents(path) for path in two]
     merged = merge_runs(two, tmp_path / "merged").path
     assert [contents(path) for path in two] == before
@@ -101,9 +101,7 @@ def test_a_merged_run_holds_its_runs_and_all_their_points(two: list[Path], tmp_p
         ({"state": "running"}, "two is being measured, or its program died"),
     ],
 )
-def test_other_runs_are_refused(
-    two: list[Path], tmp_path: Path, facts: dict[str, Any], said: str
-) -> None:
+def test_other_runs_are_refused(two, tmp_path, facts, said):
     file = two[1] / "metadata.json"
     known = json.loads(file.read_text("utf-8"))
     for key, value in facts.items():
@@ -121,14 +119,14 @@ def test_other_runs_are_refused(
     assert {item.name for item in tmp_path.iterdir()} == {"one", "two"}
 
 
-def test_the_same_data_and_a_single_run_are_refused(two: list[Path], tmp_path: Path) -> None:
+def test_the_same_data_and_a_single_run_are_refused(two, tmp_path):
     with pytest.raises(InputError, match="one run is named"):
         merge_runs(two[:1], tmp_path / "merged")
     with pytest.raises(InputError, match="holds the same data as"):
         merge_runs([two[0], two[0]], tmp_path / "merged")
 
 
-def test_a_part_that_is_missing_or_changed_is_said(tmp_path: Path) -> None:
+def test_a_part_that_is_missing_or_changed_is_said(tmp_path):
     merged = merge_runs(closed_pair(tmp_path), tmp_path / "merged").path
     assert verify_run(merged) == []
     part = Path(parts_of(merged)[1])
@@ -155,7 +153,7 @@ def closed_pair(tmp_path: Path) -> list[Path]:
     return [one, two]
 
 
-def test_ratios_do_not_take_references_of_another_part(tmp_path: Path) -> None:
+def test_ratios_do_not_take_references_of_another_part(tmp_path):
     merged = merge_runs(closed_pair(tmp_path), tmp_path / "merged").path
     table = read_settings(merged)
     near = table.column("kind") == 0.0

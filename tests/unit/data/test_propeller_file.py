@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from benchtool.core.errors import FileFormatError, UnknownChoice
@@ -13,20 +11,20 @@ from benchtool.data.propeller_file import propeller_named, propeller_names, read
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in (LIBRARY / "propellers").iterdir()))
-def test_every_shipped_propeller_reads_and_each_number_has_a_source(name: str) -> None:
+def test_every_shipped_propeller_reads_and_each_number_has_a_source(name):
     propeller, sources = read_propeller(name)
     assert propeller.name == name
     assert {"diameter_m", "pitch_m", "blades"} <= set(sources)
     assert all(len(source) > 10 for source in sources.values())
 
 
-def test_chords_are_those_of_the_maker_s_stations_at_three_quarters_of_the_radius() -> None:
+def test_chords_are_those_of_the_maker_s_stations_at_three_quarters_of_the_radius():
     # 1.0446 in at 3.6440 in and 1.0118 in at 3.7627 in of the 10x7SF: 1.01531 in at 3.75 in.
     by_hand = (1.0446 - (3.75 - 3.6440) / (3.7627 - 3.6440) * (1.0446 - 1.0118)) * 0.0254
     assert propeller_named("apc_10x7sf").chord_m == pytest.approx(by_hand, rel=2e-4)
 
 
-def test_a_size_is_diameter_pitch_and_blades_in_inches() -> None:
+def test_a_size_is_diameter_pitch_and_blades_in_inches():
     propeller = propeller_named("10x4.5x3")
     assert propeller.diameter_m == pytest.approx(0.254)
     assert propeller.pitch_m == pytest.approx(0.1143)
@@ -35,7 +33,7 @@ def test_a_size_is_diameter_pitch_and_blades_in_inches() -> None:
 
 
 @pytest.fixture
-def library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def library(tmp_path, monkeypatch):
     """Give an empty library of the user's own."""
     monkeypatch.setenv("BENCHTOOL_LIBRARY", str(tmp_path))
     for kind in ("propellers", "rigs"):
@@ -44,7 +42,7 @@ def library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_file_in_the_user_s_library_is_known_by_its_name(library: Path) -> None:
+def test_a_file_in_the_user_s_library_is_known_by_its_name(library):
     text = 'name = "mine"\nsource = "ruler"\ndiameter_m = 0.2\n'
     (library / "propellers" / "mine.toml").write_text(text)
     assert propeller_named("mine").diameter_m == 0.2
@@ -55,7 +53,7 @@ def test_a_file_in_the_user_s_library_is_known_by_its_name(library: Path) -> Non
         rig_named("other_rig")
 
 
-def test_a_number_without_a_source_is_refused(library: Path) -> None:
+def test_a_number_without_a_source_is_refused(library):
     (library / "propellers" / "bare.toml").write_text('name = "bare"\ndiameter_m = 0.2\n')
     with pytest.raises(FileFormatError, match="diameter_m has no source"):
         propeller_named("bare")

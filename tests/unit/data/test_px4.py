@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import asin
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ PLAIN = {
 
 
 @pytest.fixture(scope="module", params=["sample_log_small.ulg", "sample_px4_events.ulg"])
-def path(request: pytest.FixtureRequest, reference_data: Path) -> Path:
+def path(request, reference_data):
     return reference_data / "logs" / request.param
 
 
@@ -32,7 +31,7 @@ def known(read: Imported, name: str) -> np.ndarray:
     return column[np.isfinite(column)]
 
 
-def test_numbers_are_pyulogs(path: Path) -> None:
+def test_numbers_are_pyulogs(path):
     read, log = import_file(path), ULog(str(path))
     assert read.tally.balanced
     topics = {(item.name, item.multi_id): item.data for item in log.data_list}

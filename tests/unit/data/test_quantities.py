@@ -77,15 +77,15 @@ def found(recording: Recording, **known: object) -> dict[str, QuantityValues]:
 
 
 @pytest.mark.parametrize("name", BY_HAND)
-def test_a_quantity_is_what_a_hand_computes(name: str) -> None:
+def test_a_quantity_is_what_a_hand_computes(name):
     assert found(table(**ROW))[name].value[0] == pytest.approx(BY_HAND[name], rel=2e-5)
 
 
-def test_every_quantity_of_the_table_is_checked_by_hand() -> None:
+def test_every_quantity_of_the_table_is_checked_by_hand():
     assert {one.name for one in QUANTITIES} == {*BY_HAND, "torque_Nm"}
 
 
-def test_torque_of_a_data_sheet_is_the_winding_current_over_kv() -> None:
+def test_torque_of_a_data_sheet_is_the_winding_current_over_kv():
     motor = Motor(Kv_rpm_V=900.0, resistance_ohm=0.1, no_load_current_A=0.6)
     row = {key: value for key, value in ROW.items() if key != "torque_Nm"}
     got = found(table(**row), propeller=PROPELLER, air=AIR, motor=motor)
@@ -100,7 +100,7 @@ def test_torque_of_a_data_sheet_is_the_winding_current_over_kv() -> None:
     assert "data sheet" in kv.origin
 
 
-def test_own_errors_are_those_of_the_closed_formulae() -> None:
+def test_own_errors_are_those_of_the_closed_formulae():
     got = found(table(**ROW, **ERRORS))
     t, q, n = 0.02 / THRUST_N, 6e-4 / TORQUE_NM, 4.0 / RPM
     power = hypot(0.01 / VOLTAGE_V, 0.03 / CURRENT_A)
@@ -116,7 +116,7 @@ def test_own_errors_are_those_of_the_closed_formulae() -> None:
         assert one.standard_error[0] / one.value[0] == pytest.approx(expected, rel=1e-3), name
 
 
-def test_shared_errors_of_air_and_geometry_are_counted_once_in_each() -> None:
+def test_shared_errors_of_air_and_geometry_are_counted_once_in_each():
     loose = Propeller(name="loose", diameter_m=DIAMETER_M, chord_m=CHORD_M, diameter_sd=0.004)
     got = found(table(**ROW, **ERRORS), propeller=loose, air=None)
 
@@ -137,7 +137,7 @@ def test_shared_errors_of_air_and_geometry_are_counted_once_in_each() -> None:
     assert total == pytest.approx(hypot(own, 4 * d, rho), rel=2e-3)
 
 
-def test_an_error_that_nobody_states_is_nan_and_no_small_number() -> None:
+def test_an_error_that_nobody_states_is_nan_and_no_small_number():
     known = {key: value for key, value in ERRORS.items() if key != "current_se_A"}
     got = found(table(**ROW, **known))
     assert isnan(got["power_W"].total_error[0])
@@ -145,7 +145,7 @@ def test_an_error_that_nobody_states_is_nan_and_no_small_number() -> None:
     assert np.isfinite(got["ct"].total_error[0])
 
 
-def test_of_several_rotors_squares_and_cubes_are_summed_and_torque_is_left_out() -> None:
+def test_of_several_rotors_squares_and_cubes_are_summed_and_torque_is_left_out():
     row = {**ROW, "rpm1": 6000.0, "rpm2": 3000.0}
     got = found(table(**row))
     by_hand = THRUST_N / (RHO * (100.0**2 + 50.0**2) * DIAMETER_M**4)
@@ -154,14 +154,14 @@ def test_of_several_rotors_squares_and_cubes_are_summed_and_torque_is_left_out()
     assert not {"torque_Nm", "cp", "mechanical_power_W"} & set(got)
 
 
-def test_a_rotor_at_rest_has_no_coefficient_and_nothing_warns() -> None:
+def test_a_rotor_at_rest_has_no_coefficient_and_nothing_warns():
     got = found(table(**{key: [value, 0.0] for key, value in ROW.items()}))
     assert np.isfinite(got["ct"].value[0])
     assert isnan(got["ct"].value[1])
     assert isnan(got["efficiency_N_W"].value[1])
 
 
-def test_means_of_visits_take_the_scatter_where_it_is_larger() -> None:
+def test_means_of_visits_take_the_scatter_where_it_is_larger():
     columns = {key: [value] * 4 for key, value in {**ROW, **ERRORS}.items()}
     columns["thrust_N"] = [8.0, 8.4, 8.0, 8.002]
     ct = found(table(**columns))["ct"]
@@ -184,7 +184,7 @@ def edited_run(folder: Path, **changes: dict[str, object]) -> Path:
     return run
 
 
-def test_a_run_takes_diameter_air_and_chord_from_its_facts(tmp_path: Path) -> None:
+def test_a_run_takes_diameter_air_and_chord_from_its_facts(tmp_path):
     geometry = {"name": "9.4x5", "diameter_m": 0.24, "chord_m": 0.02}
     run = edited_run(tmp_path, rig={"propeller": geometry}, air={"measured": True})
     points = read_points(run, ["measure", "reference"])
@@ -201,7 +201,7 @@ def test_a_run_takes_diameter_air_and_chord_from_its_facts(tmp_path: Path) -> No
     assert density.sd == pytest.approx(1.2255 * relative_density_sd(15.0, 101325.0, 0.0), rel=1e-4)
 
 
-def test_a_calibration_takes_the_place_of_the_rig_s_scale() -> None:
+def test_a_calibration_takes_the_place_of_the_rig_s_scale():
     known = {"id": "cal-1", "relative_sd": 0.004}
     cell = {"thrust_N": Sensor(scale_sd=0.05)}
     rig = replace(rig_named("pquad_single"), sensors=cell)
@@ -212,7 +212,7 @@ def test_a_calibration_takes_the_place_of_the_rig_s_scale() -> None:
         assert abs(scale.columns[0, 0]) / ct.value[0] == pytest.approx(sd)
 
 
-def test_the_wander_of_the_zero_since_its_tare_is_in_the_error_of_thrust() -> None:
+def test_the_wander_of_the_zero_since_its_tare_is_in_the_error_of_thrust():
     cell = {"thrust_N": Sensor(walk=0.004)}
     rig = replace(rig_named("pquad_single"), sensors=cell)
     row = {**ROW, **ERRORS, "elapsed_s": 100.0}

@@ -74,7 +74,7 @@ def covariance_of(found: Ratios) -> Array:
 
 @pytest.mark.parametrize("basis", RATIO_BASES)
 @pytest.mark.parametrize("pulses", [PULSES_US, PULSES_US[:1]], ids=["two pulses", "one pulse"])
-def test_ratios_scatter_as_their_covariance_says(basis: str, pulses: tuple[float, ...]) -> None:
+def test_ratios_scatter_as_their_covariance_says(basis, pulses):
     exact = ratios(visits(pulses), basis)
     near = np.flatnonzero(visits(pulses).column("kind") == code_of("kind", "measure"))
     drawn = np.array([ratios(visits(pulses, seed), basis).value[near] for seed in range(1500)])
@@ -88,7 +88,7 @@ def test_ratios_scatter_as_their_covariance_says(basis: str, pulses: tuple[float
     assert np.abs(bias).max() < 0.1
 
 
-def test_each_reference_is_a_column_of_its_own_repeat() -> None:
+def test_each_reference_is_a_column_of_its_own_repeat():
     found = ratios(visits(), "equal_pwm")
     (reference,) = found.error_sources
     assert (reference.name, reference.kind, reference.scaled) == ("reference", "A", True)
@@ -98,7 +98,7 @@ def test_each_reference_is_a_column_of_its_own_repeat() -> None:
     np.testing.assert_allclose(found.total_error[1:4], 0.002 * 2**0.5 * found.value[1:4])
 
 
-def test_sensors_of_the_rig_stand_in_for_errors_that_points_lack() -> None:
+def test_sensors_of_the_rig_stand_in_for_errors_that_points_lack():
     points = visits()
     names = [name for name in points.names if not name.startswith(("voltage_se", "current_se"))]
     bare = Recording.from_columns(
@@ -114,7 +114,7 @@ def test_sensors_of_the_rig_stand_in_for_errors_that_points_lack() -> None:
     assert Sensor(noise=0.1, quantum=0.01).mean_error(np.array([100.0])) < 0.0101
 
 
-def test_a_pack_that_empties_is_no_ground_effect_at_equal_pulses() -> None:
+def test_a_pack_that_empties_is_no_ground_effect_at_equal_pulses():
     points = visits()
     sag = np.linspace(1.0, 0.98, len(points))
     columns = [(points.channels[i], points.column(name)) for i, name in enumerate(points.names)]

@@ -12,7 +12,7 @@ from tests.unit.data.stand_logs import HEADER_1580, found, imported, log_text, l
 GRAM_FORCE_N = STANDARD_GRAVITY_M_S2 / 1000.0
 
 
-def test_units_become_ours_and_quotients_are_left_out() -> None:
+def test_units_become_ours_and_quotients_are_left_out():
     columns = steps_1580()
     read = imported(log_text(columns))
     recording = read.recording
@@ -26,7 +26,7 @@ def test_units_become_ours_and_quotients_are_left_out() -> None:
     assert len(found(read, "dead channel")) == 1  # the optical probe
 
 
-def test_the_first_row_is_stamped_late() -> None:
+def test_the_first_row_is_stamped_late():
     time_s = steps_1580()["Time (s)"].copy()
     time_s[0] = 0.6
     read = logged({"Time (s)": time_s})
@@ -35,7 +35,7 @@ def test_the_first_row_is_stamped_late() -> None:
     assert finding.lines == "2"
 
 
-def test_time_that_starts_anew_follows_on() -> None:
+def test_time_that_starts_anew_follows_on():
     time_s = np.concatenate([np.arange(12) * 0.5, np.arange(8) * 0.5])
     read = logged({"Time (s)": time_s})
     np.testing.assert_allclose(read.recording.column("time_s"), np.arange(20) * 0.5)
@@ -44,7 +44,7 @@ def test_time_that_starts_anew_follows_on() -> None:
     assert finding.count == 8
 
 
-def test_small_disorder_is_sorted() -> None:
+def test_small_disorder_is_sorted():
     time_s = steps_1580()["Time (s)"].copy()
     time_s[[7, 8]] = time_s[[8, 7]]
     read = logged({"Time (s)": time_s})
@@ -55,7 +55,7 @@ def test_small_disorder_is_sorted() -> None:
     np.testing.assert_array_equal(read.recording.column("pwm1_us"), pulses)
 
 
-def test_a_stray_time_is_set_between_its_neighbours() -> None:
+def test_a_stray_time_is_set_between_its_neighbours():
     time_s = steps_1580()["Time (s)"].copy()
     time_s[9] = 5e6
     read = logged({"Time (s)": time_s})
@@ -63,7 +63,7 @@ def test_a_stray_time_is_set_between_its_neighbours() -> None:
     assert found(read, "stray time")[0].lines == "11"
 
 
-def test_rows_of_other_lengths_and_of_text() -> None:
+def test_rows_of_other_lengths_and_of_text():
     lines = log_text(steps_1580()).splitlines()
     lines[3] = ",".join(lines[3].split(",")[:13])  # shorter
     lines.insert(5, HEADER_1580)  # another log was pasted in
@@ -77,7 +77,7 @@ def test_rows_of_other_lengths_and_of_text() -> None:
     assert found(read, "empty rows")[0].count == 1
 
 
-def test_an_untared_cell_and_a_pusher() -> None:
+def test_an_untared_cell_and_a_pusher():
     thrust = steps_1580()["Thrust (gf)"]
     read = logged({"Thrust (gf)": thrust - 40.0})
     assert "-0.3923 N" in found(read, "untared")[0].words
@@ -93,7 +93,7 @@ def test_an_untared_cell_and_a_pusher() -> None:
     assert [item.kind for item in found(turned, "wrong sign")] == ["repaired"]
 
 
-def test_an_rpm_spike_is_blanked() -> None:
+def test_an_rpm_spike_is_blanked():
     rpm = np.full(40, 4000.0) + np.arange(40)
     rpm[17] = 59504.0
     read = logged({"Motor Electrical Speed (RPM)": rpm}, 40)
@@ -102,7 +102,7 @@ def test_an_rpm_spike_is_blanked() -> None:
     assert (finding.lines, finding.kind) == ("19", "repaired")
 
 
-def test_a_step_up_and_down_of_the_throttle_is_no_spike() -> None:
+def test_a_step_up_and_down_of_the_throttle_is_no_spike():
     pulse = np.full(40, 1300.0)
     pulse[17] = 1900.0
     rpm = 12.0 * (pulse - 1000.0)
@@ -110,7 +110,7 @@ def test_a_step_up_and_down_of_the_throttle_is_no_spike() -> None:
     assert found(logged(columns, 40), "spikes") == []
 
 
-def test_a_wrong_pole_count() -> None:
+def test_a_wrong_pole_count():
     rpm = steps_1580()["Motor Electrical Speed (RPM)"]
     columns = {"Motor Electrical Speed (RPM)": 6.0 * rpm, "Motor Optical Speed (RPM)": rpm}
     assert "--scale rpm1=1/6" in found(logged(columns), "rpm ratio")[0].words
@@ -125,7 +125,7 @@ def test_a_wrong_pole_count() -> None:
     np.testing.assert_allclose(mended.recording.column("rpm1"), rpm)
 
 
-def test_what_is_known_must_make_sense() -> None:
+def test_what_is_known_must_make_sense():
     with pytest.raises(InputError, match="CHANNEL=FACTOR"):
         imported(log_text(steps_1580()), scale=("rpm1",))
     with pytest.raises(InputError, match="known: "):

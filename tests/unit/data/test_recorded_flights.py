@@ -27,7 +27,7 @@ DECEIVED = {"gyro_bias_midair", "accel_bias"}
 
 
 @pytest.fixture(scope="module")
-def flights(reference_data: Path) -> Path:
+def flights(reference_data):
     folder = reference_data.parent / "peers" / "flights"
     if not folder.is_dir():
         pytest.skip("there are no recorded flights beside the reference data")
@@ -48,7 +48,7 @@ def known(read: Imported, channel: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", FLIGHTS)
-def test_a_flight_is_read_at_the_rate_it_was_logged(flights: Path, name: str) -> None:
+def test_a_flight_is_read_at_the_rate_it_was_logged(flights, name):
     data, read, truth = flown(flights, name)
     apart_deg = 1.0 if name in DECEIVED else 0.5
     time_s, roll = known(read, "roll_rad")
@@ -78,7 +78,7 @@ def test_a_flight_is_read_at_the_rate_it_was_logged(flights: Path, name: str) ->
     assert float(volts[0]) == pytest.approx(truth["volts"][0], abs=0.3)
 
 
-def test_speeds_of_tachometers_come_from_each_sensor_in_good_health() -> None:
+def test_speeds_of_tachometers_come_from_each_sensor_in_good_health():
     items = [item for item in hop(1.0) if item[0] != "ESC"]
     for tick in range(10):
         at = 5_000_000 + 100_000 * tick

@@ -62,7 +62,7 @@ def read_one(path: Path, folder: Path) -> Imported:
     return import_file(path, Options(columns=folder / "map.toml"))
 
 
-def test_every_file_imports_and_nothing_is_lost(reference_data: Path, tmp_path: Path) -> None:
+def test_every_file_imports_and_nothing_is_lost(reference_data, tmp_path):
     files = {
         path.relative_to(reference_data).as_posix(): path
         for path in sorted(reference_data.rglob("*"))
@@ -88,7 +88,7 @@ def test_every_file_imports_and_nothing_is_lost(reference_data: Path, tmp_path: 
     assert len(table) == len(measured)
 
 
-def test_a_crazyflie_gives_the_known_coefficient(reference_data: Path) -> None:
+def test_a_crazyflie_gives_the_known_coefficient(reference_data):
     recording = import_file(reference_data / "crazyflie" / "cf2.1-stock-prop.csv").recording
     squared = np.sum([recording.column(f"rpm{n}") ** 2 for n in (1, 2, 3, 4)], axis=0)
     weight_gf = recording.column("thrust_N") / 9.80665e-3

@@ -4,7 +4,6 @@ import errno
 import json
 import os
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from benchtool.data.run.run import Run, free_run_path, read_settings
 from tests.unit.data.run_of import CHANNELS, point, small_run
 
 
-def test_nothing_is_written_over(tmp_path: Path) -> None:
+def test_nothing_is_written_over(tmp_path):
     run = small_run(tmp_path / "run")
     before = (run.path / "points.csv").read_bytes()
     with pytest.raises(WouldOverwrite):
@@ -27,7 +26,7 @@ def test_nothing_is_written_over(tmp_path: Path) -> None:
     assert (run.path / "points.csv").read_bytes() == before
 
 
-def test_a_second_run_of_one_name_gets_a_number(tmp_path: Path) -> None:
+def test_a_second_run_of_one_name_gets_a_number(tmp_path):
     first = free_run_path(tmp_path, "2026-01-31", "quad")
     first.mkdir()
     assert first.name == "2026-01-31-quad"
@@ -36,7 +35,7 @@ def test_a_second_run_of_one_name_gets_a_number(tmp_path: Path) -> None:
         free_run_path(tmp_path, "2026-01-31", "../x")
 
 
-def test_samples_read_back_to_the_bit_with_empty_cells(tmp_path: Path) -> None:
+def test_samples_read_back_to_the_bit_with_empty_cells(tmp_path):
     run = small_run(tmp_path / "run")
     lines = (run.path / "samples.csv").read_text().splitlines()
     assert lines[0] == "time_s,device_time_us,point,phase,pwm1_us,rpm1,thrust_N"
@@ -51,7 +50,7 @@ def test_samples_read_back_to_the_bit_with_empty_cells(tmp_path: Path) -> None:
     assert set(found.column("phase")) == {code_of("phase", "settle"), code_of("phase", "sample")}
 
 
-def test_a_tare_is_no_point_unless_asked_for(tmp_path: Path) -> None:
+def test_a_tare_is_no_point_unless_asked_for(tmp_path):
     run = small_run(tmp_path / "run")
     assert len(read_points(run.path)) == 4
     assert len(read_points(run.path, KINDS)) == 5
@@ -62,7 +61,7 @@ def test_a_tare_is_no_point_unless_asked_for(tmp_path: Path) -> None:
         read_points(run.path, ["ancor"])
 
 
-def test_settings_hold_means_over_repeats_and_paired_ratios(tmp_path: Path) -> None:
+def test_settings_hold_means_over_repeats_and_paired_ratios(tmp_path):
     run = small_run(tmp_path / "run")
     run.close()
     found = read_settings(run.path)
@@ -79,7 +78,7 @@ def test_settings_hold_means_over_repeats_and_paired_ratios(tmp_path: Path) -> N
     assert np.isnan(reference.column("ratio_equal_pwm_sd")[0])
 
 
-def test_parquet_is_preferred_and_checked(tmp_path: Path) -> None:
+def test_parquet_is_preferred_and_checked(tmp_path):
     run = small_run(tmp_path / "run")
     from_csv = read_samples(run.path)
     run.close()
@@ -97,7 +96,7 @@ def test_parquet_is_preferred_and_checked(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cut", range(1, 40))
-def test_a_kill_at_any_byte_loses_no_whole_row(tmp_path: Path, cut: int) -> None:
+def test_a_kill_at_any_byte_loses_no_whole_row(tmp_path, cut):
     run = small_run(tmp_path / "run")
     path = run.path / "samples.csv"
     whole = path.read_bytes()
@@ -113,7 +112,7 @@ def test_a_kill_at_any_byte_loses_no_whole_row(tmp_path: Path, cut: int) -> None
     assert after.column("thrust_N")[-1] == 3.0
 
 
-def test_a_cut_point_is_said_and_taken_back(tmp_path: Path) -> None:
+def test_a_cut_point_is_said_and_taken_back(tmp_path):
     run = small_run(tmp_path / "run")
     path = run.path / "points.csv"
     path.write_bytes(path.read_bytes()[:-5])
@@ -126,7 +125,7 @@ def test_a_cut_point_is_said_and_taken_back(tmp_path: Path) -> None:
     assert len(read_points(run.path)) == 4
 
 
-def test_another_bench_cannot_go_on_with_a_run(tmp_path: Path) -> None:
+def test_another_bench_cannot_go_on_with_a_run(tmp_path):
     run = small_run(tmp_path / "run")
     with pytest.raises(FileFormatError, match="streams other channels"):
         run.sample_writer(CHANNELS[:2])
@@ -134,7 +133,7 @@ def test_another_bench_cannot_go_on_with_a_run(tmp_path: Path) -> None:
         run.point_writer(4)
 
 
-def test_interrupted_visits_keep_their_rows(tmp_path: Path) -> None:
+def test_interrupted_visits_keep_their_rows(tmp_path):
     run = small_run(tmp_path / "run")
     before = read_samples(run.path)
     found = scan_samples(run.path / "samples.csv", frozenset())
@@ -148,7 +147,7 @@ def test_interrupted_visits_keep_their_rows(tmp_path: Path) -> None:
     np.testing.assert_array_equal(after.column("thrust_N"), before.column("thrust_N"))
 
 
-def test_events_survive_a_cut_line(tmp_path: Path) -> None:
+def test_events_survive_a_cut_line(tmp_path):
     run = small_run(tmp_path / "run")
     log = run.event_log()
     log.append(Event(1.0, "tare", "tared"))
@@ -171,7 +170,7 @@ def test_events_survive_a_cut_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("whole", ["", "a\n"])
 @pytest.mark.parametrize("torn", ["", "b", "b" * 4095, "b" * 9001])
-def test_a_torn_line_of_any_length_is_cut_off(tmp_path: Path, whole: str, torn: str) -> None:
+def test_a_torn_line_of_any_length_is_cut_off(tmp_path, whole, torn):
     path = tmp_path / "x"
     path.write_text(whole + torn)
     file = AppendFile(path)
@@ -181,9 +180,7 @@ def test_a_torn_line_of_any_length_is_cut_off(tmp_path: Path, whole: str, torn: 
     assert path.read_text() == whole + "c\n"
 
 
-def test_a_drive_without_locks_locks_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_drive_without_locks_locks_nothing(tmp_path, monkeypatch):
     fcntl = pytest.importorskip("fcntl")
 
     def refused(handle: int, how: int) -> None:
@@ -196,9 +193,7 @@ def test_a_drive_without_locks_locks_nothing(
     assert (tmp_path / "x").read_bytes() == b"row\n"
 
 
-def test_a_disk_that_fills_up_keeps_whole_rows_and_the_rest_in_memory(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_fills_up_keeps_whole_rows_and_the_rest_in_memory(tmp_path, monkeypatch):
     path, write = tmp_path / "x", os.write
     room = [12]
 
@@ -237,7 +232,7 @@ def test_a_disk_that_fills_up_keeps_whole_rows_and_the_rest_in_memory(
         file.write(b"")
 
 
-def test_the_hash_names_the_data(tmp_path: Path) -> None:
+def test_the_hash_names_the_data(tmp_path):
     run = small_run(tmp_path / "run")
     before = data_hash(run.path)
     run.close()
@@ -250,7 +245,7 @@ def test_the_hash_names_the_data(tmp_path: Path) -> None:
         data_hash(tmp_path)
 
 
-def test_metadata_that_is_no_json_is_reported(tmp_path: Path) -> None:
+def test_metadata_that_is_no_json_is_reported(tmp_path):
     run = small_run(tmp_path / "run")
     (run.path / "metadata.json").write_text("{")
     with pytest.raises(FileFormatError, match="not valid JSON"):
@@ -258,19 +253,19 @@ def test_metadata_that_is_no_json_is_reported(tmp_path: Path) -> None:
     assert json.loads((small_run(tmp_path / "b").path / "metadata.json").read_text())["simulated"]
 
 
-def test_numbers_that_json_has_not_become_null() -> None:
+def test_numbers_that_json_has_not_become_null():
     given = {"a": float("nan"), 1: (np.float64("inf"), np.int64(2)), "b": [1.5, "x", True]}
     assert json_ready(given) == {"a": None, "1": [None, 2], "b": [1.5, "x", True]}
 
 
-def test_frames_speak_words_and_units(tmp_path: Path) -> None:
+def test_frames_speak_words_and_units(tmp_path):
     table = frame(read_points(small_run(tmp_path / "run").path))
     assert table["kind"].tolist() == ["measure", "reference", "reference", "measure"]
     assert table.attrs["units"]["rpm1"] == "rpm"
     assert table.attrs["units"]["thrust_se_N"] == "N"
 
 
-def test_a_plan_that_somebody_wrote_into_a_folder_is_left_alone(tmp_path: Path) -> None:
+def test_a_plan_that_somebody_wrote_into_a_folder_is_left_alone(tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "plan.toml").write_text("[plan]\n")
     with pytest.raises(WouldOverwrite):
@@ -279,7 +274,7 @@ def test_a_plan_that_somebody_wrote_into_a_folder_is_left_alone(tmp_path: Path) 
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such locks")
-def test_a_line_that_another_process_is_writing_is_not_cut_back(tmp_path: Path) -> None:
+def test_a_line_that_another_process_is_writing_is_not_cut_back(tmp_path):
     path = tmp_path / "events.jsonl"
     log = EventLog(path)
     log.write(b'{"kind": "ta')

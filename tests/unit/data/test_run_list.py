@@ -15,7 +15,7 @@ TOP = Path(__file__).parents[3]
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> RunsFolder:
+def folder(tmp_path):
     root = tmp_path / "runs"
     run = small_run(root / "one")
     run.update_metadata(started="2026-03-02T10:00:00+00:00", state="stopped", reason="Ctrl-C")
@@ -32,7 +32,7 @@ def named(folder: RunsFolder) -> dict[str, Entry]:
     return {entry.name: entry for entry in list_entries(folder)}
 
 
-def test_everything_is_listed_with_what_it_is(folder: RunsFolder) -> None:
+def test_everything_is_listed_with_what_it_is(folder):
     found = named(folder)
     assert {name: entry.kind for name, entry in found.items()} == {
         "one": "sweep",
@@ -52,7 +52,7 @@ def test_everything_is_listed_with_what_it_is(folder: RunsFolder) -> None:
     assert found["lab.csv"].summary == "gap_mm, F_gf"
 
 
-def test_what_is_broken_is_listed_with_its_reason(folder: RunsFolder) -> None:
+def test_what_is_broken_is_listed_with_its_reason(folder):
     root = folder.root
     for name in ("json", "format", "points", "none", "rig"):
         small_run(root / name)

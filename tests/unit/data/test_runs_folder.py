@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -13,7 +12,7 @@ from tests.unit.data.run_of import small_run
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> RunsFolder:
+def folder(tmp_path):
     root = tmp_path / "runs"
     root.mkdir()
     (tmp_path / "secret.csv").write_text("thrust_N\n1\n", "utf-8")
@@ -39,7 +38,7 @@ def folder(tmp_path: Path) -> RunsFolder:
         *(".hidden", "one/.points.csv.new", "x" * 5000, "x/" * 2000 + "x"),
     ],
 )
-def test_a_name_that_leads_elsewhere_is_refused(folder: RunsFolder, name: str) -> None:
+def test_a_name_that_leads_elsewhere_is_refused(folder, name):
     with pytest.raises(InputError):
         folder.path_of(name)
     with pytest.raises(InputError):
@@ -47,7 +46,7 @@ def test_a_name_that_leads_elsewhere_is_refused(folder: RunsFolder, name: str) -
 
 
 @given(name=st.text(max_size=40) | st.from_regex(r"(\.\.|one|/|\\|\.){1,12}", fullmatch=True))
-def test_no_name_at_all_leads_out(tmp_path_factory: pytest.TempPathFactory, name: str) -> None:
+def test_no_name_at_all_leads_out(tmp_path_factory, name):
     root = tmp_path_factory.getbasetemp() / "any" / "runs"
     (root / "one").mkdir(parents=True, exist_ok=True)
     for lead in (RunsFolder(root).path_of, RunsFolder(root).new_path):
@@ -59,7 +58,7 @@ def test_no_name_at_all_leads_out(tmp_path_factory: pytest.TempPathFactory, name
         assert path.resolve() != root.resolve()
 
 
-def test_a_link_that_leads_out_is_refused(folder: RunsFolder) -> None:
+def test_a_link_that_leads_out_is_refused(folder):
     (folder.root / "away").symlink_to(folder.root.parent)
     (folder.root / "file.csv").symlink_to(folder.root.parent / "secret.csv")
     for name in ("away", "away/secret.csv", "away/runs/one/../../secret.csv", "file.csv"):
@@ -69,7 +68,7 @@ def test_a_link_that_leads_out_is_refused(folder: RunsFolder) -> None:
         folder.new_path("away")
 
 
-def test_a_run_that_holds_a_link_out_is_refused_whole(folder: RunsFolder) -> None:
+def test_a_run_that_holds_a_link_out_is_refused_whole(folder):
     samples = folder.root / "one" / "samples.csv"
     samples.unlink()
     samples.symlink_to(folder.root.parent / "secret.csv")
@@ -78,13 +77,13 @@ def test_a_run_that_holds_a_link_out_is_refused_whole(folder: RunsFolder) -> Non
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with names")
-def test_what_is_no_file_is_refused_before_it_is_opened(folder: RunsFolder) -> None:
+def test_what_is_no_file_is_refused_before_it_is_opened(folder):
     os.mkfifo(folder.root / "one" / "events.jsonl")
     with pytest.raises(InputError, match="neither a file nor a folder"):
         folder.path_of("one")
 
 
-def test_nothing_is_written_over(folder: RunsFolder) -> None:
+def test_nothing_is_written_over(folder):
     (folder.root / "dangling").symlink_to("nowhere")
     for name in ("one", "dangling"):
         with pytest.raises(WouldOverwrite):

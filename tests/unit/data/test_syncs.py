@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -52,11 +51,8 @@ def folders(run: Run) -> None:
     ],
 )
 def test_a_file_is_on_the_disk_before_its_name_and_its_folder_behind_it(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    change: Callable[[Run], None],
-    order: list[str],
-) -> None:
+    tmp_path, monkeypatch, change, order
+):
     run = small_run(tmp_path / "run")
     done: list[str] = []
     forced_bytes: dict[int, int] = {}
@@ -80,7 +76,7 @@ def test_a_file_is_on_the_disk_before_its_name_and_its_folder_behind_it(
         assert forced_bytes.get(one.stat().st_ino, one.stat().st_size) == one.stat().st_size
 
 
-def test_a_file_that_is_refused_is_closed(tmp_path: Path) -> None:
+def test_a_file_that_is_refused_is_closed(tmp_path):
     run = small_run(tmp_path / "run")
     os.mkfifo(run.path / "events.jsonl")
     before = os.listdir("/proc/self/fd")

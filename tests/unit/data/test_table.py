@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -23,13 +21,13 @@ Fz30,0.5,700,
 
 
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
+def path(tmp_path):
     file = tmp_path / "pairs.csv"
     file.write_text(TEXT)
     return file
 
 
-def test_columns_are_mapped_converted_and_filtered(path: Path) -> None:
+def test_columns_are_mapped_converted_and_filtered(path):
     found = read_table(
         path,
         {
@@ -62,17 +60,13 @@ def test_columns_are_mapped_converted_and_filtered(path: Path) -> None:
         ({"thrust_N": {"unit": "N"}}, [], BenchtoolError, "exactly one of them"),
     ],
 )
-def test_what_does_not_fit_is_refused(
-    path: Path, columns: dict, where: list[str], kind: type[Exception], words: str
-) -> None:
+def test_what_does_not_fit_is_refused(path, columns, where, kind, words):
     with pytest.raises(kind, match=words):
         read_table(path, columns, where)
 
 
 @pytest.mark.parametrize("cell", ["1e308", "-1e308", "1e400", "inf", "-inf"])
-def test_a_number_that_no_bench_measures_is_refused_with_its_line(
-    tmp_path: Path, cell: str
-) -> None:
+def test_a_number_that_no_bench_measures_is_refused_with_its_line(tmp_path, cell):
     file = tmp_path / "a.csv"
     file.write_text(f"thrust_N,rpm1\n1.0,5000\n{cell},5000\n")
     with pytest.raises(FileFormatError, match="thrust_N is") as refused:
@@ -82,9 +76,7 @@ def test_a_number_that_no_bench_measures_is_refused_with_its_line(
 
 @pytest.mark.parametrize("column", ["thrust_se_N", "thrust_sd_N", "rpm1_se"])
 @pytest.mark.parametrize("cell", ["-0.005", "1e-308"])
-def test_a_standard_error_below_0_is_refused_with_its_line(
-    tmp_path: Path, column: str, cell: str
-) -> None:
+def test_a_standard_error_below_0_is_refused_with_its_line(tmp_path, column, cell):
     file = tmp_path / "a.csv"
     file.write_text(f"thrust_N,{column}\n1.0,0.005\n-1.0,{cell}\n")
     with pytest.raises(FileFormatError, match=f"{column} is {float(cell):g}") as refused:

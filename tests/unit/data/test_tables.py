@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -23,7 +21,7 @@ temperature_degC = { constant = 68, unit = "degF" }
 OUNCE_N = 0.45359237 / 16 * 9.80665
 
 
-def test_a_column_map_with_units_that_only_pint_knows(tmp_path: Path) -> None:
+def test_a_column_map_with_units_that_only_pint_knows(tmp_path):
     (tmp_path / "map.toml").write_text(MAP)
     read = imported(FLIGHT_STAND, columns=tmp_path / "map.toml")
     recording = read.recording
@@ -50,18 +48,18 @@ def test_a_column_map_with_units_that_only_pint_knows(tmp_path: Path) -> None:
         ("ft", "m", 0.3048),
     ],
 )
-def test_units(text: str, target: str, factor: float) -> None:
+def test_units(text, target, factor):
     assert conversion(text, target).factor == pytest.approx(factor, rel=1e-12)
 
 
-def test_a_header_whose_unit_measures_something_else_is_refused() -> None:
+def test_a_header_whose_unit_measures_something_else_is_refused():
     with pytest.raises(FileFormatError, match="does not measure force"):
         imported("t,Thrust (V)\n0,1\n")
     with pytest.raises(UnknownChoice, match="known: "):
         imported("t,Thrust (N)\n0,1\n", tare=("lift",))
 
 
-def test_a_crazyflie_lifts_in_gram_force() -> None:
+def test_a_crazyflie_lifts_in_gram_force():
     read = imported("pwm,vbat[V],rpm1,rpm2,rpm3,rpm4, weight\n100,4.0,9,9,9,9,22.5\n")
     assert read.format == "Crazyflie system_id"
     assert read.recording.column("thrust_N")[0] == pytest.approx(22.5 * 9.80665e-3)
@@ -70,7 +68,7 @@ def test_a_crazyflie_lifts_in_gram_force() -> None:
     assert found(read, "unit")[0].kind == "doubt"
 
 
-def test_a_propellers_coefficients_become_thrust_and_torque() -> None:
+def test_a_propellers_coefficients_become_thrust_and_torque():
     text = "RPM    CT       CP\n6000   0.1000   0.0500\n3000   0.0900   0.0600\n"
     read = imported(text, "/data/apcsf_10x7_static_kt0827.txt", air_density_kg_m3=1.2)
     diameter_m, turns = 0.254, np.array([100.0, 50.0])
@@ -84,7 +82,7 @@ def test_a_propellers_coefficients_become_thrust_and_torque() -> None:
         imported(text, "static.txt")
 
 
-def test_windows_are_marked_by_the_user() -> None:
+def test_windows_are_marked_by_the_user():
     from benchtool.data.formats.over_surface import parse_window
 
     text = "time_s,pwm1_us,pwm2_us\n" + "".join(f"{i},1500,1500\n" for i in range(10))
@@ -117,7 +115,7 @@ def test_windows_are_marked_by_the_user() -> None:
         ("thrust_N = ", "not valid TOML"),
     ],
 )
-def test_a_map_that_cannot_hold_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_a_map_that_cannot_hold_is_refused(tmp_path, text, said):
     (tmp_path / "map.toml").write_text(text)
     with pytest.raises(InputError, match=said):
         imported(FLIGHT_STAND, columns=tmp_path / "map.toml")

@@ -60,7 +60,7 @@ def check_import(data: bytes, name: str) -> Imported | None:
 @pytest.mark.parametrize("name", SEEDS)
 @given(data=st.data())
 @settings(max_examples=60)
-def test_mutated_files(name: str, data: st.DataObject) -> None:
+def test_mutated_files(name, data):
     seed = bytearray(SEEDS[name])
     for _ in range(data.draw(st.integers(1, 4))):
         at = data.draw(st.integers(0, max(len(seed) - 1, 0)))
@@ -86,9 +86,7 @@ def test_mutated_files(name: str, data: st.DataObject) -> None:
     st.booleans(),
 )
 @settings(max_examples=150)
-def test_any_cells_under_a_known_header(
-    rows: list[list[str]], delimiter: str, end: str, is_ended: bool
-) -> None:
+def test_any_cells_under_a_known_header(rows, delimiter, end, is_ended):
     header = delimiter.join(["Time (s)", "ESC signal (µs)", "Thrust (gf)", "Voltage (V)", ""])
     lines = [header, *(delimiter.join(row) for row in rows)]
     check_import((end.join(lines) + end * is_ended).encode(), "cells")

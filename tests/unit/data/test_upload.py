@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from benchtool.core.errors import FileFormatError
@@ -25,7 +23,7 @@ GOOD = b"gap_mm;F_gf\n60;424,1\n"
         "x" * 999,
     ],
 )
-def test_a_name_cannot_choose_the_place(tmp_path: Path, name: str) -> None:
+def test_a_name_cannot_choose_the_place(tmp_path, name):
     folder = RunsFolder(tmp_path / "runs")
     path = keep_table(folder, name, GOOD, "2026-01-02")
     assert path.parent.parent == folder.root
@@ -42,9 +40,7 @@ def test_a_name_cannot_choose_the_place(tmp_path: Path, name: str) -> None:
         (b"x" * 1001, r"0\.0 MB, and at most"),
     ],
 )
-def test_what_is_no_table_is_refused_and_not_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, data: bytes, said: str
-) -> None:
+def test_what_is_no_table_is_refused_and_not_written(tmp_path, monkeypatch, data, said):
     if data == b"x" * 1001:
         monkeypatch.setattr(runs_folder, "MOST_BYTES", 1000)
     with pytest.raises(FileFormatError, match=said):

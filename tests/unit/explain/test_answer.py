@@ -34,7 +34,7 @@ def tables(kind: Kind, written: Written | None = None) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_promised_key_is_there_whatever_the_verdict(kind: Kind) -> None:
+def test_every_promised_key_is_there_whatever_the_verdict(kind):
     found = tables(kind)
     assert set(PROMISED) <= set(found)
     assert found["version"] == 2
@@ -43,7 +43,7 @@ def test_every_promised_key_is_there_whatever_the_verdict(kind: Kind) -> None:
     assert found["tolerances"]["coulomb_friction.torque_Nm"] == 0.002
 
 
-def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path: Path) -> None:
+def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path):
     found = tables("class", Written(schedule="out/next_schedule.toml"))
     assert found["class"] == ["coulomb_friction", "cog_offset"]
     experiment = found["next_experiment"]
@@ -55,7 +55,7 @@ def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path
     assert schedule_named(path) == NEXT.schedule
 
 
-def test_what_is_not_judged_is_numbers_with_a_sentence() -> None:
+def test_what_is_not_judged_is_numbers_with_a_sentence():
     trace = {"motor_lag": NotJudged.below(5000.0), "plate_offset": NotJudged.below(4.2)}
     told = replace(answer(), explanation=replace(
         answer().explanation, verdict=verdict(not_judged=trace)
@@ -68,7 +68,7 @@ def test_what_is_not_judged_is_numbers_with_a_sentence() -> None:
     assert found["plate_offset"]["tolerances_needed"] == 4.2
 
 
-def test_numbers_that_json_has_not_become_null() -> None:
+def test_numbers_that_json_has_not_become_null():
     broken = verdict(gaps=(gap("theta_rad", "rad", float("nan"), float("inf"), 0.1),))
     found = replace(
         answer(), explanation=replace(answer().explanation, verdict=broken)
@@ -78,7 +78,7 @@ def test_numbers_that_json_has_not_become_null() -> None:
 
 @pytest.mark.parametrize("folder", ["", "found"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_option_of_the_commands_exists(kind: Kind, folder: str) -> None:
+def test_every_option_of_the_commands_exists(kind, folder):
     for step in next_steps(answer(kind), folder):
         program, name, *words = shlex.split(step.command)
         assert program == "benchtool"
@@ -95,7 +95,7 @@ def known_options(name: str, first: str) -> set[str]:
     return {option for item in inner.params for option in item.opts}
 
 
-def test_the_named_effect_and_the_calibrated_inertia_stand_in_it_with_their_source() -> None:
+def test_the_named_effect_and_the_calibrated_inertia_stand_in_it_with_their_source():
     again = model_from_toml(added_model(answer()), "new.toml")
     parent = load_model(MODEL)
     friction = again.model.parameters["coulomb_friction.torque_Nm"]
@@ -114,7 +114,7 @@ def test_the_named_effect_and_the_calibrated_inertia_stand_in_it_with_their_sour
     )
 
 
-def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it() -> None:
+def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it():
     parent = load_model(MODEL).model.parameters
     moved = {"inertia_kgm2": 0.0309, "k": 1.01 * parent["k"].value}
     found = Parameters(
@@ -134,13 +134,13 @@ def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it() ->
     assert not pitch["inertia_kgm2"].free
 
 
-def test_of_a_class_the_likeliest_is_added_alone() -> None:
+def test_of_a_class_the_likeliest_is_added_alone():
     model = model_from_toml(added_model(answer("class")), "new.toml").model
     assert model.parameters["coulomb_friction.torque_Nm"].value == 0.0241
     assert model.parameters["cog_offset.x_m"].value == 0.0
 
 
-def test_an_effect_that_the_parent_has_not_is_put_in() -> None:
+def test_an_effect_that_the_parent_has_not_is_put_in():
     loaded = load_model(MODEL)
     bare = replace(loaded, model=loaded.model.without("coulomb_friction"))
     calibrated = bare.model.with_effect("speed_map", gain=0.003).parameters
@@ -153,7 +153,7 @@ def test_an_effect_that_the_parent_has_not_is_put_in() -> None:
     assert model.parameters["speed_map.gain"].value == 0.003
 
 
-def test_a_rig_beside_the_parent_goes_with_the_model(tmp_path: Path) -> None:
+def test_a_rig_beside_the_parent_goes_with_the_model(tmp_path):
     from importlib import resources
 
     rig = tmp_path / "mine.toml"
@@ -166,7 +166,7 @@ def test_a_rig_beside_the_parent_goes_with_the_model(tmp_path: Path) -> None:
     assert load_model(out / "model.toml").model.rig.name == "mine"
 
 
-def test_something_unknown_has_a_model_of_the_nearest_and_its_gap(tmp_path: Path) -> None:
+def test_something_unknown_has_a_model_of_the_nearest_and_its_gap(tmp_path):
     given = answer("unknown")
     written = write_folder(tmp_path / "out", given)
     assert written.model == ""

@@ -149,9 +149,7 @@ BESIDE = replace(RIVAL, tried=tuple(opening("curve", *one.opened) for one in RIV
         (search(place(slope=6.0, curve=5.0, step=0.30)), [], 0.0, "effect", [(0, "slope")]),
     ],
 )  # fmt: skip
-def test_the_kind_of_a_verdict(
-    found: Posterior, left: list[Unnamed], against: float, kind: str, members: list[Any]
-) -> None:
+def test_the_kind_of_a_verdict(found, left, against, kind, members):
     assert _decided(Made(against), found, left) == (kind, members)
 
 
@@ -166,14 +164,12 @@ def test_the_kind_of_a_verdict(
         (search(place(slope=50.0, curve=40.0), LAG), None),
     ],
 )
-def test_an_effect_and_a_discrepancy_that_may_each_be_all_there_is(
-    found: Posterior, names: tuple[str, str] | None
-) -> None:
+def test_an_effect_and_a_discrepancy_that_may_each_be_all_there_is(found, names):
     both = _inseparable(Made(), found)
     assert (both and (both[1].opened[0], both[2].opened[0])) == names
 
 
-def test_what_has_no_name_is_described_where_it_acts() -> None:
+def test_what_has_no_name_is_described_where_it_acts():
     found = search(place(curve=9.0, slope=1.0), SURE, place(wave=4.0), best=())
     assert _unnamed(Made(), found) == []
     wave, curve = _unnamed(Made(), replace(found, best=opening("curve", "slope", "wave")))
@@ -210,16 +206,7 @@ MODEL = SimpleNamespace(
         (search(place(curve=9.0), SURE), 1.0, "effect", [(1, "slope")], ("slope",), 0.0, []),
     ],
 )  # fmt: skip
-def test_what_is_shown_of_a_search(
-    monkeypatch: pytest.MonkeyPatch,
-    found: Posterior,
-    left: float,
-    kind: str,
-    members: list[Any],
-    shown: tuple[str, ...],
-    unknown: float,
-    beside: list[Any],
-) -> None:
+def test_what_is_shown_of_a_search(monkeypatch, found, left, kind, members, shown, unknown, beside):
     held = SimpleNamespace(left=(left, left))
     monkeypatch.setattr(posterior, "Hypotheses", lambda evidence: None)
     monkeypatch.setattr(posterior, "searched", lambda hypotheses, held_out, progress: found)
@@ -239,7 +226,7 @@ def test_what_is_shown_of_a_search(
     ]  # fmt: skip
 
 
-def test_effects_that_contend_are_tried_with_a_law_that_is_off() -> None:
+def test_effects_that_contend_are_tried_with_a_law_that_is_off():
     base = opening()
     evidence = {(): 2.0, ("slope",): 30.0, ("curve",): 29.0, ("lag",): 25.0, ("step",): 18.0}
     tried = [opening(*names) for names in list(evidence)[1:]]
@@ -286,9 +273,7 @@ def test_effects_that_contend_are_tried_with_a_law_that_is_off() -> None:
         (1.0, -4.5, "k and R_m are free", 0.5),
     ],
 )
-def test_a_large_effect_competes_with_one_like_it_by_another_law(
-    size: float, ahead: float, free_law: str, unknown: float
-) -> None:
+def test_a_large_effect_competes_with_one_like_it_by_another_law(size, ahead, free_law, unknown):
     made = Made(size=size, other_law=ahead)
     subject = SimpleNamespace(evidence=MODEL, free_law=free_law)
     trial = _with_law(subject, made, SURE)
@@ -296,7 +281,7 @@ def test_a_large_effect_competes_with_one_like_it_by_another_law(
     assert _weights(made, trial)["unknown"] == pytest.approx(unknown, abs=1e-5)
 
 
-def test_names_share_what_a_bench_is_expected_to_lack() -> None:
+def test_names_share_what_a_bench_is_expected_to_lack():
     assert 3.0 * np.exp(prior(Made(), "slope")) == pytest.approx(0.3)
     assert 2.0 * len(AMPLITUDES) * np.exp(prior(Made(), "curve")) == pytest.approx(0.1)
 
@@ -312,15 +297,13 @@ def test_names_share_what_a_bench_is_expected_to_lack() -> None:
         ("pwm_to_rpm", place(slope=9.0, lag=1.0), None),
     ],
 )
-def test_the_nearest_is_the_likeliest_effect_of_that_side_of_the_speed(
-    stage: str, trial: Trial, name: str | None
-) -> None:
+def test_the_nearest_is_the_likeliest_effect_of_that_side_of_the_speed(stage, trial, name):
     found = _nearest(SimpleNamespace(evidence=MODEL), search(trial), [unnamed(1.0, stage)])
     assert (found and found.opened[-1]) == name
 
 
 @pytest.mark.parametrize(("more", "left"), [(-0.5, ("slope",)), (0.5, ("step", "slope"))])
-def test_members_that_later_ones_made_unnecessary_go(more: float, left: tuple[str, ...]) -> None:
+def test_members_that_later_ones_made_unnecessary_go(more, left):
     made = Made()
     # The first gains less than its prior costs, the second as much and a little more or less.
     gain = more - prior(made, "step")
@@ -340,9 +323,7 @@ def test_members_that_later_ones_made_unnecessary_go(more: float, left: tuple[st
          ["slope", "curve", "wave", "step"]),
     ],
 )  # fmt: skip
-def test_contenders_count_what_they_gain_on_the_check(
-    before: dict[str, float], counted: list[str]
-) -> None:
+def test_contenders_count_what_they_gain_on_the_check(before, counted):
     gains = {"slope": 3.0, "step": 50.0, "curve": 4.0, "wave": 5.0, "lag": 99.0}
     held_out = SimpleNamespace(
         near_fit=lambda one: one,
@@ -368,11 +349,7 @@ def test_contenders_count_what_they_gain_on_the_check(
           ("slope",): ("step", -0.1)}, ("step",)),
     ],
 )  # fmt: skip
-def test_names_are_opened_while_they_are_likelier_than_not(
-    monkeypatch: pytest.MonkeyPatch,
-    places: dict[tuple[str, ...], tuple[str, float]],
-    opened: tuple[str, ...],
-) -> None:
+def test_names_are_opened_while_they_are_likelier_than_not(monkeypatch, places, opened):
     def tried(hypotheses: Any, base: Hypothesis) -> Trial:
         name, odds = places[base.opened]
         return Trial(base=base, tried=(opening(*base.opened, name),), log_odds={name: odds})

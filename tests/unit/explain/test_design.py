@@ -30,7 +30,7 @@ def density(one: Outlook) -> multivariate_normal:
     return multivariate_normal(one.mean, np.eye(ROWS) + spread)
 
 
-def test_gains_are_differences_of_log_densities() -> None:
+def test_gains_are_differences_of_log_densities():
     rng = np.random.default_rng(0)
     one, other = outlook(rng), outlook(rng)
     rows = one.drawn(5, rng)
@@ -38,7 +38,7 @@ def test_gains_are_differences_of_log_densities() -> None:
     assert one.gains(rows) - other.gains(rows) == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_quick_figure_is_the_divergence_of_dense_gaussians() -> None:
+def test_the_quick_figure_is_the_divergence_of_dense_gaussians():
     rng = np.random.default_rng(1)
     one, other = outlook(rng), outlook(rng)
     a, b = density(one), density(other)
@@ -48,7 +48,7 @@ def test_the_quick_figure_is_the_divergence_of_dense_gaussians() -> None:
     assert one.over(other, None) == pytest.approx(0.5 * dense, rel=1e-9)
 
 
-def test_a_rival_at_its_bound_cannot_follow() -> None:
+def test_a_rival_at_its_bound_cannot_follow():
     """Bounds cost what is predicted beyond them, and nothing where they are far."""
     rng = np.random.default_rng(3)
     one = outlook(rng)
@@ -59,7 +59,7 @@ def test_a_rival_at_its_bound_cannot_follow() -> None:
     assert one.over(held, rng) > one.over(free, rng) > 0.0
 
 
-def test_a_design_grows_by_what_gains_most_for_its_time_and_stays_within_it() -> None:
+def test_a_design_grows_by_what_gains_most_for_its_time_and_stays_within_it():
     worth = {"a": 1.0, "b": 6.0, "c": 2.0}
     takes_s = {"a": 30.0, "b": 60.0, "c": 60.0}
 

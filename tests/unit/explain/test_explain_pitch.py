@@ -16,7 +16,7 @@ from tests.unit.explain.pitch_made import recorded
 
 
 @pytest.fixture(scope="module")
-def model() -> Model:
+def model():
     return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
 
 
@@ -30,12 +30,12 @@ def explained(model: Model, truth: Model) -> Explanation:
 
 
 @pytest.fixture(scope="module")
-def friction(model: Model) -> Explanation:
+def friction(model):
     return explained(model, model.fixed("coulomb_friction.torque_Nm", 0.011))
 
 
 @pytest.mark.slow
-def test_hidden_friction_is_named_with_its_size(friction: Explanation) -> None:
+def test_hidden_friction_is_named_with_its_size(friction):
     verdict = friction.verdict
     assert (verdict.kind, verdict.names) == ("effect", ("coulomb_friction",))
     found = verdict.effects[0].parameters[0]
@@ -48,7 +48,7 @@ def test_hidden_friction_is_named_with_its_size(friction: Explanation) -> None:
     assert "lacks Coulomb friction: coulomb_friction.torque_Nm = 0.01" in verdict.sentence
 
 
-def test_small_imperfections_are_nothing(model: Model) -> None:
+def test_small_imperfections_are_nothing(model):
     truth = (
         model.fixed("coulomb_friction.torque_Nm", 0.0006)
         .with_effect("cog_offset", x_m=0.0002)
@@ -66,9 +66,7 @@ def test_small_imperfections_are_nothing(model: Model) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_unknown_between_pulse_and_speed_asks_for_a_ladder_of_pulses(
-    model: Model,
-) -> None:
+def test_what_is_unknown_between_pulse_and_speed_asks_for_a_ladder_of_pulses(model):
     evidence = PitchEvidence(model, [log_of(model, 1).logged])
     pair = [far_off(evidence, name, 5.0) for name in ("motor_lag", "battery_sag")]
     chosen = next_pitch(evidence, pair, np.random.default_rng(1), "pwm_to_rpm")

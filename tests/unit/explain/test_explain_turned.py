@@ -18,7 +18,7 @@ BEFORE_SPEED = ("motor_lag", "transport_delay", "battery_sag")  # effects betwee
 
 
 @pytest.fixture(scope="module")
-def model() -> Model:
+def model():
     return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
 
 
@@ -31,14 +31,14 @@ def judged(model: Model, truth: Model) -> Verdict:
     return explain(subject, draws=32).verdict
 
 
-def test_what_lies_before_the_speeds_is_never_named(model: Model) -> None:
+def test_what_lies_before_the_speeds_is_never_named(model):
     truth = model.with_effect("battery_sag", rate_per_s=0.004).fixed("motor_lag.tau_s", 0.04)
     verdict = judged(model, truth)
     assert verdict.kind == "none"
     assert set(BEFORE_SPEED) <= set(verdict.not_judged)
 
 
-def test_rotors_pass_through_every_measured_speed(model: Model) -> None:
+def test_rotors_pass_through_every_measured_speed(model):
     log = turned(model.fixed("motor_lag.tau_s", 0.035), 3).logged
     assert log.from_speeds
     subject = PitchSubject(model, [turned(model, 1)], [turned(model, 2)])

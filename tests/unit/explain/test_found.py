@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from benchtool.core.rig_file import rig_named
 from benchtool.explain.answer import Answer
 from benchtool.explain.found.draft import FOUND, draft
 from benchtool.explain.found.families import FAMILIES, Family
-from benchtool.explain.found.law import Dependence, Hook
+from benchtool.explain.found.law import Dependence
 from benchtool.explain.found.search import dependence
 from benchtool.explain.next_steps import next_steps
 from benchtool.physics.catalogue import EFFECTS, own_effects
@@ -28,9 +27,7 @@ RADIUS_M = 0.12
 
 
 @pytest.mark.parametrize("name", LAWS)
-def test_a_law_is_found_with_its_variable_and_closes_the_gap(
-    name: str, rng: np.random.Generator
-) -> None:
+def test_a_law_is_found_with_its_variable_and_closes_the_gap(name, rng):
     speed = rng.uniform(0.7, 1.3, 150)
     law = LAWS[name](speed)
     found = dependence(shown(law, rng, speed), RADIUS_M)
@@ -45,16 +42,14 @@ def test_a_law_is_found_with_its_variable_and_closes_the_gap(
     assert np.ptp(found.curve.mean) == pytest.approx(np.ptp(law), rel=0.5)
 
 
-def test_what_is_another_at_every_visit_has_a_variable_and_no_law(
-    rng: np.random.Generator,
-) -> None:
+def test_what_is_another_at_every_visit_has_a_variable_and_no_law(rng):
     each = 0.02 * rng.standard_normal(30)
     found = dependence(shown(each[PLACES], rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
     assert found is not None
     assert (found.phrase, found.law, found.text) == ("the visit", None, "depends on the visit")
 
 
-def test_noise_depends_on_nothing(rng: np.random.Generator) -> None:
+def test_noise_depends_on_nothing(rng):
     found = [
         dependence(shown(np.zeros(150), rng, rng.uniform(0.7, 1.3, 150)), RADIUS_M)
         for _ in range(50)
@@ -86,10 +81,7 @@ DRAFTED = [(family, "factor") for family in FAMILIES] + [(FAMILIES[1], hook) for
 
 
 @pytest.mark.parametrize(("family", "hook"), DRAFTED, ids=lambda one: getattr(one, "name", one))
-def test_a_draft_keeps_the_contract_of_effects(
-    family: Family, hook: Hook, tmp_path: Path, rng: np.random.Generator,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+def test_a_draft_keeps_the_contract_of_effects(family, hook, tmp_path, rng, monkeypatch):
     found = drafted(family, rng)
     code, seen, reference = CHANGES[hook]
     bench: BenchKind = "pitch" if hook in ("torque", "gyro_reading") else "sweep"
@@ -128,7 +120,7 @@ def unknown(found: Dependence) -> Answer:
     return replace(made, explanation=replace(made.explanation, verdict=verdict))
 
 
-def test_a_draft_is_written_once_and_told_of(tmp_path: Path, rng: np.random.Generator) -> None:
+def test_a_draft_is_written_once_and_told_of(tmp_path, rng):
     speed = rng.uniform(0.7, 1.3, 150)
     found = dependence(shown(LAWS["resonance"](speed), rng, speed), RADIUS_M)
     assert found is not None

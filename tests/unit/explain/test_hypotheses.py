@@ -29,7 +29,7 @@ def gain(trial: Trial, name: str) -> float:
     return trial.base.cost - next(one.cost for one in trial.tried if one.opened[-1] == name)
 
 
-def test_two_effects_are_both_named() -> None:
+def test_two_effects_are_both_named():
     found = search([4.0, 5.0, 0.0, 0.0], 3)
     assert set(found.best.opened) == {"a", "b"}
     assert {trial.name for trial in found.trials} == {"a", "b"}
@@ -37,7 +37,7 @@ def test_two_effects_are_both_named() -> None:
     assert 0.8 * gain(rivals, "b") < gain(rivals, "c") < gain(rivals, "b")
 
 
-def test_the_spread_is_that_of_linear_regression() -> None:
+def test_the_spread_is_that_of_linear_regression():
     evidence = Linear(np.array([5.0, 0.0, 0.0, 0.0]), 2)
     hypotheses = Hypotheses(evidence)
     best = hypotheses.fitted(("a",), hypotheses.null().at)
@@ -47,7 +47,7 @@ def test_the_spread_is_that_of_linear_regression() -> None:
     assert abs(best.at[0] - 5.0) < 4.0 * sd
 
 
-def test_what_such_data_say_against_a_rival_is_what_they_say_on_average() -> None:
+def test_what_such_data_say_against_a_rival_is_what_they_say_on_average():
     truth = [0.0, 5.0, 0.0, 0.0]
     expected, found = [], []
     for seed in range(20):
@@ -59,7 +59,7 @@ def test_what_such_data_say_against_a_rival_is_what_they_say_on_average() -> Non
     assert np.mean(found) == pytest.approx(np.mean(expected), rel=0.25)
 
 
-def test_a_number_that_could_lie_anywhere_in_its_range_is_not_determined() -> None:
+def test_a_number_that_could_lie_anywhere_in_its_range_is_not_determined():
     """A share between 0 and 1 is never 0.2 with an error of a thousand."""
     blind = Linear(np.array([5.0, 0.0, 0.0, 0.0]), 3)
     blind.design[:, 1] = 1e-3 * blind.design[:, 1]
@@ -87,7 +87,7 @@ def test_a_number_that_could_lie_anywhere_in_its_range_is_not_determined() -> No
     assert unknown.text == "not determined (-50 to 50)"
 
 
-def test_a_number_at_its_bound_is_not_determined() -> None:
+def test_a_number_at_its_bound_is_not_determined():
     evidence = Linear(np.array([60.0, 0.0, 0.0, 0.0]), 3)
     hypotheses = Hypotheses(evidence)
     item = SimpleNamespace(name="x", neutral=0.0)
@@ -102,7 +102,7 @@ def test_a_number_at_its_bound_is_not_determined() -> None:
     assert (found.low, found.high) == (-50.0, 50.0)
 
 
-def test_what_the_data_cannot_show_is_told() -> None:
+def test_what_the_data_cannot_show_is_told():
     evidence = Linear(np.array([0.0, 0.0, 0.0, 0.0]), 4)
     evidence.design[:, 0] *= 1e-3
     unseen = Hypotheses(evidence).unseen(Hypotheses(evidence).null())
@@ -110,7 +110,7 @@ def test_what_the_data_cannot_show_is_told() -> None:
     assert unseen["a"] > 50.0
 
 
-def test_p_values_of_nothing_are_spread_out_and_of_something_small() -> None:
+def test_p_values_of_nothing_are_spread_out_and_of_something_small():
     rng = np.random.default_rng(0)
     hypotheses = Hypotheses(Linear(np.array([3.0, 0.0, 0.0, 0.0]), 5))
     null = hypotheses.null()

@@ -22,7 +22,7 @@ def moving(time_s: np.ndarray) -> np.ndarray:
     return 0.2 * np.sin(3.0 * time_s)
 
 
-def test_even_rows_are_left_exactly_alone() -> None:
+def test_even_rows_are_left_exactly_alone():
     time_s = 5.0 + np.arange(200) / 250.0
     rows = even_rows(recording(time_s=time_s, theta_rad=moving(time_s)), "a")
     np.testing.assert_array_equal(rows.recording.column("theta_rad"), moving(time_s))
@@ -30,7 +30,7 @@ def test_even_rows_are_left_exactly_alone() -> None:
     assert rows.remarks == ()
 
 
-def test_messages_of_different_times_are_joined() -> None:
+def test_messages_of_different_times_are_joined():
     """Attitude at 100 Hz, rates 3 ms later, pulses with the rates."""
     at = np.arange(400) / 100.0
     time_s = np.sort(np.concatenate([at, at + 0.003]))
@@ -57,7 +57,7 @@ def test_messages_of_different_times_are_joined() -> None:
     assert "rows are not even in time: laid on a clock of 100 Hz" in rows.remarks
 
 
-def test_a_scattered_clock_is_straightened() -> None:
+def test_a_scattered_clock_is_straightened():
     rng = np.random.default_rng(4)
     time_s = np.arange(1000) / 200.0 + rng.uniform(-0.001, 0.001, 1000)
     rows = even_rows(recording(time_s=time_s, theta_rad=moving(time_s)), "a")
@@ -68,7 +68,7 @@ def test_a_scattered_clock_is_straightened() -> None:
     assert np.max(np.abs(theta - moving(clock))[seen]) < 1e-4
 
 
-def test_a_gap_is_left_open_and_a_filter_begins_anew() -> None:
+def test_a_gap_is_left_open_and_a_filter_begins_anew():
     time_s = np.arange(1000) / 200.0
     time_s[500:] += 0.5
     time_s += np.where(np.arange(1000) % 2, 0.0015, 0.0)  # scattered as well

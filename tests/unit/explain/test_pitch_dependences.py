@@ -52,7 +52,7 @@ RUBBER = Effect(
 
 
 @pytest.fixture(scope="module")
-def model() -> Model:
+def model():
     return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
 
 
@@ -63,7 +63,7 @@ def found_on(model: Model, truth: Model) -> Dependence | None:
 
 
 @pytest.mark.slow
-def test_what_leans_on_rubber_is_found_with_its_angle_and_stiffness(model: Model) -> None:
+def test_what_leans_on_rubber_is_found_with_its_angle_and_stiffness(model):
     found = found_on(model, model.with_effect(RUBBER, stiffness_Nm=STIFFNESS_NM))
     assert found is not None
     assert (found.phrase, found.form.hook) == ("the angle", "torque")
@@ -77,5 +77,5 @@ def test_what_leans_on_rubber_is_found_with_its_angle_and_stiffness(model: Model
     assert slope_Nm == pytest.approx(-STIFFNESS_NM, rel=0.1)
 
 
-def test_a_bench_as_the_model_says_depends_on_nothing(model: Model) -> None:
+def test_a_bench_as_the_model_says_depends_on_nothing(model):
     assert found_on(model, model) is None

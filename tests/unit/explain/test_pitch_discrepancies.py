@@ -19,7 +19,7 @@ MODEL = load_model("pitch_beam").model
 
 
 @pytest.fixture(scope="module")
-def evidence() -> PitchEvidence:
+def evidence():
     log = pitch_log(recorded(MODEL, 3, seconds=12.0), MODEL.rig, "made")
     return PitchEvidence(MODEL, [log.logged])
 
@@ -41,7 +41,7 @@ def white(evidence: PitchEvidence, innovations: Array) -> Array:
     return departing(evidence).white(shown)[:, 0]
 
 
-def test_an_error_of_a_reading_runs_through_the_filter_as_it_says(evidence: PitchEvidence) -> None:
+def test_an_error_of_a_reading_runs_through_the_filter_as_it_says(evidence):
     logged = evidence.logs[0].logged
     error = 0.002 * np.sin(np.arange(len(logged)) / 40.0)
     for row, wrong in (
@@ -53,7 +53,7 @@ def test_an_error_of_a_reading_runs_through_the_filter_as_it_says(evidence: Pitc
         assert np.linalg.norm(shown - real) < 0.03 * np.linalg.norm(real)
 
 
-def test_a_torque_runs_through_the_filter_as_it_says(evidence: PitchEvidence) -> None:
+def test_a_torque_runs_through_the_filter_as_it_says(evidence):
     """The centre of gravity off the hinge is a torque that hardly changes."""
     real = rows_of(evidence) - rows_of(evidence, cog_offset_x_m=1.0)
     item = next(one for one in evidence.parameters if one.name == "cog_offset.x_m")
@@ -65,9 +65,7 @@ def test_a_torque_runs_through_the_filter_as_it_says(evidence: PitchEvidence) ->
     )
 
 
-def test_the_noise_of_a_reading_is_not_in_what_its_error_depends_on(
-    evidence: PitchEvidence,
-) -> None:
+def test_the_noise_of_a_reading_is_not_in_what_its_error_depends_on(evidence):
     """Else the noise of a gyro is a part of its rate: an error of per cent on a right bench."""
     logged = evidence.logs[0].logged
     noise = 0.05 * np.random.default_rng(0).standard_normal(len(logged))
@@ -77,9 +75,7 @@ def test_the_noise_of_a_reading_is_not_in_what_its_error_depends_on(
     assert np.corrcoef(before[1:], noise[:-1])[0, 1] > 0.3
 
 
-def test_a_recording_in_pieces_says_what_it_says_whole(
-    evidence: PitchEvidence, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_in_pieces_says_what_it_says_whole(evidence, monkeypatch):
     """A filter has settled where a piece begins to count; battery sag goes on with the time."""
     whole = rows_of(evidence, battery_sag_rate_per_s=2.0)
     monkeypatch.setattr(filter_, "PIECE", 1500)

@@ -8,7 +8,6 @@ import pytest
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
-from benchtool.core.rig import Rig
 from benchtool.core.rig_file import rig_named
 from benchtool.explain.pitch.log import pitch_log
 
@@ -16,7 +15,7 @@ Array = np.ndarray
 
 
 @pytest.fixture
-def rig() -> Rig:
+def rig():
     return rig_named("beam")
 
 
@@ -43,7 +42,7 @@ def recording(**changed: Array | None) -> Recording:
     return Recording.from_columns(pairs, {"file": "made.csv"})
 
 
-def test_without_pulses_the_plant_is_driven_by_speeds(rig: Rig) -> None:
+def test_without_pulses_the_plant_is_driven_by_speeds(rig):
     log = pitch_log(recording(pwm1_us=None, pwm2_us=None), rig)
     assert log.logged.from_speeds
     p = rig.propulsion
@@ -52,7 +51,7 @@ def test_without_pulses_the_plant_is_driven_by_speeds(rig: Rig) -> None:
     assert not np.isfinite(log.logged.speed_rad_s).any()
 
 
-def test_gaps_and_a_clock_that_jumps_back_part_it(rig: Rig) -> None:
+def test_gaps_and_a_clock_that_jumps_back_part_it(rig):
     time_s = np.arange(1000) / 100.0
     time_s[400:] += 0.5
     time_s[700:] -= 3.0
@@ -64,7 +63,7 @@ def test_gaps_and_a_clock_that_jumps_back_part_it(rig: Rig) -> None:
     assert log.logged.rate_Hz == pytest.approx(100.0)
 
 
-def test_blank_cells_are_held_or_stay_blank(rig: Rig) -> None:
+def test_blank_cells_are_held_or_stay_blank(rig):
     pwm = np.full(1000, 1450.0)
     pwm[10:14] = np.nan
     theta = 0.01 * np.random.default_rng(1).standard_normal(1000)
@@ -74,7 +73,7 @@ def test_blank_cells_are_held_or_stay_blank(rig: Rig) -> None:
     assert np.isnan(log.logged.theta_rad[30:40]).all()
 
 
-def test_what_drives_a_plant_is_not_made_up(rig: Rig) -> None:
+def test_what_drives_a_plant_is_not_made_up(rig):
     pwm = np.full(1000, 1450.0)
     pwm[300:420] = np.nan
     log = pitch_log(recording(pwm1_us=pwm), rig)
@@ -83,7 +82,7 @@ def test_what_drives_a_plant_is_not_made_up(rig: Rig) -> None:
     assert any("1.15 s without an angle, or without what drives" in one for one in log.remarks)
 
 
-def test_a_plant_that_is_driven_seldom_is_said_or_refused(rig: Rig) -> None:
+def test_a_plant_that_is_driven_seldom_is_said_or_refused(rig):
     seldom = np.full(1000, np.nan)
     seldom[::4] = 1450.0
     log = pitch_log(recording(pwm1_us=seldom), rig)
@@ -93,13 +92,13 @@ def test_a_plant_that_is_driven_seldom_is_said_or_refused(rig: Rig) -> None:
         pitch_log(recording(pwm1_us=seldom), rig)
 
 
-def test_only_gaps_is_refused(rig: Rig) -> None:
+def test_only_gaps_is_refused(rig):
     time_s = np.arange(1000) / 100.0 + 0.3 * (np.arange(1000) // 120)
     with pytest.raises(InputError, match=r"longest piece of made.csv .* lasts 1\.20 s"):
         pitch_log(recording(time_s=time_s), rig)
 
 
-def test_a_noisy_plate_is_smoothed_where_it_stands(rig: Rig) -> None:
+def test_a_noisy_plate_is_smoothed_where_it_stands(rig):
     rng = np.random.default_rng(2)
     plate = np.where(np.arange(1000) < 500, 1.0, 0.2) + 0.001 * rng.standard_normal(1000)
     log = pitch_log(recording(plate_z_m=plate), rig)
@@ -122,8 +121,6 @@ def test_a_noisy_plate_is_smoothed_where_it_stands(rig: Rig) -> None:
         ({"time_s": np.arange(1000) / 1000.0}, r"is 1\.0 s long; an explanation needs 4 s"),
     ],
 )
-def test_what_cannot_be_judged_is_refused(
-    rig: Rig, changed: dict[str, Array | None], words: str
-) -> None:
+def test_what_cannot_be_judged_is_refused(rig, changed, words):
     with pytest.raises(InputError, match=words):
         pitch_log(recording(**changed), rig)

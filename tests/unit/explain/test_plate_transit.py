@@ -5,27 +5,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.recording import Recording
 from benchtool.explain.pitch.clock import on_its_way
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
-from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import recorded, without
 
 
 @pytest.fixture(scope="module")
-def model() -> Model:
+def model():
     return load_model("pitch_pquad").model
 
 
 @pytest.fixture(scope="module")
-def visited(model: Model) -> Recording:
+def visited(model):
     """The plate comes after 4 s, goes after 12 s, comes nearer after 18 s."""
     return recorded(model, 5, seconds=20.0, inertia=model.rig.body.inertia_yy_kgm2)
 
 
-def test_rows_about_a_jump_are_on_the_way_and_a_missed_echo_is_none() -> None:
+def test_rows_about_a_jump_are_on_the_way_and_a_missed_echo_is_none():
     plate_m = np.full(1000, 1.0)
     plate_m[500:] = 0.3
     mask, times = on_its_way(plate_m, 100.0)
@@ -37,9 +35,7 @@ def test_rows_about_a_jump_are_on_the_way_and_a_missed_echo_is_none() -> None:
     assert not on_its_way(np.linspace(0.9, 0.1, 1000), 100.0)[0].any()
 
 
-def test_a_plate_that_slides_untold_is_left_out_and_one_that_is_told_is_not(
-    model: Model, visited: Recording
-) -> None:
+def test_a_plate_that_slides_untold_is_left_out_and_one_that_is_told_is_not(model, visited):
     told = pitch_log(visited, model.rig)
     assert told.remarks == ()
     assert len(told.logged) == len(visited)
@@ -48,9 +44,7 @@ def test_a_plate_that_slides_untold_is_left_out_and_one_that_is_told_is_not(
     assert [text for text in untold.remarks if "the plate slides in or out" in text]
 
 
-def test_a_plate_whose_pace_is_said_loses_no_more_than_it_takes(
-    model: Model, visited: Recording
-) -> None:
+def test_a_plate_whose_pace_is_said_loses_no_more_than_it_takes(model, visited):
     untold = without(visited, "coverage1")
     at_once = pitch_log(untold, model.rig, plate_slide_s=0.0)
     assert at_once.remarks == ()
@@ -63,7 +57,7 @@ def test_a_plate_whose_pace_is_said_loses_no_more_than_it_takes(
     ("left_out", "of_hinge", "of_speeds"),
     [("nothing", 2, 2), ("gyro_rad_s", 1, 2), (r"rpm\d|gyro_rad_s", 1, 0), ("rpm2", 2, 1)],
 )
-def test_what_was_not_read_has_no_rows(left_out: str, of_hinge: int, of_speeds: int) -> None:
+def test_what_was_not_read_has_no_rows(left_out, of_hinge, of_speeds):
     """A row of nothing would make the others look like less than noise."""
     model = load_model("pitch_beam").model
     log = pitch_log(without(recorded(model, 1, seconds=8.0), left_out), model.rig).logged
@@ -78,7 +72,7 @@ def test_what_was_not_read_has_no_rows(left_out: str, of_hinge: int, of_speeds: 
     assert 0.8 < np.sqrt(np.mean(rows[stages["hinge"]] ** 2)) < 1.3
 
 
-def test_recordings_whose_regimes_differ_are_explained_together() -> None:
+def test_recordings_whose_regimes_differ_are_explained_together():
     """One without the plate has no rows near it; together they have those of the other."""
     model = load_model("pitch_beam").model
     logs = [

@@ -27,31 +27,31 @@ def found(made: Callable[[Array], Array], seed: int) -> Posterior:
     return searched(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
 
 
-def test_a_small_departure_from_every_law_is_nothing() -> None:
+def test_a_small_departure_from_every_law_is_nothing():
     assert names_of(lambda x: 0.8 * np.sin(3.0 * x)) == [()] * 12
 
 
-def test_an_effect_beyond_tolerance_is_named_though_its_law_is_off() -> None:
+def test_an_effect_beyond_tolerance_is_named_though_its_law_is_off():
     assert names_of(lambda x: 5.0 * x * (1.0 + 0.08 * np.sin(2.0 * x))) == [("slope",)] * 12
 
 
-def test_of_two_effects_each_is_tried_beside_the_other() -> None:
+def test_of_two_effects_each_is_tried_beside_the_other():
     trials = found(lambda x: 6.0 * (x + np.sign(x)), 1).trials
     places = [(trial.name, trial.base.opened) for trial in trials]
     assert places == [("step", ("slope",)), ("slope", ("step",))]
     assert [set(trial.log_odds) for trial in trials] == [{"step", "curve"}, {"slope", "curve"}]
 
 
-def test_what_no_effect_describes_is_the_discrepancy() -> None:
+def test_what_no_effect_describes_is_the_discrepancy():
     assert names_of(lambda x: 6.0 * np.cos(4.0 * x)) == [("curve",)] * 12
 
 
-def test_noise_beyond_the_stated_one_is_found_in_the_rows() -> None:
+def test_noise_beyond_the_stated_one_is_found_in_the_rows():
     noisy = Smooth(lambda x: 0.0 * x, 3, np.arange(ROWS), noise=2.0)
     assert np.allclose(Hypotheses(noisy).noise, 2.0, rtol=0.15)
 
 
-def test_a_check_that_shows_nothing_of_it_takes_a_name_back() -> None:
+def test_a_check_that_shows_nothing_of_it_takes_a_name_back():
     learn = Smooth(lambda x: 2.5 * x, 2, np.arange(ROWS))
     every = Smooth(lambda x: 2.5 * x, 2, np.arange(2 * ROWS) % ROWS)
     found = searched(Hypotheses(learn), Hypotheses(every), lambda what, share: None)

@@ -18,7 +18,6 @@ from benchtool.explain.pitch.log import pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.recording_checks import mended_readings
 from benchtool.explain.sweep.log import refuse_other_sweeps, sweep_log
-from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import changed, recorded, without
 
@@ -82,12 +81,12 @@ def exchanged(good: Recording) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def model() -> Model:
+def model():
     return load_model("pitch_beam").model
 
 
 @pytest.fixture(scope="module")
-def good(model: Model) -> Recording:
+def good(model):
     return recorded(model, 5, seconds=20.0)
 
 
@@ -112,27 +111,25 @@ MENDED: dict[str, tuple[Fault, str]] = {
 
 
 @pytest.mark.parametrize("fault", MENDED)
-def test_a_fault_in_a_pitch_recording_is_mended_with_a_sentence(
-    model: Model, good: Recording, fault: str
-) -> None:
+def test_a_fault_in_a_pitch_recording_is_mended_with_a_sentence(model, good, fault):
     put, words = MENDED[fault]
     log = pitch_log(put(good), model.rig)
     assert len([line for line in log.remarks if "judged in parts" not in line]) == 1
     assert re.search(words, log.remarks[0])
 
 
-def test_angle_and_rate_that_both_come_late_are_refused(model: Model, good: Recording) -> None:
+def test_angle_and_rate_that_both_come_late_are_refused(model, good):
     wrong = late("gyro_rad_s", 6)(late("theta_rad", 6)(good))
     with pytest.raises(InputError, match=r"answers 2[345].* ms after the rotors' thrust"):
         pitch_log(wrong, model.rig)
 
 
-def test_a_loop_logged_at_half_its_rate_is_said(model: Model, good: Recording) -> None:
+def test_a_loop_logged_at_half_its_rate_is_said(model, good):
     (said,) = pitch_log(good.select(np.arange(0, len(good), 2)), model.rig).remarks
     assert "pwm1_us comes 125 times a second, and the beam of rig beam is read 250" in said
 
 
-def test_a_filtered_rate_is_said_and_not_shifted(model: Model, good: Recording) -> None:
+def test_a_filtered_rate_is_said_and_not_shifted(model, good):
     slow = lfilter([0.18], [1.0, -0.82], good.column("gyro_rad_s"))
     log = pitch_log(changed(good, gyro_rad_s=slow), model.rig)
     assert len(log.remarks) == 1
@@ -140,7 +137,7 @@ def test_a_filtered_rate_is_said_and_not_shifted(model: Model, good: Recording) 
     np.testing.assert_array_equal(log.logged.gyro_rad_s, slow)
 
 
-def test_what_was_shifted_stands_where_it_stood(model: Model, good: Recording) -> None:
+def test_what_was_shifted_stands_where_it_stood(model, good):
     before, after = (pitch_log(one, model.rig).logged for one in (good, late("rpm", 5)(good)))
     missed = (after.speed_rad_s - before.speed_rad_s)[:, 50:-50]
     assert np.sqrt(np.mean(missed**2)) < 0.5 * np.sqrt(np.mean(np.diff(before.speed_rad_s) ** 2))
@@ -149,7 +146,7 @@ def test_what_was_shifted_stands_where_it_stood(model: Model, good: Recording) -
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["pitch_beam", "pitch_pquad"])
 @pytest.mark.parametrize("schedule", ["identify", "steps", "triangle", "chirp", "plate"])
-def test_of_good_pitch_recordings_nothing_is_claimed(name: str, schedule: str) -> None:
+def test_of_good_pitch_recordings_nothing_is_claimed(name, schedule):
     """Two benches and three seeds; all channels, and each kind of them missing."""
     model = load_model(name).model
     inertia = 0.0305 if name == "pitch_beam" else model.rig.body.inertia_yy_kgm2
@@ -160,7 +157,7 @@ def test_of_good_pitch_recordings_nothing_is_claimed(name: str, schedule: str) -
             assert [line for line in remarks if not line.startswith("no ")] == []
 
 
-def test_recordings_of_two_pitch_benches_are_refused(model: Model, good: Recording) -> None:
+def test_recordings_of_two_pitch_benches_are_refused(model, good):
     logs = [
         pitch_log(recorded(model, 6, seconds=20.0, inertia=inertia), model.rig, name)
         for name, inertia in (("learn", 0.0305), ("check", 0.045))
@@ -173,7 +170,7 @@ def test_recordings_of_two_pitch_benches_are_refused(model: Model, good: Recordi
 
 
 @pytest.fixture(scope="module")
-def swept() -> Recording:
+def swept():
     return read_points(DATASETS / "quad" / "run", KINDS)
 
 
@@ -196,7 +193,7 @@ SWEPT: dict[str, tuple[Fault, str]] = {
 
 
 @pytest.mark.parametrize("fault", SWEPT)
-def test_a_fault_in_a_sweep_is_mended_with_a_sentence(swept: Recording, fault: str) -> None:
+def test_a_fault_in_a_sweep_is_mended_with_a_sentence(swept, fault):
     put, words = SWEPT[fault]
     rig = load_model("quad").model.rig
     before, after = (sweep_log(one, rig, "points") for one in (swept, put(swept)))
@@ -210,7 +207,7 @@ def test_a_fault_in_a_sweep_is_mended_with_a_sentence(swept: Recording, fault: s
 
 
 @pytest.mark.parametrize("name", ["quad", "single_rotor"])
-def test_of_good_sweeps_nothing_is_claimed(name: str) -> None:
+def test_of_good_sweeps_nothing_is_claimed(name):
     points = read_points(DATASETS / name / "run", KINDS)
     repaired = mended_readings(
         points, load_model("quad" if name == "quad" else "single").model.rig, name
@@ -218,7 +215,7 @@ def test_of_good_sweeps_nothing_is_claimed(name: str) -> None:
     assert repaired[1] == []
 
 
-def test_sweeps_of_two_benches_are_refused(swept: Recording) -> None:
+def test_sweeps_of_two_benches_are_refused(swept):
     rig = load_model("quad").model.rig
     other = changed(swept, thrust_N=1.4 * swept.column("thrust_N"))
     logs = [sweep_log(one, rig, name) for one, name in ((swept, "learn"), (other, "check"))]

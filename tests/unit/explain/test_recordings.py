@@ -35,7 +35,7 @@ def loaded() -> LoadedModel:
     return load_model(MODEL)
 
 
-def test_a_csv_is_read_through_the_columns_of_the_model(tmp_path: Path) -> None:
+def test_a_csv_is_read_through_the_columns_of_the_model(tmp_path):
     learn, check = read_sources(
         [csv(tmp_path, "a.csv")], [csv(tmp_path, "b.csv", first=1.0)], loaded()
     )
@@ -47,7 +47,7 @@ def test_a_csv_is_read_through_the_columns_of_the_model(tmp_path: Path) -> None:
     assert learn[0].remarks == ()
 
 
-def test_a_missing_column_is_told_and_the_rest_is_read(tmp_path: Path) -> None:
+def test_a_missing_column_is_told_and_the_rest_is_read(tmp_path):
     header = "t,theta_ref,theta,gyro,pwm1,pwm2,plate_z"
     (source,), _ = read_sources(
         [csv(tmp_path, "a.csv", header)], [csv(tmp_path, "b.csv")], loaded()
@@ -59,7 +59,7 @@ def test_a_missing_column_is_told_and_the_rest_is_read(tmp_path: Path) -> None:
     )
 
 
-def test_an_imported_recording_says_whether_it_is_simulated(tmp_path: Path) -> None:
+def test_an_imported_recording_says_whether_it_is_simulated(tmp_path):
     recording = Recording.from_columns(
         [(Channel("time_s", "s"), np.arange(3.0)), (Channel("theta_rad", "rad"), np.zeros(3))],
         simulated=True,
@@ -73,7 +73,7 @@ def test_an_imported_recording_says_whether_it_is_simulated(tmp_path: Path) -> N
     assert not second.simulated
 
 
-def test_a_dead_channel_is_left_out_and_told(tmp_path: Path) -> None:
+def test_a_dead_channel_is_left_out_and_told(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(
         "time_s,theta_rad,rpm1,rpm2,pwm1_us,pwm2_us\n"
@@ -89,7 +89,7 @@ def test_a_dead_channel_is_left_out_and_told(tmp_path: Path) -> None:
     ]
 
 
-def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text(
         "time_s,theta_rad,rpm1,pwm1_us,pwm2_us\n0,0.1,0,1500,1500\n1,0.2,0,1500,1500\n",
@@ -117,8 +117,8 @@ def test_a_recording_that_nothing_drove_is_refused_at_once(tmp_path: Path) -> No
     ],
 )
 def test_what_cannot_be_explained_is_refused_with_the_reason(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, learn: str, check: str, said: str
-) -> None:
+    tmp_path, monkeypatch, learn, check, said
+):
     monkeypatch.chdir(tmp_path)
     csv(tmp_path, "a.csv")
     csv(tmp_path, "copy.csv")

@@ -30,7 +30,7 @@ QUAD = Path(__file__).parents[3] / "datasets" / "quad" / "run"
 
 
 @pytest.fixture(scope="module")
-def evidence() -> SweepEvidence:
+def evidence():
     model = load_model("quad").model
     return SweepEvidence(model, [sweep_log(read_points(QUAD, KINDS), model.rig)])
 
@@ -60,7 +60,7 @@ def drawn(evidence: SweepEvidence, at: np.ndarray, seed: int) -> SweepEvidence:
     return evidence.of(replace(log, thrust_N=log.thrust_N + noise, power=power))
 
 
-def test_predictions_are_those_of_the_model(evidence: SweepEvidence) -> None:
+def test_predictions_are_those_of_the_model(evidence):
     scaled = np.zeros(len(evidence.parameters))
     scaled[parameter(evidence, "body_lift.K_b")] = 8.0
     scaled[parameter(evidence, "plate_offset.dz_m")] = 1.0
@@ -71,7 +71,7 @@ def test_predictions_are_those_of_the_model(evidence: SweepEvidence) -> None:
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_residuals_are_white_at_the_truth(evidence: SweepEvidence) -> None:
+def test_residuals_are_white_at_the_truth(evidence):
     scaled = np.zeros(len(evidence.parameters))
     scaled[parameter(evidence, "body_lift.K_b")] = 8.0
     squares = [np.mean(drawn(evidence, scaled, seed).residuals(scaled) ** 2) for seed in range(20)]
@@ -79,7 +79,7 @@ def test_residuals_are_white_at_the_truth(evidence: SweepEvidence) -> None:
     assert 0.9 < np.mean(squares) < 1.03
 
 
-def test_battery_sag_shows_in_speeds_and_voltage_alone(evidence: SweepEvidence) -> None:
+def test_battery_sag_shows_in_speeds_and_voltage_alone(evidence):
     sets = np.zeros((2, len(evidence.parameters)))
     sets[1, parameter(evidence, "battery_sag.rate_per_s")] = 1.0
     rows = evidence.residuals(sets)
@@ -89,7 +89,7 @@ def test_battery_sag_shows_in_speeds_and_voltage_alone(evidence: SweepEvidence) 
     assert changed[stages["pwm_to_rpm"]].mean() > 0.9
 
 
-def test_the_noise_is_that_of_a_fit(evidence: SweepEvidence) -> None:
+def test_the_noise_is_that_of_a_fit(evidence):
     log = evidence.logs[0]
     covariance = np.diag(log.se_N**2)
     for source in bench_errors(evidence.model, log.conditions, log.visits):
@@ -117,7 +117,7 @@ def swept_at_one_pulse(rig: Rig) -> Recording:
     return Recording.from_columns(columns, {}, True)
 
 
-def test_blades_and_motor_predict_the_speed_at_a_pulse_against_the_plate() -> None:
+def test_blades_and_motor_predict_the_speed_at_a_pulse_against_the_plate():
     """It rises by 0.5 % at z/R 0.5; a model that leaves blades out misses that."""
     rig = bladed("pquad_single")
     points = swept_at_one_pulse(rig)
@@ -143,7 +143,7 @@ RIG = rig_named("pquad")
 
 
 @pytest.fixture(scope="module")
-def points() -> Recording:
+def points():
     return read_points(QUAD, KINDS)
 
 
@@ -154,7 +154,7 @@ def only(recording: Recording, *names: str) -> Recording:
     )
 
 
-def test_rows_with_empty_cells_are_left_out_and_counted(points: Recording) -> None:
+def test_rows_with_empty_cells_are_left_out_and_counted(points):
     values = points.values.copy()
     values[5, points.index("thrust_N")] = np.nan
     log = sweep_log(Recording(points.channels, values), RIG)
@@ -162,18 +162,18 @@ def test_rows_with_empty_cells_are_left_out_and_counted(points: Recording) -> No
     assert any(f"for an empty cell: 1 of {len(points)} rows" in remark for remark in log.remarks)
 
 
-def test_points_without_thrust_are_refused(points: Recording) -> None:
+def test_points_without_thrust_are_refused(points):
     with pytest.raises(InputError, match=r"few\.csv has no thrust_N, only plate_z_m, rpm1"):
         sweep_log(only(points, "plate_z_m", "rpm1"), RIG, "few.csv")
 
 
-def test_too_few_points_are_refused(points: Recording) -> None:
+def test_too_few_points_are_refused(points):
     with pytest.raises(InputError, match=r"has 3 whole points .* at least 4 are needed"):
         sweep_log(points.select(np.arange(1, 4)), RIG, "few.csv")
 
 
 @pytest.fixture(scope="module")
-def power() -> Power:
+def power():
     found = sweep_log(read_points(QUAD, KINDS), load_model("quad").model.rig).power
     assert found is not None
     return found
@@ -184,7 +184,7 @@ def sagging(power: Power) -> np.ndarray:
     return power.supply(np.array([1e-4]), np.array([0.0]), np.array([0.02]))
 
 
-def test_speeds_of_a_supply_that_is_known_are_predicted_exactly(power: Power) -> None:
+def test_speeds_of_a_supply_that_is_known_are_predicted_exactly(power):
     drive = sagging(power)[None]
     scale = 1.0 + power.level
     read = np.broadcast_to(scale * drive[0, :, 0], power.rotor_rad_s.shape)[:, :, None]
@@ -193,7 +193,7 @@ def test_speeds_of_a_supply_that_is_known_are_predicted_exactly(power: Power) ->
     assert not predicted[:, ~power.late].any()
 
 
-def test_only_earlier_visits_predict(power: Power) -> None:
+def test_only_earlier_visits_predict(power):
     drive = sagging(power)[None]
     read = power.rotor_rad_s[:, :, None].copy()
     before = power.predicted(drive, read)
@@ -206,7 +206,7 @@ def test_only_earlier_visits_predict(power: Power) -> None:
     assert (power.level[changed] == power.level[place]).all()
 
 
-def test_load_is_counted_as_in_the_other_sweep(power: Power) -> None:
+def test_load_is_counted_as_in_the_other_sweep(power):
     harder = replace(power, full_load=1.25 * power.full_load)
     same = power.loaded_as(harder)
     assert same.load == pytest.approx(power.load / 1.25)

@@ -46,11 +46,11 @@ def explained(model: str, name: str) -> Explanation:
 
 
 @pytest.fixture(scope="module")
-def story() -> Explanation:
+def story():
     return explained("quad", "quad")
 
 
-def test_the_quadrotor_lacks_the_body_lift_of_the_paper(story: Explanation) -> None:
+def test_the_quadrotor_lacks_the_body_lift_of_the_paper(story):
     verdict = story.verdict
     assert (verdict.kind, verdict.names) == ("effect", ("body_lift",))
     (found,) = verdict.effects[0].parameters
@@ -61,9 +61,7 @@ def test_the_quadrotor_lacks_the_body_lift_of_the_paper(story: Explanation) -> N
     assert verdict.effects[0].probability > 0.95
 
 
-def test_a_fit_of_the_new_model_keeps_the_truth_in_its_interval(
-    story: Explanation, tmp_path: Path
-) -> None:
+def test_a_fit_of_the_new_model_keeps_the_truth_in_its_interval(story, tmp_path):
     """It carries what explain adjusted within what was known; held, K_b alone would be too sure."""
     given = answer(loaded=load_model("quad"), explanation=story)
     (tmp_path / "model.toml").write_text(added_model(given), encoding="utf-8")
@@ -80,7 +78,7 @@ def test_a_fit_of_the_new_model_keeps_the_truth_in_its_interval(
     assert fitted.chi2_per_dof < alone.chi2_per_dof
 
 
-def test_the_whole_model_lacks_nothing() -> None:
+def test_the_whole_model_lacks_nothing():
     verdict = explained("quad_bench", "quad").verdict
     assert (verdict.kind, verdict.names) == ("none", ())
     for gap in verdict.gaps:
@@ -104,7 +102,7 @@ MODELS = {"quad": "quad", "single_rotor": "single"}
     ("first", "second"),
     [("plate_tilt", "plate_offset"), ("neighbour_images", "body_lift")],
 )
-def test_the_next_sweep_is_one_that_a_bench_accepts_and_decides(first: str, second: str) -> None:
+def test_the_next_sweep_is_one_that_a_bench_accepts_and_decides(first, second):
     chosen, plan = proposed("quad", first, second)
     rig = load_model("quad").model.rig
     check_plan(plan, rig)
@@ -117,12 +115,12 @@ def test_the_next_sweep_is_one_that_a_bench_accepts_and_decides(first: str, seco
     assert chosen.schedule is None
 
 
-def test_what_no_sweep_can_tell_apart_is_said_not_to_be_decided() -> None:
+def test_what_no_sweep_can_tell_apart_is_said_not_to_be_decided():
     chosen, _ = proposed("single_rotor", "load_cell_hysteresis", "tare_offset")
     assert not chosen.decides
 
 
-def test_a_measured_rotor_pair_follows_another_law(reference_data: Path) -> None:
+def test_a_measured_rotor_pair_follows_another_law(reference_data):
     """As one disc it lacks something at z/R of 1 to 3, where the other rotor's image acts.
 
     There is one coplanar series, so it is checked on what it learned from. No effect of a single
@@ -164,7 +162,7 @@ def lab_sweep(path: Path, seed: int, distances: Sequence[float]) -> Recording:
     return read_table(path, {}, [])
 
 
-def test_a_lab_bench_of_another_law_is_said_to_be_that(tmp_path: Path) -> None:
+def test_a_lab_bench_of_another_law_is_said_to_be_that(tmp_path):
     learn = lab_sweep(tmp_path / "learn.csv", 1, (0.6, 0.8, 1.0, 1.3, 1.8, 2.5, 3.5, 6.0))
     check = lab_sweep(tmp_path / "check.csv", 2, (0.7, 0.9, 1.2, 1.6, 2.2, 3.0, 5.0))
     subject = SweepSubject(load_model("single").model, [learn], [check])
@@ -196,9 +194,7 @@ def measured_sweep(curve: Path, path: Path, seed: int, *, sd_N: float) -> Record
     return read_table(path, {}, [])
 
 
-def test_a_measured_curve_of_two_rotors_is_no_sure_effect_of_one(
-    reference_data: Path, tmp_path: Path
-) -> None:
+def test_a_measured_curve_of_two_rotors_is_no_sure_effect_of_one(reference_data, tmp_path):
     """With k and R free and no far point a different law looks like a stand in the wake."""
     curve = reference_data / "ground_effect" / "rotor_pairs.csv"
     model, classes = load_model("single").model.freed("k", "R_m"), 0
@@ -218,7 +214,7 @@ def test_a_measured_curve_of_two_rotors_is_no_sure_effect_of_one(
     assert known.free_law == ""
 
 
-def test_a_departure_within_the_stated_discrepancy_is_none_that_matters(tmp_path: Path) -> None:
+def test_a_departure_within_the_stated_discrepancy_is_none_that_matters(tmp_path):
     """The law of the lab bench departs from eq. (2) by 2 to 3 % of thrust."""
     distances = (0.6, 0.8, 1.0, 1.3, 1.8, 2.5, 3.5, 6.0)
     learn, check = (lab_sweep(tmp_path / f"{seed}.csv", seed, distances) for seed in (1, 2))

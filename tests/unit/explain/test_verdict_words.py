@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.explain.engine.verdict import Kind, NotJudged, Unnamed
+from benchtool.explain.engine.verdict import NotJudged, Unnamed
 from tests.unit.explain.hand_made import FRICTION, NEXT, OFFSET, gap, verdict
 
 
-def test_an_unknown_says_place_and_nearest_in_words() -> None:
+def test_an_unknown_says_place_and_nearest_in_words():
     assert verdict("unknown").sentence == (
         "Something is missing at the hinge (slow reversals) that no named effect explains; the "
         "nearest is Coulomb friction, which closes 61 % of the gap."
@@ -25,7 +25,7 @@ def test_an_unknown_says_place_and_nearest_in_words() -> None:
         (0.93, "The model lacks Coulomb friction"),
     ],
 )
-def test_a_verdict_is_as_sure_as_its_probability(probability: float, said: str) -> None:
+def test_a_verdict_is_as_sure_as_its_probability(probability, said):
     found = verdict(effects=(replace(FRICTION, probability=probability),))
     assert found.sentence.startswith(said)
     assert found.sentence.endswith(f"probability {probability:.2f}.")
@@ -42,7 +42,7 @@ BLIND = {
 }  # fmt: skip
 
 
-def test_a_class_adds_up_what_it_cannot_separate() -> None:
+def test_a_class_adds_up_what_it_cannot_separate():
     likely = replace(FRICTION, probability=0.5)
     assert verdict("class", effects=(likely, replace(OFFSET, probability=0.4))).sentence == (
         "The model lacks one of Coulomb friction, centre-of-gravity offset; this data cannot "
@@ -56,7 +56,7 @@ def test_a_class_adds_up_what_it_cannot_separate() -> None:
     )
 
 
-def test_a_class_of_one_effect_says_what_may_be_instead() -> None:
+def test_a_class_of_one_effect_says_what_may_be_instead():
     likely = replace(FRICTION, probability=0.5)
     alike = verdict("class", effects=(likely,), gaps=())
     assert alike.class_members == ("coulomb_friction", "unknown")
@@ -67,7 +67,7 @@ def test_a_class_of_one_effect_says_what_may_be_instead() -> None:
     assert mostly.endswith("; 2.8 times what noise explains is left.")
 
 
-def test_nothing_missing_says_what_could_not_be_judged() -> None:
+def test_nothing_missing_says_what_could_not_be_judged():
     seen = verdict("none", tolerances=BLIND, not_judged={})
     assert seen.sentence == "Nothing beyond the stated tolerances is missing from the model."
     at_limit = {"cog_offset": NotJudged.below(3.0)}
@@ -82,7 +82,7 @@ def test_nothing_missing_says_what_could_not_be_judged() -> None:
     assert not verdict("none", tolerances=half, not_judged=some).mostly_blind
 
 
-def test_an_unknown_says_what_it_is_and_what_is_beside_it() -> None:
+def test_an_unknown_says_what_it_is_and_what_is_beside_it():
     found = verdict("unknown", unnamed=(CURVE,), nearest=None, beside={"Coulomb friction": 0.96})
     found = replace(found, where=replace(found.where, regime="everywhere"))
     assert found.sentence == (
@@ -93,7 +93,7 @@ def test_an_unknown_says_what_it_is_and_what_is_beside_it() -> None:
     assert replace(found, where=None).sentence.startswith("Something is missing that no named")
 
 
-def test_each_stage_says_all_that_is_missing_there() -> None:
+def test_each_stage_says_all_that_is_missing_there():
     found = verdict("several", unnamed=(CURVE, replace(CURVE, stage="hinge")))
     assert found.stages == {
         "hinge": "Coulomb friction, probability 0.98; centre-of-gravity offset, probability 0.60; "
@@ -111,9 +111,7 @@ def test_each_stage_says_all_that_is_missing_there() -> None:
         ("unknown", 0.013, False), ("none", 0.5, False),
     ],
 )  # fmt: skip
-def test_the_whole_answer_is_as_likely_as_its_least_likely_part(
-    kind: Kind, probability: float, holds: bool
-) -> None:
+def test_the_whole_answer_is_as_likely_as_its_least_likely_part(kind, probability, holds):
     assert verdict(kind).holds(probability) is holds
 
 
@@ -121,16 +119,14 @@ def test_the_whole_answer_is_as_likely_as_its_least_likely_part(
     ("kind", "probability", "sure"),
     [("effect", 0.9, True), ("effect", 0.89, False), ("class", 0.99, False), ("none", 1.0, False)],
 )
-def test_only_names_that_are_likely_enough_are_sure(
-    kind: Kind, probability: float, sure: bool
-) -> None:
+def test_only_names_that_are_likely_enough_are_sure(kind, probability, sure):
     named = (replace(FRICTION, probability=probability),) if kind != "none" else ()
     assert verdict(kind, effects=named).is_sure is sure
     both = verdict("several", effects=(FRICTION, replace(FRICTION, probability=probability)))
     assert both.is_sure == (probability >= 0.9)
 
 
-def test_numbers_of_a_verdict() -> None:
+def test_numbers_of_a_verdict():
     (number,) = FRICTION.parameters
     assert replace(number, determined=False).text == "not determined (0.0229 to 0.0253)"
     assert replace(number, unit="1").text == "0.0241 ± 0.0006"

@@ -21,9 +21,7 @@ TIME = np.arange(N)
         (TIME < 300, EARLY),
     ],
 )
-def test_the_clock_is_named_only_where_nothing_else_fits_about_as_well(
-    gained: np.ndarray, regime: str
-) -> None:
+def test_the_clock_is_named_only_where_nothing_else_fits_about_as_well(gained, regime):
     groups = RowGroups(
         stages={"hinge": np.ones(N, bool)},
         regimes={

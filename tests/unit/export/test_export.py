@@ -28,7 +28,7 @@ THROTTLES = np.linspace(0.05, 1.0, 20)
 
 
 @pytest.fixture(scope="module")
-def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def exported(tmp_path_factory):
     """Export a quadrotor fitted to data that come with benchtool, a motor test of one rotor."""
     folder = tmp_path_factory.mktemp("export")
     bench = "sim:pquad_single?truth=virtual_pquad_single"
@@ -44,11 +44,11 @@ MOTOR_TEST = ("steps", "response")
 
 
 @pytest.fixture(scope="module")
-def vehicle(exported: Path) -> Vehicle:
+def vehicle(exported):
     return vehicle_of(exported / "fit", tuple(exported / name for name in MOTOR_TEST))
 
 
-def test_mujoco_gives_the_thrust_of_twenty_throttles(exported: Path, vehicle: Vehicle) -> None:
+def test_mujoco_gives_the_thrust_of_twenty_throttles(exported, vehicle):
     model = mujoco.MjModel.from_xml_path(str(exported / "all" / "pquad.xml"))
     assert model.body_mass.sum() == pytest.approx(vehicle.rig.body.mass_kg)
     for throttle in THROTTLES:
@@ -62,7 +62,7 @@ def test_mujoco_gives_the_thrust_of_twenty_throttles(exported: Path, vehicle: Ve
         assert each == pytest.approx(float(vehicle.thrust_N(throttle)), rel=0.01)
 
 
-def test_mujoco_turns_the_body_against_a_rotor(exported: Path, vehicle: Vehicle) -> None:
+def test_mujoco_turns_the_body_against_a_rotor(exported, vehicle):
     model = mujoco.MjModel.from_xml_path(str(exported / "all" / "pquad.xml"))
     for i, rotor in enumerate(vehicle.rig.rotors):
         data = mujoco.MjData(model)
@@ -78,7 +78,7 @@ def test_mujoco_turns_the_body_against_a_rotor(exported: Path, vehicle: Vehicle)
         assert data.qfrc_actuator[3:] == pytest.approx(torque, rel=1e-6)
 
 
-def test_rotorpy_gives_the_thrust_of_twenty_throttles(exported: Path, vehicle: Vehicle) -> None:
+def test_rotorpy_gives_the_thrust_of_twenty_throttles(exported, vehicle):
     from rotorpy.vehicles.multirotor import Multirotor
 
     parameters = runpy.run_path(str(exported / "all" / "pquad_params.py"))["quad_params"]
@@ -134,7 +134,7 @@ def by_ardupilots_tool(parameters: Any, thrust: Callable[[np.ndarray], np.ndarra
     return float(tried[int(np.argmin(scatter))])
 
 
-def test_ardupilot_reads_its_parameters(exported: Path, vehicle: Vehicle) -> None:
+def test_ardupilot_reads_its_parameters(exported, vehicle):
     found = MAVParmDict()
     assert found.load(str(exported / "all" / "pquad.param"), use_excludes=False)
     assert found["MOT_PWM_MIN"] == 1000.0
@@ -166,14 +166,14 @@ def written_expo(vehicle: Vehicle) -> tuple[str, float]:
 
 
 @pytest.mark.parametrize("expo", [0.2, 0.59, 0.9])
-def test_a_parabola_is_inverted_exactly(vehicle: Vehicle, expo: float) -> None:
+def test_a_parabola_is_inverted_exactly(vehicle, expo):
     """Over throttles from idle it is a parabola again, whose e has a closed form."""
     span = 1.0 - IDLE
     exact = expo * span / (1.0 - expo + 2.0 * expo * IDLE + expo * span)
     assert written_expo(with_expo(vehicle, expo))[1] == pytest.approx(exact, abs=0.0026)
 
 
-def test_px4_takes_the_file_of_a_ground_station(exported: Path, vehicle: Vehicle) -> None:
+def test_px4_takes_the_file_of_a_ground_station(exported, vehicle):
     rows = [
         line.split("\t")
         for line in (exported / "all" / "pquad.params").read_text("utf-8").splitlines()
@@ -202,7 +202,7 @@ def test_px4_takes_the_file_of_a_ground_station(exported: Path, vehicle: Vehicle
     assert gain_sd(thrust(factor)) < 0.01  # whole microseconds of the range
 
 
-def test_betaflight_makes_thrust_linear(exported: Path, vehicle: Vehicle) -> None:
+def test_betaflight_makes_thrust_linear(exported, vehicle):
     text = (exported / "all" / "pquad.cli.txt").read_text("utf-8")
     before, now = map(int, re.findall(r"^(?:# )?set thrust_linear = (\d+)$", text, re.MULTILINE))
 
@@ -231,7 +231,7 @@ def test_betaflight_makes_thrust_linear(exported: Path, vehicle: Vehicle) -> Non
 
 
 @pytest.fixture(scope="module")
-def compiled(exported: Path) -> Any:
+def compiled(exported):
     if shutil.which("gcc") is None:
         pytest.skip("no C compiler: install gcc")
     folder = exported / "all"
@@ -266,7 +266,7 @@ def call(function: Any, *values: float) -> tuple[float, bool]:
     return float(found), valid.value
 
 
-def test_the_header_holds_the_model(compiled: Any, vehicle: Vehicle) -> None:
+def test_the_header_holds_the_model(compiled, vehicle):
     z = np.float32(np.geomspace(vehicle.nearest_z_m * 1.0001, 30.0, 2000)).astype(float)
     found = [call(compiled.ground_factor, each) for each in z]
     assert all(valid for _, valid in found)
@@ -277,7 +277,7 @@ def test_the_header_holds_the_model(compiled: Any, vehicle: Vehicle) -> None:
     assert call(compiled.ground_factor, float("inf"))[0] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_the_header_finds_the_throttle_of_a_thrust(compiled: Any, vehicle: Vehicle) -> None:
+def test_the_header_finds_the_throttle_of_a_thrust(compiled, vehicle):
     for throttle in THROTTLES:
         thrust, valid = call(compiled.thrust, throttle, 0.2)
         assert valid
@@ -289,7 +289,7 @@ def test_the_header_finds_the_throttle_of_a_thrust(compiled: Any, vehicle: Vehic
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_numbers_have_their_interval_or_source(exported: Path, target: str) -> None:
+def test_numbers_have_their_interval_or_source(exported, target):
     name = TARGETS[target].file.format(name="pquad")
     text = (exported / "all" / name).read_text("utf-8")
     assert "SIMULATED" in text
@@ -297,12 +297,7 @@ def test_numbers_have_their_interval_or_source(exported: Path, target: str) -> N
     assert "motor test steps, response" in text
 
 
-def test_the_motor_command_names_the_export(
-    exported: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_motor_command_names_the_export(exported, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(exported)
     assert run("motor", "steps", "response") == 0
     command = capsys.readouterr().out.splitlines()[-1].partition(": benchtool ")[2]
@@ -311,7 +306,7 @@ def test_the_motor_command_names_the_export(
     assert len(list((tmp_path / "all").iterdir())) == len(TARGETS)
 
 
-def test_a_fit_that_its_data_rejected_is_not_exported(exported: Path, tmp_path: Path) -> None:
+def test_a_fit_that_its_data_rejected_is_not_exported(exported, tmp_path):
     folder = tmp_path / "fit"
     shutil.copytree(exported / "fit", folder)
     model = folder / "model.toml"
@@ -321,16 +316,14 @@ def test_a_fit_that_its_data_rejected_is_not_exported(exported: Path, tmp_path: 
         bt.export(folder, "c", tmp_path / "x.h")
 
 
-def test_nothing_is_overwritten(exported: Path) -> None:
+def test_nothing_is_overwritten(exported):
     with pytest.raises(WouldOverwrite):
         bt.export("single", "all", exported / "all")
     with pytest.raises(WouldOverwrite):
         bt.export("single", "c", exported / "all" / "pquad.h")
 
 
-def test_a_motor_test_of_other_pulses_is_refused(
-    exported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_motor_test_of_other_pulses_is_refused(exported, tmp_path, monkeypatch):
     rig = (Path(bt.__file__).parent / "library/rigs/pquad_single.toml").read_text("utf-8")
     (tmp_path / "mine.toml").write_text(rig.replace("1950.0", "1900.0"), "utf-8")
     (tmp_path / "model.toml").write_text('[model]\nname = "mine"\nrig = "mine.toml"\n', "utf-8")

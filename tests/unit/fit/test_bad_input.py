@@ -35,7 +35,7 @@ ROWS = [
 
 
 @pytest.fixture
-def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def lab(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("lab.toml").write_text(MODEL, "utf-8")
     Path("lab.csv").write_text("\n".join(ROWS), "utf-8")
@@ -49,9 +49,7 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize("gap_mm", ["0", "1e-15"])
-def test_a_row_without_a_gap_is_left_out_without_a_warning(
-    lab: Path, gap_mm: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_row_without_a_gap_is_left_out_without_a_warning(lab, gap_mm, capsys):
     Path("zero.csv").write_text("\n".join([*ROWS[:2], f"{gap_mm},424,1.6,5500", *ROWS[2:]]))
     assert told(capsys, "zero.csv", "--model", "lab.toml") == (0, "")
     output = run_recipe(Recipe(name="zero", data=("zero.csv",), model="lab.toml"))
@@ -59,9 +57,7 @@ def test_a_row_without_a_gap_is_left_out_without_a_warning(
 
 
 @pytest.mark.parametrize("column", ["thrust_N", "thrust_ratio"])
-def test_more_points_than_memory_allows_are_refused(
-    lab: Path, column: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_more_points_than_memory_allows_are_refused(lab, column, capsys):
     rows = "0.1,5000,1.1\n" * 10_001
     Path("many.csv").write_text(f"plate_z_m,rpm1,{column}\n{rows}")
     basis = ["--basis", "equal_rpm2"] if column == "thrust_ratio" else []
@@ -71,7 +67,7 @@ def test_more_points_than_memory_allows_are_refused(
 
 
 @pytest.mark.parametrize("column", [0, 1, 2, 3])
-def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab: Path, column: int) -> None:
+def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab, column):
     cells = ROWS[3].split(",")
     cells[column] = ""
     Path("gap.csv").write_text("\n".join([*ROWS[:3], ",".join(cells), *ROWS[4:]]), "utf-8")
@@ -98,16 +94,14 @@ def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab: Path, column: int
         (f"{LAB} --out .", "exists already"),
     ],
 )
-def test_what_cannot_be_used_is_said_with_exit_code_2(
-    lab: Path, capsys: pytest.CaptureFixture[str], words: str, said: str
-) -> None:
+def test_what_cannot_be_used_is_said_with_exit_code_2(lab, capsys, words, said):
     code, text = told(capsys, *words.split())
     assert code == 2, text
     assert re.search(said, text), text
     assert "\n" not in text
 
 
-def test_one_point_gives_no_answer_to_use(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_one_point_gives_no_answer_to_use(lab, capsys):
     Path("one.csv").write_text("\n".join(ROWS[:2]), "utf-8")
     with pytest.raises(SystemExit):
         main(["fit", "one.csv", "--model", "lab.toml", "--out", "one"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -29,7 +28,7 @@ def bare() -> Rig:
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> str:
+def run(tmp_path_factory):
     truth = load_model("single", RIG).model.fixed("R_m", TRUE_M)
     return swept(tmp_path_factory.mktemp("bases") / "run", RIG, 1, truth, QUIET)
 
@@ -41,13 +40,13 @@ def radius(run: str, basis: Basis, **more: object) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("basis", ["joint", "equal_rpm2", "equal_pwm", "equal_power"])
-def test_every_basis_finds_the_radius_of_the_bench(run: str, basis: Basis) -> None:
+def test_every_basis_finds_the_radius_of_the_bench(run, basis):
     value, sd = radius(run, basis)
     assert value == pytest.approx(TRUE_M, abs=max(4.0 * sd, 1e-4))
     assert sd < 5e-4
 
 
-def test_read_as_eq_10_is_printed_the_bases_disagree(run: str) -> None:
+def test_read_as_eq_10_is_printed_the_bases_disagree(run):
     printed = {
         basis: radius(run, basis, fix={"blade_inflow.share": 0.0})[0]
         for basis in ("equal_rpm2", "equal_pwm", "equal_power")
@@ -56,7 +55,7 @@ def test_read_as_eq_10_is_printed_the_bases_disagree(run: str) -> None:
     assert printed["equal_rpm2"] < 0.97 * TRUE_M
 
 
-def test_a_rig_that_is_named_adds_blades_to_an_older_run(tmp_path: Path) -> None:
+def test_a_rig_that_is_named_adds_blades_to_an_older_run(tmp_path):
     older = swept(tmp_path / "older", bare(), 1, load_model("single", bare()).model, QUIET)
     now = tmp_path / "now.toml"
     now.write_text(rig_to_toml(RIG))

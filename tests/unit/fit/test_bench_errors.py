@@ -72,7 +72,7 @@ def sources(on: Rig) -> dict[str, Array]:
     return {source.name: source.columns for source in found}
 
 
-def test_a_place_is_shared_by_the_points_of_a_stay() -> None:
+def test_a_place_is_shared_by_the_points_of_a_stay():
     (columns,) = sources(rig(repeatability_m=1e-4)).values()
     on = rig()
     conditions, visits = sweep(on)
@@ -82,13 +82,13 @@ def test_a_place_is_shared_by_the_points_of_a_stay() -> None:
     np.testing.assert_allclose(covariance, np.where(together, np.outer(slope, slope), 0.0))
 
 
-def test_a_reading_is_wrong_by_the_same_whenever_it_is_read() -> None:
+def test_a_reading_is_wrong_by_the_same_whenever_it_is_read():
     columns = sources(rig(plate_z_m={"quantum": 1e-3}))["plate reading"]
     assert columns.shape[1] == len(NEAR)
     assert columns[0, 0] == columns[2 * len(NEAR), 0] != 0.0
 
 
-def test_a_distance_on_the_grid_of_its_sensor_is_read_without_error() -> None:
+def test_a_distance_on_the_grid_of_its_sensor_is_read_without_error():
     on = rig(plate_z_m={"quantum": 1e-4})
     stage_m = np.array([0.072, 0.07604, 0.12, np.nan])
     points = Recording.from_columns(
@@ -111,7 +111,7 @@ def test_a_distance_on_the_grid_of_its_sensor_is_read_without_error() -> None:
     assert bench_errors(model(on), conditions, Visits.of(exact, conditions, on)) == ()
 
 
-def test_scales_move_all_points_together() -> None:
+def test_scales_move_all_points_together():
     on = rig(
         arm_sd=0.01,
         plate_z_m={"scale_sd": 0.01},
@@ -130,7 +130,7 @@ def test_scales_move_all_points_together() -> None:
     assert "thrust scale" not in {source.name for source in calibrated}
 
 
-def test_a_zero_wanders_from_its_tare_on() -> None:
+def test_a_zero_wanders_from_its_tare_on():
     since = np.array([0.0, 1.0, 4.0, 100.0])
     walk = zero_covariance(since, ZeroNoise(2e-4))
     np.testing.assert_allclose(walk, 4e-8 * np.minimum(since[:, None], since))
@@ -142,7 +142,7 @@ def test_a_zero_wanders_from_its_tare_on() -> None:
     assert decades == pytest.approx(2e-6, rel=0.1)
 
 
-def test_points_of_two_tares_do_not_wander_together() -> None:
+def test_points_of_two_tares_do_not_wander_together():
     on = rig(thrust_N={"walk": 2e-4})
     conditions, visits = sweep(on)
     two = joined_visits([visits, visits])
@@ -179,7 +179,7 @@ def drawn(on: Rig, seed: int, *, free_place: bool = False) -> Problem:
 PLACED = rig(repeatability_m=3e-4, thrust_N={"walk": 2e-4})
 
 
-def test_the_scatter_of_places_can_be_estimated() -> None:
+def test_the_scatter_of_places_can_be_estimated():
     found, inside = [], 0
     for seed in range(100, 116):
         problem = drawn(PLACED, seed, free_place=True)
@@ -197,7 +197,7 @@ def test_the_scatter_of_places_can_be_estimated() -> None:
         assert posterior[name].sd == pytest.approx(result[name].sd, rel=0.25)
 
 
-def test_a_place_that_nothing_feels_cannot_be_estimated() -> None:
+def test_a_place_that_nothing_feels_cannot_be_estimated():
     on = rig(repeatability_m=1e-4)
     conditions = Conditions.of(on, speed_rad_s=np.full((4, 6), 500.0), plate_z_m=np.full(6, 1e6))
     with pytest.raises(InputError, match="no point feels where the plate stands"):
@@ -206,7 +206,7 @@ def test_a_place_that_nothing_feels_cannot_be_estimated() -> None:
         )
 
 
-def test_play_is_an_offset_where_places_are_approached_from_one_side() -> None:
+def test_play_is_an_offset_where_places_are_approached_from_one_side():
     plain = rig_named("pquad")
     assert plain.place_sd_m() == pytest.approx(plain.plate.backlash_m / 12.0**0.5)
     assert plain.place_sd_m(one_sided=True) == 0.0
@@ -227,7 +227,7 @@ def still_samples(walk: float, seed: int) -> Recording:
     return Recording(tuple(Channel(name, "1") for name in names), np.column_stack(columns))
 
 
-def test_a_run_shows_the_walk_of_its_own_zero() -> None:
+def test_a_run_shows_the_walk_of_its_own_zero():
     still = [still_means(still_samples(5e-4, seed)) for seed in range(12)]
     assert all(60 < len(means) < 400 for means in still)
     found = [estimated_walk(means, ZeroNoise()) for means in still]

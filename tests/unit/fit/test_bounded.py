@@ -35,7 +35,7 @@ def region(lower: list[float], upper: list[float]) -> Region:
         ([-0.2, -0.3, 0.0], [0.2, 0.3, 0.1]),
     ],
 )
-def test_it_finds_what_scipy_finds(lower: list[float], upper: list[float]) -> None:
+def test_it_finds_what_scipy_finds(lower, upper):
     search = BoundedSearch.of(curved, WIDE)
     found = search.minimum(np.zeros(3), region(lower, upper), enough=1e-9, most_steps=40)
     theirs = least_squares(
@@ -46,7 +46,7 @@ def test_it_finds_what_scipy_finds(lower: list[float], upper: list[float]) -> No
     np.testing.assert_allclose(found.at, theirs.x, atol=0.02)  # differences over steps of 0.05
 
 
-def test_a_penalty_is_a_prior() -> None:
+def test_a_penalty_is_a_prior():
     """One residual (x - 3) beside a prior of width 1/2 about 0: the mean is 3 / (1 + 4)."""
     search = BoundedSearch.of(lambda sets: sets.T - 3.0, (np.array([-9.0]), np.array([9.0])))
     found = search.minimum(

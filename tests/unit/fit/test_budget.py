@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.recipe import Recipe
-from benchtool.fit.run_recipe import FitOutput, run_recipe
+from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.budget import MonteCarlo
 from benchtool.fit.uncertainty.held_sources import held_sources
 from benchtool.fit.uncertainty.monte_carlo import drawn
@@ -57,7 +56,7 @@ def weighted_mean(*sources: ErrorSource) -> Problem:
     )  # fmt: skip
 
 
-def test_a_weighted_mean_with_a_common_zero() -> None:
+def test_a_weighted_mean_with_a_common_zero():
     """Its variance is 1 / sum of weights, and the zero's beside it."""
     budget = budget_of(carried(weighted_mean(shared(3))))
     repeat, zero = budget.lines
@@ -73,7 +72,7 @@ def test_a_weighted_mean_with_a_common_zero() -> None:
     assert [line.in_fit for line in outside.lines] == [True, False]
 
 
-def test_the_thermometer_of_the_gum() -> None:
+def test_the_thermometer_of_the_gum():
     """JCGM 100:2008, H.3: corrections b = y1 + y2 (t - 20) and that at 30 degC."""
     t = np.array(
         [21.521, 22.012, 22.512, 23.003, 23.507, 23.999, 24.513, 25.002, 25.503, 26.010, 26.511]
@@ -93,7 +92,7 @@ def test_the_thermometer_of_the_gum() -> None:
     assert budget.coverage_factor[0] == pytest.approx(2.262, abs=5e-4)
 
 
-def test_the_end_gauge_of_the_gum() -> None:
+def test_the_end_gauge_of_the_gum():
     """JCGM 100:2008, H.1.6: 16 degrees of freedom of a combined 32 nm."""
     parts, dof = np.array([25.0, 9.7, 2.9, 16.6]), np.array([18.0, 25.6, 50.0, 2.0])
     assert np.linalg.norm(parts) == pytest.approx(32.0, abs=0.4)
@@ -101,7 +100,7 @@ def test_the_end_gauge_of_the_gum() -> None:
     assert effective_dof(parts, np.full(4, np.inf)) == np.inf
 
 
-def test_sources_of_one_scatter_have_its_degrees_of_freedom() -> None:
+def test_sources_of_one_scatter_have_its_degrees_of_freedom():
     """Equal sources whose variance is one estimate of 6 degrees of freedom have 6, not 12."""
     parts, dof = np.full(2, 3.0), np.full(2, 6.0)
     assert effective_dof(parts, dof, ["", ""]) == pytest.approx(12.0)
@@ -114,7 +113,7 @@ def test_sources_of_one_scatter_have_its_degrees_of_freedom() -> None:
 
 
 @pytest.mark.parametrize("make", [line_problem, scaled_line, decay_problem, calibrated_line])
-def test_sources_of_a_fit_make_its_covariance(make: Callable[[], Problem]) -> None:
+def test_sources_of_a_fit_make_its_covariance(make):
     problem = make()
     m = len(problem)
     steps = np.zeros((m, 2))
@@ -133,7 +132,7 @@ def test_sources_of_a_fit_make_its_covariance(make: Callable[[], Problem]) -> No
     assert np.array(budget.correlation) == pytest.approx(covariance / np.outer(sd, sd), abs=1e-6)
 
 
-def test_a_rejected_model_has_its_errors_scaled_in_the_budget(tmp_path: Path) -> None:
+def test_a_rejected_model_has_its_errors_scaled_in_the_budget(tmp_path):
     """By the root of chi2/dof, in a row of its own: the fit's own error stays as stated."""
     rpm = np.linspace(3000.0, 6000.0, 12)
     thrust_N = 1.1e-7 * rpm**2 * (1.0 + 0.05 * (-1.0) ** np.arange(12))
@@ -160,7 +159,7 @@ def test_a_rejected_model_has_its_errors_scaled_in_the_budget(tmp_path: Path) ->
     assert "misfit" not in {one.name for one in free_scale.lines}
 
 
-def test_an_open_parameter_has_no_budget() -> None:
+def test_an_open_parameter_has_no_budget():
     problem = function_problem(
         "sum",
         {"a": free("a", 0.0), "b": free("b", 0.0)},
@@ -180,7 +179,7 @@ def test_an_open_parameter_has_no_budget() -> None:
         ("student_t", 4.0, 2.77645),
     ],
 )
-def test_monte_carlo_draws_each_distribution(distribution: str, dof: float, ends: float) -> None:
+def test_monte_carlo_draws_each_distribution(distribution, dof, ends):
     """Ends of the central 95 % of each, and its standard deviation (JCGM 101, 6.4)."""
     source, rng = shared(1, distribution=distribution, dof=dof), np.random.default_rng(1)
     found = np.concatenate([drawn(source, rng) for _ in range(40_000)])
@@ -190,9 +189,7 @@ def test_monte_carlo_draws_each_distribution(distribution: str, dof: float, ends
 
 
 @pytest.mark.parametrize(("share", "factor"), [(0.5, 1.952), (0.7, 1.919), (0.9, 1.804)])
-def test_a_uniform_source_and_normal_ones_have_the_factor_of_their_sum(
-    share: float, factor: float
-) -> None:
+def test_a_uniform_source_and_normal_ones_have_the_factor_of_their_sum(share, factor):
     """Against 95 % quantiles of a million drawn sums."""
     rest = (np.array([0.1, 0.2, 0.3]) ** -2.0).sum() ** -0.5
     source = shared(3, share / (1.0 - share**2) ** 0.5 * rest, distribution="uniform")
@@ -216,7 +213,7 @@ def stepped(levels: Array) -> Problem:
     )  # fmt: skip
 
 
-def test_a_source_that_the_residuals_exclude_is_entered_at_their_bound() -> None:
+def test_a_source_that_the_residuals_exclude_is_entered_at_their_bound():
     pattern = np.where(np.arange(12) < 4, 1.0, 0.0)
     source = shared(12, 2.0, name="step", columns=2.0 * pattern[:, None], distribution="uniform")
     own = 0.1 / (4.0 - 16.0 / 12.0) ** 0.5  # sd of the step that the residuals leave
@@ -232,7 +229,7 @@ def test_a_source_that_the_residuals_exclude_is_entered_at_their_bound() -> None
         assert "residuals of this run" in found.origin
 
 
-def test_a_source_that_the_residuals_do_not_show_is_entered_as_stated() -> None:
+def test_a_source_that_the_residuals_do_not_show_is_entered_as_stated():
     """A common zero is the mean, and of two sources of one pattern each may hide the other."""
     way = carried(stepped(np.zeros(12)))
     zero = shared(12, 2.0, distribution="uniform")
@@ -250,7 +247,7 @@ def level_bench(model: Model) -> Conditions:
     return Conditions.of(model.rig, speed_rad_s=speeds, plate_z_m=z, load_direction=1.0)
 
 
-def test_what_a_model_holds_counts_by_its_prior_or_tolerance() -> None:
+def test_what_a_model_holds_counts_by_its_prior_or_tolerance():
     model = quad_model().fixed("k")
     sources = {one.name: one for one in held_sources(model, level_bench(model))}
     tare = sources["tare_offset.thrust_N"]
@@ -274,7 +271,7 @@ def test_what_a_model_holds_counts_by_its_prior_or_tolerance() -> None:
     assert (by_prior.origin, by_prior.distribution) == ("sheet", "normal")
 
 
-def test_k_is_given_at_the_standard_density_as_well(tmp_path: Path) -> None:
+def test_k_is_given_at_the_standard_density_as_well(tmp_path):
     """At the density that was stated, with what that density leaves open (CIPM-2007)."""
     table = "rpm1,thrust_N,thrust_se_N\n4000,1.81,0.01\n5000,2.83,0.01\n6000,4.08,0.01\n"
     (tmp_path / "far.csv").write_text(table)
@@ -306,12 +303,12 @@ ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
-def quad() -> FitOutput:
+def quad():
     recipe = Recipe(name="quad", data=(str(ROOT / "datasets/quad/run"),), model="quad_bench")
     return run_recipe(replace(recipe, methods=("least_squares", "emcee")))
 
 
-def test_a_posterior_has_the_sources_outside_of_it_as_well(quad: FitOutput) -> None:
+def test_a_posterior_has_the_sources_outside_of_it_as_well(quad):
     budget, (first, other) = quad.budget, (one["K_b"] for one in quad.results)
     assert budget is not None
     place = budget.names.index("body_lift.K_b")
@@ -320,7 +317,7 @@ def test_a_posterior_has_the_sources_outside_of_it_as_well(quad: FitOutput) -> N
     assert other.combined_95 == pytest.approx(first.combined_95, abs=0.2 * first.sd)
 
 
-def test_monte_carlo_goes_before_a_propagation_that_it_refutes() -> None:
+def test_monte_carlo_goes_before_a_propagation_that_it_refutes():
     way = carried(weighted_mean())
     drawn = MonteCarlo(draws=2000, seed=1, sd=(0.1,), low=(-0.1,), high=(0.3,))
     budget = replace(budget_of(way), monte_carlo=drawn)

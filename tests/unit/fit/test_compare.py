@@ -34,7 +34,7 @@ def candidates(truth: Model, seed: int = 1) -> list[Problem]:
     ]
 
 
-def test_the_true_model_foretells_best() -> None:
+def test_the_true_model_foretells_best():
     found = compare(candidates(with_body_lift()))
     assert found.scores[0].model == "quad_body_lift"
     assert found.settings == 8
@@ -46,7 +46,7 @@ def test_the_true_model_foretells_best() -> None:
     assert best.aic == min(score.aic for score in found.scores)
 
 
-def test_criteria_are_those_of_the_book() -> None:
+def test_criteria_are_those_of_the_book():
     problem = line_problem()
     score = compare([problem]).scores[0]
     design = np.stack([np.ones(25), X], axis=1)
@@ -57,7 +57,7 @@ def test_criteria_are_those_of_the_book() -> None:
     assert score.chi2_per_dof == pytest.approx(np.sum((left / 0.2) ** 2) / 23)
 
 
-def test_a_foretold_density_carries_the_uncertainty_of_the_fit() -> None:
+def test_a_foretold_density_carries_the_uncertainty_of_the_fit():
     problem = line_problem()
     train, test = problem.subset(np.arange(10)), problem.subset(np.array([24]))
     result = fit_least_squares(train)
@@ -69,7 +69,7 @@ def test_a_foretold_density_carries_the_uncertainty_of_the_fit() -> None:
     assert left[0] == pytest.approx(problem.observed[24] - row @ result.values)
 
 
-def test_what_cannot_be_compared_is_refused() -> None:
+def test_what_cannot_be_compared_is_refused():
     problem = line_problem()
     with pytest.raises(InputError, match="no model to compare"):
         compare([])

@@ -69,9 +69,7 @@ def compared(
         ("hayden", {}),
     ],
 )
-def test_the_law_that_made_the_data_is_the_one_that_the_bench_follows(
-    law: str, values: dict[str, float]
-) -> None:
+def test_the_law_that_made_the_data_is_the_one_that_the_bench_follows(law, values):
     found = compared(asked().with_law(law, **values), sd=3e-4)
     assert found.scores[0].law == law
     assert found.scores[0].behind == 0.0
@@ -79,13 +77,13 @@ def test_the_law_that_made_the_data_is_the_one_that_the_bench_follows(
     assert len(told_apart) >= 6
 
 
-def test_what_the_scatter_hides_is_not_told_apart() -> None:
+def test_what_the_scatter_hides_is_not_told_apart():
     found = compared(asked(), sd=0.01, at=(1.0, 1.5, 2.0, 3.0, 5.0))
     assert found.named("refused") == []
     assert len(found.named("indistinguishable")) >= 5
 
 
-def test_a_law_that_misses_more_than_repeats_scatter_is_refused_with_a_free_scale() -> None:
+def test_a_law_that_misses_more_than_repeats_scatter_is_refused_with_a_free_scale():
     """chi2/dof at the stated errors is below 16, which a free scale would take for scatter."""
     found = compared(asked(), sd=2.5e-3, scatter=1.0)
     rational = next(score for score in found.scores if score.law == "rational_law")
@@ -99,14 +97,14 @@ def test_a_law_that_misses_more_than_repeats_scatter_is_refused_with_a_free_scal
     assert true.verdict in ("best", "indistinguishable")
 
 
-def test_a_bench_that_follows_no_formula_follows_the_table_or_none() -> None:
+def test_a_bench_that_follows_no_formula_follows_the_table_or_none():
     found = compared(asked(), sd=3e-4, bump=0.01)
     assert found.named("best") in ([], ["monotone_table"])
     assert "follows no" in found.sentence
     assert "rotor_images" in found.named("refused")
 
 
-def test_nearer_than_half_a_radius_only_laws_that_are_finite_there_are_tried() -> None:
+def test_nearer_than_half_a_radius_only_laws_that_are_finite_there_are_tried():
     truth = asked().with_law("exponential_law", Ca=0.8, Cb=1.5)
     found = compared(truth, sd=3e-4, at=(0.1, 0.3, *FROM_HALF))
     assert set(found.named("not applied")) == {"rotor_images", "hayden", "power_law"}
@@ -115,7 +113,7 @@ def test_nearer_than_half_a_radius_only_laws_that_are_finite_there_are_tried() -
     assert found.scores[0].law == "exponential_law"
 
 
-def test_distances_are_grouped_within_two_per_cent_and_a_plate_gone_is_none() -> None:
+def test_distances_are_grouped_within_two_per_cent_and_a_plate_gone_is_none():
     z_over_R = np.array([1.0, 0.5, 1.005, 8.0, 1e7, 0.505])
     assert distance_groups(z_over_R).tolist() == [1, 0, 1, 2, -1, 0]
     with pytest.raises(
@@ -124,7 +122,7 @@ def test_distances_are_grouped_within_two_per_cent_and_a_plate_gone_is_none() ->
         compared(asked(), sd=1e-3, at=(0.6, 1.0, 2.0))
 
 
-def test_an_error_of_a_loss_counts_that_folds_overlap() -> None:
+def test_an_error_of_a_loss_counts_that_folds_overlap():
     """The paired losses' standard error times sqrt(1 + J/(J - 1)), J distances."""
     found = compared(asked(), sd=3e-3)
     for score in found.scores[1:]:

@@ -20,7 +20,7 @@ from tests.unit.fit.cases import X, free, line_problem, noise
 SUM = Derived("sum", "1", lambda v: v["a"] + v["b"])
 
 
-def test_a_linear_combination_is_exact() -> None:
+def test_a_linear_combination_is_exact():
     result = with_derived(fit_least_squares(line_problem()), [SUM])
     total = result["sum"]
     assert total.value == pytest.approx(result["a"].value + result["b"].value)
@@ -28,7 +28,7 @@ def test_a_linear_combination_is_exact() -> None:
     assert total.interval_95[1] == pytest.approx(total.value + 1.959964 * total.sd, rel=1e-6)
 
 
-def test_area_factors_are_those_of_the_effect() -> None:
+def test_area_factors_are_those_of_the_effect():
     names = ["partial_coverage.share_1", "partial_coverage.share_2", "partial_coverage.share_3"]
     shares = [0.2, 0.5, 0.4]
     values = dict(zip(names, shares, strict=True))
@@ -37,13 +37,13 @@ def test_area_factors_are_those_of_the_effect() -> None:
     assert derived(names)[0].name == "partial_coverage.factor_1"
 
 
-def test_a_quantity_without_a_value_is_refused() -> None:
+def test_a_quantity_without_a_value_is_refused():
     result = fit_ensemble(line_problem())
     with np.errstate(all="ignore"), pytest.raises(EstimationError, match="no finite value for"):
         with_derived(result, [Derived("root", "1", lambda v: np.sqrt(v["a"] - 1e3))])
 
 
-def test_the_profile_of_a_line_is_its_covariance() -> None:
+def test_the_profile_of_a_line_is_its_covariance():
     problem = line_problem()
     plain = fit_least_squares(problem)
     profiled = with_profile(problem, plain)
@@ -53,7 +53,7 @@ def test_the_profile_of_a_line_is_its_covariance() -> None:
     assert profiled.facts["intervals"] == "profile: a, b"
 
 
-def test_a_profile_follows_the_bend_of_the_model() -> None:
+def test_a_profile_follows_the_bend_of_the_model():
     def root(v: Any) -> Any:
         return np.exp(v[0]) + 0.0 * X
 
@@ -68,7 +68,7 @@ def test_a_profile_follows_the_bend_of_the_model() -> None:
     assert one_sided[1] == pytest.approx(np.log(mean + 1.959964 * sd), rel=1e-3)
 
 
-def test_only_a_plain_least_squares_result_is_profiled() -> None:
+def test_only_a_plain_least_squares_result_is_profiled():
     problem = line_problem()
     for result in (fit_least_squares(problem, loss="huber"), fit_ensemble(problem)):
         with pytest.raises(EstimationError, match="least-squares result with linear loss"):

@@ -19,7 +19,6 @@ from benchtool.fit.diagnose import (
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem, function_problem, noise_parameter
-from benchtool.fit.robust import Loss
 from benchtool.physics.model import Model
 from tests.unit.fit.cases import (
     free,
@@ -46,14 +45,14 @@ def sentences(problem: Problem) -> str:
     return "\n".join(diagnose(problem, fit_least_squares(problem)).sentences)
 
 
-def test_a_good_fit_is_left_in_peace() -> None:
+def test_a_good_fit_is_left_in_peace():
     problem = quad_problem()
     found = diagnose(problem, fit_least_squares(problem))
     assert found.verdict == "consistent"
     assert found.sentences == ()
 
 
-def test_one_distance_cannot_tell_radius_body_lift_and_offset_apart() -> None:
+def test_one_distance_cannot_tell_radius_body_lift_and_offset_apart():
     model = quad_model().with_effect("plate_offset").freed("plate_offset.dz_m")
     problem = sweep(model, (1.0,))
     found = diagnose(problem, fit_least_squares(problem)).confusions
@@ -62,13 +61,13 @@ def test_one_distance_cannot_tell_radius_body_lift_and_offset_apart() -> None:
     assert found[0].open_directions == 3
 
 
-def test_a_parameter_that_does_nothing_is_named() -> None:
+def test_a_parameter_that_does_nothing_is_named():
     model = quad_model().with_effect("load_cell_drift").freed("load_cell_drift.rate_N_per_s")
     said = sentences(sweep(model, (0.5, 1.0, 2.0, 4.0)))
     assert "say nothing about load_cell_drift.rate_N_per_s" in said
 
 
-def test_a_model_without_its_body_lift_is_rejected() -> None:
+def test_a_model_without_its_body_lift_is_rejected():
     model = quad_model().without("body_lift")
     problem = sweep(model, (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0))
     result = with_diagnosis(problem, fit_least_squares(problem))
@@ -77,7 +76,7 @@ def test_a_model_without_its_body_lift_is_rejected() -> None:
     assert any("z_over_R" in text for text in result.warnings)
 
 
-def test_a_free_scale_takes_up_some_scatter_but_not_a_missing_effect() -> None:
+def test_a_free_scale_takes_up_some_scatter_but_not_a_missing_effect():
     problem = scaled_line()
     found = diagnose(problem, fit_least_squares(problem))
     assert found.verdict == "scatter"
@@ -103,7 +102,7 @@ def repeated_line(scatter: float, bend: float) -> Problem:
     )  # fmt: skip
 
 
-def test_settings_that_miss_more_than_repeats_scatter_reject_a_model() -> None:
+def test_settings_that_miss_more_than_repeats_scatter_reject_a_model():
     """The F test of a straight line against a mean for every setting, as textbooks have it."""
     problem = repeated_line(scatter=1.0, bend=1.4)
     result = fit_least_squares(problem)
@@ -126,7 +125,7 @@ def test_settings_that_miss_more_than_repeats_scatter_reject_a_model() -> None:
     assert diagnose(single, result).verdict == "scatter"
 
 
-def test_outliers_are_named_and_others_are_not() -> None:
+def test_outliers_are_named_and_others_are_not():
     problem = line_problem()
     observed = problem.observed.copy()
     observed[6] += 2.0
@@ -137,7 +136,7 @@ def test_outliers_are_named_and_others_are_not() -> None:
     assert "far out: 1 of 25 points (visit 6: +" in "\n".join(found.sentences)
 
 
-def test_runs_are_counted_as_by_hand() -> None:
+def test_runs_are_counted_as_by_hand():
     rows = np.array([1.0, 2.0, -1.0, -1.0, -2.0, 1.0, 1.0, -1.0])
     found = runs_along(np.arange(8.0), rows)
     assert (found.size, found.expected) == (4, 5.0)
@@ -150,7 +149,7 @@ def test_runs_are_counted_as_by_hand() -> None:
     assert runs_along(np.arange(4.0), np.ones(4)).chance == 1.0
 
 
-def test_a_bend_is_the_last_coefficient_of_a_parabola_with_students_chance() -> None:
+def test_a_bend_is_the_last_coefficient_of_a_parabola_with_students_chance():
     rng = np.random.default_rng(5)
     x = np.linspace(2.0, 6.0, 14)
     rows = 0.4 * (x - 4.0) ** 2 + rng.standard_normal(14)
@@ -168,7 +167,7 @@ def test_a_bend_is_the_last_coefficient_of_a_parabola_with_students_chance() -> 
     assert bend_along(np.repeat([1.0, 2.0, 3.0], 4), np.tile([1.0, -1.0], 6)).chance == 1.0
 
 
-def test_rank_correlation_follows_ranks_not_values() -> None:
+def test_rank_correlation_follows_ranks_not_values():
     x = np.linspace(0.0, 3.0, 20)
     assert trend_along(x, np.exp(x)).size == pytest.approx(1.0)
     assert trend_along(x, np.exp(x)).chance < 1e-6
@@ -181,7 +180,7 @@ LOW, HIGH = np.array([-1.0, -np.inf]), np.array([1.0, np.inf])
 
 
 @pytest.mark.parametrize("loss", ["soft_l1", "huber"])
-def test_a_robust_fit_is_judged_without_what_it_counts_less(loss: Loss) -> None:
+def test_a_robust_fit_is_judged_without_what_it_counts_less(loss):
     rng = np.random.default_rng(3)
     rejected = spoiled = 0
     for _ in range(60):

@@ -38,7 +38,7 @@ def by_the_book(problem: Problem, values: Array) -> float:
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_the_probability_is_the_one_of_the_book(name: str) -> None:
+def test_the_probability_is_the_one_of_the_book(name):
     problem = SMALL[name]()
     start = problem.parameters.pack()
     spread = 1.0 + 0.02 * np.random.default_rng(1).standard_normal((6, len(start)))
@@ -48,7 +48,7 @@ def test_the_probability_is_the_one_of_the_book(name: str) -> None:
     np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=1e-9, atol=1e-7)
 
 
-def test_nothing_is_probable_outside_the_bounds_or_without_a_value() -> None:
+def test_nothing_is_probable_outside_the_bounds_or_without_a_value():
     def root(v: Any) -> Any:
         return np.sqrt(v[0] - 1.0 + 0.0 * X)
 
@@ -60,7 +60,7 @@ def test_nothing_is_probable_outside_the_bounds_or_without_a_value() -> None:
     np.testing.assert_array_equal(np.isfinite(found), [True, False, False])
 
 
-def test_a_normal_posterior_is_sampled_as_algebra_has_it() -> None:
+def test_a_normal_posterior_is_sampled_as_algebra_has_it():
     problem = line_problem()
     result = fit_ensemble(problem, seed=3)
     design = np.stack([np.ones(len(X)), X], axis=1) / 0.2
@@ -74,7 +74,7 @@ def test_a_normal_posterior_is_sampled_as_algebra_has_it() -> None:
     assert a.interval_68[1] == pytest.approx(mean[0] + sd[0], abs=0.06 * sd[0])
 
 
-def test_ensembles_that_disagree_are_seen() -> None:
+def test_ensembles_that_disagree_are_seen():
     rng = np.random.default_rng(1)
     chains = rng.standard_normal((400, 4, 8, 2))
     good = convergence_of(chains)
@@ -89,7 +89,7 @@ def test_ensembles_that_disagree_are_seen() -> None:
     assert split_rhat(drifting)[0] > 1.05
 
 
-def test_too_few_steps_give_advice_and_are_refused() -> None:
+def test_too_few_steps_give_advice_and_are_refused():
     result = fit_ensemble(line_problem(), max_steps=60)
     assert result.outcome.status == "not_converged"
     assert "allow more than 60 steps" in result.outcome.message
@@ -99,14 +99,14 @@ def test_too_few_steps_give_advice_and_are_refused() -> None:
     assert refusal([fit_ensemble(line_problem())]) is None
 
 
-def test_walkers_are_even_and_enough() -> None:
+def test_walkers_are_even_and_enough():
     with pytest.raises(InputError, match="7 walkers for 2 free parameters; give an even number"):
         fit_ensemble(line_problem(), walkers=7)
     with pytest.raises(InputError, match="even number from 6 on"):
         fit_ensemble(line_problem(), walkers=4)
 
 
-def test_undetermined_parameters_fill_their_bounds() -> None:
+def test_undetermined_parameters_fill_their_bounds():
     def product(v: Any) -> Any:
         return v[0] * v[1] + X
 
@@ -126,7 +126,7 @@ def test_undetermined_parameters_fill_their_bounds() -> None:
     assert result["a"].bound == "reaches its lower bound"
 
 
-def test_no_probable_start_is_told() -> None:
+def test_no_probable_start_is_told():
     def nowhere(v: Any) -> Any:
         return np.log(v[0] - 5.0) + 0.0 * X
 

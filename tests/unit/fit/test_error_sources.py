@@ -62,7 +62,7 @@ def line_by_algebra(problem: Problem, v: Array) -> tuple[Array, Array]:
     return covariance @ DESIGN.T @ np.linalg.solve(v, problem.observed), covariance
 
 
-def test_whitening_is_a_root_of_the_inverse_covariance() -> None:
+def test_whitening_is_a_root_of_the_inverse_covariance():
     rng = np.random.default_rng(1)
     sigma, columns = rng.uniform(0.5, 2.0, 9), rng.standard_normal((9, 4))
     v = np.diag(sigma**2) + columns @ columns.T
@@ -78,12 +78,12 @@ def test_whitening_is_a_root_of_the_inverse_covariance() -> None:
     np.testing.assert_array_equal(plain(columns), columns / sigma[:, None])
 
 
-def test_a_source_of_other_points_is_refused() -> None:
+def test_a_source_of_other_points_is_refused():
     with pytest.raises(InputError, match="25 points were observed, but zero has 3 entries"):
         replace(line_problem(), error_sources=(source(np.ones((3, 1))),))
 
 
-def test_least_squares_is_the_generalised_one() -> None:
+def test_least_squares_is_the_generalised_one():
     problem = with_errors(line_problem())
     v = covariance_of(problem)
     values, covariance = line_by_algebra(problem, v)
@@ -101,7 +101,7 @@ def test_least_squares_is_the_generalised_one() -> None:
 
 
 @pytest.mark.parametrize("kind", ["scale", "sd"])
-def test_the_noise_moves_its_own_part_only(kind: str) -> None:
+def test_the_noise_moves_its_own_part_only(kind):
     problem = with_errors(scaled_line() if kind == "scale" else scattered_line())
     result = fit_least_squares(problem)
     noise = result[f"noise.{kind}"].value
@@ -115,7 +115,7 @@ def test_the_noise_moves_its_own_part_only(kind: str) -> None:
 
 @pytest.mark.parametrize("made", [line_problem, scaled_line, scattered_line])
 @pytest.mark.parametrize("kept", [(0, 1), (0,), (1,)])
-def test_the_posterior_is_that_of_the_covariance(made, kept: tuple[int, ...]) -> None:  # type: ignore[no-untyped-def]
+def test_the_posterior_is_that_of_the_covariance(made, kept):
     problem = with_errors(made())
     problem = replace(problem, error_sources=tuple(problem.error_sources[i] for i in kept))
     rng = np.random.default_rng(5)
@@ -131,7 +131,7 @@ def test_the_posterior_is_that_of_the_covariance(made, kept: tuple[int, ...]) ->
     np.testing.assert_allclose(np.diff(found), np.diff(expected), rtol=1e-8, atol=1e-8)
 
 
-def test_held_out_points_are_judged_given_the_training_points() -> None:
+def test_held_out_points_are_judged_given_the_training_points():
     """The density is the Gaussian's own conditional one, with a flat prior on the line."""
     problem = with_errors(line_problem())
     test, train = np.arange(2, 25, 6), np.setdiff1d(np.arange(25), np.arange(2, 25, 6))
@@ -149,7 +149,7 @@ def test_held_out_points_are_judged_given_the_training_points() -> None:
     assert compare([problem]).scores[0].parameters == 2
 
 
-def test_gain_is_the_derivative_of_the_answer() -> None:
+def test_gain_is_the_derivative_of_the_answer():
     problem = replace(calibrated_line(), error_sources=with_errors(line_problem()).error_sources)
     result = fit_least_squares(problem)
     way = propagation(problem, result)
@@ -191,7 +191,7 @@ def spoiled_line(seed: int, size: float, draws: int, sd: float = 0.2) -> tuple[P
 
 @pytest.mark.parametrize("size", [0.2, 1.0])
 @pytest.mark.parametrize("draws", [12, 4])
-def test_a_robust_loss_holds_the_truth_where_points_share_errors(size: float, draws: int) -> None:
+def test_a_robust_loss_holds_the_truth_where_points_share_errors(size, draws):
     one, two = np.zeros(2), np.zeros(2)
     for seed in range(200):
         result = fit_least_squares(spoiled_line(seed, size, draws)[0], loss="huber")

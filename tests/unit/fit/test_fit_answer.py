@@ -31,9 +31,7 @@ def fitted(folder: Path, table: str, *words: str) -> int:
     return int(left.value.code or 0)
 
 
-def test_no_answer_is_exit_6_and_no_model(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_answer_is_exit_6_and_no_model(tmp_path, capsys):
     assert fitted(tmp_path, FAR) == 6
     said = capsys.readouterr()
     assert "these data do not determine R_m" in said.err
@@ -44,9 +42,7 @@ def test_no_answer_is_exit_6_and_no_model(
     assert entry_of(RunsFolder(tmp_path), "fit").state == "stopped early"
 
 
-def test_a_rejected_model_is_exit_9_and_says_so_in_every_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_rejected_model_is_exit_9_and_says_so_in_every_file(tmp_path, capsys):
     assert fitted(tmp_path, NEAR) == 9
     said = capsys.readouterr()
     assert "the data reject model 'single': points scatter" in said.err
@@ -58,7 +54,7 @@ def test_a_rejected_model_is_exit_9_and_says_so_in_every_file(
     assert entry_of(RunsFolder(tmp_path), "fit").state == "model rejected"
 
 
-def test_a_good_fit_is_exit_0(tmp_path: Path) -> None:
+def test_a_good_fit_is_exit_0(tmp_path):
     assert fitted(tmp_path, FAR, "--fix", "R_m") == 0
     result = json.loads((tmp_path / "fit" / "result.json").read_text())
     assert (result["answer"], result["problem"]) == ("given", "")

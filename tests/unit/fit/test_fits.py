@@ -40,7 +40,7 @@ CALIBRATION = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RECIPES)
-def test_a_recipe_gives_its_result_again_and_holds_the_truth(name: str) -> None:
+def test_a_recipe_gives_its_result_again_and_holds_the_truth(name):
     committed = read_result(FITS / name)
     output = run_recipe(read_recipe(FITS / name))
     assert {result.method for result in output.results} == set(committed["results"])
@@ -62,7 +62,7 @@ def test_a_recipe_gives_its_result_again_and_holds_the_truth(name: str) -> None:
         assert digest in kept, path
 
 
-def test_a_calibrations_uncertainty_reaches_the_thrust_coefficient(tmp_path: Path) -> None:
+def test_a_calibrations_uncertainty_reaches_the_thrust_coefficient(tmp_path):
     """One per cent on the load cell's scale is one per cent on k, and nothing on R."""
     run = tmp_path / "run"
     shutil.copytree(FITS.parent / "datasets/quad/run", run)
@@ -96,7 +96,7 @@ def copied(run: Path, thrust_factor: float, **facts: object) -> str:
     return str(run)
 
 
-def test_every_run_is_divided_by_its_own_references(tmp_path: Path) -> None:
+def test_every_run_is_divided_by_its_own_references(tmp_path):
     recipe = replace(
         read_recipe(FITS / "quad"), basis="equal_pwm", methods=("least_squares",), compare=()
     )
@@ -118,9 +118,7 @@ def test_every_run_is_divided_by_its_own_references(tmp_path: Path) -> None:
 DATASETS = Path(__file__).parents[3] / "datasets"
 
 
-def test_the_one_parameter_law_is_rejected_for_the_rotor_pair(
-    reference_data: Path, tmp_path: Path
-) -> None:
+def test_the_one_parameter_law_is_rejected_for_the_rotor_pair(reference_data, tmp_path):
     """Source of the numbers: an independent fit gave c = (R_eff/R)^2 = 1.13, T0 = 20.41 N."""
     words = [
         *("fit", str(reference_data / "ground_effect/rotor_pairs.csv")),
@@ -150,7 +148,7 @@ def test_the_one_parameter_law_is_rejected_for_the_rotor_pair(
         assert other["sd"] == pytest.approx(item["sd"], rel=0.1)
 
 
-def test_a_dead_speed_column_is_refused(reference_data: Path, tmp_path: Path) -> None:
+def test_a_dead_speed_column_is_refused(reference_data, tmp_path):
     text = (DATASETS / "thrust_stand/model.toml").read_text("utf-8")
     model = tmp_path / "optical.toml"
     model.write_text(text.replace("Motor Electrical", "Motor Optical"), "utf-8")

@@ -29,7 +29,7 @@ FREE = np.full(2, np.inf)
 
 
 @pytest.mark.parametrize("small", [0.0, 5e-324, -1e-200])
-def test_a_number_next_to_nothing_has_a_derivative(small: float) -> None:
+def test_a_number_next_to_nothing_has_a_derivative(small):
     def predict(v: Any) -> Any:
         return (v[0] + 2.0 * v[1]) * X
 
@@ -39,7 +39,7 @@ def test_a_number_next_to_nothing_has_a_derivative(small: float) -> None:
     np.testing.assert_allclose(plain[:, 1], 2.0 * X, rtol=1e-9)
 
 
-def test_a_function_without_complex_arithmetic_is_noticed() -> None:
+def test_a_function_without_complex_arithmetic_is_noticed():
     def absolute(v: Any) -> Any:
         return np.abs(v[0]) * np.exp(-np.abs(v[1]) * X)
 
@@ -60,7 +60,7 @@ def test_a_function_without_complex_arithmetic_is_noticed() -> None:
         np.testing.assert_allclose(result.values, [5.0, 3.0], rtol=1e-7)
 
 
-def test_a_stated_error_gives_the_textbook_covariance() -> None:
+def test_a_stated_error_gives_the_textbook_covariance():
     result = fit_least_squares(line_problem())
     design = np.stack([np.ones(len(X)), X], axis=1) / 0.2
     np.testing.assert_allclose(result.covariance, np.linalg.inv(design.T @ design), rtol=1e-10)
@@ -69,7 +69,7 @@ def test_a_stated_error_gives_the_textbook_covariance() -> None:
     assert a.interval_68[1] - a.value == pytest.approx(1.000022 * a.sd, rel=1e-5)
 
 
-def test_a_free_scale_is_the_residual_deviation_with_student_intervals() -> None:
+def test_a_free_scale_is_the_residual_deviation_with_student_intervals():
     problem = scaled_line()
     result = fit_least_squares(problem)
     left = problem.observed - line(result.values[:2])
@@ -83,7 +83,7 @@ def test_a_free_scale_is_the_residual_deviation_with_student_intervals() -> None
     assert a.sd == pytest.approx(scale * fit_least_squares(line_problem())["a"].sd)
 
 
-def test_added_scatter_brings_chi2_to_its_degrees_of_freedom() -> None:
+def test_added_scatter_brings_chi2_to_its_degrees_of_freedom():
     problem = scattered_line()
     result = fit_least_squares(problem)
     sigma = np.hypot(0.2, result["noise.sd"].value)
@@ -93,7 +93,7 @@ def test_added_scatter_brings_chi2_to_its_degrees_of_freedom() -> None:
 
 
 @pytest.mark.parametrize("loss", ["soft_l1", "huber"])
-def test_a_robust_loss_forgives_outliers(loss: Any) -> None:
+def test_a_robust_loss_forgives_outliers(loss):
     problem = line_problem()
     observed = problem.observed.copy()
     observed[[3, 17]] += 10.0
@@ -107,7 +107,7 @@ def test_a_robust_loss_forgives_outliers(loss: Any) -> None:
     assert robust.facts["loss"] == loss
 
 
-def test_a_parameter_at_its_bound_is_told() -> None:
+def test_a_parameter_at_its_bound_is_told():
     problem = function_problem(
         "line",
         {"a": free("a", 0.5), "b": free("b", 0.5, 0.0, 1.5)},
@@ -121,7 +121,7 @@ def test_a_parameter_at_its_bound_is_told() -> None:
     assert result["b"].interval_95[1] <= 1.5
 
 
-def test_parameters_that_only_act_together_are_told() -> None:
+def test_parameters_that_only_act_together_are_told():
     def product(v: Any) -> Any:
         return v[0] * v[1] * X + v[2]
 
@@ -140,7 +140,7 @@ def test_parameters_that_only_act_together_are_told() -> None:
     assert result["c"].sd == pytest.approx(fit_least_squares(line_problem())["a"].sd / 2)
 
 
-def test_more_parameters_than_points_are_told_not_fatal() -> None:
+def test_more_parameters_than_points_are_told_not_fatal():
     few = line_problem().subset(np.array([4]))
     result = fit_least_squares(few)
     assert "do not determine a, b" in result.outcome.message
@@ -148,7 +148,7 @@ def test_more_parameters_than_points_are_told_not_fatal() -> None:
         fit_least_squares(scaled_line().subset(np.array([4])))
 
 
-def test_a_start_without_a_prediction_names_the_point() -> None:
+def test_a_start_without_a_prediction_names_the_point():
     def pole(v: Any) -> Any:
         return v[0] / (X - X[3])
 
@@ -184,5 +184,5 @@ def problems(count: int) -> list[Problem]:
     return [quad_problem(1000 + seed) for seed in range(count)]
 
 
-def test_least_squares_holds_k_radius_and_body_lift() -> None:
+def test_least_squares_holds_k_radius_and_body_lift():
     check_held([fit_least_squares(problem) for problem in problems(300)], QUAD_TRUTH)

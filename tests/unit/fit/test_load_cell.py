@@ -31,7 +31,7 @@ STATED = [
 ]
 
 
-def test_runs_of_different_calibrations_have_a_scale_each(tmp_path: Path) -> None:
+def test_runs_of_different_calibrations_have_a_scale_each(tmp_path):
     """One cell 1 % high, one 2 % low, both known to 1 %: their own slopes take that up."""
     known = {**CALIBRATION, "components": STATED}
     a = copied(tmp_path / "a", 1.01, calibration={**known, "id": "cell-a"})
@@ -44,7 +44,7 @@ def test_runs_of_different_calibrations_have_a_scale_each(tmp_path: Path) -> Non
     assert both["k"].sd / both["k"].value == pytest.approx(0.01 / np.sqrt(2.0), rel=0.05)
 
 
-def test_a_run_without_a_calibration_beside_one_that_has_it_is_named(tmp_path: Path) -> None:
+def test_a_run_without_a_calibration_beside_one_that_has_it_is_named(tmp_path):
     other = copied(tmp_path / "o", 1.01, calibration={**CALIBRATION, "components": STATED})
     result = run_recipe(replace(QUAD, data=(*QUAD.data, other))).results[0]
     assert any("went through no calibration" in text for text in result.warnings)
@@ -71,7 +71,7 @@ def weighed(seed: int) -> tuple[Problem, float]:
     return with_scale_errors(problem, [error]), truth
 
 
-def test_intervals_of_five_masses_hold_the_thrust_coefficient() -> None:
+def test_intervals_of_five_masses_hold_the_thrust_coefficient():
     """Normal intervals would hold it in 61 and 85 % (400 calibrations)."""
     held = np.zeros(2)
     for seed in range(400):
@@ -107,7 +107,7 @@ def competing(seed: int, cells: int, *, se: float = 1e-5) -> Problem:
 
 
 @pytest.mark.parametrize("cells", [2, 3])
-def test_cells_that_share_their_scatter_hold_what_they_state(cells: int) -> None:
+def test_cells_that_share_their_scatter_hold_what_they_state(cells):
     """With degrees of freedom as of independent estimates two held 66 and 92 %: 12 for 6."""
     held = np.zeros(2)
     for seed in range(600):
@@ -129,7 +129,7 @@ def test_cells_that_share_their_scatter_hold_what_they_state(cells: int) -> None
     assert 0.5 * (high - low) == pytest.approx(expected, rel=0.1)
 
 
-def test_both_estimators_and_the_profile_give_students_t() -> None:
+def test_both_estimators_and_the_profile_give_students_t():
     problem, _ = weighed(1)
     result = fit_least_squares(problem)
     k = result["k"]
@@ -142,7 +142,7 @@ def test_both_estimators_and_the_profile_give_students_t() -> None:
     assert half[0] == pytest.approx(half[1], rel=0.2)
 
 
-def test_the_budget_lists_what_the_calibration_is_made_of() -> None:
+def test_the_budget_lists_what_the_calibration_is_made_of():
     rng = np.random.default_rng(8)
     masses = np.tile([0.0, 0.2, 0.5, 1.0, 1.5], 2)
     made = fit_calibration(
@@ -184,7 +184,7 @@ def calibrated(scatter_N: float, dof: int = 3) -> dict[str, object]:
     return {"residual_sd_N": scatter_N, "relative_sd": total, "components": [repeat, mass]}
 
 
-def test_a_line_that_came_out_straight_by_luck_weighs_no_more() -> None:
+def test_a_line_that_came_out_straight_by_luck_weighs_no_more():
     found = pooled([calibrated(0.0001), calibrated(0.03), calibrated(0.04)])
     repeats = [one["components"][0] for one in found]
     assert [one["dof"] for one in repeats] == [9.0] * 3
@@ -194,13 +194,13 @@ def test_a_line_that_came_out_straight_by_luck_weighs_no_more() -> None:
     assert found[0]["components"][1] == calibrated(0.0001)["components"][1]
 
 
-def test_a_cell_that_scatters_clearly_more_keeps_its_own() -> None:
+def test_a_cell_that_scatters_clearly_more_keeps_its_own():
     *alike, loose = pooled([calibrated(0.03, 9), calibrated(0.04, 9), calibrated(0.4, 9)])
     assert loose == calibrated(0.4, 9)
     assert {one["components"][0]["dof"] for one in alike} == {18.0}
 
 
-def test_a_calibration_stands_in_the_budgets_of_fit_and_run(tmp_path: Path) -> None:
+def test_a_calibration_stands_in_the_budgets_of_fit_and_run(tmp_path):
     """All of it in a thrust, nothing in a ratio, and who calibrated beside them."""
     known = {**CALIBRATION, "components": STATED, "calibrated_by": "Ada", "certificate": "DKD 7"}
     run = copied(tmp_path / "a", 1.0, calibration=known)

@@ -16,7 +16,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.own_code import refuse_code
 from benchtool.core.recording import Recording
 from benchtool.core.rig_file import rig_named
-from benchtool.fit.motor.constants import MotorFit, fit_motor
+from benchtool.fit.motor.constants import fit_motor
 from benchtool.fit.motor.response import step_responses
 
 RIG = rig_named("pquad_single")
@@ -45,18 +45,18 @@ def swept(name: str, seed: int, out: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("motor")
     return [swept(name, 1, folder / name) for name in ("steps", "response")]
 
 
 @pytest.fixture(scope="module")
-def fitted(runs: list[Path]) -> MotorFit:
+def fitted(runs):
     return fit_motor(runs, extrapolate=True)
 
 
 @pytest.mark.parametrize("name", TRUTH)
-def test_the_truth_of_a_virtual_bench_lies_in_the_interval(fitted: MotorFit, name: str) -> None:
+def test_the_truth_of_a_virtual_bench_lies_in_the_interval(fitted, name):
     found, truth = fitted[name], TRUTH[name]
     low, high = found.interval_95
     # Three of its standard uncertainties: of twelve intervals of 95 % one fails in every second.
@@ -78,7 +78,7 @@ def stepped(lag_s: float, delay_s: float, rpm: tuple[float, float]) -> Recording
     return Recording(channels, np.column_stack([time_s, pulse, speed]))
 
 
-def test_the_lag_of_a_step_is_that_it_was_made_with() -> None:
+def test_the_lag_of_a_step_is_that_it_was_made_with():
     up, down = step_responses(stepped(0.08, 0.012, (2000.0, 5000.0)), RIG)
     assert (up.up, down.up) == (True, False)
     for step in (up, down):
@@ -90,7 +90,7 @@ def test_the_lag_of_a_step_is_that_it_was_made_with() -> None:
     assert at_one_lag == pytest.approx(5000.0 - 3000.0 * exp(-1.0), rel=1e-3)
 
 
-def test_a_steps_sag_is_taken_out_of_its_lag() -> None:
+def test_a_steps_sag_is_taken_out_of_its_lag():
     plain = stepped(0.08, 0.0, (2000.0, 5000.0))
     volts = np.where(plain.column("pwm1_us") > 1500.0, 10.9, 11.0)
     sagging = Recording(
@@ -102,9 +102,7 @@ def test_a_steps_sag_is_taken_out_of_its_lag() -> None:
     assert up.lag_s == pytest.approx(by_hand, rel=1e-4)
 
 
-def test_full_throttle_is_the_highest_measured_pulse_unless_requested(
-    runs: list[Path], fitted: MotorFit
-) -> None:
+def test_full_throttle_is_the_highest_measured_pulse_unless_requested(runs, fitted):
     found = fit_motor(runs)
     assert found.points.pulse_us.max() == found.full.pulse_us == 1770.0  # 80 % of 1050 to 1950 us
     exact_N = TRUTH["k"] * (1.05 * 720.0) ** 2

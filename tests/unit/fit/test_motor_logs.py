@@ -46,7 +46,7 @@ def log(
     return path
 
 
-def test_constants_are_those_that_a_log_was_made_with(tmp_path: Path) -> None:
+def test_constants_are_those_that_a_log_was_made_with(tmp_path):
     held = dict.fromkeys(("k", "speed_per_us", "pulse_zero"), 0)
     truth = {"k": K, "speed_per_us": SLOPE, "pulse_zero": ZERO_US}
     for seed in range(40):
@@ -60,20 +60,20 @@ def test_constants_are_those_that_a_log_was_made_with(tmp_path: Path) -> None:
     assert {name: count for name, count in held.items() if count <= 32} == {}
 
 
-def test_a_log_without_its_propeller_is_refused_with_what_to_add(tmp_path: Path) -> None:
+def test_a_log_without_its_propeller_is_refused_with_what_to_add(tmp_path):
     path = log(tmp_path / "a.csv", 1)
     with pytest.raises(InputError, match=r"--propeller with its size in inches"):
         bt.motor(path)
     assert bt.motor(path, rig="pquad_single").found.rig.name == "pquad_single"
 
 
-def test_thrust_of_the_wrong_sign_is_refused_with_what_to_type(tmp_path: Path) -> None:
+def test_thrust_of_the_wrong_sign_is_refused_with_what_to_type(tmp_path):
     path = log(tmp_path / "a.csv", 1, sign=-1.0)
     with pytest.raises(InputError, match=r"import .*a.csv --flip thrust_N turns the sign"):
         bt.motor(path, propeller="5x4")
 
 
-def test_the_law_is_that_which_held_out_levels_support(tmp_path: Path) -> None:
+def test_the_law_is_that_which_held_out_levels_support(tmp_path):
     held = dict.fromkeys(("n", "hover_rpm", "T_max"), 0)
     hover_N, reference_N = 1.0, K * REFERENCE_RAD_S**2
     hover_rad_s = REFERENCE_RAD_S * (hover_N / reference_N) ** (1.0 / 2.2)
@@ -98,7 +98,7 @@ def test_the_law_is_that_which_held_out_levels_support(tmp_path: Path) -> None:
     assert squares >= 13
 
 
-def test_a_single_k_is_the_best_over_its_speeds_with_its_largest_error(tmp_path: Path) -> None:
+def test_a_single_k_is_the_best_over_its_speeds_with_its_largest_error(tmp_path):
     found = bt.motor(log(tmp_path / "a.csv", 1, noise=0.0, n=2.3), propeller="5x4").found
     p = found.points
     used = p.thrust_N >= 0.1 * p.thrust_N.max()
@@ -111,7 +111,7 @@ def test_a_single_k_is_the_best_over_its_speeds_with_its_largest_error(tmp_path:
     assert low < ratio.min() < ratio.max() < high
 
 
-def test_thrust_is_not_extrapolated_far_unless_requested(tmp_path: Path) -> None:
+def test_thrust_is_not_extrapolated_far_unless_requested(tmp_path):
     path = log(tmp_path / "a.csv", 1, noise=0.001, sag_V=2.0)
     far, asked = (
         bt.motor(path, propeller="5x4", extrapolate=extrapolate) for extrapolate in (False, True)
@@ -154,7 +154,7 @@ def measured_fit(name: str, folder: Path) -> MotorFit:
 
 @measured
 @pytest.mark.parametrize("name", LOGS)
-def test_every_constant_of_a_measured_log_is_that_by_hand(name: str, tmp_path: Path) -> None:
+def test_every_constant_of_a_measured_log_is_that_by_hand(name, tmp_path):
     found = measured_fit(name, tmp_path)
     p, own = found.points, found.rig.propulsion
     pulses = np.unique(p.pulse_us)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -20,7 +19,7 @@ def quad(**more: object) -> Recipe:
     return Recipe(name="quad", data=(QUAD,), model="quad_bench", **more)  # type: ignore[arg-type]
 
 
-def test_a_last_part_serves_where_it_is_unique() -> None:
+def test_a_last_part_serves_where_it_is_unique():
     items = recipe_model(
         quad(fix={"K_b": 2.0}, hold=("dz_m",), free=("strength",))
     ).model.parameters
@@ -29,7 +28,7 @@ def test_a_last_part_serves_where_it_is_unique() -> None:
     assert items["neighbour_images.strength"].free
 
 
-def test_a_last_part_of_several_names_is_refused_with_them() -> None:
+def test_a_last_part_of_several_names_is_refused_with_them():
     known = ["tare_offset.thrust_N", "other.thrust_N", "k"]
     assert full_name("k", known) == "k"
     with pytest.raises(UnknownChoice, match=r"known: other\.thrust_N, tare_offset\.thrust_N$"):
@@ -46,12 +45,12 @@ def test_a_last_part_of_several_names_is_refused_with_them() -> None:
         {"fix": {"K_b": 2.0}, "hold": ("body_lift.K_b",)},
     ],
 )
-def test_a_parameter_is_not_named_twice(named: Mapping[str, object]) -> None:
+def test_a_parameter_is_not_named_twice(named):
     with pytest.raises(InputError, match=r"body_lift\.K_b is named twice"):
         recipe_model(quad(**named))
 
 
-def test_noise_that_is_named_by_itself_is_heeded() -> None:
+def test_noise_that_is_named_by_itself_is_heeded():
     held = results.run_recipe(quad(fix={"noise.scale": 2.0}))
     assert held.problem.noise_name is None
     assert held.problem.sigma() == pytest.approx(2.0 * held.problem.standard_error)

@@ -169,7 +169,7 @@ def digits(found: float, certified: float) -> float:
 
 @pytest.mark.parametrize("start", [0, 1], ids=["start 1", "start 2"])
 @pytest.mark.parametrize("name", MODELS)
-def test_certified_values_are_found_to_six_digits(name: str, start: int) -> None:
+def test_certified_values_are_found_to_six_digits(name, start):
     certified = read(name)
     result = fit_least_squares(nist_problem(certified, start))
     assert result.outcome.status == "converged"

@@ -90,7 +90,7 @@ def swept(
 
 
 @pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("own")
     return swept(folder / "one", five_inch(), 1), swept(folder / "two", five_inch(), 2)
 
@@ -99,7 +99,7 @@ def recipe(*data: str, model: str = "quad_bench") -> Recipe:
     return Recipe(name="own", data=data, model=model)
 
 
-def test_a_fit_holds_the_truth_of_an_own_vehicle(runs: tuple[str, str], tmp_path: Path) -> None:
+def test_a_fit_holds_the_truth_of_an_own_vehicle(runs, tmp_path):
     output = run_recipe(recipe(runs[0]))
     low, high = output.results[0]["body_lift.K_b"].interval_95
     assert low < K_B < high
@@ -120,9 +120,7 @@ def test_a_fit_holds_the_truth_of_an_own_vehicle(runs: tuple[str, str], tmp_path
         nominal_model(str(written), rig_named("pquad"))
 
 
-def test_runs_of_two_vehicles_are_no_data_of_one_model(
-    runs: tuple[str, str], tmp_path: Path
-) -> None:
+def test_runs_of_two_vehicles_are_no_data_of_one_model(runs, tmp_path):
     other = Run.create(tmp_path / "pquad", "", {"rig": asdict(rig_named("pquad"))}).path
     for read in (
         lambda: run_recipe(recipe(runs[0], str(other))),
@@ -157,9 +155,7 @@ strength = 1.0
         ),
     ],
 )
-def test_numbers_of_another_vehicle_give_way_or_are_refused(
-    radius: str, said: str, tmp_path: Path
-) -> None:
+def test_numbers_of_another_vehicle_give_way_or_are_refused(radius, said, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(HELD.format(radius=radius))
     if said:
@@ -182,7 +178,7 @@ TABLE = """plate_z_m,rpm1,thrust_N,thrust_se_N
 """
 
 
-def test_a_table_on_a_shipped_model_asks_for_its_rig(tmp_path: Path) -> None:
+def test_a_table_on_a_shipped_model_asks_for_its_rig(tmp_path):
     one, two, rig = tmp_path / "one.csv", tmp_path / "two.csv", tmp_path / "rig.toml"
     one.write_text(TABLE)
     two.write_text(TABLE.replace("4.82", "4.83"))
@@ -210,7 +206,7 @@ def table(folder: Path, text: str) -> str:
     return str(file)
 
 
-def test_more_rotors_than_the_rig_has_are_refused(tmp_path: Path) -> None:
+def test_more_rotors_than_the_rig_has_are_refused(tmp_path):
     head, *rows = TABLE.splitlines()
     turning = [f"{row},{15000 + place}" for place, row in enumerate(rows)]
     data = table(tmp_path, "\n".join([f"{head},rpm2", *turning]))
@@ -218,7 +214,7 @@ def test_more_rotors_than_the_rig_has_are_refused(tmp_path: Path) -> None:
         run_recipe(on_pquad_single(data))
 
 
-def test_a_thrust_coefficient_far_from_the_rigs_is_told(tmp_path: Path) -> None:
+def test_a_thrust_coefficient_far_from_the_rigs_is_told(tmp_path):
     grams = table(tmp_path, "rpm1,thrust_N\n4000,185\n5000,289\n6000,416\n7000,567\n")
     warned = run_recipe(replace(on_pquad_single(grams), hold=("R_m",))).results[0].warnings
     assert any("times the thrust coefficient of rig pquad_single" in line for line in warned)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,7 +34,7 @@ def schools() -> list[RigValues]:
     ]
 
 
-def test_one_parameter_is_as_integrated_on_a_grid_of_mean_and_spread() -> None:
+def test_one_parameter_is_as_integrated_on_a_grid_of_mean_and_spread():
     """Nothing is integrated by formula here: mu and tau on a grid, densities multiplied."""
     y, sd = (np.array(each) for each in EIGHT_SCHOOLS)
     s = np.sqrt(8.0 / np.sum(sd**-2))
@@ -61,7 +60,7 @@ def test_one_parameter_is_as_integrated_on_a_grid_of_mean_and_spread() -> None:
     assert found.alike[0] == pytest.approx(zero / (1.0 + zero), rel=0.02)
 
 
-def test_a_shared_parameter_is_the_weighted_mean_and_sharpens_the_others() -> None:
+def test_a_shared_parameter_is_the_weighted_mean_and_sharpens_the_others():
     covariance = np.array([[1.0, 0.9], [0.9, 1.0]])
     rigs = [rig(str(k), np.array([0.5 * k, 3.0 * k]), covariance, ("a", "b")) for k in range(3)]
     apart, together = (pool_rigs(rigs, ["a", "b"], shared) for shared in ((), ("a",)))
@@ -75,7 +74,7 @@ def test_a_shared_parameter_is_the_weighted_mean_and_sharpens_the_others() -> No
     assert np.isnan(together.alike[0])
 
 
-def test_a_parameter_that_one_rig_lacks_is_pooled_of_the_others() -> None:
+def test_a_parameter_that_one_rig_lacks_is_pooled_of_the_others():
     whole = [rig(str(k), np.array([k, 9.0 + k]), np.eye(2), ("a", "b")) for k in range(3)]
     lacks = [*whole[:2], rig("2", np.array([2.0]), np.eye(1), ("a",))]
     found, alone = pool_rigs(lacks, ["a", "b"]), pool_rigs(whole[:2], ["b"])
@@ -88,7 +87,7 @@ def test_a_parameter_that_one_rig_lacks_is_pooled_of_the_others() -> None:
 
 
 @pytest.fixture(scope="module")
-def fits(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def fits(tmp_path_factory):
     """Fit three benches alike and one whose R is a tenth larger."""
     folder = tmp_path_factory.mktemp("rigs")
     for k in range(4):
@@ -100,7 +99,7 @@ def fits(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [folder / f"bench{k}" for k in range(4)]
 
 
-def test_fits_of_several_benches_are_pooled(fits: list[Path]) -> None:
+def test_fits_of_several_benches_are_pooled(fits):
     result = bt.pool(fits)
     assert result.found.pooled.names == ("body_lift.K_b", "R_over_rotor_radius")
     table = result.to_dataframe("differences")
@@ -113,7 +112,7 @@ def test_fits_of_several_benches_are_pooled(fits: list[Path]) -> None:
     assert shared.to_dataframe("rigs")["pooled_sd"].max() < table["sd"].max()
 
 
-def test_what_cannot_be_pooled_is_refused(fits: list[Path], tmp_path: Path) -> None:
+def test_what_cannot_be_pooled_is_refused(fits, tmp_path):
     assert bt.pool(fits, of=["k"]).found.units == {"k": "N/(rad/s)2"}
     with pytest.raises(InputError, match="are one quantity"):
         bt.pool(fits, of=["R_m", "R_over_rotor_radius"])

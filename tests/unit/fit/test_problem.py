@@ -27,7 +27,7 @@ from tests.unit.fit.cases import (
 )
 
 
-def test_points_without_a_usable_error_are_named() -> None:
+def test_points_without_a_usable_error_are_named():
     problem = line_problem()
     errors = problem.standard_error.copy()
     errors[4] = 0.0
@@ -39,7 +39,7 @@ def test_points_without_a_usable_error_are_named() -> None:
         replace(problem, observed=observed)
 
 
-def test_lengths_must_agree_and_something_must_be_free() -> None:
+def test_lengths_must_agree_and_something_must_be_free():
     problem = line_problem()
     with pytest.raises(InputError, match="25 points were observed, but groups has 3"):
         replace(problem, groups=np.arange(3))
@@ -47,13 +47,13 @@ def test_lengths_must_agree_and_something_must_be_free() -> None:
         function_problem("line", {"a": free("a", 1.0).fixed()}, line, problem.observed)
 
 
-def test_two_free_noise_parameters_are_refused() -> None:
+def test_two_free_noise_parameters_are_refused():
     both = {**dict(scaled_line().parameters), **dict(scattered_line().parameters)}
     with pytest.raises(InputError, match="both free"):
         function_problem("line", both, line, line_problem().observed, np.ones(25))
 
 
-def test_sigma_scales_and_adds_in_quadrature() -> None:
+def test_sigma_scales_and_adds_in_quadrature():
     np.testing.assert_allclose(scaled_line().sigma(3.0), 0.6)
     np.testing.assert_allclose(scattered_line().sigma(0.3), np.hypot(0.2, 0.3))
     fixed = scattered_line().fixed("noise.sd", 0.15)
@@ -61,7 +61,7 @@ def test_sigma_scales_and_adds_in_quadrature() -> None:
     assert fixed.noise_name is None
 
 
-def test_a_subset_predicts_its_own_points() -> None:
+def test_a_subset_predicts_its_own_points():
     problem = quad_problem()
     rows = np.array([3, 0, 20])
     part = problem.subset(rows)
@@ -81,7 +81,7 @@ def test_a_subset_predicts_its_own_points() -> None:
     ],
     ids=lambda names: " ".join(names) or "level",
 )
-def test_a_model_predicts_what_it_predicts_by_itself(more: tuple[str, ...]) -> None:
+def test_a_model_predicts_what_it_predicts_by_itself(more):
     level = quad_conditions()
     coverage = np.random.default_rng(1).choice([0.0, 0.3, 1.0], level.coverage.shape)
     for conditions in (level, replace(level, coverage=coverage)):
@@ -100,7 +100,7 @@ def test_a_model_predicts_what_it_predicts_by_itself(more: tuple[str, ...]) -> N
         np.testing.assert_allclose(problem.predict(many)[1], expected, rtol=1e-12)
 
 
-def test_a_tare_error_and_a_drift_move_a_ratio_and_its_reference() -> None:
+def test_a_tare_error_and_a_drift_move_a_ratio_and_its_reference():
     model = quad_model().with_effect("tare_offset").with_effect("load_cell_drift")
     model = model.freed("tare_offset.thrust_N", "load_cell_drift.rate_N_per_s")
     near = replace(quad_conditions(), elapsed_s=np.linspace(0.0, 300.0, 35))
@@ -120,7 +120,7 @@ def test_a_tare_error_and_a_drift_move_a_ratio_and_its_reference() -> None:
         assert result[name].value == pytest.approx(truth[name], rel=1e-6)
 
 
-def test_ratios_hold_the_thrust_coefficient() -> None:
+def test_ratios_hold_the_thrust_coefficient():
     model, conditions = quad_model(), quad_conditions()
     made = model.at(model.parameters.at(np.array([*QUAD_TRUTH.values()])))
     truth = factor_at(made, "equal_rpm2", conditions)
@@ -133,7 +133,7 @@ def test_ratios_hold_the_thrust_coefficient() -> None:
     assert result["body_lift.K_b"].value == pytest.approx(QUAD_TRUTH["body_lift.K_b"], rel=1e-8)
 
 
-def test_points_too_near_are_left_out_with_their_count() -> None:
+def test_points_too_near_are_left_out_with_their_count():
     model, conditions = quad_model(), quad_conditions((0.4, 0.5, 1.0, 2.0, 4.0), speeds=3)
     thrust = quad_thrust(model, conditions)
     problem = problem_from_model(model, conditions, thrust, np.ones(15))
@@ -144,7 +144,7 @@ def test_points_too_near_are_left_out_with_their_count() -> None:
         problem_from_model(model, conditions, thrust, np.ones(15), nearest_z_over_R=9.0)
 
 
-def test_a_joint_prior_is_met_as_algebra_has_it() -> None:
+def test_a_joint_prior_is_met_as_algebra_has_it():
     covariance = np.array([[0.01, -0.005], [-0.005, 0.01]])
     problem = replace(
         line_problem(4), joint_priors=(JointPrior(("a", "b"), np.array([1.0, 2.0]), covariance),)
@@ -161,7 +161,7 @@ def test_a_joint_prior_is_met_as_algebra_has_it() -> None:
     assert held["a"].sd == pytest.approx((25 / 0.04 + conditional) ** -0.5, rel=1e-9)
 
 
-def test_a_covariance_that_cannot_be_is_refused() -> None:
+def test_a_covariance_that_cannot_be_is_refused():
     prior = JointPrior(("a", "b"), np.zeros(2), np.array([[1.0, 2.0], [2.0, 1.0]]))
     problem = replace(line_problem(), joint_priors=(prior,))
     with pytest.raises(EstimationError, match="not positive definite"):

@@ -44,8 +44,8 @@ def fitted(data: str, **more: object) -> FitOutput:
     ],
 )
 def test_a_scatter_of_samples_is_not_the_error_of_their_mean(
-    tmp_path: Path, columns: str, errors: list[str], expected: float, of_samples: bool
-) -> None:
+    tmp_path, columns, errors, expected, of_samples
+):
     data = table(tmp_path, columns, *errors)
     points = read_table(data)
     found = thrust_error(points)
@@ -60,7 +60,7 @@ def test_a_scatter_of_samples_is_not_the_error_of_their_mean(
     np.testing.assert_allclose(log.se_N, expected)
 
 
-def test_what_data_do_not_determine_is_said_with_why(tmp_path: Path) -> None:
+def test_what_data_do_not_determine_is_said_with_why(tmp_path):
     output = fitted(table(tmp_path, "thrust_se_N", *["0.02"] * 6))
     found = output.results[0]["R_m"]
     assert found.sd > 1.0  # metres, of a rotor of 0.12 m

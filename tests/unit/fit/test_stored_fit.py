@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,7 +14,7 @@ from benchtool.report.fit.stored_fit import read_stored
 FITS = Path(__file__).parents[3] / "fits"
 
 
-def test_a_number_that_does_not_exist_is_none(tmp_path: Path) -> None:
+def test_a_number_that_does_not_exist_is_none(tmp_path):
     shutil.copytree(FITS / "quad", tmp_path / "fit")
     path = tmp_path / "fit" / "result.json"
     tables = json.loads(path.read_text("utf-8"))
@@ -34,9 +33,7 @@ def test_a_number_that_does_not_exist_is_none(tmp_path: Path) -> None:
         ({"format": "x"}, "its format is 'x'"),
     ],
 )
-def test_a_broken_result_is_told_in_one_sentence(
-    tmp_path: Path, change: dict[str, Any], said: str
-) -> None:
+def test_a_broken_result_is_told_in_one_sentence(tmp_path, change, said):
     tables = json.loads((FITS / "quad" / "result.json").read_text("utf-8")) | change
     (tmp_path / "result.json").write_text(json.dumps(tables), "utf-8")
     with pytest.raises(FileFormatError, match=said):

@@ -85,7 +85,7 @@ def at(rig: Rig, z_m: Any, **more: Any) -> Conditions:
 
 
 @pytest.mark.parametrize("basis", RATIOS)
-def test_a_ratio_at_any_basis_gives_the_same_radius(basis: Basis) -> None:
+def test_a_ratio_at_any_basis_gives_the_same_radius(basis):
     rig, true_m, parked_m = bladed("pquad_single"), 0.128, 1.0
     model = with_blades_of_rig(Model.single(rig)).freed("R_m")
     observed = measured(basis, true_m, parked_m, rig)
@@ -100,7 +100,7 @@ def test_a_ratio_at_any_basis_gives_the_same_radius(basis: Basis) -> None:
     assert fit_least_squares(printed)["R_m"].value < 0.99 * true_m
 
 
-def test_speeds_from_pulses_are_those_near_the_plate() -> None:
+def test_speeds_from_pulses_are_those_near_the_plate():
     """The same visits, speeds read or taken from the pulses' map: equal ratios at equal pulse."""
     rig = bladed("pquad")
     model = with_blades_of_rig(Model.single(rig).with_effect("neighbour_images"))
@@ -119,7 +119,7 @@ def test_speeds_from_pulses_are_those_near_the_plate() -> None:
     np.testing.assert_allclose(near_flow.speed_rad_s[2], SPEED_RAD_S, rtol=1e-13)
 
 
-def test_without_blades_every_basis_is_the_papers() -> None:
+def test_without_blades_every_basis_is_the_papers():
     rig = rig_named("pquad_single")
     assert with_blades_of_rig(Model.single(rig)).effects == Model.single(rig).effects
     model = Model.single(bladed("pquad_single"))
@@ -131,7 +131,7 @@ def test_without_blades_every_basis_is_the_papers() -> None:
         np.testing.assert_allclose(thrust_ratio(model, basis, *flows, values), law, rtol=1e-9)
 
 
-def test_equal_pulse_without_a_motor_is_refused() -> None:
+def test_equal_pulse_without_a_motor_is_refused():
     rig = bladed("pquad_single", None)
     model = with_blades_of_rig(Model.single(rig)).freed("R_m")
     with pytest.raises(InputError, match=r"no \[motor\] that .*governed = true"):
@@ -140,7 +140,7 @@ def test_equal_pulse_without_a_motor_is_refused() -> None:
     assert power.facts["power"] == "of the shafts: the rig describes no motor"
 
 
-def test_thrust_per_power_follows_from_thrust_and_torque() -> None:
+def test_thrust_per_power_follows_from_thrust_and_torque():
     """Blades lower the torque near the plate, so that it rises by more than thrust does."""
     for motor in (MOTOR, None):
         rig = bladed("pquad_single", motor)

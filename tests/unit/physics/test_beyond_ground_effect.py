@@ -11,7 +11,7 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 
 
-def test_neighbours_far_from_every_surface_take_thrust_only_while_they_turn() -> None:
+def test_neighbours_far_from_every_surface_take_thrust_only_while_they_turn():
     rig = rig_named("pquad")
     model = Model.single(rig).with_effect("rotor_interaction", share=0.02, reach=0.3)
     k = model.parameters["k"].value
@@ -24,7 +24,7 @@ def test_neighbours_far_from_every_surface_take_thrust_only_while_they_turn() ->
     assert model.thrust_N(together)[0] == pytest.approx(4.0 * k * 500.0**2 * (1.0 - lost))
 
 
-def test_a_room_takes_seven_per_cent_at_two_and_a_half_radii_and_none_far_away() -> None:
+def test_a_room_takes_seven_per_cent_at_two_and_a_half_radii_and_none_far_away():
     rig = rig_named("pquad_single")
     bare, model = Model.single(rig), Model.single(rig).with_effect("recirculation", share=0.07)
     z_m = np.array([0.5, 1.5, 2.5, 4.0, 60.0]) * rig.propulsion.radius_m
@@ -35,7 +35,7 @@ def test_a_room_takes_seven_per_cent_at_two_and_a_half_radii_and_none_far_away()
     assert left[4] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_forward_speed_washes_the_ground_effect_out_as_the_source_prints_it() -> None:
+def test_forward_speed_washes_the_ground_effect_out_as_the_source_prints_it():
     rig = rig_named("pquad_single")
     model = Model.single(rig).with_effect("forward_speed", strength=1.0, hover_inflow_m_s=5.0)
     speeds = np.array([0.0, 2.0, 5.0, 20.0])

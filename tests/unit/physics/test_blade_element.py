@@ -54,7 +54,7 @@ def speed_at_voltage(kappa: float) -> float:
     return float(brentq(surplus, 1.0, VOLTAGE * per_volt, xtol=1e-12))
 
 
-def test_a_free_rotor_has_the_worked_coefficients() -> None:
+def test_a_free_rotor_has_the_worked_coefficients():
     c_T, c_Q = coefficients(1.0)
     assert (round(c_T, 6), round(c_Q, 6)) == (0.012489, 0.001362)
     assert round(inflow_response(BLADE), 4) == 0.9016
@@ -62,7 +62,7 @@ def test_a_free_rotor_has_the_worked_coefficients() -> None:
 
 
 @pytest.mark.parametrize("row", TABLE, ids=lambda row: f"z/R {row[0]}")
-def test_every_basis_gives_the_worked_ratio(row: tuple[float, ...]) -> None:
+def test_every_basis_gives_the_worked_ratio(row):
     z, G, kappa, thrust, torque, at_power, speed, at_pulse, _ = row
     law = single_rotor_factor(1.0, z)
     inflow = inflow_at_equal_thrust(law)
@@ -79,13 +79,13 @@ def test_every_basis_gives_the_worked_ratio(row: tuple[float, ...]) -> None:
 
 @pytest.mark.parametrize("G", [1.02, 1.3333, 2.0, 5.0])
 @pytest.mark.parametrize("m", [0.1, 0.9, 2.5])
-def test_without_profile_drag_equal_shaft_power_is_the_law(G: float, m: float) -> None:
+def test_without_profile_drag_equal_shaft_power_is_the_law(G, m):
     kappa = inflow_at_equal_thrust(G)
     t, q = thrust_at_equal_speed(kappa, m), torque_at_equal_speed(kappa, m, 0.0)
     assert t * q ** (-2.0 / 3.0) == pytest.approx(G, rel=1e-13)
 
 
-def test_a_pulse_holds_what_the_motor_equation_says() -> None:
+def test_a_pulse_holds_what_the_motor_equation_says():
     """Kv^2 Rm alone matters: the voltage and the current without load drop out."""
     slope, kappa = torque_per_speed(MOTOR), 0.7
     assert slope is not None
@@ -99,7 +99,7 @@ def test_a_pulse_holds_what_the_motor_equation_says() -> None:
     assert torque_per_speed(None) is None
 
 
-def test_a_law_past_its_pole_stops_the_inflow() -> None:
+def test_a_law_past_its_pole_stops_the_inflow():
     """A fit may try a radius there: thrust stays finite, at 1 + m times the free one."""
     for factor in (np.inf, -3.0):
         kappa = inflow_at_equal_thrust(np.float64(factor))

@@ -30,7 +30,7 @@ def corner_area(x: float, y: float) -> float:
     return float(x * y + 0.5 * (x * u + y * v + np.arcsin(x) + np.arcsin(y) + 0.5 * np.pi))
 
 
-def test_half_plane_at_its_marks() -> None:
+def test_half_plane_at_its_marks():
     inside = np.array([-5.0, -0.2, 0.0, 0.1, 0.2, 9.0])
     third = 1.0 - (np.arccos(0.5) - 0.5 * np.sqrt(0.75)) / np.pi
     np.testing.assert_allclose(
@@ -41,9 +41,7 @@ def test_half_plane_at_its_marks() -> None:
 
 
 @given(lengths, lengths, radii, lengths, lengths, lengths, lengths)
-def test_rectangle_agrees_with_the_corner_formula(
-    x: float, y: float, radius: float, a: float, b: float, c: float, d: float
-) -> None:
+def test_rectangle_agrees_with_the_corner_formula(x, y, radius, a, b, c, d):
     (x1, x2), (y1, y2) = sorted((a, b)), sorted((c, d))
     u1, u2, v1, v2 = (x1 - x) / radius, (x2 - x) / radius, (y1 - y) / radius, (y2 - y) / radius
     area = corner_area(u2, v2) - corner_area(u1, v2) - corner_area(u2, v1) + corner_area(u1, v1)
@@ -54,12 +52,12 @@ def test_rectangle_agrees_with_the_corner_formula(
 @pytest.mark.parametrize(
     ("arm_m", "percent"), [(0.20, "50"), (0.225, "63"), (0.255, "78"), (0.283, "90")]
 )
-def test_front_disc_over_the_obstacle_in_case_2(arm_m: float, percent: str) -> None:
+def test_front_disc_over_the_obstacle_in_case_2(arm_m, percent):
     """Compare the study's figures: body at x = 2.8, edge at 3.0, R = 0.12."""
     assert f"{100.0 * half_plane_coverage(2.8 + arm_m - 3.0, 0.12):.0f}" == percent
 
 
-def test_coverage_of_every_rotor_follows_the_plate() -> None:
+def test_coverage_of_every_rotor_follows_the_plate():
     x, y = np.array([0.225, 0.0, -0.225, 0.0]), np.array([0.0, 0.225, 0.0, -0.225])
     centred = plate_coverages(x, y, 0.12, (1.0, 1.0))
     np.testing.assert_array_equal(centred, np.ones(4))

@@ -58,7 +58,7 @@ def areas(x, y, out):
     out[1] = rectangle_coverage(x, y, 0.12, -0.1, 0.3, -0.04, 0.5)
 
 
-def test_compiled_loops_and_arrays_give_the_same_numbers(rng: np.random.Generator) -> None:
+def test_compiled_loops_and_arrays_give_the_same_numbers(rng):
     numba = pytest.importorskip("numba")
     compile_expressions()
     compile_expressions()
@@ -81,7 +81,7 @@ def test_compiled_loops_and_arrays_give_the_same_numbers(rng: np.random.Generato
     np.testing.assert_allclose(alone, whole, rtol=0, atol=1e-14)
 
 
-def test_expressions_are_branch_free() -> None:
+def test_expressions_are_branch_free():
     for info in pkgutil.iter_modules(benchtool.physics.__path__, "benchtool.physics."):
         import_module(info.name)
     own = [f for f in recorded_expressions() if f.__module__.startswith("benchtool.physics.")]
@@ -111,7 +111,7 @@ class Lent(NamedTuple):
     two: Two = Two()
 
 
-def test_a_compiled_loop_writes_to_borrowed_arrays_without_counting_references() -> None:
+def test_a_compiled_loop_writes_to_borrowed_arrays_without_counting_references():
     numba = pytest.importorskip("numba")
     compile_expressions()
     like = Lent()

@@ -70,13 +70,13 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_joined_hooks_equal_the_written_out_expression(name: str) -> None:
+def test_joined_hooks_equal_the_written_out_expression(name):
     joined, expected = CASES[name]
     for i in range(3):
         assert joined(i, FLOW, P) == expected(i, FLOW, P)
 
 
-def test_a_compiled_loop_gives_the_same_numbers() -> None:
+def test_a_compiled_loop_gives_the_same_numbers():
     numba = pytest.importorskip("numba")
     compiling.compile_expressions()
     total = each(3, expression(lambda i, flow, p: summed(TERMS)(i, flow, p)))
@@ -127,7 +127,7 @@ def in_a_process(folder: Path) -> list[list[str]]:
     return [line.split() for line in found.stdout.splitlines()]
 
 
-def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
+def test_a_second_process_compiles_nothing(tmp_path):
     """Two closures of one source line are told apart by their keys."""
     pytest.importorskip("numba")
     first, second = in_a_process(tmp_path), in_a_process(tmp_path)

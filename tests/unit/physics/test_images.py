@@ -34,22 +34,20 @@ def square(spacing: float) -> np.ndarray:
 
 
 @given(radii, st.floats(0.3, 12.0))
-def test_one_rotor_is_equation_2(radius: float, ratio: float) -> None:
+def test_one_rotor_is_equation_2(radius, ratio):
     general = multirotor_factors(radius, ratio * radius, [1.0], np.zeros((1, 2)))
     assert general[0] == pytest.approx(single_rotor_factor(radius, ratio * radius), rel=1e-12)
 
 
 @given(radii, ratios, spacings)
-def test_four_rotors_are_equation_3(radius: float, ratio: float, spacing: float) -> None:
+def test_four_rotors_are_equation_3(radius, ratio, spacing):
     z, d = ratio * radius, spacing * radius
     general = multirotor_factors(radius, z, np.ones(4), square(d))
     np.testing.assert_allclose(general, quad_factor(radius, z, d), rtol=1e-12)
 
 
 @given(radii, ratios, spacings, lifts)
-def test_four_rotors_with_body_are_equation_4_in_both_readings(
-    radius: float, ratio: float, spacing: float, K_b: float
-) -> None:
+def test_four_rotors_with_body_are_equation_4_in_both_readings(radius, ratio, spacing, K_b):
     z, d = ratio * radius, spacing * radius
     for reading, b in (("half_diagonal", d / ROOT2), ("diagonal", d * ROOT2)):
         sums = denominator_sums(radius, z, np.ones(4), square(d), K_b, 1.0, reading)
@@ -58,7 +56,7 @@ def test_four_rotors_with_body_are_equation_4_in_both_readings(
 
 
 @given(radii, ratios, spacings)
-def test_three_rotors_are_four_with_one_off(radius: float, ratio: float, spacing: float) -> None:
+def test_three_rotors_are_four_with_one_off(radius, ratio, spacing):
     z, d = ratio * radius, spacing * radius
     on = np.array([1.0, 1.0, 1.0, 0.0])
     general = multirotor_factors(radius, z, on, square(d))[:3]
@@ -69,26 +67,26 @@ def test_three_rotors_are_four_with_one_off(radius: float, ratio: float, spacing
 
 
 @given(radii, st.floats(0.3, 12.0))
-def test_own_image_is_the_image_at_no_distance(radius: float, ratio: float) -> None:
+def test_own_image_is_the_image_at_no_distance(radius, ratio):
     z = ratio * radius
     own = radius * radius * image_velocity(z, z, 0.0)
     assert own == pytest.approx((radius / (4.0 * z)) ** 2, rel=1e-14)
     assert radius * radius * self_image(z) == pytest.approx(own, rel=1e-14)
 
 
-def test_far_from_the_plate_there_is_no_ground_effect() -> None:
+def test_far_from_the_plate_there_is_no_ground_effect():
     for z in (1e3, 1e6):
         factor = quad_body_lift_factor(0.12, z, 0.318, 0.225, 2.0)
         assert 1.0 <= factor < 1.0 + 13.0 * (0.12 / (4.0 * z)) ** 2
 
 
-def test_rotors_far_apart_are_single_rotors() -> None:
+def test_rotors_far_apart_are_single_rotors():
     single = single_rotor_factor(0.12, 0.12)
     assert quad_factor(0.12, 0.12, 1e4) == pytest.approx(single, rel=1e-12)
     assert quad_body_lift_factor(0.12, 0.12, 1e4, 1e4, 2.0) == pytest.approx(single, rel=1e-12)
 
 
-def test_coincident_rotors_add_four_times() -> None:
+def test_coincident_rotors_add_four_times():
     z = 0.3
     assert 1.0 - 1.0 / quad_factor(0.12, z, 0.0) == pytest.approx(
         4.0 * (0.12 / (4.0 * z)) ** 2, rel=1e-12
@@ -96,7 +94,7 @@ def test_coincident_rotors_add_four_times() -> None:
 
 
 @given(st.floats(0.05, 2.0))
-def test_a_neighbour_counts_most_at_its_distance_over_two_root_two(distance: float) -> None:
+def test_a_neighbour_counts_most_at_its_distance_over_two_root_two(distance):
     best = distance / (2.0 * ROOT2)
     z = best * np.linspace(0.5, 2.0, 301)
     assert image_velocity(z, z, distance).max() <= image_velocity(best, best, distance)
@@ -105,23 +103,21 @@ def test_a_neighbour_counts_most_at_its_distance_over_two_root_two(distance: flo
 
 
 @given(radii, ratios, spacings)
-def test_factors_fall_with_height_beyond_the_neighbours(
-    radius: float, ratio: float, spacing: float
-) -> None:
+def test_factors_fall_with_height_beyond_the_neighbours(radius, ratio, spacing):
     z, d = (ratio + 1.0) * radius, spacing * radius
     lower, higher = quad_factor(radius, z, d), quad_factor(radius, 1.01 * z, d)
     assert lower > higher > 1.0
 
 
 @given(st.floats(1.0, 3.0), st.floats(0.0, 1.0))
-def test_the_increment_is_linear_in_the_covered_area(factor: float, area: float) -> None:
+def test_the_increment_is_linear_in_the_covered_area(factor, area):
     assert partial_factor(factor, 0.0) == 1.0
     assert partial_factor(factor, 1.0) == pytest.approx(factor, rel=1e-15)
     got = partial_factor(factor, area) - 1.0
     assert got == pytest.approx(area * (factor - 1.0), abs=1e-15)
 
 
-def test_the_sources_of_the_body_term_for_any_layout() -> None:
+def test_the_sources_of_the_body_term_for_any_layout():
     x, y = np.array([0.3, -0.1, 0.0]), np.array([0.4, 0.0, -0.2])
     np.testing.assert_allclose(body_images(x, y), [x, y, [0.5, 0.1, 0.2]])
     np.testing.assert_allclose(body_images(x, y, "diagonal"), [2.0 * x, 2.0 * y, [1.0, 0.2, 0.4]])

@@ -22,7 +22,7 @@ def visits(levels: list[float], places_m: list[float], elapsed_s: list[float]) -
     return load_directions(times, np.array(elapsed_s), place, np.array(levels))
 
 
-def test_a_plate_that_moves_and_a_tare_unload_the_cell() -> None:
+def test_a_plate_that_moves_and_a_tare_unload_the_cell():
     levels = [2.0, 3.0, 1.0, 1.001, 3.0, 2.0, 1.5, 0.0, 1.0]
     places = [0.1, 0.1, 0.1, 0.1, 0.2, 0.2, 0.2, 0.2, 0.2]
     since_tare = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1.0, 2.0, 3.0]
@@ -42,7 +42,7 @@ def recording(*more: tuple[Channel, np.ndarray]) -> Recording:
     )
 
 
-def test_the_order_of_a_run_tells_the_direction_and_a_column_goes_first() -> None:
+def test_the_order_of_a_run_tells_the_direction_and_a_column_goes_first():
     point = (Channel("point", "1"), np.array([1.0, 2.0, 3.0]))
     stated = (Channel("load_direction", "1"), np.array([-1.0, np.nan, 1.0]))
     assert Conditions.from_recording(recording(point), RIG).load_direction.tolist() == [1, 1, -1]
@@ -54,7 +54,7 @@ def test_the_order_of_a_run_tells_the_direction_and_a_column_goes_first() -> Non
     assert not Conditions.from_recording(recording(), RIG).load_direction.any()
 
 
-def test_the_way_down_reads_twice_the_half_width_more_and_a_tare_row_zero() -> None:
+def test_the_way_down_reads_twice_the_half_width_more_and_a_tare_row_zero():
     model = Model.single(RIG).with_effect("load_cell_hysteresis", half_width_N=0.1)
     conditions = Conditions.of(
         RIG,

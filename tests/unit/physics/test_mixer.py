@@ -14,7 +14,7 @@ K, C, ARM = 1.2e-5, 1.8e-7, 0.225
 ROWS = {row: number for number, row in enumerate(WRENCH)}
 
 
-def test_moments_are_arm_times_force(rng: np.random.Generator) -> None:
+def test_moments_are_arm_times_force(rng):
     """Compare with the cross product r x F and with drag opposing the spin."""
     n = 7
     x, y = rng.uniform(-0.5, 0.5, (2, n))
@@ -39,9 +39,7 @@ def test_moments_are_arm_times_force(rng: np.random.Generator) -> None:
     ],
 )
 @pytest.mark.parametrize(("rig_name", "ring"), [("pquad", ""), ("amuse", "_upper")])
-def test_every_row_of_the_paper_s_vehicles_is_equation_9(
-    rig_name: str, ring: str, row: str, signs: dict[str, int]
-) -> None:
+def test_every_row_of_the_paper_s_vehicles_is_equation_9(rig_name, ring, row, signs):
     """Axes x forward, y left, z up, rotor 1 in front; of coaxial pairs the upper rotors."""
     rig = rig_named(rig_name)
     rotors = [place for place in rig.rotors if place.name.endswith(ring)]

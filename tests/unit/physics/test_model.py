@@ -20,7 +20,7 @@ Z_M = np.array([0.06, 0.12, 0.18, 0.24, 0.36, 0.6])
 SPEEDS = np.full((4, 1), 576.0)
 
 
-def test_it_is_eq_2_3_and_4_for_the_quadrotor() -> None:
+def test_it_is_eq_2_3_and_4_for_the_quadrotor():
     rig = rig_named("pquad")
     radius, spacing = rig.propulsion.radius_m, rig.disc_distances_m[0, 1]
     conditions = Conditions.of(rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
@@ -38,7 +38,7 @@ def test_it_is_eq_2_3_and_4_for_the_quadrotor() -> None:
         np.testing.assert_allclose(model.thrust_N(conditions), thrust, rtol=1e-12)
 
 
-def test_coaxial_rotors_count_as_one_disc() -> None:
+def test_coaxial_rotors_count_as_one_disc():
     rig = rig_named("amuse")
     z = np.array([1.0, 2.0]) * rig.propulsion.radius_m
     conditions = Conditions.of(rig, speed_rad_s=np.full((8, 1), 400.0), plate_z_m=z)
@@ -50,7 +50,7 @@ def test_coaxial_rotors_count_as_one_disc() -> None:
     )
 
 
-def test_area_factors_follow_their_shares() -> None:
+def test_area_factors_follow_their_shares():
     assert factors([0.25, 1.0 / 3.0, 0.5]) == pytest.approx((0.25, 0.5, 0.75))
     model = load_model("partial_area").model
     radius = model.rig.propulsion.radius_m
@@ -68,7 +68,7 @@ def test_area_factors_follow_their_shares() -> None:
     np.testing.assert_allclose(increment / full, factors([0.5, 0.2, 0.5]), rtol=1e-12)
 
 
-def test_effects_before_the_speed_act_only_on_speeds_that_were_not_measured() -> None:
+def test_effects_before_the_speed_act_only_on_speeds_that_were_not_measured():
     rig = rig_named("pquad")
     model = Model.single(rig).with_effect("battery_sag", rate_per_s=0.001)
     common = {"speed_rad_s": SPEEDS, "plate_z_m": Z_M, "time_s": 100.0}
@@ -79,7 +79,7 @@ def test_effects_before_the_speed_act_only_on_speeds_that_were_not_measured() ->
     )
 
 
-def test_conditions_come_from_rpm_or_else_from_pulses() -> None:
+def test_conditions_come_from_rpm_or_else_from_pulses():
     rig = rig_named("pquad_single")
     pulse = Channel("pwm1_us", "pwm_us")
     rpm = Channel("rpm1", "rpm")

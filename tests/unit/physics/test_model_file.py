@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
+from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.parameter import Prior
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model, model_from_toml, model_names, model_to_toml
@@ -16,7 +16,7 @@ HEAD = "[model]\nname = 'x'\nrig = 'pquad'\n"
 
 
 @pytest.mark.parametrize("name", model_names())
-def test_a_shipped_model_reads_back_the_same(name: str) -> None:
+def test_a_shipped_model_reads_back_the_same(name):
     loaded = load_model(name)
     again = model_from_toml(model_to_toml(loaded), "again.toml")
     assert dict(again.model.parameters) == dict(loaded.model.parameters)
@@ -38,7 +38,7 @@ def test_a_shipped_model_reads_back_the_same(name: str) -> None:
     assert np.array_equal(again.model.thrust_N(conditions), loaded.model.thrust_N(conditions))
 
 
-def test_a_prior_bounds_and_tolerance_survive_the_file() -> None:
+def test_a_prior_bounds_and_tolerance_survive_the_file():
     loaded = load_model("quad_body_lift")
     item = replace(
         loaded.model.parameters["body_lift.K_b"],
@@ -81,6 +81,6 @@ def test_a_prior_bounds_and_tolerance_survive_the_file() -> None:
         ),
     ],
 )
-def test_what_is_wrong_is_said(text: str, error: type[InputError], words: str) -> None:
+def test_what_is_wrong_is_said(text, error, words):
     with pytest.raises(error, match=words):
         model_from_toml(text, "x.toml")

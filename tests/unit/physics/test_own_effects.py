@@ -74,15 +74,13 @@ def written(folder: Path, text: str, name: str = "mine.py") -> str:
         (GOOD.replace(", tolerance=0.002", ""), "has no tolerance"),
     ],
 )
-def test_what_cannot_be_used_is_refused_with_its_reason(
-    tmp_path: Path, text: str, said: str
-) -> None:
+def test_what_cannot_be_used_is_refused_with_its_reason(tmp_path, text, said):
     with pytest.raises(InputError, match=said) as refused:
         own_effects(written(tmp_path, text), allow)
     assert "\n" not in str(refused.value)
 
 
-def test_a_model_file_brings_its_own_effects_along(tmp_path: Path) -> None:
+def test_a_model_file_brings_its_own_effects_along(tmp_path):
     written(tmp_path, GOOD)
     model = tmp_path / "model.toml"
     model.write_text(

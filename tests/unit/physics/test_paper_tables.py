@@ -52,7 +52,7 @@ def check_row(values: list[float], printed: list[str]) -> None:
 
 
 @pytest.mark.parametrize("row", rows(tables.PQUAD), ids=lambda r: r[0])
-def test_factors_of_pquad(row: list[str]) -> None:
+def test_factors_of_pquad(row):
     z, d = float(row[0]) * PQUAD_R, 0.318
     three = [
         f(PQUAD_R, z, d)
@@ -62,13 +62,13 @@ def test_factors_of_pquad(row: list[str]) -> None:
 
 
 @pytest.mark.parametrize("row", rows(tables.OTHER_SPACINGS), ids=lambda r: r[0])
-def test_factors_at_other_spacings(row: list[str]) -> None:
+def test_factors_at_other_spacings(row):
     z = float(row[0]) * PQUAD_R
     check_row([value for d in (0.27, 0.36, 0.40) for value in quads(PQUAD_R, z, d)], row[1:])
 
 
 @pytest.mark.parametrize("row", rows(tables.THREE_ROTORS_036), ids=lambda r: r[0])
-def test_factors_of_three_rotors(row: list[str]) -> None:
+def test_factors_of_three_rotors(row):
     """Go by the general sum with the fourth rotor off; the closed forms are compared elsewhere."""
     height = float(row[0]) * PQUAD_R
     on = np.array([1.0, 1.0, 1.0, 0.0])
@@ -78,7 +78,7 @@ def test_factors_of_three_rotors(row: list[str]) -> None:
 
 
 @pytest.mark.parametrize("row", rows(tables.AMUSE), ids=lambda r: r[0])
-def test_factors_of_amuse(row: list[str]) -> None:
+def test_factors_of_amuse(row):
     z, d = float(row[0]) * AMUSE_R, 0.60
     angle = 0.25 * np.pi * np.arange(8)
     ring = 0.60 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -90,7 +90,7 @@ def test_factors_of_amuse(row: list[str]) -> None:
 
 
 @pytest.mark.parametrize("row", rows(tables.POLES), ids=lambda r: f"d={r[1]}")
-def test_where_the_denominators_vanish(row: list[str]) -> None:
+def test_where_the_denominators_vanish(row):
     radius, d = float(row[0]), float(row[1])
     poles = [
         pole_z_over_R(radius, np.zeros((1, 2))),
@@ -108,7 +108,7 @@ def test_where_the_denominators_vanish(row: list[str]) -> None:
 
 
 @pytest.mark.parametrize("row", rows(tables.WALL_MOMENT), ids=lambda r: f"z/R={r[0]} K_b={r[1]}")
-def test_moment_at_the_edge_of_an_obstacle(row: list[str]) -> None:
+def test_moment_at_the_edge_of_an_obstacle(row):
     layout = plus_layout(0.225)
     positions = np.stack([layout.x_m, layout.y_m], axis=1)
     centre = np.array(tables.WALL_X_M)
@@ -135,7 +135,7 @@ def restoring_mNm(rig_name: str, z_over_R: float, tilt_deg: float, reading: str)
 
 
 @pytest.mark.parametrize("row", rows(tables.RESTORING_PQUAD), ids=lambda r: r[0])
-def test_restoring_moment_of_pquad(row: list[str]) -> None:
+def test_restoring_moment_of_pquad(row):
     cases = [
         (2, "images"), (5, "images"), (10, "images"), (5, "images_diagonal"),
         (10, "images_diagonal"), (5, "rotors_only"), (10, "rotors_only"), (5, "vertical"),
@@ -145,7 +145,7 @@ def test_restoring_moment_of_pquad(row: list[str]) -> None:
 
 
 @pytest.mark.parametrize("row", rows(tables.RESTORING_OWN_HEIGHT), ids=lambda r: r[0])
-def test_restoring_moment_by_own_height(row: list[str]) -> None:
+def test_restoring_moment_by_own_height(row):
     """The notes print this reading for T = m g/(4 cos(tilt))."""
     values = [
         restoring_mNm("pquad", float(row[0]), tilt, "own_height") / np.cos(np.radians(tilt))
@@ -154,7 +154,7 @@ def test_restoring_moment_by_own_height(row: list[str]) -> None:
     check_row(values, row[1:])
 
 
-def test_moments_at_twice_the_radius_and_ten_degrees() -> None:
+def test_moments_at_twice_the_radius_and_ten_degrees():
     """With either thrust: m g/4 of each rotor, and m g/(4 cos(tilt))."""
     for reading, printed in (
         ("images", ["19.2", "19.5"]),
@@ -167,12 +167,12 @@ def test_moments_at_twice_the_radius_and_ten_degrees() -> None:
 
 
 @pytest.mark.parametrize("row", rows(tables.RESTORING_AMUSE), ids=lambda r: r[0])
-def test_restoring_moment_of_amuse(row: list[str]) -> None:
+def test_restoring_moment_of_amuse(row):
     values = [restoring_mNm("amuse", float(row[0]), tilt, "images") for tilt in (5, 10)]
     check_row(values, row[1:])
 
 
-def test_restoring_moment_of_amuse_by_rotors_only() -> None:
+def test_restoring_moment_of_amuse_by_rotors_only():
     values = [restoring_mNm("amuse", 2.0, tilt, "rotors_only") for tilt in (5, 10)]
     check_row(values, ["139", "286"])
     authority = 1e3 * ATTITUDE.hover_authority_Nm(rig_named("amuse"))
@@ -180,7 +180,7 @@ def test_restoring_moment_of_amuse_by_rotors_only() -> None:
 
 
 @pytest.mark.parametrize("row", rows(tables.AUTHORITY_PERCENT), ids=lambda r: r[0])
-def test_restoring_moment_against_control_authority(row: list[str]) -> None:
+def test_restoring_moment_against_control_authority(row):
     authority = 1e3 * ATTITUDE.hover_authority_Nm(rig_named("pquad"))
     check_row([authority], ["1545"])
     for tilt, printed in zip((5, 10), row[1:], strict=True):
@@ -192,21 +192,19 @@ def test_restoring_moment_against_control_authority(row: list[str]) -> None:
 @pytest.mark.parametrize(
     ("tilt_deg", "percent", "least"), [(5.0, 5.0, 1.01), (10.0, 5.0, 1.27), (10.0, 8.0, 1.12)]
 )
-def test_from_which_height_on_a_tilt_is_not_considerable(
-    tilt_deg: float, percent: float, least: float
-) -> None:
+def test_from_which_height_on_a_tilt_is_not_considerable(tilt_deg, percent, least):
     limit = 10.0 * percent * ATTITUDE.hover_authority_Nm(rig_named("pquad"))
     moments = [restoring_mNm("pquad", z, tilt_deg, "images") for z in (least - 0.01, least)]
     assert moments[0] > limit > moments[1]
 
 
-def test_stiffness_of_the_restoring_moment() -> None:
+def test_stiffness_of_the_restoring_moment():
     small = np.radians(0.01)
     moments = [restoring_mNm("pquad", 2.0, 0.01, name) for name in ("images", "rotors_only")]
     check_row([1e-3 * moment / small for moment in moments], ["0.108", "0.088"])
 
 
-def test_moment_of_one_fully_covered_rotor() -> None:
+def test_moment_of_one_fully_covered_rotor():
     """Compare the pitch bench's M_s: one rotor over the plate at z/R = 2."""
     for radius, arm, mass, printed in ((PQUAD_R, 0.225, 1.4, "12.3"), (AMUSE_R, 0.45, 12.0, "210")):
         increment = single_rotor_factor(radius, 2.0 * radius) - 1.0

@@ -29,9 +29,7 @@ def factors(model: Model, **place: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("plate_x_m", [0.0, 0.3, -0.3])
-def test_a_single_rotor_sees_tilt_through_the_plates_lateral_position_and_its_cosine(
-    plate_x_m: float,
-) -> None:
+def test_a_single_rotor_sees_tilt_through_the_plates_lateral_position_and_its_cosine(plate_x_m):
     height_m = 0.2 * np.cos(0.1) + plate_x_m * np.sin(0.1)
     expected = 1.0 / (1.0 - np.cos(0.1) * (0.12 / (4.0 * height_m)) ** 2)
     model = Model.single(rig_named("pquad_single")).with_effect("plate_tilt", angle_rad=0.1)
@@ -40,9 +38,7 @@ def test_a_single_rotor_sees_tilt_through_the_plates_lateral_position_and_its_co
 
 @pytest.mark.parametrize("plate_x_m", [0.0, 0.3, -0.3])
 @pytest.mark.parametrize("commanded_rad", [0.0, 0.04])
-def test_a_commanded_tilt_and_the_effect_pivot_about_one_point(
-    plate_x_m: float, commanded_rad: float
-) -> None:
+def test_a_commanded_tilt_and_the_effect_pivot_about_one_point(plate_x_m, commanded_rad):
     whole, model = np.radians(5.0), load_model("quad_body_lift").model
     told = factors(model, plate_x_m=plate_x_m, plate_tilt_rad=whole)
     unnoticed = model.with_effect("plate_tilt", angle_rad=whole - commanded_rad)

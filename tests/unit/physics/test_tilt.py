@@ -52,7 +52,7 @@ def factors(model: Model, conditions: Conditions) -> np.ndarray:
         ("own_height", ["1.2031", "1.1528", "1.1185"]),
     ],
 )
-def test_factors_of_the_notes_at_ten_degrees(rule: str, printed: list[str]) -> None:
+def test_factors_of_the_notes_at_ten_degrees(rule, printed):
     front, left, rear, right = factors(quad(rule), over(0.24, TILTED))
     assert [f"{value:.4f}" for value in (front, left, rear)] == printed
     assert right == pytest.approx(left, rel=1e-15)
@@ -61,9 +61,7 @@ def test_factors_of_the_notes_at_ten_degrees(rule: str, printed: list[str]) -> N
 @pytest.mark.parametrize("covered", [(1.0,) * 4, (1.0, 0.6, 0.1, 0.3)])
 @pytest.mark.parametrize("reading", ["half_diagonal", "diagonal"])
 @pytest.mark.parametrize("rule", ["axis", "vertical"])
-def test_it_is_the_method_of_images_with_vectors(
-    rule: str, reading: str, covered: tuple[float, ...]
-) -> None:
+def test_it_is_the_method_of_images_with_vectors(rule, reading, covered):
     weight = max(0.0, (sum(covered) - 1.0) / 3.0)
     for z_m, tilt_rad in ((0.12, 0.1), (0.24, -0.2), (0.5, 0.3)):
         full = multirotor_factors(
@@ -76,9 +74,7 @@ def test_it_is_the_method_of_images_with_vectors(
 
 @pytest.mark.parametrize("rule", TILT_RULES)
 @pytest.mark.parametrize("free", [("plate_offset.dz_m",), ("plate_tilt.angle_rad",)])
-def test_a_prepared_model_gives_what_the_model_gives_under_tilt(
-    rule: str, free: tuple[str, ...]
-) -> None:
+def test_a_prepared_model_gives_what_the_model_gives_under_tilt(rule, free):
     model = quad(rule).with_effect("plate_offset", dz_m=0.004)
     model = model.with_effect("plate_tilt", angle_rad=0.02).freed(*free)
     m = 12
@@ -98,7 +94,7 @@ def test_a_prepared_model_gives_what_the_model_gives_under_tilt(
         )
 
 
-def test_every_law_of_distance_counts_along_the_rotor_axis() -> None:
+def test_every_law_of_distance_counts_along_the_rotor_axis():
     """For one rotor the denominator's term is the law's own, times the cosine."""
     bare = Model.single(rig_named("pquad_single")).without(OWN_IMAGES)
     for name, effect in EFFECTS.items():

@@ -34,12 +34,12 @@ def with_all(rig: Rig) -> Model:
     return model
 
 
-def test_on_the_beam_they_are_what_its_owner_named() -> None:
+def test_on_the_beam_they_are_what_its_owner_named():
     known = tolerances(with_all(rig_named("beam")), "pitch")
     assert {name: known[name] for name in ON_THE_BEAM} == pytest.approx(ON_THE_BEAM, rel=1e-12)
 
 
-def test_a_model_file_goes_first() -> None:
+def test_a_model_file_goes_first():
     text = """
 [model]
 name = "stated"

@@ -29,13 +29,11 @@ def taken(z_over_R: float, coverage: float = 1.0) -> float:
 @pytest.mark.parametrize(
     ("z_over_R", "ratio"), [(0.5, 0.26003), (1.0, 0.55119), (2.0, 0.83489), (4.0, 0.97766)]
 )
-def test_near_the_plate_it_is_the_recovery_of_leishmans_formula(
-    z_over_R: float, ratio: float
-) -> None:
+def test_near_the_plate_it_is_the_recovery_of_leishmans_formula(z_over_R, ratio):
     """Worked out by hand: 1 - 1.22 exp(-z/R)."""
     assert taken(z_over_R) == pytest.approx(0.1 * ratio, rel=1e-4)
 
 
-def test_beside_the_plate_nothing_is_recovered() -> None:
+def test_beside_the_plate_nothing_is_recovered():
     assert taken(0.5, coverage=0.0) == pytest.approx(0.1)
     assert taken(0.5, coverage=0.5) == pytest.approx(0.5 * (0.1 + taken(0.5)), rel=0.1)

@@ -9,7 +9,7 @@ from benchtool.report.figure import drawn
 from tests.unit.explain.hand_made import answer
 
 
-def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise() -> None:
+def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise():
     given = answer()
     (axes,) = drawn("answer", given, ["gap"])["gap"].figure.axes
     gaps = given.verdict.gaps
@@ -21,7 +21,7 @@ def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise() -> None:
     )
 
 
-def test_parameters_stand_beside_the_band_that_would_not_matter() -> None:
+def test_parameters_stand_beside_the_band_that_would_not_matter():
     given = answer("several")
     (axes,) = drawn("answer", given, ["parameters"])["parameters"].figure.axes
     assert axes.patches[0].get_gid() == "tolerance"

@@ -46,7 +46,7 @@ def written(folder: Path, name: str, recording: Recording) -> Path:
 
 
 @pytest.mark.parametrize("levels", [(2.0, 4.0, 6.0, 8.0), tuple(np.linspace(0.5, 9.0, 30))])
-def test_a_power_law_is_interpolated_exactly(tmp_path: Path, levels: tuple[float, ...]) -> None:
+def test_a_power_law_is_interpolated_exactly(tmp_path, levels):
     run = read_compared(written(tmp_path, "one", stand(6.0, levels)))
     got = at_thrust(run, 5.0).values
     assert got["power_W"][0] == pytest.approx(6.0 * 5.0**1.5)
@@ -54,7 +54,7 @@ def test_a_power_law_is_interpolated_exactly(tmp_path: Path, levels: tuple[float
     assert got["efficiency_gf_W"][0] == pytest.approx(5.0 / GF / (6.0 * 5.0**1.5))
 
 
-def test_the_error_is_what_the_scatter_makes_over_fixed_seeds(tmp_path: Path) -> None:
+def test_the_error_is_what_the_scatter_makes_over_fixed_seeds(tmp_path):
     levels, off, stated = np.linspace(0.5, 9.0, 30), [], []
     for seed in range(60):
         recording = stand(6.0, levels, noise=0.02, seed=seed)
@@ -74,7 +74,7 @@ def read_quantities(recording: Recording) -> tuple[object, ...]:
     return derive(recording, circumstances(None, None))
 
 
-def test_stated_errors_of_thrust_and_power_pass_into_the_efficiency(tmp_path: Path) -> None:
+def test_stated_errors_of_thrust_and_power_pass_into_the_efficiency(tmp_path):
     levels = (4.0, 5.0, 6.25)  # the middle one is at the thrust, so that weights are those of 1/3
     recording = stand(6.0, levels)
     for name, share in (("thrust_N", 0.01), ("current_A", 0.02), ("voltage_V", 0.0)):
@@ -86,7 +86,7 @@ def test_stated_errors_of_thrust_and_power_pass_into_the_efficiency(tmp_path: Pa
     assert sd / value == pytest.approx(hypot(0.02, 1.5 * 0.01) / 3.0**0.5, rel=1e-3)
 
 
-def test_runs_are_ranked_and_those_that_do_not_reach_the_thrust_are_named(tmp_path: Path) -> None:
+def test_runs_are_ranked_and_those_that_do_not_reach_the_thrust_are_named(tmp_path):
     levels = np.linspace(0.5, 9.0, 30)
     paths = [
         written(tmp_path, name, stand(factor, shown, noise=0.005, seed=place))
@@ -103,7 +103,7 @@ def test_runs_are_ranked_and_those_that_do_not_reach_the_thrust_are_named(tmp_pa
     assert float(table.rows[1][-2]) > 10.0
 
 
-def test_what_cannot_be_compared_is_refused_with_the_axes_that_can(tmp_path: Path) -> None:
+def test_what_cannot_be_compared_is_refused_with_the_axes_that_can(tmp_path):
     path = written(tmp_path, "one", stand(6.0, (1.0, 2.0)))
     with pytest.raises(InputError, match="choose --over thrust or rpm or power or throttle"):
         compared([path], "distance")
@@ -118,7 +118,7 @@ def test_what_cannot_be_compared_is_refused_with_the_axes_that_can(tmp_path: Pat
         compared([bare])
 
 
-def test_levels_are_the_steady_half_of_each_step_with_errors_of_their_means() -> None:
+def test_levels_are_the_steady_half_of_each_step_with_errors_of_their_means():
     pulse = np.repeat([1100.0, 1300.0, 1100.0], 8)
     thrust = np.tile([9.0, 9.0, 9.0, 9.0, 1.0, 2.0, 3.0, 4.0], 3)
     thrust[12:16] += 10.0
@@ -128,7 +128,7 @@ def test_levels_are_the_steady_half_of_each_step_with_errors_of_their_means() ->
     assert found.column("thrust_se_N") == pytest.approx(np.sqrt(5.0 / 3.0 / 4.0))
 
 
-def test_a_ramp_that_moves_all_the_time_is_cut_into_means_of_half_a_second() -> None:
+def test_a_ramp_that_moves_all_the_time_is_cut_into_means_of_half_a_second():
     time = np.arange(0.0, 4.0, 0.01)
     pulse = 1100.0 + 50.0 * np.floor(time / 0.05)
     found = levels_of(table(time_s=time, pwm1_us=pulse, thrust_N=pulse / 1000.0))
@@ -136,7 +136,7 @@ def test_a_ramp_that_moves_all_the_time_is_cut_into_means_of_half_a_second() -> 
     assert found.column("thrust_N") == pytest.approx(found.column("pwm1_us") / 1000.0)
 
 
-def test_a_sweep_is_what_it_is_away_from_the_plate_but_over_distance() -> None:
+def test_a_sweep_is_what_it_is_away_from_the_plate_but_over_distance():
     run = ROOT / "datasets" / "quad" / "run"
     away, near = read_compared(run), read_compared(run, "distance")
     assert away.away

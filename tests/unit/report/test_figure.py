@@ -20,7 +20,7 @@ class Subject:
 
 
 @pytest.fixture(autouse=True)
-def own_page(monkeypatch: pytest.MonkeyPatch) -> None:
+def own_page(monkeypatch):
     """Register on the page "fit", whose own figures are loaded and put aside."""
     registry.every_figure()
     monkeypatch.setattr(registry, "_FIGURES", {})
@@ -31,7 +31,7 @@ def line(figure: Figure, subject: Subject) -> None:
     figure.subplots().plot([0.0, 1.0])
 
 
-def test_texts_name_the_subject_and_the_stamp_is_its_own() -> None:
+def test_texts_name_the_subject_and_the_stamp_is_its_own():
     figure(page="fit", name="line", title="Line: {0.name}", caption="Of {0.name}.")(line)
     block = drawn("fit", Subject())["line"]
     assert block.figure.get_suptitle() == "Line: lab"
@@ -41,7 +41,7 @@ def test_texts_name_the_subject_and_the_stamp_is_its_own() -> None:
     assert SIMULATED_GID not in [text.get_gid() for text in measured.figure.texts]
 
 
-def test_a_name_is_taken_once_and_an_unknown_one_refused() -> None:
+def test_a_name_is_taken_once_and_an_unknown_one_refused():
     register = figure(page="fit", name="line", title="Line", caption="A line.")
     register(line)
     with pytest.raises(ValueError, match="page fit has a figure line already"):

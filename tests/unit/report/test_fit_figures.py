@@ -8,7 +8,7 @@ import pytest
 from benchtool.report.fit.residuals import expected_runs, judge_runs, runs_of_sign
 
 
-def test_runs_are_counted_and_judged() -> None:
+def test_runs_are_counted_and_judged():
     values = np.array([1.0, 2.0, -1.0, -2.0, -3.0, 0.5])
     assert runs_of_sign(values).tolist() == [2, -3, 1]
     # Three above, three below: 1 + 2*3*3/6 and 18 (18 - 6) / (36 * 5).
@@ -21,7 +21,7 @@ def test_runs_are_counted_and_judged() -> None:
     assert runs_of_sign(np.empty(0)).tolist() == []
 
 
-def test_the_expected_runs_are_those_of_independent_signs(rng: np.random.Generator) -> None:
+def test_the_expected_runs_are_those_of_independent_signs(rng):
     signs = np.repeat([1.0, -1.0], [12, 18])
     counts = [len(runs_of_sign(rng.permutation(signs))) for _ in range(400)]
     mean, sd = expected_runs(signs)

@@ -48,7 +48,7 @@ def report() -> Report:
     )
 
 
-def test_the_page_holds_what_it_was_given_with_markup_quoted() -> None:
+def test_the_page_holds_what_it_was_given_with_markup_quoted():
     page = render_report(report())
     for text in (
         "A plate &lt;sweep&gt; &amp; its fit",
@@ -65,7 +65,7 @@ def test_the_page_holds_what_it_was_given_with_markup_quoted() -> None:
     assert page.count('class="warnings"') == 1
 
 
-def test_the_page_shows_bidi_and_control_characters_escaped() -> None:
+def test_the_page_shows_bidi_and_control_characters_escaped():
     page = render_report(replace(report(), title="pquad\u202egnp", summary="a\x1b[2J"))
     assert "pquad\\u202egnp" in page
     assert "a\\x1b[2J" in page
@@ -73,14 +73,14 @@ def test_the_page_shows_bidi_and_control_characters_escaped() -> None:
     assert 'aria-label="First."' in page
 
 
-def test_simulated_data_is_said_at_the_top() -> None:
+def test_simulated_data_is_said_at_the_top():
     page = render_report(report())
     assert page.index("<strong>SIMULATED</strong>") < page.index("<h1>")
     physical = replace(report(), simulated=False, sections=())
     assert "SIMULATED" not in render_report(physical)
 
 
-def test_a_row_of_the_wrong_length_is_refused() -> None:
+def test_a_row_of_the_wrong_length_is_refused():
     with pytest.raises(InputError, match=r"'Some\.' has 2 columns, but a row of 1"):
         Table("Some.", ("name", "value"), [("a",)])
 
@@ -97,5 +97,5 @@ def test_a_row_of_the_wrong_length_is_refused() -> None:
         (0.0, 0.0, "0.0000 ± 0.0000"),
     ],
 )
-def test_numbers_have_the_digits_that_their_sd_allows(value: float, sd: float, text: str) -> None:
+def test_numbers_have_the_digits_that_their_sd_allows(value, sd, text):
     assert value_with_sd(value, sd) == text

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from benchtool.report.panels import broken_line, envelope
 
 
-def test_an_envelope_keeps_every_spike(rng: np.random.Generator) -> None:
+def test_an_envelope_keeps_every_spike(rng):
     time_s = np.arange(100_000) / 200.0
     values = rng.normal(size=time_s.size)
     values[rng.integers(0, values.size, 50_000)] = np.nan
@@ -21,7 +21,7 @@ def test_an_envelope_keeps_every_spike(rng: np.random.Generator) -> None:
     assert np.isfinite(thin).all()
 
 
-def test_a_short_signal_is_drawn_as_it_is_and_breaks_where_it_is_blank() -> None:
+def test_a_short_signal_is_drawn_as_it_is_and_breaks_where_it_is_blank():
     time_s, values = np.arange(5.0), np.array([1.0, np.nan, 3.0, 4.0, 5.0])
     shown_s, shown = envelope(time_s, values)
     assert shown_s.tolist() == [0.0, 2.0, 3.0, 4.0]

@@ -31,7 +31,7 @@ def error_bars(axes: Axes) -> list[ErrorbarContainer]:
     return [item for item in axes.containers if isinstance(item, ErrorbarContainer)]
 
 
-def test_every_point_has_its_bar_of_one_sd() -> None:
+def test_every_point_has_its_bar_of_one_sd():
     (bars,) = error_bars(drawn(points()))
     line, _, (stems,) = bars.lines
     assert np.array_equal(line.get_xdata(), AT)
@@ -39,7 +39,7 @@ def test_every_point_has_its_bar_of_one_sd() -> None:
     assert lengths == pytest.approx([0.02] * AT.size)
 
 
-def test_one_repeat_is_a_point_without_a_bar() -> None:
+def test_one_repeat_is_a_point_without_a_bar():
     sd = np.array([0.01, np.nan, 0.01, 0.01, 0.01])
     axes = drawn(RatioPoints(AT, np.linspace(1.4, 1.0, 5), sd, "rotor"))
     (bars,) = error_bars(axes)
@@ -49,7 +49,7 @@ def test_one_repeat_is_a_point_without_a_bar() -> None:
     assert np.isfinite(axes.get_ylim()).all()
 
 
-def test_curves_stop_at_the_validity_limit_which_is_hatched() -> None:
+def test_curves_stop_at_the_validity_limit_which_is_hatched():
     axes = drawn(curves=(Curve(Z, FACTOR, "PFI"),))
     (line,) = [item for item in axes.lines if item.get_label() == "PFI"]
     assert min(np.asarray(line.get_xdata())) >= 0.5

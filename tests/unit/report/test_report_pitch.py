@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,7 +34,7 @@ KNOWN = {"controller": "pid", "gains": "s3"}
 
 
 @pytest.fixture(scope="module")
-def flown() -> Recording:
+def flown():
     """Fly 12 s with a step of the reference and the plate under rotor 1 from 6 to 9 s."""
     model = load_model(MODEL).model
     control = pitch_controller("pid", gains_named("s3"))
@@ -53,7 +52,7 @@ def flown() -> Recording:
 
 
 @pytest.fixture(scope="module")
-def log(flown: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def log(flown, tmp_path_factory):
     """Write the same flight as an ArduPilot log, import it with its window, and return that."""
     records: list[Record] = [("PARM", (0, b"SERVO1_FUNCTION", 33.0, 0.0))]
     records += [("PARM", (0, f"SERVO{k + 1}_FUNCTION".encode(), 33.0 + k, 0.0)) for k in (1, 2, 3)]
@@ -75,7 +74,7 @@ def log(flown: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_a_track_holds_the_flight_on_an_even_clock(flown: Recording, log: Path) -> None:
+def test_a_track_holds_the_flight_on_an_even_clock(flown, log):
     track = pitch_track(read_recording(log))
     assert track.rate_Hz == pytest.approx(250.0, rel=1e-3)
     assert np.allclose(np.diff(track.time_s), 1.0 / track.rate_Hz)
@@ -88,7 +87,7 @@ def test_a_track_holds_the_flight_on_an_even_clock(flown: Recording, log: Path) 
     assert track.rotors_over(first, last) == [1]
 
 
-def test_logged_pulses_drive_the_plant_to_what_was_recorded(log: Path) -> None:
+def test_logged_pulses_drive_the_plant_to_what_was_recorded(log):
     track = pitch_track(read_recording(log))
     run, warned = replayed(track, Beside(model=MODEL, plate_z_m=0.12), {})
     assert run is not None
@@ -109,7 +108,7 @@ def test_logged_pulses_drive_the_plant_to_what_was_recorded(log: Path) -> None:
     )
 
 
-def test_a_known_controller_flies_the_same_reference_and_windows(flown: Recording) -> None:
+def test_a_known_controller_flies_the_same_reference_and_windows(flown):
     track = pitch_track(flown)
     run, _ = replayed(track, Beside(model=MODEL), KNOWN)
     assert run is not None
@@ -123,7 +122,7 @@ def test_a_known_controller_flies_the_same_reference_and_windows(flown: Recordin
     assert abs(np.median(run.pwm_us) - np.median(track.pwm_us)) < 3.0
 
 
-def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log: Path) -> None:
+def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log):
     assert kind_of(log) == "recording"
     page = page_text([log], Beside(model=MODEL, rig="pquad", plate_z_m=0.12))
     check_self_contained(page)
@@ -145,7 +144,7 @@ def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log: Pat
     assert [cells[3] for cells in findings] == [item["words"] for item in told["findings"]]
 
 
-def test_what_is_missing_is_said_and_the_log_is_drawn_all_the_same(log: Path) -> None:
+def test_what_is_missing_is_said_and_the_log_is_drawn_all_the_same(log):
     with pytest.raises(InputError, match=r"does not say which rig .* name it with --rig"):
         page_text([log], Beside(model=MODEL, plate_z_m=0.12))
     text = words_of(page_text([log], Beside(model=MODEL, rig="pquad")))
@@ -158,7 +157,7 @@ def test_what_is_missing_is_said_and_the_log_is_drawn_all_the_same(log: Path) ->
         page_text([log], Beside(model=MODEL, rig="pquad", controller="pid", plate_z_m=0.12))
 
 
-def test_a_run_that_does_not_follow_is_not_shown_as_a_result(log: Path) -> None:
+def test_a_run_that_does_not_follow_is_not_shown_as_a_result(log):
     good = page_text([log], Beside(model=MODEL, rig="pquad", plate_z_m=0.12))
     assert "does not follow" not in words_of(good)
     assert "simulated RMS error, over it" in facts_of(good)
@@ -168,7 +167,7 @@ def test_a_run_that_does_not_follow_is_not_shown_as_a_result(log: Path) -> None:
     assert not [name for name in facts if "RMS" in name and "simulated" in name]
 
 
-def test_how_far_a_run_may_be_from_its_log(flown: Recording) -> None:
+def test_how_far_a_run_may_be_from_its_log(flown):
     track = pitch_track(flown)
     swing = np.nanstd(track.theta_rad)
     mean = np.full(len(track), np.nanmean(track.theta_rad))
@@ -194,7 +193,7 @@ def test_how_far_a_run_may_be_from_its_log(flown: Recording) -> None:
     assert "42.0° RMS over the surface" in mismatch(long, track.time_s, bad, "controller")
 
 
-def test_gaps_stay_blank_and_nothing_is_simulated_across_them(flown: Recording) -> None:
+def test_gaps_stay_blank_and_nothing_is_simulated_across_them(flown):
     time_s = flown.column("time_s")
     kept = flown.select((time_s < 3.0) | (time_s > 5.5))
     track = pitch_track(kept)
@@ -207,7 +206,7 @@ def test_gaps_stay_blank_and_nothing_is_simulated_across_them(flown: Recording) 
     assert np.isnan(run.theta_rad[blank]).all()
 
 
-def test_a_log_of_speeds_only_and_one_of_shares_are_driven_too(flown: Recording) -> None:
+def test_a_log_of_speeds_only_and_one_of_shares_are_driven_too(flown):
     names = [name for name in flown.names if not name.startswith("pwm")]
     pairs = [(flown.channels[flown.index(name)], flown.column(name)) for name in names]
     speeds = Recording.from_columns(pairs)
@@ -222,7 +221,7 @@ def test_a_log_of_speeds_only_and_one_of_shares_are_driven_too(flown: Recording)
     assert "shares" in " ".join(track.remarks)
 
 
-def test_the_controller_is_taken_from_the_recording_only_where_benchtool_has_it() -> None:
+def test_the_controller_is_taken_from_the_recording_only_where_benchtool_has_it():
     assert known_control({}, Beside()) is None
     assert known_control({"controller": "pid"}, Beside()) is None
     assert known_control({"controller": "mine.py:Own", "gains": "s3"}, Beside()) is None
@@ -233,9 +232,7 @@ def test_the_controller_is_taken_from_the_recording_only_where_benchtool_has_it(
         known_control({}, Beside(controller="pdi", gains="s3"))
 
 
-def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(tmp_path, capsys):
     run = tmp_path / "hinge"
     words = ["sim:pquad?mode=pitch&seed=3", "--seconds", "12", "--yes", "--out", str(run)]
     assert call("record", *words) == 0

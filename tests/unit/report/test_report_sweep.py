@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from pathlib import Path
 
 import pytest
 
@@ -25,7 +24,7 @@ ASKED = ["--z-over-r", "0.6,1,2", "--repeats", "2", "--sample-s", "1", "--yes"]
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory):
     """Sweep one virtual rotor at two throttle levels."""
     path = tmp_path_factory.mktemp("reported") / "one"
     air = ["--temperature", "21", "--pressure", "1002", "--humidity", "45"]
@@ -35,7 +34,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def other(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def other(tmp_path_factory):
     """Sweep another virtual rotor at one of these levels."""
     path = tmp_path_factory.mktemp("reported") / "two"
     words = ["sim:pquad_single?truth=virtual_pquad_single&seed=5", "--pwm", "1500", *ASKED]
@@ -44,11 +43,11 @@ def other(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def page(run: Path) -> str:
+def page(run):
     return page_text([run], commands=["benchtool report one"])
 
 
-def test_every_setting_stands_in_the_table_with_the_run_s_own_numbers(run: Path, page: str) -> None:
+def test_every_setting_stands_in_the_table_with_the_run_s_own_numbers(run, page):
     settings = read_settings(run)
     rows = rows_of(page, "Each setting")
     assert len(rows) == len(settings) == 8
@@ -67,7 +66,7 @@ def test_every_setting_stands_in_the_table_with_the_run_s_own_numbers(run: Path,
     assert [cells[5] for cells in rows if cells[5] != "–"] == near[:6]
 
 
-def test_an_error_bar_is_never_smaller_than_a_visit_s_own_error(run: Path) -> None:
+def test_an_error_bar_is_never_smaller_than_a_visit_s_own_error(run):
     swept, points = read_sweep_run(run), read_points(run)
     for place, number in enumerate(swept.settings.column("setting")):
         own = points.column("thrust_se_N")[points.column("setting") == number]
@@ -75,14 +74,14 @@ def test_an_error_bar_is_never_smaller_than_a_visit_s_own_error(run: Path) -> No
         assert swept.thrust_error_N[place] >= swept.settings.column("thrust_sd_N")[place]
 
 
-def test_hashes_are_those_of_the_files(run: Path, page: str) -> None:
+def test_hashes_are_those_of_the_files(run, page):
     facts = facts_of(page)
     assert facts["sha256 of the run's data (points and samples)"] == data_hash(run)
     for name in ("points.csv", "samples.csv", "samples.parquet", "settings.csv", "plan.toml"):
         assert facts[f"sha256 of {name}"] == file_hash(run / name)
 
 
-def test_a_stopped_run_and_a_changed_file_are_warned_of(run: Path, tmp_path: Path) -> None:
+def test_a_stopped_run_and_a_changed_file_are_warned_of(run, tmp_path):
     copy = tmp_path / "stopped"
     shutil.copytree(run, copy)
     facts = json.loads((copy / "metadata.json").read_text())
@@ -96,7 +95,7 @@ def test_a_stopped_run_and_a_changed_file_are_warned_of(run: Path, tmp_path: Pat
     assert "samples.csv has changed since the run was closed" in text
 
 
-def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run: Path, tmp_path: Path) -> None:
+def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run, tmp_path):
     fit = tmp_path / "fit"
     assert call("fit", str(run), "--model", "single_bench", "--out", str(fit)) == 0
     page = page_text([run], Beside(model=str(fit)))
@@ -113,7 +112,7 @@ def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run: Path, tmp_
         write_report([fit])
 
 
-def test_several_runs_are_compared_at_common_settings(run: Path, other: Path) -> None:
+def test_several_runs_are_compared_at_common_settings(run, other):
     page = page_text([run, other])
     check_self_contained(page)
     table, _ = common_table([read_sweep_run(run), read_sweep_run(other)])
@@ -124,7 +123,7 @@ def test_several_runs_are_compared_at_common_settings(run: Path, other: Path) ->
     assert data_hash(other) in page
 
 
-def test_nothing_is_written_over_unless_asked(run: Path, tmp_path: Path) -> None:
+def test_nothing_is_written_over_unless_asked(run, tmp_path):
     out = tmp_path / "page.html"
     write_report([run], out)
     before = out.read_bytes()
@@ -150,9 +149,7 @@ def test_nothing_is_written_over_unless_asked(run: Path, tmp_path: Path) -> None
         (("{run}", "{table}"), "benchtool import"),
     ],
 )
-def test_anything_else_is_refused_in_one_sentence(
-    words: tuple[str, ...], says: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_anything_else_is_refused_in_one_sentence(words, says, run, tmp_path, capsys):
     table, empty = tmp_path / "table.csv", tmp_path / "empty"
     table.write_text("a,b\n1,2\n")
     empty.mkdir()
@@ -164,7 +161,7 @@ def test_anything_else_is_refused_in_one_sentence(
     assert not (run / "report.html").exists()
 
 
-def test_a_run_has_a_budget_of_its_thrusts(run: Path, page: str) -> None:
+def test_a_run_has_a_budget_of_its_thrusts(run, page):
     """The scatter of a mean is that of its visits, and the page shows every source."""
     budget = read_sweep_run(run).budget
     assert budget is not None

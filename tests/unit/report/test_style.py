@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from matplotlib.figure import Figure
 
@@ -22,7 +20,7 @@ def example(*, simulated: bool) -> Figure:
 
 
 @pytest.mark.parametrize("simulated", [True, False])
-def test_the_stamp_is_on_simulated_figures_only(simulated: bool) -> None:
+def test_the_stamp_is_on_simulated_figures_only(simulated):
     figure = example(simulated=simulated)
     stamps = [text for text in figure.texts if text.get_gid() == SIMULATED_GID]
     assert [text.get_text() for text in stamps] == ([SIMULATED] if simulated else [])
@@ -31,14 +29,14 @@ def test_the_stamp_is_on_simulated_figures_only(simulated: bool) -> None:
 
 
 @pytest.mark.parametrize("file_format", ["svg", "png", "pdf"])
-def test_the_same_figure_gives_the_same_bytes(file_format: str) -> None:
+def test_the_same_figure_gives_the_same_bytes(file_format):
     one = figure_bytes(example(simulated=True), file_format)  # type: ignore[arg-type]
     other = figure_bytes(example(simulated=True), file_format)  # type: ignore[arg-type]
     assert one == other
     assert len(one) > 2000
 
 
-def test_files_are_written_whole_and_not_overwritten_unasked(tmp_path: Path) -> None:
+def test_files_are_written_whole_and_not_overwritten_unasked(tmp_path):
     stem = tmp_path / "figures" / "run.1"
     paths = save_figure(example(simulated=True), stem, ("svg", "png", "pdf"))
     assert [path.name for path in paths] == ["run.1.svg", "run.1.png", "run.1.pdf"]

@@ -46,7 +46,7 @@ def settled(plant: PlateBench, z_m: float, pwm_us: float = 1500.0) -> dict[str, 
 
 
 @pytest.mark.parametrize("z_over_R", [0.5, 1.0, 2.0])
-def test_speed_torque_and_current_are_what_the_motor_and_the_blades_give(z_over_R: float) -> None:
+def test_speed_torque_and_current_are_what_the_motor_and_the_blades_give(z_over_R):
     rig = bladed("pquad_single")
     c = rig.propulsion.drag_coefficient_Nm_s2
     kappa = inflow_at_equal_thrust(single_rotor_factor(1.0, z_over_R))
@@ -79,7 +79,7 @@ def test_speed_torque_and_current_are_what_the_motor_and_the_blades_give(z_over_
 
 
 @pytest.mark.parametrize("rig", [rig_named("pquad"), bladed("pquad")], ids=["printed", "blades"])
-def test_in_flight_the_torque_turns_the_vehicle_where_blades_answer(rig: Rig) -> None:
+def test_in_flight_the_torque_turns_the_vehicle_where_blades_answer(rig):
     """Over an edge under the front rotor alone, whose reaction torque is not balanced any more."""
     edge = Environment(blocks=(Block(x_m=(0.1, 3.0), top_m=0.0),))
     vehicle = FlightVehicle.of_rig(rig)

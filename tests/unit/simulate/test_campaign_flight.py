@@ -29,7 +29,7 @@ def campaign(*controllers: str, setup: FlightSetup = SETUP) -> Campaign:
     return flight_campaign({"s3": setup}, controllers or ("pid",))
 
 
-def test_every_row_is_the_flight_as_flown_alone() -> None:
+def test_every_row_is_the_flight_as_flown_alone():
     design = Design.read(["speed_m_s=0.2:0.5:2"], seeds=2, seed=5)
     rows = list(campaign(OGE, "pid").rows(design, threads=2))
     assert [(row["controller"], row["speed_m_s"], row["seed"]) for row in rows] == [

@@ -21,7 +21,7 @@ POSITION = gains_named("s3").position
 LOOP = PositionLoop(*(getattr(POSITION, name) for name in PositionLoop._fields))
 
 
-def test_far_away_the_velocity_command_slews_up_to_its_limit() -> None:
+def test_far_away_the_velocity_command_slews_up_to_its_limit():
     speed = 0.0
     for _ in range(400):
         speed = velocity_command(7.0, speed, 0.2, LOOP, 0.004)
@@ -29,7 +29,7 @@ def test_far_away_the_velocity_command_slews_up_to_its_limit() -> None:
     assert velocity_command(7.0, 0.0, 0.2, LOOP, 0.004) == pytest.approx(0.65 * 0.004)
 
 
-def test_the_velocity_integral_is_limited() -> None:
+def test_the_velocity_integral_is_limited():
     integral = 0.0
     for _ in range(10_000):
         integral = next_velocity_integral(0.2, integral, LOOP, 0.004)
@@ -37,12 +37,12 @@ def test_the_velocity_integral_is_limited() -> None:
     assert acceleration_command(0.2, integral, LOOP) == pytest.approx(1.5 * 0.2 + 0.58)
 
 
-def test_the_pitch_command_is_limited_to_16_and_a_half_degrees() -> None:
+def test_the_pitch_command_is_limited_to_16_and_a_half_degrees():
     assert np.degrees(pitch_command(100.0, 9.81, LOOP)) == pytest.approx(16.5)
     assert pitch_command(0.981, 9.81, LOOP) == pytest.approx(0.1)
 
 
-def test_climb_and_thrust() -> None:
+def test_climb_and_thrust():
     assert climb_command(0.1, 0.0, 0.0, 4.0, 3.2, 4.0) == pytest.approx(0.4)
     assert climb_command(10.0, 0.0, 0.0, 4.0, 3.2, 4.0) == 4.0
     level = lifting_thrust(0.0, 1.4, 9.81, 1.0)
@@ -50,7 +50,7 @@ def test_climb_and_thrust() -> None:
     assert lifting_thrust(0.0, 1.4, 9.81, np.cos(0.2)) * np.cos(0.2) == pytest.approx(level)
 
 
-def test_feedforward_gives_back_what_was_wanted() -> None:
+def test_feedforward_gives_back_what_was_wanted():
     factor = 1.0159
     asked = compensated_thrust(3.43, expected_factor(factor, 1.0))
     assert asked * factor == pytest.approx(3.43)

@@ -10,7 +10,7 @@ from benchtool.simulate.design import Design, Vary
 K_B, ATTITUDE = "K_b=1.5:2.5:3", "gains.attitude=0.8:1.2:2"
 
 
-def test_a_grid_and_random_points() -> None:
+def test_a_grid_and_random_points():
     grid = Design.read([K_B, ATTITUDE])
     points = list(grid.points())
     assert len(points) == grid.n_points == 6
@@ -26,6 +26,6 @@ def test_a_grid_and_random_points() -> None:
 @pytest.mark.parametrize(
     "text", ["K_b", "K_b=1:2", "K_b=1:2:0", "K_b=1:2:-3", "K_b=a:2:3", "=1:2:3", "K=1:nan:3"]
 )
-def test_text_that_is_no_range_is_refused(text: str) -> None:
+def test_text_that_is_no_range_is_refused(text):
     with pytest.raises(InputError, match="write NAME=FROM:TO:COUNT"):
         Vary.read(text)

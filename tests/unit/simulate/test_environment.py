@@ -33,7 +33,7 @@ def grid_of(step_m: float, floor: float = np.nan) -> HeightGrid:
     return HeightGrid(x, y, np.where(rise, 0.0, floor), base_m=-0.5)
 
 
-def test_wall_of_the_notes() -> None:
+def test_wall_of_the_notes():
     places = [2.8, 2.9, 3.0, 3.05, 3.1, 3.15, 3.2, 3.25, 3.3, 3.4]
     at = np.array([[x, 0.0, 0.24] for x in places])
     moments = static_moments_Nm(PQUAD, OBSTACLE, at) * 1e3
@@ -43,14 +43,14 @@ def test_wall_of_the_notes() -> None:
     assert below(OBSTACLE, 3.1).coverage == pytest.approx((1.0, 0.96, 0.0, 0.96), abs=1e-3)
 
 
-def test_level_over_everything_is_the_bench_formula() -> None:
+def test_level_over_everything_is_the_bench_formula():
     ground = below(OBSTACLE, 4.0)
     expected = multirotor_factors(0.12, 0.24, np.ones(4), PQUAD.rig.disc_positions_m, 2.0)
     np.testing.assert_allclose(ground.factor, expected, rtol=1e-13)
     assert ground.coverage == (1.0,) * 4
 
 
-def test_a_ramp_under_a_vehicle_that_leans_with_it_is_level_ground() -> None:
+def test_a_ramp_under_a_vehicle_that_leans_with_it_is_level_ground():
     """Only the tilt between rotor plane and surface counts, not that against the horizon."""
     lean = 0.15
     ramp = Environment(
@@ -63,7 +63,7 @@ def test_a_ramp_under_a_vehicle_that_leans_with_it_is_level_ground() -> None:
     np.testing.assert_allclose(leaning.factor, level.factor, rtol=1e-13)
 
 
-def test_the_body_term_reaches_beyond_the_edge_of_its_surface() -> None:
+def test_the_body_term_reaches_beyond_the_edge_of_its_surface():
     """Three rotors over a box share its body term, taken at the centre's height over the box."""
     tilted = below(OBSTACLE, 3.1, attitude=(0.0, 0.1, 0.0))
     covered = np.array(tilted.coverage)
@@ -75,7 +75,7 @@ def test_the_body_term_reaches_beyond_the_edge_of_its_surface() -> None:
     assert 0.0 == covered[2] < covered[0] == 1.0
 
 
-def test_a_plate_slides_in_and_out() -> None:
+def test_a_plate_slides_in_and_out():
     plate = Environment(
         blocks=(Block(x_m=(0.1, 1.0), times_s=(10.0, 10.5, 30.0, 30.5), slide_m=(1.0, 0.0)),)
     )
@@ -112,12 +112,12 @@ def test_a_plate_slides_in_and_out() -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_makes_no_sense_is_refused(make, says: str) -> None:
+def test_what_makes_no_sense_is_refused(make, says):
     with pytest.raises(InputError, match=says):
         make()
 
 
-def test_an_edge_that_cuts_alone_is_worked_out_as_a_half_plane() -> None:
+def test_an_edge_that_cuts_alone_is_worked_out_as_a_half_plane():
     rng = np.random.default_rng(4)
     for _ in range(2000):
         x1, y1 = rng.uniform(-0.3, 0.3, 2)
@@ -130,7 +130,7 @@ def test_an_edge_that_cuts_alone_is_worked_out_as_a_half_plane() -> None:
         assert disc_on_rectangle(*place) == pytest.approx(rectangle_coverage(*place), abs=1e-12)
 
 
-def test_an_undercarriage_touches_before_the_discs_do() -> None:
+def test_an_undercarriage_touches_before_the_discs_do():
     assert below(OBSTACLE, 4.0, z=0.1).touching == 0.0
     legs = replace(PQUAD, undercarriage_m=0.11)
     touching = [below(OBSTACLE, x, z=0.1, vehicle=legs).touching for x in (4.0, 2.8, 2.6)]

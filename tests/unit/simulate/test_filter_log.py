@@ -51,11 +51,11 @@ def whitened(model: Model, logged: LoggedPitch) -> tuple[np.ndarray, np.ndarray]
 
 
 @pytest.fixture(scope="module")
-def true_model() -> Model:
+def true_model():
     return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
 
 
-def test_the_true_plant_leaves_white_noise_of_unit_size(true_model: Model) -> None:
+def test_the_true_plant_leaves_white_noise_of_unit_size(true_model):
     pitch, speeds = whitened(true_model, logged_from(true_model, seed=4))
     n = pitch.shape[1]
     spread = 4.0 / np.sqrt(2.0 * n)
@@ -68,7 +68,7 @@ def test_the_true_plant_leaves_white_noise_of_unit_size(true_model: Model) -> No
         assert abs(np.mean(row[1:] * row[:-1])) < 0.1
 
 
-def test_windows_of_a_log_are_what_its_parts_are_alone(true_model: Model) -> None:
+def test_windows_of_a_log_are_what_its_parts_are_alone(true_model):
     model = true_model.with_effect("transport_delay", delay_s=0.006)
     logged = logged_from(model, 3)
     benches = [PitchBench.of(model.fixed("k", k), plant_rate_Hz=500.0) for k in (1e-5, 1.1e-5)]

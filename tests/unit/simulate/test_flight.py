@@ -20,13 +20,13 @@ from tests.unit.simulate.flying import PQUAD, Slice, case, flown
 
 
 @pytest.mark.parametrize("row", TABLE, ids=Row.label)
-def test_the_notes_table(row: Row) -> None:
+def test_the_notes_table(row):
     found = measure(fly(row.case(PQUAD, gains_named("s3"))))
     assert row.departures(found) == []
 
 
 @pytest.mark.parametrize(("lag_s", "rounding"), [(0.0, 1e-11), (0.05, 1e-5)])
-def test_in_the_plane_it_is_the_planar_model(lag_s: float, rounding: float) -> None:
+def test_in_the_plane_it_is_the_planar_model(lag_s, rounding):
     """To rounding; lagging motors turn the body a little, which the planar model has not.
 
     The lag acts on speeds and the drag on their squares: while the speeds of the front and rear
@@ -46,7 +46,7 @@ def test_in_the_plane_it_is_the_planar_model(lag_s: float, rounding: float) -> N
         np.testing.assert_allclose(flight[name], 0.0, atol=rounding)
 
 
-def test_the_observer_finds_the_torque_that_is_there() -> None:
+def test_the_observer_finds_the_torque_that_is_there():
     flight = flown("plate", control="observer")
     late = (flight["time_s"] > 15.0) & (flight["time_s"] < 29.0)
     np.testing.assert_allclose(
@@ -56,7 +56,7 @@ def test_the_observer_finds_the_torque_that_is_there() -> None:
 
 
 @pytest.mark.parametrize("name", FLIGHTS)
-def test_every_shipped_flight_flies(name: str) -> None:
+def test_every_shipped_flight_flies(name):
     flight = flown(name, control="observer")
     assert flight.ending == "flown"
     assert np.isfinite(flight.log[:, :25]).all()
@@ -64,7 +64,7 @@ def test_every_shipped_flight_flies(name: str) -> None:
     assert touched > 0.2
 
 
-def test_the_step_is_fine_enough() -> None:
+def test_the_step_is_fine_enough():
     ends = [
         fly(case("edge", speed_m_s=1.0, duration_s=6.0, step_s=step))["x_m"][-1]
         for step in (0.002, 0.001, 0.0005)
@@ -73,7 +73,7 @@ def test_the_step_is_fine_enough() -> None:
     assert abs(ends[1] - ends[2]) < 1e-4
 
 
-def test_a_vehicle_comes_from_a_model() -> None:
+def test_a_vehicle_comes_from_a_model():
     """With what it states; what belongs to a bench does not act, and the warnings say so."""
     vehicle = FlightVehicle(model=load_model("quad_body_lift").model)
     assert (vehicle.number("K_b"), vehicle.number("neighbours")) == (2.0, 1.0)
@@ -87,7 +87,7 @@ def test_a_vehicle_comes_from_a_model() -> None:
     assert "coulomb_friction: of the model, but not of a vehicle in flight; left out" in said
 
 
-def test_measures_of_simple_traces() -> None:
+def test_measures_of_simple_traces():
     time = np.arange(6.0)
     assert arrival_s(time, np.array([1.0, 0.01, 1.0, 0.01, 0.0, 0.0])) == 3.0
     assert np.isnan(arrival_s(time, np.ones(6)))

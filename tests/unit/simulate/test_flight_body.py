@@ -41,7 +41,7 @@ def thrown() -> np.ndarray:
     return at_start(5.0, (0.3, -0.4, 1.0), 1.0, -0.5, 4.0, 2.0, -1.0, 6.0)
 
 
-def test_a_thrown_body_keeps_energy_and_momentum() -> None:
+def test_a_thrown_body_keeps_energy_and_momentum():
     state = thrown()
 
     def energy() -> float:
@@ -61,7 +61,7 @@ def test_a_thrown_body_keeps_energy_and_momentum() -> None:
     assert np.linalg.norm(state[6:10]) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_halving_the_step_quarters_the_error() -> None:
+def test_halving_the_step_quarters_the_error():
     def after(dt_s: float) -> np.ndarray:
         state = thrown()
         for k in range(round(1.0 / dt_s)):
@@ -97,7 +97,7 @@ def quaternion_rates(y: np.ndarray, force: np.ndarray, torque: np.ndarray) -> np
     return np.concatenate([y[3:6], linear, turned, angular])
 
 
-def test_the_papers_form_and_the_quaternion_fly_the_same_way() -> None:
+def test_the_papers_form_and_the_quaternion_fly_the_same_way():
     force, torque = np.array([0.1, -0.2, 15.0]), np.array([0.004, -0.003, 0.002])
     angles, rates = np.array([0.2, -0.3, 0.5]), np.array([0.4, 0.6, -0.8])
     body_rates = euler_lagrange.rate_matrix(angles[0], angles[1]) @ rates

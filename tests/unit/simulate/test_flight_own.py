@@ -69,7 +69,7 @@ class Hover:
         return want.hover_N, 0.0, 0.0, 0.0
 
 
-def test_the_same_law_in_python_gives_the_same_flight() -> None:
+def test_the_same_law_in_python_gives_the_same_flight():
     flown = case(duration_s=25.0, log_Hz=250.0)
     own, built_in = fly_own(flown, Cascade(), "tests:Cascade"), fly(flown)
     assert own.own == "tests:Cascade"
@@ -80,7 +80,7 @@ def test_the_same_law_in_python_gives_the_same_flight() -> None:
     assert np.isnan(own["pitch_ref_rad"]).all()  # of a law that nobody knows
 
 
-def test_it_sees_the_map_with_its_errors_and_the_gyro_with_its_noise() -> None:
+def test_it_sees_the_map_with_its_errors_and_the_gyro_with_its_noise():
     over = replace(SHORT, start_m=(2.8, 0.0, 0.24), goals=(Goal(x_m=2.8, z_m=0.24),))
     true, wrong, noisy = Hover(), Hover(), Hover()
     fly_own(over, true, "h")
@@ -98,7 +98,7 @@ def test_it_sees_the_map_with_its_errors_and_the_gyro_with_its_noise() -> None:
     assert true.seen[1][0].time_s == 0.004
 
 
-def test_what_it_divides_by_takes_the_ground_effect_away() -> None:
+def test_what_it_divides_by_takes_the_ground_effect_away():
     class Divides(Hover):
         def step(self, seen: FlightMeasurement, want: FlightReference, dt_s: float) -> Any:
             return FlightCommand(want.hover_N, 0.0, 0.0, 0.0, (1.25,) * 4)
@@ -134,7 +134,7 @@ class Returns:
         (FlightCommand(14.0, 0.0, 0.0, 0.0, (0.0,) * 4), "4 finite factors above 0"),
     ],
 )
-def test_what_is_no_command_is_refused_with_file_and_line(what: Any, says: str) -> None:
+def test_what_is_no_command_is_refused_with_file_and_line(what, says):
     with pytest.raises(InputError) as caught:
         fly_own(SHORT, Returns(what), "r")
     message = str(caught.value)

@@ -14,13 +14,13 @@ VEHICLE = FlightVehicle.of_rig(rig_named("pquad"))
 SETUP = FlightSetup(case="over", vehicle=VEHICLE, gains=gains_named("s3"))
 
 
-def test_without_changes_it_is_the_shipped_flight() -> None:
+def test_without_changes_it_is_the_shipped_flight():
     assert SETUP.flown("observer", 4) == flight_case(
         "over", VEHICLE, gains_named("s3"), control="observer", seed=4
     )
 
 
-def test_every_name_changes_its_number() -> None:
+def test_every_name_changes_its_number():
     case = changed(
         SETUP,
         {"z_over_R": 3.0, "speed": 0.5, "gyro_noise": 0.01, "map_strength": 0.5, "K_b": 1.5,

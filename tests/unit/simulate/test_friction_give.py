@@ -32,13 +32,13 @@ def settled_rad(load: float, give_rad: float) -> float:
 
 
 @pytest.mark.parametrize("load", [0.25, -0.5])
-def test_it_yields_like_a_spring_below_its_torque(load: float) -> None:
+def test_it_yields_like_a_spring_below_its_torque(load):
     assert settled_rad(load, GIVE_RAD) == pytest.approx(load * GIVE_RAD, rel=0.02)
 
 
-def test_without_it_the_hinge_sticks() -> None:
+def test_without_it_the_hinge_sticks():
     assert settled_rad(0.5, 0.0) == 0.0
 
 
-def test_beyond_its_torque_it_slips() -> None:
+def test_beyond_its_torque_it_slips():
     assert settled_rad(1.5, GIVE_RAD) > 10.0 * GIVE_RAD

@@ -7,7 +7,7 @@ import pytest
 from benchtool.simulate.gain_file import gain_names, gains_named
 
 
-def test_the_published_numbers() -> None:
+def test_the_published_numbers():
     assert gain_names() == ("s1a", "s3", "stiff")
     s3, s1a, stiff = (gains_named(name) for name in ("s3", "s1a", "stiff"))
     shown = [
@@ -28,7 +28,7 @@ def test_the_published_numbers() -> None:
     assert s3.attitude.k_i_q_per_s2 == s3.attitude.k_i_theta_per_s2 == 0.0
 
 
-def test_a_factor_acts_on_the_gains_of_a_table_and_leaves_limits_alone() -> None:
+def test_a_factor_acts_on_the_gains_of_a_table_and_leaves_limits_alone():
     before = gains_named("stiff")
     after = before.with_values(attitude=1.5)
     assert after.attitude.k_q_per_s == pytest.approx(18.0)

@@ -19,16 +19,16 @@ def counting(taken: list[int], count: int) -> Iterator[Callable[[], int]]:
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5, None])
-def test_results_come_in_the_order_of_the_tasks(threads: int | None) -> None:
+def test_results_come_in_the_order_of_the_tasks(threads):
     assert list(results_in_order(counting([], 50), threads)) == list(range(50))
 
 
-def test_tasks_run_at_the_same_time() -> None:
+def test_tasks_run_at_the_same_time():
     meeting = Barrier(2, timeout=10.0)  # is passed only when two wait at once
     assert sorted(results_in_order([meeting.wait, meeting.wait], 2)) == [0, 1]
 
 
-def test_a_task_that_fails_ends_the_work_and_starts_no_more() -> None:
+def test_a_task_that_fails_ends_the_work_and_starts_no_more():
     taken: list[int] = []
 
     def fail() -> int:

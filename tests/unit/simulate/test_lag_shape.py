@@ -34,7 +34,7 @@ def followed(model: Model, start: float, wanted: float, steps: int) -> float:
 
 @pytest.mark.parametrize("speed", [450.0, 600.0, 750.0])
 @pytest.mark.parametrize("step", [-20.0, 20.0])
-def test_a_rotor_follows_with_the_lag_of_its_speed(speed: float, step: float) -> None:
+def test_a_rotor_follows_with_the_lag_of_its_speed(speed, step):
     model, e, a = shaped(0.3, 0.1), 0.3, 0.1
     reached = followed(model, speed, speed + step, 10)
     rate = (1.0 + e * (speed / REFERENCE - 1.0) - a * np.sign(step)) / TAU_S

@@ -18,7 +18,7 @@ def estimated(rates_per_s: float | np.ndarray, known: np.ndarray, disturbance: n
     return estimate
 
 
-def test_it_filters_the_disturbance_with_its_own_rate() -> None:
+def test_it_filters_the_disturbance_with_its_own_rate():
     """With momentum p = F t + known t, the estimate is F (1 - exp(-L t)) as dt goes to 0."""
     rates = np.array([0.0, 4.0, 6.0, 8.0, 10.0, 12.0])
     disturbance = np.array([1.0, -2.0, 3.0, -0.1, 0.2, -0.3])
@@ -26,7 +26,7 @@ def test_it_filters_the_disturbance_with_its_own_rate() -> None:
     np.testing.assert_allclose(found, disturbance * (1.0 - np.exp(-rates * 0.3)), rtol=1e-4)
 
 
-def test_switched_on_it_starts_from_zero() -> None:
+def test_switched_on_it_starts_from_zero():
     explained = 0.0
     for momentum in (0.1, 0.2, 0.3):
         explained = next_explained(momentum, explained, 1.0, 0.0, 0.0, 0.004)

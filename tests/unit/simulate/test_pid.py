@@ -24,19 +24,19 @@ def soft(**changes: float) -> AttitudePid:
 REST = PidState(0.0, 0.0)
 
 
-def test_the_static_stiffness_of_s3_is_the_published_one() -> None:
+def test_the_static_stiffness_of_s3_is_the_published_one():
     """K = J k_theta k_q = 0.386 N m/rad; the set of an autopilot has 1.08."""
     assert attitude_torque(0.001, 0.0, 0.0, REST, soft()) / 0.001 == pytest.approx(0.386, abs=5e-4)
     stiff = gains_named("stiff").attitude
     assert 0.018 * stiff.k_theta_per_s * stiff.k_q_per_s == pytest.approx(1.08)
 
 
-def test_a_step_of_the_reference_gives_no_kick_beyond_the_rate_limit() -> None:
+def test_a_step_of_the_reference_gives_no_kick_beyond_the_rate_limit():
     p = soft()
     assert attitude_torque(10.0, 0.0, 0.0, REST, p) == pytest.approx(0.018 * 7.4 * 3.5)
 
 
-def test_integrals_stop_while_the_torque_is_at_its_limit_and_come_back_at_once() -> None:
+def test_integrals_stop_while_the_torque_is_at_its_limit_and_come_back_at_once():
     p = soft(k_i_theta_per_s2=1.0, k_i_q_per_s2=2.0, torque_limit_Nm=0.05)
     state = REST
     for _ in range(1000):
@@ -46,7 +46,7 @@ def test_integrals_stop_while_the_torque_is_at_its_limit_and_come_back_at_once()
     assert back.rate_rad_s < 0.3
 
 
-def test_an_integral_removes_what_is_left_over() -> None:
+def test_an_integral_removes_what_is_left_over():
     """A double integrator under a constant torque ends at the reference, to 1e-6 rad."""
     p = soft(k_i_theta_per_s2=1.5)
     angle = rate = 0.0
@@ -59,7 +59,7 @@ def test_an_integral_removes_what_is_left_over() -> None:
     assert angle == pytest.approx(0.1, abs=1e-6)
 
 
-def test_limits() -> None:
+def test_limits():
     np.testing.assert_array_equal(limited(np.array([-3.0, 0.5, 3.0]), 1.0), [-1.0, 0.5, 1.0])
     assert slewed(1.0, 0.0, 0.65, 0.004) == pytest.approx(0.0026)
     assert slewed(1e-4, 0.0, 0.65, 0.004) == 1e-4

@@ -55,7 +55,7 @@ def independent(schedule: SampledSchedule) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def smooth_bench() -> PitchBench:
+def smooth_bench():
     return quiet_bench(
         "pquad",
         neighbour_images={"strength": 1.0},
@@ -70,7 +70,7 @@ def run_at(bench: PitchBench, plant_Hz: float, schedule: SampledSchedule) -> Pit
     return simulate_pitch(job(replace(bench, plant_rate_Hz=plant_Hz), soft()), schedule)
 
 
-def test_it_agrees_within_a_microradian_over_ten_seconds(smooth_bench: PitchBench) -> None:
+def test_it_agrees_within_a_microradian_over_ten_seconds(smooth_bench):
     schedule = sampled(10.0, rate_Hz=250.0, reference_deg=SWAY, plate=STEADY_PLATE)
     run = run_at(smooth_bench, 1000.0, schedule)
     theta = run.column("true_theta_rad")
@@ -78,7 +78,7 @@ def test_it_agrees_within_a_microradian_over_ten_seconds(smooth_bench: PitchBenc
     assert np.max(np.abs(theta - independent(schedule))) < 1e-6
 
 
-def test_the_integration_converges_with_the_square_of_the_step(smooth_bench: PitchBench) -> None:
+def test_the_integration_converges_with_the_square_of_the_step(smooth_bench):
     schedule = sampled(4.0, rate_Hz=250.0, reference_deg=SWAY, plate=STEADY_PLATE)
     finest = run_at(smooth_bench, 64_000.0, schedule).column("true_theta_rad")
     errors = [

@@ -19,7 +19,7 @@ def whole_log(loop: PitchLoop, lane: int, run: int) -> tuple[int, np.ndarray]:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_run_is_the_same_alone_and_in_any_batch(threads: int) -> None:
+def test_a_run_is_the_same_alone_and_in_any_batch(threads):
     each = job(noisy_bench("pitch_beam"), soft("observer"))
     runs = [(each, run) for run in range(LANES + 5)]
     many = dict(simulate_many(runs, SCHEDULE, whole_log, seed=9, threads=threads))
@@ -30,7 +30,7 @@ def test_a_run_is_the_same_alone_and_in_any_batch(threads: int) -> None:
     assert not np.array_equal(many[0], many[1])
 
 
-def test_a_lane_that_leaves_the_finite_numbers_is_reported() -> None:
+def test_a_lane_that_leaves_the_finite_numbers_is_reported():
     loop = PitchLoop([job(noisy_bench(), soft())], SCHEDULE, 0, [0])
     loop.run()
     loop.log[100, 3, 0] = np.nan
@@ -38,7 +38,7 @@ def test_a_lane_that_leaves_the_finite_numbers_is_reported() -> None:
         taken(loop, 0, "pid")
 
 
-def test_normal_numbers_are_normal() -> None:
+def test_normal_numbers_are_normal():
     states = lane_states(3, range(2000))
     numbers = []
     for _ in range(500):

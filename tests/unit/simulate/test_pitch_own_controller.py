@@ -37,7 +37,7 @@ class Returns:
 SCHEDULE = sampled(1.0, reference_deg=SWAY, plate=STEADY_PLATE)
 
 
-def test_the_same_law_in_python_gives_the_same_run() -> None:
+def test_the_same_law_in_python_gives_the_same_run():
     own = simulate_controller(Cascade(), job(noisy_bench(), soft()), SCHEDULE, seed=2)
     built_in = simulate_pitch(job(noisy_bench(), soft()), SCHEDULE, seed=2)
     np.testing.assert_allclose(own.log, built_in.log, rtol=1e-12, atol=1e-15)
@@ -54,6 +54,6 @@ def test_the_same_law_in_python_gives_the_same_run() -> None:
         (np.zeros(2), r"returned torque_Nm = array\(\[0., 0.\]\)"),
     ],
 )
-def test_what_is_no_finite_number_is_refused_with_file_and_line(what: Any, message: str) -> None:
+def test_what_is_no_finite_number_is_refused_with_file_and_line(what, message):
     with pytest.raises(InputError, match=message + r".* in .*test_pitch_own_controller\.py line"):
         simulate_controller(Returns(what), job(noisy_bench(), soft()), SCHEDULE)

@@ -54,16 +54,14 @@ def numbers(rig: str, gains: str, controller: str, friction: float = 1.0) -> Pla
         ("amuse", "stiff", 0.18, -0.02, 0.17),
     ],
 )
-def test_the_pid_alone(
-    rig: str, gains: str, peak_deg: float, residual_deg: float, rebound_deg: float
-) -> None:
+def test_the_pid_alone(rig, gains, peak_deg, residual_deg, rebound_deg):
     found = numbers(rig, gains, "pid")
     assert np.degrees(found.peak_rad) == pytest.approx(-peak_deg, rel=0.15)
     assert np.degrees(found.residual_rad) == pytest.approx(residual_deg, rel=0.12, abs=0.05)
     assert np.degrees(found.rebound_rad) == pytest.approx(rebound_deg, rel=0.12, abs=0.02)
 
 
-def test_the_opposite_bump_needs_an_integral_or_an_observer() -> None:
+def test_the_opposite_bump_needs_an_integral_or_an_observer():
     assert numbers("pquad", "soft", "pid").rebound_rad == 0.0
     assert np.degrees(numbers("pquad", "slow integral", "pid").rebound_rad) > 1.0
     assert np.degrees(numbers("pquad", "soft", "observer").rebound_rad) == pytest.approx(

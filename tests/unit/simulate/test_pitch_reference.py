@@ -6,8 +6,6 @@ predict the encoder for a second with an error near its noise and the wake's.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from benchtool.core.rig_file import rig_named
@@ -23,7 +21,7 @@ WAKE_FLOOR_RAD = 0.004 / 0.03096 * np.sqrt(2.0 * 0.1 / 3.0) * 0.5
 mean square over the window. The bench's small imperfections and the starting rate add to it."""
 
 
-def test_logged_pulses_predict_the_encoder(reference_data: Path) -> None:
+def test_logged_pulses_predict_the_encoder(reference_data):
     table = np.genfromtxt(
         reference_data / "pitch_bench" / "nothing_hidden.csv", delimiter=",", names=True
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import sys
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,12 +31,12 @@ def with_effect(effect: Effect, **values: float) -> PitchBench:
     return PitchBench.of(model.with_effect(effect, **values), sensors={})
 
 
-def test_an_effect_that_is_not_in_the_catalogue_acts_without_any_change_elsewhere() -> None:
+def test_an_effect_that_is_not_in_the_catalogue_acts_without_any_change_elsewhere():
     run = simulate_pitch(job(with_effect(MAGNET)), sampled(8.0))
     assert run.column("true_theta_rad")[-1] == pytest.approx(0.1, abs=1e-3)
 
 
-def test_any_effect_may_lag_but_only_one() -> None:
+def test_any_effect_may_lag_but_only_one():
     """It stands in the place of the rig's own motor lag."""
     slow = with_effect(SLUGGISH, tau_s=0.05)
     assert slow.model.lag_s == 0.05
@@ -60,7 +59,7 @@ def unaided() -> float:
     return peak(Feedforward(strength=0.0))
 
 
-def test_a_feedforward_that_knows_everything_leaves_nothing() -> None:
+def test_a_feedforward_that_knows_everything_leaves_nothing():
     """What is left while the plate moves in is the rotors' lag."""
     assert unaided() > np.radians(5.0)
     assert peak(Feedforward(strength=1.0)) < 0.15 * unaided()
@@ -71,15 +70,13 @@ def test_a_feedforward_that_knows_everything_leaves_nothing() -> None:
     assert 0.4 * unaided() < half < 0.6 * unaided()
 
 
-def test_what_lanes_must_share_is_said() -> None:
+def test_what_lanes_must_share_is_said():
     jobs = [job(quiet_bench("pquad"), soft()), job(quiet_bench("pquad"), soft("observer"))]
     with pytest.raises(InputError, match="must share rig, rates, delays"):
         PitchLoop(jobs, sampled(0.1), 0, [0, 1])
 
 
-def test_an_edit_of_one_s_own_effect_is_noticed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_edit_of_one_s_own_effect_is_noticed(tmp_path, monkeypatch):
     """What was compiled before an edit must not be taken for the new effect."""
     monkeypatch.syspath_prepend(str(tmp_path))
     found = []

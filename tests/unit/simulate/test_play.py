@@ -15,13 +15,13 @@ from benchtool.simulate.truth import Play
 RIG = rig_named("pquad_single")
 
 
-def test_a_play_takes_up_its_width_before_it_turns() -> None:
+def test_a_play_takes_up_its_width_before_it_turns():
     play = Play(0.5)
     assert play.follow(np.array([1.0, 2.0])).tolist() == [1.0, 1.0]
     assert play.follow(np.array([1.75, 1.5, 1.0, 0.0])).tolist() == [0.5, 0.0, -1.0, -1.0]
 
 
-def test_levels_visited_up_and_down_read_as_the_settled_model_says() -> None:
+def test_levels_visited_up_and_down_read_as_the_settled_model_says():
     truth = Model.single(RIG).with_effect("load_cell_hysteresis", half_width_N=0.05)
     bench = PlateBench(RIG, truth, np.random.default_rng(1), Imperfections.none())
     thrust = [channel.name for channel in bench.channels].index("thrust_N")

@@ -19,12 +19,12 @@ changes the plant (`device_us`: the device's clock), `=` gives the pulses of its
 
 
 @pytest.fixture
-def plant() -> StillPlant:
+def plant():
     return StillPlant()
 
 
 @pytest.fixture
-def device(plant: StillPlant) -> DeviceLink:
+def device(plant):
     return DeviceLink(Firmware(plant, still_hello()))
 
 
@@ -55,7 +55,7 @@ def play(line: str, device: DeviceLink, plant: StillPlant, tick: int) -> tuple[s
 
 
 @pytest.mark.parametrize("talk", TALKS, ids=lambda talk: talk.split("\n")[0])
-def test_an_exact_conversation(talk: str, device: DeviceLink, plant: StillPlant) -> None:
+def test_an_exact_conversation(talk, device, plant):
     tick = 0
     for line in talk.split("\n")[1:]:
         given, _, expected = line.partition(" ->")
@@ -67,7 +67,7 @@ def test_an_exact_conversation(talk: str, device: DeviceLink, plant: StillPlant)
         assert found.strip() == expected.strip(), line
 
 
-def test_age_is_wall_time_on_a_fast_virtual_bench(plant: StillPlant) -> None:
+def test_age_is_wall_time_on_a_fast_virtual_bench(plant):
     device = DeviceLink(Firmware(plant, still_hello(speed=20.0)))
     device.tick(1000, 0.5)  # 10 s of device time in half a second
     assert payloads(device.receive(frame(b"C,1,arm,100000"), 0.5)).startswith("A,1,")
@@ -75,9 +75,7 @@ def test_age_is_wall_time_on_a_fast_virtual_bench(plant: StillPlant) -> None:
     assert "late: 501 ms old" in payloads(device.receive(frame(b"C,2,pwm,0,1100,1100"), 0.5))
 
 
-def test_any_valid_line_feeds_the_watchdog_and_garbage_does_not(
-    device: DeviceLink, plant: StillPlant
-) -> None:
+def test_any_valid_line_feeds_the_watchdog_and_garbage_does_not(device, plant):
     device.receive(frame(b"C,1,arm,0") + frame(b"C,2,pwm,0,1100,1100"), 0.0)
     for step in range(1, 10):
         device.receive(HEARTBEAT, 0.2 * step)
@@ -88,7 +86,7 @@ def test_any_valid_line_feeds_the_watchdog_and_garbage_does_not(
     assert payloads(events).startswith("E,watchdog")
 
 
-def test_a_family_limit_guards_every_rotor() -> None:
+def test_a_family_limit_guards_every_rotor():
     plant = StillPlant()
     plant.channels = tuple(
         Channel(name, "rpm" if name.startswith("rpm") else "V")

@@ -28,11 +28,11 @@ LINE = b"0123456789" * 1000
         ("refuse_move:", Fault("refuse_move")),
     ],
 )
-def test_faults_by_name(text: str, fault: object) -> None:
+def test_faults_by_name(text, fault):
     assert fault_from(text) == fault
 
 
-def test_bytes_are_lost_and_turned_with_their_probability() -> None:
+def test_bytes_are_lost_and_turned_with_their_probability():
     dropped = LinkFaults([fault_from("drop:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
     assert 850 * 10 < len(dropped) < 950 * 10
     turned = LinkFaults([fault_from("corrupt:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
@@ -42,20 +42,20 @@ def test_bytes_are_lost_and_turned_with_their_probability() -> None:
     assert again == turned
 
 
-def test_silence_swallows_and_delay_delivers_late() -> None:
+def test_silence_swallows_and_delay_delivers_late():
     silent = LinkFaults([fault_from("silence:at_s=1,for_s=0.5")])
     assert [silent.carry(b"x", t) for t in (0.9, 1.0, 1.4, 1.5)] == [b"x", b"", b"", b"x"]
     late = LinkFaults([fault_from("delay:at_s=1,for_s=0.5")])
     assert [late.carry(b"%d" % i, 0.9 + 0.3 * i) for i in range(3)] == [b"0", b"", b"12"]
 
 
-def test_the_cable_is_pulled_once_and_put_back() -> None:
+def test_the_cable_is_pulled_once_and_put_back():
     faults = LinkFaults([fault_from("unplug:at_s=1,for_s=2")])
     seen = [faults.plugged(t) for t in (0.5, 1.0, 1.5, 3.0, 3.5, 0.0, 1.0)]
     assert seen == [None, False, None, True, None, None, None]
 
 
-def test_a_stuck_channel_repeats_its_value_and_adds_none() -> None:
+def test_a_stuck_channel_repeats_its_value_and_adds_none():
     plant = FaultyPlant(StillPlant(), [fault_from("stuck:at_s=0.02,for_s=0.06")])
     plant.advance(2)
     plant.command_pwm(np.array([1100.0, 1100.0]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.serial import commands as wire
 from benchtool.core.errors import (
@@ -41,7 +40,7 @@ def column(values: np.ndarray, name: str) -> np.ndarray:
     return values[:, NAMES.index(name)]
 
 
-def test_it_agrees_with_the_simulation_of_the_same_seed() -> None:
+def test_it_agrees_with_the_simulation_of_the_same_seed():
     plant, device = started()
     assert device.execute(pulses(hover_us()), 0.0).ok
     values = device.advance(10_000, 0.0).values
@@ -56,7 +55,7 @@ def test_it_agrees_with_the_simulation_of_the_same_seed() -> None:
     assert column(values, "plate_z_m")[9000] == 1.0
 
 
-def test_two_armings_have_noise_of_their_own_and_the_same_seed_has_the_same() -> None:
+def test_two_armings_have_noise_of_their_own_and_the_same_seed_has_the_same():
     both = []
     for _ in range(2):
         _, device = started(seed=5)
@@ -71,7 +70,7 @@ def test_two_armings_have_noise_of_their_own_and_the_same_seed_has_the_same() ->
     assert not np.array_equal(both[0][0], both[0][1], equal_nan=True)
 
 
-def test_blocks_of_any_length_give_the_same_samples() -> None:
+def test_blocks_of_any_length_give_the_same_samples():
     _, one = started()
     _, many = started()
     for device in (one, many):
@@ -81,7 +80,7 @@ def test_blocks_of_any_length_give_the_same_samples() -> None:
     assert np.array_equal(whole, parts, equal_nan=True)
 
 
-def test_an_angle_beyond_its_limit_stops_the_motors_and_the_catch_brings_the_beam_back() -> None:
+def test_an_angle_beyond_its_limit_stops_the_motors_and_the_catch_brings_the_beam_back():
     plant, device = started()
     assert device.execute(wire.SetLimit("theta_rad", np.radians(1.0)), 0.0).ok
     device.execute(pulses(hover_us()), 0.0)
@@ -100,7 +99,7 @@ def test_an_angle_beyond_its_limit_stops_the_motors_and_the_catch_brings_the_bea
     assert device.execute(pulses(hover_us()), 0.0).ok
 
 
-def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
+def test_the_plate_is_moved_at_idle_alone_and_acts():
     plant, device = started(schedule="steps")
     assert device.execute(wire.SendPlate(0.24), 0.0).ok
     assert plant.plate_moving
@@ -117,7 +116,7 @@ def test_the_plate_is_moved_at_idle_alone_and_acts() -> None:
 
 
 @pytest.fixture
-def bench() -> Bench:
+def bench():
     return open_bench("sim:pquad?mode=pitch&seed=2&controller=observer+feedforward")
 
 
@@ -154,7 +153,7 @@ def with_own(own: type[Own]) -> tuple[PitchBenchPlant, Firmware]:
     return plant, Firmware(plant, pitch_hello(plant, 3))
 
 
-def test_a_users_own_controller_runs_on_the_device() -> None:
+def test_a_users_own_controller_runs_on_the_device():
     device = with_own(Own)[1]
     built_in = started()[1]
     for each in (device, built_in):
@@ -168,7 +167,7 @@ def test_a_users_own_controller_runs_on_the_device() -> None:
     assert np.isfinite(column(own, "torque_Nm")).all()
 
 
-def test_every_arming_has_a_new_controller_whose_time_begins_anew() -> None:
+def test_every_arming_has_a_new_controller_whose_time_begins_anew():
     plant, device = with_own(Own)
     before = Own.made
     for _ in range(2):
@@ -182,7 +181,7 @@ def test_every_arming_has_a_new_controller_whose_time_begins_anew() -> None:
     assert Own.made == before + 2
 
 
-def test_a_controller_that_raises_stops_the_motors_and_says_where() -> None:
+def test_a_controller_that_raises_stops_the_motors_and_says_where():
     plant, device = with_own(FailsLater)
     device.execute(pulses(hover_us()), 0.0)
     with pytest.raises(InputError, match=r"RuntimeError: no more at 1\.0.*test_pitch_plant\.py"):

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 
@@ -24,7 +23,7 @@ HERE = "127.0.0.1:8460"
         RequestFacts(host=HERE, site="same-origin", reads_only=False),
     ],
 )
-def test_the_page_itself_and_a_typed_address_are_let_in(facts: RequestFacts) -> None:
+def test_the_page_itself_and_a_typed_address_are_let_in(facts):
     assert Access().refusal(facts) is None
 
 
@@ -55,13 +54,13 @@ def test_the_page_itself_and_a_typed_address_are_let_in(facts: RequestFacts) -> 
         (RequestFacts(host=HERE, site="same-site", mode="cors"), "another site's page"),
     ],
 )
-def test_other_names_and_other_pages_are_refused(facts: RequestFacts, why: str) -> None:
+def test_other_names_and_other_pages_are_refused(facts, why):
     refusal = Access().refusal(facts)
     assert refusal is not None
     assert why in refusal
 
 
-def test_another_bind_wants_the_token_and_takes_numeric_addresses() -> None:
+def test_another_bind_wants_the_token_and_takes_numeric_addresses():
     access = access_for("0.0.0.0")
     assert access.token is not None
     assert len(access.token) >= 32
@@ -76,7 +75,7 @@ def test_another_bind_wants_the_token_and_takes_numeric_addresses() -> None:
     assert access_for("0.0.0.0").token != access.token
 
 
-def test_loopback_needs_no_token_unless_asked_for() -> None:
+def test_loopback_needs_no_token_unless_asked_for():
     assert access_for("127.0.0.1").token is None
     assert access_for("127.0.0.1", wants_token=True).token is not None
 
@@ -94,7 +93,7 @@ def test_loopback_needs_no_token_unless_asked_for() -> None:
         ("bench.local", False),
     ],
 )
-def test_loopback_is_known(host: str, known: bool) -> None:
+def test_loopback_is_known(host, known):
     assert is_loopback(host) is known
 
 
@@ -102,7 +101,7 @@ PLAIN = "http://127.0.0.1:8460/"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of files are those of POSIX")
-def test_a_token_stands_in_a_file_of_this_user_and_on_no_command_line(tmp_path: Path) -> None:
+def test_a_token_stands_in_a_file_of_this_user_and_on_no_command_line(tmp_path):
     opened: list[str] = []
     old = os.umask(0)
     try:
@@ -116,7 +115,7 @@ def test_a_token_stands_in_a_file_of_this_user_and_on_no_command_line(tmp_path: 
     assert f"url={PLAIN}?token=secret" in file.read_text("utf-8")
 
 
-def test_a_host_header_is_taken_apart() -> None:
+def test_a_host_header_is_taken_apart():
     assert host_name("Bench.Local:80") == "bench.local"
     assert host_name("[::1]:8460") == "::1"
     assert host_name("a b") == host_name("a/b") == host_name("") == ""

@@ -59,13 +59,13 @@ def headers_of(sent: list[dict[str, Any]]) -> dict[bytes, bytes]:
     return dict(sent[0]["headers"])
 
 
-def test_the_page_may_reach_the_port_of_stop_alone_beside_its_own() -> None:
+def test_the_page_may_reach_the_port_of_stop_alone_beside_its_own():
     sent, _ = ask(Access(), http(), stop_port=9001)
     policy = headers_of(sent)[b"content-security-policy"].decode()
     assert "wss://127.0.0.1:8460 http://127.0.0.1:9001;" in policy
 
 
-def test_what_is_let_in_cannot_be_framed() -> None:
+def test_what_is_let_in_cannot_be_framed():
     sent, behind = ask(Access(), http())
     assert behind == ["/"]
     assert sent[0]["status"] == 200
@@ -77,7 +77,7 @@ def test_what_is_let_in_cannot_be_framed() -> None:
     assert "http" not in policy
 
 
-def test_what_is_refused_never_reaches_the_page() -> None:
+def test_what_is_refused_never_reaches_the_page():
     scope = {**http(), "headers": [(b"host", b"evil.example")]}
     sent, behind = ask(Access(), scope)
     assert behind == []
@@ -85,7 +85,7 @@ def test_what_is_refused_never_reaches_the_page() -> None:
     assert b"none of its names" in sent[1]["body"]
 
 
-def test_the_right_token_becomes_a_cookie_and_leaves_the_address() -> None:
+def test_the_right_token_becomes_a_cookie_and_leaves_the_address():
     access = Access(token="right")
     sent, behind = ask(access, http("/", b"token=right&tab=sweep"))
     assert behind == []
@@ -99,7 +99,7 @@ def test_the_right_token_becomes_a_cookie_and_leaves_the_address() -> None:
     assert (sent[0]["status"], behind) == (200, ["/"])
 
 
-def test_a_wrong_token_gets_nothing_not_even_files() -> None:
+def test_a_wrong_token_gets_nothing_not_even_files():
     access = Access(token="right")
     for path in ("/", "/static/page.css", "/_nicegui_ws/socket.io/"):
         for query, cookie in ((b"token=wrong", b""), (b"", b"benchtool-1=wrong"), (b"", b"\xff")):
@@ -107,7 +107,7 @@ def test_a_wrong_token_gets_nothing_not_even_files() -> None:
             assert (sent[0]["status"], behind) == (403, [])
 
 
-def test_a_socket_of_another_page_is_closed_before_it_opens() -> None:
+def test_a_socket_of_another_page_is_closed_before_it_opens():
     scope = {
         "type": "websocket",
         "path": "/control",
@@ -122,11 +122,11 @@ def test_a_socket_of_another_page_is_closed_before_it_opens() -> None:
     assert sent == [{"type": "websocket.accept"}]
 
 
-def test_start_and_end_of_the_server_pass() -> None:
+def test_start_and_end_of_the_server_pass():
     assert ask(Access(), {"type": "lifespan"}) == ([], ["lifespan"])
 
 
-def test_wrong_tokens_wait_for_each_other_and_the_right_one_for_nobody() -> None:
+def test_wrong_tokens_wait_for_each_other_and_the_right_one_for_nobody():
     answered: list[tuple[int, float]] = []
     clock_s = 0.0
 
@@ -161,7 +161,7 @@ def test_wrong_tokens_wait_for_each_other_and_the_right_one_for_nobody() -> None
     assert late == [WRONG_TOKEN_S * (i + 1) for i in range(MOST_WAITING)]
 
 
-def test_a_body_is_refused_while_it_arrives() -> None:
+def test_a_body_is_refused_while_it_arrives():
     part = b"x" * 1_000_000
     taken, sent = 0, []
 

@@ -41,15 +41,13 @@ class RecordingClient(BenchClient):
         ("arm", []),
     ],
 )
-def test_only_whole_reports_of_the_throttle_are_forwarded(
-    word: str, commands: list[Command]
-) -> None:
+def test_only_whole_reports_of_the_throttle_are_forwarded(word, commands):
     bench = RecordingClient()
     forward(ServerState(runs=Path("runs"), bench=bench), "a", word)
     assert bench.commands == commands
 
 
-def test_the_first_page_is_at_the_controls_and_others_watch() -> None:
+def test_the_first_page_is_at_the_controls_and_others_watch():
     lock = ControlLock()
     lock.arrive("a")
     lock.arrive("b")
@@ -60,7 +58,7 @@ def test_the_first_page_is_at_the_controls_and_others_watch() -> None:
     assert lock.held_by("a")
 
 
-def test_a_page_that_is_loaded_again_keeps_the_controls() -> None:
+def test_a_page_that_is_loaded_again_keeps_the_controls():
     lock = ControlLock()
     lock.arrive("a")
     lock.arrive("b")
@@ -71,7 +69,7 @@ def test_a_page_that_is_loaded_again_keeps_the_controls() -> None:
     assert not lock.take("b", 100.0)
 
 
-def test_the_new_socket_of_a_page_may_come_before_the_old_one_goes() -> None:
+def test_the_new_socket_of_a_page_may_come_before_the_old_one_goes():
     lock = ControlLock()
     lock.arrive("a")
     lock.arrive("a")
@@ -79,7 +77,7 @@ def test_the_new_socket_of_a_page_may_come_before_the_old_one_goes() -> None:
     assert not lock.is_free(100.0)
 
 
-def test_controls_of_a_page_that_is_gone_are_taken_by_hand_and_only_by_a_page() -> None:
+def test_controls_of_a_page_that_is_gone_are_taken_by_hand_and_only_by_a_page():
     lock = ControlLock()
     lock.arrive("a")
     lock.arrive("b")
@@ -92,11 +90,11 @@ def test_controls_of_a_page_that_is_gone_are_taken_by_hand_and_only_by_a_page() 
     assert not lock.held_by("a")
 
 
-def test_no_name_has_no_controls() -> None:
+def test_no_name_has_no_controls():
     assert not ControlLock().held_by("")
 
 
-def test_a_page_that_responds_has_no_problem() -> None:
+def test_a_page_that_responds_has_no_problem():
     watch = PageWatch()
     watch.beat("a", 0.1, 10.0)
     assert watch.problem("a", 10.0 + 0.9 * MAX_BEAT_SILENCE_S) == ""
@@ -111,15 +109,13 @@ def test_a_page_that_responds_has_no_problem() -> None:
         (MAX_BLOCKED_S - 0.1, 0.2, "blocked"),
     ],
 )
-def test_a_page_that_cannot_press_stop_is_named(
-    blocked_s: float, later_s: float, named: str
-) -> None:
+def test_a_page_that_cannot_press_stop_is_named(blocked_s, later_s, named):
     watch = PageWatch()
     watch.beat("a", blocked_s, 10.0)
     assert named in watch.problem("a", 10.0 + later_s)
 
 
-def test_a_page_that_is_closed_is_lost_and_another_takes_over_the_watch() -> None:
+def test_a_page_that_is_closed_is_lost_and_another_takes_over_the_watch():
     watch, lock = PageWatch(), ControlLock()
     for tab in ("a", "b"):
         lock.arrive(tab)

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,15 +17,13 @@ OUT = Path("out")
 
 
 @pytest.fixture
-def worker() -> Iterator[WorkerProcess]:
+def worker():
     made = WorkerProcess("sums")
     yield made
     made.close()
 
 
-def test_short_work_follows_each_other_and_an_error_of_ours_is_its_sentence(
-    worker: WorkerProcess, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_short_work_follows_each_other_and_an_error_of_ours_is_its_sentence(worker, capfd):
     async def run() -> list[int]:
         pids = [await worker.run(os.getpid) for _ in range(2)]
         with pytest.raises(BenchtoolError, match=r"a fault in benchtool itself, ValueError: .*'x'"):
@@ -39,7 +36,7 @@ def test_short_work_follows_each_other_and_an_error_of_ours_is_its_sentence(
     assert "Traceback" in capfd.readouterr().err
 
 
-def test_a_worker_that_ends_is_reported_and_replaced(worker: WorkerProcess) -> None:
+def test_a_worker_that_ends_is_reported_and_replaced(worker):
     async def run() -> int:
         with pytest.raises(RunStopped, match="the process for sums ended before it was done"):
             await worker.run(os._exit, 3)
@@ -49,7 +46,7 @@ def test_a_worker_that_ends_is_reported_and_replaced(worker: WorkerProcess) -> N
     assert asyncio.run(run()) == 7
 
 
-def test_a_worker_ends_at_once_when_it_is_closed(worker: WorkerProcess) -> None:
+def test_a_worker_ends_at_once_when_it_is_closed(worker):
     async def run() -> None:
         await worker.run(os.getpid)
         lingering = asyncio.ensure_future(worker.run(job_functions.linger))
@@ -61,7 +58,7 @@ def test_a_worker_ends_at_once_when_it_is_closed(worker: WorkerProcess) -> None:
     asyncio.run(run())
 
 
-def test_a_result_comes_back_with_the_stages_in_order() -> None:
+def test_a_result_comes_back_with_the_stages_in_order():
     state = Job(OUT, ["add"], job_functions.add, 2, 3).wait(LONG_S)
     assert (state.status, state.result, state.share) == ("done", 5, 1.0)
     assert state.stages == ("adding", "done")
@@ -76,13 +73,13 @@ def test_a_result_comes_back_with_the_stages_in_order() -> None:
     ],
     ids=["ours", "fault", "death"],
 )
-def test_what_fails_says_why(function: job_functions.Function, error: str) -> None:
+def test_what_fails_says_why(function, error):
     state = Job(OUT, (), function).wait(LONG_S)
     assert state.status == "failed"
     assert error in state.error
 
 
-def test_one_job_of_a_kind_runs_and_cancel_deletes_what_it_wrote(tmp_path: Path) -> None:
+def test_one_job_of_a_kind_runs_and_cancel_deletes_what_it_wrote(tmp_path):
     out = tmp_path / "fit"
     server = ServerState(runs=tmp_path)
     job = server.start_job("fits", lambda: Job(out, (), job_functions.linger))

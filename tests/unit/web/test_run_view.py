@@ -21,7 +21,7 @@ TOP = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
-def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def root(tmp_path_factory):
     root = tmp_path_factory.mktemp("any") / "runs"
     shutil.copytree(TOP / "datasets" / "quad" / "run", root / "quad")
     (root / "answer").mkdir()
@@ -40,7 +40,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def test_what_is_in_a_file_is_never_markup(root: Path) -> None:
+def test_what_is_in_a_file_is_never_markup(root):
     for name in ("answer", "lab.csv"):
         html = view_entry(root, name)[0].html
         assert "<script" not in html
@@ -48,7 +48,7 @@ def test_what_is_in_a_file_is_never_markup(root: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../secret.csv", "quad/../../secret.csv", "/etc/passwd", "none"])
-def test_nothing_outside_is_shown_compared_or_handed_out(root: Path, name: str) -> None:
+def test_nothing_outside_is_shown_compared_or_handed_out(root, name):
     for take in (
         lambda: view_entry(root, name),
         lambda: view_part(root, name, "Plan"),

@@ -28,9 +28,7 @@ def uploaded(runs: Path, file: Path, **options: object) -> str:
     return store_upload(runs, file.name, file.read_bytes(), "2026-01-02", inputs)
 
 
-def test_a_stands_table_is_mapped_fitted_and_compared_without_a_word(
-    tmp_path: Path, reference_data: Path
-) -> None:
+def test_a_stands_table_is_mapped_fitted_and_compared_without_a_word(tmp_path, reference_data):
     stand = reference_data / STAND
     runs = tmp_path / "runs"
     name = uploaded(runs, stand)
@@ -55,7 +53,7 @@ def test_a_stands_table_is_mapped_fitted_and_compared_without_a_word(
     assert run.values("efficiency_N_W") is not None
 
 
-def test_options_and_logs_make_recordings(tmp_path: Path, reference_data: Path) -> None:
+def test_options_and_logs_make_recordings(tmp_path, reference_data):
     stand = reference_data / STAND
     runs = tmp_path / "runs"
     name = uploaded(runs, stand, flip=("thrust_N",))

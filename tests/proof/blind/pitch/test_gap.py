@@ -38,26 +38,26 @@ def parked(
 
 
 @pytest.mark.parametrize("family", OUTSIDE)
-def test_what_no_library_names_matters(family: str) -> None:
+def test_what_no_library_names_matters(family):
     for seed in (10, 11):
         record = make_record(seed, family, excitation="rich")
         ratios = gap(record.parts[1], record.truth).ratio
         assert max(ratios.values()) > MATTERS, (seed, ratios)
 
 
-def test_nothing_hidden_leaves_no_gap() -> None:
+def test_nothing_hidden_leaves_no_gap():
     record = make_record(12, "none", excitation="poor")
     assert set(gap(record.parts[0], record.truth).ratio.values()) == {1.0}
 
 
-def test_a_hidden_effect_opens_a_gap() -> None:
+def test_a_hidden_effect_opens_a_gap():
     record = make_record(13, "rotor_asymmetry", excitation="rich")
     found = gap(record.parts[0], record.truth)
     assert found.ratio["theta"] > 5.0
     assert found.floor["rpm1"] == pytest.approx(NOISE[2], rel=0.03)
 
 
-def test_the_floor_is_what_the_wake_makes_of_a_free_beam(rng: np.random.Generator) -> None:
+def test_the_floor_is_what_the_wake_makes_of_a_free_beam(rng):
     part = parked([1500.0], rng, seconds=60.0)
     floor = miss(part, Plant(), Plant())
     tau, sd = SHEET.tau_process, SHEET.sd_process / SHEET.J
@@ -68,15 +68,13 @@ def test_the_floor_is_what_the_wake_makes_of_a_free_beam(rng: np.random.Generato
     assert floor["gyro"] == pytest.approx(expected, rel=0.25)
 
 
-def test_the_true_model_is_surprised_as_it_should_be() -> None:
+def test_the_true_model_is_surprised_as_it_should_be():
     record = make_record(14, "none", excitation="rich", dirt="clean")
     part, truth = record.parts[0], record.truth.plant
     assert surprise(part, truth) == pytest.approx(1.0, abs=0.03)
 
 
-def test_a_wrong_model_is_surprised_by_what_the_information_says(
-    rng: np.random.Generator,
-) -> None:
+def test_a_wrong_model_is_surprised_by_what_the_information_says(rng):
     part = parked([1500.0], rng)
     # Off by two tolerances to one side and to the other; the noise's own share falls out.
     sides = [surprise(part, Plant(cog_x_m=x)) for x in (-0.001, 0.001)]

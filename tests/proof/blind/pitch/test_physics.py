@@ -16,7 +16,7 @@ from tests.proof.blind.pitch.beam import STEP_S, compiled, flex_frequency_Hz
 from tests.proof.blind.pitch.dirt import dirty_bench
 from tests.proof.blind.pitch.loop import wake_torque
 from tests.proof.blind.pitch.moving import STEPS, Moving, State, ground_factor
-from tests.proof.blind.pitch.plant import FrictionLaw, Plant
+from tests.proof.blind.pitch.plant import Plant
 from tests.proof.blind.pitch.rotors import Rotors
 from tests.proof.blind.pitch.sheet import PARKED_M, SHEET
 
@@ -59,7 +59,7 @@ def period_s(angles: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("flex_Nm_per_rad", [0.0, 50.0])
-def test_masses_give_inertia_and_centre_of_gravity(flex_Nm_per_rad: float) -> None:
+def test_masses_give_inertia_and_centre_of_gravity(flex_Nm_per_rad):
     plant = Plant(
         inertia_kgm2=0.0312, cog_x_m=0.003, cog_below_m=0.0004, flex_Nm_per_rad=flex_Nm_per_rad
     )
@@ -76,7 +76,7 @@ def test_masses_give_inertia_and_centre_of_gravity(flex_Nm_per_rad: float) -> No
     assert model.body_subtreemass[1] == pytest.approx(SHEET.m)
 
 
-def test_a_spring_swings_the_beam_at_its_period() -> None:
+def test_a_spring_swings_the_beam_at_its_period():
     plant = Plant(stiffness_Nm_per_rad=0.16, cog_below_m=0.0003)
     angles, _ = thrown(plant, theta_rad=0.02, seconds=20.0)
     stiffness = 0.16 + SHEET.m * SHEET.g * 0.0003
@@ -85,14 +85,14 @@ def test_a_spring_swings_the_beam_at_its_period() -> None:
     assert angles[-2000:].max() == pytest.approx(0.02, rel=1e-3)
 
 
-def test_viscous_friction_lets_the_rate_decay_exponentially() -> None:
+def test_viscous_friction_lets_the_rate_decay_exponentially():
     _, rates = thrown(Plant(damping_Nms=0.02), rate_rad_s=1.0, seconds=2.0)
     t = np.arange(len(rates)) * SHEET.dt
     assert rates[1:] == pytest.approx(np.exp(-t * 0.02 / SHEET.J)[1:], rel=2e-3)
 
 
 @pytest.mark.parametrize("law", ["constraint", "smooth"])
-def test_coulomb_friction_stops_the_beam_in_its_time(law: FrictionLaw) -> None:
+def test_coulomb_friction_stops_the_beam_in_its_time(law):
     plant = Plant(friction_Nm=0.01, friction_law=law, friction_width_rad_s=0.005)
     _, rates = thrown(plant, rate_rad_s=0.3, seconds=1.5)
     t = np.arange(len(rates)) * SHEET.dt
@@ -102,7 +102,7 @@ def test_coulomb_friction_stops_the_beam_in_its_time(law: FrictionLaw) -> None:
 
 
 @pytest.mark.parametrize("law", ["constraint", "smooth"])
-def test_coulomb_friction_holds_a_smaller_torque(law: FrictionLaw) -> None:
+def test_coulomb_friction_holds_a_smaller_torque(law):
     plant = Plant(friction_Nm=0.01, friction_law=law, friction_width_rad_s=0.005, cog_x_m=0.0007)
     held = SHEET.m * SHEET.g * 0.0007
     _, rates = thrown(plant, seconds=1.0)
@@ -110,7 +110,7 @@ def test_coulomb_friction_holds_a_smaller_torque(law: FrictionLaw) -> None:
     assert np.abs(rates[50:]).max() <= creep * 1.05
 
 
-def test_rotors_in_motion_damp_the_beam() -> None:
+def test_rotors_in_motion_damp_the_beam():
     plant = Plant(aero_damping=3.0)
     _, rates = thrown(plant, rate_rad_s=0.5, pulses_us=HOVER, seconds=0.5)
     tip_m_s = 6000.0 * 2.0 * math.pi / 60.0 * SHEET.R
@@ -119,7 +119,7 @@ def test_rotors_in_motion_damp_the_beam() -> None:
     assert rates[1:] == pytest.approx(0.5 * np.exp(-decay * t)[1:], rel=2e-3)
 
 
-def test_ground_effect_of_images_and_body() -> None:
+def test_ground_effect_of_images_and_body():
     h = 0.1
     image = (SHEET.R / (4.0 * h)) ** 2
     assert ground_factor(h, Plant())[0] == pytest.approx(1.0 / (1.0 - image))
@@ -143,14 +143,14 @@ def speeds(plant: Plant, pulses: list[float]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.0007, 0.004, 0.0131])
-def test_a_step_arrives_late_and_lags(delay_s: float) -> None:
+def test_a_step_arrives_late_and_lags(delay_s):
     answered = speeds(Plant(delay_s=delay_s, tau_s=0.025), [1600.0] * 50)
     t = (np.arange(50) + 1) * SHEET.dt - delay_s
     expected = 7200.0 - 1200.0 * np.exp(-np.maximum(t, 0.0) / 0.025)
     assert answered == pytest.approx(expected, rel=1e-12)
 
 
-def test_the_steady_speed_is_the_map_less_the_sag() -> None:
+def test_the_steady_speed_is_the_map_less_the_sag():
     plant = Plant(rpm_per_us=(12.03, 12.0), sag_per_s=0.002)
     answered = speeds(plant, [1500.0] * 2500)
     t = 2499 * SHEET.dt
@@ -158,7 +158,7 @@ def test_the_steady_speed_is_the_map_less_the_sag() -> None:
     assert answered[-1] == pytest.approx(12.03 * 500.0 * (1.0 - 0.002 * t + lagging), rel=2e-5)
 
 
-def test_hub_and_arms_swing_against_each_other() -> None:
+def test_hub_and_arms_swing_against_each_other():
     plant = Plant(flex_Nm_per_rad=60.0, flex_hub_share=0.4)
     angles, _ = thrown(plant, rate_rad_s=0.5, arms_rad_s=0.0, seconds=4.0)
     drift = 0.4 * 0.5 * np.arange(len(angles)) * SHEET.dt
@@ -166,7 +166,7 @@ def test_hub_and_arms_swing_against_each_other() -> None:
     assert (angles - drift)[-500:].mean() == pytest.approx(0.0, abs=1e-3)
 
 
-def test_wake_torque_has_its_variance_and_memory(rng: np.random.Generator) -> None:
+def test_wake_torque_has_its_variance_and_memory(rng):
     wake = wake_torque(rng, 2_000_000, 0.004, 0.1)
     # 2000 s hold 10,000 correlation times; the variance is then good to 1.4 %.
     assert wake.std() == pytest.approx(0.004, rel=0.02)
@@ -205,7 +205,7 @@ def derivative(t: float, state: np.ndarray, plant: Plant, drive: np.ndarray) -> 
     return [rate, torque / plant.inertia_kgm2, *out]
 
 
-def test_the_whole_bench_agrees_with_another_integrator(rng: np.random.Generator) -> None:
+def test_the_whole_bench_agrees_with_another_integrator(rng):
     drawn = dirty_bench(rng)
     plant = Plant(
         **{

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,7 +13,6 @@ pytest.importorskip("mujoco", reason="the blind bench is a MuJoCo model")
 
 from tests.proof.blind.pitch.library import NAMED
 from tests.proof.blind.pitch.records import (
-    HiddenRecord,
     families,
     make_record,
     write_record,
@@ -25,7 +23,7 @@ COLUMNS = ["t", "theta_ref", "theta", "gyro", "pwm1", "pwm2", "rpm1", "rpm2", "p
 
 
 @pytest.fixture(scope="module")
-def null() -> HiddenRecord:
+def null():
     return make_record(0, "none", excitation="rich")
 
 
@@ -45,7 +43,7 @@ def check_table(table: pd.DataFrame) -> None:
     assert (table["plate_z"] <= PARKED_M).all()
 
 
-def test_a_record_reads_back_from_its_files(null: HiddenRecord, tmp_path: Path) -> None:
+def test_a_record_reads_back_from_its_files(null, tmp_path):
     learn, check = write_record(null, tmp_path, "none")
     assert (learn.name, check.name) == ("none.csv", "none_check.csv")
     for path, table in ((learn, null.learn), (check, null.check)):
@@ -57,9 +55,7 @@ def test_a_record_reads_back_from_its_files(null: HiddenRecord, tmp_path: Path) 
     assert not list(tmp_path.glob("*truth*"))
 
 
-def test_the_format_is_that_of_the_reference_bench(
-    null: HiddenRecord, reference_data: Path, tmp_path: Path
-) -> None:
+def test_the_format_is_that_of_the_reference_bench(null, reference_data, tmp_path):
     folder = reference_data / "pitch_bench"
     theirs = pd.read_csv(folder / "nothing_hidden.csv")
     ours = pd.read_csv(write_record(null, tmp_path, "none")[0])
@@ -70,7 +66,7 @@ def test_the_format_is_that_of_the_reference_bench(
 
 
 @pytest.mark.parametrize("family", families())
-def test_every_family_runs_in_the_format(family: str) -> None:
+def test_every_family_runs_in_the_format(family):
     record = make_record(1, family, excitation="rich")
     for part, table in zip(record.parts, (record.learn, record.check), strict=True):
         check_table(table)
@@ -86,7 +82,7 @@ def test_every_family_runs_in_the_format(family: str) -> None:
 
 
 @pytest.mark.parametrize("family", ["none", "rotor_asymmetry", "arm_flexure", "body_lift"])
-def test_poor_records_have_one_collective_one_distance_and_no_dither(family: str) -> None:
+def test_poor_records_have_one_collective_one_distance_and_no_dither(family):
     record = make_record(2, family, excitation="poor", strength="weak")
     check_table(record.learn)
     mean = 0.5 * (record.learn["pwm1"] + record.learn["pwm2"])
@@ -96,7 +92,7 @@ def test_poor_records_have_one_collective_one_distance_and_no_dither(family: str
     assert record.learn["theta_ref"].abs().max() <= math.radians(4.0)
 
 
-def test_rich_records_step_the_collective_and_move_the_plate(null: HiddenRecord) -> None:
+def test_rich_records_step_the_collective_and_move_the_plate(null):
     mean = 0.5 * (null.learn["pwm1"] + null.learn["pwm2"]) - SHEET.pwm0
     assert mean.max() / mean.min() > 1.3
     distances = null.parts[0].plate_m
@@ -105,6 +101,6 @@ def test_rich_records_step_the_collective_and_move_the_plate(null: HiddenRecord)
     assert 0.4 < (distances == PARKED_M).mean() < 0.9
 
 
-def test_a_clean_bench_is_what_its_sheet_says() -> None:
+def test_a_clean_bench_is_what_its_sheet_says():
     record = make_record(6, "none", excitation="poor", dirt="clean")
     assert record.truth.imperfections == {}

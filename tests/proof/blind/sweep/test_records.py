@@ -11,12 +11,12 @@ import pytest
 from tests.proof.blind.sweep.bench import Bench
 from tests.proof.blind.sweep.gap import gap
 from tests.proof.blind.sweep.ground import GroundLaw, covered_fraction
-from tests.proof.blind.sweep.layouts import LAYOUTS, SINGLE, Layout
+from tests.proof.blind.sweep.layouts import LAYOUTS, SINGLE
 from tests.proof.blind.sweep.library import NAMED, departure, power_of, shares
 from tests.proof.blind.sweep.outside import OUTSIDE
 from tests.proof.blind.sweep.programme import HABITS, programme
 from tests.proof.blind.sweep.readings import Columns, cell_N, driven, thrust_N
-from tests.proof.blind.sweep.records import HiddenSweep, families, make_record
+from tests.proof.blind.sweep.records import families, make_record
 from tests.proof.blind.sweep.table import swept
 
 SEEN_IN_SPEED = {"battery_sag"}
@@ -24,7 +24,7 @@ EACH_LAYOUT = pytest.mark.parametrize("layout", LAYOUTS.values(), ids=list(LAYOU
 
 
 @pytest.fixture(scope="module")
-def null() -> HiddenSweep:
+def null():
     return make_record(0, "none", excitation="rich", layout="quad")
 
 
@@ -49,7 +49,7 @@ def check_table(table: pd.DataFrame) -> None:
 
 @pytest.mark.parametrize("excitation", ["rich", "poor"])
 @pytest.mark.parametrize("family", families())
-def test_every_family_runs_in_the_format(family: str, excitation: str) -> None:
+def test_every_family_runs_in_the_format(family, excitation):
     record = make_record(1, family, excitation=excitation)
     for table in (record.learn, record.check):
         check_table(table)
@@ -64,7 +64,7 @@ def test_every_family_runs_in_the_format(family: str, excitation: str) -> None:
     json.dumps(truth.keys())
 
 
-def test_the_check_has_other_distances_levels_and_order(null: HiddenSweep) -> None:
+def test_the_check_has_other_distances_levels_and_order(null):
     for name in ("plate_z_m", "pwm1_us", "plate_x_m"):
         learn, check = (set(table[name].dropna()) for table in (null.learn, null.check))
         assert len(learn & check) <= 3, name
@@ -74,7 +74,7 @@ def test_the_check_has_other_distances_levels_and_order(null: HiddenSweep) -> No
 
 
 @EACH_LAYOUT
-def test_rich_sweeps_hold_what_tells_effects_apart(layout: Layout) -> None:
+def test_rich_sweeps_hold_what_tells_effects_apart(layout):
     table = make_record(2, "none", excitation="rich", layout=layout.name).learn
     visits = table[table["kind"] != "tare"]
     z_over_R = visits["plate_z_m"] / layout.radius_m
@@ -90,7 +90,7 @@ def test_rich_sweeps_hold_what_tells_effects_apart(layout: Layout) -> None:
 
 
 @pytest.mark.parametrize("habit", range(len(HABITS)), ids=HABITS)
-def test_poor_sweeps_lack_levels_or_distances(habit: int, rng: np.random.Generator) -> None:
+def test_poor_sweeps_lack_levels_or_distances(habit, rng):
     bench = Bench(layout=SINGLE)
     table = swept(bench, programme(rng, SINGLE, "poor", habit), rng).table
     check_table(table)
@@ -105,7 +105,7 @@ def test_poor_sweeps_lack_levels_or_distances(habit: int, rng: np.random.Generat
 # --- sizes ---------------------------------------------------------------------------------
 
 
-def test_shares_are_those_of_the_power() -> None:
+def test_shares_are_those_of_the_power():
     assert shares(1.0) == pytest.approx({"share_1": 0.25, "share_2": 1 / 3, "share_3": 0.5})
     assert departure(1.0) == 0.0
     for value in (-0.2, -0.05, 0.1, 0.4):
@@ -117,9 +117,7 @@ def test_shares_are_those_of_the_power() -> None:
 
 @pytest.mark.parametrize("near", [-0.03, 0.03])
 @pytest.mark.parametrize("softness", [0.78, 1.22])
-def test_the_ground_law_is_a_few_per_cent_off_cheeseman_and_bennett(
-    softness: float, near: float
-) -> None:
+def test_the_ground_law_is_a_few_per_cent_off_cheeseman_and_bennett(softness, near):
     """Of the increment, and less where the effective radius takes up what it can."""
     ratios = np.linspace(0.5, 3.0, 26)
     height = (ratios * 0.12)[None, :]
@@ -132,13 +130,13 @@ def test_the_ground_law_is_a_few_per_cent_off_cheeseman_and_bennett(
     assert 0.005 < off.min() < 0.03
 
 
-def test_the_hard_law_is_cheeseman_and_bennetts_exactly() -> None:
+def test_the_hard_law_is_cheeseman_and_bennetts_exactly():
     height = np.array([[0.06, 0.12, 0.48]])
     ours = GroundLaw(radius_m=0.12).factor(height, np.ones((1, 3)), np.zeros(1), np.zeros(1))
     assert ours[0] == pytest.approx(1.0 / (1.0 - (0.12 / (4.0 * height[0])) ** 2))
 
 
-def test_covered_fractions_are_areas() -> None:
+def test_covered_fractions_are_areas():
     inside = np.array([-0.2, -0.12, 0.0, 0.0485, 0.12, 0.2])
     area = covered_fraction(np.zeros((1, 1)), 0.12, -inside, np.full(6, 1.2))[0]
     assert area == pytest.approx([0.0, 0.0, 0.5, 0.75, 1.0, 1.0], abs=1e-3)
@@ -153,9 +151,7 @@ def readings(bench: Bench, rng: np.random.Generator) -> tuple[Columns, np.ndarra
 
 
 @EACH_LAYOUT
-def test_thrust_rises_towards_the_plate_and_with_the_pulse(
-    layout: Layout, rng: np.random.Generator
-) -> None:
+def test_thrust_rises_towards_the_plate_and_with_the_pulse(layout, rng):
     rows, force, reading = readings(Bench(layout=layout), rng)
     assert np.array_equal(force, reading)
     top = rows.level_us == rows.level_us.max()
@@ -175,9 +171,7 @@ def test_thrust_rises_towards_the_plate_and_with_the_pulse(
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize("family", OUTSIDE)
 @EACH_LAYOUT
-def test_an_outside_effect_leaves_a_gap_that_no_named_one_closes(
-    family: str, seed: int, layout: Layout
-) -> None:
+def test_an_outside_effect_leaves_a_gap_that_no_named_one_closes(family, seed, layout):
     """At least four times the noise on both parts, and at most 80 % closed by any one effect."""
     record = make_record(seed, family, excitation="rich", layout=layout.name)
     for part in record.parts:
@@ -188,9 +182,7 @@ def test_an_outside_effect_leaves_a_gap_that_no_named_one_closes(
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("family", NAMED)
-def test_a_full_named_effect_stands_above_the_noise_and_closes_its_own_gap(
-    family: str, seed: int
-) -> None:
+def test_a_full_named_effect_stands_above_the_noise_and_closes_its_own_gap(family, seed):
     record = make_record(seed, family, excitation="rich")
     found = gap(record.parts[1], record.truth)
     if family in SEEN_IN_SPEED:
@@ -202,12 +194,12 @@ def test_a_full_named_effect_stands_above_the_noise_and_closes_its_own_gap(
         assert found.closed[family] > max(found.closed.values()) - 0.1
 
 
-def test_nothing_hidden_leaves_no_gap(null: HiddenSweep) -> None:
+def test_nothing_hidden_leaves_no_gap(null):
     found = gap(null.parts[1], null.truth)
     assert (found.thrust, found.speed) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
-def test_the_noise_is_what_the_table_says(null: HiddenSweep) -> None:
+def test_the_noise_is_what_the_table_says(null):
     part = null.parts[0]
     true = cell_N(null.truth.bench, part.rows, part.force_N, part.drive.speed_rad_s)[part.kept]
     scores = (null.learn["thrust_N"] - true) / null.learn["thrust_se_N"]

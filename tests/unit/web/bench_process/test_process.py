@@ -5,7 +5,7 @@ from __future__ import annotations
 import pickle
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from http.client import HTTPConnection
 from multiprocessing import get_context
 from multiprocessing.connection import Connection as Pipe
@@ -80,7 +80,7 @@ class Server:
 
 
 @pytest.fixture
-def bench() -> Iterator[Server]:
+def bench():
     spawn = get_context("spawn")
     ours, theirs = spawn.Pipe()
     process = spawn.Process(target=run_bench_process, args=(theirs,))
@@ -94,7 +94,7 @@ def bench() -> Iterator[Server]:
     assert process.exitcode == 0
 
 
-def test_a_bench_is_connected_told_of_and_let_go(bench: Server) -> None:
+def test_a_bench_is_connected_told_of_and_let_go(bench):
     on = bench.connect("sim:pquad_single")
     assert on.identity is not None
     assert on.rig is not None
@@ -116,16 +116,14 @@ def test_a_bench_is_connected_told_of_and_let_go(bench: Server) -> None:
         ("serial:/dev/none", "which rig stands on"),
     ],
 )
-def test_what_cannot_be_opened_is_told_in_one_sentence(
-    bench: Server, address: str, why: str
-) -> None:
+def test_what_cannot_be_opened_is_told_in_one_sentence(bench, address, why):
     off = bench.connect(address)
     assert off.status == "off"
     assert why in off.reason
     assert bench.connect("sim:pquad_single").status == "on"
 
 
-def test_a_hand_turns_motors_only_while_it_is_heard_of(bench: Server) -> None:
+def test_a_hand_turns_motors_only_while_it_is_heard_of(bench):
     bench.connect("sim:pquad_single")
     for _ in range(30):
         bench.send(messages.HoldThrottle("a", 1, 1300.0, (1,)))
@@ -141,7 +139,7 @@ def test_a_hand_turns_motors_only_while_it_is_heard_of(bench: Server) -> None:
     assert standing.standstill.startswith("rotor 1 was seen to stand")
 
 
-def test_masses_are_weighed_on_a_bench_that_cannot_turn(bench: Server) -> None:
+def test_masses_are_weighed_on_a_bench_that_cannot_turn(bench):
     on = bench.connect("sim:pquad_single", weighs=True)
     assert on.weighs
     bench.send(messages.WeighMass(0.0, seconds=0.2))
@@ -154,7 +152,7 @@ def test_masses_are_weighed_on_a_bench_that_cannot_turn(bench: Server) -> None:
     assert "the load cell's rating" in bench.wait_for(messages.Notice).text
 
 
-def test_a_pitch_recording_is_kept_and_stopped(bench: Server, tmp_path: Path) -> None:
+def test_a_pitch_recording_is_kept_and_stopped(bench, tmp_path):
     command = messages.StartRecording(
         experiment=PitchExperiment(seconds=2.0, collective_us=1610.0), runs=tmp_path
     )
@@ -192,7 +190,7 @@ def test_a_pitch_recording_is_kept_and_stopped(bench: Server, tmp_path: Path) ->
     assert Run.open(Path(stopped.run)).metadata["state"] == "stopped"
 
 
-def test_a_sweep_runs_pauses_and_ends(bench: Server, tmp_path: Path) -> None:
+def test_a_sweep_runs_pauses_and_ends(bench, tmp_path):
     bench.connect("sim:pquad_single")
     bench.send(messages.SetClockSpeed(100.0))
     bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
@@ -212,9 +210,7 @@ def test_a_sweep_runs_pauses_and_ends(bench: Server, tmp_path: Path) -> None:
     assert Run.open(path).metadata["samples"]["parquet_sha256"]
 
 
-def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(
-    bench: Server, tmp_path: Path
-) -> None:
+def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(bench, tmp_path):
     bench.connect("sim:pquad_single")
     bench.send(messages.StartSweep(SweepInputs(plan=PLAN, runs=tmp_path)))
     bench.wait_for(messages.LiveStatus, lambda event: max(event.pulses_us, default=0.0) >= 1400.0)
@@ -241,7 +237,7 @@ def test_a_lost_page_pauses_a_sweep_in_mid_visit_and_the_visit_is_repeated(
 
 
 @pytest.mark.parametrize("token", ["right", "wrong"])
-def test_stop_has_a_port_of_its_own(token: str, tmp_path: Path) -> None:
+def test_stop_has_a_port_of_its_own(token, tmp_path):
     spawn = get_context("spawn")
     ours, theirs = spawn.Pipe()
     endpoint = StopEndpoint(socket.create_server(("127.0.0.1", 0)), "right")

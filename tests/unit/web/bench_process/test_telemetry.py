@@ -19,9 +19,7 @@ values = arrays(
 
 
 @given(values, st.integers(0, 30), st.integers(0, 30))
-def test_no_extreme_is_missed_however_the_stream_is_cut(
-    samples: np.ndarray, first: int, second: int
-) -> None:
+def test_no_extreme_is_missed_however_the_stream_is_cut(samples, first, second):
     decimator = Decimator(7, 3)
     frames = []
     for part in np.split(samples, sorted({min(first, len(samples)), min(second, len(samples))})):
@@ -41,7 +39,7 @@ def test_no_extreme_is_missed_however_the_stream_is_cut(
     assert np.frombuffer(whole, "<f4")[2] == len(samples)
 
 
-def test_a_frame_says_session_time_and_count() -> None:
+def test_a_frame_says_session_time_and_count():
     decimator = Decimator(2, 1)
     decimator.add(np.array([[1.0], [3.0], [2.0]]))
     np.testing.assert_allclose(np.frombuffer(decimator.take(1.5), "<f4"), [2.0, 1.5, 3.0, 1.0, 3.0])
@@ -50,7 +48,7 @@ def test_a_frame_says_session_time_and_count() -> None:
     assert np.isnan(empty[HEAD:]).all()
 
 
-def test_frames_of_two_sessions_are_not_joined() -> None:
+def test_frames_of_two_sessions_are_not_joined():
     old, new = Decimator(1, 2), Decimator(2, 2)
     old.add(np.full((1, 2), 9.0))
     new.add(np.full((1, 2), 1.0))
@@ -62,7 +60,7 @@ LIMITS = rig_named("pquad").limits
 NAMES = ("pwm1_us", "rpm1", "rpm2", "thrust_N", "voltage_V", "current_A")
 
 
-def test_the_reading_that_is_nearest_counts() -> None:
+def test_the_reading_that_is_nearest_counts():
     low = np.array([1000.0, 0.0, 0.0, -30.0, 10.0, 0.0])
     high = np.array([1000.0, 900.0, 4900.0, 2.0, 11.0, np.nan])
     near = {one.name: one for one in limit_shares(NAMES, low, high, (1200.0, 1300.0), LIMITS)}
@@ -73,12 +71,12 @@ def test_the_reading_that_is_nearest_counts() -> None:
     assert near["pulse, us"].value == 1300.0
 
 
-def test_nothing_is_near_where_nothing_came() -> None:
+def test_nothing_is_near_where_nothing_came():
     gone = np.full(len(NAMES), np.nan)
     assert limit_shares(NAMES, gone, gone, (), LIMITS) == ()
 
 
-def test_power_and_efficiency_follow_from_means_while_motors_turn() -> None:
+def test_power_and_efficiency_follow_from_means_while_motors_turn():
     channels = tuple(
         Channel(name, unit)
         for name, unit in (("rpm1", "rpm"), ("thrust_N", "N"), ("torque_Nm", "N m"),

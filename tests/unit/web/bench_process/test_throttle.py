@@ -19,7 +19,7 @@ from benchtool.web.bench_process.throttle import (
 FIRST, SECOND = HoldThrottle("a", 1, 1300.0, (1, 2)), HoldThrottle("a", 2, 1400.0, (1,))
 
 
-def test_a_hand_that_is_heard_of_holds_on() -> None:
+def test_a_hand_that_is_heard_of_holds_on():
     switch = DeadManSwitch()
     assert switch.wanted(0.0) is None
     for beat in range(20):
@@ -27,7 +27,7 @@ def test_a_hand_that_is_heard_of_holds_on() -> None:
         assert switch.wanted(0.05 * beat + 0.04) is FIRST
 
 
-def test_silence_lets_go_and_a_late_beat_of_that_press_does_not_come_back() -> None:
+def test_silence_lets_go_and_a_late_beat_of_that_press_does_not_come_back():
     ended: list[tuple[str, str]] = []
     switch = DeadManSwitch(lambda tab, reason: ended.append((tab, reason)))
     switch.hold(FIRST, 0.0)
@@ -44,7 +44,7 @@ def test_silence_lets_go_and_a_late_beat_of_that_press_does_not_come_back() -> N
     assert switch.wanted(3.0 * SILENCE_S) is SECOND
 
 
-def test_a_stop_ends_the_press_that_is_still_held() -> None:
+def test_a_stop_ends_the_press_that_is_still_held():
     ended: list[tuple[str, str]] = []
     switch = DeadManSwitch(lambda tab, reason: ended.append((tab, reason)))
     switch.hold(FIRST, 0.0)
@@ -55,7 +55,7 @@ def test_a_stop_ends_the_press_that_is_still_held() -> None:
     assert ended == [("a", "stopped from the page")]
 
 
-def test_a_hand_that_lets_go_by_itself_is_not_cut() -> None:
+def test_a_hand_that_lets_go_by_itself_is_not_cut():
     ended: list[tuple[str, str]] = []
     switch = DeadManSwitch(lambda tab, reason: ended.append((tab, reason)))
     switch.hold(FIRST, 0.0)
@@ -64,7 +64,7 @@ def test_a_hand_that_lets_go_by_itself_is_not_cut() -> None:
     assert ended == []
 
 
-def test_a_beat_is_as_old_as_the_page_says() -> None:
+def test_a_beat_is_as_old_as_the_page_says():
     reasons: list[str] = []
     switch = DeadManSwitch(lambda tab, reason: reasons.append(reason), silence_s=0.5)
     switch.hold(HoldThrottle("a", 1, 1300.0, (1,), age_s=0.4), 10.0)
@@ -73,7 +73,7 @@ def test_a_beat_is_as_old_as_the_page_says() -> None:
     assert "for 510 ms, allowed are 500 ms: the page is too busy" in reasons[0]
 
 
-def test_a_press_that_was_let_go_never_turns_a_motor_however_late_its_beats_come() -> None:
+def test_a_press_that_was_let_go_never_turns_a_motor_however_late_its_beats_come():
     switch = DeadManSwitch()
     switch.release(ReleaseThrottle("a", 1))
     switch.hold(FIRST, 0.0)
@@ -89,7 +89,7 @@ def test_a_press_that_was_let_go_never_turns_a_motor_however_late_its_beats_come
     assert switch.wanted(0.2) is None
 
 
-def test_a_page_that_is_gone_ends_its_own_press_only() -> None:
+def test_a_page_that_is_gone_ends_its_own_press_only():
     switch = DeadManSwitch()
     switch.hold(FIRST, 0.0)
     switch.release(ReleaseThrottle("b"))
@@ -119,7 +119,7 @@ class Motors:
         self.pwm_us = np.full(4, STOP_US)
 
 
-def test_pulses_rise_slowly_and_only_those_of_the_chosen_rotors() -> None:
+def test_pulses_rise_slowly_and_only_those_of_the_chosen_rotors():
     motors, throttle = Motors(), ThrottleRamp(RIG)
     wanted = HoldThrottle("a", 1, 1500.0, (1, 3))
     seen = []
@@ -132,7 +132,7 @@ def test_pulses_rise_slowly_and_only_those_of_the_chosen_rotors() -> None:
     assert motors.stops == 0
 
 
-def test_without_a_hand_motors_are_stopped_at_once_and_once() -> None:
+def test_without_a_hand_motors_are_stopped_at_once_and_once():
     motors, throttle = Motors(), ThrottleRamp(RIG)
     motors.set_pwm([1500.0] * 4)
     for step in range(3):
@@ -141,7 +141,7 @@ def test_without_a_hand_motors_are_stopped_at_once_and_once() -> None:
     assert (motors.pwm_us == STOP_US).all()
 
 
-def test_a_lower_pulse_is_taken_at_once_and_unknown_rotors_are_left_out() -> None:
+def test_a_lower_pulse_is_taken_at_once_and_unknown_rotors_are_left_out():
     motors, throttle = Motors(), ThrottleRamp(RIG)
     motors.set_pwm([1500.0] * 4)
     throttle.follow(motors, HoldThrottle("a", 1, 1200.0, (1, 9)), 1.0)  # type: ignore[arg-type]

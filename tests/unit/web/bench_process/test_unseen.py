@@ -17,9 +17,7 @@ TURNING = StandstillNotSeen("MOTORS MAY STILL TURN: rpm1 4479, cut the power", 4
 
 
 @pytest.mark.parametrize(("error", "unseen"), [(TURNING, str(TURNING)), (LinkLost("gone"), "")])
-def test_the_bench_process_tells_that_motors_may_still_turn(
-    error: Exception, unseen: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_bench_process_tells_that_motors_may_still_turn(error, unseen, monkeypatch):
     def refuse(address: str) -> None:
         raise error
 
@@ -34,7 +32,7 @@ def test_the_bench_process_tells_that_motors_may_still_turn(
     assert (ended.status, ended.reason, ended.unseen) == ("off", str(error), unseen)
 
 
-def test_what_is_known_of_motors_is_first_that_they_may_turn() -> None:
+def test_what_is_known_of_motors_is_first_that_they_may_turn():
     bench = BenchClient()
     bench.connection = ConnectionStatus(reason=str(TURNING), unseen=str(TURNING))
     assert status_parts(bench) == [str(TURNING)]

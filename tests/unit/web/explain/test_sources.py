@@ -28,7 +28,7 @@ EXAMPLES = Path(__file__).parents[4] / "datasets"
 
 
 @pytest.fixture
-def sources(tmp_path: Path) -> RecordingSources:
+def sources(tmp_path):
     runs = tmp_path / "runs"
     mine = runs / "mine"
     mine.mkdir(parents=True)
@@ -41,7 +41,7 @@ def sources(tmp_path: Path) -> RecordingSources:
     return RecordingSources(RunsFolder(runs), RunsFolder(EXAMPLES))
 
 
-def test_recordings_of_the_runs_folder_come_before_the_examples(sources: RecordingSources) -> None:
+def test_recordings_of_the_runs_folder_come_before_the_examples(sources):
     recordings = sources.choices().recordings
     found = list(recordings)
     assert set(found[:2]) == {"mine/learn.parquet", "table.csv"}
@@ -61,9 +61,7 @@ def test_recordings_of_the_runs_folder_come_before_the_examples(sources: Recordi
         ("lab.csv", "single"),
     ],
 )
-def test_a_recording_proposes_the_model_of_its_bench(
-    sources: RecordingSources, recording: str, model: str
-) -> None:
+def test_a_recording_proposes_the_model_of_its_bench(sources, recording, model):
     (sources.runs.root / "lab.csv").write_text("plate_z_m,thrust_N\n0.1,4\n")
     hinge = Recording.from_columns([(Channel("theta_rad", "rad"), np.zeros(2))])
     facts = {"rig": json.loads(json.dumps(asdict(rig_named("pquad"))))}
@@ -74,14 +72,14 @@ def test_a_recording_proposes_the_model_of_its_bench(
 @pytest.mark.parametrize(
     "choice", ["../secret.csv", "/etc/passwd", f"{EXAMPLE}../pyproject.toml", "a\\b", ".hidden"]
 )
-def test_a_choice_that_leads_elsewhere_is_refused(sources: RecordingSources, choice: str) -> None:
+def test_a_choice_that_leads_elsewhere_is_refused(sources, choice):
     with pytest.raises(InputError, match="leads out of"):
         sources.path_of(choice)
     with pytest.raises(InputError, match="leads out of"):
         sources.model_of(choice)
 
 
-def test_the_command_names_everything(sources: RecordingSources) -> None:
+def test_the_command_names_everything(sources):
     chosen = ["mine/learn.parquet"], [f"{EXAMPLE}pitch_friction/check.parquet"], "pitch_pquad"
     inputs = inputs_of(sources, *chosen, "pquad")
     with pytest.raises(InputError, match="does not say which rig it was measured on"):

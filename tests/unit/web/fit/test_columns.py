@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from benchtool.core.column_source import ColumnSource
@@ -14,13 +12,13 @@ from benchtool.web.tabs.fit.work import store_columns
 
 
 @pytest.fixture
-def table(tmp_path: Path) -> Path:
+def table(tmp_path):
     path = tmp_path / "lab.csv"
     path.write_text("gap (mm),Thrust (gf),rpm,note\n60,-424.1,5500,a\n90,-362.6,5500,b\n", "utf-8")
     return path
 
 
-def test_a_header_suggests_columns_and_units_of_the_same_kind(table: Path) -> None:
+def test_a_header_suggests_columns_and_units_of_the_same_kind(table):
     assert columns_for(table) == {
         "plate_z_m": ColumnSource(column="gap (mm)", unit="mm"),
         "thrust_N": ColumnSource(column="Thrust (gf)", unit="gf"),
@@ -31,7 +29,7 @@ def test_a_header_suggests_columns_and_units_of_the_same_kind(table: Path) -> No
     assert "mm" not in units_for("thrust_N")
 
 
-def test_columns_that_cannot_be_read_are_refused_and_not_stored(table: Path) -> None:
+def test_columns_that_cannot_be_read_are_refused_and_not_stored(table):
     wrong = {"thrust_N": ColumnSource(column="note"), "rpm1": ColumnSource(constant=1.0)}
     with pytest.raises(FileFormatError, match=r"line 2: column 'note' holds 'a'"):
         store_columns(table.parent, "lab.csv", wrong)
@@ -42,7 +40,7 @@ def test_columns_that_cannot_be_read_are_refused_and_not_stored(table: Path) -> 
     assert not columns_file(table).exists()
 
 
-def test_a_map_needs_thrust_and_a_speed() -> None:
+def test_a_map_needs_thrust_and_a_speed():
     with pytest.raises(InputError, match="no column is thrust_N"):
         chosen_columns({"rpm1": ColumnSource(column="rpm")})
     with pytest.raises(InputError, match="neither rpm1 nor pwm1_us"):

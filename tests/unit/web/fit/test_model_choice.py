@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from benchtool.core.errors import InputError
@@ -23,7 +21,7 @@ from benchtool.web.tabs.fit.model_choice import (
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> RunsFolder:
+def folder(tmp_path):
     (tmp_path / "runs" / "fit").mkdir(parents=True)
     text = model_to_toml(load_model("quad_bench"))
     (tmp_path / "runs" / "fit" / "model.toml").write_text(text, "utf-8")
@@ -31,7 +29,7 @@ def folder(tmp_path: Path) -> RunsFolder:
     return RunsFolder(tmp_path / "runs")
 
 
-def test_shipped_models_and_those_of_fits_are_offered(folder: RunsFolder) -> None:
+def test_shipped_models_and_those_of_fits_are_offered(folder):
     entries = [
         Entry(name="fit", kind="fit", rig="quad_bench"),
         Entry(name="broken", kind="fit", problem="it is broken"),
@@ -50,7 +48,7 @@ def test_shipped_models_and_those_of_fits_are_offered(folder: RunsFolder) -> Non
     ['rig = "../../outside.toml"', 'rig = "other.toml"', 'effects_file = "/tmp/x.py"',
      'effects_file = "../x.py"', 'effects_file = "x.py"'],
 )  # fmt: skip
-def test_a_model_may_not_lead_out_either(folder: RunsFolder, line: str) -> None:
+def test_a_model_may_not_lead_out_either(folder, line):
     path = folder.root / "fit" / "model.toml"
     text = path.read_text("utf-8")
     if line.startswith("rig"):
@@ -63,14 +61,14 @@ def test_a_model_may_not_lead_out_either(folder: RunsFolder, line: str) -> None:
         model_path(folder, "fit/model.toml")
 
 
-def test_what_the_form_leaves_alone_needs_no_option() -> None:
+def test_what_the_form_leaves_alone_needs_no_option():
     numbers = numbers_of("quad_bench")
     assert not any(name.startswith("noise.") for name in numbers)
     same = {name: ParameterChoice(number.free, number.value) for name, number in numbers.items()}
     assert choice_options(numbers, same) == {"free": [], "hold": [], "fix": {}}
 
 
-def test_the_form_frees_holds_and_fixes() -> None:
+def test_the_form_frees_holds_and_fixes():
     numbers = numbers_of("quad_bench")
     fixed = next(name for name, number in numbers.items() if not number.free)
     choices = {

@@ -12,7 +12,6 @@ from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
 from benchtool.core.rig_file import rig_named
 from benchtool.data.atomic import partial_folder
 from benchtool.data.catalogue.index import list_entries
-from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
 from benchtool.data.run.state import remember
 from benchtool.fit.fit_data import recipe_model
@@ -32,14 +31,14 @@ RUN = Path(__file__).parents[4] / "datasets/single_rotor/run"
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> RunsFolder:
+def folder(tmp_path):
     shutil.copytree(RUN, tmp_path / "runs" / "one")
     (tmp_path / "runs" / "lab.csv").write_text("F,rpm1\n1,2\n", "utf-8")
     return RunsFolder(tmp_path / "runs")
 
 
 @pytest.fixture
-def entries(folder: RunsFolder) -> dict[str, Entry]:
+def entries(folder):
     return {entry.name: entry for entry in list_entries(folder)}
 
 
@@ -48,9 +47,7 @@ def request(**changes: object) -> FitRequest:
     return FitRequest(**{**given, **changes})  # type: ignore[arg-type]
 
 
-def test_the_form_gives_a_recipe_and_its_words(
-    folder: RunsFolder, entries: dict[str, Entry]
-) -> None:
+def test_the_form_gives_a_recipe_and_its_words(folder, entries):
     fixed = {"R_m": ParameterChoice(False, 0.13)}
     methods = ["least_squares", "emcee"]
     options = {"method": methods, "profile": True, "budget": "mc", "temperature": "21"}
@@ -66,9 +63,7 @@ def test_the_form_gives_a_recipe_and_its_words(
     ]
 
 
-def test_the_numbers_shown_are_those_of_the_runs_rig(
-    folder: RunsFolder, entries: dict[str, Entry]
-) -> None:
+def test_the_numbers_shown_are_those_of_the_runs_rig(folder, entries):
     metadata = folder.root / "one" / "metadata.json"
     facts = json.loads(metadata.read_text("utf-8"))
     facts["rig"]["propulsion"]["radius_m"] = 0.2
@@ -90,7 +85,7 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(
     assert named == rig_named("amuse_single")
 
 
-def test_a_tables_own_map_goes_with_it(folder: RunsFolder, entries: dict[str, Entry]) -> None:
+def test_a_tables_own_map_goes_with_it(folder, entries):
     table = folder.path_of("lab.csv")
     columns_file(table).write_text('[columns]\nthrust_N = { column = "F" }\n', "utf-8")
     form = request(data=["lab.csv"], options={"rig": "pquad_single"})
@@ -102,9 +97,7 @@ def test_a_tables_own_map_goes_with_it(folder: RunsFolder, entries: dict[str, En
         recipe_for(request(data=["lab.csv", "two.csv"]), folder, both)
 
 
-def test_the_work_writes_what_the_command_would(
-    folder: RunsFolder, entries: dict[str, Entry]
-) -> None:
+def test_the_work_writes_what_the_command_would(folder, entries):
     form = request()
     recipe = recipe_for(form, folder, entries)
     stages: list[str] = []
@@ -126,8 +119,8 @@ def test_the_work_writes_what_the_command_would(
 
 
 def test_a_table_takes_only_calibrations_that_this_machine_stored(
-    folder: RunsFolder, entries: dict[str, Entry], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    folder, entries, tmp_path, monkeypatch
+):
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
     stored = str(remember("calibration", "bench-01", {}))
     table = {"data": ["one"], "options": {"calibration": stored}}

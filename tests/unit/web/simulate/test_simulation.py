@@ -44,9 +44,7 @@ def simulate(inputs: Simulation, out: Path) -> tuple[PageSection, str]:
 
 
 @pytest.mark.parametrize("inputs", SIMULATIONS, ids=lambda inputs: " ".join(command_words(inputs)))
-def test_the_command_prints_and_writes_what_the_page_does(
-    inputs: Simulation, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_prints_and_writes_what_the_page_does(inputs, tmp_path, capsys):
     section, recording = simulate(inputs, tmp_path / "saved")
     assert run(*command_words(inputs), "--out", tmp_path / "printed") == 0
     numbers = (tmp_path / "printed" / "numbers.txt").read_text("utf-8")
@@ -64,7 +62,7 @@ def test_the_command_prints_and_writes_what_the_page_does(
         assert entry_of(RunsFolder(tmp_path), recording).kind == "recording"
 
 
-def test_nothing_that_is_there_is_written_over(tmp_path: Path) -> None:
+def test_nothing_that_is_there_is_written_over(tmp_path):
     (tmp_path / "saved").mkdir()
     with pytest.raises(WouldOverwrite):
         simulate(make(PitchInputs, HIDES), tmp_path / "saved")
