@@ -3,8 +3,8 @@
     python -m tests.proof.frozen.frozen          # compare; exit code 1 where one differs
     python -m tests.proof.frozen.frozen --write  # store
 
-Hashes are bit by bit, so both sides belong to one machine. Explanations of foreign records need
-`BENCHTOOL_REFERENCE_DATA`; without it they are left out.
+Hashes are bit by bit, those of fits to 9 digits, so both sides belong to one machine. Explanations
+of foreign records, without their remarks, need `BENCHTOOL_REFERENCE_DATA` and are else left out.
 """
 
 from __future__ import annotations
@@ -27,7 +27,17 @@ from tests.faults.loop import World, plan, sweep_in
 ROOT = Path(__file__).parents[3]
 HASHES = Path(__file__).with_name("hashes.json")
 DATA = os.environ.get("BENCHTOOL_REFERENCE_DATA")
-UNSTABLE = {"seconds", "commit", "version", "benchtool", "python", "created", "written", "wall_s"}
+UNSTABLE = {
+    "remarks",
+    "seconds",
+    "commit",
+    "version",
+    "benchtool",
+    "python",
+    "created",
+    "written",
+    "wall_s",
+}
 SIMULATIONS = {
     "pitch pquad": "simulate pitch --duration-s 8 --seed 1",
     "pitch beam": "simulate pitch --model pitch_beam --schedule identify --duration-s 8 --seed 2",
@@ -49,17 +59,20 @@ def tool(arguments: str | list[str], folder: Path) -> None:
     """Run benchtool."""
     words = arguments.split() if isinstance(arguments, str) else arguments
     ended = subprocess.run(
-        [sys.executable, "-m", "benchtool", *words], cwd=ROOT, capture_output=True, text=True
-    )
+        [sys.executable, "-m", "benchtool", *words], cwd=ROOT, capture_output=True, text=True,
+        env=os.environ | {"PYTHONHASHSEED": "0"},
+    )  # fmt: skip
     if ended.returncode:
         raise RuntimeError(f"benchtool {' '.join(words)}: {ended.stderr.strip()[-300:]}")
 
 
-def stable(value: object) -> object:
-    """Return a JSON value without times and versions."""
+def stable(value: object, digits: int = 17) -> object:
+    """Return a JSON value without times, versions and remarks, floats to some digits."""
     if isinstance(value, dict):
-        return {key: stable(item) for key, item in value.items() if key not in UNSTABLE}
-    return [stable(item) for item in value] if isinstance(value, list) else value
+        return {key: stable(item, digits) for key, item in value.items() if key not in UNSTABLE}
+    if isinstance(value, list):
+        return [stable(item, digits) for item in value]
+    return f"{value:.{digits}g}" if isinstance(value, float) else value
 
 
 def hash_tables(folder: Path) -> str:
@@ -71,7 +84,8 @@ def hash_tables(folder: Path) -> str:
         elif path.name == "campaign.parquet":
             digest.update(pd.read_parquet(path).to_csv().encode())
         elif path.name in ("result.json", "answer.json"):
-            text = json.dumps(stable(json.loads(path.read_text())), sort_keys=True)
+            digits = 9 if path.name == "result.json" else 17
+            text = json.dumps(stable(json.loads(path.read_text()), digits), sort_keys=True)
             digest.update(path.name.encode() + text.replace(str(folder), "").encode())
     return digest.hexdigest()[:16]
 

@@ -346,3 +346,11 @@ def test_a_speed_that_stays_frozen_fails_its_visits_and_the_run_says_so(tmp_path
     assert len(failed) == len(visits_of(PLAN.resolved(RIG), RIG))
     samples = read_samples(tmp_path / "run")
     assert (samples.column("phase") == code_of("phase", "settle")).any()
+
+
+def test_a_calibration_is_attached_and_raw_data_stay(tmp_path):
+    _, plain = sweep(FakeBench(), tmp_path / "plain")
+    _, scaled = sweep(FakeBench(), tmp_path / "scaled", calibration=COUNTS)
+    assert (plain.path / "samples.csv").read_bytes() == (scaled.path / "samples.csv").read_bytes()
+    # The device counts 1000 per N, the calibration says 500.
+    np.testing.assert_allclose(read_points(scaled.path).column("thrust_N"), 3.2, atol=4e-3)

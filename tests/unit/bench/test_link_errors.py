@@ -14,7 +14,7 @@ import serial
 
 from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket
-from benchtool.bench.transport.transport import holders
+from benchtool.bench.transport.transport import holders, opening_error
 from benchtool.core.errors import LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
@@ -117,3 +117,9 @@ def test_tcp_links_that_break(error):
     for use in (lambda: link.read(0.0), lambda: link.write(b"x")):
         with pytest.raises(LinkLost, match="broke"):
             use()
+
+
+def test_access_denied_on_windows_means_busy():
+    error = serial.SerialException("could not open port 'COM3': PermissionError(13, 'denied')")
+    assert type(opening_error(error, "COM3", windows=True)) is PortBusy
+    assert type(opening_error(error, "COM3")) is PortDenied

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from math import inf, nan
 from pathlib import Path
 
 import pytest
 
-from benchtool.core.errors import FileFormatError
+from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.packaged import read_named
 from benchtool.core.schedule_file import schedule_named
 from benchtool.core.toml_text import read_strict
 from benchtool.data.column_map import read_column_map
 from benchtool.fit.recipe import read_recipe
 from benchtool.physics.model_file import model_from_toml
+from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.map import read_map
 from benchtool.simulate.gain_file import gains_from_toml
 from benchtool.simulate.imperfections import Imperfections
@@ -88,3 +90,17 @@ def test_it_is_refused_by_name(read, text, field, value, tmp_path):
         read(text.replace("@", value), tmp_path)
     assert field in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_imperfections_made_in_python_are_held_to_the_same():
+    with pytest.raises(InputError, match="battery_excess_V is nan"):
+        Imperfections(battery_excess_V=nan)
+    with pytest.raises(InputError, match="motor_lag_s is inf"):
+        Imperfections(motor_lag_s=inf)
+    assert Imperfections().motor_lag_s != Imperfections().motor_lag_s  # nan: left to the rig
+
+
+def test_places_of_plates_are_finite_and_ends_of_blocks_need_not_be():
+    with pytest.raises(InputError, match="times_s"):
+        Block(x_m=(0.0, 1.0), times_s=(0.0, 1.0, nan, 3.0))
+    assert Environment(blocks=(Block(x_m=(0.0, inf)),)).floor_m == -inf

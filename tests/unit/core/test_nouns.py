@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.parameter import Parameter, Parameters
+from benchtool.core.parameter import Parameter, Parameters, Prior
 from benchtool.core.recording import Recording
 from benchtool.core.units import UNITS, from_si, to_si
 
@@ -76,3 +76,8 @@ def test_parameters_pack_and_unpack_the_free_ones():
         parameters.at(np.array([7.0, 6.0]))
     with pytest.raises(UnknownChoice, match=r"'e.d'"):
         parameters.replaced("e.d", Parameter("d", "1", 0.0))
+
+
+def test_a_prior_without_width_is_refused():
+    with pytest.raises(InputError, match="sd above 0"):
+        Prior("normal", 1.0, 0.0)

@@ -98,3 +98,8 @@ def test_a_bench_needs_numbers_that_only_its_owner_knows(tmp_path):
         rig_for("tcp:127.0.0.1:1", str(path))
     assert rig_for(f"sim:{path}", None) == rig
     assert rig_for("tcp:127.0.0.1:1", "pquad_single").name == "pquad_single"
+
+
+def test_a_rig_without_a_radius_is_refused():
+    with pytest.raises(FileFormatError, match=r"propulsion\.radius_m is missing"):
+        rig_from_toml('name = "mine"\n', "mine.toml")

@@ -89,3 +89,10 @@ def test_what_no_bench_follows_is_refused(parts, said):
     given = {"name": "x", "title": "x", "duration_s": 9.0, **parts}
     with pytest.raises(InputError, match=said):
         Schedule(**given).sampled(100.0, 0.12)
+
+
+def test_a_chirp_ends_at_its_last_frequency():
+    chirp = shape(shape="chirp", level=1.0, start_Hz=0.5, end_Hz=2.0)
+    rising = T[1:][(chirp[:-1] < 0.0) & (chirp[1:] >= 0.0)]
+    assert 1.0 / np.diff(rising)[-1] == pytest.approx(2.0, rel=0.05)
+    assert 1.0 / np.diff(rising)[0] < 1.0

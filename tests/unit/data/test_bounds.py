@@ -101,3 +101,9 @@ def test_a_number_that_no_run_holds_is_refused(name, value):
     recording = Recording((Channel(name, "1"),), np.array([[1.0], [value]]))
     with pytest.raises(FileFormatError, match=rf"samples\.csv, row 2: {name} is"):
         check_numbers(recording, "samples.csv")
+
+
+def test_an_unknown_word_in_a_parquet_file_is_refused(tmp_path):
+    pq.write_table(pa.table({"phase": ["sample", "x"]}), tmp_path / "r.parquet")
+    with pytest.raises(FileFormatError, match="holds 'x', which is none of"):
+        read_parquet(tmp_path / "r.parquet")

@@ -9,6 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+import benchtool as bt
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError
 from benchtool.core.recording import Recording
@@ -89,3 +90,18 @@ def test_damage_is_one_sentence(tmp_path):
     path.write_bytes(data[:middle] + bytes([data[middle] ^ 255]) + data[middle + 1 :])
     with pytest.raises(FileFormatError):
         read_mcap(path)
+
+
+def test_another_s_file_is_refused(tmp_path):
+    from mcap.writer import Writer
+
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/x", "json", 0)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    for read in (read_mcap, bt.read):
+        with pytest.raises(FileFormatError, match="benchtool has not written this MCAP file"):
+            read(path)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 
-from benchtool.core.errors import FileFormatError, UnknownChoice
+from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.packaged import LIBRARY, user_library
 from benchtool.core.rig_file import rig_named, rig_to_toml
 from benchtool.data.propeller_file import propeller_named, propeller_names, read_propeller
@@ -57,3 +59,18 @@ def test_a_number_without_a_source_is_refused(library):
     (library / "propellers" / "bare.toml").write_text('name = "bare"\ndiameter_m = 0.2\n')
     with pytest.raises(FileFormatError, match="diameter_m has no source"):
         propeller_named("bare")
+
+
+@pytest.mark.parametrize("text", ["0x4", "5x4x0", "5x4x21"])
+def test_a_size_that_no_propeller_has_is_refused(text):
+    with pytest.raises(InputError, match=f"no propeller of size {text}"):
+        propeller_named(text)
+
+
+def test_a_file_of_one_s_own_by_a_shipped_name_is_refused(library):
+    shutil.copy(LIBRARY / "propellers" / "apc_10x7sf.toml", library / "propellers")
+    with pytest.raises(FileFormatError, match="rename yours"):
+        propeller_named("apc_10x7sf")
+    (library / "rigs" / "pquad.toml").write_text(rig_to_toml(rig_named("beam")))
+    with pytest.raises(FileFormatError, match="rename yours"):
+        rig_named("pquad")

@@ -66,3 +66,9 @@ def test_the_way_down_reads_twice_the_half_width_more_and_a_tare_row_zero():
     assert model.thrust_N(conditions) == pytest.approx([thrust - 0.2, thrust, 0.0], abs=1e-12)
     fresh = model.fixed("load_cell_hysteresis.tare_direction", 0.0)
     assert fresh.thrust_N(conditions) == pytest.approx([thrust - 0.1, thrust + 0.1, 0.1])
+
+
+def test_visits_may_stand_in_any_order():
+    place = np.zeros((3, 3))
+    times, load = np.array([2.0, 0.0, 1.0]), np.array([2.0, 1.0, 3.0])
+    assert load_directions(times, times, place, load).tolist() == [-1.0, 1.0, 1.0]

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchtool.core.errors import UnknownChoice
 from benchtool.core.rig_file import rig_named
 from benchtool.physics.bases import factor_at
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import partial_factor
 from benchtool.physics.model import OWN_IMAGES, Model
-from benchtool.physics.model_file import load_model
+from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
 from benchtool.physics.prepared import Prepared
 from benchtool.physics.tilt import TILT_RULES
 from tests.unit.physics.general_sum import multirotor_factors
@@ -114,3 +115,12 @@ def test_every_law_of_distance_counts_along_the_rotor_axis():
             for tilt_rad in (0.0, 0.2)
         ]  # fmt: skip
         assert terms[1] == pytest.approx(np.cos(0.2) * terms[0], rel=1e-12, abs=1e-15), name
+
+
+def test_a_model_file_names_the_rule():
+    loaded = load_model("quad_body_lift")
+    assert loaded.model.tilt_rule == "axis"
+    text = model_to_toml(replace(loaded, model=quad("vertical")))
+    assert model_from_toml(text, "again.toml").model.tilt_rule == "vertical"
+    with pytest.raises(UnknownChoice, match=r"unknown tilt rule 'own'.*own_height"):
+        quad("own")

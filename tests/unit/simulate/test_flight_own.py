@@ -19,6 +19,7 @@ from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import Goal, fly
 from benchtool.simulate.flight.own import fly_own
 from benchtool.simulate.gain_file import gains_named
+from benchtool.simulate.own_controller import made
 from tests.unit.simulate.flying import PQUAD, case
 
 SHORT = case(duration_s=0.4)
@@ -141,3 +142,8 @@ def test_what_is_no_command_is_refused_with_file_and_line(what, says):
     assert says in message
     assert "test_flight_own.py line" in message
     assert "\n" not in message
+
+
+def test_a_class_that_needs_arguments_is_refused():
+    with pytest.raises(InputError, match=r"without arguments.*test_flight_own\.py line"):
+        made(Returns, "tests:Returns")

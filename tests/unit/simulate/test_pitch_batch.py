@@ -7,6 +7,7 @@ import pytest
 
 from benchtool.simulate.noise import lane_states, next_state, normal
 from benchtool.simulate.pitch.batch import LANES, simulate_many
+from benchtool.simulate.pitch.lane import cosine, sine
 from benchtool.simulate.pitch.run import PitchLoop
 from benchtool.simulate.pitch.simulate import simulate_pitch, taken
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
@@ -56,3 +57,9 @@ def test_normal_numbers_are_normal():
     table = np.array(numbers)
     assert abs(np.mean(table[1:] * table[:-1])) < 4e-3
     assert abs(np.mean(table[:, 1:] * table[:, :-1])) < 4e-3
+
+
+def test_polynomials_are_sine_and_cosine_up_to_a_quarter_turn():
+    angles = np.linspace(-np.pi / 2.0, np.pi / 2.0, 2001)
+    np.testing.assert_allclose(sine(angles), np.sin(angles), atol=1e-15)
+    np.testing.assert_allclose(cosine(angles), np.cos(angles), atol=1e-15)
