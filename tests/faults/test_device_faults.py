@@ -8,7 +8,8 @@ import pytest
 from benchtool.data.columns import code_of
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_samples
-from tests.faults.loop import ADDRESS, World, command
+from tests.faults.dialects import framed
+from tests.faults.loop import ADDRESS, World, command, plan, sweep
 
 SMALL = ["--rig", "pquad_single", "--repeats", "2", "--z-over-r", "0.5,1", "--sample-s", "1"]
 
@@ -55,3 +56,27 @@ def test_a_fault_ends_it_safely_and_says_why(tmp_path, fault, code, told):
         assert np.nanmax(samples.column("thrust_N")) > 900.0
         assert samples.column("phase")[-1] == code_of("phase", "end")
         assert samples.column("pwm1_us")[-1] == 1000.0
+
+
+EVIL = "\x1b]0;owned\x07\x9b2J<script>x</script>"
+"""Sets a terminal's title, clears it (in 8 bits), and is an element of a page."""
+
+
+@pytest.mark.parametrize("line", ["E,limit,{}", "N,{{number}},{}"])
+def test_what_a_device_says_is_printed_as_text(tmp_path, line):
+    said: list[float] = []
+
+    def say(world: World) -> None:
+        if not said and "ramping" in world.proxy.seen.phases:
+            said.append(world.now_s)
+            for number in range(200) if "number" in line else [0]:
+                words = line.format(EVIL).format(number=number)
+                world.proxy.near.write(framed(words))
+
+    outcome = sweep(tmp_path, plan(), [], hooks=[say])
+    assert said
+    assert not any(letter in outcome.said for letter in "\x1b\x07\x9b")
+    events = (tmp_path / "run/events.jsonl").read_text()
+    assert not any(letter in events for letter in "\x1b\x07\x9b")
+    if line.startswith("E"):
+        assert "owned" in outcome.said

@@ -5,9 +5,11 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from benchtool.core.errors import WouldOverwrite
@@ -16,6 +18,7 @@ from benchtool.simulate.campaign import Row
 from benchtool.simulate.campaign_pitch import pitch_campaign
 from benchtool.simulate.design import Design
 from benchtool.simulate.pitch.setup import PitchSetup, pitch_setup
+from tests.unit.commands import command_line
 from tests.unit.commands.command_line import said
 
 WORDS = ("simulate", "pitch", "--duration-s", "12", "--controllers", "pid,observer")
@@ -85,3 +88,34 @@ def test_memory_does_not_grow_with_the_number_of_runs(tmp_path):
 
     peak_of(10)
     assert peak_of(80_000) < 1.3 * peak_of(10_000)
+
+
+run = partial(command_line.run, "simulate", "flight")
+
+
+def test_which_gains_cross_at_which_speed(tmp_path, capsys):
+    out = tmp_path / "crossing"
+    assert run(
+        "--vary", "speed=0.2:0.8:2", "--vary", "gains.attitude=1.0:1.6:2", "--seeds", "2",
+        "--gains", "s3", "--gains", "stiff", "--duration-s", "60", "--out", str(out),
+    ) == 0  # fmt: skip
+    said = capsys.readouterr().out.splitlines()
+    assert said[4:8] == [
+        "  s3, oge: 1", "  s3, pid: 0.75", "  stiff, oge: 1", "  stiff, pid: 1",
+    ]  # fmt: skip
+    assert [path.name for path in out.iterdir()] == ["campaign.parquet"]
+    names = ["speed_m_s", "gains.attitude", "gains", "controller", "seed", "arrives", "ending"]
+    table = pd.read_parquet(out / "campaign.parquet")
+    never = table["arrives"] == 0.0
+    assert set(table["seed"][never]) == {1.0, 2.0}
+    for name, value in zip(names[:4], (0.2, 1.0, "s3", "pid"), strict=True):
+        assert set(table[name][never]) == {value}
+    assert set(table["ending"]) == {"flown"}
+    told = {
+        key.decode(): value.decode()
+        for key, value in pq.read_schema(out / "campaign.parquet").metadata.items()
+    }
+    assert told["simulated"] == "true"
+    assert (told["gyro_noise_rad_s"], told["vary.speed_m_s"]) == ("0.015", "0.2:0.8:2")
+    assert run("--vary", "K_b=1:2:2", "--out", str(out)) == 2
+    assert "exists already" in capsys.readouterr().err

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchtool.explain.engine.describe import where_shown
 from benchtool.explain.engine.explain import explain
+from benchtool.explain.engine.subject import EARLY, LATE, RowGroups
 from benchtool.explain.engine.verdict import Verdict
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
@@ -47,3 +49,32 @@ def test_rotors_pass_through_every_measured_speed(model):
     p = model.rig.propulsion
     measured = (log.pwm_us - p.pwm_start_us) * p.speed_per_us_rad_s
     np.testing.assert_allclose(found, measured, rtol=1e-6)
+
+
+N = 900
+TIME = np.arange(N)
+
+
+@pytest.mark.parametrize(
+    ("gained", "regime"),
+    [
+        (TIME >= 600, "high collective"),  # both begin together: the collective says more
+        ((TIME >= 600) & (TIME < 700), "high collective"),
+        (TIME >= 750, LATE),  # the high collective ends before it is worst
+        (TIME < 300, EARLY),
+    ],
+)
+def test_the_clock_is_named_only_where_nothing_else_fits_about_as_well(gained, regime):
+    groups = RowGroups(
+        stages={"hinge": np.ones(N, bool)},
+        regimes={
+            LATE: TIME >= 600,
+            EARLY: TIME < 300,
+            "high collective": (TIME >= 590) & (TIME < 790),
+            "plate in": TIME % 2 == 0,
+        },
+    )
+    before = np.where(gained, 3.0, 1.0)
+    found = where_shown(groups, before, np.ones(N), "hinge")
+    assert found is not None
+    assert (found.stage, found.regime) == ("hinge", regime)

@@ -1,4 +1,4 @@
-"""Where a plate lies under a rotor plane, and where the formulae hold."""
+"""The plate: lean, travel and wake rules."""
 
 from __future__ import annotations
 
@@ -9,9 +9,48 @@ from hypothesis import strategies as st
 
 from benchtool.core.rig_file import rig_named
 from benchtool.physics import VALIDITY_Z_OVER_R
+from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import clamped_height
 from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
 from benchtool.physics.tilt import axis_cosine, height_over, plate_plane
+from benchtool.physics.wake_rules import WAKE_RULES, wake_rule
+
+
+def over_a_plate(model: Model, **place: float) -> Conditions:
+    """Return all rotors turning over a large plate 0.2 m away, wholly covered."""
+    return Conditions.of(
+        model.rig,
+        speed_rad_s=np.full(model.rig.n_rotors, 500.0),
+        plate_z_m=np.array([0.2]),
+        coverage=np.ones((model.rig.n_discs, 1)),
+        **place,
+    )
+
+
+def factors(model: Model, **place: float) -> np.ndarray:
+    """Return each disc's T_IGE/T_OGE there."""
+    values = model.parameters.values_array()
+    return np.ravel(model.disc_factors(model.flow(over_a_plate(model, **place), values), values))
+
+
+@pytest.mark.parametrize("plate_x_m", [0.0, 0.3, -0.3])
+def test_a_single_rotor_sees_tilt_through_the_plates_lateral_position_and_its_cosine(plate_x_m):
+    height_m = 0.2 * np.cos(0.1) + plate_x_m * np.sin(0.1)
+    expected = 1.0 / (1.0 - np.cos(0.1) * (0.12 / (4.0 * height_m)) ** 2)
+    model = Model.single(rig_named("pquad_single")).with_effect("plate_tilt", angle_rad=0.1)
+    assert factors(model, plate_x_m=plate_x_m) == pytest.approx([expected])
+
+
+@pytest.mark.parametrize("plate_x_m", [0.0, 0.3, -0.3])
+@pytest.mark.parametrize("commanded_rad", [0.0, 0.04])
+def test_a_commanded_tilt_and_the_effect_pivot_about_one_point(plate_x_m, commanded_rad):
+    whole, model = np.radians(5.0), load_model("quad_body_lift").model
+    told = factors(model, plate_x_m=plate_x_m, plate_tilt_rad=whole)
+    unnoticed = model.with_effect("plate_tilt", angle_rad=whole - commanded_rad)
+    shown = factors(unnoticed, plate_x_m=plate_x_m, plate_tilt_rad=commanded_rad)
+    np.testing.assert_allclose(shown, told, rtol=1e-14)
+
 
 angles = st.floats(-0.4, 0.4)
 places = st.floats(-0.4, 0.4)
@@ -31,3 +70,25 @@ def test_heights_below_the_limit_are_clamped():
     z = np.array([0.01, 0.0599, 0.06, 0.5])
     np.testing.assert_array_equal(clamped_height(z, 0.5 * 0.12), [0.06, 0.06, 0.06, 0.5])
     assert Model.single(rig_named("pquad")).nearest_z_over_R == VALIDITY_Z_OVER_R == 0.5
+
+
+@pytest.mark.parametrize("name", sorted(WAKE_RULES))
+@pytest.mark.parametrize("n", [2, 3, 4, 8])
+def test_all_discs_covered_is_equation_4(name, n):
+    assert wake_rule(name)(np.ones(n)) == pytest.approx(1.0, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("notes", 2 / 3), ("full", 1.0), ("mean", 0.75), ("product", 0.0), ("pairs", 0.5)],
+)
+def test_three_of_four(name, expected):
+    assert wake_rule(name)(np.array([1.0, 1.0, 0.0, 1.0])) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("notes", 0.0), ("full", 1.0), ("mean", 0.25), ("product", 0.0), ("pairs", 0.0)],
+)
+def test_one_of_four(name, expected):
+    assert wake_rule(name)(np.array([1.0, 0.0, 0.0, 0.0])) == pytest.approx(expected)

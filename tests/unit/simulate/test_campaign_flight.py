@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pandas as pd
+import pytest
 
+from benchtool.core.errors import InputError
 from benchtool.core.rig_file import rig_named
 from benchtool.simulate.campaign import Campaign
 from benchtool.simulate.campaign_flight import OGE, flight_campaign
-from benchtool.simulate.design import Design
+from benchtool.simulate.design import Design, Vary
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.measures import measure
@@ -49,3 +51,27 @@ def test_every_row_is_the_flight_as_flown_alone():
         assert row["arrives"] == float(found.arrives)
     assert [row["arrives"] for row in rows] == [1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0]
     assert rows[4]["rms_pitch_deg"] != rows[5]["rms_pitch_deg"]
+
+
+K_B, ATTITUDE = "K_b=1.5:2.5:3", "gains.attitude=0.8:1.2:2"
+
+
+def test_a_grid_and_random_points():
+    grid = Design.read([K_B, ATTITUDE])
+    points = list(grid.points())
+    assert len(points) == grid.n_points == 6
+    assert points[1] == {"K_b": 1.5, "gains.attitude": 1.2}
+    chance = Design.read([K_B, ATTITUDE], samples=50, seed=1)
+    random = list(chance.points())
+    assert len(random) == chance.n_points == 50
+    assert random == list(chance.points())
+    assert random != list(Design.read([K_B, ATTITUDE], samples=50, seed=2).points())
+    assert all(1.5 <= point["K_b"] <= 2.5 for point in random)
+
+
+@pytest.mark.parametrize(
+    "text", ["K_b", "K_b=1:2", "K_b=1:2:0", "K_b=1:2:-3", "K_b=a:2:3", "=1:2:3", "K=1:nan:3"]
+)
+def test_text_that_is_no_range_is_refused(text):
+    with pytest.raises(InputError, match="write NAME=FROM:TO:COUNT"):
+        Vary.read(text)

@@ -1,0 +1,115 @@
+"""Effects with a history, wall blockage, and laws beyond ground effect."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchtool.core.rig_file import rig_named
+from benchtool.physics.bases import factor_at
+from benchtool.physics.conditions import Conditions, moves, past_means
+from benchtool.physics.effects.effect import PAST_S
+from benchtool.physics.model import Model
+
+TIME_S = np.array([0.0, 10.0, 20.0, 40.0, 50.0, 70.0])
+Z_M = np.array([0.2, 0.2, np.nan, 0.1, 0.1, 0.3])
+PLACE = np.array([Z_M, np.zeros(6), np.zeros(6)])
+
+
+def test_a_plate_moves_half_way_between_two_visits_and_comes_from_a_side():
+    since_s, side = moves(TIME_S, PLACE)
+    assert since_s.tolist() == [0.0, 10.0, 20.0, 10.0, 20.0, 10.0]
+    assert side.tolist() == [0.0, 0.0, 0.0, -1.0, -1.0, 1.0]
+
+
+def test_visits_may_stand_in_any_order():
+    order = np.array([3, 0, 5, 1, 4, 2])
+    for now, then in zip(moves(TIME_S[order], PLACE[:, order]), moves(TIME_S, PLACE), strict=True):
+        assert now.tolist() == then[order].tolist()
+
+
+def test_a_mean_over_the_past_follows_what_is_within_its_time():
+    time_s = np.arange(0.0, 600.0, 2.0)
+    means = past_means(time_s, time_s, np.where(time_s < 300.0, 1.0, 0.0))
+    for mean, forgets_s in zip(means, PAST_S, strict=True):
+        assert mean[149] == pytest.approx(1.0 - np.exp(-298.0 / forgets_s), abs=1e-9)
+        assert mean[160] == pytest.approx(mean[149] * np.exp(-22.0 / forgets_s), abs=1e-9)
+
+
+def test_motors_stand_still_while_the_plate_moves():
+    time_s = np.array([0.0, 2.0, 4.0, 104.0])
+    moved_s = np.array([0.0, 2.0, 4.0, 50.0])
+    means = past_means(time_s, moved_s, np.ones(4))
+    forgot = 1.0 - np.exp(-4.0 / 10.0)
+    assert means[0, 2] == pytest.approx(forgot)
+    expected = 1.0 + (forgot * np.exp(-98.0 / 10.0) - 1.0) * np.exp(-2.0 / 10.0)
+    assert means[0, 3] == pytest.approx(expected)
+
+
+RIG = rig_named("pquad_single")
+RADIUS_M = RIG.propulsion.radius_m
+
+
+def taken(z_over_R: float, coverage: float = 1.0) -> float:
+    """Return the share of thrust that a stand of 10 % takes there."""
+    bare = Model.single(RIG)
+    conditions = Conditions.of(
+        RIG,
+        speed_rad_s=np.array([400.0]),
+        plate_z_m=np.array([z_over_R * RADIUS_M]),
+        coverage=np.array([[coverage]]),
+    )
+    with_stand = bare.with_effect("wall_blockage", share=0.1)
+    return float(1.0 - with_stand.thrust_N(conditions)[0] / bare.thrust_N(conditions)[0])
+
+
+@pytest.mark.parametrize(
+    ("z_over_R", "ratio"), [(0.5, 0.26003), (1.0, 0.55119), (2.0, 0.83489), (4.0, 0.97766)]
+)
+def test_near_the_plate_it_is_the_recovery_of_leishmans_formula(z_over_R, ratio):
+    """Worked out by hand: 1 - 1.22 exp(-z/R)."""
+    assert taken(z_over_R) == pytest.approx(0.1 * ratio, rel=1e-4)
+
+
+def test_beside_the_plate_nothing_is_recovered():
+    assert taken(0.5, coverage=0.0) == pytest.approx(0.1)
+    assert taken(0.5, coverage=0.5) == pytest.approx(0.5 * (0.1 + taken(0.5)), rel=0.1)
+
+
+def test_neighbours_far_from_every_surface_take_thrust_only_while_they_turn():
+    rig = rig_named("pquad")
+    model = Model.single(rig).with_effect("rotor_interaction", share=0.02, reach=0.3)
+    k = model.parameters["k"].value
+    far = {"plate_z_m": [1e6], "coverage": np.zeros((4, 1))}
+    alone = Conditions.of(rig, speed_rad_s=[500.0, 0.0, 0.0, 0.0], **far)
+    together = Conditions.of(rig, speed_rad_s=[500.0] * 4, **far)
+    assert model.thrust_N(alone)[0] == pytest.approx(k * 500.0**2, rel=1e-12)
+    distances = rig.disc_distances_m[0, 1:] / (2.0 * rig.propulsion.radius_m)
+    lost = 0.02 * np.exp(-(distances - 1.0) / 0.3).sum()
+    assert model.thrust_N(together)[0] == pytest.approx(4.0 * k * 500.0**2 * (1.0 - lost))
+
+
+def test_a_room_takes_seven_per_cent_at_two_and_a_half_radii_and_none_far_away():
+    rig = rig_named("pquad_single")
+    bare, model = Model.single(rig), Model.single(rig).with_effect("recirculation", share=0.07)
+    z_m = np.array([0.5, 1.5, 2.5, 4.0, 60.0]) * rig.propulsion.radius_m
+    at = Conditions.of(rig, speed_rad_s=[500.0], plate_z_m=z_m, coverage=np.ones((1, 5)))
+    left = model.thrust_N(at) / bare.thrust_N(at)
+    assert left[2] == pytest.approx(0.93)
+    assert np.all(left[[0, 1, 3]] > 0.93)
+    assert left[4] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_forward_speed_washes_the_ground_effect_out_as_the_source_prints_it():
+    rig = rig_named("pquad_single")
+    model = Model.single(rig).with_effect("forward_speed", strength=1.0, hover_inflow_m_s=5.0)
+    speeds = np.array([0.0, 2.0, 5.0, 20.0])
+    z_m = np.full(4, rig.propulsion.radius_m)
+    moving = Conditions.of(rig, speed_rad_s=[500.0], plate_z_m=z_m, airspeed_m_s=speeds)
+    inflow = np.sqrt(
+        [next(v.real for v in np.roots([1.0, V**2, -(5.0**4)]) if v.real > 0) for V in speeds]
+    )
+    expected = 1.0 / (1.0 - (1.0 / 16.0) / (1.0 + (speeds / inflow) ** 2))
+    np.testing.assert_allclose(factor_at(model, "equal_rpm2", moving), expected, rtol=1e-12)
+    assert expected[0] == pytest.approx(16.0 / 15.0)
+    assert expected[-1] < 1.001
