@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -63,15 +63,6 @@ def test_no_folder_is_crowded():
     )
     crowded = {folder for folder, count in files.items() if count > MOST_FILES}
     assert crowded <= CATALOGUES
-
-
-def test_a_class_name_means_one_thing():
-    places = defaultdict(set)
-    for path in python_files("benchtool"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.ClassDef):
-                places[node.name].add(module_of(path))
-    assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 
 def test_no_file_imports_one_that_imports_it():

@@ -287,7 +287,7 @@ class Files:
 
 
 HELLO = b"""\
-protocol,1
+protocol,2
 device,bench-0042
 firmware,example 1.0
 rotors,2

@@ -32,6 +32,7 @@ def shortened(folder: Path, name: str, seconds: float) -> str:
     return str(folder / name)
 
 
+@pytest.mark.slow
 def test_hidden_friction_is_named_and_everything_is_written(capsys, tmp_path):
     out, answer = tmp_path / "out", tmp_path / "answer.json"
     words = (LEARN, "--model", str(MODEL), "--check", CHECK, "--draws", "30")

@@ -29,6 +29,7 @@ def results(folder: str) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_each_is_fitted_as_alone_and_pooled_next(capsys, tables):
     code, out, error = said(capsys, "fit", *tables, "--each", *WORDS, "--out", "fits")
     assert code == 0, error

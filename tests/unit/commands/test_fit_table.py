@@ -119,6 +119,7 @@ def test_what_is_missing_is_refused_and_nothing_is_written(capsys, monkeypatch, 
     assert sorted(path.name for path in Path().iterdir()) == ["a.csv"]
 
 
+@pytest.mark.slow
 def test_runs_of_one_file_are_fitted_each_by_itself(capsys):
     z, rpm = np.tile(Z_M, 2), np.full(14, 6000.0)
     thrust = np.concatenate([RATIO * SCATTER, 2.0 * RATIO * SCATTER])
@@ -131,6 +132,7 @@ def test_runs_of_one_file_are_fitted_each_by_itself(capsys):
     assert high / low == pytest.approx(2.0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_published_tables_are_fitted_without_a_map(capsys, reference_data):
     data = reference_data
     pairs = f"{data}/ground_effect/rotor_pairs.csv --radius 0.1651 --error-is se"

@@ -112,6 +112,7 @@ def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run, tmp_path):
         write_report([fit])
 
 
+@pytest.mark.slow
 def test_several_runs_are_compared_at_common_settings(run, other):
     page = page_text([run, other])
     check_self_contained(page)

@@ -78,6 +78,7 @@ def test_speed_torque_and_current_are_what_the_motor_and_the_blades_give(z_over_
     assert far_q == pytest.approx(1.0, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", [rig_named("pquad"), bladed("pquad")], ids=["printed", "blades"])
 def test_in_flight_the_torque_turns_the_vehicle_where_blades_answer(rig):
     """Over an edge under the front rotor alone, whose reaction torque is not balanced any more."""
