@@ -43,7 +43,7 @@ class FigureEntry:
     draw: Callable[..., None] = field(init=False)
 
     def __call__(self, draw: Draw) -> Draw:
-        self.page = self.page or draw.__module__.split(".")[-2]
+        self.page = self.page or draw.__module__.rpartition(".")[0].rpartition(".")[2]
         self.name = self.name or draw.__name__
         if (self.page, self.name) in _FIGURES:
             raise ValueError(f"page {self.page} has a figure {self.name} already; rename one")
