@@ -29,7 +29,7 @@ def recorded(path: Path, duration_s: float, seed: int) -> None:
     setup = pitch_setup(model=MODEL, gains="stiff", controllers=("pid",), schedule="identify")
     setup = changed(setup, {"coulomb_friction.torque_Nm": 0.012})
     setup = replace(setup, schedule=setup.schedule.lasting(duration_s))
-    run = pitch_study(setup, seed, with_away=False).runs[0]
+    run = pitch_study(setup, seed).runs[0]
     write_recording(path, run.recording(setup.bench.model.rig), {})
 
 
