@@ -50,13 +50,12 @@ class Prepared:
         whole = model.flow(conditions, model.parameters.values_array())
         flow = merged(whole, len(conditions)) if merge and mergeable(model) else whole
         tilted = np.any(conditions.plate_tilt_rad) or any(e.hooks.tilt for e in effects)
+        turning = [i for i, speed in enumerate(whole.speed_rad_s) if np.any(speed)]
+        is_one_height = len(flow.height_m) == 1 and not tilted
         if not moving:
             self._flow = flow
-        elif (
-            len(flow.height_m) == 1 and not tilted and all(e.hooks.height for e in moving.values())
-        ):
+        elif turning and is_one_height and all(e.hooks.height for e in moving.values()):
             self._flow, self._height = flow, chained(owned(effects, "height"))
-            turning = [i for i, speed in enumerate(whole.speed_rad_s) if np.any(speed)]
             sources = zip(whole.coverage, whole.active, strict=True)
             blown = [area * active for area, active in sources]
             distances = model.rig.disc_distances_m[turning[0]]

@@ -1,7 +1,5 @@
 """Images under tilt: the method of images with vectors, and what tilt must leave as it is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -93,6 +91,13 @@ def test_a_prepared_model_gives_what_the_model_gives_under_tilt(rule, free):
         np.testing.assert_allclose(
             prepared.thrust_N(values), model.thrust_N(conditions, values), rtol=1e-12
         )
+
+
+def test_a_rotor_at_rest_has_no_thrust_over_a_plate_of_free_height():
+    model = Model.single(rig_named("pquad_single")).with_effect("plate_offset")
+    rest = Conditions.of(model.rig, speed_rad_s=np.zeros((1, 2)), plate_z_m=np.array([0.1, 0.2]))
+    prepared = Prepared(model.freed("plate_offset.dz_m"), rest, merge=False)
+    assert not prepared.thrust_N(model.parameters.values_array()).any()
 
 
 def test_every_law_of_distance_counts_along_the_rotor_axis():
