@@ -27,6 +27,7 @@ from tests.faults.loop import World, plan, sweep_in
 ROOT = Path(__file__).parents[3]
 HASHES = Path(__file__).with_name("hashes.json")
 DATA = os.environ.get("BENCHTOOL_REFERENCE_DATA")
+SETTINGS = {"PYTHONHASHSEED": "0", "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 UNSTABLE = {
     "remarks",
     "seconds",
@@ -60,7 +61,7 @@ def tool(arguments: str | list[str], folder: Path) -> None:
     words = arguments.split() if isinstance(arguments, str) else arguments
     ended = subprocess.run(
         [sys.executable, "-m", "benchtool", *words], cwd=ROOT, capture_output=True, text=True,
-        env=os.environ | {"PYTHONHASHSEED": "0"},
+        env=os.environ | SETTINGS,
     )  # fmt: skip
     if ended.returncode:
         raise RuntimeError(f"benchtool {' '.join(words)}: {ended.stderr.strip()[-300:]}")
