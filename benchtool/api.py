@@ -13,46 +13,46 @@ from typing import TYPE_CHECKING, Any
 
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Operator, Unattended
-from benchtool.acquire.sweep_run import base_inputs, sweep_to_run
+from benchtool.acquire.sweep_run import base_inputs, run_sweep_to_folder
 from benchtool.core.errors import InputError
-from benchtool.core.inputs import make
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.inputs import build_inputs
 from benchtool.core.rig import Propeller, Rig
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.catalogue.query import runs
-from benchtool.data.columns import frame, frame_of_rows, joined_frame
-from benchtool.data.derived import run_circumstances, widened, with_quantities
-from benchtool.data.propeller_file import propeller_named
+from benchtool.data.columns import concatenate_frames, frame, frame_of_rows
+from benchtool.data.derived import add_shared_errors, run_circumstances, with_quantities
+from benchtool.data.propeller_file import load_propeller
 from benchtool.data.run.read import is_run
-from benchtool.explain.answer import Answer
+from benchtool.explain.answer import ExplainResult
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.export.targets import write_targets
-from benchtool.export.vehicle import vehicle_of
+from benchtool.export.vehicle import build_vehicle
 from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model as _load_model
-from benchtool.report.answer.folder import refuse_taken, write_json
+from benchtool.report.answer.folder import check_not_existing, write_json
 from benchtool.report.compare import page as comparing
 from benchtool.report.compare.pooled import PooledFits
 from benchtool.report.compare.runs import Over
 from benchtool.report.flight.pitch_study import PitchStudy
 from benchtool.report.motor.page import MOTOR, motor_lines
 from benchtool.report.replay.page import STAND
-from benchtool.report.replay.recorded import Recorded, read_recorded
+from benchtool.report.replay.replay_source import ReplaySource, read_recorded
 from benchtool.report.report_file import kind_of
-from benchtool.report.result import Data, Found, Result, estimate_row, paths_of
+from benchtool.report.result import Data, Found, Result, estimate_row, saved_paths
 from benchtool.report.style import look as figure_style
 from benchtool.report.sweep.page import SWEEP
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.results import explain_result, fit_result, flight_result, pitch_result, pool_result
 from benchtool.simulate.flight.inputs import FlightInputs
-from benchtool.simulate.flight.study import Flown
+from benchtool.simulate.flight.study import FlownCase
 from benchtool.simulate.flight.study import fly_and_measure as fly
-from benchtool.simulate.own_controller import Controllers
 from benchtool.simulate.pitch.inputs import PitchInputs
+from benchtool.simulate.user_controller import Controllers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,10 +66,10 @@ __all__ = [
 
 def load_rig(rig: str | Path) -> Rig:
     """Return a rig: a shipped name (`benchtool rigs`) or the path of a rig file."""
-    return rig_named(rig)
+    return load_rig_by_name(rig)
 
 
-def load_model(model: str | Path, permit: CodePermit = refuse_code) -> Model:
+def load_model(model: str | Path, permit: CodePermit = check_code_allowed) -> Model:
     """Return a model: a shipped name (`benchtool models`) or the path of a model file.
 
     Args:
@@ -78,7 +78,7 @@ def load_model(model: str | Path, permit: CodePermit = refuse_code) -> Model:
     return _load_model(model, permit=permit).model
 
 
-def read(path: str | Path) -> Result[SweepRun] | Result[Recorded]:
+def read(path: str | Path) -> Result[SweepRun] | Result[ReplaySource]:
     """Read a run folder, a recording of `import` or `simulate`, or a log that `import` reads.
 
     Tables: `points`, `settings` and `samples` of a sweep; `samples` of anything else.
@@ -101,7 +101,7 @@ def read(path: str | Path) -> Result[SweepRun] | Result[Recorded]:
 
 def _sweep(path: Path) -> Result[SweepRun]:
     tables: dict[str, Callable[[SweepRun], pd.DataFrame]] = {
-        "points": lambda run: frame(widened(run.points, run_circumstances(path))),
+        "points": lambda run: frame(add_shared_errors(run.points, run_circumstances(path))),
         "settings": lambda run: frame(with_quantities(run.settings, run.quantities)),
     }
     run = read_sweep_run(path)
@@ -119,7 +119,7 @@ def sweep(
     *,
     yes: bool = False,
     operator: Operator | None = None,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
     **options: Any,
 ) -> Result[SweepRun]:
     """Sweep plate distance and throttle into a run folder, as `benchtool sweep` does, and read it.
@@ -153,9 +153,9 @@ def sweep(
         raise InputError("dry_run is of the command: benchtool sweep ADDRESS --dry-run")
     rig_name = None if isinstance(rig, Rig) or rig is None else str(rig)
     given = {"address": bench or None, "rig": rig_name, "yes": yes} | options
-    inputs = make(SweepInputs, given, base=base_inputs(given, "keyword"))
+    inputs = build_inputs(SweepInputs, given, base=base_inputs(given, "keyword"))
     stands = rig if isinstance(rig, Rig) else None
-    run = sweep_to_run(inputs, operator or Unattended(), permit, stands)
+    run = run_sweep_to_folder(inputs, operator or Unattended(), permit, stands)
     assert run is not None
     return _sweep(run.path)
 
@@ -186,7 +186,7 @@ def motor(
         EstimationError: too few throttle levels, and no step of the pulse.
     """
     return Result(
-        found=fit_motor(paths_of(runs), mass_kg, *_stand(rig, propeller), rotors, extrapolate),
+        found=fit_motor(saved_paths(runs), mass_kg, *_stand(rig, propeller), rotors, extrapolate),
         _page=MOTOR, _summary=motor_lines,
         _tables={
             "constants": lambda one: frame_of_rows([estimate_row(e) for e in one.estimates]),
@@ -199,7 +199,7 @@ def fit(
     data: Data | Sequence[Data],
     model: str | Path,
     *,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
     **options: Any,
 ) -> Result[FitOutput]:
     """Fit a ground-effect model to run folders or CSV files, as `benchtool fit` does.
@@ -216,9 +216,9 @@ def fit(
         InputError: the data or the model do not allow the fit.
         EstimationError: no estimate can be given.
     """
-    paths = paths_of(data)
+    paths = saved_paths(data)
     base = Recipe(name=Path(paths[0]).stem, data=paths, model=str(model))
-    inputs = make(FitInputs, options, base=FitInputs(recipe=base))
+    inputs = build_inputs(FitInputs, options, base=FitInputs(recipe=base))
     return _saved(fit_result(inputs, permit=permit), inputs.out)
 
 
@@ -243,7 +243,7 @@ def pool(
         InputError: fewer than two fits, fits without an answer, or fits that share data.
         NotConverged: the chains do not agree.
     """
-    return pool_result([Path(path) for path in paths_of(fits)], of, shared, seed)
+    return pool_result([Path(path) for path in saved_paths(fits)], of, shared, seed)
 
 
 def compare(
@@ -261,10 +261,10 @@ def compare(
     Raises:
         InputError: no run holds what they are to be drawn over.
     """
-    one = comparing.compared([Path(path) for path in paths_of(data)], over, at_thrust_N)
+    one = comparing.compare_runs([Path(path) for path in saved_paths(data)], over, at_thrust_N)
     tables: dict[str, Callable[[comparing.RunComparison], pd.DataFrame]] = {
         "best": lambda one: frame_of_rows(comparing.best_rows(one)),
-        "curves": lambda one: joined_frame(one.tables()),
+        "curves": lambda one: concatenate_frames(one.tables()),
     }
     if not one.found:
         del tables["best"]
@@ -283,7 +283,7 @@ def export(
     extrapolate: bool = False,
     propeller: str | Path | None = None,
     rig: Rig | str | Path | None = None,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
 ) -> tuple[Path, ...]:
     """Write a fitted model for a simulator, autopilot or firmware; return the files written.
 
@@ -305,8 +305,8 @@ def export(
         InputError: its data rejected the model.
         WouldOverwrite: a file is there already; nothing was written.
     """
-    (path,) = paths_of(model)
-    vehicle = vehicle_of(path, paths_of(motor), permit, *_stand(rig, propeller), extrapolate)
+    (path,) = saved_paths(model)
+    vehicle = build_vehicle(path, saved_paths(motor), permit, *_stand(rig, propeller), extrapolate)
     hovering = replace(vehicle, mass_kg=mass_kg, rotors=rotors)
     return write_targets(hovering, to, None if out is None else Path(out))
 
@@ -315,8 +315,8 @@ def _stand(
     rig: Rig | str | Path | None, propeller: str | Path | None
 ) -> tuple[Rig | None, Propeller | None]:
     """Return rig and propeller of logs."""
-    read_rig = rig_named(rig) if isinstance(rig, str | Path) else rig
-    return read_rig, propeller_named(propeller) if propeller else None
+    read_rig = load_rig_by_name(rig) if isinstance(rig, str | Path) else rig
+    return read_rig, load_propeller(propeller) if propeller else None
 
 
 def explain(
@@ -324,9 +324,9 @@ def explain(
     check: Data | Sequence[Data],
     model: str | Path,
     *,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
     **options: Any,
-) -> Result[Answer]:
+) -> Result[ExplainResult]:
     """Name the effect that a model lacks, as `benchtool explain` does.
 
     Tables: `effects`, `gap` and `probabilities`. The verdict is `result.found.verdict`.
@@ -342,13 +342,13 @@ def explain(
     Raises:
         InputError: whatever is missing or cannot be read.
     """
-    given = {"recordings": paths_of(learn), "check": paths_of(check), "model": str(model)}
-    inputs = make(ExplainInputs, given | options)
+    given = {"recordings": saved_paths(learn), "check": saved_paths(check), "model": str(model)}
+    inputs = build_inputs(ExplainInputs, given | options)
     if inputs.bench is not None:
         raise InputError(
             "bench is of the command, which lets you confirm that motors turn: benchtool explain"
         )
-    refuse_taken(inputs.out, inputs.json)
+    check_not_existing(inputs.out, inputs.json)
     result = _saved(explain_result(inputs, permit=permit), inputs.out)
     if inputs.json is not None:
         write_json(inputs.json, result.found, inputs.out)
@@ -358,7 +358,7 @@ def explain(
 def simulate_pitch(
     controllers: Controllers = ("pid", "feedforward", "observer"),
     *,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
     **options: Any,
 ) -> Result[PitchStudy]:
     """Simulate the pitch bench under each controller, as `benchtool simulate pitch` does.
@@ -370,16 +370,16 @@ def simulate_pitch(
         permit: called with a model's own Python before it is run; refused when left out.
         options: of the command by name: ``schedule="plate"``, ``set={"body_lift.K_b": 2}``.
     """
-    inputs = make(PitchInputs, options)
+    inputs = build_inputs(PitchInputs, options)
     return _saved(pitch_result(inputs, controllers, permit), inputs.study.out)
 
 
 def simulate_flight(
     controllers: Controllers = ("pid", "observer", "feedforward"),
     *,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
     **options: Any,
-) -> Result[Sequence[Flown]]:
+) -> Result[Sequence[FlownCase]]:
     """Simulate flights over an obstacle, as `benchtool simulate flight` does.
 
     Tables: `oge` (PID over nothing) and one of each controller.
@@ -389,7 +389,7 @@ def simulate_flight(
         permit: called with a model's own Python before it is run; refused when left out.
         options: of the command by name: ``case="edge"``, ``z_over_r=1.5``, ``seed=3``.
     """
-    inputs = make(FlightInputs, options)
+    inputs = build_inputs(FlightInputs, options)
     return _saved(flight_result(inputs, controllers, permit), inputs.study.out)
 
 

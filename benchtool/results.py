@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 from time import monotonic
 
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.columns import frame, frame_of_rows
-from benchtool.explain.answer import Answer, Request, answer_request, read_request
+from benchtool.explain.answer import ExplainResult, Request, answer_request, read_request
 from benchtool.explain.engine.hypotheses import Bootstrap
 from benchtool.explain.engine.judgement import Progress
 from benchtool.explain.engine.verdict import SURE
@@ -38,16 +38,16 @@ from benchtool.report.result import (
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
 from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.flight.inputs import setup_of as flight_setup_of
-from benchtool.simulate.flight.study import Flown, name_of, recording_of
-from benchtool.simulate.own_controller import Controllers, split_controllers
+from benchtool.simulate.flight.study import FlownCase, name_of, recording_of
 from benchtool.simulate.pitch.inputs import PitchInputs
 from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
+from benchtool.simulate.user_controller import Controllers, split_controllers
 
 
 def fit_result(
     inputs: FitInputs,
     progress: Callable[[str, int, int], None] = lambda what, done, expected: None,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
 ) -> Result[FitOutput]:
     """Fit a recipe. Tables: `estimates`, `points` and `ratio`.
 
@@ -94,7 +94,7 @@ def pool_result(
     )
 
 
-def request_of(inputs: ExplainInputs, permit: CodePermit = refuse_code) -> Request:
+def build_request(inputs: ExplainInputs, permit: CodePermit = check_code_allowed) -> Request:
     """Read the recordings, the model and the effects that inputs name."""
     return read_request(
         inputs.recordings, inputs.check, inputs.model, inputs.effects, permit, inputs.rig
@@ -104,12 +104,12 @@ def request_of(inputs: ExplainInputs, permit: CodePermit = refuse_code) -> Reque
 def explain_result(
     inputs: ExplainInputs,
     progress: Progress = lambda what, share: None,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
     *,
     request: Request | None = None,
     minutes: float | None = None,
     commands: Sequence[str] = (),
-) -> Result[Answer]:
+) -> Result[ExplainResult]:
     """Name what a model lacks. Tables: `effects`, `gap` and `probabilities`.
 
     Args:
@@ -123,7 +123,7 @@ def explain_result(
         InputError: whatever is missing or cannot be read.
     """
     began = monotonic()
-    request = request_of(inputs, permit) if request is None else request
+    request = build_request(inputs, permit) if request is None else request
     answer = answer_request(
         request,
         commands=commands,
@@ -143,7 +143,7 @@ def explain_result(
     )
 
 
-def _write_answer(folder: Path, answer: Answer, _: Sequence[str]) -> list[Path]:
+def _write_answer(folder: Path, answer: ExplainResult, _: Sequence[str]) -> list[Path]:
     written = write_folder(folder, answer)
     return [folder / PAGE, *map(Path, filter(None, [written.model]))]
 
@@ -151,7 +151,7 @@ def _write_answer(folder: Path, answer: Answer, _: Sequence[str]) -> list[Path]:
 def pitch_result(
     inputs: PitchInputs,
     controllers: Controllers | None = None,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
 ) -> Result[pitch_report.PitchStudy]:
     """Run the pitch bench under each controller. Tables: one of each, and `visits`.
 
@@ -183,8 +183,8 @@ def pitch_result(
 def flight_result(
     inputs: FlightInputs,
     controllers: Controllers | None = None,
-    permit: CodePermit = refuse_code,
-) -> Result[Sequence[Flown]]:
+    permit: CodePermit = check_code_allowed,
+) -> Result[Sequence[FlownCase]]:
     """Fly a case under each controller. Tables: `oge` (PID over nothing) and one of each.
 
     Args:

@@ -47,11 +47,11 @@ Work = Callable[[T], Result]
 
 Cluster = Annotated[  # input of every command that has many tasks
     str | None,
-    Input("Dask scheduler, as tcp://HOST:8786, whose workers do it.", empty="this machine"),
+    Input("Dask scheduler, as tcp://HOST:8786, whose workers do it.", default_text="this machine"),
 ]
 
-REACHED_S = 10.0  # time in which a scheduler must answer
-ROUNDS = 3  # so often processes may die one after the other without a single result
+CONNECT_TIMEOUT_S = 10.0  # time in which a scheduler must answer
+MAX_ROUNDS = 3  # so often processes may die one after the other without a single result
 
 
 class TaskStore:
@@ -213,10 +213,10 @@ def _in_processes(
                     del left[name]
                     yield name, result
         fruitless = fruitless + 1 if len(left) == done else 0
-        if fruitless == ROUNDS:
+        if fruitless == MAX_ROUNDS:
             raise ResourceExhausted(
-                f"processes ended {ROUNDS} times before any of {len(left)} tasks was done, as when "
-                f"memory runs out; close other programs and repeat the command"
+                f"processes ended {MAX_ROUNDS} times before any of {len(left)} tasks was done, as "
+                f"when memory runs out; close other programs and repeat the command"
             )
 
 
@@ -226,7 +226,7 @@ class WorkerProcesses(ProcessPoolExecutor):
     def __init__(self, count: int) -> None:
         spawn = get_context("spawn")
         self._theirs, self._lifeline = spawn.Pipe(duplex=False)
-        super().__init__(count, spawn, end_with_parent, (self._theirs,))
+        super().__init__(count, spawn, exit_with_parent, (self._theirs,))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
         self._lifeline.close()
@@ -234,7 +234,7 @@ class WorkerProcesses(ProcessPoolExecutor):
         self._theirs.close()
 
 
-def end_with_parent(lifeline: Pipe) -> None:
+def exit_with_parent(lifeline: Pipe) -> None:
     """Print warnings as lines, and end this process when its parent closes a pipe or is gone."""
     warnings.showwarning = show_warning
     # Ctrl-C in the terminal ends the parent, which ends this.
@@ -259,9 +259,9 @@ def _client(address: str) -> Client:
     place = urlsplit(address)
     try:
         # Dask's own attempt leaves threads behind that complain at the end.
-        with socket.create_connection((place.hostname or "", place.port or 0), REACHED_S):
+        with socket.create_connection((place.hostname or "", place.port or 0), CONNECT_TIMEOUT_S):
             pass
-        return Client(address, timeout=REACHED_S, set_as_default=False)  # type: ignore[no-untyped-call]
+        return Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise InputError(
             f"no Dask scheduler answers at {address} ({error}); start one with: dask scheduler, "

@@ -7,19 +7,19 @@ from datetime import date
 from hashlib import sha256
 from typing import Any
 
-from benchtool.acquire.check_plan import Expected
+from benchtool.acquire.check_plan import PlanExtremes
 from benchtool.acquire.plan import Plan
-from benchtool.bench.bench import Identity
-from benchtool.bench.limit_check import unwatched_limits
+from benchtool.bench.bench import DeviceInfo
+from benchtool.bench.limit_check import unmonitored_limits
 from benchtool.bench.standstill import unmeasured_rotors
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.data.run.state import recall, remember
+from benchtool.data.run.state import recall_latest, store_state
 
 CONFIRMATION = "ARM"  # what the operator types
 
 
-def arming_text(plan: Plan, rig: Rig, expected: Expected) -> str:
+def arming_prompt(plan: Plan, rig: Rig, expected: PlanExtremes) -> str:
     """Return what the operator must know before confirming."""
     names = [f"{number} ({rig.rotors[number - 1].name})" for number in plan.throttle.rotors_on]
     near = f"near the plate {expected.thrust_N:.1f} N, " if plan.plate.used else ""
@@ -32,17 +32,17 @@ def arming_text(plan: Plan, rig: Rig, expected: Expected) -> str:
     )
 
 
-def arming_warnings(identity: Identity, rig: Rig) -> tuple[str, ...]:
+def arming_warnings(identity: DeviceInfo, rig: Rig) -> tuple[str, ...]:
     """Return what makes a bench more dangerous than others, a sentence each."""
     found = (
         identity.facts.get("warning"),
         unmeasured_rotors(identity, rig),
-        "" if identity.simulated else unwatched_limits(identity.channels, rig.n_rotors),
+        "" if identity.simulated else unmonitored_limits(identity.channels, rig.n_rotors),
     )
     return tuple(warning for warning in found if warning)
 
 
-def require_unattended(identity: Identity, rig: Rig, today: date) -> None:
+def require_unattended(identity: DeviceInfo, rig: Rig, today: date) -> None:
     """Refuse to go on without a typed confirmation unless that is safe.
 
     Safe is a simulated bench, or a bench whose `bench check` passed on the same day with this very
@@ -53,7 +53,7 @@ def require_unattended(identity: Identity, rig: Rig, today: date) -> None:
     """
     if identity.simulated:
         return
-    checked = recall("checked", identity.device_id)
+    checked = recall_latest("checked", identity.device_id)
     if checked is not None and checked.get("device_id") != identity.device_id:
         checked = None
     if checked is not None and checked.get("date") == today.isoformat():
@@ -68,7 +68,7 @@ def require_unattended(identity: Identity, rig: Rig, today: date) -> None:
     )
 
 
-def remember_check(identity: Identity, rig: Rig, findings: list[str], today: date) -> None:
+def store_check_result(identity: DeviceInfo, rig: Rig, findings: list[str], today: date) -> None:
     """Keep that a bench check passed today."""
     facts: dict[str, Any] = {
         "date": today.isoformat(),
@@ -77,7 +77,7 @@ def remember_check(identity: Identity, rig: Rig, findings: list[str], today: dat
         "rig_sha256": _rig_hash(rig),
         "findings": findings,
     }
-    remember("checked", identity.device_id, facts)
+    store_state("checked", identity.device_id, facts)
 
 
 def _rig_hash(rig: Rig) -> str:

@@ -9,9 +9,9 @@ from math import hypot, inf, log, nan, pi, sqrt
 import numpy as np
 
 from benchtool.bench.bench import Bench
-from benchtool.core.array import Array
-from benchtool.core.channel import family_of
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
+from benchtool.core.channel import channel_family
+from benchtool.core.plural import pluralize
 from benchtool.core.rig import Sensor, rounding_error
 
 
@@ -24,12 +24,14 @@ def read_span(bench: Bench, seconds: float, step_s: float = 0.1) -> Array:
     return np.concatenate(parts)
 
 
-CUTOFF_SD = 5.0  # from the median; 1 normal sample in 1.7 million is an outlier; assumed
-FEWEST_JUDGED = 8  # among fewer samples none is an outlier; assumed
+OUTLIER_CUTOFF_SD = 5.0  # from the median; 1 normal sample in 1.7 million is an outlier; assumed
+MIN_SAMPLES_FOR_REJECTION = 8  # among fewer samples none is an outlier; assumed
 
 # Share of outliers; with more, none is left out and the point is marked; assumed.
-MOST_REJECTED = 0.05
-COARSE = 0.05  # largest step of a sensor's own resolution, as a share of its reading; assumed
+MAX_REJECTED_SHARE = 0.05
+COARSE_QUANTUM_SD = (
+    0.05  # largest step of a sensor's own resolution, as a share of its reading; assumed
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +63,15 @@ class Average:
             return ""
         total = self.n + self.n_rejected
         text = (
-            f"{len(self.apart)} of {counted(total, 'sample')} of {channel} (from "
+            f"{len(self.apart)} of {pluralize(total, 'sample')} of {channel} (from "
             f"{min(self.apart):.6g} to {max(self.apart):.6g}) lie outside "
-            f"{self.range[0]:.6g} to {self.range[1]:.6g}, {CUTOFF_SD:g} robust standard deviations "
-            f"about the median,"
+            f"{self.range[0]:.6g} to {self.range[1]:.6g}, {OUTLIER_CUTOFF_SD:g} robust standard "
+            f"deviations about the median,"
         )
         if not self.suspect:
             return f"{text} and are left out of its mean"
         return (
-            f"{text} more than {100.0 * MOST_REJECTED:g} %: none is left out and the point is "
+            f"{text} more than {100.0 * MAX_REJECTED_SHARE:g} %: none is left out and the point is "
             f"marked as suspect; see whether it hunts between two values or its sensor misses some"
         )
 
@@ -80,7 +82,7 @@ def average(values: Array, quantum: float = 0.0) -> Average:
     The mean of what a Hampel identifier leaves (skipped mean: Hampel, Technometrics 27 (1985) 95;
     a cutoff that depends on n: Davies and Gather, J. Am. Stat. Assoc. 88 (1993) 782). Against the
     plain mean of normal samples its efficiency is above 0.995 from 8 samples on, its breakdown
-    point is `MOST_REJECTED`.
+    point is `MAX_REJECTED_SHARE`.
 
     Args:
         quantum: resolution of the sensor; what the samples' scatter leaves of the error of rounding
@@ -90,7 +92,7 @@ def average(values: Array, quantum: float = 0.0) -> Average:
     low, high = plausible_range(present, quantum)
     inside = (present >= low) & (present <= high)
     apart = tuple(present[~inside].tolist())
-    suspect = len(apart) > max(1.0, MOST_REJECTED * len(present))
+    suspect = len(apart) > max(1.0, MAX_REJECTED_SHARE * len(present))
     used = present if suspect else present[inside]
     n = len(used)
     if n == 0:
@@ -100,7 +102,7 @@ def average(values: Array, quantum: float = 0.0) -> Average:
         return Average(mean, nan, nan, 1)
     sd = float(used.std(ddof=1))
     noise = sqrt(max(sd * sd - quantum * quantum / 12.0, 0.0))
-    noise_only, of_lines = without_lines(used)
+    noise_only, of_lines = remove_spectral_lines(used)
     scatter = float(noise_only.std(ddof=1)) * sqrt(statistical_inefficiency(noise_only) / n)
     se = hypot(scatter, of_lines, rounding_error(noise, quantum))
     return Average(mean, sd, se, n, apart, (low, high), suspect)
@@ -109,25 +111,25 @@ def average(values: Array, quantum: float = 0.0) -> Average:
 def plausible_range(present: Array, quantum: float) -> tuple[float, float]:
     """Return the least and the greatest of values (n,) that are no outliers.
 
-    The median and `CUTOFF_SD` (1 + 8/n) times 1.4826 median absolute deviations to both sides; the
-    term in n keeps the efficiency of few samples. Where more than half of them are equal, the
-    smallest step between values stands for the deviation.
+    The median and `OUTLIER_CUTOFF_SD` (1 + 8/n) times 1.4826 median absolute deviations to both
+    sides; the term in n keeps the efficiency of few samples. Where more than half of them are
+    equal, the smallest step between values stands for the deviation.
     """
     n = len(present)
-    if n < FEWEST_JUDGED:
+    if n < MIN_SAMPLES_FOR_REJECTION:
         return -inf, inf
     median = float(np.median(present))
     scale = 1.4826 * float(np.median(np.abs(present - median)))
     if scale == 0.0:
         steps = np.diff(np.unique(present))
-        scale = min(float(steps.min()), COARSE * abs(median)) if len(steps) else 0.0
-    reach = CUTOFF_SD * (1.0 + 8.0 / n) * max(scale, quantum)
+        scale = min(float(steps.min()), COARSE_QUANTUM_SD * abs(median)) if len(steps) else 0.0
+    reach = OUTLIER_CUTOFF_SD * (1.0 + 8.0 / n) * max(scale, quantum)
     return median - reach, median + reach
 
 
-def quantum_of(channel: str, sensors: Mapping[str, Sensor]) -> float:
+def estimate_quantum(channel: str, sensors: Mapping[str, Sensor]) -> float:
     """Return the resolution that a rig states for a channel; 0 where it states none."""
-    sensor = sensors.get(family_of(channel))
+    sensor = sensors.get(channel_family(channel))
     return sensor.quantum if sensor else 0.0
 
 
@@ -154,11 +156,13 @@ def statistical_inefficiency(values: Array) -> float:
 
 LINE = 11.0  # power over the noise of a vibration: 1 in 60,000 for normal noise; assumed
 NEIGHBOURS = 10  # frequencies to either side whose median power is that of the noise; assumed
-LEAKED = 2  # frequencies to either side that a line reaches with a part of its power; assumed
-SLOWEST = 4  # cycles in the samples below which a line is drift as well; assumed
+LINE_LEAKAGE_BINS = (
+    2  # frequencies to either side that a line reaches with a part of its power; assumed
+)
+MAX_LINE_PERIOD = 4  # cycles in the samples below which a line is drift as well; assumed
 
 
-def without_lines(values: Array) -> tuple[Array, float]:
+def remove_spectral_lines(values: Array) -> tuple[Array, float]:
     """Return values (n,) with vibrations brought to the noise, and their part of the mean's error.
 
     A rotor's vibration (aliased, at a frequency of its own) makes samples scatter and hardly moves
@@ -174,9 +178,9 @@ def without_lines(values: Array) -> tuple[Array, float]:
     windows = np.lib.stride_tricks.sliding_window_view(around, 2 * NEIGHBOURS + 1)
     level = np.concatenate([[0.0], np.median(windows, axis=1) / log(2.0)])
     line = power > LINE * level
-    line[:SLOWEST] = False
-    reached = np.convolve(line, np.ones(2 * LEAKED + 1), mode="same") > 0.0
-    reached[:SLOWEST] = False
+    line[:MAX_LINE_PERIOD] = False
+    reached = np.convolve(line, np.ones(2 * LINE_LEAKAGE_BINS + 1), mode="same") > 0.0
+    reached[:MAX_LINE_PERIOD] = False
     reached &= power > level
     cycles = np.maximum(np.arange(len(power)), 1)
     share = np.where(reached, (power - level) / (pi * n * cycles) ** 2, 0.0)
@@ -184,7 +188,7 @@ def without_lines(values: Array) -> tuple[Array, float]:
     return np.fft.irfft(spectrum, n), sqrt(float(share.sum()))
 
 
-FEWEST_SAMPLES = 8  # a line through fewer samples says nothing about settling; assumed
+MIN_SLOPE_SAMPLES = 8  # a line through fewer samples says nothing about settling; assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +209,7 @@ class Slope:
         return abs(self.per_s) <= allowed
 
 
-def slope_of(time_s: Array, values: Array) -> Slope:
+def fit_slope(time_s: Array, values: Array) -> Slope:
     """Return the least-squares slope of values (n,) over time (n,); nan left out.
 
     The standard error grows with the autocorrelation of the residuals.
@@ -213,7 +217,7 @@ def slope_of(time_s: Array, values: Array) -> Slope:
     present = ~np.isnan(values)
     time, level = time_s[present], values[present]
     n = len(level)
-    if n < FEWEST_SAMPLES:
+    if n < MIN_SLOPE_SAMPLES:
         return Slope(inf, 0.0, 0.0)
     centred = time - time.mean()
     spread = float(centred @ centred)
@@ -239,5 +243,5 @@ def is_settled(
     last = time_s >= time_s[-1] - window_s
     present = [channel[last] for channel in channels if not np.isnan(channel).all()]
     return bool(present) and all(
-        slope_of(time_s[last], channel).settled(tolerance_per_s) for channel in present
+        fit_slope(time_s[last], channel).settled(tolerance_per_s) for channel in present
     )

@@ -18,10 +18,10 @@ from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig import Rig
 
 ARMING_S = 2.0  # hold of the stop pulse that hobby ESCs take as arming: 1 to 2 s by their manuals
-LOW_SHARE = 0.15  # of the pulse range: above the start, a fiftieth of full thrust; assumed
+LOW_THROTTLE_SHARE = 0.15  # of the pulse range: above the start, a fiftieth of full thrust; assumed
 
 SPIN_S = 1.5
-LOOK_S = 1.0
+POLL_INTERVAL_S = 1.0
 
 SPEED_BAND = (0.65, 1.5)  # measured over expected; a wrong pole count is a factor of 2; assumed
 
@@ -30,7 +30,7 @@ THRUST_FACTOR = 2.0
 thrust coefficients lie within 1.5 of each other (UIUC Propeller Database), and a cell in grams for
 newtons, or a rotor of another size, is beyond. A choice."""
 
-SAME_US = 3.0  # rounding of pulses on their way to an output; assumed
+PULSE_TOLERANCE_US = 3.0  # rounding of pulses on their way to an output; assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ def check_bench(bench: Bench, rig: Rig) -> Iterator[CheckResult]:
     stop_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
     names = [channel.name for channel in bench.identity.channels]
     bench.set_pwm(stop_us)
-    still = _means(bench, names, LOOK_S)
+    still = _means(bench, names, POLL_INTERVAL_S)
     turning = {
         name: value
         for name, value in still.items()
@@ -74,7 +74,7 @@ def check_bench(bench: Bench, rig: Rig) -> Iterator[CheckResult]:
         pulses[rotor] = low_us
         bench.set_pwm(pulses)
         read_span(bench, SPIN_S)
-        seen = _means(bench, names, LOOK_S)
+        seen = _means(bench, names, POLL_INTERVAL_S)
         bench.set_pwm(stop_us)
         if rotor in silent and bench.identity.outputs_measured:
             yield _judge_output(rotor, low_us, seen)
@@ -99,14 +99,14 @@ def _judge_output(rotor: int, low_us: float, seen: dict[str, float]) -> CheckRes
     others = [
         name
         for name, value in seen.items()
-        if name.startswith("pwm") and name != own and abs(value - low_us) <= SAME_US
+        if name.startswith("pwm") and name != own and abs(value - low_us) <= PULSE_TOLERANCE_US
     ]
     text = f"{own} reads {seen.get(own, nan):.0f} us of {low_us:g} us; its speed is not measured"
     if others:
         text = (
             f"{others[0]} shows the pulse of motor {rotor + 1} as well; look at the map of outputs"
         )
-    shown = abs(seen.get(own, nan) - low_us) <= SAME_US
+    shown = abs(seen.get(own, nan) - low_us) <= PULSE_TOLERANCE_US
     return CheckResult(f"rotor {rotor + 1} output", bool(shown and not others), text)
 
 
@@ -170,7 +170,7 @@ def _expected_rpm(low_us: float, rig: Rig) -> float:
 def low_throttle_us(rig: Rig) -> float:
     """Return the pulse of the low-throttle test: us."""
     p = rig.propulsion
-    return float(round(p.pwm_start_us + LOW_SHARE * (p.pwm_max_us - p.pwm_start_us)))
+    return float(round(p.pwm_start_us + LOW_THROTTLE_SHARE * (p.pwm_max_us - p.pwm_start_us)))
 
 
 def _means(bench: Bench, names: list[str], seconds: float) -> dict[str, float]:
@@ -185,13 +185,13 @@ def _is_rpm(name: str) -> bool:
 
 
 TURN_S = 1.2  # time of a motor's turn: rotors have started, no dead speed channel ended it
-REST_S = 1.0  # between two motors: the one before must stand, so that only one ESC reports a speed
+PAUSE_S = 1.0  # between two motors: the one before must stand, so that only one ESC reports a speed
 
 STEP_S = 0.05
 
 
 @runtime_checkable
-class Mapped(Protocol):
+class ReportsOutputs(Protocol):
     """Be a bench that reports what every output shows and every ESC reads."""
 
     def outputs_us(self) -> tuple[float, ...]:
@@ -203,7 +203,7 @@ class Mapped(Protocol):
         ...
 
 
-def learn_motors(
+def detect_motor_map(
     bench: Bench, rig: Rig, rotor_of: Callable[[int], int], report: Callable[[str], None]
 ) -> MotorMap:
     """Turn each motor alone at low throttle and note its output and its ESC.
@@ -217,7 +217,7 @@ def learn_motors(
         BenchError: several outputs or none follow a motor.
     """
     device = bench.bench if isinstance(bench, GuardedBench) else bench
-    if not isinstance(device, Mapped):
+    if not isinstance(device, ReportsOutputs):
         raise InputError("only a flight controller has motors to map; name a mavlink: address")
     low_us = low_throttle_us(rig)
     stop_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
@@ -235,7 +235,7 @@ def learn_motors(
         read_span(bench, TURN_S, STEP_S)
         output, esc = _driven(device, motor, low_us), _turning(device)
         bench.set_pwm(stop_us)
-        read_span(bench, REST_S, STEP_S)
+        read_span(bench, PAUSE_S, STEP_S)
         rotor = rotor_of(motor)
         name = f"rotor {rotor + 1} ({rig.rotors[rotor].name})"
         esc_text = f"ESC {esc} reports its speed" if esc else "no ESC reports its speed"
@@ -250,7 +250,7 @@ def learn_motors(
     return found
 
 
-def _driven(device: Mapped, motor: int, low_us: float) -> int:
+def _driven(device: ReportsOutputs, motor: int, low_us: float) -> int:
     shown = device.outputs_us()
     # What shows the low pulse is driven; idle outputs show the stop pulse, servos what they like.
     driven = [output for output, us in enumerate(shown, 1) if abs(us - low_us) <= 3.0]
@@ -263,7 +263,7 @@ def _driven(device: Mapped, motor: int, low_us: float) -> int:
     return driven[0]
 
 
-def _turning(device: Mapped) -> int:
+def _turning(device: ReportsOutputs) -> int:
     """Return the place of the one ESC that reports a speed, 0 where none or several do."""
     turning = [place for place, rpm in device.speeds_rpm().items() if rpm > 0.0]
     return turning[0] if len(turning) == 1 else 0

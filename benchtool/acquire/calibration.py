@@ -11,21 +11,21 @@ from pathlib import Path
 import numpy as np
 
 from benchtool.acquire.average import Average, average, read_span
-from benchtool.acquire.inputs import MassUncertainty, Weighing
-from benchtool.acquire.new_run import user_name
-from benchtool.bench.bench import Bench, Identity
-from benchtool.core.array import Array
+from benchtool.acquire.inputs import MassUncertainty, WeighingInputs
+from benchtool.acquire.run_creation import user_name
+from benchtool.bench.bench import Bench, DeviceInfo
+from benchtool.core.array_type import Array
 from benchtool.core.errors import CalibrationError
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.calibration import (
     Calibration,
     CalibrationComponent,
-    calibration_from,
+    parse_calibration,
     read_calibration,
 )
-from benchtool.data.run.state import recall, state_file
+from benchtool.data.run.state import recall_latest, state_file
 
-WORST_STRAIGHTNESS = 0.02  # residual over full scale; cells are rated 0.0005; assumed
+MAX_NONLINEARITY = 0.02  # residual over full scale; cells are rated 0.0005; assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,10 +94,10 @@ def fit_calibration(
     full_scale_N = float(np.ptp(force))
     straightness = float(np.abs(residual_N).max()) / full_scale_N
     worst = int(np.abs(residual_N).argmax())
-    if straightness > WORST_STRAIGHTNESS:
+    if straightness > MAX_NONLINEARITY:
         raise CalibrationError(
             f"{masses_kg[worst]:g} kg is {residual_N[worst]:+.3g} N off the line, "
-            f"{100.0 * straightness:.1f} % of full scale, limit {100.0 * WORST_STRAIGHTNESS:g} %; "
+            f"{100.0 * straightness:.1f} % of full scale, limit {100.0 * MAX_NONLINEARITY:g} %; "
             f"check that mass and how it hangs, then calibrate again"
         )
     slope, last = 1.0 / gain, lines[-1]
@@ -158,17 +158,17 @@ def fit_calibration(
     )
 
 
-def date_now() -> str:
+def current_date() -> str:
     """Return date and time as a calibration holds them."""
     return datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S")
 
 
-def calibrated(
+def apply_calibration(
     masses_kg: Array,
     counts: Array,
     device_id: str,
     date: str,
-    known: Weighing,
+    known: WeighingInputs,
     days: Sequence[str] = (),
 ) -> Calibration:
     """Return the calibration of masses (n,) and counts (n,) with what is known of them."""
@@ -235,7 +235,7 @@ def _stated(
             )
 
 
-def with_days_of(
+def with_drift_interval(
     earlier: Calibration,
     masses_kg: Array,
     counts: Array,
@@ -319,7 +319,7 @@ def _hysteresis(force: Array, residual_N: Array) -> float | None:
     return max(gaps_N) / float(np.ptp(force)) if gaps_N else None
 
 
-def calibration_for(option: str | None, identity: Identity) -> Calibration | None:
+def calibration_for(option: str | None, identity: DeviceInfo) -> Calibration | None:
     """Return the calibration for a device: the file given, its latest one, or none.
 
     Raises:
@@ -333,13 +333,15 @@ def calibration_for(option: str | None, identity: Identity) -> Calibration | Non
             calibration, option, identity.address, identity.device_id, "--calibration none"
         )
         return calibration
-    latest = recall("calibration", identity.device_id)
+    latest = recall_latest("calibration", identity.device_id)
     if latest is None:
         return None
-    return calibration_from(latest, str(state_file("calibration", identity.device_id)))
+    return parse_calibration(latest, str(state_file("calibration", identity.device_id)))
 
 
-WAITED_S = 0.5  # samples older than the mass: thrown away after the operator's answer; assumed
+RAW_COUNTS_TIMEOUT_S = (
+    0.5  # samples older than the mass: thrown away after the operator's answer; assumed
+)
 
 
 def require_raw_counts(bench: Bench) -> int:
@@ -360,7 +362,7 @@ def mean_counts(bench: Bench, seconds: float) -> Average:
         CalibrationError: the load cell gave no value.
     """
     column = require_raw_counts(bench)
-    read_span(bench, WAITED_S)
+    read_span(bench, RAW_COUNTS_TIMEOUT_S)
     found = average(read_span(bench, seconds)[:, column])
     if found.n == 0:
         raise CalibrationError(

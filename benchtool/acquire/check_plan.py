@@ -8,21 +8,21 @@ from math import atan2, degrees, radians, tan
 
 import numpy as np
 
-from benchtool.acquire.order import Setting, least_duration_s, settings_of
 from benchtool.acquire.plan import Plan, PlatePart
+from benchtool.acquire.visit_order import Setting, min_duration_s, plan_settings
 from benchtool.core.errors import PlanError
-from benchtool.core.inputs import changed, items
+from benchtool.core.inputs import items, with_changes
 from benchtool.core.rig import Rig
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.rotor import speed_from_pwm
 
-LONGEST_S = 48.0 * 3600.0  # a plan that lasts longer is taken for a typing error; assumed
+MAX_DURATION_S = 48.0 * 3600.0  # a plan that lasts longer is taken for a typing error; assumed
 BODY_LIFT_K = 2.0  # K_b of the expected thrust: "close to 2" (paper, section 2.2)
 
 
 @dataclass(frozen=True, slots=True)
-class Expected:
+class PlanExtremes:
     """Hold the most that a plan commands: pulse, speed, thrust out of and in ground effect."""
 
     pwm_us: float
@@ -31,13 +31,13 @@ class Expected:
     thrust_N: float
 
 
-def expected_extremes(plan: Plan, rig: Rig) -> Expected:
+def expected_extremes(plan: Plan, rig: Rig) -> PlanExtremes:
     """Return the most that a resolved plan commands, at nominal voltage.
 
     Thrust from the rig's k and pwm map, with eq. (3) for the rotors and eq. (4) for the body of a
     multirotor.
     """
-    settings = settings_of(plan, rig)
+    settings = plan_settings(plan, rig)
     model = Model.single(rig)
     if rig.n_discs > 1:
         model = model.with_effect("neighbour_images").with_effect("body_lift", K_b=BODY_LIFT_K)
@@ -62,7 +62,7 @@ def expected_extremes(plan: Plan, rig: Rig) -> Expected:
     )
     inside = np.asarray(model.thrust_N(conditions), float)
     outside = np.asarray(model.thrust_N(conditions.out_of_ground_effect()), float)
-    return Expected(
+    return PlanExtremes(
         float(pulses.max()),
         float(speed.max()) * 60.0 / (2.0 * np.pi),
         float(outside.max()),
@@ -70,21 +70,24 @@ def expected_extremes(plan: Plan, rig: Rig) -> Expected:
     )
 
 
-def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None = None) -> Expected:
+def check_plan(
+    plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None = None
+) -> PlanExtremes:
     """Refuse a resolved plan that the limits do not allow; return the most that it commands.
 
     Raises:
         PlanError: the value, the limit and what to change.
     """
     _check_lists(plan, rig)
-    least_s = least_duration_s(plan, rig)
-    if least_s > LONGEST_S:
+    least_s = min_duration_s(plan, rig)
+    if least_s > MAX_DURATION_S:
         raise PlanError(
-            f"the plan would take {least_s / 3600.0:,.0f} h or more, limit {LONGEST_S / 3600.0:g} "
+            f"the plan would take {least_s / 3600.0:,.0f} h or more, limit "
+            f"{MAX_DURATION_S / 3600.0:g} "
             f"h; lower repeats ({plan.repeats:,}) or sample_s ({plan.sample_s:g} s), or sweep it "
             f"in parts"
         )
-    settings = settings_of(plan, rig)
+    settings = plan_settings(plan, rig)
     device = dict(device_limits or {})
     together, on = device.get("rotors_together", np.inf), plan.throttle.rotors_on
     if len(on) > together:
@@ -126,7 +129,7 @@ def check_plan(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None =
 
 def _of_a_plate(plan: Plan) -> str:
     """Return an input of the plan's plate that is not the default; "" for none."""
-    given = changed(plan.plate)
+    given = with_changes(plan.plate)
     found = (item for item in items(PlatePart) if item.name in given)
     return next((f"plate.{item.key} ({item.option})" for item in found), "")
 

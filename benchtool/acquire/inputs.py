@@ -39,7 +39,7 @@ class SweepInputs(Inputs):
         Input(
             "Calibration file; none to use none.",
             label="Calibration (ID or none)",
-            empty="the device's latest",
+            default_text="the device's latest",
             group="Bench",
         ),
     ] = None
@@ -48,7 +48,7 @@ class SweepInputs(Inputs):
         Input(
             "What moves the plate: device, hand, grbl:PORT?..., none.",
             label="Plate moved by (device, hand, grbl:PORT)",
-            empty="as device and rig say",
+            default_text="as device and rig say",
         ),
     ] = None
     yes: Annotated[
@@ -102,7 +102,7 @@ class MassUncertainty(Inputs):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weighing(Inputs):
+class WeighingInputs(Inputs):
     """State what is known of masses that hang on a load cell, by command line or page."""
 
     TITLE = "Masses"
@@ -131,7 +131,7 @@ BENCH_KEYS: tuple[str, ...] = (  # limits that a rig must state before its motor
 )
 
 
-def rig_for(address: str, named: str | None) -> Rig:
+def resolve_rig(address: str, named: str | None) -> Rig:
     """Return the rig on the bench: as named, or the one that a `sim:` address names.
 
     Raises:
@@ -139,14 +139,14 @@ def rig_for(address: str, named: str | None) -> Rig:
     """
     from benchtool.bench.addresses import SimAddress
     from benchtool.bench.drivers import parse_address
-    from benchtool.core.rig_file import require_stated, rig_named, rig_names
+    from benchtool.core.rig_file import load_rig_by_name, require_values, rig_names
 
     parsed = parse_address(address)
     if isinstance(parsed, SimAddress):
-        return rig_named(named or parsed.rig)
+        return load_rig_by_name(named or parsed.rig)
     if named:
-        rig = rig_named(named)
-        require_stated(rig, BENCH_KEYS, "a bench")
+        rig = load_rig_by_name(named)
+        require_values(rig, BENCH_KEYS, "a bench")
         return rig
     raise InputError(
         f"which rig stands on {address}? name it with --rig: {', '.join(rig_names())}, or the "

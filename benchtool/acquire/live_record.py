@@ -16,21 +16,21 @@ from numpy.typing import NDArray
 from benchtool.acquire.average import average, is_settled
 from benchtool.acquire.measure import measure
 from benchtool.acquire.motors import Motors, run_to_end
-from benchtool.acquire.order import PlatePosition, Setting, Visit
 from benchtool.acquire.plan import Plan, PlatePart
 from benchtool.acquire.record import Recorder, RunProgress, SafeProgress
-from benchtool.acquire.tare import Tared, tare, tare_point
+from benchtool.acquire.tare import TareResult, tare, tare_point
+from benchtool.acquire.visit_order import PlatePosition, Setting, Visit
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import plate_tolerance_m
-from benchtool.core.counted import counted
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.run import Run
 
-READ_S = 0.02  # longest read between two looks at the hand on the throttle
-LOOK_S = 0.1  # how often settling is tested; assumed, as in a sweep
+READ_TIMEOUT_S = 0.02  # longest read between two looks at the hand on the throttle
+POLL_INTERVAL_S = 0.1  # how often settling is tested; assumed, as in a sweep
 
 
 def live_plan(name: str, rig: Rig) -> Plan:
@@ -51,8 +51,8 @@ class LiveSummary:
     def text(self) -> str:
         """Return it in words."""
         return (
-            f"{self.seconds:.0f} s, {counted(self.points, 'point')}, "
-            f"{counted(self.samples, 'sample')}, {self.lost} lost"
+            f"{self.seconds:.0f} s, {pluralize(self.points, 'point')}, "
+            f"{pluralize(self.samples, 'sample')}, {self.lost} lost"
         )
 
 
@@ -105,7 +105,7 @@ class _Live:
         progress: RunProgress,
     ) -> None:
         self.points = 0
-        self.tared: Tared | None = None
+        self.tared: TareResult | None = None
         self._recorder, self._rig, self._plan = recorder, rig, plan
         self._calibration, self._progress = calibration, progress
         self._pulses_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
@@ -125,9 +125,9 @@ class _Live:
             self._number += 1
             self._begin("settle")
         phase = self._phase if len(turning) else "rest"
-        readings = recorder.read(phase, self._number if len(turning) else 0, READ_S)
+        readings = recorder.read(phase, self._number if len(turning) else 0, READ_TIMEOUT_S)
         now_s = recorder.now_s
-        if now_s - self._looked_s >= LOOK_S:
+        if now_s - self._looked_s >= POLL_INTERVAL_S:
             self._looked_s = now_s
         if not len(turning):
             return

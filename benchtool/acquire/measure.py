@@ -7,19 +7,19 @@ from math import nan
 
 import numpy as np
 
-from benchtool.acquire.average import Average, average, quantum_of
-from benchtool.acquire.order import Visit
-from benchtool.acquire.tare import Tared
-from benchtool.core.array import Array
+from benchtool.acquire.average import Average, average, estimate_quantum
+from benchtool.acquire.tare import TareResult
+from benchtool.acquire.visit_order import Visit
+from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.points import Point, averaged_channels
 
-SLOWEST_BEAT = 1.0  # least cycles of a vibration in a point, to tell it from thrust; assumed
+MAX_BEAT_PERIOD = 1.0  # least cycles of a vibration in a point, to tell it from thrust; assumed
 
 
-def aliased(rpm: float, time_s: Array) -> str:
+def is_aliased(rpm: float, time_s: Array) -> str:
     """Return that a rotor's vibration reads as thrust in samples at these times, "" where not.
 
     A vibration at the shaft's frequency that lies at a multiple of the sampling rate is the same in
@@ -30,7 +30,7 @@ def aliased(rpm: float, time_s: Array) -> str:
         return ""
     rate_Hz, turns_Hz = (len(time_s) - 1) / span_s, rpm / 60.0
     multiple = round(turns_Hz / rate_Hz)
-    if not multiple or abs(turns_Hz - multiple * rate_Hz) * span_s >= SLOWEST_BEAT:
+    if not multiple or abs(turns_Hz - multiple * rate_Hz) * span_s >= MAX_BEAT_PERIOD:
         return ""
     times = "" if multiple == 1 else f"{multiple} times "
     return (
@@ -43,7 +43,7 @@ def measure(
     samples: Recording,
     visit: Visit,
     reached_m: float,
-    tared: Tared,
+    tared: TareResult,
     calibration: Calibration | None,
     sensors: Mapping[str, Sensor],
     settled: bool,
@@ -61,7 +61,9 @@ def measure(
     columns = {name: samples.column(name) for name in names}
     if calibration is not None:
         columns["thrust_N"] = calibration.newtons(samples.column("thrust_raw"), tared.zero_counts)
-    found = {name: average(column, quantum_of(name, sensors)) for name, column in columns.items()}
+    found = {
+        name: average(column, estimate_quantum(name, sensors)) for name, column in columns.items()
+    }
     times_s = samples.column("time_s")
     time_s = float(times_s.mean()) if len(times_s) else now_s
     none = Average(nan, nan, nan, 0)
@@ -76,7 +78,7 @@ def measure(
     shakes = [
         f"rotor {number} {text}"
         for number, speed in enumerate(speeds, 1)
-        if (text := aliased(speed.mean, thrust_s))
+        if (text := is_aliased(speed.mean, thrust_s))
     ]
     notes = [("suspect", f"point {visit.point}: {text}") for text in shakes]
     for name, own in found.items():

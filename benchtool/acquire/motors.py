@@ -10,17 +10,19 @@ from typing import TypeVar
 import numpy as np
 
 from benchtool.acquire.average import average
-from benchtool.acquire.plan import RestPart
+from benchtool.acquire.plan import CooldownPart
 from benchtool.acquire.record import Recorder
-from benchtool.core.array import Array
-from benchtool.core.errors import BenchError, CommandRefused, RunStopped, StandstillNotSeen
+from benchtool.core.array_type import Array
+from benchtool.core.errors import BenchError, CommandRefused, RunInterrupted, StandstillNotConfirmed
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.run.points import Point
 
 RAMP_STEP_S = 0.05  # between two pulses; far below the device's watchdog of 0.25 s; assumed
 RAMP_DOWN_S = 0.8  # a normal end ramps down in so long; at most 1 s is allowed
-TAIL_S = 0.5  # after an early stop the run records so long how pulses and speeds fall; assumed
+POST_STOP_RECORDING_S = (
+    0.5  # after an early stop the run records so long how pulses and speeds fall; assumed
+)
 STANDSTILL_RPM = 30.0  # a slower rotor stands still; tachometers flicker by 1 or 2; assumed
 
 
@@ -153,9 +155,9 @@ def _stop_at_once(
             recorder.store(unread, "end")
     with suppress(Exception):
         # How the rotors slow down, and what waited in the link.
-        if not isinstance(error, StandstillNotSeen):
-            recorder.see_standstill(TAIL_S)
-    if not isinstance(error, StandstillNotSeen):
+        if not isinstance(error, StandstillNotConfirmed):
+            recorder.see_standstill(POST_STOP_RECORDING_S)
+    if not isinstance(error, StandstillNotConfirmed):
         reason = bench.with_standstill(reason)
     with suppress(Exception):
         recorder.finish("stopped", reason)
@@ -164,19 +166,21 @@ def _stop_at_once(
     return recorder.rescue(error)
 
 
-LOOK_S = 1.0  # span over which temperature and voltage are averaged; assumed
+POLL_INTERVAL_S = 1.0  # span over which temperature and voltage are averaged; assumed
 
 
-def rest_if_needed(recorder: Recorder, motors: Motors, plan: RestPart, last: Point | None) -> None:
+def cool_down_if_needed(
+    recorder: Recorder, motors: Motors, plan: CooldownPart, last: Point | None
+) -> None:
     """Rest where temperature or voltage of the last point requires it; look when there is none.
 
     Raises:
-        RunStopped: the rest took longer than the plan allows.
+        RunInterrupted: the rest took longer than the plan allows.
     """
     if plan.above_degC is None and plan.below_V is None:
         return
     if last is None:
-        seen = recorder.collect("rest", LOOK_S)
+        seen = recorder.collect("rest", POLL_INTERVAL_S)
         why = _why(_mean(seen, "temperature_degC"), _mean(seen, "voltage_V"), plan)
     else:
         why = _why(last.temperature_degC, last.voltage_V, plan)
@@ -185,16 +189,16 @@ def rest_if_needed(recorder: Recorder, motors: Motors, plan: RestPart, last: Poi
     recorder.note("rest", f"{why}; motors at zero until it has recovered")
     motors.zero()
     begun_s = recorder.now_s
-    while not _recovered(recorder.collect("rest", LOOK_S), plan):
+    while not _recovered(recorder.collect("rest", POLL_INTERVAL_S), plan):
         if recorder.now_s - begun_s > plan.longest_s:
-            raise RunStopped(
+            raise RunInterrupted(
                 f"{why} and had not recovered after {plan.longest_s:g} s; cool it or change the "
                 f"pack, then go on with benchtool sweep --resume"
             )
     recorder.note("rested", f"went on after {recorder.now_s - begun_s:.0f} s")
 
 
-def _why(temperature: float, voltage: float, plan: RestPart) -> str:
+def _why(temperature: float, voltage: float, plan: CooldownPart) -> str:
     if plan.above_degC is not None and temperature > plan.above_degC:
         return f"the ESC reads {temperature:.1f} degC, rest above {plan.above_degC:g} degC"
     if plan.below_V is not None and voltage < plan.below_V:
@@ -202,7 +206,7 @@ def _why(temperature: float, voltage: float, plan: RestPart) -> str:
     return ""
 
 
-def _recovered(seen: Recording, plan: RestPart) -> bool:
+def _recovered(seen: Recording, plan: CooldownPart) -> bool:
     temperature, voltage = _mean(seen, "temperature_degC"), _mean(seen, "voltage_V")
     cool = plan.above_degC is None or isnan(temperature) or temperature <= plan.until_degC
     until_V = max(plan.until_V, plan.below_V or 0.0)

@@ -10,19 +10,19 @@ from typing import Protocol
 
 from benchtool.acquire.arming import CONFIRMATION, arming_warnings, require_unattended
 from benchtool.acquire.record import ProgressLines, RunProgress
-from benchtool.bench.bench import Identity
+from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.errors import BenchtoolError, InputError, RunStopped
+from benchtool.core.errors import BenchtoolError, InputError, RunInterrupted
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
 
-LOOK_S = 0.05  # a bench is read so often while an answer is waited for
+POLL_INTERVAL_S = 0.05  # a bench is read so often while an answer is waited for
 
 
 class Operator(Protocol):
     """Say something to a person, get answers, show a run while it goes on."""
 
-    def say(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         """Show a line or several."""
 
     def warn(self, text: str) -> None:
@@ -42,11 +42,11 @@ class Operator(Protocol):
 class Unattended:
     """Write lines to standard output; nobody is there to answer: notebooks and scripts."""
 
-    def say(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         sys.stdout.write(f"{text}\n")
         sys.stdout.flush()
 
-    warn = say
+    warn = inform
 
     def answer(self, question: str, meanwhile: Callable[[], object] | None = None) -> str:
         raise InputError(
@@ -55,22 +55,22 @@ class Unattended:
         )
 
     def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
-        return nullcontext(ProgressLines(radius_m, self.say))
+        return nullcontext(ProgressLines(radius_m, self.inform))
 
 
-def say_of_bench(operator: Operator, identity: Identity, rig: Rig) -> None:
+def describe_bench(operator: Operator, identity: DeviceInfo, rig: Rig) -> None:
     """Say what a person must know of a bench before arming it."""
     for warning in arming_warnings(identity, rig):
-        operator.say(f"warning: {warning}")
+        operator.inform(f"warning: {warning}")
     if identity.speed != 1.0:
         speed = f"{identity.speed:g} times the speed of life"
-        operator.say(f"this bench runs at {speed}; all times are the bench's own")
+        operator.inform(f"this bench runs at {speed}; all times are the bench's own")
 
 
-def say_of_end(operator: Operator, bench: GuardedBench) -> None:
+def describe_end(operator: Operator, bench: GuardedBench) -> None:
     """Say which rotors were not seen to stand at a normal end."""
     if (state := bench.standstill) is not None and not state.seen:
-        operator.say(f"warning: {state.text}")
+        operator.inform(f"warning: {state.text}")
 
 
 def arm(operator: Operator, text: str, bench: GuardedBench, rig: Rig, *, unattended: bool) -> None:
@@ -78,13 +78,13 @@ def arm(operator: Operator, text: str, bench: GuardedBench, rig: Rig, *, unatten
 
     Raises:
         InputError: nobody is there to confirm, or the bench may not be left alone.
-        RunStopped: something else was typed.
+        RunInterrupted: something else was typed.
     """
     if not unattended:
         confirm_arming(operator, text, bench)
         return
     require_unattended(bench.identity, rig, datetime.now().astimezone().date())
-    operator.say(text)
+    operator.inform(text)
 
 
 def confirm_arming(operator: Operator, text: str, bench: GuardedBench) -> None:
@@ -92,15 +92,15 @@ def confirm_arming(operator: Operator, text: str, bench: GuardedBench) -> None:
 
     Raises:
         InputError: nobody is there to confirm.
-        RunStopped: something else was typed.
+        RunInterrupted: something else was typed.
     """
-    operator.say(text)
+    operator.inform(text)
     is_virtual = bench.identity.address.startswith("sim:")
-    meanwhile = None if is_virtual else lambda: bench.read(LOOK_S)
+    meanwhile = None if is_virtual else lambda: bench.read(POLL_INTERVAL_S)
     with bench.interruptible():
         answer = operator.answer(f"type {CONFIRMATION} to arm: ", meanwhile)
     if answer.strip() != CONFIRMATION:
-        raise RunStopped(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+        raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
 
 
 def close_stopped(operator: Operator, run: Run, advice: str = "") -> None:
@@ -120,4 +120,4 @@ def close_stopped(operator: Operator, run: Run, advice: str = "") -> None:
         operator.warn(f"{run.path} was not closed: {error}")
         return
     with suppress(OSError):
-        operator.say("; ".join(filter(None, (f"what was recorded is in {run.path}", advice))))
+        operator.inform("; ".join(filter(None, (f"what was recorded is in {run.path}", advice))))

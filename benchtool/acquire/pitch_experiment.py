@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import degrees, isfinite, pi, radians, sqrt
 
-from benchtool.acquire.check_plan import Expected
-from benchtool.bench.bench import Identity
+from benchtool.acquire.check_plan import PlanExtremes
+from benchtool.bench.bench import DeviceInfo
 from benchtool.core.errors import InputError, PlanError
 from benchtool.core.rig import Rig
 
 GRAVITY_M_S2 = 9.81  # as the simulated pitch bench rounds it
-LONGEST_S = 3600.0  # a longer recording is taken for a typing error; assumed
+MAX_DURATION_S = 3600.0  # a longer recording is taken for a typing error; assumed
 PITCH_LIMIT_RAD = radians(45.0)  # default limit of the host, as of the device; assumed
 RATE_LIMIT_RAD_S = 10.0  # the host stops beyond this rate; assumed, as that of the device
-NEEDED = ("theta_rad", "gyro_rad_s")  # channels that every pitch bench streams
+REQUIRED_CHANNELS = ("theta_rad", "gyro_rad_s")  # channels that every pitch bench streams
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ def check_experiment(
     rig: Rig,
     device_limits: Mapping[str, float] | None = None,
     idle_us: float | None = None,
-) -> Expected:
+) -> PlanExtremes:
     """Refuse an experiment that the limits do not allow; return what its collective gives.
 
     Args:
@@ -73,8 +73,8 @@ def check_experiment(
         PlanError: the value, the limit and what to change.
     """
     seconds, pulse_us = experiment.seconds, experiment.collective_us
-    if not (isfinite(seconds) and 0.0 < seconds <= LONGEST_S):
-        raise PlanError(f"--seconds is {seconds:g}; give more than 0, at most {LONGEST_S:g}")
+    if not (isfinite(seconds) and 0.0 < seconds <= MAX_DURATION_S):
+        raise PlanError(f"--seconds is {seconds:g}; give more than 0, at most {MAX_DURATION_S:g}")
     if not 0.0 < experiment.pitch_limit_rad <= 0.5 * pi:
         given = degrees(experiment.pitch_limit_rad)
         raise PlanError(f"--limit-deg is {given:g}; give more than 0, at most 90")
@@ -107,10 +107,10 @@ def check_experiment(
             f"--plate-z-m is {experiment.plate_z_m:g}, outside {low_m:g} to {high_m:g} m of rig "
             f"{rig.name!r}; choose a distance in between"
         )
-    return Expected(pulse_us, rpm, thrust_N, thrust_N)
+    return PlanExtremes(pulse_us, rpm, thrust_N, thrust_N)
 
 
-def expected_on(identity: Identity, experiment: PitchExperiment, rig: Rig) -> Expected:
+def expected_extremes(identity: DeviceInfo, experiment: PitchExperiment, rig: Rig) -> PlanExtremes:
     """Return what `check_experiment` returns, with what an open bench reports about itself.
 
     Raises:
@@ -121,14 +121,14 @@ def expected_on(identity: Identity, experiment: PitchExperiment, rig: Rig) -> Ex
     return check_experiment(experiment, rig, identity.limits, identity.pwm_idle_us)
 
 
-def require_pitch(identity: Identity) -> None:
+def require_pitch(identity: DeviceInfo) -> None:
     """Refuse a bench that streams no pitch.
 
     Raises:
         InputError: what is missing, and how a virtual bench gets it.
     """
     names = {channel.name for channel in identity.channels}
-    missing = [name for name in NEEDED if name not in names]
+    missing = [name for name in REQUIRED_CHANNELS if name not in names]
     if missing:
         raise InputError(
             f"{identity.address} streams no {missing[0]}, so it is no pitch bench; name one (a "
@@ -136,7 +136,7 @@ def require_pitch(identity: Identity) -> None:
         )
 
 
-def arming_text(experiment: PitchExperiment, rig: Rig, expected: Expected) -> str:
+def arming_text(experiment: PitchExperiment, rig: Rig, expected: PlanExtremes) -> str:
     """Return what the operator must know before confirming."""
     names = [f"{number + 1} ({rotor.name})" for number, rotor in enumerate(rig.rotors)]
     return (

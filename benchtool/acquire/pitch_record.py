@@ -14,13 +14,13 @@ from benchtool.acquire.pitch_experiment import RATE_LIMIT_RAD_S, PitchExperiment
 from benchtool.acquire.record import Recorder, RunProgress, SafeProgress
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.counted import counted
 from benchtool.core.errors import LimitExceeded
+from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
 
 RAMP_UP_S = 0.5  # from idle to the collective in so long; assumed, ten times the lag of a motor
-PART_S = 1.0  # samples are summed up and forced to the disk so often; assumed
+CHUNK_S = 1.0  # samples are summed up and forced to the disk so often; assumed
 
 
 @dataclass(slots=True)
@@ -115,7 +115,7 @@ def _collect(recorder: PitchRecorder, summary: PitchSummary, left: Callable[[flo
     begun_s = recorder.bench.now_s()
     while (left_s := begun_s + summary.seconds - recorder.bench.now_s()) > 1e-9:
         left(left_s)
-        part = recorder.collect("sample", min(PART_S, left_s))
+        part = recorder.collect("sample", min(CHUNK_S, left_s))
         recorder.sync()
         theta = part.column("theta_rad")
         summary.largest_rad = max(summary.largest_rad, float(np.nanmax(np.abs(theta), initial=0.0)))
@@ -132,6 +132,6 @@ def summary_line(summary: PitchSummary) -> str:
     error = summary.rms_error_rad
     tracking = "" if np.isnan(error) else f", RMS error {degrees(error):.2f} deg"
     return (
-        f"{summary.seconds:g} s, {counted(summary.samples, 'sample')}, {summary.lost} lost; "
+        f"{summary.seconds:g} s, {pluralize(summary.samples, 'sample')}, {summary.lost} lost; "
         f"largest angle {degrees(summary.largest_rad):.2f} deg{tracking}"
     )

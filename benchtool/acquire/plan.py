@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.inputs import Input, Inputs
-from benchtool.core.packaged import read_named
+from benchtool.core.library import read_named
 from benchtool.core.toml_text import read_strict
 
 if TYPE_CHECKING:
@@ -28,9 +28,9 @@ Offset = Annotated[float, Ge(-1000.0), Le(1000.0)]
 Tilt = Annotated[float, Ge(-89.0), Le(89.0)]  # the minimum distance allows far less; assumed
 
 Pulse = Annotated[float, Gt(0.0), Le(1e4)]
-MOST_LISTED = 1000  # most distances, tilts, offsets or levels of a plan; assumed
+MAX_LISTED = 1000  # most distances, tilts, offsets or levels of a plan; assumed
 
-Distances = Annotated[tuple[Distance, ...], Len(0, MOST_LISTED)]
+Distances = Annotated[tuple[Distance, ...], Len(0, MAX_LISTED)]
 
 THROTTLE_TESTS = ("steps", "ramp", "response", "endurance")  # shipped plans without a plate
 REPEATS_SINGLE = 9  # tests per distance with one rotor on (paper, section 2.1)
@@ -69,13 +69,13 @@ class PlatePart(Inputs):
             "Plate distances in rotor radii: 0.5,1,2.",
             option="z_over_r",
             label="Plate distances, z/R",
-            empty="0.5 to 5 within the travel",
+            default_text="0.5 to 5 within the travel",
             instead_of="distances_m",
         ),
     ] = ()
     tilts_deg: Annotated[
         tuple[Tilt, ...],
-        Len(1, MOST_LISTED),
+        Len(1, MAX_LISTED),
         Input(
             "Plate inclinations about its centre; positive brings +x rotors nearer.",
             "deg",
@@ -85,7 +85,7 @@ class PlatePart(Inputs):
     ] = (0.0,)
     lateral_m: Annotated[
         tuple[Offset, ...],
-        Len(1, MOST_LISTED),
+        Len(1, MAX_LISTED),
         Input(
             "Plate positions along x, for partial coverage.",
             "m",
@@ -103,19 +103,19 @@ class ThrottlePart(Inputs):
 
     pwm_us: Annotated[
         tuple[Pulse, ...],
-        Len(0, MOST_LISTED),
+        Len(0, MAX_LISTED),
         Input(
             "Pulse levels, each given to every rotor that is on: 1400,1600.",
             "us",
             option="pwm",
             label="Pulses, us",
-            empty="40 % and 60 % of the pulse range",
+            default_text="40 % and 60 % of the pulse range",
             instead_of="percent",
         ),
     ] = ()
     percent: Annotated[
         tuple[Annotated[float, Gt(0.0), Le(100.0)], ...],
-        Len(0, MOST_LISTED),
+        Len(0, MAX_LISTED),
         Input(
             "Throttle levels in percent of the pulse range that the rig's limits allow: 20,50,80.",
             option="throttle",
@@ -126,7 +126,10 @@ class ThrottlePart(Inputs):
     rotors_on: Annotated[
         tuple[Annotated[int, Ge(1)], ...],
         Input(
-            "Rotors that turn: 1 or 1,2,3.", option="rotors", label="Rotors that turn", empty="all"
+            "Rotors that turn: 1 or 1,2,3.",
+            option="rotors",
+            label="Rotors that turn",
+            default_text="all",
         ),
     ] = ()
     ramp_s: Annotated[float, Ge(0.0), Le(600.0), Input("Time from one level to the next.", "s")] = (
@@ -198,7 +201,7 @@ class TarePart(Inputs):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RestPart(Inputs):
+class CooldownPart(Inputs):
     """Say when the bench rests with motors at zero.
 
     Attributes:
@@ -231,7 +234,7 @@ class Plan(Inputs):
         Input(
             "Visits of each setting (paper, section 2).",
             label="Repeats",
-            empty="9 for one rotor on, 5 for several",
+            default_text="9 for one rotor on, 5 for several",
             group="Points",
         ),
     ] = None
@@ -244,7 +247,7 @@ class Plan(Inputs):
     order: OrderPart = OrderPart()
     settle: SettlePart = SettlePart()
     tare: TarePart = TarePart()
-    rest: RestPart = RestPart()
+    rest: CooldownPart = CooldownPart()
 
     def resolved(self, rig: Rig) -> Plan:
         """Return the plan with every number that it left open filled in for a rig."""

@@ -15,11 +15,11 @@ from benchtool.core.errors import CalibrationError, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash
 from benchtool.data.calibration import Calibration
-from benchtool.data.columns import REJECTED, VALID_KINDS, code_of
+from benchtool.data.columns import REJECTED, VALID_KINDS, word_to_code
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
-from benchtool.data.run.settings import settings_of
+from benchtool.data.run.settings import load_settings
 
 
 def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = False) -> Path:
@@ -59,7 +59,7 @@ def recalibrate(run: Run, calibration: Calibration, *, other_device: bool = Fals
     }
     anew = Run.create(run.path / f"recalibrated-{name}", run.plan_text, facts)
     anew.write_points(fresh)
-    write_table(anew.path / "settings.csv", settings_of(anew.path, fresh))
+    write_table(anew.path / "settings.csv", load_settings(anew.path, fresh))
     return anew.path
 
 
@@ -77,16 +77,16 @@ def _recomputed(
     columns = [points.index(name) for name in names]
     zero = np.nan
     for row in range(len(points)):
-        if kinds[row] == code_of("kind", "tare"):
+        if kinds[row] == word_to_code("kind", "tare"):
             near = np.abs(time_s - points.column("time_s")[row]) <= 0.5 * tare_s
-            chosen = near & (phase == code_of("phase", "tare"))
+            chosen = near & (phase == word_to_code("phase", "tare"))
             zero = average(raw[chosen]).mean
         else:
             own = number == points.column("point")[row]
             # A visit that was measured again settled before each try; the last one counts.
-            settling = own & (phase == code_of("phase", "settle"))
+            settling = own & (phase == word_to_code("phase", "settle"))
             begun_s = time_s[settling].max(initial=-np.inf)
-            chosen = own & (phase == code_of("phase", "sample")) & (time_s > begun_s)
+            chosen = own & (phase == word_to_code("phase", "sample")) & (time_s > begun_s)
         if np.isnan(zero):
             raise CalibrationError(
                 "the run holds no raw counts of a tare before its first point, so nothing gives "

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.acquire.order import Visit, minutes
+from benchtool.acquire.visit_order import Visit, minutes
 from benchtool.bench.bench import Readings
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.standstill import Standstill
@@ -203,7 +203,7 @@ class RunProgress:
         return []
 
 
-QUIET = frozenset({"device"})  # events that stand in events.jsonl but are not shown
+NO_PROGRESS = frozenset({"device"})  # events that stand in events.jsonl but are not shown
 
 
 class ProgressLines(RunProgress):
@@ -229,7 +229,7 @@ class ProgressLines(RunProgress):
         )
 
     def happened(self, event: Event) -> None:
-        if event.event not in QUIET:
+        if event.event not in NO_PROGRESS:
             self._say(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
 
 

@@ -7,26 +7,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml
 from benchtool.acquire.record import LinkQuality
-from benchtool.acquire.sweep import Start
-from benchtool.bench.bench import Identity
-from benchtool.core.counted import counted
+from benchtool.acquire.sweep import SweepStart
+from benchtool.acquire.visit_order import plan_visits
+from benchtool.bench.bench import DeviceInfo
 from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
 from benchtool.core.user_file import read_file
-from benchtool.data.calibration import Calibration, calibration_from
-from benchtool.data.columns import VALID_KINDS, code_of
+from benchtool.data.calibration import Calibration, parse_calibration
+from benchtool.data.columns import VALID_KINDS, word_to_code
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 
-BREAK_S = 1.0  # run time that a break counts as; the event has the real one
+MIN_GAP_S = 1.0  # run time that a break counts as; the event has the real one
 
 
 @dataclass(frozen=True, slots=True)
-class Unfinished:
+class ResumeState:
     """Hold what a run on disk holds for going on."""
 
     run: Run
@@ -38,7 +38,7 @@ class Unfinished:
     stage: str | None = None
 
 
-def unfinished(run: Run) -> Unfinished:
+def load_resume_state(run: Run) -> ResumeState:
     """Read what a run has and what it lacks; nothing is changed.
 
     Raises:
@@ -61,13 +61,13 @@ def unfinished(run: Run) -> Unfinished:
             "states; restore it from a copy",
         )
     calibration = facts.get("calibration")
-    visits = {visit.point for visit in visits_of(plan, rig)}
+    visits = {visit.point for visit in plan_visits(plan, rig)}
     done = frozenset(_points_on_disk(run)) & visits
-    return Unfinished(
+    return ResumeState(
         run,
         plan,
         rig,
-        calibration_from(calibration, f"{where}: calibration") if calibration else None,
+        parse_calibration(calibration, f"{where}: calibration") if calibration else None,
         done,
         len(visits - done),
         (facts.get("plate") or {}).get("stage"),
@@ -78,11 +78,11 @@ def close_run(run: Run) -> bool:
     """Close a run of any kind and return whether anything was missing; see `Run.close`."""
     if "visits" in run.metadata or run.metadata.get("experiment"):
         return run.close()
-    rest = unfinished(run)
+    rest = load_resume_state(run)
     return run.close(len(rest.done) + rest.left)
 
 
-def prepare(unfinished: Unfinished) -> Start:
+def prepare_resume(unfinished: ResumeState) -> SweepStart:
     """Read where a run goes on and make its files ready, before its bench is opened.
 
     Samples of a visit that was cut short stay in their rows and become `interrupted`. A run
@@ -95,23 +95,23 @@ def prepare(unfinished: Unfinished) -> Start:
     """
     run = unfinished.run
     if not unfinished.left:
-        visits = counted(len(unfinished.done), "visit")
+        visits = pluralize(len(unfinished.done), "visit")
         written = "; it was not closed, and is now" if run.close(len(unfinished.done)) else ""
         raise InputError(
             f"nothing is left to resume of {run.path}: {visits}, and all measured already{written}"
         )
     found = run.ready_samples(unfinished.done)
     if not found.rows:
-        return Start(unfinished.done)
+        return SweepStart(unfinished.done)
     link = run.metadata.get("link") or {}
     quality = LinkQuality(
         found.rows, *(link.get(name, 0) for name in ("lost", "corrupt", "repeated"))
     )
     counts = _counts(run, unfinished.done)
-    return Start(unfinished.done, found.last_s + BREAK_S, *counts, quality)
+    return SweepStart(unfinished.done, found.last_s + MIN_GAP_S, *counts, quality)
 
 
-def require_same_device(unfinished: Unfinished, identity: Identity) -> None:
+def require_same_device(unfinished: ResumeState, identity: DeviceInfo) -> None:
     """Refuse another device than the one that began the run."""
     run = unfinished.run
     began = run.metadata.get("device_id")
@@ -128,7 +128,7 @@ def _counts(run: Run, done: frozenset[int]) -> tuple[int, int, int]:
         points = read_points(run.path, VALID_KINDS)
     except FileFormatError:
         return 0, 0, 0
-    tares = points.column("kind") == code_of("kind", "tare")
+    tares = points.column("kind") == word_to_code("kind", "tare")
     visited = np.isin(points.column("point"), list(done)) & ~tares
     unsettled = visited & (points.column("settled") == 0.0)
     suspect = int(points.column("suspect")[visited].sum()) if "suspect" in points else 0

@@ -10,21 +10,21 @@ import numpy as np
 
 from benchtool.acquire.average import is_settled
 from benchtool.acquire.measure import measure
-from benchtool.acquire.motors import Motors, rest_if_needed, run_to_end
-from benchtool.acquire.order import PlatePosition, Visit, expected_duration_s, visits_of
+from benchtool.acquire.motors import Motors, cool_down_if_needed, run_to_end
 from benchtool.acquire.plan import Plan
 from benchtool.acquire.record import STEP_S, LinkQuality, Recorder, RunProgress, SafeProgress
-from benchtool.acquire.tare import Tared, drift_text, tare, tare_point
+from benchtool.acquire.tare import TareResult, format_drift, tare, tare_point
 from benchtool.acquire.visit_checks import VisitChecks, VisitWatch
+from benchtool.acquire.visit_order import PlatePosition, Visit, expected_duration_s, plan_visits
 from benchtool.bench.bench import Readings
-from benchtool.bench.channel_checks import CHECKS
+from benchtool.bench.channel_limits import CHECKS
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.plate_check import PlateCheck
 from benchtool.bench.stage.stage import PlateStage
 from benchtool.bench.wrappers import PauseRequested
-from benchtool.core.channel import family_of
-from benchtool.core.counted import counted
-from benchtool.core.errors import InputError, RunStopped
+from benchtool.core.channel import channel_family
+from benchtool.core.errors import InputError, RunInterrupted
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.calibration import Calibration, age_text
@@ -32,12 +32,12 @@ from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 
 SETTLE_CHECK_S = 0.1  # how often settling is tested; assumed, a tenth of the usual window
-TRIES = 3  # measurements of a visit with too few, late or frozen samples; assumed
-CALM_S = 0.2  # time for a plate that has just arrived to come to rest; assumed
+MAX_ATTEMPTS = 3  # measurements of a visit with too few, late or frozen samples; assumed
+PLATE_SETTLING_S = 0.2  # time for a plate that has just arrived to come to rest; assumed
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class SweepStart:
     """Say where a sweep begins: at the start, or behind what a resumed run has on disk.
 
     Attributes:
@@ -54,7 +54,7 @@ class Start:
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
+class SweepSummary:
     """Say what a sweep did, with all parts of a resumed one."""
 
     measured: int
@@ -73,8 +73,8 @@ class Summary:
         """
         suspect = f"{self.suspect} suspect, " if self.suspect else ""
         return (
-            f"{counted(self.measured, 'point')}{simulated}, {self.unsettled} not settled, "
-            f"{suspect}{counted(self.tares, 'tare')}, {counted(self.samples, 'sample')}, "
+            f"{pluralize(self.measured, 'point')}{simulated}, {self.unsettled} not settled, "
+            f"{suspect}{pluralize(self.tares, 'tare')}, {pluralize(self.samples, 'sample')}, "
             f"{self.lost} lost"
         )
 
@@ -88,9 +88,9 @@ def run_sweep(
     progress: RunProgress | None = None,
     *,
     calibration: Calibration | None = None,
-    start: Start | None = None,
+    start: SweepStart | None = None,
     waits: Callable[[], bool] = lambda: False,
-) -> Summary:
+) -> SweepSummary:
     """Run a resolved and checked plan on an open bench, and end it as `run_to_end` says.
 
     Args:
@@ -100,7 +100,7 @@ def run_sweep(
 
     Raises:
         StandstillNotSeen: motors may still turn; leaving the guarded bench raises this too.
-        BenchError, RunStopped: why it ended early.
+        BenchError, RunInterrupted: why it ended early.
     """
     channels = {channel.name for channel in bench.identity.channels}
     if "thrust_N" not in channels:
@@ -111,7 +111,7 @@ def run_sweep(
             f"sweep with --calibration none"
         )
     safe = SafeProgress(progress)
-    sweep = _Sweep(bench, stage, plan, rig, run, safe, calibration, start or Start(), waits)
+    sweep = _Sweep(bench, stage, plan, rig, run, safe, calibration, start or SweepStart(), waits)
     return run_to_end(sweep.recorder, sweep.motors, sweep.visit_all, sweep.summarise, stage.hold)
 
 
@@ -126,7 +126,7 @@ class _Sweep:
     run: Run
     progress: RunProgress
     calibration: Calibration | None
-    start: Start
+    start: SweepStart
     waits: Callable[[], bool]
 
     def __post_init__(self) -> None:
@@ -138,14 +138,14 @@ class _Sweep:
         self._reached_m = nan
         self._plate = PlateCheck(self.bench.identity.channels, self.rig)
         self._last: Point | None = None
-        self._tared: Tared | None = None
+        self._tared: TareResult | None = None
         self._measured, self._failed = len(start.done), 0
         self._unsettled, self._suspect, self._tares = start.unsettled, start.suspect, start.tares
         self._shown: dict[str, float] = {}
         self._remarked: set[str] = set()
 
     def visit_all(self) -> None:
-        visits = visits_of(self.plan, self.rig)
+        visits = plan_visits(self.plan, self.rig)
         left = [visit for visit in visits if visit.point not in self.start.done]
         left_s = expected_duration_s(self.plan, self.rig, left)
         self.progress.started(len(visits), len(visits) - len(left), left_s)
@@ -164,7 +164,7 @@ class _Sweep:
             left_s = expected_duration_s(self.plan, self.rig, left[index + 1 :], self._place)
             self.progress.measured(point, left_s)
             if point.kind == "anchor":
-                if why := drift_text(self._first_anchor, point, self.plan.tare.drift_N):
+                if why := format_drift(self._first_anchor, point, self.plan.tare.drift_N):
                     self.recorder.note("drift", why, visit.point)
                     self._tared = None
                 self._first_anchor = self._first_anchor or point
@@ -193,7 +193,7 @@ class _Sweep:
 
     def _visit(self, visit: Visit) -> Point:
         self._tare_if_due()
-        rest_if_needed(self.recorder, self.motors, self.plan.rest, self._last)
+        cool_down_if_needed(self.recorder, self.motors, self.plan.rest, self._last)
         self._go_to(visit.setting.place)
         pulses_us = np.array(visit.setting.pwm_us)
         self.motors.ramp_to(pulses_us, self.plan.throttle.ramp_s, "ramp", visit.point)
@@ -206,7 +206,7 @@ class _Sweep:
             before=self._shown if self._last and self._last.pwm_us != visit.setting.pwm_us else {},
         )
         commanded_s = self.recorder.now_s
-        for attempt in range(1, TRIES + 1):
+        for attempt in range(1, MAX_ATTEMPTS + 1):
             watch = VisitWatch(checks, self.recorder.joined, commanded_s)
             settled = self._settle(visit, watch)
             samples = self._sampled(visit, watch)
@@ -219,7 +219,7 @@ class _Sweep:
                 self.recorder.note("frozen", text, visit.point)
             if problem is None:
                 break
-            then = "measured again" if attempt < TRIES else "marked as failed"
+            then = "measured again" if attempt < MAX_ATTEMPTS else "marked as failed"
             self.recorder.note(
                 problem[0], f"point {visit.point}: {problem[1]}; {then}", visit.point
             )
@@ -260,7 +260,7 @@ class _Sweep:
             name: min(rates_Hz[name], identity.rate_Hz)
             for kind in CHECKS
             for name in names
-            if family_of(name) == kind and (kind != "rpm" or name in turning)
+            if channel_family(name) == kind and (kind != "rpm" or name in turning)
         }
 
     def _record_plate(self) -> None:
@@ -302,7 +302,7 @@ class _Sweep:
         except PauseRequested:
             self.stage.hold()
             raise
-        self.recorder.collect("move", CALM_S)
+        self.recorder.collect("move", PLATE_SETTLING_S)
         self._place, self._shown = place, {}
 
     def _settle(self, visit: Visit, watch: VisitWatch) -> bool:
@@ -344,21 +344,21 @@ class _Sweep:
             watch.take(parts[-1])
         return self.recorder.joined(parts)
 
-    def summarise(self) -> tuple[Summary, str]:
+    def summarise(self) -> tuple[SweepSummary, str]:
         """Return what was measured, and the text of the run's last event.
 
         Raises:
-            RunStopped: visits failed: how many, and how to measure them again.
+            RunInterrupted: visits failed: how many, and how to measure them again.
         """
         if self._failed:
-            raise RunStopped(
-                f"{counted(self._failed, 'visit')} failed for samples that were "
+            raise RunInterrupted(
+                f"{pluralize(self._failed, 'visit')} failed for samples that were "
                 f"too few, late or frozen, {self._measured} are measured; look at the link and the "
                 f"sensors (events.jsonl names them), then measure what failed again with benchtool "
                 f"sweep --resume"
             )
         quality, seconds = self.recorder.quality, self.recorder.now_s
-        summary = Summary(
+        summary = SweepSummary(
             self._measured,
             self._unsettled,
             self._suspect,
@@ -368,7 +368,7 @@ class _Sweep:
             quality.lost,
         )
         suspect = f", {self._suspect} of them suspect" if self._suspect else ""
-        return summary, f"all is measured: {counted(summary.measured, 'visit')}{suspect}"
+        return summary, f"all is measured: {pluralize(summary.measured, 'visit')}{suspect}"
 
 
 def _last_values(samples: Recording, names: Iterable[str]) -> dict[str, float]:

@@ -8,7 +8,7 @@ from math import nan
 
 import numpy as np
 
-from benchtool.acquire.average import Average, average, quantum_of
+from benchtool.acquire.average import Average, average, estimate_quantum
 from benchtool.acquire.motors import Motors
 from benchtool.acquire.plan import TarePart
 from benchtool.acquire.record import Recorder
@@ -16,11 +16,13 @@ from benchtool.core.errors import BenchError
 from benchtool.core.rig import Rig
 from benchtool.data.run.points import Point
 
-TRIES = 3  # tares before the sweep gives up; a choice: a gust fails one, a loose cell fails all
+MAX_ATTEMPTS = (
+    3  # tares before the sweep gives up; a choice: a gust fails one, a loose cell fails all
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Tared:
+class TareResult:
     """Say how the last tare went.
 
     Attributes:
@@ -36,7 +38,7 @@ class Tared:
     rates_Hz: Mapping[str, float] = field(default_factory=dict)
 
 
-def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> Tared:
+def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> TareResult:
     """Stand still, tare, and check what is left.
 
     Raises:
@@ -45,12 +47,12 @@ def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> Tared:
     assert plan.residual_N is not None
     motors.stand_still(plan.stop_timeout_s, "tare")
     rest = Average(nan, nan, nan, 0)
-    for attempt in range(1, TRIES + 1):
+    for attempt in range(1, MAX_ATTEMPTS + 1):
         recorder.bench.tare()
         # Samples that were on their way when the device tared belong to before.
         recorder.collect("tare", 0.2)
         seen = recorder.collect("tare", plan.seconds)
-        rest = average(seen.column("thrust_N"), quantum_of("thrust_N", rig.sensors))
+        rest = average(seen.column("thrust_N"), estimate_quantum("thrust_N", rig.sensors))
         if text := rest.rejection("thrust_N"):
             recorder.note("suspect" if rest.suspect else "outliers", f"tare: {text}")
         if rest.n == 0:
@@ -64,19 +66,19 @@ def tare(recorder: Recorder, motors: Motors, plan: TarePart, rig: Rig) -> Tared:
             recorder.note("tare", f"tared; {rest.mean * 1000.0:+.1f} mN are left")
             came = np.isfinite(seen.values).sum(axis=0) / plan.seconds
             rates_Hz = dict(zip(seen.names, came.tolist(), strict=True))
-            return Tared(middle_s, rest, counts, rates_Hz)
+            return TareResult(middle_s, rest, counts, rates_Hz)
         recorder.note(
             "tare_residual",
-            f"after tare {attempt} of {TRIES} {rest.mean:+.4g} N are left, limit "
+            f"after tare {attempt} of {MAX_ATTEMPTS} {rest.mean:+.4g} N are left, limit "
             f"{plan.residual_N:.4g} N",
         )
     raise BenchError(
-        f"after {TRIES} tares {rest.mean:+.4g} N are left on the load cell, limit "
+        f"after {MAX_ATTEMPTS} tares {rest.mean:+.4g} N are left on the load cell, limit "
         f"{plan.residual_N:.4g} N; let it warm up, shield it from draught, or raise tare.residual_N"
     )
 
 
-def tare_point(tared: Tared, n_rotors: int) -> Point:
+def tare_point(tared: TareResult, n_rotors: int) -> Point:
     """Return the row of points.csv that stores a tare."""
     return Point(
         point=0,
@@ -100,7 +102,7 @@ def tare_point(tared: Tared, n_rotors: int) -> Point:
     )
 
 
-def drift_text(first: Point | None, anchor: Point, limit_N: float | None) -> str:
+def format_drift(first: Point | None, anchor: Point, limit_N: float | None) -> str:
     """Return why a tare is due after this anchor; empty when none is.
 
     Thrust is brought to the first anchor's summed squared speed before, so that a battery that

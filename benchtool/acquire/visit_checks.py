@@ -9,22 +9,26 @@ from math import inf, nan, pi, sqrt
 import numpy as np
 
 from benchtool.bench.bench import Readings
-from benchtool.bench.channel_checks import CHECKS, ChannelChecks
-from benchtool.core.array import Array
-from benchtool.core.channel import family_of
+from benchtool.bench.channel_limits import CHECKS, ChannelChecks
+from benchtool.core.array_type import Array
+from benchtool.core.channel import channel_family
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor
 
 FROZEN_S, FROZEN_VALUES = 1.0, 20  # a channel that repeats one number so long and often; assumed
-CHANCE = 1e-9  # probability of a repetition by noise, below which it is frozen; assumed
-MOVED = 0.05  # change of thrust per squared speed within a visit; drift makes less; assumed
-LAG_S = 1.0  # of a load cell behind the pulse: twice that of slow ones; assumed
-LATE_PERIODS = 3.0  # a value may be so many of its channel's periods old; assumed
+FALSE_ALARM_PROBABILITY = (
+    1e-9  # probability of a repetition by noise, below which it is frozen; assumed
+)
+MIN_RELATIVE_CHANGE = (
+    0.05  # change of thrust per squared speed within a visit; drift makes less; assumed
+)
+MAX_LAG_S = 1.0  # of a load cell behind the pulse: twice that of slow ones; assumed
+MAX_DELAY_PERIODS = 3.0  # a value may be so many of its channel's periods old; assumed
 
 
-def needs(name: str) -> bool:
+def required_samples(name: str) -> bool:
     """Return whether a point cannot do without a channel."""
-    return CHECKS.get(family_of(name), ChannelChecks()).needed
+    return CHECKS.get(channel_family(name), ChannelChecks()).needed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +51,7 @@ class VisitChecks:
 
     def shortage(self, samples: Recording) -> str:
         """Return which needed channel of a whole visit lacks samples, in words; "" for none."""
-        for name in filter(needs, self.rates_Hz):
+        for name in filter(required_samples, self.rates_Hz):
             expected = self.seconds * self.rates_Hz[name]
             count = int(np.isfinite(samples.column(name)).sum())
             # The span may begin just behind a value.
@@ -65,12 +69,12 @@ class VisitChecks:
         other channels bring values.
         """
         time_s = seen.column("time_s")
-        for name in filter(needs, self.rates_Hz if len(time_s) else ()):
+        for name in filter(required_samples, self.rates_Hz if len(time_s) else ()):
             if not (rate_Hz := self.rates_Hz[name]):
                 continue
             present = np.isfinite(seen.column(name))
             newest_s = time_s[present][-1] if present.any() else time_s[0]
-            allowed_s = max(LATE_PERIODS / rate_Hz, (1.0 - self.share) * self.seconds)
+            allowed_s = max(MAX_DELAY_PERIODS / rate_Hz, (1.0 - self.share) * self.seconds)
             if (age_s := float(time_s[-1] - newest_s)) > allowed_s:
                 return (
                     f"the newest value of {name} is {age_s:.2f} s old, its period is "
@@ -97,7 +101,7 @@ class VisitChecks:
             if count < FROZEN_VALUES or times_s[-1] - since_s < FROZEN_S:
                 continue
             if why := self._why(name, float(values[-1]), count) or self._moved(
-                name, seen, max(since_s, commanded_s + LAG_S)
+                name, seen, max(since_s, commanded_s + MAX_LAG_S)
             ):
                 found[name] = (
                     f"{name} repeats {values[-1]:.6g} for {times_s[-1] - since_s:.1f} s "
@@ -106,15 +110,15 @@ class VisitChecks:
         return found
 
     def _why(self, name: str, number: float, count: int) -> str:
-        checks = CHECKS.get(family_of(name), ChannelChecks())
-        sensor = self.sensors.get(family_of(name), Sensor())
+        checks = CHECKS.get(channel_family(name), ChannelChecks())
+        sensor = self.sensors.get(channel_family(name), Sensor())
         if sensor.noise > 0.0:
             # Two readings round to one number: q times the density of their difference at zero.
             equal = sensor.quantum / (2.0 * sqrt(pi) * sensor.noise)
-            if min(equal, 1.0) ** (count - 1) < CHANCE:
+            if min(equal, 1.0) ** (count - 1) < FALSE_ALARM_PROBABILITY:
                 return (
                     f"but noise of {sensor.noise:g} at a resolution of {sensor.quantum:g} should "
-                    f"show; check its sensor, or correct sensors.{family_of(name)} of the rig"
+                    f"show; check its sensor, or correct sensors.{channel_family(name)} of the rig"
                 )
         if checks.follows and number == self.before.get(name):
             return "as it did at the pulses before; check its sensor and wiring"
@@ -122,7 +126,7 @@ class VisitChecks:
 
     def _moved(self, name: str, seen: Recording, since_s: float) -> str:
         """Return that thrust and squared speeds went apart while a channel stood still."""
-        rotors = [other for other in self.rates_Hz if family_of(other) == "rpm"]
+        rotors = [other for other in self.rates_Hz if channel_family(other) == "rpm"]
         time_s = seen.column("time_s")
         if not rotors or name not in ("thrust_N", *rotors) or time_s[-1] - since_s < FROZEN_S:
             return ""
@@ -134,7 +138,7 @@ class VisitChecks:
             squares = sum(speed**2 for speed in speeds)
             ratios.append(thrust / squares if squares > 0.0 else nan)
         change = abs(ratios[1] / ratios[0] - 1.0) if ratios[0] else nan
-        if not change > MOVED:
+        if not change > MIN_RELATIVE_CHANGE:
             return ""
         return (
             f"while thrust over the squared speeds changed by {100.0 * change:.0f} %; check its "
@@ -183,7 +187,7 @@ class VisitWatch:
             self.problem = ("late", late)
         frozen = self._checks.frozen(seen, self._commanded_s)
         for name, text in frozen.items():
-            if needs(name):
+            if required_samples(name):
                 self.problem = ("frozen", text)
             else:
                 self.remarks.setdefault(name, text)

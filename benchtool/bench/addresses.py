@@ -16,7 +16,7 @@ from annotated_types import Ge, Le
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import Input, items
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.user_code import CodePermit, check_code_allowed
 
 LOOPBACK = "127.0.0.1"
 MAX_LENGTH = 1024  # characters: a path and some options; assumed
@@ -59,7 +59,7 @@ class Address:
     EXAMPLE: ClassVar[str] = ""
     PLACE: ClassVar[str] = "port"
     text: str = ""
-    permit: CodePermit = refuse_code
+    permit: CodePermit = check_code_allowed
 
     @classmethod
     def parse(cls, text: str) -> Self:

@@ -15,13 +15,13 @@ from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import LinkLost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identity:
+class DeviceInfo:
     """Say who answers.
 
     Attributes:
@@ -78,7 +78,7 @@ class Readings:
     Attributes:
         time_s: (m,) host time of each sample on the bench's clock.
         device_time_us: (m,) device time, unwrapped, microseconds.
-        values: (m, c) in the order and units of `Identity.channels`; nan where a channel had no
+        values: (m, c) in the order and units of `DeviceInfo.channels`; nan where a channel had no
             new value at that instant.
         lost: samples that the sequence numbers say were lost since the last read.
         corrupt: frames thrown away for a wrong checksum since the last read.
@@ -108,7 +108,7 @@ class Bench(Protocol):
     """
 
     @property
-    def identity(self) -> Identity:
+    def identity(self) -> DeviceInfo:
         """Who answers; known once the bench is open."""
 
     def now_s(self) -> float:
@@ -175,7 +175,7 @@ class Bench(Protocol):
     ) -> None: ...
 
 
-def joined(parts: Sequence[Readings]) -> Readings:
+def concatenate_readings(parts: Sequence[Readings]) -> Readings:
     """Return one block of all samples, losses added up, messages in order."""
     if len(parts) == 1:
         return parts[0]
@@ -190,14 +190,14 @@ def joined(parts: Sequence[Readings]) -> Readings:
     )
 
 
-class Opened(ABC):
+class ContextBench(ABC):
     """Make a context manager of a driver that has `open` and `close`."""
 
     address = ""
-    _identity: Identity | None = None
+    _identity: DeviceInfo | None = None
 
     @property
-    def identity(self) -> Identity:
+    def identity(self) -> DeviceInfo:
         """Who answers, from `open` on; a driver stores it in `_identity`, None while closed."""
         if self._identity is None:
             raise LinkLost(f"{self.address} is not open; open it first")
@@ -228,7 +228,7 @@ class Subscribable(Protocol):
         """Give a listener every block from now on, before `read` hands it out, in its thread."""
 
 
-class StreamingBench(Opened):
+class StreamingBench(ContextBench):
     """Be a driver whose samples come by themselves.
 
     Those that come during a command are held for the next read; a listener gets each at once.
@@ -257,7 +257,7 @@ class StreamingBench(Opened):
     def _held(self) -> Readings | None:
         """Return the samples that wait, in one block; None where there are none."""
         waiting, self._waiting = self._waiting, []
-        return joined(waiting) if waiting else None
+        return concatenate_readings(waiting) if waiting else None
 
     def _held_or(self, fresh: Callable[[], Readings]) -> Readings:
         held = self._held()
@@ -265,7 +265,7 @@ class StreamingBench(Opened):
 
     def _published(self, readings: Readings) -> Readings:
         counts, self._losses = self._losses, []
-        readings = joined([*counts, readings])
+        readings = concatenate_readings([*counts, readings])
         if self._listener is not None:
             self._listener(readings)
         return readings

@@ -7,18 +7,22 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.bench import Identity
-from benchtool.core.array import Array
-from benchtool.core.errors import HostPaused, ReadingsLate
+from benchtool.bench.bench import DeviceInfo
+from benchtool.core.array_type import Array
+from benchtool.core.errors import HostSuspended, ReadingsLate
 
 WINDOW_S = 10.0  # wall time of a smallest delay: quartz drifts by 0.5 ms (50 ppm); assumed
-SLEW = 2e-4  # usual correction, seconds per second: four times the drift of a poor quartz; assumed
+MAX_SLEW_RATE = (
+    2e-4  # usual correction, seconds per second: four times the drift of a poor quartz; assumed
+)
 
 DRIFT_SLEW, JITTER_S = 0.01, 0.02
 """The same where delays have grown by more than jitter makes: ceramic resonators are off by 0.5 %,
 and a backlog must grow, not pass for a drift. Choices."""
 
-EARLY_SLEW = 0.5  # the same for too early readings; below 1: host time never runs back; assumed
+INITIAL_SLEW_RATE = (
+    0.5  # the same for too early readings; below 1: host time never runs back; assumed
+)
 
 
 class DeviceClock:
@@ -57,7 +61,13 @@ class DeviceClock:
             self._offset_s = target_s
         else:
             error_s = target_s - self._offset_s
-            slew = EARLY_SLEW if error_s < 0.0 else DRIFT_SLEW if error_s > JITTER_S else SLEW
+            slew = (
+                INITIAL_SLEW_RATE
+                if error_s < 0.0
+                else DRIFT_SLEW
+                if error_s > JITTER_S
+                else MAX_SLEW_RATE
+            )
             step_s = slew * max(device_s - self._last_device_s, 0.0)
             self._offset_s += min(max(error_s, -step_s), step_s)
         self._last_device_s = max(device_s, self._last_device_s)
@@ -74,10 +84,10 @@ class DeviceClock:
         return device_s + before_offset_s
 
 
-LONGEST_S = 1.0  # a pause above this ends a run whatever the device's watchdog allows; assumed
+MAX_GAP_S = 1.0  # a pause above this ends a run whatever the device's watchdog allows; assumed
 
 
-class Gaps:
+class HostGapDetector:
     """Notice how long a loop that waits only briefly did not run.
 
     A command may take long because the line loses answers; its host ran all the while.
@@ -97,7 +107,7 @@ class Gaps:
         self._last_s = now_s
 
 
-class HostPause:
+class HostPauseMonitor:
     """Compare when the host came back from waiting with when it had to.
 
     A host that is late by more than the device's watchdog has let its orders lapse.
@@ -106,8 +116,8 @@ class HostPause:
         identity: watchdog in wall time, speed of the bench's clock.
     """
 
-    def __init__(self, identity: Identity, now_s: float) -> None:
-        self._limit_s = min(identity.watchdog_s, LONGEST_S)
+    def __init__(self, identity: DeviceInfo, now_s: float) -> None:
+        self._limit_s = min(identity.watchdog_s, MAX_GAP_S)
         self._speed = identity.speed
         self._due_s = now_s
 
@@ -115,18 +125,18 @@ class HostPause:
         """Expect the host back after a wait, given in wall time or on the bench's clock."""
         self._due_s = now_s + wall_s * self._speed + bench_s
 
-    def late(self, now_s: float) -> HostPaused | None:
+    def late(self, now_s: float) -> HostSuspended | None:
         """Return the error of a host that comes back too late, None otherwise."""
         late_s = (now_s - self._due_s) / self._speed
-        return HostPaused(late_s, self._limit_s) if late_s > self._limit_s else None
+        return HostSuspended(late_s, self._limit_s) if late_s > self._limit_s else None
 
 
-LATE_S = 1.0
+MAX_READING_AGE_S = 1.0
 """Readings may be so old when they are read, or stamped so far ahead, and be so for as long before
 it ends a run (wall time); a choice: no device's watchdog and no check of ours waits longer."""
 
 
-class ReadingAge:
+class ReadingAgeMonitor:
     """Compare when readings were made with when they were read.
 
     One block may be old: it waited while nobody read. Where they stay old, the host reads more
@@ -136,7 +146,7 @@ class ReadingAge:
         identity: speed of the bench's clock.
     """
 
-    def __init__(self, identity: Identity) -> None:
+    def __init__(self, identity: DeviceInfo) -> None:
         self._speed = identity.speed
         self._since_s: float | None = None
         self._age_s = 0.0
@@ -146,7 +156,7 @@ class ReadingAge:
         if not len(time_s):
             return
         self._age_s = (now_s - float(time_s[-1])) / self._speed
-        if abs(self._age_s) <= LATE_S:
+        if abs(self._age_s) <= MAX_READING_AGE_S:
             self._since_s = None
         elif self._since_s is None:
             self._since_s = now_s
@@ -156,8 +166,10 @@ class ReadingAge:
         """The error of readings that were late when they were read last, None otherwise."""
         if self._since_s is None:
             return None
-        return ReadingsLate(self._age_s, LATE_S, self._speed)
+        return ReadingsLate(self._age_s, MAX_READING_AGE_S, self._speed)
 
     def stays_late(self, now_s: float) -> bool:
         """Return whether readings have been late for too long."""
-        return self._since_s is not None and (now_s - self._since_s) / self._speed > LATE_S
+        return (
+            self._since_s is not None and (now_s - self._since_s) / self._speed > MAX_READING_AGE_S
+        )

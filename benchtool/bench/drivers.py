@@ -21,7 +21,7 @@ from benchtool.bench.addresses import (
 )
 from benchtool.bench.bench import Bench
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.user_code import CodePermit, check_code_allowed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +41,7 @@ class Driver:
 
 
 DRIVERS: dict[str, Driver] = {  # by the scheme of an address
-    "sim": Driver(address=SimAddress, opener="benchtool.virtual.simulated:open_simulated"),
+    "sim": Driver(address=SimAddress, opener="benchtool.virtual.simulated_bench:open_simulated"),
     "serial": Driver(address=SerialAddress, opener="benchtool.bench.serial.bench:open_serial"),
     "tcp": Driver(address=TcpAddress, opener="benchtool.bench.serial.bench:open_tcp"),
     "mavlink": Driver(address=MavlinkAddress, opener="benchtool.bench.mavlink.bench:open_mavlink"),
@@ -64,7 +64,7 @@ def parse_address(text: str) -> Address:
     return DRIVERS[scheme].address.parse(text)
 
 
-def open_bench(address: str, permit: CodePermit = refuse_code) -> Bench:
+def open_bench(address: str, permit: CodePermit = check_code_allowed) -> Bench:
     """Return the bench of an address, not opened yet: enter it with `with`, or call `open()`.
 
     Args:
@@ -77,11 +77,11 @@ def open_bench(address: str, permit: CodePermit = refuse_code) -> Bench:
         FileFormatError: a file that it names cannot be read.
     """
     parsed = replace(parse_address(address), permit=permit)
-    bench: Bench = load(DRIVERS[address.strip().partition(":")[0]].opener)(parsed)
+    bench: Bench = load_object(DRIVERS[address.strip().partition(":")[0]].opener)(parsed)
     return bench
 
 
-def load(name: str) -> Any:
+def load_object(name: str) -> Any:
     """Return what "module:function" names."""
     module, _, function = name.partition(":")
     return getattr(import_module(module), function)

@@ -18,39 +18,39 @@ from typing import Self
 
 import numpy as np
 
-from benchtool.bench.bench import Bench, Readings, joined
-from benchtool.bench.clocks import HostPause, ReadingAge
-from benchtool.bench.driven import DrivenBench
+from benchtool.bench.bench import Bench, Readings, concatenate_readings
+from benchtool.bench.clocks import HostPauseMonitor, ReadingAgeMonitor
 from benchtool.bench.limit_check import LimitCheck
+from benchtool.bench.motor_state import MotorStateBench
 from benchtool.bench.plate_check import PlateCheck, check_travel, wait_for_idle, wait_for_plate
 from benchtool.bench.signals import StopSignals
 from benchtool.bench.wrappers import send_halt
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import (
     BenchError,
     BenchtoolError,
     CommandRefused,
-    HostPaused,
+    HostSuspended,
     InputError,
     LinkLost,
-    RunStopped,
+    RunInterrupted,
 )
+from benchtool.core.plural import pluralize
 from benchtool.core.rig import Limits, Rig
 
 RAMP_S = 0.9  # a normal end takes this long from any throttle to zero
 
 RAMP_STEPS = 10
-ANSWER_S = 1.5
+REPLY_TIMEOUT_S = 1.5
 """A command is answered or given up within this, wall time: `where`, `arm` and `pwm`, each waited
 for 5 x 100 ms. A pause of the host within it is noticed by the drivers, who see each round."""
 
-LATE_ANSWER_S = 6.0
+SLOW_REPLY_S = 6.0
 """The same behind an autopilot: a loop that is armed first shows that once a second, and an
 overfilled line or a router brings acknowledgements seconds late."""
 
 
-class GuardedBench(DrivenBench):
+class GuardedBench(MotorStateBench):
     """Watch over a bench.
 
     Args:
@@ -64,8 +64,8 @@ class GuardedBench(DrivenBench):
         self._limits = rig.limits if limits is None else limits
         self._stale_s = stale_s
         self._check: LimitCheck | None = None
-        self._pause: HostPause | None = None
-        self._age: ReadingAge | None = None
+        self._pause: HostPauseMonitor | None = None
+        self._age: ReadingAgeMonitor | None = None
         self._plate: PlateCheck | None = None
         self._unread: list[Readings] = []
         self._signals = StopSignals(self._note_reason)
@@ -74,12 +74,12 @@ class GuardedBench(DrivenBench):
         self.bench.open()
         if (present := self.identity.n_rotors) != self._rig.n_rotors:
             raise InputError(
-                f"rig {self._rig.name!r} has {counted(self._rig.n_rotors, 'rotor')}, but the "
+                f"rig {self._rig.name!r} has {pluralize(self._rig.n_rotors, 'rotor')}, but the "
                 f"bench {self.identity.address} drives {present}; name the rig that stands on it"
             )
         self._begin()
-        self._pause = HostPause(self.identity, self.now_s())
-        self._age = ReadingAge(self.identity)
+        self._pause = HostPauseMonitor(self.identity, self.now_s())
+        self._age = ReadingAgeMonitor(self.identity)
         self._check = LimitCheck(
             self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
         )
@@ -137,13 +137,13 @@ class GuardedBench(DrivenBench):
         before = self._pwm_us
         self._note_command(pulses)
         late = self.identity.has_loop or self.identity.longest_delay_s > 0.0
-        self._expect(wall_s=LATE_ANSWER_S if late else ANSWER_S)
+        self._expect(wall_s=SLOW_REPLY_S if late else REPLY_TIMEOUT_S)
         try:
             self.bench.set_pwm(pulses)
         except CommandRefused:
             self._note_command(before)
             raise
-        except (BenchError, HostPaused) as error:
+        except (BenchError, HostSuspended) as error:
             self._end_if_paused(error)
             self._halt(error)
             raise
@@ -217,7 +217,7 @@ class GuardedBench(DrivenBench):
         self._signals.raise_if_requested()
         new = self._read_checked(timeout_s)
         unread, self._unread = self._unread, []
-        return joined([*unread, new])
+        return concatenate_readings([*unread, new])
 
     def _read_checked(self, timeout_s: float) -> Readings:
         if self._check is None or self._age is None:
@@ -226,7 +226,7 @@ class GuardedBench(DrivenBench):
         self._expect(bench_s=timeout_s)
         try:
             readings = self.bench.read(timeout_s)
-        except (BenchError, HostPaused) as error:
+        except (BenchError, HostSuspended) as error:
             self._end_if_paused(error)
             self._halt(error)
             raise
@@ -278,7 +278,7 @@ class GuardedBench(DrivenBench):
     def take_unread(self) -> Readings | None:
         """Return samples that were read but not handed out, such as those that broke a limit."""
         unread, self._unread = self._unread, []
-        return joined(unread) if unread else None
+        return concatenate_readings(unread) if unread else None
 
     def ramp_down(self, take: Callable[[Readings], None] | None = None) -> None:
         """Bring every motor to zero within a second, reading on."""
@@ -331,7 +331,7 @@ class GuardedBench(DrivenBench):
         """Command zero where the host did not run while motors turned; late readings are held.
 
         Raises:
-            HostPaused: instead of whatever the pause made the device say.
+            HostSuspended: instead of whatever the pause made the device say.
         """
         paused = self._pause.late(self.now_s()) if self._pause is not None else None
         if paused is None:
@@ -347,6 +347,6 @@ class GuardedBench(DrivenBench):
     def _refuse_after_stop(self, command: str) -> None:
         self._signals.raise_if_requested()
         if self._stopped:
-            raise RunStopped(
+            raise RunInterrupted(
                 f"{command} was not sent: the bench was stopped ({self.reason}); open it anew"
             )

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Literal
 
 from benchtool.bench.serial.commands import RequestHello
-from benchtool.bench.serial.frames import frame_command, messages_in
+from benchtool.bench.serial.frames import frame_command, split_messages
 from benchtool.bench.stage.grbl_lines import Other, parse_line
 from benchtool.bench.transport.transport import Transport
 
@@ -20,7 +20,7 @@ PROBE_S = 0.5  # how long an answer to it is waited for; both answer within mill
 PRINTABLE_SHARE = 0.9  # from here on bytes are text; half at a wrong baud rate; assumed
 
 
-def kind_of(received: bytes) -> Kind:
+def identify_device(received: bytes) -> Kind:
     """Return what the sender of some bytes is.
 
     `frames` looks like MAVLink without one whole frame in it, `noise` is what a wrong baud rate
@@ -28,7 +28,7 @@ def kind_of(received: bytes) -> Kind:
     """
     from benchtool.bench.mavlink.frames import MavlinkFrames
 
-    if any(message.letter for message in messages_in(received + b"\n")):
+    if any(message.letter for message in split_messages(received + b"\n")):
         return "bench"
     if MavlinkFrames().parse(received):
         return "mavlink"
@@ -51,7 +51,7 @@ def probe_answer(transport: Transport, clock: Callable[[], float]) -> bytes:
 
 Expected = Literal["mavlink", "bench", "stage"]
 
-SENTENCES: dict[Expected, dict[Kind | Literal["else"], str]] = {
+MISMATCH_MESSAGES: dict[Expected, dict[Kind | Literal["else"], str]] = {
     "mavlink": {
         "bench": "speaks the bench protocol, not MAVLink; use a serial: or tcp: address for it",
         "grbl": "is a G-code stage, not an autopilot; give it as --stage grbl:PORT",
@@ -86,12 +86,12 @@ SENTENCES: dict[Expected, dict[Kind | Literal["else"], str]] = {
 """What a sentence that begins with an address ends in, by what was expected and what answers."""
 
 
-def mismatch(expected: Expected, received: bytes, address: str = "") -> str:
+def mismatch_message(expected: Expected, received: bytes, address: str = "") -> str:
     """Return the end of a sentence that begins with the address of what was expected."""
-    known = SENTENCES[expected]
+    known = MISMATCH_MESSAGES[expected]
     start = bytes(received[:40])
     place = address.partition("?")[0]
-    return known.get(kind_of(received), known["else"]).format(
+    return known.get(identify_device(received), known["else"]).format(
         shown=repr(start if start.isascii() else start[:12]),
         place=place,
         port=place.partition(":")[2],

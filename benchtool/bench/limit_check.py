@@ -9,11 +9,11 @@ from math import inf, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.channel_checks import CHECKS
+from benchtool.bench.channel_limits import CHECKS
 from benchtool.bench.plate_check import CHANNEL, plate_tolerance_m
-from benchtool.bench.rpm_tracking import GAP_S, HostPulses, LoopPulses
-from benchtool.core.array import Array
-from benchtool.core.channel import Channel, family_of
+from benchtool.bench.rpm_tracking import GAP_S, HostPulseTracking, LoopPulseTracking
+from benchtool.core.array_type import Array
+from benchtool.core.channel import Channel, channel_family
 from benchtool.core.errors import BenchError, LimitExceeded, ReadingsLate
 from benchtool.core.rig import Limits, Rig
 
@@ -22,8 +22,8 @@ PLAUSIBLE_LOW, PLAUSIBLE_HIGH = 0.2, 3.5
 eq. 4, z/R from 0.5 on); the rest is room for a k that is only roughly known. A choice."""
 
 PLAUSIBLE_MARGIN = 0.05  # share of the cell's rating on top: no tare, noise; assumed
-IMPLAUSIBLE_S = 0.6  # time that thrust may disagree with rpm: slow amplifiers lag by 0.4 s
-STUCK_S = 3.0  # of one repeated number while rpm changes: 240 readings at 80 Hz; assumed
+IMPLAUSIBLE_TIMEOUT_S = 0.6  # time that thrust may disagree with rpm: slow amplifiers lag by 0.4 s
+FROZEN_TIMEOUT_S = 3.0  # of one repeated number while rpm changes: 240 readings at 80 Hz; assumed
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +65,8 @@ class LimitCheck:
         self._stop_us = rig.propulsion.pwm_stop_us
         self._n_rotors = rig.n_rotors
         self._rig = rig
-        self._host = HostPulses(rig.propulsion, rig.n_rotors, start_s)
-        self._loop: LoopPulses | None = None
+        self._host = HostPulseTracking(rig.propulsion, rig.n_rotors, start_s)
+        self._loop: LoopPulseTracking | None = None
         self._armed_else = False
         self._pwm = [
             names.index(f"pwm{i + 1}_us") for i in range(rig.n_rotors) if f"pwm{i + 1}_us" in names
@@ -114,7 +114,7 @@ class LimitCheck:
         stale_s = self._rotor_stale_s
         pulses = [_Watched(i, self._names[i], "", -inf, inf, stale_s) for i in self._pwm]
         self._watch([*self._watched, *pulses], now_s)
-        self._loop = LoopPulses(self._rig.propulsion, self._n_rotors, now_s)
+        self._loop = LoopPulseTracking(self._rig.propulsion, self._n_rotors, now_s)
         self._armed_else = armed_else
 
     def breach(
@@ -198,12 +198,12 @@ class LimitCheck:
                 self._rpm_moved_s = self._last_s
             self._square = float(turning[-1])
         same_s = self._last_s - self._same_since_s
-        if same_s <= STUCK_S or self._rpm_moved_s <= self._same_since_s:
+        if same_s <= FROZEN_TIMEOUT_S or self._rpm_moved_s <= self._same_since_s:
             return None
         return LimitExceeded(
             "repetition of one thrust_N reading in s",
             same_s,
-            STUCK_S,
+            FROZEN_TIMEOUT_S,
             f"the load cell shows {self._same_N:.6g} N all the time; check its amplifier and cable",
         )
 
@@ -220,7 +220,7 @@ class LimitCheck:
             return None
         since_s = np.maximum.accumulate(np.maximum(np.where(good, time_s, -inf), self._plausible_s))
         self._plausible_s = float(since_s[-1])
-        late = bad & (time_s - since_s > IMPLAUSIBLE_S)
+        late = bad & (time_s - since_s > IMPLAUSIBLE_TIMEOUT_S)
         if not late.any():
             return None
         row = int(np.argmax(late))
@@ -242,7 +242,7 @@ class LimitCheck:
         return LimitExceeded(watched.name, value, limit, watched.advice)
 
 
-def unwatched_limits(channels: Sequence[Channel], n_rotors: int) -> str:
+def unmonitored_limits(channels: Sequence[Channel], n_rotors: int) -> str:
     """Return in a sentence which limits of a rig no channel of a bench can break; else nothing."""
     names = {channel.name for channel in channels}
     watched = [kind for kind, checks in CHECKS.items() if checks.limits]
@@ -257,7 +257,7 @@ def unwatched_limits(channels: Sequence[Channel], n_rotors: int) -> str:
 def _watched(names: Sequence[str], limits: Limits, stale_s: float) -> list[_Watched]:
     found = []
     for index, name in enumerate(names):
-        checks = CHECKS.get(family_of(name))
+        checks = CHECKS.get(channel_family(name))
         if checks and checks.limits:
             low, high = checks.limits(limits)
             found.append(_Watched(index, name, checks.advice, low, high, checks.silence * stale_s))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.driven import LOOK_S, SPIN_DOWN_S
+from benchtool.bench.motor_state import POLL_INTERVAL_S, SPIN_DOWN_S
 from benchtool.core.channel import Channel
 from benchtool.core.errors import StageError
 from benchtool.core.rig import Rig, Sensor
@@ -22,14 +22,16 @@ if TYPE_CHECKING:
     from benchtool.bench.guard import GuardedBench
 
 CHANNEL = "plate_z_m"
-LEAST_M = 0.001  # closer distances count as one: 1 mm changes thrust by less than 2 %; assumed
-NOISES = 4.0  # standard deviations of the sensor that one reading may be off
+MIN_TOLERANCE_M = (
+    0.001  # closer distances count as one: 1 mm changes thrust by less than 2 %; assumed
+)
+NOISE_MULTIPLE = 4.0  # standard deviations of the sensor that one reading may be off
 
 
 def plate_tolerance_m(rig: Rig) -> float:
     """Return how far a reading may be from where the plate stands: play, quantum and noise."""
     sensor = rig.sensors.get(CHANNEL, Sensor())
-    return LEAST_M + rig.plate.backlash_m + sensor.quantum + NOISES * sensor.noise
+    return MIN_TOLERANCE_M + rig.plate.backlash_m + sensor.quantum + NOISE_MULTIPLE * sensor.noise
 
 
 class PlateCheck:
@@ -126,7 +128,7 @@ class PlateCheck:
         )
 
 
-PLATE_S = 5.0
+PLATE_TIMEOUT_S = 5.0
 """A position reading may lag behind the plate for so long after a move. A choice: range finders are
 averaged over about a second, and the seconds of a virtual bench may pass 20 times faster than those
 of its link."""
@@ -169,7 +171,7 @@ def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
         return
     until_s = bench.now_s() + SPIN_DOWN_S
     while True:
-        rpm = bench.listen(LOOK_S).values[:, columns]
+        rpm = bench.listen(POLL_INTERVAL_S).values[:, columns]
         whole = np.flatnonzero(np.isfinite(rpm).all(axis=1))
         if len(whole) and (rpm[whole[-1]] <= slow_rpm).all():
             return
@@ -187,10 +189,10 @@ def wait_for_plate(
 ) -> StageError | None:
     """Read on until the bench reads the plate where it was sent; return what disagrees."""
     plate.arrives()
-    until_s = bench.now_s() + PLATE_S
+    until_s = bench.now_s() + PLATE_TIMEOUT_S
     while True:
         if plate.measured:
-            bench.listen(LOOK_S)
+            bench.listen(POLL_INTERVAL_S)
         problem = plate.problem(target_m, stage_m, more_m)
         if problem is None or not plate.measured or bench.now_s() > until_s:
             return problem

@@ -14,10 +14,9 @@ from typing import Literal, NamedTuple
 
 from benchtool.bench.addresses import Endpoint
 from benchtool.bench.drivers import DRIVERS, parse_address
-from benchtool.bench.serial.conversation import Conversation
+from benchtool.bench.serial.command_channel import CommandChannel
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
-from benchtool.bench.transport.transport import Holder, Transport, holders
-from benchtool.core.counted import counted
+from benchtool.bench.transport.transport import PortOwner, Transport, port_owners
 from benchtool.core.errors import (
     InputError,
     LinkError,
@@ -26,6 +25,7 @@ from benchtool.core.errors import (
     PortDenied,
     ProtocolError,
 )
+from benchtool.core.plural import pluralize
 
 BY_ID = Path("/dev/serial/by-id")
 
@@ -91,7 +91,7 @@ def identify_port(
     transport: Transport, name: str, clock: Callable[[], float] = time.monotonic
 ) -> PortAnswer:
     """Open a port and request a hello; opening resets many boards, no motor turns."""
-    talk = Conversation(transport, f"serial:{name}", clock)
+    talk = CommandChannel(transport, f"serial:{name}", clock)
     try:
         hello = talk.open()
     except PortBusy as error:
@@ -104,7 +104,7 @@ def identify_port(
         return PortAnswer("other", str(error))
     finally:
         talk.close()
-    rotors = counted(hello.n_rotors, "rotor")
+    rotors = pluralize(hello.n_rotors, "rotor")
     virtual = ", virtual" if hello.simulated else ""
     return PortAnswer("bench", f"{hello.device_id}, {hello.firmware}, {rotors}{virtual}")
 
@@ -134,7 +134,7 @@ class HostEnvironment:
     user: str = ""
     groups: frozenset[str] = frozenset()
     groups_on_file: frozenset[str] = frozenset()
-    holders: tuple[Holder, ...] | None = None
+    holders: tuple[PortOwner, ...] | None = None
 
     @property
     def is_listed(self) -> bool:
@@ -161,7 +161,7 @@ def probe_environment(port: str = "") -> HostEnvironment:
         user=user,
         groups=frozenset(groups),
         groups_on_file=frozenset(on_file),
-        holders=holders(port) if system == "Linux" and exists else None,
+        holders=port_owners(port) if system == "Linux" and exists else None,
     )
 
 

@@ -14,18 +14,18 @@ from typing import NoReturn
 import numpy as np
 
 from benchtool.bench.addresses import ReplayAddress
-from benchtool.bench.bench import Identity, Opened, Readings
-from benchtool.core.array import Array
-from benchtool.core.channel import Channel, unit_in_name
-from benchtool.core.counted import counted
+from benchtool.bench.bench import ContextBench, DeviceInfo, Readings
+from benchtool.core.array_type import Array
+from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import CommandRefused, FileFormatError, LinkLost
 from benchtool.core.parsed_text import parse_json
-from benchtool.core.user_file import MOST_DATA_BYTES, MOST_FACTS_BYTES, read_text
+from benchtool.core.plural import pluralize
+from benchtool.core.user_file import MAX_DATA_BYTES, MAX_METADATA_BYTES, read_text
 
 _NOT_STREAMED = ("time_s", "device_time_us", "point", "phase")
 
 
-class ReplayBench(Opened):
+class ReplayBench(ContextBench):
     """Play recorded samples back as a bench that takes no commands.
 
     Args:
@@ -34,7 +34,7 @@ class ReplayBench(Opened):
     """
 
     def __init__(
-        self, identity: Identity, time_s: Array, device_time_us: Array, values: Array
+        self, identity: DeviceInfo, time_s: Array, device_time_us: Array, values: Array
     ) -> None:
         self._recorded = identity
         self._time_s = time_s
@@ -54,7 +54,7 @@ class ReplayBench(Opened):
             if name not in columns:
                 raise FileFormatError(str(path), f"it has no column {name}; name a run's samples")
         channels = tuple(
-            Channel(name, unit_in_name(name)) for name in names if name not in _NOT_STREAMED
+            Channel(name, unit_from_name(name)) for name in names if name not in _NOT_STREAMED
         )
         time_s = columns["time_s"]
         identity = _identity(address, path, channels, time_s)
@@ -62,7 +62,7 @@ class ReplayBench(Opened):
         return cls(identity, time_s, columns["device_time_us"], values)
 
     @property
-    def identity(self) -> Identity:
+    def identity(self) -> DeviceInfo:
         return self._recorded
 
     def now_s(self) -> float:
@@ -95,7 +95,7 @@ class ReplayBench(Opened):
         if self._next >= len(self._time_s):
             raise LinkLost(
                 f"{self._recorded.address} ends here, after "
-                f"{counted(len(self._time_s), 'sample')}; there is nothing more to read"
+                f"{pluralize(len(self._time_s), 'sample')}; there is nothing more to read"
             )
         self._now_s += timeout_s
         end = int(np.searchsorted(self._time_s, self._now_s, side="right"))
@@ -114,7 +114,7 @@ def open_replay(address: ReplayAddress) -> ReplayBench:
 
 def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:
     """Return column names and (n, columns) numbers; words and empty cells are nan."""
-    text = read_text(path, MOST_DATA_BYTES, follow=follow)
+    text = read_text(path, MAX_DATA_BYTES, follow=follow)
     # What follows the last line break was cut short when the run was killed.
     rows = csv.reader(text[: text.rfind("\n") + 1].splitlines())
     names = next(rows, [])
@@ -133,15 +133,15 @@ def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:
     return names, np.array(table, float)
 
 
-def _identity(address: str, path: Path, channels: tuple[Channel, ...], time_s: Array) -> Identity:
+def _identity(address: str, path: Path, channels: tuple[Channel, ...], time_s: Array) -> DeviceInfo:
     metadata, facts = path.parent / "metadata.json", {}
     if os.path.lexists(metadata):
-        facts = parse_json(read_text(metadata, MOST_FACTS_BYTES), str(metadata))
+        facts = parse_json(read_text(metadata, MAX_METADATA_BYTES), str(metadata))
         if not isinstance(facts, dict):
             raise FileFormatError(str(metadata), "it is not a table of facts; mend or remove it")
     device = facts.get("device_id", "")
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
-    return Identity(
+    return DeviceInfo(
         address=address,
         device_id=str(device) or f"replay-{path.parent.name}",
         firmware=str(facts.get("firmware", "")) or "not recorded",

@@ -6,7 +6,7 @@ from math import exp, pi
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import LimitExceeded
 from benchtool.core.rig import Propulsion
 
@@ -15,12 +15,14 @@ TOO_SLOW, TOO_SLOW_S = 0.25, 2.0
 its rpm channel is. The share leaves room for a pulse map that is only roughly known. A choice."""
 
 TOO_FAST, TOO_FAST_S = 4.0, 5.0  # for a motor that is faster, or turns without a command
-SLACK_RPM = 300.0  # on both, for pulses near the start of the map, where motors stutter; assumed
+RPM_TOLERANCE = (
+    300.0  # on both, for pulses near the start of the map, where motors stutter; assumed
+)
 MEAN_S = 0.5  # time constant of speed and pulse means: ten lags of a motor; assumed
 GAP_S = 0.5  # the stream was not read for longer: our own gap, not that of a channel
 
 
-class HostPulses:
+class HostPulseTracking:
     """Hold each rotor's speed against the pulse that the host commands."""
 
     def __init__(self, propulsion: Propulsion, n_rotors: int, start_s: float) -> None:
@@ -40,10 +42,10 @@ class HostPulses:
         """Note what every motor is commanded (n_rotors,): us."""
         if self._pwm_us is not None and np.array_equal(pwm_us, self._pwm_us):
             return
-        rpm = speeds_of(self._propulsion, pwm_us)
+        rpm = rotor_speeds(self._propulsion, pwm_us)
         self._pwm_us, self._commanded_s = np.array(pwm_us), now_s
-        self._slowest_rpm = TOO_SLOW * rpm - SLACK_RPM
-        self._fastest_rpm = TOO_FAST * rpm + SLACK_RPM
+        self._slowest_rpm = TOO_SLOW * rpm - RPM_TOLERANCE
+        self._fastest_rpm = TOO_FAST * rpm + RPM_TOLERANCE
         self.has_driven |= not self.at_zero
 
     def mismatch(self, rpm: Array, now_s: float) -> LimitExceeded | None:
@@ -63,7 +65,7 @@ class HostPulses:
         return _error(motor, rpm, limits_rpm, f"a pulse of {self._pwm_us[motor]:g} us", since_s)
 
 
-class LoopPulses:
+class LoopPulseTracking:
     """Hold each rotor's speed against the pulses that a bench's own loop reports.
 
     What the host commanded last says nothing of them: the loop adds to it, saturates, ends its
@@ -86,14 +88,14 @@ class LoopPulses:
             pwm_us: (m, n_rotors) a block of pulses as the bench reports them, gaps filled.
         """
         gap_s, self._last_s = now_s - self._last_s, now_s
-        reported_rpm, seen = speeds_of(self._propulsion, pwm_us).mean(axis=0), rpm.mean(axis=0)
+        reported_rpm, seen = rotor_speeds(self._propulsion, pwm_us).mean(axis=0), rpm.mean(axis=0)
         if gap_s > GAP_S:  # nobody looked: what happened meanwhile is not known
             self._not_slow_s, self._not_fast_s = self._not_slow_s + gap_s, self._not_fast_s + gap_s
         share = 1.0 - exp(-max(gap_s, 0.0) / MEAN_S)
         self._reported_rpm = _moved(self._reported_rpm, reported_rpm, share)
         self._rpm = _moved(self._rpm, seen, share)
-        slowest = TOO_SLOW * self._reported_rpm - SLACK_RPM
-        fastest = TOO_FAST * self._reported_rpm + SLACK_RPM
+        slowest = TOO_SLOW * self._reported_rpm - RPM_TOLERANCE
+        fastest = TOO_FAST * self._reported_rpm + RPM_TOLERANCE
         self._not_slow_s = np.where(self._rpm < slowest, self._not_slow_s, now_s)
         self._not_fast_s = np.where(self._rpm > fastest, self._not_fast_s, now_s)
         for limits_rpm, good_s, allowed_s in (
@@ -108,7 +110,7 @@ class LoopPulses:
         return None
 
 
-def speeds_of(propulsion: Propulsion, pwm_us: Array) -> Array:
+def rotor_speeds(propulsion: Propulsion, pwm_us: Array) -> Array:
     """Return the speeds that pulses give by the rig's map, of the same shape: rpm."""
     stop_us, start_us = propulsion.pwm_stop_us, propulsion.pwm_start_us
     drive_us = np.where(pwm_us > stop_us, pwm_us - start_us, 0.0)

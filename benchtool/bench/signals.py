@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Self
 
-from benchtool.core.errors import RunStopped
+from benchtool.core.errors import RunInterrupted
 
 SIGNAL_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")  # Ctrl-C, end, hangup, Ctrl-Break
 
@@ -88,7 +88,7 @@ class StopSignals(_Handlers):
     def raise_if_requested(self) -> None:
         """Raise what a signal has noted, again and again should somebody swallow it."""
         if self._requested is not None:
-            raise RunStopped(f"{self._requested}; zero was commanded to the motors")
+            raise RunInterrupted(f"{self._requested}; zero was commanded to the motors")
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         name = signal.Signals(number).name
@@ -99,7 +99,7 @@ class StopSignals(_Handlers):
             self.raise_if_requested()
 
 
-PATIENCE_S = 10.0  # from the first ignored signal until the next ends the program; assumed
+SHUTDOWN_TIMEOUT_S = 10.0  # from the first ignored signal until the next ends the program; assumed
 
 
 class ClosingSignals(_Handlers):
@@ -141,8 +141,9 @@ class ClosingSignals(_Handlers):
             # Not print: a handler may interrupt a print of the program.
             os.write(
                 2,
-                f"benchtool: the run is being closed; Ctrl-C once more after {PATIENCE_S:g} s "
+                f"benchtool: the run is being closed; Ctrl-C once more after "
+                f"{SHUTDOWN_TIMEOUT_S:g} s "
                 f"leaves it as it is\n".encode(),
             )
-        elif now_s - self._first_s >= PATIENCE_S:
+        elif now_s - self._first_s >= SHUTDOWN_TIMEOUT_S:
             raise KeyboardInterrupt

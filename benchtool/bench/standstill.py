@@ -15,9 +15,9 @@ from math import inf, nan, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.bench import Identity
-from benchtool.bench.rpm_tracking import speeds_of
-from benchtool.core.array import Array
+from benchtool.bench.bench import DeviceInfo
+from benchtool.bench.rpm_tracking import rotor_speeds
+from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
 
 SAFE_TIP_SPEED_m_s = 1.0
@@ -25,9 +25,13 @@ SAFE_TIP_SPEED_m_s = 1.0
 all of it at the tip, carries 0.05 J, as 50 g dropped from 0.1 m. A choice."""
 
 FLICKER_SDS = 3.0  # a tachometer's noise at rest: standard deviations and one quantum
-HOLD_S = 0.1  # readings stay below the threshold: the first may be a dropout; assumed
-ANSWER_S = 0.5  # of drive after which a speed channel that shows nothing shows no standstill
-MOMENT_S = 0.15  # longer drive turns a motor even after a stop: ESCs take 0.1 to 0.3 s; assumed
+CONFIRMATION_TIME_S = 0.1  # readings stay below the threshold: the first may be a dropout; assumed
+REPORT_TIMEOUT_S = (
+    0.5  # of drive after which a speed channel that shows nothing shows no standstill
+)
+AVERAGING_TIME_S = (
+    0.15  # longer drive turns a motor even after a stop: ESCs take 0.1 to 0.3 s; assumed
+)
 OUTPUT_SLACK_us = 3.0  # rounding of a stop pulse on its way to an output and back; assumed
 
 
@@ -57,14 +61,14 @@ class Standstill:
     text: str
 
 
-class StandstillWatch:
+class StandstillMonitor:
     """Follow commands and readings and judge which rotors stand. Pure.
 
     Attributes:
         zero_s: when a motor was commanded to stop last, on the bench's clock.
     """
 
-    def __init__(self, identity: Identity, rig: Rig, now_s: float) -> None:
+    def __init__(self, identity: DeviceInfo, rig: Rig, now_s: float) -> None:
         names = [channel.name for channel in identity.channels]
         n = rig.n_rotors
         self._limit_rpm = standstill_rpm(rig)
@@ -101,7 +105,7 @@ class StandstillWatch:
         """Judge samples (m,), (m, c); nan where a channel had no new value."""
         if not len(time_s):
             return
-        expected_rpm = speeds_of(self._propulsion, self._pulses_us)
+        expected_rpm = rotor_speeds(self._propulsion, self._pulses_us)
         for index, rotor in enumerate(self._rows):
             if (speed := self._speed[index]) is not None:
                 rpm = np.abs(values[:, speed])
@@ -110,7 +114,7 @@ class StandstillWatch:
                 if (place := self._reported[index]) is not None:
                     # A loop makes the pulses, so the lowest that it reports says what to expect.
                     lowest_us = np.nanmin(values[:, place], initial=inf)
-                    expected = float(speeds_of(self._propulsion, np.array([lowest_us]))[0])
+                    expected = float(rotor_speeds(self._propulsion, np.array([lowest_us]))[0])
                 rotor.compare(time_s, rpm, expected, self._limit_rpm)
             if (output := self._output[index]) is not None:
                 shown = values[:, output]
@@ -190,7 +194,7 @@ class _Seen:
     @property
     def low(self) -> bool:
         """Whether readings stayed low for long enough."""
-        return self.last_s - self._low_s >= HOLD_S - 1e-9
+        return self.last_s - self._low_s >= CONFIRMATION_TIME_S - 1e-9
 
     @property
     def high(self) -> bool:
@@ -213,7 +217,7 @@ class _Seen:
         if len(highs):
             self.stood_s = nan
         if self.low and self.stood_s != self.stood_s:
-            stood = time_s[fresh_low] - self._low_s >= HOLD_S - 1e-9
+            stood = time_s[fresh_low] - self._low_s >= CONFIRMATION_TIME_S - 1e-9
             self.stood_s = float(time_s[fresh_low[stood][0]])
 
 
@@ -244,13 +248,13 @@ class _RotorState:
         self._due_s = min(self._due_s, float(time_s[0]))
         driven_s = time_s[-1] - self._due_s
         present = rpm[~np.isnan(rpm)]
-        if len(present) and driven_s >= ANSWER_S:
+        if len(present) and driven_s >= REPORT_TIMEOUT_S:
             self.answers = bool(present[-1] >= limit_rpm)
-        elif driven_s > MOMENT_S and not self.shown:
+        elif driven_s > AVERAGING_TIME_S and not self.shown:
             self.answers = False
 
 
-def unmeasured_rotors(identity: Identity, rig: Rig) -> str:
+def unmeasured_rotors(identity: DeviceInfo, rig: Rig) -> str:
     """Return, for whoever arms it, which rotors of a bench cannot be seen to stand; "" for none."""
     names = {channel.name for channel in identity.channels}
     blind = [

@@ -8,22 +8,24 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Protocol, runtime_checkable
 
-from benchtool.bench.bench import Bench, Identity, Listener, Opened, Readings, Subscribable
-from benchtool.core.array import Array
-from benchtool.core.errors import BenchtoolError, CommandRefused, RunStopped, StageError
+from benchtool.bench.bench import Bench, ContextBench, DeviceInfo, Listener, Readings, Subscribable
+from benchtool.core.array_type import Array
+from benchtool.core.errors import BenchtoolError, CommandRefused, RunInterrupted, StageError
 
-PACE_S = 0.02  # wall time of one read at most; assumed, a frame of a live chart has two of them
-LATE_S = 0.5  # a clock that is off by more, as after a move, is set anew
+PACING_INTERVAL_S = (
+    0.02  # wall time of one read at most; assumed, a frame of a live chart has two of them
+)
+MAX_LAG_S = 0.5  # a clock that is off by more, as after a move, is set anew
 
 
-class BenchWrapper(Opened):
+class BenchWrapper(ContextBench):
     """Be another bench; a wrapper overrides what it changes."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
 
     @property
-    def identity(self) -> Identity:
+    def identity(self) -> DeviceInfo:
         return self._bench.identity
 
     def now_s(self) -> float:
@@ -87,8 +89,8 @@ class PacedBench(BenchWrapper):
 
     def read(self, timeout_s: float) -> Readings:
         speed = self.speed
-        step_s = min(timeout_s, PACE_S * speed)
-        if abs(self._due_s - self._clock()) > LATE_S:
+        step_s = min(timeout_s, PACING_INTERVAL_S * speed)
+        if abs(self._due_s - self._clock()) > MAX_LAG_S:
             self._due_s = self._clock()
         self._due_s += step_s / speed
         if (left_s := self._due_s - self._clock()) > 0.0:
@@ -101,7 +103,7 @@ STOP_SLICE_S = 0.05  # longest wait of one read, and so of a stop request
 
 
 @runtime_checkable
-class Halts(Protocol):
+class SupportsEmergencyStop(Protocol):
     """Be able to send zero from any thread."""
 
     def halt(self) -> None:
@@ -113,12 +115,12 @@ class Halts(Protocol):
 
 def send_halt(bench: Bench) -> None:
     """Send zero from any thread, where a bench can do that and its link is not lost."""
-    if isinstance(bench, Halts):
+    if isinstance(bench, SupportsEmergencyStop):
         with suppress(BenchtoolError, OSError):
             bench.halt()
 
 
-class StopRequested(RunStopped):
+class StopRequested(RunInterrupted):
     """Requested stop; the owner of the bench decides whether it is used again."""
 
 
@@ -145,7 +147,7 @@ class StoppableBench(BenchWrapper):
         if listener is not None and isinstance(bench, Subscribable):
             bench.subscribe(listener)
             self._listener = None
-        self._requested: RunStopped | None = None
+        self._requested: RunInterrupted | None = None
 
     def request_stop(self, reason: str) -> None:
         """Stop from any thread; the owner gets the reason."""

@@ -19,7 +19,7 @@ import typer
 from typer.core import TyperGroup
 
 from benchtool import __version__
-from benchtool.commands.declared import GroupedCommand, help_of
+from benchtool.commands.input_commands import GroupedCommand, option_help
 from benchtool.commands.terminal.messages import (
     EscapedStream,
     cause_behind,
@@ -34,7 +34,7 @@ from benchtool.core.errors import (
     show_warning,
 )
 from benchtool.core.inputs import items
-from benchtool.core.user_file import shown_name
+from benchtool.core.user_file import display_path
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "demo": ("demo:demo", "Sweep a virtual bench, fit, and write a report"),
@@ -88,12 +88,14 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "firmware": ("firmware:firmware", "Write the firmware that makes an Arduino a rotor bench"),
     "ports": ("ports:ports", "List serial ports and, with --probe, what answers on them"),
     "doctor": ("ports:doctor", "Explain what keeps a serial port from working"),
-    "rigs": ("shipped:rigs", "List rigs, or show one with the source of every number"),
+    "rigs": ("library_commands:rigs", "List rigs, or show one with the source of every number"),
     "rigs new": ("rig_new:new_rig", "Write a rig file of your own, asking what its use needs"),
-    "propellers": ("shipped:propellers",
+    "propellers": ("library_commands:propellers",
         "List propellers, or show one with the source of every number"),
-    "models": ("shipped:models", "List models, or show one with its effects and parameters"),
-    "effects": ("shipped:effects", "List physical effects, or show one with law and parameters"),
+    "models": ("library_commands:models",
+        "List models, or show one with its effects and parameters"),
+    "effects": ("library_commands:effects",
+        "List physical effects, or show one with law and parameters"),
 }  # fmt: skip
 """Each command, in the order of the help: "module:function" in this package ("" for a group of
 subcommands) and its line there, which is also the first line of the command's docstring."""
@@ -103,7 +105,9 @@ _OF_A_NAME = {  # system errors of a path that cannot be one, wherever it was ty
 }
 
 COMPLETING = "_BENCHTOOL_COMPLETE"  # set by a shell's completion script
-UNEXPECTED = 70  # exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)
+UNEXPECTED_ERROR_CODE = (
+    70  # exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -130,7 +134,7 @@ def _run(words: list[str]) -> None:
     """Run one command and leave the process with its exit code."""
     try:
         _check_text(words)
-        code = build(words)(args=words, prog_name="benchtool", standalone_mode=False)
+        code = build_app(words)(args=words, prog_name="benchtool", standalone_mode=False)
         flush_output()
         sys.exit(code if isinstance(code, int) else 0)
     except typer.TyperException as error:
@@ -149,13 +153,13 @@ def _run(words: list[str]) -> None:
             raise
         if isinstance(error, OSError) and error.errno in _OF_A_NAME and error.filename:
             reason = (error.strerror or "it cannot be used").lower()
-            say_error(f"{shown_name(error.filename)}: {reason}; name another")
+            say_error(f"{display_path(error.filename)}: {reason}; name another")
             sys.exit(InputError.exit_code)
         if (cause := cause_behind(error)) is not None:
             say_error(str(cause))
             sys.exit(cause.exit_code)
         say_error(_describe_fault(error))
-        sys.exit(UNEXPECTED)
+        sys.exit(UNEXPECTED_ERROR_CODE)
 
 
 def _words_to_complete() -> list[str]:
@@ -178,7 +182,7 @@ def _check_text(words: Sequence[str]) -> None:
             raise InputError(f"the word {shown} is not UTF-8 text; write it otherwise") from None
 
 
-def build(words: Sequence[str]) -> typer.Typer:
+def build_app(words: Sequence[str]) -> typer.Typer:
     """Assemble the application for one invocation, importing at most one command."""
     sets_up = words[:1] in (["--install-completion"], ["--show-completion"])
     app = typer.Typer(
@@ -206,7 +210,7 @@ def build(words: Sequence[str]) -> typer.Typer:
         elif group and group not in groups:
             continue  # a command of that name takes the words
         elif name.split() == named[: 1 + bool(group)]:
-            module = import_module(module_of(name))
+            module = import_module(command_module(name))
             called = getattr(module, where.partition(":")[2])
             groups[group].command(last, cls=getattr(module, "Parser", GroupedCommand))(called)
         else:
@@ -237,7 +241,7 @@ class _Group(TyperGroup):
         return option
 
 
-def module_of(name: str) -> str:
+def command_module(name: str) -> str:
     """Return the module that holds a command."""
     return f"benchtool.commands.{COMMANDS[name][0].partition(':')[0]}"
 
@@ -277,8 +281,10 @@ def _describe_misuse(error: typer.TyperException, words: Sequence[str]) -> str:
     name = max(known, key=len, default="")
     option = getattr(error, "option_name", "")
     if "requires an argument" in problem and COMMANDS.get(name, ("",))[0]:
-        called = getattr(import_module(module_of(name)), COMMANDS[name][0].partition(":")[2])
-        about = [help_of(one).rstrip(".") for one in items(called.inputs) if one.option == option]
+        called = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
+        about = [
+            option_help(one).rstrip(".") for one in items(called.inputs) if one.option == option
+        ]
         problem = f"{option} needs a value{''.join(f' ({one})' for one in about)}"
     return f"{problem}; see {' '.join(['benchtool', *name.split()])} --help"
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
-from benchtool.simulate.own_controller import controller_class
+from benchtool.simulate.user_controller import controller_class
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,7 +47,7 @@ class ServeInputs(Inputs):
     ] = 1.0
     rate: Annotated[
         Annotated[float, Ge(1.0), Le(1000.0)] | None,
-        Input("Samples per device second.", "Hz", empty="200, or the controller's"),
+        Input("Samples per device second.", "Hz", default_text="200, or the controller's"),
     ] = None
     seed: Annotated[int, Ge(0), Input("Seed of noise and faults.")] = 0
     fault: Annotated[
@@ -70,17 +70,17 @@ class ServeInputs(Inputs):
     key: Annotated[Path | None, Input("MAVLink: file with the key that signs every frame.")] = None
 
 
-@declared(ServeInputs)
+@command_from_inputs(ServeInputs)
 def serve(inputs: ServeInputs) -> None:
     """Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C."""
     import signal
     import sys
 
-    from benchtool.core.rig_file import rig_named
-    from benchtool.virtual.faults import fault_from
+    from benchtool.core.rig_file import load_rig_by_name
+    from benchtool.virtual.faults import parse_fault
 
-    faults = [fault_from(text) for text in inputs.fault]
-    stands = rig_named(inputs.rig)
+    faults = [parse_fault(text) for text in inputs.fault]
+    stands = load_rig_by_name(inputs.rig)
     device = _pitch if inputs.mode == "pitch" else _plate
     if inputs.settings and inputs.mode != "pitch":
         raise InputError("--set changes a pitch bench; add --mode pitch, or give --truth a file")
@@ -105,10 +105,10 @@ def serve(inputs: ServeInputs) -> None:
 
 
 def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
-    from benchtool.virtual.links import link_named
+    from benchtool.virtual.links import open_link
     from benchtool.virtual.protocol import DeviceLink
 
-    where = link_named(inputs.link, inputs.symlink)
+    where = open_link(inputs.link, inputs.symlink)
     return DeviceLink, where, lambda: where.address
 
 
@@ -119,7 +119,7 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable
     from benchtool.acquire.pitch_experiment import hover_pulse_us
     from benchtool.bench.mavlink.settings import read_key
     from benchtool.virtual.autopilot import VirtualAutopilot
-    from benchtool.virtual.links import host_address, link_named
+    from benchtool.virtual.links import host_address, open_link
 
     pitches, key = inputs.mode == "pitch", inputs.key
     speak = partial(
@@ -130,7 +130,7 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable
         now_s=time(),
         hover_us=hover_pulse_us(rig) if pitches else None,
     )
-    where = link_named(inputs.link, inputs.symlink)
+    where = open_link(inputs.link, inputs.symlink)
     options = "&mode=pitch&arm=host" if pitches else ""
     options += f"&key={key}" if key else ""
     return speak, where, lambda: host_address(where, rig.n_rotors, options)
@@ -139,7 +139,7 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable
 def _plate(
     inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
 ) -> tuple[BenchServer, str]:
-    from benchtool.core.toml_text import build
+    from benchtool.core.toml_text import build_dataclass
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.imperfections import Imperfections
     from benchtool.virtual.devices import standard_truth, virtual_server
@@ -153,7 +153,9 @@ def _plate(
         seed=inputs.seed,
         speed=inputs.speed,
         rate_Hz=200.0 if inputs.rate is None else inputs.rate,
-        imperfections=build(Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]"),
+        imperfections=build_dataclass(
+            Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]"
+        ),
         faults=faults,
         speak=speak,
     )

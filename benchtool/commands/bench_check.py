@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import Ge
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code, write_new
 from benchtool.commands.terminal.sweep_operator import LOOK_S, TERMINAL
 from benchtool.core.errors import BenchError, InputError, WouldOverwrite
-from benchtool.core.input_text import text_of
+from benchtool.core.input_text import format_value
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
@@ -28,30 +28,30 @@ class MapInputs(Inputs):
 
     address: Annotated[str, Input("The flight controller: mavlink:...", argument="ADDRESS")]
     rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
-    out: Annotated[Path | None, Input("File to write.", empty="RIG.motors.toml")] = None
+    out: Annotated[Path | None, Input("File to write.", default_text="RIG.motors.toml")] = None
     motors: Annotated[
         tuple[Annotated[int, Ge(1)], ...] | None,
         Input(
             "Test number of each rotor, in the rig's order: 1,4,3,2.",
-            empty="asked for each motor that has turned",
+            default_text="asked for each motor that has turned",
         ),
     ] = None
     yes: Annotated[bool, Input("No typed confirmation; simulated benches only.")] = False
 
 
-@declared(MapInputs)
+@command_from_inputs(MapInputs)
 def map_motors(inputs: MapInputs) -> None:
     """Turn each motor of a flight controller alone, slowly, and write down what it drives."""
-    from benchtool.acquire.bench_check import learn_motors, low_throttle_us
-    from benchtool.acquire.inputs import rig_for
-    from benchtool.acquire.operator import confirm_arming, say_of_bench, say_of_end
+    from benchtool.acquire.bench_check import detect_motor_map, low_throttle_us
+    from benchtool.acquire.inputs import resolve_rig
+    from benchtool.acquire.operator import confirm_arming, describe_bench, describe_end
     from benchtool.acquire.stop_listener import accept_stops
     from benchtool.bench.addresses import MavlinkAddress
     from benchtool.bench.drivers import open_bench, parse_address
     from benchtool.bench.guard import GuardedBench
 
     address = inputs.address
-    stands = rig_for(address, inputs.rig)
+    stands = resolve_rig(address, inputs.rig)
     numbers = _numbers(inputs.motors, stands, inputs.yes)
     parsed = parse_address(address)
     if not isinstance(parsed, MavlinkAddress) or parsed.map is not None:
@@ -64,7 +64,7 @@ def map_motors(inputs: MapInputs) -> None:
         raise WouldOverwrite(str(target))
     guard = GuardedBench(open_bench(address, announce_code), stands)
     with accept_stops(guard, address) as bench:
-        say_of_bench(TERMINAL, bench.identity, stands)
+        describe_bench(TERMINAL, bench.identity, stands)
         text = (
             f"motors 1 to {stands.n_rotors} will turn one after another at "
             f"{low_throttle_us(stands):g} us; see which rotor each one is"
@@ -74,8 +74,8 @@ def map_motors(inputs: MapInputs) -> None:
         elif not bench.identity.simulated:
             raise InputError("--yes is for simulated benches only; leave it out and type ARM")
         which = numbers.index if numbers else _question(stands, bench)
-        found = learn_motors(bench, stands, which, TERMINAL.say)
-    say_of_end(TERMINAL, bench)
+        found = detect_motor_map(bench, stands, which, TERMINAL.inform)
+    describe_end(TERMINAL, bench)
     write_new(target, lambda: target.write_text(found.to_toml(), encoding="utf-8"))
     joint = "&" if "?" in address else "?"
     print(f"written to {target}; from now on use {address}{joint}map={target}")
@@ -119,8 +119,8 @@ def _numbers(given: tuple[int, ...] | None, rig: Rig, unattended: bool) -> tuple
         return ()
     if sorted(given) != list(range(1, n_rotors + 1)):
         raise InputError(
-            f"--motors is {text_of(given)}, but every number from 1 to {n_rotors} must stand in it "
-            f"once, in the order of the rig's rotors"
+            f"--motors is {format_value(given)}, but every number from 1 to {n_rotors} must stand "
+            f"in it once, in the order of the rig's rotors"
         )
     return given
 
@@ -134,25 +134,25 @@ class CheckInputs(Inputs):
     yes: Annotated[bool, Input("No typed confirmation; simulated benches only.")] = False
 
 
-@declared(CheckInputs)
+@command_from_inputs(CheckInputs)
 def check(inputs: CheckInputs) -> None:
     """Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle."""
     from datetime import datetime
 
-    from benchtool.acquire.arming import remember_check
+    from benchtool.acquire.arming import store_check_result
     from benchtool.acquire.bench_check import check_bench, low_throttle_us
-    from benchtool.acquire.inputs import rig_for
-    from benchtool.acquire.operator import confirm_arming, say_of_bench, say_of_end
+    from benchtool.acquire.inputs import resolve_rig
+    from benchtool.acquire.operator import confirm_arming, describe_bench, describe_end
     from benchtool.acquire.stop_listener import accept_stops
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
 
-    stands = rig_for(inputs.address, inputs.rig)
+    stands = resolve_rig(inputs.address, inputs.rig)
     findings = []
     guard = GuardedBench(open_bench(inputs.address, announce_code), stands)
     with accept_stops(guard, inputs.address) as bench:
         identity = bench.identity
-        say_of_bench(TERMINAL, identity, stands)
+        describe_bench(TERMINAL, identity, stands)
         text = (
             f"rotors 1 to {stands.n_rotors} of rig {stands.name} will turn one after another at "
             f"{low_throttle_us(stands):g} us"
@@ -167,7 +167,7 @@ def check(inputs: CheckInputs) -> None:
         for finding in check_bench(bench, stands):
             findings.append(finding)
             print(f"{'ok  ' if finding.passed else 'FAIL'} {finding.name}: {finding.text}")
-    say_of_end(TERMINAL, bench)
+    describe_end(TERMINAL, bench)
     failed = [finding for finding in findings if not finding.passed]
     if failed:
         raise BenchError(
@@ -175,5 +175,5 @@ def check(inputs: CheckInputs) -> None:
             f"{failed[0].text}; mend it and check again"
         )
     today = datetime.now().astimezone().date()
-    remember_check(identity, stands, [finding.text for finding in findings], today)
+    store_check_result(identity, stands, [finding.text for finding in findings], today)
     print(f"all {len(findings)} checks passed on {identity.device_id}; noted for today")

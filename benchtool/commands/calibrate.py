@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from annotated_types import Ge, Gt, Le
 
-from benchtool.acquire.inputs import Weighing
-from benchtool.commands.declared import declared
+from benchtool.acquire.inputs import WeighingInputs
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.sweep_operator import LOOK_S, TERMINAL
 from benchtool.core.errors import InputError, MissingColumn
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
-    from benchtool.core.array import Array
+    from benchtool.core.array_type import Array
     from benchtool.data.calibration import Calibration
 
 FIGURES: Final = ("svg", "png")
@@ -42,7 +42,7 @@ class CalibrateInputs(Inputs):
     ] = None
     device_id: Annotated[str, Input("Device of the CSV's counts.")] = ""
     rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
-    weighing: Weighing = field(default_factory=Weighing)
+    weighing: WeighingInputs = field(default_factory=WeighingInputs)
     add: Annotated[
         Path | None, Input("Calibration of earlier days, whose readings count as well.")
     ] = None
@@ -54,7 +54,7 @@ class CalibrateInputs(Inputs):
     ] = None
 
 
-@declared(CalibrateInputs)
+@command_from_inputs(CalibrateInputs)
 def calibrate(inputs: CalibrateInputs) -> None:
     """Calibrate a load cell with known masses.
 
@@ -62,19 +62,24 @@ def calibrate(inputs: CalibrateInputs) -> None:
     """
     from dataclasses import asdict
 
-    from benchtool.acquire.calibration import calibrated, date_now, require_device, with_days_of
+    from benchtool.acquire.calibration import (
+        apply_calibration,
+        current_date,
+        require_device,
+        with_drift_interval,
+    )
     from benchtool.data.atomic import replace_json
     from benchtool.data.calibration import read_calibration
-    from benchtool.data.run.state import remember
-    from benchtool.report.files import refuse_existing
+    from benchtool.data.run.state import store_state
+    from benchtool.report.files import check_not_existing
 
     source, out, device_id = inputs.source, inputs.out, inputs.device_id
     if (source is None) == (not inputs.masses):
         raise InputError("give either --masses, to hang them now, or --from CSV with counts")
     if out is not None:
-        refuse_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
+        check_not_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
     earlier = None if inputs.add is None else read_calibration(inputs.add)
-    date, known = date_now(), inputs.weighing
+    date, known = current_date(), inputs.weighing
     if source is not None:
         kilograms, counts, days = _from_csv(source)
         if not device_id:
@@ -91,13 +96,13 @@ def calibrate(inputs: CalibrateInputs) -> None:
         require_device(earlier, str(inputs.add), "the bench", device_id, "readings of its own")
         if len(set(days)) > 1:
             raise InputError("--add takes readings of one day, but --from names several")
-        kilograms, counts, days = with_days_of(
+        kilograms, counts, days = with_drift_interval(
             earlier, kilograms, counts, date[:10], known.lever_ratio, known.gravity
         )
-    calibration = calibrated(kilograms, counts, device_id, date, known, days)
+    calibration = apply_calibration(kilograms, counts, device_id, date, known, days)
     _show(calibration)
     facts = asdict(calibration)
-    stored = remember("calibration", device_id, facts)
+    stored = store_state("calibration", device_id, facts)
     if out is not None:
         replace_json(out, facts)
         _draw(facts, out, simulated=inputs.address.startswith("sim:"))
@@ -105,10 +110,10 @@ def calibrate(inputs: CalibrateInputs) -> None:
 
 
 def _draw(facts: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
-    from benchtool.report.figure import drawn
+    from benchtool.report.figure import render_figures
     from benchtool.report.files import save_figure
 
-    block = drawn("sweep.calibration", {**facts, "simulated": simulated})["calibration"]
+    block = render_figures("sweep.calibration", {**facts, "simulated": simulated})["calibration"]
     for path in save_figure(block.figure, out.with_suffix(""), FIGURES):
         print(f"written: {path}")
 
@@ -129,13 +134,13 @@ def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
     import numpy as np
 
     from benchtool.acquire.calibration import mean_counts, require_raw_counts
-    from benchtool.acquire.inputs import rig_for
+    from benchtool.acquire.inputs import resolve_rig
     from benchtool.bench.drivers import open_bench
     from benchtool.core.units import STANDARD_GRAVITY_M_S2
 
     address, kilograms = inputs.address, np.array(inputs.masses)
     counts = []
-    rating_N = rig_for(address, inputs.rig).limits.load_cell_rating_N
+    rating_N = resolve_rig(address, inputs.rig).limits.load_cell_rating_N
     heaviest_N = float(kilograms.max()) * STANDARD_GRAVITY_M_S2
     if heaviest_N > rating_N:
         raise InputError(

@@ -11,7 +11,7 @@ from typing import Annotated
 
 from annotated_types import Ge
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.inputs import Input, Inputs
 
 FIT = "--model quad_bench --method least_squares --method emcee --compare single --compare quad"
@@ -22,12 +22,12 @@ class DemoInputs(Inputs):
     """What `benchtool demo` takes."""
 
     out: Annotated[
-        Path | None, Input("New folder.", empty="benchtool-demo, then benchtool-demo-2")
+        Path | None, Input("New folder.", default_text="benchtool-demo, then benchtool-demo-2")
     ] = None
     seed: Annotated[int, Ge(0), Input("Seed of the virtual bench's noise.")] = 1
 
 
-@declared(DemoInputs)
+@command_from_inputs(DemoInputs)
 def demo(inputs: DemoInputs) -> None:
     """Sweep a virtual bench, fit, and write a report."""
     from benchtool.data.run.run import free_path

@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from benchtool.commands.declared import GroupedCommand, declared
+from benchtool.commands.input_commands import GroupedCommand, command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.explain.inputs import ExplainInputs
 
 if TYPE_CHECKING:
-    from benchtool.explain.answer import Answer, Request
+    from benchtool.explain.answer import ExplainResult, Request
 
-CHECK = "--check"
+CHECK_OPTION = "--check"
 
 
 class Parser(GroupedCommand):
@@ -26,27 +26,27 @@ class Parser(GroupedCommand):
     """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        return super().parse_args(ctx, spread(args))
+        return super().parse_args(ctx, expand_repeated(args))
 
 
-def spread(words: list[str]) -> list[str]:
+def expand_repeated(words: list[str]) -> list[str]:
     """Return the words with --check before each of those that follow it."""
     out: list[str] = []
     follows = False  # whether the last option was --check with a word of its own
     for place, word in enumerate(words):
         before = words[place - 1] if place else ""
         if word.startswith("-") and len(word) > 1:
-            follows = word.startswith(f"{CHECK}=")
-        elif before == CHECK:
+            follows = word.startswith(f"{CHECK_OPTION}=")
+        elif before == CHECK_OPTION:
             follows = True
         elif follows:
-            out.append(CHECK)
+            out.append(CHECK_OPTION)
         out.append(word)
     return out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExplainWords(ExplainInputs):
+class ExplainArguments(ExplainInputs):
     """What `benchtool explain` takes on the command line."""
 
     each: Annotated[
@@ -58,8 +58,8 @@ class ExplainWords(ExplainInputs):
     ] = False
 
 
-@declared(ExplainWords)
-def explain(inputs: ExplainWords) -> None:
+@command_from_inputs(ExplainArguments)
+def explain(inputs: ExplainArguments) -> None:
     """Name the effect that a model lacks, and show the gap shrink
 
     The first line printed is the verdict: an effect, several, a class that this data cannot
@@ -68,9 +68,13 @@ def explain(inputs: ExplainWords) -> None:
     where the answer is not sure, the experiment that separates what is likely. With --bench it is
     recorded, armed by hand each time, and explained with the others until the answer is sure.
     """
-    from benchtool.commands.terminal.experiments import bench_for, record_next, why_no_more
-    from benchtool.report.answer.folder import refuse_taken
-    from benchtool.results import request_of
+    from benchtool.commands.terminal.experiments import (
+        open_experiment_bench,
+        record_next,
+        stop_reason,
+    )
+    from benchtool.report.answer.folder import check_not_existing
+    from benchtool.results import build_request
 
     if inputs.cluster is not None and not inputs.each and not inputs.bootstrap:
         raise InputError(
@@ -80,41 +84,45 @@ def explain(inputs: ExplainWords) -> None:
     if inputs.each:
         _explain_each(inputs)
         return
-    request = request_of(inputs, announce_code)
-    stands = bench_for(inputs.bench, request, inputs.out) if inputs.bench is not None else None
+    request = build_request(inputs, announce_code)
+    stands = (
+        open_experiment_bench(inputs.bench, request, inputs.out)
+        if inputs.bench is not None
+        else None
+    )
     if not inputs.overwrite:
-        refuse_taken(inputs.out, inputs.json)
+        check_not_existing(inputs.out, inputs.json)
     left_min, made = inputs.most_minutes, 0
     answer = _answered(inputs, request, left_min)
     if inputs.bench is None or stands is None or inputs.out is None:
         return
-    while not (ended := why_no_more(answer, inputs, made, left_min)):
+    while not (ended := stop_reason(answer, inputs, made, left_min)):
         experiment, made = answer.verdict.next, made + 1
         assert experiment is not None
         print(f"\nExperiment {made} of {inputs.most_experiments} at most: {experiment.title}")
         run = record_next(answer, experiment, inputs, stands)
         left_min -= experiment.minutes
         learned = (*(source.path for source in answer.request.learn), str(run.path))
-        request = request_of(replace(inputs, recordings=learned), announce_code)
+        request = build_request(replace(inputs, recordings=learned), announce_code)
         answer = _answered(inputs, request, left_min)
     print(ended)
 
 
-def _answered(inputs: ExplainInputs, request: Request, minutes: float) -> Answer:
+def _answered(inputs: ExplainInputs, request: Request, minutes: float) -> ExplainResult:
     """Answer a question, write the answer and print it."""
     import shlex
     import sys
 
     from benchtool.commands.terminal.show_explain import (
-        for_a_reader,
+        is_interactive,
         print_answer,
         print_next,
-        working,
+        progress_status,
     )
     from benchtool.report.answer.folder import write_json
     from benchtool.results import explain_result
 
-    with working(", ".join(source.path for source in request.sources)) as report:
+    with progress_status(", ".join(source.path for source in request.sources)) as report:
         result = explain_result(
             inputs,
             report,
@@ -126,22 +134,22 @@ def _answered(inputs: ExplainInputs, request: Request, minutes: float) -> Answer
         result.save(inputs.out)
     if inputs.json is not None:
         write_json(inputs.json, result.found, inputs.out)
-    with for_a_reader():
+    with is_interactive():
         print_answer(result.found)
         print_next(result.found, inputs.out, inputs.json)
     return result.found
 
 
-def _explain_each(inputs: ExplainWords) -> None:
+def _explain_each(inputs: ExplainArguments) -> None:
     """Explain several recordings, each by itself; print and write the answers."""
     import shlex
     import sys
     from functools import partial
 
-    from benchtool.commands.terminal.each import each_by_name, outcome, raise_first, run_each
+    from benchtool.commands.terminal.batch import index_by_name, outcome, raise_first, run_each
     from benchtool.commands.terminal.tables import Output, print_table
     from benchtool.report.page import Table
-    from benchtool.results import request_of
+    from benchtool.results import build_request
 
     for option, given in (("--bench", inputs.bench), ("--json", inputs.json)):
         if given is not None:
@@ -151,13 +159,13 @@ def _explain_each(inputs: ExplainWords) -> None:
             f"{len(inputs.recordings)} recordings and {len(inputs.check)} to check on: with --each "
             f"give one check recording for each, in their order, or one for all"
         )
-    named = each_by_name(inputs.recordings)
+    named = index_by_name(inputs.recordings)
     checks = inputs.check * (len(named) // len(inputs.check))
     tasks = {
         name: replace(inputs, recordings=(data,), check=(check,), each=False, cluster=None)
         for (name, data), check in zip(named.items(), checks, strict=True)
     }
-    request_of(next(iter(tasks.values())), announce_code)
+    build_request(next(iter(tasks.values())), announce_code)
     about = replace(inputs, out=None, cluster=None)
     command = shlex.join(["benchtool", *sys.argv[1:]])
     permitted = inputs.cluster is None  # Python of the user's own is announced, and stays here
@@ -180,13 +188,13 @@ def _explain_one(
     out: Path | None, command: str, permitted: bool, item: tuple[str, ExplainInputs]
 ) -> dict[str, Any]:
     """Return one answer as its JSON has it, its folder written; called in a process of its own."""
-    from benchtool.commands.terminal.each import written_once
-    from benchtool.report.answer.folder import Written, answer_tables
+    from benchtool.commands.terminal.batch import reject_duplicate_outputs
+    from benchtool.report.answer.folder import WrittenFiles, answer_tables
     from benchtool.results import explain_result
 
     name, inputs = item
-    permit: CodePermit = (lambda file: None) if permitted else refuse_code
+    permit: CodePermit = (lambda file: None) if permitted else check_code_allowed
     inputs = replace(inputs, out=None)
     result = explain_result(inputs, permit=permit, commands=[command])
-    written_once(None if out is None else out / name, result.save)
-    return answer_tables(result.found, Written())
+    reject_duplicate_outputs(None if out is None else out / name, result.save)
+    return answer_tables(result.found, WrittenFiles())

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.recipe_options import MotorTestInputs
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.core.inputs import Input, Inputs, values_of
+from benchtool.core.inputs import Input, Inputs, input_values
 
 To = Literal["all", "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c"]
 
@@ -37,11 +37,13 @@ class ExportInputs(Inputs):
     stand: MotorTestInputs = field(default_factory=MotorTestInputs)
     out: Annotated[
         Path | None,
-        Input("New file, or new folder for all.", empty="named after the rig, in this folder"),
+        Input(
+            "New file, or new folder for all.", default_text="named after the rig, in this folder"
+        ),
     ] = None
 
 
-@declared(ExportInputs)
+@command_from_inputs(ExportInputs)
 def export(inputs: ExportInputs) -> None:
     """Write a fitted model for simulators, autopilots and firmware."""
     from benchtool.api import export as export_model
@@ -52,6 +54,6 @@ def export(inputs: ExportInputs) -> None:
         inputs.out,
         motor=inputs.motor,
         permit=announce_code,
-        **values_of(inputs.stand),
+        **input_values(inputs.stand),
     ):
         print(f"wrote {path}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import write_new
 from benchtool.core.inputs import Input, Inputs
 
@@ -20,21 +20,21 @@ class FirmwareInputs(Inputs):
     rig: Annotated[str, Input("Rig or rig file whose motors, pulses and limits it takes.")] = (
         "pquad_single"
     )
-    device_id: Annotated[str, Input("The device's own name.", empty="a new one")] = ""
+    device_id: Annotated[str, Input("The device's own name.", default_text="a new one")] = ""
 
 
-@declared(FirmwareInputs)
+@command_from_inputs(FirmwareInputs)
 def firmware(inputs: FirmwareInputs) -> None:
     """Write the firmware that makes an Arduino a rotor bench."""
     from secrets import token_hex
 
     from benchtool.bench.serial.sketch_files import BOARDS, sketch_files
-    from benchtool.core.rig_file import rig_named
+    from benchtool.core.rig_file import load_rig_by_name
 
     out = inputs.out
     name = inputs.device_id or f"{inputs.board}-{token_hex(3)}"
     folder = out.resolve()
-    files = sketch_files(inputs.board, rig_named(inputs.rig), name, folder.name)
+    files = sketch_files(inputs.board, load_rig_by_name(inputs.rig), name, folder.name)
 
     def write() -> None:
         folder.mkdir(parents=True)

@@ -9,18 +9,18 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from benchtool.commands.declared import declared
-from benchtool.commands.recipe_options import TableInputs, recipe_given
+from benchtool.commands.input_commands import command_from_inputs
+from benchtool.commands.recipe_options import TableInputs, recipe_from_options
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, items
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.fit.recipe import FitInputs, Recipe
 from benchtool.tasks import Cluster
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FitWords(FitInputs):
+class FitArguments(FitInputs):
     """What `benchtool fit` takes on the command line.
 
     Attributes:
@@ -39,26 +39,26 @@ class FitWords(FitInputs):
     one_by_one: tuple[str, ...] = ()
 
 
-def _completed(given: dict[str, Any]) -> FitWords:
+def _completed(given: dict[str, Any]) -> FitArguments:
     one_by_one: tuple[str, ...] = ()
     if "data" in given and "recipe" not in given:
         from benchtool.commands.terminal.table_fit import prepare_table
 
         one_by_one = prepare_table(given)
-    words = FitWords(recipe=recipe_given(given, "fit"), one_by_one=one_by_one)
+    words = FitArguments(recipe=recipe_from_options(given, "fit"), one_by_one=one_by_one)
     for item in items(TableInputs):
         given.pop(item.name, None)  # they are in the map now
     return words
 
 
-@declared(FitWords, _completed)
-def fit(inputs: FitWords) -> None:
+@command_from_inputs(FitArguments, _completed)
+def fit(inputs: FitArguments) -> None:
     """Fit a ground-effect model to run folders or any CSV."""
     import sys
 
-    from benchtool.commands.terminal.show_fit import print_fit, working
+    from benchtool.commands.terminal.show_fit import print_fit, progress_status
     from benchtool.fit.diagnose import refusal
-    from benchtool.report.fit.stored_fit import stored
+    from benchtool.report.fit.stored_fit import to_stored_fit
     from benchtool.results import fit_result
 
     command = shlex.join(["benchtool", *sys.argv[1:]])
@@ -67,9 +67,9 @@ def fit(inputs: FitWords) -> None:
         return
     if inputs.cluster is not None:
         raise InputError("--cluster is for several fits; add --each, or leave it out")
-    with working() as report:
+    with progress_status() as report:
         result = fit_result(inputs, report, _permit(inputs))
-    print_fit(stored(result.found))
+    print_fit(to_stored_fit(result.found))
     if inputs.out is not None:
         (page,) = result.save(inputs.out, [command])
         has_model = (inputs.out / "model.toml").is_file()
@@ -80,12 +80,12 @@ def fit(inputs: FitWords) -> None:
 
 
 def _permit(inputs: FitInputs) -> CodePermit:
-    return announce_code if inputs.folder is None else refuse_code
+    return announce_code if inputs.folder is None else check_code_allowed
 
 
-def _fit_each(inputs: FitWords, command: str) -> None:
+def _fit_each(inputs: FitArguments, command: str) -> None:
     """Fit several runs, each by itself; print and write them."""
-    from benchtool.commands.terminal.each import each_by_name, outcome, raise_first, run_each
+    from benchtool.commands.terminal.batch import index_by_name, outcome, raise_first, run_each
     from benchtool.commands.terminal.show_fit import print_fit, print_runs
     from benchtool.fit.diagnose import refusal
     from benchtool.fit.fit_data import recipe_model
@@ -101,7 +101,7 @@ def _fit_each(inputs: FitWords, command: str) -> None:
     else:
         recipes = {
             name: replace(recipe, name=name, data=(data,))
-            for name, data in each_by_name(recipe.data).items()
+            for name, data in index_by_name(recipe.data).items()
         }
     own = recipe_model(next(iter(recipes.values())), _permit(inputs)).effects_file
     if own and inputs.cluster is not None:
@@ -143,12 +143,12 @@ def _fit_one(
 
     Python of a model was announced before.
     """
-    from benchtool.commands.terminal.each import written_once
+    from benchtool.commands.terminal.batch import reject_duplicate_outputs
     from benchtool.fit.result_file import result_tables
     from benchtool.results import fit_result
 
-    permit: CodePermit = (lambda file: None) if inputs.folder is None else refuse_code
+    permit: CodePermit = (lambda file: None) if inputs.folder is None else check_code_allowed
     result = fit_result(replace(inputs, recipe=recipe), permit=permit)
     folder = None if out is None else out / Path(recipe.name).name
-    written_once(folder, lambda part: result.save(part, commands))
+    reject_duplicate_outputs(folder, lambda part: result.save(part, commands))
     return result_tables(result.found)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from annotated_types import Ge, Gt, Le
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.errors import InputError, WouldOverwrite
 from benchtool.core.inputs import Input, Inputs
 
 if TYPE_CHECKING:
-    from benchtool.data.repairs.imported import Options
+    from benchtool.data.repairs.import_result import ImportOptions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,36 +56,36 @@ class ImportInputs(Inputs):
     overwrite: Annotated[bool, Input("Replace recordings of the same name.")] = False
     dry_run: Annotated[bool, Input("Show findings, write nothing.")] = False
 
-    def options(self) -> Options:
+    def options(self) -> ImportOptions:
         """Return what the importer takes of these.
 
         Raises:
             InputError: a window or a propeller that cannot be read.
         """
-        from benchtool.data.formats.over_surface import parse_window
-        from benchtool.data.propeller_file import propeller_named
-        from benchtool.data.repairs.imported import Options
+        from benchtool.data.formats.surface_windows import parse_window
+        from benchtool.data.propeller_file import load_propeller
+        from benchtool.data.repairs.import_result import ImportOptions
 
-        return Options(
+        return ImportOptions(
             columns=self.columns,
             flip=self.flip,
             tare=self.tare,
             scale=self.scale,
             air_density_kg_m3=self.air_density,
-            propeller=propeller_named(self.propeller) if self.propeller else None,
+            propeller=load_propeller(self.propeller) if self.propeller else None,
             hover_kg=self.hover,
             over=tuple(parse_window(text) for text in self.over),
             near_m=self.near_m,
         )
 
 
-@declared(ImportInputs)
+@command_from_inputs(ImportInputs)
 def import_(inputs: ImportInputs) -> None:
     """Import flight logs and other makers' files, repairs listed"""
     from benchtool.commands.terminal.show_import import print_import
     from benchtool.data.formats.formats import import_files
-    from benchtool.data.repairs.imported import import_facts
-    from benchtool.data.run.recording_file import beside, write_recording
+    from benchtool.data.repairs.import_result import import_metadata
+    from benchtool.data.run.recording_file import metadata_path, write_recording
 
     options = inputs.options()
     files = inputs.files
@@ -93,13 +93,13 @@ def import_(inputs: ImportInputs) -> None:
     if not inputs.overwrite and not inputs.dry_run:
         # Before the work, so that a long import does not end in a refusal.
         for target in targets:
-            for path in (target, beside(target)):
+            for path in (target, metadata_path(target)):
                 if path.exists():
                     raise WouldOverwrite(str(path), "--overwrite")
     for read, target in zip(import_files(files, options), targets, strict=True):
         if not inputs.dry_run:
             write_recording(
-                target, read.recording, import_facts(read, options), overwrite=inputs.overwrite
+                target, read.recording, import_metadata(read, options), overwrite=inputs.overwrite
             )
         print_import(read, None if inputs.dry_run else target)
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.recipe_options import MotorTestInputs
 from benchtool.core.errors import InputError
-from benchtool.core.inputs import Input, Inputs, changed, values_of, words
+from benchtool.core.inputs import Input, Inputs, input_values, to_arguments, with_changes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +25,7 @@ class MotorInputs(Inputs):
     out: Annotated[Path | None, Input("Write the page to this new HTML file.")] = None
 
 
-@declared(MotorInputs)
+@command_from_inputs(MotorInputs)
 def motor(inputs: MotorInputs) -> None:
     """Fit thrust curve and motor constants to tests without a plate."""
     import sys
@@ -34,11 +34,11 @@ def motor(inputs: MotorInputs) -> None:
 
     if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--out {inputs.out} does not end in .html, as the name of a page does")
-    result = motor_of(inputs.runs, **values_of(inputs.stand))
+    result = motor_of(inputs.runs, **input_values(inputs.stand))
     print(result.summary())
     first, *others = map(str, inputs.runs)
     given = [word for each in others for word in ("--motor", each)]
-    given += words(MotorTestInputs, changed(inputs.stand))
+    given += to_arguments(MotorTestInputs, with_changes(inputs.stand))
     command = shlex.join(["benchtool", "export", first, *given, "--to", "all"])
     print(f"\nfor autopilots, simulators and firmware: {command}")
     if inputs.out is not None:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from annotated_types import Ge
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.inputs import Input, Inputs
 
 
@@ -22,7 +22,10 @@ class PoolInputs(Inputs):
     ] = ()
     of: Annotated[
         tuple[str, ...],
-        Input("Parameter that may differ between rigs; repeatable.", empty="those without a unit"),
+        Input(
+            "Parameter that may differ between rigs; repeatable.",
+            default_text="those without a unit",
+        ),
     ] = ()
     shared: Annotated[
         tuple[str, ...], Input("Parameter that is the same in all rigs; repeatable.")
@@ -31,7 +34,7 @@ class PoolInputs(Inputs):
     out: Annotated[Path | None, Input("New folder for page, figure and pool.json.")] = None
 
 
-@declared(PoolInputs)
+@command_from_inputs(PoolInputs)
 def pool(inputs: PoolInputs) -> None:
     """Pool fits of rigs: mean, spread, and which rigs differ"""
     import sys

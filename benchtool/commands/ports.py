@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from annotated_types import Ge, Le
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.inputs import Input, Inputs
 
 
@@ -20,7 +20,7 @@ class PortsInputs(Inputs):
     baud: Annotated[int, Ge(1), Le(100_000_000), Input("Bits per second for --probe.")] = 2_000_000
 
 
-@declared(PortsInputs)
+@command_from_inputs(PortsInputs)
 def ports(inputs: PortsInputs) -> None:
     """List serial ports and, with --probe, what answers on them."""
     from benchtool.bench.ports import identify_port, serial_ports
@@ -51,7 +51,7 @@ class DoctorInputs(Inputs):
     ] = ""
 
 
-@declared(DoctorInputs)
+@command_from_inputs(DoctorInputs)
 def doctor(inputs: DoctorInputs) -> None:
     """Explain what keeps a serial port from working."""
     from benchtool.bench import ports

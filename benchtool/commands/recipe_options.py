@@ -24,7 +24,9 @@ class StandInputs(Inputs):
         str | None,
         Input("Where a log does not state it: name, file, or size in inches, as 5x4.5."),
     ] = None
-    rig: Annotated[str | None, Input("Shipped name or path.", empty="made from the logs")] = None
+    rig: Annotated[
+        str | None, Input("Shipped name or path.", default_text="made from the logs")
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,18 +37,20 @@ class MotorTestInputs(StandInputs):
 
     mass_kg: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
-        Input("Mass of the vehicle that hovers.", "kg", empty="the rig's, where it states one"),
+        Input(
+            "Mass of the vehicle that hovers.", "kg", default_text="the rig's, where it states one"
+        ),
     ] = None
     rotors: Annotated[
         Annotated[int, Ge(1), Le(64)] | None,
-        Input("Number of rotors that carry the mass.", empty="the rig's"),
+        Input("Number of rotors that carry the mass.", default_text="the rig's"),
     ] = None
     extrapolate: Annotated[
         bool, Input("Extrapolate thrust beyond 10 % in command and 15 % in voltage, too.")
     ] = False
 
 
-def recipe_given(given: dict[str, Any], command: str) -> Recipe:
+def recipe_from_options(given: dict[str, Any], command: str) -> Recipe:
     """Return the recipe that options go over: that of a folder, or one of data and model."""
     from benchtool.fit.recipe import read_recipe
 

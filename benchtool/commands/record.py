@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from annotated_types import Gt, Le
 
 from benchtool.bench.signals import ClosingSignals
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.sweep_operator import TERMINAL
 from benchtool.core.inputs import Input, Inputs
@@ -35,11 +35,11 @@ class RecordInputs(Inputs):
     ] = 40.0
     collective: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,
-        Input("Pulse that arms the device.", "us", empty="hover", label="Collective, us"),
+        Input("Pulse that arms the device.", "us", default_text="hover", label="Collective, us"),
     ] = None
     plate_z_m: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
-        Input("Send the plate there before.", "m", label="Plate distance, m", empty="stays"),
+        Input("Send the plate there before.", "m", label="Plate distance, m", default_text="stays"),
     ] = None
     limit_deg: Annotated[
         float,
@@ -48,7 +48,7 @@ class RecordInputs(Inputs):
         Input("Stop beyond this pitch angle.", "deg", label="Stop beyond, deg"),
     ] = 45.0
     schedule: Annotated[
-        str, Input("What the device runs, for the record.", empty="its own word")
+        str, Input("What the device runs, for the record.", default_text="its own word")
     ] = ""
     name: Annotated[str, Input("Name of the run.", label="Name of the run", group="Run folder")] = (
         "pitch"
@@ -62,12 +62,12 @@ class RecordInputs(Inputs):
     dry_run: Annotated[bool, Input("Show what would spin only.")] = False
 
 
-@declared(RecordInputs)
+@command_from_inputs(RecordInputs)
 def record(inputs: RecordInputs) -> None:
     """Record a pitch experiment from a bench into a run folder."""
-    from benchtool.acquire.inputs import rig_for
+    from benchtool.acquire.inputs import resolve_rig
 
-    record_experiment(inputs, rig_for(inputs.address, inputs.rig))
+    record_experiment(inputs, resolve_rig(inputs.address, inputs.rig))
 
 
 def record_experiment(inputs: RecordInputs, stands: Rig) -> Run | None:
@@ -75,12 +75,12 @@ def record_experiment(inputs: RecordInputs, stands: Rig) -> Run | None:
     from benchtool.acquire.pitch_experiment import arming_text, check_experiment
     from benchtool.acquire.pitch_record import summary_line
     from benchtool.bench.drivers import open_bench
-    from benchtool.data.run.run import refuse_taken
+    from benchtool.data.run.run import check_not_existing
 
     experiment = experiment_of(inputs, stands)
     expected = check_experiment(experiment, stands)
     if inputs.out is not None:
-        refuse_taken(inputs.out)
+        check_not_existing(inputs.out)
     if inputs.dry_run:
         open_bench(inputs.address, announce_code)  # refuses a wrong name; opens nothing yet
         print(arming_text(experiment, stands, expected))
@@ -111,10 +111,10 @@ def _record(
     inputs: RecordInputs, rig: Rig, experiment: PitchExperiment
 ) -> tuple[Run, PitchSummary, bool]:
     """Open the bench, arm, record, and close the run whatever happened."""
-    from benchtool.acquire.new_run import new_pitch_run
-    from benchtool.acquire.operator import arm, close_stopped, say_of_bench, say_of_end
-    from benchtool.acquire.pitch_experiment import arming_text, expected_on, require_pitch
+    from benchtool.acquire.operator import arm, close_stopped, describe_bench, describe_end
+    from benchtool.acquire.pitch_experiment import arming_text, expected_extremes, require_pitch
     from benchtool.acquire.pitch_record import record_pitch
+    from benchtool.acquire.run_creation import new_pitch_run
     from benchtool.acquire.stop_listener import accept_stops
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
@@ -127,9 +127,9 @@ def _record(
             guard = GuardedBench(open_bench(inputs.address, announce_code), rig)
             with accept_stops(guard, inputs.address) as bench:
                 identity = bench.identity
-                say_of_bench(TERMINAL, identity, rig)
+                describe_bench(TERMINAL, identity, rig)
                 require_pitch(identity)
-                expected = expected_on(identity, experiment, rig)
+                expected = expected_extremes(identity, experiment, rig)
                 text = arming_text(experiment, rig, expected)
                 arm(TERMINAL, text, bench, rig, unattended=inputs.yes)
                 folder = (inputs.runs, inputs.name, inputs.out)
@@ -137,7 +137,7 @@ def _record(
                 print(f"run {run.path}", flush=True)
                 closing.begin()
                 summary = record_pitch(bench, rig, experiment, run)
-            say_of_end(TERMINAL, bench)
+            describe_end(TERMINAL, bench)
         except BaseException:
             if run is not None:
                 close_stopped(TERMINAL, run)

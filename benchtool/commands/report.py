@@ -9,10 +9,10 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.core.errors import InputError
-from benchtool.core.input_text import text_of
+from benchtool.core.input_text import format_value
 from benchtool.core.inputs import Input, Inputs
 
 
@@ -53,7 +53,9 @@ class ReportInputs(Inputs):
     over: Annotated[
         Literal["thrust", "rpm", "power", "throttle", "distance"] | None,
         Input(
-            "Draw runs and recordings in one plot over this.", empty="thrust", group="Comparison"
+            "Draw runs and recordings in one plot over this.",
+            default_text="thrust",
+            group="Comparison",
         ),
     ] = None
     at_thrust: Annotated[
@@ -61,25 +63,27 @@ class ReportInputs(Inputs):
         Input("Rank runs and recordings by efficiency at this thrust.", "N"),
     ] = None
     overwrite: Annotated[
-        bool, Input("Replace files of these names.", also="--force", group="Results")
+        bool, Input("Replace files of these names.", alias="--force", group="Results")
     ] = False
 
 
-@declared(ReportInputs)
+@command_from_inputs(ReportInputs)
 def report(inputs: ReportInputs) -> None:
     """Write a report page of a run, fit or recording"""
     import sys
 
-    from benchtool.explain.pitch.replayed import Beside
-    from benchtool.report.compare.page import compared, comparison_sentence, short_table
+    from benchtool.explain.pitch.replay import ReplayInputs
+    from benchtool.report.compare.page import compare_runs, comparison_sentence, short_table
     from benchtool.report.report_file import is_mixed, write_report
 
     given, out = list(inputs.paths), inputs.out
     if len(set(inputs.motors)) < len(inputs.motors):
-        raise InputError(f"--motors is {text_of(inputs.motors)}; name each motor once, as 1,3,2,4")
+        raise InputError(
+            f"--motors is {format_value(inputs.motors)}; name each motor once, as 1,3,2,4"
+        )
     if inputs.rig is not None and not inputs.model:
         raise InputError(f"--rig {inputs.rig} is that of a model; name one with --model")
-    beside = Beside(
+    beside = ReplayInputs(
         model=inputs.model,
         rig=inputs.rig,
         controller=inputs.controller,
@@ -94,7 +98,7 @@ def report(inputs: ReportInputs) -> None:
     if inputs.over or inputs.at_thrust is not None or is_mixed(given):
         if inputs.model:
             raise InputError("--model draws a model beside sweeps; leave it out here")
-        one = compared(given, inputs.over or "thrust", inputs.at_thrust)
+        one = compare_runs(given, inputs.over or "thrust", inputs.at_thrust)
     page = write_report(
         given,
         out,

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.inputs import Input, Inputs, items
 
@@ -38,58 +38,60 @@ class NewRigInputs(Inputs):
         str, Input("Rig (name or file) whose numbers are taken where none is given.")
     ] = ""
     radius: Annotated[
-        Length | None, Input("Rotor radius.", "m", empty="the propeller's, or asked")
+        Length | None, Input("Rotor radius.", "m", default_text="the propeller's, or asked")
     ] = None
     propeller: Annotated[
         str, Input("Propeller: name (benchtool propellers), file, or size in inches: 10x4.5.")
     ] = ""
     rotors: Annotated[int, Ge(1), Le(16), Input("How many rotors, evenly around the centre.")] = 1
     arm: Annotated[
-        Length | None, Input("Centre to each rotor's axis.", "m", empty="asked of several")
+        Length | None, Input("Centre to each rotor's axis.", "m", default_text="asked of several")
     ] = None
     cell: Annotated[
         Annotated[float, Gt(0.0), Le(1e5)] | None,
-        Input("Rating of the load cell.", "N", empty="asked for motor, sweep"),
+        Input("Rating of the load cell.", "N", default_text="asked for motor, sweep"),
     ] = None
     pulses: Annotated[
         tuple[Pulse, Pulse, Pulse] | None,
         Input(
             "Pulses at which the motor stands, starts, and ends.",
             "us",
-            empty="asked for motor, sweep",
+            default_text="asked for motor, sweep",
         ),
     ] = None
     current: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,
-        Input("Largest current of the supply; a run stops beyond it.", "A", empty="no limit"),
+        Input(
+            "Largest current of the supply; a run stops beyond it.", "A", default_text="no limit"
+        ),
     ] = None
     plate: Annotated[
         Literal["device", "grbl", "hand"] | None,
-        Input("Who moves the plate.", empty="asked for a sweep"),
+        Input("Who moves the plate.", default_text="asked for a sweep"),
     ] = None
     travel: Annotated[
         tuple[Length, Length] | None,
-        Input("Nearest and farthest plate.", "m", empty="asked for a sweep"),
+        Input("Nearest and farthest plate.", "m", default_text="asked for a sweep"),
     ] = None
     inertia: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,
-        Input("Inertia of the beam about its hinge.", "kg m2", empty="asked for pitch"),
+        Input("Inertia of the beam about its hinge.", "kg m2", default_text="asked for pitch"),
     ] = None
     source: Annotated[str, Input("Where the numbers come from.")] = "stated by the bench's owner"
 
 
-@declared(NewRigInputs)
+@command_from_inputs(NewRigInputs)
 def new_rig(inputs: NewRigInputs) -> None:
     """Write a rig file of your own, asking what its use needs."""
     from benchtool.commands.terminal.messages import write_new
     from benchtool.core.errors import WouldOverwrite
-    from benchtool.core.rig_file import rig_from_toml
+    from benchtool.core.rig_file import parse_rig
 
     file = inputs.file if inputs.file.suffix == ".toml" else Path(f"{inputs.file}.toml")
     if file.exists():
         raise WouldOverwrite(str(file))
     text = rig_text(inputs, file.stem)
-    rig = rig_from_toml(text, str(file))
+    rig = parse_rig(text, str(file))
     write_new(file, lambda: file.write_text(text, encoding="utf-8"), "another FILE")
     left_out = len(rig.not_stated)
     print(
@@ -123,7 +125,7 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
     """
     import tomli_w
 
-    from benchtool.core.packaged import read_named
+    from benchtool.core.library import read_named
     from benchtool.core.parsed_text import parse_toml
 
     known = {item.key: item for item in items(NewRigInputs)}
@@ -208,9 +210,9 @@ def ask(question: str, option: str, usual: str, choices: Sequence[str], reason: 
 
 def _mount(named: str, data: dict[str, Any]) -> None:
     """Put a propeller into the tables of a rig; coefficients of another one go."""
-    from benchtool.data.propeller_file import propeller_named
+    from benchtool.data.propeller_file import load_propeller
 
-    numbers = asdict(propeller_named(named))
+    numbers = asdict(load_propeller(named))
     stated = {key: value for key, value in numbers.items() if value}
     data["propeller"] = {"source": f"propeller {named}", **stated}
     for key in ("radius_m", "thrust_coefficient_N_s2", "drag_coefficient_Nm_s2"):

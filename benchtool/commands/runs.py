@@ -9,11 +9,11 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.errors import CalibrationError, InputError
 from benchtool.core.inputs import Input, Inputs
-from benchtool.data.catalogue.choice import ChoiceInputs
 from benchtool.data.catalogue.entry import Entry
+from benchtool.data.catalogue.filters import ChoiceInputs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +25,7 @@ class ListInputs(ChoiceInputs):
     rebuild: Annotated[bool, Input("Read every run again, whatever the index says.")] = False
 
 
-@declared(ListInputs)
+@command_from_inputs(ListInputs)
 def list_(inputs: ListInputs) -> None:
     """List runs, fits and recordings, chosen by rig, date, distance, tag and more"""
     _list(inputs)
@@ -40,14 +40,14 @@ class SearchInputs(ListInputs):
     ]
 
 
-@declared(SearchInputs)
+@command_from_inputs(SearchInputs)
 def search(inputs: SearchInputs) -> None:
     """Find runs by words that stand anywhere in name, rig, date, tags, notes"""
     _list(inputs)
 
 
 def _list(inputs: ListInputs) -> None:
-    from benchtool.data.catalogue.choice import find_entries
+    from benchtool.data.catalogue.filters import find_entries
 
     found = find_entries(inputs, rebuild=inputs.rebuild)
     if inputs.paths:
@@ -91,14 +91,14 @@ class QueryInputs(ChoiceInputs):
     out: Annotated[Path | None, Input("Write every row into this .csv or .parquet file.")] = None
 
 
-@declared(QueryInputs)
+@command_from_inputs(QueryInputs)
 def query(inputs: QueryInputs) -> None:
     """Query points, samples and fits of all that is chosen with SQL (DuckDB)"""
-    from benchtool.data.catalogue.choice import find_entries
-    from benchtool.data.catalogue.query import queried, write_result
+    from benchtool.data.catalogue.filters import find_entries
+    from benchtool.data.catalogue.query import run_query, write_result
 
     found = find_entries(inputs)
-    with queried(found, inputs.sql) as result:
+    with run_query(found, inputs.sql) as result:
         if inputs.out is not None:
             write_result(result, inputs.out)
             print(f"written: {inputs.out}")
@@ -119,11 +119,11 @@ class TagInputs(Inputs):
     """What `benchtool runs tag` takes."""
 
     runs: Annotated[tuple[Path, ...], Input("Folders of runs or fits.", argument="RUN")]
-    add: Annotated[tuple[str, ...], Input("Tags to give them.", commas=True)] = ()
-    remove: Annotated[tuple[str, ...], Input("Tags to take from them.", commas=True)] = ()
+    add: Annotated[tuple[str, ...], Input("Tags to give them.", comma_separated=True)] = ()
+    remove: Annotated[tuple[str, ...], Input("Tags to take from them.", comma_separated=True)] = ()
 
 
-@declared(TagInputs)
+@command_from_inputs(TagInputs)
 def tag(inputs: TagInputs) -> None:
     """Give runs and fits tags, or take some away; without --add and --remove, show them"""
     from benchtool.data.run.labels import check_labels, label
@@ -142,7 +142,7 @@ class NoteInputs(Inputs):
     text: Annotated[str, Input("One sentence.", argument="TEXT")]
 
 
-@declared(NoteInputs)
+@command_from_inputs(NoteInputs)
 def note(inputs: NoteInputs) -> None:
     """Write a note about a run or fit, with the date and who wrote it"""
     import getpass
@@ -162,7 +162,7 @@ class ShowInputs(Inputs):
     runs: Annotated[tuple[Path, ...], Input("Folders of runs or fits.", argument="RUN")]
 
 
-@declared(ShowInputs)
+@command_from_inputs(ShowInputs)
 def show(inputs: ShowInputs) -> None:
     """Show what the catalogue knows of runs and fits, with their tags and notes"""
     for facts in [_facts(path) for path in inputs.runs]:
@@ -170,10 +170,10 @@ def show(inputs: ShowInputs) -> None:
             print(f"{name:<12} {value}".rstrip())
 
 
-@declared(ShowInputs)
+@command_from_inputs(ShowInputs)
 def compare(inputs: ShowInputs) -> None:
     """Set runs side by side: what they are, and T_IGE/T_OGE by z/R; report draws them"""
-    from benchtool.core.counted import counted
+    from benchtool.core.plural import pluralize
     from benchtool.data.run.settings import ratios_by_distance
 
     if len(inputs.runs) < 2:
@@ -183,7 +183,7 @@ def compare(inputs: ShowInputs) -> None:
     _print_columns(rows)
     ratios = ratios_by_distance(inputs.runs)
     if ratios:
-        print(f"T_IGE/T_OGE at equal squared speed, mean over {counted(len(ratios), 'distance')}")
+        print(f"T_IGE/T_OGE at equal squared speed, mean over {pluralize(len(ratios), 'distance')}")
         shown = [
             (f"z/R {z:.3g}", *("" if one is None else f"{one:.4f}" for one in row))
             for z, row in ratios
@@ -192,11 +192,11 @@ def compare(inputs: ShowInputs) -> None:
 
 
 def _facts(path: Path) -> dict[str, str]:
-    from benchtool.data.run.entry import entry_of
+    from benchtool.data.run.entry import build_entry
     from benchtool.data.run.runs_folder import RunsFolder
 
     real = path.resolve()
-    one = entry_of(RunsFolder(real.parent), real.name)
+    one = build_entry(RunsFolder(real.parent), real.name)
     return {
         "run": str(path), "kind": one.kind, "rig": one.rig, "propeller": one.propeller,
         "operator": one.operator, "date": one.date,
@@ -206,7 +206,7 @@ def _facts(path: Path) -> dict[str, str]:
     }  # fmt: skip
 
 
-@declared(ShowInputs)
+@command_from_inputs(ShowInputs)
 def verify(inputs: ShowInputs) -> None:
     """Check runs against the hashes that they state; exit code 2 where one differs"""
     from benchtool.data.run.entry import verify_run
@@ -231,18 +231,18 @@ class RunExportInputs(Inputs):
     )
 
 
-@declared(RunExportInputs)
+@command_from_inputs(RunExportInputs)
 def export(inputs: RunExportInputs) -> None:
     """Write samples, points or settings of a run as MCAP, Parquet or CSV"""
     from benchtool.core.errors import WouldOverwrite
     from benchtool.data.atomic import replace_bytes
     from benchtool.data.run.run import Run
-    from benchtool.data.run.settings import exported
+    from benchtool.data.run.settings import export_table
 
     if inputs.out.exists():
         raise WouldOverwrite(str(inputs.out))
     run = Run.open(inputs.run)
-    replace_bytes(inputs.out, exported(run.path, inputs.table, inputs.out.suffix.lower()))
+    replace_bytes(inputs.out, export_table(run.path, inputs.table, inputs.out.suffix.lower()))
     print(f"written: {inputs.out}")
 
 
@@ -251,18 +251,18 @@ class MergeInputs(Inputs):
     """What `benchtool runs merge` takes."""
 
     runs: Annotated[tuple[Path, ...], Input("Runs of one rig and propeller.", argument="RUN")]
-    out: Annotated[Path, Input("The new run folder.", also="-o")]
+    out: Annotated[Path, Input("The new run folder.", alias="-o")]
 
 
-@declared(MergeInputs)
+@command_from_inputs(MergeInputs)
 def merge(inputs: MergeInputs) -> None:
     """Merge several runs of one rig and propeller into a new run folder"""
-    from benchtool.core.counted import counted
+    from benchtool.core.plural import pluralize
     from benchtool.data.run.merge import merge_runs
     from benchtool.data.run.read import parts_of
 
     run = merge_runs(inputs.runs, inputs.out)
-    print(f"written: {inputs.out}, of {counted(len(parts_of(run.path)), 'run')}")
+    print(f"written: {inputs.out}, of {pluralize(len(parts_of(run.path)), 'run')}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,7 +272,7 @@ class CloseInputs(Inputs):
     runs: Annotated[tuple[Path, ...], Input("Run folders.", argument="RUN")]
 
 
-@declared(CloseInputs)
+@command_from_inputs(CloseInputs)
 def close(inputs: CloseInputs) -> None:
     """Mend what a killed program left of runs and write their tables; safe to repeat."""
     from benchtool.acquire.resume import close_run
@@ -291,30 +291,30 @@ class RecalibrateInputs(Inputs):
     """What `benchtool recalibrate` takes."""
 
     run: Annotated[Path, Input("The run folder.", argument="RUN")]
-    calibration: Annotated[Path | None, Input("Calibration file.", empty="the device's latest")] = (
-        None
-    )
+    calibration: Annotated[
+        Path | None, Input("Calibration file.", default_text="the device's latest")
+    ] = None
     other_device: Annotated[bool, Input("Take one of another device; noted in the run.")] = False
 
 
-@declared(RecalibrateInputs)
+@command_from_inputs(RecalibrateInputs)
 def recalibrate_run(inputs: RecalibrateInputs) -> None:
     """Apply a calibration to a run, its raw data untouched."""
     from benchtool.acquire.recalibrate import recalibrate
-    from benchtool.data.calibration import calibration_from, read_calibration
+    from benchtool.data.calibration import parse_calibration, read_calibration
     from benchtool.data.run.run import Run
-    from benchtool.data.run.state import recall
+    from benchtool.data.run.state import recall_latest
 
     opened = Run.open(inputs.run)
     if inputs.calibration is not None:
         chosen = read_calibration(inputs.calibration)
     else:
         device_id = str(opened.metadata.get("device_id", ""))
-        latest = recall("calibration", device_id)
+        latest = recall_latest("calibration", device_id)
         if latest is None:
             raise CalibrationError(
                 f"no calibration of device {device_id!r} is known here; give --calibration FILE"
             )
-        chosen = calibration_from(latest, f"the latest calibration of {device_id}")
+        chosen = parse_calibration(latest, f"the latest calibration of {device_id}")
     folder = recalibrate(opened, chosen, other_device=inputs.other_device)
     print(f"points through calibration {chosen.id}: {folder}")

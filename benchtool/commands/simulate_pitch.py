@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.simulate_options import say_if_slow, show_study
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.simulate.pitch.inputs import PitchInputs
 
 
-@declared(PitchInputs)
+@command_from_inputs(PitchInputs)
 def pitch(inputs: PitchInputs) -> None:
     """Simulate the pitch bench under each controller.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.inputs import Input, Inputs
 
 
@@ -14,17 +14,18 @@ class StopInputs(Inputs):
     """Inputs of `benchtool stop`."""
 
     address: Annotated[
-        str | None, Input("Only the bench at this address.", empty="every bench of this user")
+        str | None,
+        Input("Only the bench at this address.", default_text="every bench of this user"),
     ] = None
 
 
-@declared(StopInputs)
+@command_from_inputs(StopInputs)
 def stop(inputs: StopInputs) -> None:
     """Stop the motors of every bench of this user."""
     from concurrent.futures import ThreadPoolExecutor
 
     from benchtool.acquire.stop_listener import find_benches, stop_folder
-    from benchtool.core.errors import InputError, StandstillNotSeen, UnknownChoice
+    from benchtool.core.errors import InputError, StandstillNotConfirmed, UnknownChoice
 
     benches = announced = find_benches()
     if not benches:
@@ -44,6 +45,6 @@ def stop(inputs: StopInputs) -> None:
         bench.address for bench, report in zip(benches, reports, strict=True) if not report.standing
     ]
     if unseen:
-        raise StandstillNotSeen(
+        raise StandstillNotConfirmed(
             f"MOTORS MAY STILL TURN: {', '.join(unseen)}; look, cut the power if they turn"
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchtool.acquire.inputs import SweepInputs
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.sweep_operator import TERMINAL
 
@@ -16,9 +16,9 @@ def _base(given: dict[str, Any]) -> SweepInputs:
     return base_inputs(given, "option")
 
 
-@declared(SweepInputs, _base)
+@command_from_inputs(SweepInputs, _base)
 def sweep(inputs: SweepInputs) -> None:
     """Sweep plate distance and throttle into a run folder."""
-    from benchtool.acquire.sweep_run import sweep_to_run
+    from benchtool.acquire.sweep_run import run_sweep_to_folder
 
-    sweep_to_run(inputs, TERMINAL, announce_code)
+    run_sweep_to_folder(inputs, TERMINAL, announce_code)

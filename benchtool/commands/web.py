@@ -9,7 +9,7 @@ from typing import Annotated
 
 from annotated_types import Ge, Le
 
-from benchtool.commands.declared import declared
+from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.inputs import Input, Inputs
 
 PAGE = "benchtool.web.serve"  # named, not imported: the page stands above the commands
@@ -26,13 +26,13 @@ class WebInputs(Inputs):
         "127.0.0.1"
     )
     port: Annotated[
-        Annotated[int, Ge(0), Le(65535)] | None, Input("Port.", empty="8460 or a free one")
+        Annotated[int, Ge(0), Le(65535)] | None, Input("Port.", default_text="8460 or a free one")
     ] = None
     token: Annotated[bool, Input("Want the token on this machine, too.")] = False
     browser: Annotated[bool, Input("Open the page in a browser.")] = True
 
 
-@declared(WebInputs)
+@command_from_inputs(WebInputs)
 def web(inputs: WebInputs) -> None:
     """Serve a page to watch, sweep, fit and explain in a browser."""
     page = import_module(PAGE)

@@ -25,7 +25,9 @@ class Air(Inputs):
 
     temperature: Annotated[
         Annotated[float, Ge(-40.0), Le(60.0)] | None,
-        Input("Air temperature.", "degC", label="Air, degC", empty=f"{STANDARD_DEGC:g} assumed"),
+        Input(
+            "Air temperature.", "degC", label="Air, degC", default_text=f"{STANDARD_DEGC:g} assumed"
+        ),
     ] = None
     pressure: Annotated[
         Annotated[float, Ge(500.0), Le(1100.0)] | None,
@@ -33,12 +35,12 @@ class Air(Inputs):
             "Air pressure here, not reduced to sea level.",
             "hPa",
             label="Pressure here, hPa",
-            empty=f"{0.01 * STANDARD_PA:g} assumed",
+            default_text=f"{0.01 * STANDARD_PA:g} assumed",
         ),
     ] = None
     humidity: Annotated[
         Annotated[float, Ge(0.0), Le(100.0)] | None,
-        Input("Relative humidity.", "percent", label="Humidity, %", empty="0 assumed"),
+        Input("Relative humidity.", "percent", label="Humidity, %", default_text="0 assumed"),
     ] = None
 
     def facts(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from benchtool.core.errors import UnknownChoice
-from benchtool.core.units import unit_named
+from benchtool.core.units import find_unit
 
 CHANNELS: dict[str, str] = {  # every channel that a table can be mapped to; # is a rotor's number
     "time_s": "time since the recording began",
@@ -94,12 +94,12 @@ def require_known_channel(name: str) -> None:
         raise UnknownChoice("channel", name, (item.replace("#", "1") for item in CHANNELS))
 
 
-def family_of(name: str) -> str:
+def channel_family(name: str) -> str:
     """Return the kind of a channel: its name without a rotor's number at the end."""
     return name.rstrip("0123456789")
 
 
-def unit_in_name(name: str) -> str:
+def unit_from_name(name: str) -> str:
     """Return the unit that a column name of ours carries; "1" when it carries none."""
     if _RPM.fullmatch(name):
         return "rpm"
@@ -112,7 +112,7 @@ def unit_in_name(name: str) -> str:
     return _SUFFIXES.get(suffix, "1") if head else "1"
 
 
-def error_name(name: str) -> str:
+def error_channel_name(name: str) -> str:
     """Return the name of the column of a channel's standard error: "se" before its unit."""
     endings = (*_LONG_SUFFIXES, *(f"_{suffix}" for suffix in _SUFFIXES))
     ending = next((one for one in endings if name.endswith(one)), "")
@@ -135,4 +135,4 @@ class Channel:
     description: str = ""
 
     def __post_init__(self) -> None:
-        unit_named(self.unit)
+        find_unit(self.unit)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 
 Distribution = Literal["normal", "uniform", "triangular", "student_t"]
 """Of one draw, with standard deviation 1 (JCGM 101:2008, 6.4); "student_t" takes the `dof`."""
@@ -56,7 +56,7 @@ class ErrorSource:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Uncertain:
+class UncertainValues:
     """Hold numbers with their own errors and those that they share."""
 
     value: Array  # (n,)
@@ -71,7 +71,7 @@ class Uncertain:
         return out
 
 
-def joined(parts: Sequence[Sequence[ErrorSource]]) -> tuple[ErrorSource, ...]:
+def concatenate_sources(parts: Sequence[Sequence[ErrorSource]]) -> tuple[ErrorSource, ...]:
     """Return the sources of parts laid one after the other, each part with draws of its own.
 
     Every part has the same sources in the same order.

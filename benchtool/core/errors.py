@@ -41,13 +41,13 @@ from collections.abc import Iterable, Sequence
 from math import inf
 from typing import Any
 
-MOST_SHOWN = 60  # most names in a message, and most letters of a repeated name; assumed
+MAX_LISTED = 60  # most names in a message, and most letters of a repeated name; assumed
 
 
 def _listed(names: Sequence[str]) -> str:
     """Return names with commas; of many only the first."""
-    rest = f" and {len(names) - MOST_SHOWN:,} more" if len(names) > MOST_SHOWN else ""
-    return (", ".join(names[:MOST_SHOWN]) or "none") + rest
+    rest = f" and {len(names) - MAX_LISTED:,} more" if len(names) > MAX_LISTED else ""
+    return (", ".join(names[:MAX_LISTED]) or "none") + rest
 
 
 class BenchtoolError(Exception):
@@ -103,7 +103,7 @@ class UnknownChoice(InputError):
         self.kind = kind
         self.name = name
         self.known = tuple(sorted(known))
-        name = name[: 4 * MOST_SHOWN]
+        name = name[: 4 * MAX_LISTED]
         # A parameter is also known by what stands behind the dot.
         parts = {each.rpartition(".")[2].casefold(): each for each in self.known if "." in each}
         folded = parts | {each.casefold(): each for each in self.known}
@@ -112,7 +112,7 @@ class UnknownChoice(InputError):
         begun = [each for each in sorted(folded, key=len) if each.startswith(name.casefold())]
         close = close or begun[: len(name) > 1]
         hint = f"did you mean {folded[close[0]]!r}? " if close else ""
-        shown = name if len(name) <= MOST_SHOWN else f"{name[:MOST_SHOWN]}..."
+        shown = name if len(name) <= MAX_LISTED else f"{name[:MAX_LISTED]}..."
         super().__init__(f"unknown {kind} {shown!r}; {hint}known: {_listed(self.known)}")
 
 
@@ -287,7 +287,7 @@ class DeviceStopped(BenchError):
     exit_code = 4
 
 
-class StandstillNotSeen(BenchError):
+class StandstillNotConfirmed(BenchError):
     """Motors may still turn after a stop: no measurement shows that they stand.
 
     Args:
@@ -302,13 +302,13 @@ class StandstillNotSeen(BenchError):
         super().__init__(message)
 
 
-class RunStopped(BenchtoolError):
+class RunInterrupted(BenchtoolError):
     """A run ended early, safely, for a stated reason."""
 
     exit_code = 5
 
 
-class HostPaused(RunStopped):
+class HostSuspended(RunInterrupted):
     """The host did not run for longer than an order may be old.
 
     Args:

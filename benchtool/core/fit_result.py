@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.core.parameter import full_name
+from benchtool.core.array_type import Array
+from benchtool.core.parameter import resolve_name
 
 Status = Literal["converged", "stopped_early", "not_converged"]
 
@@ -89,7 +89,7 @@ class FitResult:
 
     def __getitem__(self, name: str) -> Estimate:
         known = {estimate.name: estimate for estimate in (*self.estimates, *self.derived)}
-        return known[full_name(name, known, "fitted parameter")]
+        return known[resolve_name(name, known, "fitted parameter")]
 
     @property
     def values(self) -> Array:

@@ -14,7 +14,7 @@ _WITH_UNIT = re.compile(
 )
 
 
-def are_texts(value: Any) -> bool:
+def is_string_sequence(value: Any) -> bool:
     """Return whether a value is a list of texts."""
     return isinstance(value, list | tuple) and all(isinstance(word, str) for word in value)
 
@@ -22,7 +22,7 @@ def are_texts(value: Any) -> bool:
 def read_texts(value: str | Sequence[Any], *, commas: bool) -> list[Any]:
     """Return the texts of one word or several; commas may part a word."""
     words = [value] if isinstance(value, str) else list(value)
-    if not (commas and are_texts(words)):
+    if not (commas and is_string_sequence(words)):
         return words
     return [part.strip() for word in words for part in word.split(",") if part.strip()]
 
@@ -107,21 +107,21 @@ def read_pairs(value: str | Sequence[str], called: str) -> dict[str, float]:
     return found
 
 
-def text_of(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value as it would be typed; "" for none."""
     if isinstance(value, Mapping):
-        return ", ".join(words_of(value, commas=False))
+        return ", ".join(format_arguments(value, commas=False))
     if isinstance(value, list | tuple):
-        return ",".join(map(text_of, value))
+        return ",".join(map(format_value, value))
     if isinstance(value, float):
         return f"{value:g}" if float(f"{value:g}") == value else repr(value)
     return "" if value is None else str(value)
 
 
-def words_of(value: Any, *, commas: bool) -> list[str]:
+def format_arguments(value: Any, *, commas: bool) -> list[str]:
     """Return the words that give a value: several where it is a mapping, or a list of texts."""
     if isinstance(value, Mapping):
-        return [f"{name}={text_of(number)}" for name, number in value.items()]
+        return [f"{name}={format_value(number)}" for name, number in value.items()]
     if isinstance(value, list | tuple) and not commas:
-        return [text_of(each) for each in value]
-    return [text_of(value)]
+        return [format_value(each) for each in value]
+    return [format_value(value)]

@@ -30,19 +30,19 @@ from annotated_types import Ge, Gt, Le
 
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.input_text import (
-    are_texts,
+    format_arguments,
+    is_string_sequence,
     read_number,
     read_numbers,
     read_pairs,
     read_texts,
-    words_of,
 )
 from benchtool.core.toml_text import FiniteTable, RefusedValue, check_value
 
 T = TypeVar("T")
 
 Source = Literal["option", "keyword", "label"]  # command line, a call from Python, a form
-LARGEST = 1e300  # beyond it a whole number cannot be written as others are
+MAX_NUMBER = 1e300  # beyond it a whole number cannot be written as others are
 
 _OF_RANGE = (
     "greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number",
@@ -56,10 +56,10 @@ class Input:
     Attributes:
         option: name of option and keyword where it is not the field's.
         label: in a form; the help and the unit when left out.
-        empty: what runs where nothing is given, if the default does not say it.
+        default_text: what runs where nothing is given, if the default does not say it.
         argument: what usage calls it where the command line takes it without an option.
-        also: a second spelling of the option.
-        commas: whether several texts may stand in one word, with commas between.
+        alias: a second spelling of the option.
+        comma_separated: whether several texts may stand in one word, with commas between.
         instead_of: field beside it that it replaces.
         hidden: whether help and forms leave it out.
         group: heading of help under which it stands, and those of its part after it; the title of
@@ -71,16 +71,16 @@ class Input:
     _: KW_ONLY
     option: str = ""
     label: str = ""
-    empty: str = ""
+    default_text: str = ""
     argument: str = ""
-    also: str = ""
-    commas: bool = False
+    alias: str = ""
+    comma_separated: bool = False
     instead_of: str = ""
     hidden: bool = False
     group: str = ""
 
 
-NO_INPUT = Input("")  # of a field that only a file may give
+FILE_ONLY = Input("")  # of a field that only a file may give
 
 
 class Inputs(FiniteTable):
@@ -104,13 +104,13 @@ class Inputs(FiniteTable):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Item:
+class InputField:
     """Describe one input of a dataclass, the parts of parts included.
 
     Attributes:
         key: where it stands in a file, with dots between tables.
         declared: its type, without None.
-        many, count: whether it holds several, and how many where that is fixed.
+        is_sequence, count: whether it holds several, and how many where that is fixed.
         choices: known values; empty for any.
         range: what numbers are taken, in words; "" for any.
         group: heading of help under which it stands; "" for the first, which has none of its own.
@@ -119,23 +119,23 @@ class Item:
     key: str
     declared: Any
     kind: Any
-    many: bool
+    is_sequence: bool
     count: int | None
     choices: tuple[str, ...]
     range: str
     default: Any
-    about: Input
+    metadata: Input
     group: str = ""
 
     @property
-    def is_part(self) -> bool:
+    def is_nested(self) -> bool:
         """Whether it is a dataclass of inputs itself."""
         return isinstance(self.kind, type) and issubclass(self.kind, Inputs)
 
     @property
     def name(self) -> str:
         """Name as option (with hyphens) and as keyword."""
-        return (self.about.option or self.key.rpartition(".")[2]).replace("-", "_")
+        return (self.metadata.option or self.key.rpartition(".")[2]).replace("-", "_")
 
     @property
     def required(self) -> bool:
@@ -145,22 +145,22 @@ class Item:
     @property
     def option(self) -> str:
         """Word of the command line that a value follows."""
-        name = self.about.option or self.name
-        return self.about.argument or f"--{name.replace('_', '-')}"
+        name = self.metadata.option or self.name
+        return self.metadata.argument or f"--{name.replace('_', '-')}"
 
     @property
     def label(self) -> str:
         """Words beside its field in a form."""
-        if self.about.label:
-            return self.about.label
-        unit = f", {self.about.unit}" if self.about.unit else ""
-        return f"{self.about.help.rstrip('.')}{unit}"
+        if self.metadata.label:
+            return self.metadata.label
+        unit = f", {self.metadata.unit}" if self.metadata.unit else ""
+        return f"{self.metadata.help.rstrip('.')}{unit}"
 
-    def called(self, source: Source) -> str:
+    def display_name(self, source: Source) -> str:
         """Return what a source calls this input."""
         return {"option": self.option, "keyword": self.name, "label": self.label}[source]
 
-    def read(self, value: Any, called: str) -> Any:
+    def read(self, value: Any, display_name: str) -> Any:
         """Return a value, or the text typed for it, as the declared type has it.
 
         Raises:
@@ -168,27 +168,29 @@ class Item:
         """
         if value is None and self.default is None:
             return None
-        if self.is_part:
+        if self.is_nested:
             if isinstance(value, self.kind):
                 return value
-            raise InputError(f"{called} is {value!r:.60}; make it with {self.kind.__name__}(...)")
+            raise InputError(
+                f"{display_name} is {value!r:.60}; make it with {self.kind.__name__}(...)"
+            )
         if self.kind is Mapping:
-            value = value if isinstance(value, Mapping) else read_pairs(value, called)
-        elif self.many and self.kind is str:
-            value = read_texts(value, commas=self.about.commas)
-        elif self.many and (isinstance(value, str) or are_texts(value)):
-            value = read_numbers(value, called, self.kind, self.count, self.about.unit)
-        elif self.many and isinstance(value, int | float):
+            value = value if isinstance(value, Mapping) else read_pairs(value, display_name)
+        elif self.is_sequence and self.kind is str:
+            value = read_texts(value, commas=self.metadata.comma_separated)
+        elif self.is_sequence and (isinstance(value, str) or is_string_sequence(value)):
+            value = read_numbers(value, display_name, self.kind, self.count, self.metadata.unit)
+        elif self.is_sequence and isinstance(value, int | float):
             value = (value,)
         elif isinstance(value, str) and self.kind in (int, float):
-            value = read_number(value, called, self.kind, self.about.unit)
+            value = read_number(value, display_name, self.kind, self.metadata.unit)
         try:
             return check_value(self.declared, value)
         except RefusedValue as refused:
-            raise self._refusal(refused, called) from None
+            raise self._refusal(refused, display_name) from None
 
     def _refusal(self, refused: RefusedValue, called: str) -> InputError:
-        value, unit = refused.value, f" {self.about.unit}" if self.about.unit else ""
+        value, unit = refused.value, f" {self.metadata.unit}" if self.metadata.unit else ""
         if self.choices and isinstance(value, str):
             return UnknownChoice(called, value, self.choices)
         if refused.kind == "too_short":
@@ -196,23 +198,27 @@ class Item:
         if refused.kind not in _OF_RANGE:
             return InputError(f"{called} is {value!r:.80}: {refused.reason}; correct it")
         allowed = f"{self.range}{unit}" if self.range else "a finite number"
-        point = " (decimals take a point: 0.5, not 0,5)" if self.many and self.kind is float else ""
-        huge = isinstance(value, int) and abs(value) > LARGEST  # no float is that large
-        given = f"beyond {LARGEST:g}" if huge else f"{value:g}"
+        point = (
+            " (decimals take a point: 0.5, not 0,5)"
+            if self.is_sequence and self.kind is float
+            else ""
+        )
+        huge = isinstance(value, int) and abs(value) > MAX_NUMBER  # no float is that large
+        given = f"beyond {MAX_NUMBER:g}" if huge else f"{value:g}"
         return InputError(
-            f"{called} {'names' if self.many else 'is'} {given}{unit}, allowed is {allowed}; "
-            f"correct it{point}"
+            f"{called} {'names' if self.is_sequence else 'is'} {given}{unit}, allowed is "
+            f"{allowed}; correct it{point}"
         )
 
 
 @cache
-def _fields_of(cls: Any) -> tuple[Item, ...]:
+def _fields_of(cls: Any) -> tuple[InputField, ...]:
     """Return every field of one dataclass, described; parts are not entered."""
     hints = get_type_hints(cls, include_extras=True)
     return tuple(_item(one, hints[one.name]) for one in fields(cls))
 
 
-def _item(field: Any, hint: Any) -> Item:
+def _item(field: Any, hint: Any) -> InputField:
     metadata: list[Any] = []
 
     def plain(hint: Any) -> Any:
@@ -226,7 +232,7 @@ def _item(field: Any, hint: Any) -> Item:
 
     kind = plain(hint)
     declared = Annotated[(kind, *metadata)] if metadata else kind
-    about = next((each for each in metadata if isinstance(each, Input)), NO_INPUT)
+    about = next((each for each in metadata if isinstance(each, Input)), FILE_ONLY)
     many, count = get_origin(kind) is tuple, None
     if many:
         parts = get_args(kind)
@@ -236,16 +242,16 @@ def _item(field: Any, hint: Any) -> Item:
         kind = Mapping
     choices = get_args(kind) if get_origin(kind) is Literal else ()
     factory = field.default_factory
-    return Item(
+    return InputField(
         key=field.name,
         declared=declared,
         kind=str if choices else kind,
-        many=many,
+        is_sequence=many,
         count=count,
         choices=choices,
         range=describe_range(metadata),
         default=field.default if factory is MISSING else factory(),
-        about=about,
+        metadata=about,
     )
 
 
@@ -264,7 +270,7 @@ def describe_range(metadata: Sequence[Any]) -> str:
     return f"at most {highest}" if highest else ""
 
 
-def items(cls: Any) -> tuple[Item, ...]:
+def items(cls: Any) -> tuple[InputField, ...]:
     """Return every input of a dataclass, in order, those of its parts included.
 
     A field without an `Input` is no input: a file may say it, nothing else can.
@@ -273,21 +279,21 @@ def items(cls: Any) -> tuple[Item, ...]:
 
 
 @cache
-def _items(cls: Any) -> tuple[Item, ...]:
+def _items(cls: Any) -> tuple[InputField, ...]:
     return tuple(_walk(cls, ""))
 
 
-def _walk(cls: Any, prefix: str, above: str = "") -> Iterator[Item]:
+def _walk(cls: Any, prefix: str, above: str = "") -> Iterator[InputField]:
     group = cls.TITLE or above
     for item in _fields_of(cls):
-        if item.is_part:
+        if item.is_nested:
             yield from _walk(item.kind, f"{prefix}{item.key}.", group)
-        elif item.about is not NO_INPUT:
-            group = item.about.group or group
+        elif item.metadata is not FILE_ONLY:
+            group = item.metadata.group or group
             yield replace(item, key=f"{prefix}{item.key}", group=group)
 
 
-def make(
+def build_inputs(
     cls: type[T], given: Mapping[str, Any], *, source: Source = "keyword", base: T | None = None
 ) -> T:
     """Return the dataclass with what was given, by name, in place of what `base` or defaults say.
@@ -307,16 +313,16 @@ def make(
     present = {known[name]: value for name, value in given.items() if value is not None}
     values: dict[str, Any] = {}
     for item, value in present.items():
-        if other := item.about.instead_of:
+        if other := item.metadata.instead_of:
             rival = next(one for one in known.values() if one.key == _beside(item.key, other))
             if rival in present:
-                both = " and ".join(sorted((item.called(source), rival.called(source))))
+                both = " and ".join(sorted((item.display_name(source), rival.display_name(source))))
                 raise InputError(f"{both} are both given; give one of them")
             values[rival.key] = rival.default
-        values[item.key] = item.read(value, item.called(source))
+        values[item.key] = item.read(value, item.display_name(source))
     for item in known.values():
         if base is None and item.default is MISSING and item.key not in values:
-            raise InputError(f"{item.called(source)} is missing; give it")
+            raise InputError(f"{item.display_name(source)} is missing; give it")
     made: T = _assemble(cls, base, values, "")
     return made
 
@@ -333,14 +339,14 @@ def _assemble(cls: Any, base: Any, values: Mapping[str, Any], prefix: str) -> An
         key = f"{prefix}{item.key}"
         if key in values:
             changes[item.key] = values[key]
-        elif item.is_part and any(each.startswith(f"{key}.") for each in values):
+        elif item.is_nested and any(each.startswith(f"{key}.") for each in values):
             part = item.default if base is None else getattr(base, item.key)
             part = None if part is MISSING else part
             changes[item.key] = _assemble(item.kind, part, values, f"{key}.")
     return cls(**changes) if base is None else replace(base, **changes)
 
 
-def values_of(inputs: Any) -> dict[str, Any]:
+def input_values(inputs: Any) -> dict[str, Any]:
     """Return the value of every input of a dataclass, by name."""
 
     def value(key: str) -> Any:
@@ -352,9 +358,9 @@ def values_of(inputs: Any) -> dict[str, Any]:
     return {item.name: value(item.key) for item in items(type(inputs))}
 
 
-def changed(inputs: Any) -> dict[str, Any]:
+def with_changes(inputs: Any) -> dict[str, Any]:
     """Return the inputs whose values are not the defaults, by name."""
-    found = values_of(inputs)
+    found = input_values(inputs)
     return {
         item.name: found[item.name]
         for item in items(type(inputs))
@@ -362,7 +368,7 @@ def changed(inputs: Any) -> dict[str, Any]:
     }
 
 
-def words(cls: type[Any], given: Mapping[str, Any]) -> list[str]:
+def to_arguments(cls: type[Any], given: Mapping[str, Any]) -> list[str]:
     """Return the words of the command line that give these values, arguments first.
 
     Args:
@@ -379,8 +385,10 @@ def words(cls: type[Any], given: Mapping[str, Any]) -> list[str]:
             continue
         if value is None or value in ("", (), [], {}):
             continue
-        texts = words_of(value, commas=item.about.commas or item.kind is not str)
-        if item.about.argument:
+        texts = format_arguments(
+            value, commas=item.metadata.comma_separated or item.kind is not str
+        )
+        if item.metadata.argument:
             first += texts
         else:
             rest += [word for text in texts for word in (item.option, text)]

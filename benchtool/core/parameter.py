@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.units import unit_named
+from benchtool.core.units import find_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class Parameter:
     source: str = ""
 
     def __post_init__(self) -> None:
-        unit_named(self.unit)
+        find_unit(self.unit)
         if not self.lower <= self.value <= self.upper:
             unit = "" if self.unit == "1" else f" {self.unit}"
             raise InputError(
@@ -70,15 +70,15 @@ class Parameter:
                 f"[{self.lower:g}, {self.upper:g}]; move the value or the bounds"
             )
 
-    def at(self, value: float) -> Parameter:
+    def with_value(self, value: float) -> Parameter:
         """Return the parameter at another value."""
         return replace(self, value=float(value))
 
-    def freed(self) -> Parameter:
+    def as_free(self) -> Parameter:
         """Return the parameter as one that a fit may move."""
         return replace(self, free=True)
 
-    def fixed(self, value: float | None = None) -> Parameter:
+    def as_fixed(self, value: float | None = None) -> Parameter:
         """Return the parameter as one that a fit leaves alone."""
         return replace(self, free=False, value=self.value if value is None else float(value))
 
@@ -88,7 +88,7 @@ class Parameter:
         return self.neutral is not None and self.value == self.neutral
 
 
-def full_name(
+def resolve_name(
     name: str, known: Iterable[str], kind: str = "parameter", others: Iterable[str] = ()
 ) -> str:
     """Return the full name that somebody means who typed one, or its last part alone.
@@ -154,17 +154,17 @@ class Parameters(Mapping[str, Parameter]):
             np.array([item.upper for item in free], float),
         )
 
-    def replaced(self, name: str, parameter: Parameter) -> Parameters:
+    def with_replaced(self, name: str, parameter: Parameter) -> Parameters:
         """Return the set with one parameter replaced."""
         self[name]
         return Parameters((key, parameter if key == name else item) for key, item in self.items())
 
-    def at(self, free_values: Array) -> Parameters:
+    def with_values(self, free_values: Array) -> Parameters:
         """Return the set with the free parameters at `free_values` (n_free,)."""
         names = self.free_names
         if len(free_values) != len(names):
             raise InputError(f"{len(names)} free parameters, but {len(free_values)} values")
         new = dict(zip(names, (float(value) for value in free_values), strict=True))
         return Parameters(
-            (key, item.at(new[key]) if key in new else item) for key, item in self.items()
+            (key, item.with_value(new[key]) if key in new else item) for key, item in self.items()
         )

@@ -8,8 +8,8 @@ from typing import Any
 
 from benchtool.core.errors import FileFormatError
 
-MOST_DEPTH = 32  # deepest nesting of tables and lists; the deepest of our own files has six levels
-LARGEST_WHOLE = 2**63 - 1  # largest whole number, as TOML has it
+MAX_DEPTH = 32  # deepest nesting of tables and lists; the deepest of our own files has six levels
+MAX_INTEGER = 2**63 - 1  # largest whole number, as TOML has it
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
@@ -60,7 +60,7 @@ def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
     level, depth = [data], 0
     while level:
         depth += 1
-        if depth > MOST_DEPTH + 1:
+        if depth > MAX_DEPTH + 1:
             raise _too_deep(where)
         below: list[Any] = []
         for item in level:
@@ -72,7 +72,7 @@ def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
             elif isinstance(item, str):
                 if not item.isascii() and any("\ud800" <= letter <= "\udfff" for letter in item):
                     raise FileFormatError(where, f"{item!r:.60} is no text; restore it from a copy")
-            elif isinstance(item, int) and abs(item) > LARGEST_WHOLE:
+            elif isinstance(item, int) and abs(item) > MAX_INTEGER:
                 raise _too_large(where)
             elif finite and isinstance(item, float) and not isfinite(item):
                 raise FileFormatError(where, "a number in it is beyond 1.8e308; correct it")
@@ -81,11 +81,11 @@ def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
 
 def _too_deep(where: str) -> FileFormatError:
     return FileFormatError(
-        where, f"it is nested deeper than {MOST_DEPTH} levels; write it with fewer"
+        where, f"it is nested deeper than {MAX_DEPTH} levels; write it with fewer"
     )
 
 
 def _too_large(where: str) -> FileFormatError:
     return FileFormatError(
-        where, f"a whole number in it is beyond {LARGEST_WHOLE} (64 bits); correct it"
+        where, f"a whole number in it is beyond {MAX_INTEGER} (64 bits); correct it"
     )

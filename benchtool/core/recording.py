@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.units import to_si
@@ -64,7 +64,7 @@ class Recording:
         """Return one channel (n,) in the unit it is stored in."""
         return self.values[:, self.index(name)]
 
-    def si(self, name: str) -> Array:
+    def to_si(self, name: str) -> Array:
         """Return one channel (n,) in SI units."""
         index = self.index(name)
         return to_si(self.values[:, index], self.channels[index].unit)
@@ -81,7 +81,7 @@ class Recording:
             values=np.column_stack([self.values, np.asarray(values, float)]),
         )
 
-    def without(self, names: Collection[str]) -> Recording:
+    def drop(self, names: Collection[str]) -> Recording:
         """Return the recording without these channels, whether it has them or not."""
         left = [place for place, name in enumerate(self.names) if name not in names]
         channels = tuple(self.channels[place] for place in left)

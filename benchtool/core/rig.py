@@ -11,7 +11,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.toml_text import FiniteTable
 
 Surface = Literal["below", "above", "beside"]  # in the wake, at the intake, or to the side
@@ -21,7 +21,7 @@ NotNegative = Annotated[float, Ge(0.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RotorPlace(FiniteTable):
+class RotorPosition(FiniteTable):
     """Place one rotor; rotors at one place are coaxial and count as one disc.
 
     Attributes:
@@ -250,7 +250,9 @@ class Limits(FiniteTable):
     pwm_us: Positive
 
 
-NOT_STATED = "not stated, typical"  # how the source begins of a number that a rig's file leaves out
+UNSPECIFIED = (
+    "not stated, typical"  # how the source begins of a number that a rig's file leaves out
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,7 +272,7 @@ class Rig(FiniteTable):
 
     name: str
     title: str
-    rotors: Annotated[tuple[RotorPlace, ...], Len(1, 16)]
+    rotors: Annotated[tuple[RotorPosition, ...], Len(1, 16)]
     propulsion: Propulsion
     body: Body
     sensors: Mapping[str, Sensor]
@@ -285,7 +287,7 @@ class Rig(FiniteTable):
     @cached_property
     def not_stated(self) -> frozenset[str]:
         """Dotted keys that the rig's file leaves out, for which typical numbers stand in."""
-        return frozenset(key for key, why in self.sources.items() if why.startswith(NOT_STATED))
+        return frozenset(key for key, why in self.sources.items() if why.startswith(UNSPECIFIED))
 
     @property
     def n_rotors(self) -> int:

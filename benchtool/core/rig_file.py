@@ -13,12 +13,12 @@ import tomli_w
 
 from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.errors import FileFormatError, InputError, check_name
-from benchtool.core.packaged import own_names, packaged_names, read_named
+from benchtool.core.library import list_names, read_named, user_names
 from benchtool.core.parsed_text import parse_toml
-from benchtool.core.rig import NOT_STATED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
+from benchtool.core.rig import UNSPECIFIED, Body, Motor, PlateDrive, Propeller, Rig, Sensor
 from benchtool.core.toml_text import (
-    Sources,
-    build,
+    ValueSources,
+    build_dataclass,
     require_sources,
     unwrap_quantities,
 )
@@ -27,33 +27,33 @@ from benchtool.core.units import STANDARD_GRAVITY_M_S2
 
 def rig_names() -> tuple[str, ...]:
     """Return the names of the rigs that benchtool ships."""
-    return packaged_names("rigs")
+    return list_names("rigs")
 
 
 @lru_cache(maxsize=32)
 def _packaged_rig(name: str) -> Rig:
-    return rig_from_toml(*read_named("rig", "rigs", name))
+    return parse_rig(*read_named("rig", "rigs", name))
 
 
-def rig_named(name_or_path: str | Path) -> Rig:
+def load_rig_by_name(name_or_path: str | Path) -> Rig:
     """Return a rig by name, shipped or in the user's library, or by the path of its TOML file."""
-    if str(name_or_path) in set(rig_names()).difference(own_names("rigs")):
+    if str(name_or_path) in set(rig_names()).difference(user_names("rigs")):
         return _packaged_rig(str(name_or_path))
-    return rig_from_toml(*read_named("rig", "rigs", name_or_path))
+    return parse_rig(*read_named("rig", "rigs", name_or_path))
 
 
-def rig_from_toml(text: str, where: str) -> Rig:
+def parse_rig(text: str, where: str) -> Rig:
     """Return the rig that TOML text describes.
 
     Raises:
         UnknownChoice: a key that a rig has not.
         FileFormatError: a number without a source, of the wrong type, or out of range.
     """
-    found = Sources()
+    found = ValueSources()
     data = unwrap_quantities(parse_toml(text, where), found)
     require_sources(found, where)
     _complete(data, found)
-    rig = build(Rig, data, where)
+    rig = build_dataclass(Rig, data, where)
     rig = replace(rig, sources=found.by_key, assumed=tuple(found.assumed))
     _check(rig, where)
     return rig
@@ -145,7 +145,7 @@ TYPICAL: dict[str, tuple[Typical, str]] = {
 """What stands in for a number that a rig file leaves out, in the order of working out: guesses."""
 
 
-def _complete(data: dict[str, Any], found: Sources) -> None:
+def _complete(data: dict[str, Any], found: ValueSources) -> None:
     """Add what a rig file leaves out to its tables, each number with its source."""
     propulsion = data.setdefault("propulsion", {})
     radius_m = propulsion.get("radius_m") if isinstance(propulsion, dict) else None
@@ -155,8 +155,8 @@ def _complete(data: dict[str, Any], found: Sources) -> None:
     data.setdefault("sensors", {})
     if "rotors" not in data:
         data["rotors"] = [{"name": "rotor", "x_m": 0.0, "y_m": 0.0, "spin": 1}]
-        found.by_key |= {f"rotors[0].{key}": f"{NOT_STATED}: one rotor" for key in ("x_m", "y_m")}
-        found.by_key["rotors[0].spin"] = f"{NOT_STATED}: one rotor"
+        found.by_key |= {f"rotors[0].{key}": f"{UNSPECIFIED}: one rotor" for key in ("x_m", "y_m")}
+        found.by_key["rotors[0].spin"] = f"{UNSPECIFIED}: one rotor"
     for key, (typical, why) in TYPICAL.items():
         table, _, name = key.partition(".")
         if not isinstance(data.setdefault(table, {}), dict) or name in data[table]:
@@ -165,16 +165,16 @@ def _complete(data: dict[str, Any], found: Sources) -> None:
             data[table][name] = typical(float(radius_m), len(data["rotors"]), data)
         except (TypeError, ValueError, KeyError, ZeroDivisionError, OverflowError):
             return  # a wrong number or table, which the check of the whole rig names
-        found.by_key[key] = f"{NOT_STATED}: {why}"
+        found.by_key[key] = f"{UNSPECIFIED}: {why}"
 
 
-def require_stated(rig: Rig, keys: Sequence[str], purpose: str) -> None:
+def require_values(rig: Rig, keys: Sequence[str], purpose: str) -> None:
     """Refuse a rig that leaves out what a purpose cannot do without.
 
     Raises:
         InputError: with what is missing and how it is written.
     """
-    missing = [key for key in keys if rig.sources.get(key, "").startswith(NOT_STATED)]
+    missing = [key for key in keys if rig.sources.get(key, "").startswith(UNSPECIFIED)]
     if missing:
         raise InputError(
             f"rig {rig.name} does not state {', '.join(missing)}, which {purpose} needs; add it to "
@@ -223,7 +223,7 @@ def _check(rig: Rig, where: str) -> None:
 RIG_FILE = "rig.toml"  # name of a rig's file beside the model that names it
 
 
-def rig_beside(rig: Rig) -> tuple[str, str]:
+def export_rig_reference(rig: Rig) -> tuple[str, str]:
     """Return how a new model file names a rig, and the text of the file `RIG_FILE` beside it.
 
     The text is empty for a rig that benchtool ships with these very numbers.

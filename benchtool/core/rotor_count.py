@@ -13,15 +13,13 @@ from benchtool.core.rig import Rig
 ROTOR = re.compile(r"(?:rpm|pwm)(\d+)(?:_us)?")
 
 
-def refuse_other_rotors(
-    recording: Recording, rig: Rig, name: str, *, lacking: bool = False
-) -> None:
+def check_rotor_count(recording: Recording, rig: Rig, name: str, *, lacking: bool = False) -> None:
     """Refuse a recording in which more rotors turn than a rig has, or fewer with `lacking`.
 
     Raises:
         InputError: another number, with both.
     """
-    present = rotors_of(recording)
+    present = count_rotors(recording)
     if not present:
         return
     known, more = len(rig.rotors), max(present)
@@ -33,7 +31,7 @@ def refuse_other_rotors(
         )
 
 
-def rotors_of(recording: Recording) -> tuple[int, ...]:
+def count_rotors(recording: Recording) -> tuple[int, ...]:
     """Return the numbers (from 1) of the rotors whose pulse or speed changes, in order.
 
     A channel that stands still may be one that nobody connected.

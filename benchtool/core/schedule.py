@@ -10,18 +10,20 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.toml_text import FiniteTable
 
 NotNegative = Annotated[float, Ge(0.0)]
 Positive = Annotated[float, Gt(0.0)]
 
-LONGEST_S = 3600.0  # of a run; its recording has some hundred megabytes; assumed
-FARTHEST_PLATE = 100.0  # in rotor radii; a plate farther away does nothing that anybody could see
-SHORTEST_BIT_S = 1e-4  # a tenth of a plant step; a typing error fills no memory; assumed
+MAX_DURATION_S = 3600.0  # of a run; its recording has some hundred megabytes; assumed
+MAX_PLATE_Z_OVER_R = (
+    100.0  # in rotor radii; a plate farther away does nothing that anybody could see
+)
+MIN_BIT_S = 1e-4  # a tenth of a plant step; a typing error fills no memory; assumed
 
-REACH = {"reference_deg": (-90.0, 90.0), "collective": (0.0, 10.0), "dither_us": (-1e3, 1e3)}
+MAX_LEVEL = {"reference_deg": (-90.0, 90.0), "collective": (0.0, 10.0), "dither_us": (-1e3, 1e3)}
 """What tracks may come to: a hinge's half turn, thrusts of hover that no motor exceeds (a guess),
 the range of a servo pulse."""
 
@@ -49,7 +51,7 @@ class Signal(FiniteTable):
     period_s: Positive = 4.0
     start_Hz: NotNegative = 0.1
     end_Hz: NotNegative = 5.0
-    bit_s: Annotated[float, Ge(SHORTEST_BIT_S)] = 0.05
+    bit_s: Annotated[float, Ge(MIN_BIT_S)] = 0.05
     every_s: Positive = 2.0
     seed: Annotated[int, Ge(0)] = 0
 
@@ -95,7 +97,7 @@ class PlateVisit(FiniteTable):
         move_s: how long either takes; the covered share grows evenly.
     """
 
-    z_over_R: Annotated[float, Gt(0.0), Le(FARTHEST_PLATE)]
+    z_over_R: Annotated[float, Gt(0.0), Le(MAX_PLATE_Z_OVER_R)]
     in_s: NotNegative
     out_s: Positive
     move_s: NotNegative = 0.5
@@ -159,24 +161,24 @@ class Schedule(FiniteTable):
                     f"it leaves at {visit.out_s:g} s; let it come later"
                 )
 
-    def lasting(self, duration_s: float) -> Schedule:
+    def with_duration(self, duration_s: float) -> Schedule:
         """Return the schedule cut short or held on to another duration."""
         if not (np.isfinite(duration_s) and duration_s > 0.0):
             raise InputError(f"duration_s is {duration_s:g}; give a finite time above 0")
-        if duration_s > LONGEST_S:
-            raise InputError(f"duration_s is {duration_s:g}; give at most {LONGEST_S:g} s")
+        if duration_s > MAX_DURATION_S:
+            raise InputError(f"duration_s is {duration_s:g}; give at most {MAX_DURATION_S:g} s")
         return replace(self, duration_s=duration_s)
 
     def sampled(self, rate_Hz: float, radius_m: float) -> SampledSchedule:
         """Return the commands at every control tick.
 
         Raises:
-            InputError: it lasts too long, or a track goes beyond `REACH`.
+            InputError: it lasts too long, or a track goes beyond `MAX_LEVEL`.
         """
-        if self.duration_s > LONGEST_S:
+        if self.duration_s > MAX_DURATION_S:
             raise InputError(
                 f"duration_s of schedule {self.name!r} is {self.duration_s:g}; give at most "
-                f"{LONGEST_S:g} s"
+                f"{MAX_DURATION_S:g} s"
             )
         ticks = max(1, round(self.duration_s * rate_Hz))
         t = np.arange(ticks) / rate_Hz
@@ -207,7 +209,7 @@ class Schedule(FiniteTable):
         )
 
     def _refuse_beyond(self, track: str, values: Array) -> None:
-        low, high = REACH[track]
+        low, high = MAX_LEVEL[track]
         worst = float(values[np.argmax(np.maximum(values - high, low - values))])
         if not low <= worst <= high:
             raise InputError(
@@ -262,7 +264,7 @@ def _index(time_s: Array, every_s: float, count: int) -> NDArray[np.intp]:
     return index
 
 
-def due(first_tick: int, ticks: int, rate_Hz: float, stream_Hz: float) -> NDArray[np.bool_]:
+def due_ticks(first_tick: int, ticks: int, rate_Hz: float, stream_Hz: float) -> NDArray[np.bool_]:
     """Return at which stream ticks a sensor of its own rate has a new reading (ticks,).
 
     Tick k shows the conversion that ended in (k - 1, k] / stream_Hz. A sensor as fast as the

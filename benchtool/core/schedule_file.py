@@ -8,17 +8,17 @@ from typing import Any
 
 import tomli_w
 
-from benchtool.core.packaged import packaged_names, read_named
+from benchtool.core.library import list_names, read_named
 from benchtool.core.schedule import Schedule
 from benchtool.core.toml_text import read_strict
 
 
 def schedule_names() -> tuple[str, ...]:
     """Return the names of the schedules that benchtool ships."""
-    return packaged_names("schedules")
+    return list_names("schedules")
 
 
-def schedule_named(name_or_path: str | Path) -> Schedule:
+def load_schedule(name_or_path: str | Path) -> Schedule:
     """Return a shipped schedule by name, or a user's own by the path of its TOML file."""
     return read_strict(Schedule, *read_named("schedule", "schedules", name_or_path))
 

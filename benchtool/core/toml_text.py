@@ -50,7 +50,7 @@ class FiniteTable(FileTable):
 
 
 @dataclass(slots=True)
-class Sources:
+class ValueSources:
     """Collect where each number of a file comes from, by its dotted key."""
 
     by_key: dict[str, str] = field(default_factory=dict)
@@ -58,7 +58,7 @@ class Sources:
     missing: list[str] = field(default_factory=list)
 
 
-def unwrap_quantities(data: Mapping[str, Any], found: Sources) -> dict[str, Any]:
+def unwrap_quantities(data: Mapping[str, Any], found: ValueSources) -> dict[str, Any]:
     """Return `data` with every `{value, source}` replaced by its value, noting the sources."""
     return {
         key: _unwrap(value, key, data.get("source", ""), found)
@@ -67,7 +67,7 @@ def unwrap_quantities(data: Mapping[str, Any], found: Sources) -> dict[str, Any]
     }
 
 
-def _unwrap(value: Any, key: str, source: Any, found: Sources) -> Any:
+def _unwrap(value: Any, key: str, source: Any, found: ValueSources) -> Any:
     if isinstance(value, dict):
         if "value" in value and set(value) <= _QUANTITY_KEYS:
             return _note(
@@ -85,7 +85,7 @@ def _unwrap(value: Any, key: str, source: Any, found: Sources) -> Any:
     return value
 
 
-def _note(value: Any, key: str, source: Any, assumed: bool | None, found: Sources) -> Any:
+def _note(value: Any, key: str, source: Any, assumed: bool | None, found: ValueSources) -> Any:
     source = source if isinstance(source, str) else ""
     if not source:
         found.missing.append(key)
@@ -95,7 +95,7 @@ def _note(value: Any, key: str, source: Any, assumed: bool | None, found: Source
     return value
 
 
-def require_sources(found: Sources, where: str) -> None:
+def require_sources(found: ValueSources, where: str) -> None:
     """Refuse a file in which some number has no source."""
     if found.missing:
         raise FileFormatError(
@@ -105,7 +105,7 @@ def require_sources(found: Sources, where: str) -> None:
         )
 
 
-def build(cls: type[T], data: Mapping[str, Any], where: str) -> T:
+def build_dataclass(cls: type[T], data: Mapping[str, Any], where: str) -> T:
     """Return `data` as an instance of the dataclass `cls`, checked key by key.
 
     Raises:
@@ -192,7 +192,7 @@ def _checker(cls: type[Any]) -> TypeAdapter[Any]:
 
 def read_strict(cls: type[T], text: str, where: str) -> T:
     """Return TOML text as an instance of `cls` (a `FileTable` dataclass)."""
-    return build(cls, parse_toml(text, where), where)
+    return build_dataclass(cls, parse_toml(text, where), where)
 
 
 def _dotted(location: Sequence[int | str]) -> str:

@@ -81,7 +81,7 @@ _ALL = (
 UNITS: dict[str, Unit] = {unit.symbol: unit for unit in _ALL}  # pulse widths stay in microseconds
 
 
-def unit_named(symbol: str) -> Unit:
+def find_unit(symbol: str) -> Unit:
     """Return the unit of that symbol, or refuse it with the list of known ones."""
     try:
         return UNITS[symbol]
@@ -91,11 +91,11 @@ def unit_named(symbol: str) -> Unit:
 
 def to_si(value: Number, symbol: str) -> Number:
     """Return `value`, given in `symbol`, in the SI unit of its dimension."""
-    unit = unit_named(symbol)
+    unit = find_unit(symbol)
     return value * unit.factor + unit.offset
 
 
 def from_si(value: Number, symbol: str) -> Number:
     """Return `value`, given in SI, in the unit `symbol`."""
-    unit = unit_named(symbol)
+    unit = find_unit(symbol)
     return (value - unit.offset) / unit.factor

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from benchtool.core.errors import FileFormatError
 
-MOST_TEXT_BYTES = 1 << 20  # of a plan, rig, model or map: hundreds of times the library; assumed
-MOST_FACTS_BYTES = 1 << 26  # of a JSON file: ten times a result with every draw; assumed
-MOST_DATA_BYTES = 1 << 32  # largest file of data: a day of flight logs; assumed
+MAX_TEXT_BYTES = 1 << 20  # of a plan, rig, model or map: hundreds of times the library; assumed
+MAX_METADATA_BYTES = 1 << 26  # of a JSON file: ten times a result with every draw; assumed
+MAX_DATA_BYTES = 1 << 32  # largest file of data: a day of flight logs; assumed
 
 _PIECE_BYTES = 1 << 20
 
@@ -67,16 +67,16 @@ def open_file(path: str | Path, *, follow: bool = True) -> BufferedReader:
     try:
         handle = os.open(path, flags)
     except (OSError, ValueError) as error:
-        raise FileFormatError(shown_name(path), _reason(error, path)) from error
+        raise FileFormatError(display_path(path), _reason(error, path)) from error
     mode = os.fstat(handle).st_mode
     if not stat.S_ISREG(mode):
         os.close(handle)
         kind = next((words for is_kind, words in _KINDS if is_kind(mode)), "this is no file")
-        raise FileFormatError(shown_name(path), f"{kind}; name a regular file")
+        raise FileFormatError(display_path(path), f"{kind}; name a regular file")
     return os.fdopen(handle, "rb")
 
 
-def read_file(path: str | Path, most_bytes: int = MOST_DATA_BYTES, *, follow: bool = True) -> bytes:
+def read_file(path: str | Path, most_bytes: int = MAX_DATA_BYTES, *, follow: bool = True) -> bytes:
     """Return the bytes of a regular file.
 
     Raises:
@@ -90,17 +90,17 @@ def read_file(path: str | Path, most_bytes: int = MOST_DATA_BYTES, *, follow: bo
             while len(data) <= most_bytes and (more := file.read(_PIECE_BYTES)):
                 data += more
         except OSError as error:
-            raise FileFormatError(shown_name(path), _reason(error, path)) from error
+            raise FileFormatError(display_path(path), _reason(error, path)) from error
     if len(data) <= most_bytes:
         return data
     raise FileFormatError(
-        shown_name(path),
+        display_path(path),
         f"it has {max(size, len(data)):,} bytes, limit {most_bytes:,}; name a smaller file of "
         f"this kind",
     )
 
 
-def read_text(path: str | Path, most_bytes: int = MOST_TEXT_BYTES, *, follow: bool = True) -> str:
+def read_text(path: str | Path, most_bytes: int = MAX_TEXT_BYTES, *, follow: bool = True) -> str:
     """Return the text of a regular UTF-8 file, without a byte order mark.
 
     Raises:
@@ -111,13 +111,13 @@ def read_text(path: str | Path, most_bytes: int = MOST_TEXT_BYTES, *, follow: bo
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileFormatError(
-            shown_name(path),
+            display_path(path),
             f"this is not UTF-8 text (byte {error.start} is 0x{data[error.start]:02x}); save it "
             f"as UTF-8, or name a text file",
         ) from error
 
 
-def shown_name(path: str | Path) -> str:
+def display_path(path: str | Path) -> str:
     """Return a path for a message: whole, but for a name that no system has."""
     text = str(path)
     text = text if len(text) <= 300 else f"{text[:60]}... ({len(text)} characters)"

@@ -14,11 +14,11 @@ from typing import Any, BinaryIO
 
 from benchtool.core.errors import FileFormatError, WouldOverwrite
 from benchtool.core.parsed_text import parse_json
-from benchtool.core.user_file import MOST_FACTS_BYTES, open_file, read_text
+from benchtool.core.user_file import MAX_METADATA_BYTES, open_file, read_text
 
 
 @contextmanager
-def replacing(path: Path, beside: Path) -> Iterator[BinaryIO]:
+def atomic_writer(path: Path, beside: Path) -> Iterator[BinaryIO]:
     """Give a new file `beside`; at the end force it to the disk and put it in place of `path`.
 
     After an error it is removed, and `path` stays as it was.
@@ -39,7 +39,7 @@ def replacing(path: Path, beside: Path) -> Iterator[BinaryIO]:
 
 def replace_bytes(path: Path, data: bytes) -> None:
     """Write bytes in place of a file in one step, on the disk before it is in place."""
-    with replacing(path, path.with_name(f".{path.name}.{os.getpid()}.new")) as file:
+    with atomic_writer(path, path.with_name(f".{path.name}.{os.getpid()}.new")) as file:
         file.write(data)
 
 
@@ -70,7 +70,7 @@ def json_ready(value: Any) -> Any:
 
 def read_json(path: Path, *, follow: bool = True) -> dict[str, Any]:
     """Return the JSON object in a file, or say where it breaks."""
-    data = parse_json(read_text(path, MOST_FACTS_BYTES, follow=follow), str(path))
+    data = parse_json(read_text(path, MAX_METADATA_BYTES, follow=follow), str(path))
     if not isinstance(data, dict):
         raise FileFormatError(str(path), "a JSON object is needed; restore the file from a copy")
     return data
@@ -101,7 +101,7 @@ def partial_folder(out: Path) -> Path:
 
 
 @contextmanager
-def written_whole(out: Path) -> Iterator[Path]:
+def write_atomically(out: Path) -> Iterator[Path]:
     """Give the hidden name of a folder, empty; moved to `out` at the end of the block."""
     part = partial_folder(out)
     shutil.rmtree(part, ignore_errors=True)

@@ -11,11 +11,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import effective_dof
 from benchtool.core.errors import CalibrationError
 from benchtool.core.rig import Sensor
-from benchtool.core.toml_text import FiniteTable, build
+from benchtool.core.toml_text import FiniteTable, build_dataclass
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.atomic import read_json
 
@@ -90,7 +90,7 @@ class Calibration(FiniteTable):
 
         Of a file without components those of its line.
         """
-        return calibration_dof(asdict(self))
+        return degrees_of_freedom(asdict(self))
 
     def relative_half_width(self, probability: float) -> float:
         """Return the half width of the slope's interval of a probability, over the slope."""
@@ -99,7 +99,7 @@ class Calibration(FiniteTable):
         return float(stdtrit(self.dof, 0.5 + 0.5 * probability)) * self.relative_sd
 
 
-def calibration_dof(calibration: Mapping[str, Any]) -> float:
+def degrees_of_freedom(calibration: Mapping[str, Any]) -> float:
     """Return the effective degrees of freedom of a calibration's `relative_sd`."""
     parts = calibration.get("components")
     if not parts:
@@ -108,9 +108,9 @@ def calibration_dof(calibration: Mapping[str, Any]) -> float:
     return effective_dof(np.array([one["relative_sd"] for one in parts]), np.array(dof))
 
 
-def calibration_from(data: Mapping[str, Any], where: str) -> Calibration:
+def parse_calibration(data: Mapping[str, Any], where: str) -> Calibration:
     """Return the calibration in a JSON object, checked key by key."""
-    calibration = build(Calibration, data, where)
+    calibration = build_dataclass(Calibration, data, where)
     if not (isfinite(calibration.slope_N_per_count) and calibration.slope_N_per_count != 0.0):
         raise CalibrationError(f"{where}: a slope of 0 N per count is none; calibrate again")
     return calibration
@@ -118,7 +118,7 @@ def calibration_from(data: Mapping[str, Any], where: str) -> Calibration:
 
 def read_calibration(path: Path) -> Calibration:
     """Return the calibration in a JSON file."""
-    return calibration_from(read_json(path), str(path))
+    return parse_calibration(read_json(path), str(path))
 
 
 def traceability(calibration: Mapping[str, Any]) -> str:

@@ -12,18 +12,23 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from benchtool.core.channel import require_known_channel, unit_in_name
+from benchtool.core.channel import require_known_channel, unit_from_name
 from benchtool.core.column_source import ColumnSource, check_channels
 from benchtool.core.errors import FileFormatError, InputError, MissingColumn, UnknownChoice
-from benchtool.core.packaged import read_named
+from benchtool.core.library import read_named
 from benchtool.core.parsed_text import parse_toml
-from benchtool.core.toml_text import FileTable, build
+from benchtool.core.toml_text import FileTable, build_dataclass
 from benchtool.core.units import UNITS
-from benchtool.data.repairs.foreign_units import Conversion, conversion, head_of, unit_in_header
+from benchtool.data.repairs.foreign_units import (
+    Conversion,
+    conversion,
+    parse_header_cell,
+    unit_in_header,
+)
 
 ColumnMap = Mapping[str, ColumnSource | Mapping[str, Any] | str]  # by our name; text: a column
 
-AS_IT_IS = Conversion(1.0)
+IDENTITY = Conversion(1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,13 +46,13 @@ class MappedColumn:
 
     name: str
     position: int | None
-    conversion: Conversion = AS_IT_IS
+    conversion: Conversion = IDENTITY
     constant: float = 0.0
     source: str = ""
     reference: str = ""
 
 
-def mapped_column(
+def map_column(
     header: Sequence[str], where: str, name: str, source: ColumnSource | Mapping[str, Any] | str
 ) -> MappedColumn:
     """Return where a channel stands in a table with this header.
@@ -61,14 +66,14 @@ def mapped_column(
     if isinstance(source, str):
         source = ColumnSource(column=source)
     elif not isinstance(source, ColumnSource):
-        source = build(ColumnSource, source, f"[columns] {name}")
-    ours = unit_in_name(name)
-    scale, unit = AS_IT_IS, source.unit or ours
+        source = build_dataclass(ColumnSource, source, f"[columns] {name}")
+    ours = unit_from_name(name)
+    scale, unit = IDENTITY, source.unit or ours
     try:
         if source.unit is not None:
             scale = conversion(source.unit, ours)
         elif source.column is not None and source.factor == 1.0 and not source.reference:
-            stated = head_of(source.column).unit or ""
+            stated = parse_header_cell(source.column).unit or ""
             if (found := unit_in_header(stated, ours)) is not None:
                 scale, unit = found, stated
     except InputError as error:
@@ -85,14 +90,14 @@ def mapped_column(
     by = "" if factor == 1.0 else f" times {factor:g}"
     return MappedColumn(
         name=name,
-        position=index_of(header, source.column, where),
+        position=column_index(header, source.column, where),
         conversion=scale,
         source=f"{source.column} [{unit}]{by}",
         reference=source.reference or "",
     )
 
 
-def index_of(header: Sequence[str], column: str, where: str) -> int:
+def column_index(header: Sequence[str], column: str, where: str) -> int:
     """Return where a column stands; one that stands twice, or not at all, is refused."""
     column = column.strip()
     if (many := header.count(column)) > 1:
@@ -131,7 +136,7 @@ def read_column_map(path: str | Path) -> Mapping[str, ColumnSource]:
             raise FileFormatError(
                 f"[columns] {name} of {where}", "write it as { column = 'their name', unit = 'gf' }"
             )
-    read = build(_ColumnsFile, {**entries, "columns": named}, where)
+    read = build_dataclass(_ColumnsFile, {**entries, "columns": named}, where)
     check_channels(read.columns, where)
     return read.columns
 
@@ -195,13 +200,13 @@ _ENDING = re.compile(r"(?P<name>.+?)[_ ](?P<unit>[A-Za-z]+)")
 
 def name_and_unit(cell: str) -> tuple[str, str | None]:
     """Return what a column's name says: `Gap (mm)`, `gap_mm` and `gap [mm]` are alike."""
-    head = head_of(cell)
+    head = parse_header_cell(cell)
     if head.unit is None and (found := _ENDING.fullmatch(head.name)) and found["unit"] in UNITS:
         return found["name"], found["unit"]
     return head.name, head.unit
 
 
-def channel_meant(name: str) -> str | None:
+def match_channel(name: str) -> str | None:
     """Return the channel that a column's name means; None where nobody can know."""
     if re.fullmatch(r"pwm\d+", name):
         return f"{name}_us"
@@ -226,13 +231,13 @@ def guess_columns(
     in_radii: dict[str, ColumnSource] = {}
     for cell in header:
         name, unit = name_and_unit(cell)
-        channel = channel_meant(cell.strip()) or channel_meant(name)
+        channel = match_channel(cell.strip()) or match_channel(name)
         if channel is None and name.lower() in IN_RADII and radius_m is not None:
             source = ColumnSource(column=cell, factor=IN_RADII[name.lower()] * radius_m)
             in_radii.setdefault("plate_z_m", source)
         if channel is None or channel in found or (channels and channel not in channels):
             continue
-        own = unit_in_name(channel)
+        own = unit_from_name(channel)
         if channel == cell.strip():
             unit = None
         try:

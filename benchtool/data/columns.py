@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from benchtool.core.channel import Channel, unit_in_name
+from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.core.table_bounds import MAX_NUMBER
@@ -88,15 +88,15 @@ def check_numbers(recording: Recording, where: str) -> None:
                 )
 
 
-def channel_called(name: str) -> Channel:
+def find_channel(name: str) -> Channel:
     """Return the channel of a column of our own files."""
     if name in WORDS:
         words = ", ".join(f"{index} {word}" for index, word in enumerate(WORDS[name]))
         return Channel(name, "1", words)
-    return Channel(name, unit_in_name(name))
+    return Channel(name, unit_from_name(name))
 
 
-def code_of(column: str, word: str) -> float:
+def word_to_code(column: str, word: str) -> float:
     """Return the number that stands for a word in a `Recording`."""
     try:
         return float(WORDS[column].index(word))
@@ -104,7 +104,7 @@ def code_of(column: str, word: str) -> float:
         raise UnknownChoice(column, word, WORDS[column]) from None
 
 
-def word_of(column: str, code: float) -> str:
+def code_to_word(column: str, code: float) -> str:
     """Return the word that a number of a `Recording` stands for."""
     return WORDS[column][int(code)]
 
@@ -114,12 +114,12 @@ def frame_of_rows(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
     import pandas as pd
 
     table = pd.DataFrame.from_records(list(rows))
-    units = {str(name): unit_in_name(str(name)) for name in table}
+    units = {str(name): unit_from_name(str(name)) for name in table}
     table.attrs["units"] = {name: unit for name, unit in units.items() if unit}
     return table
 
 
-def joined_frame(recordings: Mapping[str, Recording]) -> pd.DataFrame:
+def concatenate_frames(recordings: Mapping[str, Recording]) -> pd.DataFrame:
     """Return recordings one below the other as a data frame, with a column of their names."""
     import pandas as pd
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
-from benchtool.data.repairs.foreign_units import head_of, is_unit
+from benchtool.core.plural import pluralize
+from benchtool.data.repairs.foreign_units import is_unit, parse_header_cell
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
@@ -61,7 +61,7 @@ def delimiter_of(first: str, repairs: Repairs) -> str:
     return delimiter
 
 
-def plain_rows(data: bytes, repairs: Repairs) -> bytes:
+def data_rows(data: bytes, repairs: Repairs) -> bytes:
     """Return text of which every line is a row: comments blank, columns apart by tabs."""
     data = _without_comments(data, repairs)
     lines = _first_lines(data)
@@ -105,7 +105,7 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
         repairs.append(("header", words))
         many -= 1
     if many:
-        repairs.append(("comments", f"{counted(many, 'line')} of comments left out"))
+        repairs.append(("comments", f"{pluralize(many, 'line')} of comments left out"))
     return data
 
 
@@ -183,7 +183,7 @@ def _with_units(header: str, below: str) -> str:
         return ""
     units += [""] * (len(names) - len(units))
     return delimiter.join(
-        f"{name} [{unit}]" if unit and head_of(name).unit is None else name
+        f"{name} [{unit}]" if unit and parse_header_cell(name).unit is None else name
         for name, unit in zip(names, units, strict=True)
     )
 

@@ -1,7 +1,7 @@
 """Read CSV text as people's programs leave it: BOM, semicolons, CRLF, a cut last line.
 
 `read_csv_text` gives the cells of a table that must be right, for a fit; a row with too many cells
-is refused. `lay_out` gives the rows of a foreign file, which is imported as far as it can be. It
+is refused. `parse_rows` gives the rows of a foreign file, which is imported as far as it can be. It
 leaves them bytes, so that a million rows take as long as finding their commas does.
 """
 
@@ -16,22 +16,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
-from benchtool.core.table_bounds import MOST_TABLE_BYTES, check_cells, check_columns, check_decoded
+from benchtool.core.plural import pluralize
+from benchtool.core.table_bounds import MAX_TABLE_BYTES, check_cells, check_columns, check_decoded
 from benchtool.core.user_file import read_file
 from benchtool.data.csv_header import (
     BYTE_ORDER_MARK,
     START_BYTES,
     HeaderLine,
     Repairs,
+    data_rows,
     decode,
     delimiter_of,
     find_header,
-    plain_rows,
     split_cells,
 )
-from benchtool.data.repairs.imported import Finding, Kind, line_ranges
+from benchtool.data.repairs.import_result import Finding, Kind, line_ranges
 
 Positions = NDArray[np.intp]
 
@@ -69,12 +69,12 @@ def read_csv_text(path: Path, *, own: bool = False, follow: bool = True) -> CsvT
             left out, even when it looks whole.
         follow: whether a symbolic link in place of the file is followed.
     """
-    return parse_csv(read_file(path, MOST_TABLE_BYTES, follow=follow), str(path), own=own)
+    return parse_csv(read_file(path, MAX_TABLE_BYTES, follow=follow), str(path), own=own)
 
 
 def read_csv_header(path: Path) -> tuple[str, ...]:
     """Return the column names of a CSV file; of its rows only the first are read."""
-    data = read_file(path, MOST_TABLE_BYTES)
+    data = read_file(path, MAX_TABLE_BYTES)
     if data[:2] not in UTF_16 and data[:4] != PARQUET:
         data = data[: data.rfind(b"\n", 0, START_BYTES) + 1] or data
     return parse_csv(data, str(path), whole=False).header
@@ -83,11 +83,11 @@ def read_csv_header(path: Path) -> tuple[str, ...]:
 def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True) -> CsvTable:
     """Return the cells of CSV bytes; see `read_csv_text`. Not `whole`, they may end in quotes."""
     mended: Repairs = []
-    data = plain_text(data, where, mended)
+    data = decode_text(data, where, mended)
     text, first_line = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", mended), 1
     first = text.split("\n", 1)[0]
     if not own:
-        data = plain_rows(text.encode(), mended)
+        data = data_rows(text.encode(), mended)
         header_line = find_header(data, mended)
         first, first_line = header_line.text, header_line.line
         rest = data[header_line.end :].decode()
@@ -141,11 +141,11 @@ def _with_points(rows: list[list[str]]) -> list[str]:
         row[i] = row[i].strip().replace(".", "").replace(",", ".")
     done = [f"{len(commas)} decimal commas read as points"]
     if thousands:
-        done.append(f"{counted(len(thousands), 'number')} with points between thousands")
+        done.append(f"{pluralize(len(thousands), 'number')} with points between thousands")
     return done
 
 
-def plain_text(data: bytes, where: str, repairs: Repairs) -> bytes:
+def decode_text(data: bytes, where: str, repairs: Repairs) -> bytes:
     """Return the bytes of a text with line ends LF, in the encoding that it has beside UTF-16.
 
     A Parquet table becomes the text of a CSV.
@@ -193,7 +193,7 @@ def _text_of_parquet(data: bytes, where: str) -> bytes:
     return text.getvalue()
 
 
-def no_rows(where: str, header: Sequence[str]) -> FileFormatError:
+def empty_table_error(where: str, header: Sequence[str]) -> FileFormatError:
     """Return the refusal of a file without a row below its first line."""
     if len(header) > 1:
         return FileFormatError(where, "there is a header but no row below it; add data")
@@ -228,15 +228,15 @@ class TextTable:
     is_even: bool
 
 
-def lay_out(data: bytes, where: str) -> TextTable:
+def parse_rows(data: bytes, where: str) -> TextTable:
     """Return the rows of CSV bytes.
 
     Raises:
         FileFormatError: no text, no header, or no row below it.
     """
     repairs: Repairs = []
-    data = plain_text(data, where, repairs)
-    data = plain_rows(data, repairs)
+    data = decode_text(data, where, repairs)
+    data = data_rows(data, repairs)
     header = find_header(data, repairs)
     first, rest_at = header.text, header.end
     delimiter = delimiter_of(first, repairs)
@@ -270,7 +270,7 @@ def lay_out(data: bytes, where: str) -> TextTable:
     # reading the numbers; counting takes no time.
     if body[-1:] == b"\n" and _count(body, delimiter) == (len(names) - 1) * rows:
         return replace(table, is_even=True)
-    return evened(table)
+    return pad_rows(table)
 
 
 def _unquoted(
@@ -297,7 +297,7 @@ def _count(body: bytes | memoryview, letter: str) -> int:
     return sum(int(np.count_nonzero(text[at : at + _PIECE_BYTES] == code)) for at in pieces)
 
 
-def evened(table: TextTable) -> TextTable:
+def pad_rows(table: TextTable) -> TextTable:
     """Return the table with rows of one width, and findings that say what was done."""
     mark, names, findings = table.delimiter.encode(), list(table.header), list(table.findings)
 
@@ -313,7 +313,7 @@ def evened(table: TextTable) -> TextTable:
     stored = np.array([bool(row.strip(mark)) for row in rows], bool)
     used = counts[stored]
     if not used.size:
-        raise no_rows(table.where, table.header)
+        raise empty_table_error(table.where, table.header)
     separators = int(np.count_nonzero(~stored & (counts > 1)))
     while len(names) > 1 and not names[-1]:
         names.pop()
@@ -332,14 +332,18 @@ def evened(table: TextTable) -> TextTable:
             rows[i] = mark.join(cells[:width] + [b""] * (width - len(cells)))
             short += [i] if len(cells) < width else []
     if short:
-        words = f"{counted(len(short), 'row')} shorter than the others; the missing cells are blank"
+        words = (
+            f"{pluralize(len(short), 'row')} shorter than the others; the missing cells are blank"
+        )
         note("repaired", "ragged rows", words, len(short), short)
     if long:
-        many = counted(len(long), "row")
+        many = pluralize(len(long), "row")
         words = f"{many} with more cells than columns: which cell is which is not known"
         note("refused", "ragged rows", words, len(long), long)
     if blank:
-        note("refused", "empty rows", f"{counted(len(blank), 'row')} of blanks", len(blank), blank)
+        note(
+            "refused", "empty rows", f"{pluralize(len(blank), 'row')} of blanks", len(blank), blank
+        )
     if last >= 0 and stored[last]:
         words = "the file ends without a line end; its last number may be cut"
         note("doubt", "no last line end", words, 0, [last])
@@ -347,7 +351,7 @@ def evened(table: TextTable) -> TextTable:
         words = "the last line ends in the middle of the row"
         note("refused", "the last line was cut", words, 1, [last])
     if separators:
-        words = f"{counted(separators, 'row')} of empty cells left out"
+        words = f"{pluralize(separators, 'row')} of empty cells left out"
         note("repaired", "empty rows", words, separators)
     if width > len(names) + 1:
         words = (

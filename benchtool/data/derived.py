@@ -16,18 +16,18 @@ from typing import Any
 import numpy as np
 
 from benchtool.core.air import STANDARD_DEGC, STANDARD_DENSITY_KG_M3, relative_density_sd
-from benchtool.core.array import Array
-from benchtool.core.channel import Channel, error_name, unit_in_name
-from benchtool.core.error_source import ErrorSource, Uncertain
+from benchtool.core.array_type import Array
+from benchtool.core.channel import Channel, error_channel_name, unit_from_name
+from benchtool.core.error_source import ErrorSource, UncertainValues
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Motor, Propeller, Rig, Sensor
-from benchtool.core.toml_text import build
+from benchtool.core.toml_text import build_dataclass
 from benchtool.data.columns import speed_columns
 from benchtool.data.quantities import DATA_SHEET, MEASURED, QUANTITIES, Quantity
-from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.ratios import standard_error
 from benchtool.data.run.read import is_run
+from benchtool.data.run.run_metadata import read_metadata
 from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.zero_noise import zero_noise, zero_variance
 
@@ -39,7 +39,7 @@ UNMEASURED_DENSITY_SD, UNMEASURED_K = 0.03, 6.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stated:
+class KnownValue:
     """State a number that no channel holds, with its standard uncertainty and who states it."""
 
     value: float
@@ -49,7 +49,7 @@ class Stated:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Circumstances:
+class MeasurementContext:
     """Hold what is known of a bench beside its channels.
 
     Attributes:
@@ -59,19 +59,19 @@ class Circumstances:
         rig: of a run; None for a foreign file.
     """
 
-    stated: Mapping[str, Stated] = field(default_factory=dict)
-    scales: Mapping[str, Stated] = field(default_factory=dict)
+    stated: Mapping[str, KnownValue] = field(default_factory=dict)
+    scales: Mapping[str, KnownValue] = field(default_factory=dict)
     sensors: Mapping[str, Sensor] = field(default_factory=dict)
     rig: Rig | None = None
 
 
-def circumstances(
+def measurement_context(
     propeller: Propeller | None,
     air: Mapping[str, Any] | None,
     motor: Motor | None = None,
     rig: Rig | None = None,
     calibration: Mapping[str, Any] | None = None,
-) -> Circumstances:
+) -> MeasurementContext:
     """Return what a run's or recording's facts say.
 
     Args:
@@ -85,28 +85,28 @@ def circumstances(
     if propeller is not None:
         own, relative = propeller.name, propeller.diameter_sd
         d = propeller.diameter_m
-        stated["diameter_m"] = Stated(value=d, sd=d * relative, unit="m", origin=own)
+        stated["diameter_m"] = KnownValue(value=d, sd=d * relative, unit="m", origin=own)
         if (c := propeller.chord_m) is not None:
-            stated["chord_m"] = Stated(value=c, sd=c * propeller.chord_sd, unit="m", origin=own)
+            stated["chord_m"] = KnownValue(value=c, sd=c * propeller.chord_sd, unit="m", origin=own)
     if motor is not None and motor.has_curve:
         for name, unit in zip(DATA_SHEET, ("1", "1", "A"), strict=True):
             value = float(getattr(motor, name))
             origin = f"data sheet, {100.0 * DATA_SHEET_SD:g} % assumed"
             sd = DATA_SHEET_SD * value
-            stated[name] = Stated(value=value, sd=sd, unit=unit, origin=origin)
+            stated[name] = KnownValue(value=value, sd=sd, unit=unit, origin=origin)
     sensors = {} if rig is None else rig.sensors
     scales = {
-        name: Stated(value=1.0, sd=sensor.scale_sd, origin=f"rig {rig.name}" if rig else "")
+        name: KnownValue(value=1.0, sd=sensor.scale_sd, origin=f"rig {rig.name}" if rig else "")
         for name, sensor in sensors.items()
         if sensor.scale_sd
     }
     if calibration:
         sd, number = float(calibration["relative_sd"]), str(calibration["id"])
-        scales["thrust_N"] = Stated(value=1.0, sd=sd, origin=f"calibration {number}")
-    return Circumstances(stated=stated, scales=scales, sensors=sensors, rig=rig)
+        scales["thrust_N"] = KnownValue(value=1.0, sd=sd, origin=f"calibration {number}")
+    return MeasurementContext(stated=stated, scales=scales, sensors=sensors, rig=rig)
 
 
-def _air(facts: Mapping[str, Any]) -> Iterator[tuple[str, Stated]]:
+def _air(facts: Mapping[str, Any]) -> Iterator[tuple[str, KnownValue]]:
     """Give density and temperature of the air."""
     degC = float(facts.get("temperature_degC", STANDARD_DEGC))
     density = float(facts.get("density_kg_m3", STANDARD_DENSITY_KG_M3))
@@ -117,39 +117,39 @@ def _air(facts: Mapping[str, Any]) -> Iterator[tuple[str, Stated]]:
     elif facts.get("stated"):
         relative, origin = 0.0, "density as stated"
     sd = density * relative
-    yield "density_kg_m3", Stated(value=density, sd=sd, unit="kg/m3", origin=origin)
-    yield "air_degC", Stated(value=degC, sd=kelvin, unit="K", origin=origin)
+    yield "density_kg_m3", KnownValue(value=density, sd=sd, unit="kg/m3", origin=origin)
+    yield "air_degC", KnownValue(value=degC, sd=kelvin, unit="K", origin=origin)
 
 
-def run_circumstances(folder: Path) -> Circumstances:
+def run_circumstances(folder: Path) -> MeasurementContext:
     """Return the circumstances of a run folder; those of standard air alone for anything else."""
     if not is_run(folder):
-        return circumstances(None, None)
+        return measurement_context(None, None)
     facts = read_metadata(folder)
     try:
         rig = run_rig(folder, facts)
     except FileFormatError:
-        return circumstances(None, facts.get("air"))
+        return measurement_context(None, facts.get("air"))
     return rig_circumstances(rig, facts.get("air"), facts.get("calibration"))
 
 
 def rig_circumstances(
     rig: Rig, air: Mapping[str, Any] | None = None, calibration: Mapping[str, Any] | None = None
-) -> Circumstances:
-    """Return the circumstances of a rig; see `circumstances`."""
+) -> MeasurementContext:
+    """Return the circumstances of a rig; see `measurement_context`."""
     own = Propeller(name=f"rig {rig.name}", diameter_m=2.0 * rig.propulsion.radius_m)
-    return circumstances(rig.propeller or own, air, rig.motor, rig, calibration)
+    return measurement_context(rig.propeller or own, air, rig.motor, rig, calibration)
 
 
-def recording_circumstances(facts: Mapping[str, Any], where: str) -> Circumstances:
+def recording_circumstances(facts: Mapping[str, Any], where: str) -> MeasurementContext:
     """Return the circumstances of a recording file by the JSON beside it."""
     known = facts.get("propeller")
-    propeller = build(Propeller, known, f"{where}: propeller") if known else None
-    return circumstances(propeller, facts.get("air"))
+    propeller = build_dataclass(Propeller, known, f"{where}: propeller") if known else None
+    return measurement_context(propeller, facts.get("air"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class QuantityValues(Uncertain):
+class QuantityValues(UncertainValues):
     """Hold a quantity of every row of a recording.
 
     Attributes:
@@ -189,24 +189,26 @@ class QuantityValues(Uncertain):
 Values = dict[str, Any]
 
 
-def derive(recording: Recording, known: Circumstances) -> tuple[QuantityValues, ...]:
+def derive_quantities(
+    recording: Recording, context: MeasurementContext
+) -> tuple[QuantityValues, ...]:
     """Return every quantity that a recording's channels and its circumstances allow.
 
     A quantity that the recording holds is taken as it stands there, without an error of its own.
     """
-    given = _inputs(recording, known)
+    given = _inputs(recording, context)
     middle = _evaluate(given)
     found = [one for one in QUANTITIES if _any(middle.get(one.name))]
     own: dict[str, Array] = {one.name: np.zeros(len(recording)) for one in found}
     leaves = {one.name: _leaves(one, given) for one in found}
-    for name, row, error in _own_errors(recording, known, given):
+    for name, row, error in _own_errors(recording, context, given):
         if np.isnan(error).all():  # nobody states it: nothing that follows has an error
             own |= {key: error for key in own if name in leaves[key]}
             continue
         for key, part in _contributions(given, name, error, [q.name for q in found], row).items():
             own[key] = np.hypot(own[key], part)
     shared: dict[str, list[ErrorSource]] = {one.name: [] for one in found}
-    for label, name, stated, error in _shared_errors(known, given):
+    for label, name, stated, error in _shared_errors(context, given):
         for key, part in _contributions(given, name, error, list(shared)).items():
             if np.any(np.nan_to_num(part) != 0.0):
                 shared[key].append(
@@ -218,13 +220,13 @@ def derive(recording: Recording, known: Circumstances) -> tuple[QuantityValues, 
     return tuple(
         QuantityValues(
             np.asarray(middle[one.name], float), own[one.name], tuple(shared[one.name]), one,
-            _origin(one, recording, given, known),
+            _origin(one, recording, given, context),
         )
         for one in found
     )  # fmt: skip
 
 
-def quantities_of(recording: Recording, known: Circumstances) -> dict[str, Array]:
+def quantities_of(recording: Recording, known: MeasurementContext) -> dict[str, Array]:
     """Return every quantity (n,) of a recording's rows by name, without errors."""
     values = _evaluate(_inputs(recording, known))
     return {one.name: values[one.name] for one in QUANTITIES if _any(values.get(one.name))}
@@ -234,15 +236,15 @@ def _any(values: Any) -> bool:
     return values is not None and bool(np.isfinite(values).any())
 
 
-def _inputs(recording: Recording, known: Circumstances) -> Values:
+def _inputs(recording: Recording, known: MeasurementContext) -> Values:
     """Return what quantities are worked out from: channels, speeds, stated numbers."""
     given: Values = {name: one.value for name, one in known.stated.items()}
     wanted = dict.fromkeys((*MEASURED, *(quantity.name for quantity in QUANTITIES)))
     for name in wanted:
         if name in recording and _any(recording.column(name)):
-            given[name] = recording.si(name)
+            given[name] = recording.to_si(name)
     if names := speed_columns(recording.names, "rpm"):
-        given["speed_rad_s"] = np.array([recording.si(name) for name in names])
+        given["speed_rad_s"] = np.array([recording.to_si(name) for name in names])
         turning = [row for row in given["speed_rad_s"] if np.any(row > 0.0)]
         if len(turning) == 1:
             given["shaft_rad_s"] = turning[0]
@@ -293,7 +295,7 @@ def _with(given: Values, name: str, value: Any) -> Values:
 
 
 def _own_errors(
-    recording: Recording, known: Circumstances, given: Values
+    recording: Recording, known: MeasurementContext, given: Values
 ) -> Iterator[tuple[str, int | None, Array]]:
     """Give each input that errs row by row, the rotor it is of, and its standard error (n,)."""
     for name in given.keys() & {*MEASURED, *(quantity.name for quantity in QUANTITIES)}:
@@ -308,7 +310,9 @@ def _own_errors(
             yield "speed_rad_s", row, standard_error(recording, name, known.sensors) * pi / 30.0
 
 
-def _shared_errors(known: Circumstances, given: Values) -> Iterator[tuple[str, str, Stated, Any]]:
+def _shared_errors(
+    known: MeasurementContext, given: Values
+) -> Iterator[tuple[str, str, KnownValue, Any]]:
     """Give name, input, statement and change of the input of every error that rows share."""
     for name, stated in known.stated.items():
         if stated.sd:
@@ -338,7 +342,9 @@ def _leaves(quantity: Quantity, given: Values) -> list[str]:
     return list(found)
 
 
-def _origin(quantity: Quantity, recording: Recording, given: Values, known: Circumstances) -> str:
+def _origin(
+    quantity: Quantity, recording: Recording, given: Values, known: MeasurementContext
+) -> str:
     if quantity.name in given:
         return "measured" if quantity.name in MEASURED else "as the file states it"
     leaves = _leaves(quantity, given)
@@ -352,9 +358,9 @@ def _origin(quantity: Quantity, recording: Recording, given: Values, known: Circ
     return f"{words} and the data sheet ({', '.join(sheet)})" if sheet else words
 
 
-def widened(recording: Recording, known: Circumstances) -> Recording:
+def add_shared_errors(recording: Recording, known: MeasurementContext) -> Recording:
     """Return a recording with every quantity that it and its circumstances allow."""
-    return with_quantities(recording, derive(recording, known))
+    return with_quantities(recording, derive_quantities(recording, known))
 
 
 def with_quantities(recording: Recording, found: Sequence[QuantityValues]) -> Recording:
@@ -363,7 +369,10 @@ def with_quantities(recording: Recording, found: Sequence[QuantityValues]) -> Re
     Columns that it has are left as they are; an error that nobody knows has none.
     """
     for one in found:
-        for name, values in ((one.name, one.value), (error_name(one.name), one.total_error)):
+        for name, values in (
+            (one.name, one.value),
+            (error_channel_name(one.name), one.total_error),
+        ):
             if name not in recording and (name == one.name or _any(values)):
-                recording = recording.with_column(Channel(name, unit_in_name(name)), values)
+                recording = recording.with_column(Channel(name, unit_from_name(name)), values)
     return recording

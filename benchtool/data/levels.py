@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.core.channel import Channel, error_name, unit_in_name
+from benchtool.core.array_type import Array
+from benchtool.core.channel import Channel, error_channel_name, unit_from_name
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
-from benchtool.data.derived import Circumstances, recording_circumstances
+from benchtool.data.derived import MeasurementContext, recording_circumstances
 from benchtool.data.formats.formats import import_file, is_stand_table
-from benchtool.data.repairs.imported import Options, import_facts
-from benchtool.data.run.facts import read_recording_facts
-from benchtool.data.run.recording_file import FORMAT, beside, read_recording
+from benchtool.data.repairs.import_result import ImportOptions, import_metadata
+from benchtool.data.run.recording_file import FORMAT, metadata_path, read_recording
+from benchtool.data.run.run_metadata import read_recording_facts
 
 STEADY = 0.5  # Part of a level, its end, that is averaged: thrust and speed settle before. A choice
 BIN_S = 0.5  # span of a mean in a fast log without steps of throttle; assumed
@@ -24,15 +24,17 @@ AVERAGED = ("thrust_N", "torque_Nm", "voltage_V", "current_A", "power_W", "mecha
 """Channels whose means have a standard error, beside the speeds."""
 
 
-def read_levels(path: Path) -> tuple[Recording, Circumstances]:
+def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
     """Return the levels of a recording, or of a stand's table as an import reads it.
 
     Raises:
         FileFormatError: neither.
     """
-    if beside(path).is_file():
-        facts = read_recording_facts(beside(path), FORMAT)
-        return levels_of(read_recording(path)), recording_circumstances(facts, str(beside(path)))
+    if metadata_path(path).is_file():
+        facts = read_recording_facts(metadata_path(path), FORMAT)
+        return split_levels(read_recording(path)), recording_circumstances(
+            facts, str(metadata_path(path))
+        )
     if not path.exists():
         raise FileFormatError(str(path), "there is no such file or run folder; check the path")
     if not path.is_file() or not is_stand_table(path):
@@ -42,11 +44,14 @@ def read_levels(path: Path) -> tuple[Recording, Circumstances]:
             "benchtool import, which takes a column map (--columns) of any table",
         )
     read = import_file(path)
-    facts = {**import_facts(read, Options()), "provenance": dict(read.recording.provenance)}
-    return levels_of(read.recording), recording_circumstances(facts, str(path))
+    facts = {
+        **import_metadata(read, ImportOptions()),
+        "provenance": dict(read.recording.provenance),
+    }
+    return split_levels(read.recording), recording_circumstances(facts, str(path))
 
 
-def levels_of(recording: Recording) -> Recording:
+def split_levels(recording: Recording) -> Recording:
     """Return a row for each level of throttle in a log, with standard errors of its means.
 
     A log whose rows are levels already, as a step test writes them, is returned as it is. Channels
@@ -58,22 +63,22 @@ def levels_of(recording: Recording) -> Recording:
         return recording
     names = list(recording.names)
     errors = [
-        error_name(name)
+        error_channel_name(name)
         for name in names
-        if (name in AVERAGED or name.startswith("rpm")) and error_name(name) not in names
+        if (name in AVERAGED or name.startswith("rpm")) and error_channel_name(name) not in names
     ]
     rows = []
     for number in np.unique(level[level >= 0]):
         part = recording.values[level == number]
         means, scatter = _means(part)
         rows.append([*means, *(scatter[names.index(_of(name, names))] for name in errors)])
-    channels = (*recording.channels, *(Channel(name, unit_in_name(name)) for name in errors))
+    channels = (*recording.channels, *(Channel(name, unit_from_name(name)) for name in errors))
     values = np.array(rows, float).reshape(len(rows), len(channels))
     return Recording(channels, values, recording.provenance, recording.simulated)
 
 
 def _of(error: str, names: list[str]) -> str:
-    return next(name for name in names if error_name(name) == error)
+    return next(name for name in names if error_channel_name(name) == error)
 
 
 def _means(part: Array) -> tuple[Array, Array]:
@@ -94,7 +99,7 @@ def _numbers(recording: Recording) -> NDArray[np.intp] | None:
     """Return the level of each row (n,), -1 for what is left out; None where rows are levels."""
     n, step_s = len(recording), BIN_S
     if "time_s" in recording and n > 2:
-        time_s = recording.si("time_s")
+        time_s = recording.to_si("time_s")
         step_s = float(np.median(np.diff(time_s))) if np.isfinite(time_s).all() else BIN_S
     if "pwm1_us" in recording and np.isfinite(pulse := recording.column("pwm1_us")).mean() > 0.9:
         stretch = np.concatenate([[0], np.cumsum(pulse[1:] != pulse[:-1])])

@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
 from benchtool.core.parsed_text import parse_json
 from benchtool.core.recording import Recording
 from benchtool.core.table_bounds import check_columns, check_decoded
-from benchtool.core.user_file import MOST_FACTS_BYTES, open_file
-from benchtool.data.atomic import replacing
-from benchtool.data.catalogue.extra import load_extra
+from benchtool.core.user_file import MAX_METADATA_BYTES, open_file
+from benchtool.data.atomic import atomic_writer
+from benchtool.data.catalogue.optional_dependency import load_extra
 from benchtool.data.columns import WORDS
 
 FORMAT = "benchtool-mcap-1"
@@ -74,7 +74,7 @@ def write_mcap(
     }
     layout = _layout(names)
     size, rows = layout.itemsize, max(1, CHUNK_BYTES // layout.itemsize)
-    with replacing(path, path.with_name(f".{path.name}.new")) as file:
+    with atomic_writer(path, path.with_name(f".{path.name}.new")) as file:
         writer = mcap.Writer(file, chunk_size=CHUNK_BYTES)
         writer.start(library="benchtool")
         schema = writer.register_schema(SCHEMA, "protobuf", _descriptor(recording, stated))
@@ -184,7 +184,7 @@ def _chunks(file: Any, facts: dict[str, str], where: str) -> Iterator[bytes]:
         raise FileFormatError(where, "this is no MCAP file; name one")
     while len(head := file.read(_LENGTH_BYTES)) == _LENGTH_BYTES:
         opcode, length = head[0], int.from_bytes(head[1:], "little")
-        if opcode == 0x0C and length < MOST_FACTS_BYTES:
+        if opcode == 0x0C and length < MAX_METADATA_BYTES:
             record = Metadata.read(ReadDataStream(BytesIO(file.read(length))))
             if record.name == "benchtool":
                 facts |= record.metadata

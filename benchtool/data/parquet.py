@@ -15,8 +15,8 @@ from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import open_file
-from benchtool.data.atomic import replacing
-from benchtool.data.columns import WORDS, channel_called
+from benchtool.data.atomic import atomic_writer
+from benchtool.data.columns import WORDS, find_channel
 from benchtool.data.run.sample_stream import WholeLines, codes_of, numbers_of, sample_batches
 
 _BATCH_ROWS = 1 << 13
@@ -53,7 +53,7 @@ def write_parquet(path: Path, samples: Recording) -> None:
         writer.write_table(pa.table(columns, schema=writer.schema))
 
 
-def seal(csv: Path, path: Path, csv_sha256: str) -> None:
+def finalize_parquet(csv: Path, path: Path, csv_sha256: str) -> None:
     """Write the rows of samples.csv as Parquet in one step, a batch at a time.
 
     Args:
@@ -64,7 +64,7 @@ def seal(csv: Path, path: Path, csv_sha256: str) -> None:
 
     with WholeLines(csv) as lines:
         names = lines.names
-        units = {name: channel_called(name).unit for name in names}
+        units = {name: find_channel(name).unit for name in names}
         with _writer(path, units, {"sha256": csv_sha256, "file": csv.name}) as writer:
             for batch in sample_batches(lines, csv, names):
                 columns = [
@@ -105,7 +105,7 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
         problem = " ".join(str(error).split())[:200]
         problem = f"it cannot be read as Parquet ({problem}); restore it from a copy"
         raise FileFormatError(where, problem) from error
-    return Recording(tuple(channel_called(name) for name in present), values)
+    return Recording(tuple(find_channel(name) for name in present), values)
 
 
 def parquet_names(path: Path) -> tuple[str, ...]:
@@ -153,7 +153,7 @@ def _writer(path: Path, units: dict[str, str], provenance: Mapping[str, str]) ->
     )
     dictionary = [name for name in units if name in WORDS]
     with (
-        replacing(path, path.with_name(f".{path.name}.new")) as file,
+        atomic_writer(path, path.with_name(f".{path.name}.new")) as file,
         pq.ParquetWriter(file, schema, compression="zstd", use_dictionary=dictionary) as writer,
     ):
         yield writer

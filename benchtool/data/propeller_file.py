@@ -7,10 +7,15 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.packaged import own_names, packaged_names, read_named
+from benchtool.core.library import list_names, read_named, user_names
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Propeller
-from benchtool.core.toml_text import Sources, build, require_sources, unwrap_quantities
+from benchtool.core.toml_text import (
+    ValueSources,
+    build_dataclass,
+    require_sources,
+    unwrap_quantities,
+)
 from benchtool.core.units import to_si
 
 FOLDER = "propellers"
@@ -20,10 +25,10 @@ _SIZE = re.compile(r"(\d{1,3}(?:\.\d+)?)x(\d{1,3}(?:\.\d+)?)(?:x(\d{1,2}))?")
 
 def propeller_names() -> tuple[str, ...]:
     """Return the names of the propellers that benchtool ships, and of the user's own."""
-    return (*packaged_names(FOLDER), *own_names(FOLDER))
+    return (*list_names(FOLDER), *user_names(FOLDER))
 
 
-def propeller_named(given: str | Path) -> Propeller:
+def load_propeller(given: str | Path) -> Propeller:
     """Return a propeller by name, by the path of its file, or by its size ("10x4.5x3").
 
     A size is diameter and pitch in inches, and the number of blades.
@@ -53,7 +58,7 @@ def propeller_named(given: str | Path) -> Propeller:
 def read_propeller(name_or_path: str) -> tuple[Propeller, Mapping[str, str]]:
     """Return a propeller and the source of each of its numbers."""
     text, where = read_named("propeller", FOLDER, name_or_path)
-    found = Sources()
+    found = ValueSources()
     data = unwrap_quantities(parse_toml(text, where), found)
     require_sources(found, where)
-    return build(Propeller, data, where), found.by_key
+    return build_dataclass(Propeller, data, where), found.by_key

@@ -14,8 +14,8 @@ from math import pi, sqrt
 import numpy as np
 
 from benchtool.core.air import sound_speed_m_s, viscosity_Pa_s
-from benchtool.core.array import Array
-from benchtool.core.channel import family_of, unit_in_name
+from benchtool.core.array_type import Array
+from benchtool.core.channel import channel_family, unit_from_name
 from benchtool.core.rig import CHORD_RADIUS
 from benchtool.core.units import from_si
 
@@ -44,7 +44,7 @@ class Quantity:
     @property
     def unit(self) -> str:
         """Its unit, one of `core.units.UNITS`."""
-        return unit_in_name(self.name)
+        return unit_from_name(self.name)
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -65,7 +65,9 @@ def _shaft_torque(
     resistance_ohm: float,
     no_load_current_A: float,
 ) -> Array:
-    """Return (I - I0)/Kv of the winding current I with (w/Kv + Rm I) I = P, as in `drawn_W`."""
+    """Return (I - I0)/Kv of the winding current I with (w/Kv + Rm I) I = P, as in "
+    "`electrical_power_W`.
+    """
     volt_s = 60.0 / (2.0 * pi * Kv_rpm_V)
     induced_V = shaft_rad_s * volt_s
     root = np.sqrt(np.maximum(induced_V**2 + 4.0 * resistance_ohm * power_W, 0.0))
@@ -171,9 +173,9 @@ QUANTITIES: tuple[Quantity, ...] = (
 MEASURED = ("thrust_N", "torque_Nm", "voltage_V", "current_A")  # and speeds
 
 
-def following(channel: str) -> tuple[str, ...]:
+def dependent_quantities(channel: str) -> tuple[str, ...]:
     """Return the quantities that a stand works out from a channel that it measures."""
-    of = {"speed_rad_s", "shaft_rad_s"} if family_of(channel) == "rpm" else {channel}
+    of = {"speed_rad_s", "shaft_rad_s"} if channel_family(channel) == "rpm" else {channel}
     for quantity in QUANTITIES:
         if quantity.name not in MEASURED and of & set(quantity.needs):
             of.add(quantity.name)

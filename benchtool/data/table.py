@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.table_bounds import MAX_NUMBER
 from benchtool.data.atomic import file_hash
-from benchtool.data.column_map import ColumnMap, MappedColumn, index_of, mapped_column
-from benchtool.data.columns import WORDS, channel_called, code_of
-from benchtool.data.csv_text import CsvTable, no_rows, read_csv_text
+from benchtool.data.column_map import ColumnMap, MappedColumn, column_index, map_column
+from benchtool.data.columns import WORDS, find_channel, word_to_code
+from benchtool.data.csv_text import CsvTable, empty_table_error, read_csv_text
 
 _BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null"})
 
@@ -26,14 +26,14 @@ _ERROR = re.compile(r".+_(se|sd)(_.+)?")
 
 
 @dataclass(frozen=True, slots=True)
-class Where:
+class RowFilter:
     """Keep only rows whose cell in `column` is `value` (as a number when both are numbers)."""
 
     column: str
     value: str
 
     @classmethod
-    def parse(cls, text: str) -> Where:
+    def parse(cls, text: str) -> RowFilter:
         """Read `series=Fz0`."""
         column, sign, value = text.partition("=")
         if not sign or not column.strip():
@@ -51,7 +51,7 @@ class Where:
 
 
 def read_table(
-    path: str | Path, columns: ColumnMap | None = None, where: Sequence[Where | str] = ()
+    path: str | Path, columns: ColumnMap | None = None, where: Sequence[RowFilter | str] = ()
 ) -> Recording:
     """Return the rows of a CSV file as a recording.
 
@@ -66,10 +66,10 @@ def read_table(
         UnknownChoice: the same of a filter's column.
     """
     table = read_csv_text(Path(path))
-    filters = [item if isinstance(item, Where) else Where.parse(item) for item in where]
+    filters = [item if isinstance(item, RowFilter) else RowFilter.parse(item) for item in where]
     rows = rows_where(table, filters)
     if columns:
-        chosen = [mapped_column(table.header, table.where, *each) for each in columns.items()]
+        chosen = [map_column(table.header, table.where, *each) for each in columns.items()]
         words = {column.position: column.reference for column in chosen if column.reference}
         pairs = [_mapped(table, rows, column, words) for column in chosen]
         if all(np.isnan(values).all() for _, values in pairs):
@@ -90,7 +90,7 @@ def read_table(
     return Recording.from_columns(pairs, provenance)
 
 
-def numbers_in(table: CsvTable, index: int, rows: Sequence[int], blank: str = "") -> Array:
+def parse_column(table: CsvTable, index: int, rows: Sequence[int], blank: str = "") -> Array:
     """Return one column (n,) of those rows as numbers; a blank cell, or that word, is nan."""
     name = table.header[index]
     words = WORDS.get(name, ())
@@ -124,16 +124,16 @@ def _check_range(
         )
 
 
-def columns_of(table: CsvTable) -> list[tuple[Channel, Array]]:
+def table_columns(table: CsvTable) -> list[tuple[Channel, Array]]:
     """Return every column of one of our own files with its channel."""
     rows = range(len(table.rows))
     return [
-        (channel_called(name), numbers_in(table, index, rows))
+        (find_channel(name), parse_column(table, index, rows))
         for index, name in enumerate(table.header)
     ]
 
 
-def rows_where(table: CsvTable, filters: Sequence[Where]) -> list[int]:
+def rows_where(table: CsvTable, filters: Sequence[RowFilter]) -> list[int]:
     """Return the positions of the rows for which all filters hold.
 
     Raises:
@@ -142,9 +142,9 @@ def rows_where(table: CsvTable, filters: Sequence[Where]) -> list[int]:
     """
     rows = list(range(len(table.rows)))
     if not rows:
-        raise no_rows(table.where, table.header)
+        raise empty_table_error(table.where, table.header)
     for item in filters:
-        index = index_of(table.header, item.column, table.where)
+        index = column_index(table.header, item.column, table.where)
         cells = {row: table.rows[row][index].strip() for row in rows}
         rows = [row for row, cell in cells.items() if item.holds(cell)]
         if not rows:
@@ -162,15 +162,15 @@ def _mapped(
     table: CsvTable, rows: Sequence[int], column: MappedColumn, words: Mapping[int | None, str]
 ) -> tuple[Channel, Array]:
     """Return a channel with its numbers; a word that marks reference rows is no number: nan."""
-    channel = channel_called(column.name)
+    channel = find_channel(column.name)
     if column.position is None:
         return channel, np.full(len(rows), column.constant)
     if column.reference:
         cells = [table.rows[row][column.position].strip() for row in rows]
-        is_reference = Where("", column.reference).holds
+        is_reference = RowFilter("", column.reference).holds
         kinds = ["reference" if is_reference(cell) else "measure" for cell in cells]
-        return channel, np.array([code_of(column.name, kind) for kind in kinds])
-    values = numbers_in(table, column.position, rows, words.get(column.position, ""))
+        return channel, np.array([word_to_code(column.name, kind) for kind in kinds])
+    values = parse_column(table, column.position, rows, words.get(column.position, ""))
     return channel, column.conversion.factor * values + column.conversion.offset
 
 
@@ -178,7 +178,7 @@ def _own_names(table: CsvTable, rows: Sequence[int]) -> list[tuple[Channel, Arra
     pairs = []
     for index, name in enumerate(table.header):
         try:
-            pairs.append((channel_called(name), numbers_in(table, index, rows)))
+            pairs.append((find_channel(name), parse_column(table, index, rows)))
         except FileFormatError:
             # A column of words alone is left out; one with a number among them has a slip.
             if any(_is_number(table.rows[row][index].strip()) for row in rows):

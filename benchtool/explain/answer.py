@@ -8,33 +8,33 @@ from math import degrees
 from pathlib import Path
 from typing import NamedTuple
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, MissingColumn
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.plural import pluralize
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.atomic import file_hash
+from benchtool.explain.engine.evidence import Subject
 from benchtool.explain.engine.explain import NO_BOOTSTRAP, Explanation, explain
 from benchtool.explain.engine.hypotheses import Bootstrap
 from benchtool.explain.engine.judgement import Progress
-from benchtool.explain.engine.subject import Subject
 from benchtool.explain.engine.verdict import SURE, Verdict
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
 from benchtool.explain.recordings import (
-    Source,
-    bench_of,
-    missing_of,
+    RecordingSource,
+    bench_kind,
+    missing_channels,
     read_sources,
     unreadable,
 )
 from benchtool.explain.sweep.subject import SweepSubject
 from benchtool.fit.data_rig import rig_for_data
-from benchtool.physics.catalogue import EFFECTS, own_effects
+from benchtool.physics.catalogue import EFFECTS, user_effects
 from benchtool.physics.effects.effect import BenchKind, Effect
 from benchtool.physics.model_file import LoadedModel, load_model, model_names
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Answer:
+class ExplainResult:
     """Hold an explanation and where it came from."""
 
     explanation: Explanation  # the verdict with its curves
@@ -75,7 +75,9 @@ class Answer:
         if not self.remarks:
             return ""
         first, *more = self.remarks
-        others = f" ({counted(len(more), 'more remark')} with what was not judged)" if more else ""
+        others = (
+            f" ({pluralize(len(more), 'more remark')} with what was not judged)" if more else ""
+        )
         return f"Mind what it rests on: {first.rstrip('.')}{others}."
 
     @property
@@ -117,7 +119,7 @@ def answer_request(
     sure: float = SURE,
     minutes: float | None = None,
     progress: Progress = lambda what, share: None,
-) -> Answer:
+) -> ExplainResult:
     """Return the answer to a request; whoever has a clock sets how long it took."""
     found = explain(
         request.subject(),
@@ -128,7 +130,7 @@ def answer_request(
         minutes=minutes,
         progress=progress,
     )
-    return Answer(
+    return ExplainResult(
         explanation=found, request=request, seed=seed, seconds=0.0, commands=tuple(commands)
     )
 
@@ -145,18 +147,18 @@ class Request:
     model_sha256: str  # of its file; empty for a shipped one
     effects_file: Path | None  # Python file of the user's own effects, where it is one
     own: tuple[Effect, ...]  # those effects
-    learn: tuple[Source, ...]
-    check: tuple[Source, ...]
+    learn: tuple[RecordingSource, ...]
+    check: tuple[RecordingSource, ...]
 
     @property
-    def sources(self) -> tuple[Source, ...]:
+    def sources(self) -> tuple[RecordingSource, ...]:
         """All recordings."""
         return (*self.learn, *self.check)
 
     @property
     def kind(self) -> BenchKind:
         """Which bench the recordings are of."""
-        return bench_of(self.learn[0])
+        return bench_kind(self.learn[0])
 
     def subject(self) -> Subject:
         """Return the recordings held against the model.
@@ -170,7 +172,7 @@ class Request:
             return SweepSubject(self.loaded.model, points[0], points[1], own)
         return PitchSubject(self.loaded.model, self._logs(self.learn), self._logs(self.check), own)
 
-    def _logs(self, sources: Sequence[Source]) -> list[PitchLog]:
+    def _logs(self, sources: Sequence[RecordingSource]) -> list[PitchLog]:
         rig = self.loaded.model.rig
         slide_s = self.loaded.plate_slide_s
         return [pitch_log(source.recording, rig, source.name, slide_s) for source in sources]
@@ -181,7 +183,7 @@ def read_request(
     check: Sequence[str],
     model: str,
     effects: str | None = None,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
     rig: str | None = None,
 ) -> Request:
     """Read everything that a request names.
@@ -193,7 +195,7 @@ def read_request(
     Raises:
         InputError: whatever is missing or cannot be read; of several things all are reported.
     """
-    missing = missing_of(learn, check)
+    missing = missing_channels(learn, check)
     if not learn:
         raise missing[0]
     wrong = [error for path in (*learn, *check) if (error := unreadable(path)) is not None]
@@ -211,7 +213,7 @@ def read_request(
     except InputError as error:
         wrong.append(error)
     try:
-        own = own_effects(effects, permit) if effects else ()
+        own = user_effects(effects, permit) if effects else ()
     except InputError as error:
         wrong.append(error)
     wrong += missing

@@ -61,5 +61,7 @@ class ExplainInputs(Inputs):
     ] = 30.0
     stage: Annotated[
         str | None,
-        Input("With --bench: what moves the plate, as of benchtool sweep.", empty="as rig says"),
+        Input(
+            "With --bench: what moves the plate, as of benchtool sweep.", default_text="as rig says"
+        ),
     ] = None

@@ -7,15 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchtool.core.rig_file import rig_beside
+from benchtool.core.rig_file import export_rig_reference
 from benchtool.core.schedule_file import schedule_to_toml
-from benchtool.explain.added_model import MODEL, own_names
-from benchtool.explain.answer import Answer
-from benchtool.explain.found.draft import FOUND
-from benchtool.explain.recordings import Source
+from benchtool.explain.answer import ExplainResult
+from benchtool.explain.law_search.draft import FOUND
+from benchtool.explain.recordings import RecordingSource
+from benchtool.explain.updated_model import MODEL, own_names
 from benchtool.physics.effects.effect import BenchKind
 
-RICHER: dict[BenchKind, str] = {  # what to record where most effects could not be judged
+RICHER_EXPERIMENT_HINT: dict[
+    BenchKind, str
+] = {  # what to record where most effects could not be judged
     "pitch": (
         "Record next: steps and slow reversals of the attitude at two collectives or more, the "
         "plate at three distances and away, some dither on the pulses; the schedule identify does "
@@ -29,14 +31,14 @@ RICHER: dict[BenchKind, str] = {  # what to record where most effects could not 
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class NextStep:
     """Say what to do next and with which command."""
 
     why: str  # what it is for
     command: str  # as it is typed in the folder of the request
 
 
-def next_file(answer: Answer) -> tuple[str, str]:
+def next_file(answer: ExplainResult) -> tuple[str, str]:
     """Return name and text of the next experiment's file; empty where there is none."""
     experiment = answer.verdict.next
     if experiment is None or not experiment.decides:
@@ -46,12 +48,12 @@ def next_file(answer: Answer) -> tuple[str, str]:
     return "next_plan.toml", experiment.plan_toml
 
 
-def next_sentence(answer: Answer) -> str:
+def next_sentence(answer: ExplainResult) -> str:
     """Say what to record next, and why; empty where nothing more is needed."""
     experiment = answer.verdict.next
     if experiment is None:
         poor = answer.verdict.mostly_blind and not answer.verdict.is_sure
-        return RICHER[answer.verdict.bench] if poor else ""
+        return RICHER_EXPERIMENT_HINT[answer.verdict.bench] if poor else ""
     if not experiment.decides:
         return (
             f"No experiment within reach decides: {experiment.title[:1].lower()}"
@@ -62,7 +64,7 @@ def next_sentence(answer: Answer) -> str:
     )
 
 
-def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
+def next_steps(answer: ExplainResult, folder: str = "") -> tuple[NextStep, ...]:
     """Return the next commands, the most useful first.
 
     Args:
@@ -74,10 +76,12 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
             return ()
         parts = {"the new model": answer.has_model, "the next experiment": bool(name)}
         what = " and ".join(part for part, there in parts.items() if there)
-        return (Step(f"write {what}", _explain(answer, answer.request.model_given, out="found")),)
+        return (
+            NextStep(f"write {what}", _explain(answer, answer.request.model_given, out="found")),
+        )
     new = str(Path(folder) / MODEL)
     found = answer.verdict.depends
-    drafted: tuple[Step, ...] = ()
+    drafted: tuple[NextStep, ...] = ()
     if found is not None and found.law is not None:
         file = str(Path(folder) / f"{FOUND}.py")
         why = f"read {file}, name it after its cause, and explain again with it"
@@ -85,7 +89,7 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
             replace(answer, request=replace(answer.request, effects_given=file)),
             answer.request.model_given, out=f"{folder}-again",
         )  # fmt: skip
-        drafted = (Step(why, asked),)
+        drafted = (NextStep(why, asked),)
     if name:
         return (*drafted, *_experiment(answer, str(Path(folder) / name), new, folder))
     if drafted:
@@ -93,30 +97,30 @@ def next_steps(answer: Answer, folder: str = "") -> tuple[Step, ...]:
     if not answer.has_model:
         return ()
     command = _explain(answer, new, out=f"{folder}-again", own=not own_names(answer))
-    again = Step("explain again: is anything still missing?", command)
+    again = NextStep("explain again: is anything still missing?", command)
     if answer.verdict.bench == "pitch":
         words = ["simulate", "pitch", "--model", new, "--out", f"{folder}-simulated"]
-        return (again, Step("simulate with the new model", _typed(words)))
+        return (again, NextStep("simulate with the new model", _typed(words)))
     fit = ["fit", *_paths(answer.request.learn), "--model", new, "--out", f"{folder}-fit"]
-    rig, own = rig_beside(answer.request.loaded.model.rig)
+    rig, own = export_rig_reference(answer.request.loaded.model.rig)
     place = str(Path(folder) / rig) if own else rig
     sweep = ["sweep", f"sim:{place}?truth={new}", "--z-over-r", "0.6,1,2,4", "--pwm", "1500,1600"]
     return (
         again,
-        Step("fit what was found, with its uncertainty", _typed(fit)),
-        Step(
+        NextStep("fit what was found, with its uncertainty", _typed(fit)),
+        NextStep(
             "sweep a virtual bench that has it",
             _typed([*sweep, "--yes", "--out", f"{folder}-sweep"]),
         ),
     )
 
 
-def lines(steps: Sequence[Step]) -> list[str]:
+def lines(steps: Sequence[NextStep]) -> list[str]:
     """Return steps as a shell takes them, each command under what it is for."""
     return [line for step in steps for line in (f"# {step.why}", step.command)]
 
 
-def _experiment(answer: Answer, file: str, new: str, folder: str) -> tuple[Step, ...]:
+def _experiment(answer: ExplainResult, file: str, new: str, folder: str) -> tuple[NextStep, ...]:
     """Return the steps of a next experiment: try it, do it, explain with it."""
     model = new if answer.has_model else answer.request.model_given
     run = f"{folder}-next"
@@ -133,18 +137,18 @@ def _experiment(answer: Answer, file: str, new: str, folder: str) -> tuple[Step,
         ]
         done = ["record", "ADDRESS", "--schedule", file, "--out", run]
         steps = [
-            Step("try the experiment on a simulated bench", _typed(tried)),
-            Step("do it (ADDRESS: your bench, whose device runs the schedule)", _typed(done)),
+            NextStep("try the experiment on a simulated bench", _typed(tried)),
+            NextStep("do it (ADDRESS: your bench, whose device runs the schedule)", _typed(done)),
         ]
     else:
         planned = ["sweep", "ADDRESS", "--plan", file, "--out", run]
-        steps = [Step("do the experiment (ADDRESS: your bench)", _typed(planned))]
+        steps = [NextStep("do the experiment (ADDRESS: your bench)", _typed(planned))]
     last = _explain(answer, answer.request.model_given, more=[run], out=f"{folder}-again")
-    return (*steps, Step("explain with what it recorded", last))
+    return (*steps, NextStep("explain with what it recorded", last))
 
 
 def _explain(
-    answer: Answer, model: str, out: str, more: Sequence[str] = (), *, own: bool = True
+    answer: ExplainResult, model: str, out: str, more: Sequence[str] = (), *, own: bool = True
 ) -> str:
     """Return the command; `own` where the model does not bring the user's own effects itself."""
     words = ["explain", *_paths(answer.request.learn), *more, "--model", model]
@@ -156,7 +160,7 @@ def _explain(
     return _typed([*words, "--out", out])
 
 
-def _paths(sources: Sequence[Source]) -> list[str]:
+def _paths(sources: Sequence[RecordingSource]) -> list[str]:
     return [source.path for source in sources]
 
 

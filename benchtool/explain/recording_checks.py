@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 
@@ -28,12 +28,12 @@ RPM_PER_RAD_S = 30.0 / np.pi
 UNIT_SHARE = 0.15  # of a speed in rad/s from the map or thrust; assumed
 SPIKE = 30.0  # sd beside the median of five; a beam thrown about reaches 20
 CURVE = np.array([-0.4, 0.9, 0.0, 0.0, 0.0, 0.9, -0.4])  # cubic through rows 2 and 3 away
-FEW = 0.02  # more rows than this share are no spikes but how the sensor is
-HUNG_S = 0.2  # a reading that stays exactly the same for so long may hang; assumed
+MIN_SAMPLES = 0.02  # more rows than this share are no spikes but how the sensor is
+FROZEN_TIMEOUT_S = 0.2  # a reading that stays exactly the same for so long may hang; assumed
 UNUSUAL = 5.0  # times the usual stay of a reading from which it is frozen; assumed
 
 
-def mended_readings(recording: Recording, rig: Rig, name: str) -> tuple[Recording, list[str]]:
+def repair_readings(recording: Recording, rig: Rig, name: str) -> tuple[Recording, list[str]]:
     """Return a recording with what can be mended mended, and what was done.
 
     Raises:
@@ -66,15 +66,15 @@ def speeds_in_rpm(recording: Recording, rig: Rig, name: str) -> Mended:
     columns = rotor_columns(recording)
     if not columns:
         return {}, []
-    p, speeds = rig.propulsion, np.array([recording.si(column) for column in columns])
+    p, speeds = rig.propulsion, np.array([recording.to_si(column) for column in columns])
     pulses = [column.replace("rpm", "pwm") + "_us" for column in columns]
     turning = np.nan_to_num(speeds) > 0.0
     if all(pulse in recording for pulse in pulses):
-        sent = np.array([recording.si(pulse) for pulse in pulses]) - p.pwm_start_us
+        sent = np.array([recording.to_si(pulse) for pulse in pulses]) - p.pwm_start_us
         known = turning & (sent > 0.0)
         share = speeds[known] / (p.speed_per_us_rad_s * sent[known])
     else:
-        carried = recording.si("thrust_N") if "thrust_N" in recording else np.full(
+        carried = recording.to_si("thrust_N") if "thrust_N" in recording else np.full(
             len(recording), 9.81 * rig.body.mass_kg
         )  # fmt: skip
         known = turning.all(axis=0)
@@ -98,7 +98,7 @@ def plate_in_metres(recording: Recording, rig: Rig, name: str) -> Mended:
     """
     if "plate_z_m" not in recording:
         return {}, []
-    known = recording.si("plate_z_m")
+    known = recording.to_si("plate_z_m")
     known = known[np.isfinite(known)]
     if not len(known) or known.min() < 5.0 * rig.plate.z_max_m or known.min() > 0.6 * known.max():
         return {}, []
@@ -122,7 +122,7 @@ def plate_in_metres(recording: Recording, rig: Rig, name: str) -> Mended:
     ]
 
 
-def spikes_of_a_beam(recording: Recording, rig: Rig, name: str) -> Mended:
+def remove_beam_spikes(recording: Recording, rig: Rig, name: str) -> Mended:
     """Blank single readings far beside those before and after."""
     columns, said = {}, []
     for channel in _read_at_moments(recording):
@@ -136,20 +136,20 @@ def spikes_of_a_beam(recording: Recording, rig: Rig, name: str) -> Mended:
         )
         usual = max(1.4826 * float(np.median(beside)), _noise(recording, rig, channel))
         spike = beside > SPIKE * usual
-        if spike.any() and spike.mean() <= FEW:
+        if spike.any() and spike.mean() <= MIN_SAMPLES:
             columns[channel] = _blanked(recording, channel, known[spike])
             said.append(
-                f"{counted(int(spike.sum()), 'spike')} of {channel}, the greatest "
+                f"{pluralize(int(spike.sum()), 'spike')} of {channel}, the greatest "
                 f"{float(beside.max()) / usual:.0f} standard deviations beside its neighbours "
                 f"(limit {SPIKE:g}): left out"
             )
     return columns, said
 
 
-def hung_sensors(recording: Recording, rig: Rig, name: str) -> Mended:
+def find_frozen_sensors(recording: Recording, rig: Rig, name: str) -> Mended:
     """Blank readings that stay the same while another channel shows that they cannot."""
     columns, said = {}, []
-    time_s = recording.si("time_s")
+    time_s = recording.to_si("time_s")
     for channel in _read_at_moments(recording):
         values, known = _known(recording, channel)
         if len(values) < 50:
@@ -160,13 +160,13 @@ def hung_sensors(recording: Recording, rig: Rig, name: str) -> Mended:
         usual = float(np.quantile(np.repeat(lengths, lengths), 0.5))
         hung = np.zeros(len(values), bool)
         ends = (values == values.max()) | (values == values.min())
-        long = (lengths * step_s > HUNG_S) & (lengths > UNUSUAL * usual)
+        long = (lengths * step_s > FROZEN_TIMEOUT_S) & (lengths > UNUSUAL * usual)
         clipped = (lengths >= 3) & ends[starts] & (usual < 2.0)
         for first, rows in zip(starts[long | clipped], lengths[long | clipped], strict=True):
             span = slice(first, first + rows)
             hung[span] = _moves(recording, channel, known[span], rig)
         at_end = hung & ends
-        if hung.sum() * step_s < HUNG_S / 4.0:
+        if hung.sum() * step_s < FROZEN_TIMEOUT_S / 4.0:
             continue
         columns[channel] = _blanked(recording, channel, known[hung])
         what = "ends its range" if at_end.sum() > 0.5 * hung.sum() else "hangs"
@@ -180,10 +180,10 @@ def hung_sensors(recording: Recording, rig: Rig, name: str) -> Mended:
 def _moves(recording: Recording, channel: str, rows: NDArray[np.intp], rig: Rig) -> bool:
     """Whether another channel shows in some rows that a constant reading is wrong."""
     theta, gyro = (
-        recording.si(one) if one in recording else np.full(len(recording), np.nan)
+        recording.to_si(one) if one in recording else np.full(len(recording), np.nan)
         for one in ("theta_rad", "gyro_rad_s")
     )
-    time_s = recording.si("time_s")
+    time_s = recording.to_si("time_s")
     if channel == "theta_rad":
         turned = gyro[rows][np.isfinite(gyro[rows])]
         if len(turned) < 3:
@@ -206,7 +206,7 @@ def _moves(recording: Recording, channel: str, rows: NDArray[np.intp], rig: Rig)
     if pulse not in recording:
         return False
     p = rig.propulsion
-    sent = recording.si(pulse)[rows] - p.pwm_start_us
+    sent = recording.to_si(pulse)[rows] - p.pwm_start_us
     sent = _smooth(sent[np.isfinite(sent)])
     return len(sent) > 20 and bool(np.ptp(sent) > 0.05 * np.median(sent))
 
@@ -243,13 +243,13 @@ def _noise(recording: Recording, rig: Rig, channel: str) -> float:
 SAME = 0.15  # departure of thrust over squared speed at one place: a spike; assumed
 
 
-def spikes_of_a_sweep(recording: Recording, rig: Rig, name: str) -> Mended:
+def remove_sweep_spikes(recording: Recording, rig: Rig, name: str) -> Mended:
     """Blank points whose thrust no other point of the same place comes near."""
     share, running = _thrust_shares(recording)
     if "plate_z_m" not in recording or running.sum() < 8:
         return {}, []
     columns = [one for one in ("plate_z_m", "plate_x_m", "plate_y_m") if one in recording]
-    places = np.round(np.nan_to_num([recording.si(column) for column in columns]), 4)
+    places = np.round(np.nan_to_num([recording.to_si(column) for column in columns]), 4)
     number = np.unique(places, axis=1, return_inverse=True)[1].reshape(-1)
     spike = np.zeros(len(recording), bool)
     for one in np.unique(number[running]):
@@ -258,23 +258,23 @@ def spikes_of_a_sweep(recording: Recording, rig: Rig, name: str) -> Mended:
         beside = np.abs(share[rows] / middle - 1.0)
         if len(rows) >= 4 and (beside > SAME).sum() == 1 and beside.max() > 5.0 * np.median(beside):
             spike[rows[int(np.argmax(beside))]] = True
-    if not spike.any() or spike.sum() > max(1.0, FEW * running.sum()):
+    if not spike.any() or spike.sum() > max(1.0, MIN_SAMPLES * running.sum()):
         return {}, []
     at = np.flatnonzero(spike)
     return {"thrust_N": _blanked(recording, "thrust_N", at)}, [
-        f"{counted(len(at), 'spike')} of thrust_N, more than {100.0 * SAME:g} % beside every other "
-        f"point of its place (the first in row {1 + at[0]}): left out"
+        f"{pluralize(len(at), 'spike')} of thrust_N, more than {100.0 * SAME:g} % beside every "
+        f"other point of its place (the first in row {1 + at[0]}): left out"
     ]
 
 
-def hung_load_cell(recording: Recording, rig: Rig, name: str) -> Mended:
+def find_frozen_load_cell(recording: Recording, rig: Rig, name: str) -> Mended:
     """Blank thrusts that are exactly alike while speeds are not: a cell that hangs or is full."""
     _, running = _thrust_shares(recording)
     rows = np.flatnonzero(running)
     if len(rows) < 8:
         return {}, []
     thrust = recording.column("thrust_N")[rows]
-    squares = np.sum([recording.si(one)[rows] ** 2 for one in rotor_columns(recording)], axis=0)
+    squares = np.sum([recording.to_si(one)[rows] ** 2 for one in rotor_columns(recording)], axis=0)
     hung = np.zeros(len(rows), bool)
     for value in np.unique(thrust):
         alike = thrust == value
@@ -284,8 +284,8 @@ def hung_load_cell(recording: Recording, rig: Rig, name: str) -> Mended:
         return {}, []
     what = "ends its range" if (thrust[hung] == thrust.max()).all() else "hangs"
     return {"thrust_N": _blanked(recording, "thrust_N", rows[hung])}, [
-        f"thrust_N {what} at {thrust[hung][0]:.4g} N in {counted(int(hung.sum()), 'point')} whose "
-        f"speeds differ by more than 5 %: left out"
+        f"thrust_N {what} at {thrust[hung][0]:.4g} N in {pluralize(int(hung.sum()), 'point')} "
+        f"whose speeds differ by more than 5 %: left out"
     ]
 
 
@@ -294,24 +294,29 @@ def _thrust_shares(recording: Recording) -> tuple[Array, Mask]:
     columns = rotor_columns(recording)
     if not columns or "thrust_N" not in recording:
         return np.zeros(len(recording)), np.zeros(len(recording), bool)
-    squares = np.sum([recording.si(one) ** 2 for one in columns], axis=0)
-    thrust = recording.si("thrust_N")
+    squares = np.sum([recording.to_si(one) ** 2 for one in columns], axis=0)
+    thrust = recording.to_si("thrust_N")
     running = np.isfinite(squares) & np.isfinite(thrust) & (np.nan_to_num(squares) > 0.0)
     return thrust / np.where(running, squares, 1.0), running
 
 
 Check = Callable[[Recording, Rig, str], Mended]
 
-PITCH: tuple[Check, ...] = (plate_in_metres, speeds_in_rpm, hung_sensors, spikes_of_a_beam)
-SWEEP: tuple[Check, ...] = (plate_in_metres, speeds_in_rpm, hung_load_cell, spikes_of_a_sweep)
+PITCH: tuple[Check, ...] = (plate_in_metres, speeds_in_rpm, find_frozen_sensors, remove_beam_spikes)
+SWEEP: tuple[Check, ...] = (
+    plate_in_metres,
+    speeds_in_rpm,
+    find_frozen_load_cell,
+    remove_sweep_spikes,
+)
 """What is looked for, in order: units before what is judged by size."""
 
 
-ANOTHER = {"speed over pulse": 1.25}  # never within one bench: full battery over empty
+OTHER_BENCH_HINT = {"speed over pulse": 1.25}  # never within one bench: full battery over empty
 USUALLY = 1.2  # the same of everything else; good pairs of recordings differ by 1 %
 
 
-def refuse_other_bench(benches: Iterable[tuple[str, Mapping[str, float]]]) -> None:
+def check_bench_kind(benches: Iterable[tuple[str, Mapping[str, float]]]) -> None:
     """Refuse recordings of different benches.
 
     Raises:
@@ -320,7 +325,7 @@ def refuse_other_bench(benches: Iterable[tuple[str, Mapping[str, float]]]) -> No
     (first, own), *others = benches
     for name, numbers in others:
         for what in (one for one in own if one in numbers):
-            ratio, most = numbers[what] / own[what], ANOTHER.get(what, USUALLY)
+            ratio, most = numbers[what] / own[what], OTHER_BENCH_HINT.get(what, USUALLY)
             if not 1.0 / most < ratio < most:
                 raise InputError(
                     f"{what} in {name} is {ratio:.2f} times that in {first}, and on one bench it "

@@ -17,9 +17,9 @@ from benchtool.data.columns import VALID_KINDS
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import kind_of
 from benchtool.data.run.read import changed_points, is_run, read_pitch, read_points, sample_names
-from benchtool.data.run.recording_file import beside, read_recording
+from benchtool.data.run.recording_file import metadata_path, read_recording
 from benchtool.data.table import read_table
-from benchtool.fit.uncertainty.zero_walk import with_zero_walk
+from benchtool.fit.uncertainty.zero_drift import add_zero_drift
 from benchtool.physics.effects.effect import BenchKind
 from benchtool.physics.model_file import LoadedModel
 
@@ -34,7 +34,7 @@ NEEDED: dict[BenchKind, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Source:
+class RecordingSource:
     """Hold one recording with where it comes from."""
 
     path: str  # as the user gave it
@@ -51,14 +51,14 @@ class Source:
 
 def read_sources(
     learn: Sequence[str], check: Sequence[str], loaded: LoadedModel
-) -> tuple[list[Source], list[Source]]:
+) -> tuple[list[RecordingSource], list[RecordingSource]]:
     """Return the recordings to learn from and those to check on.
 
     Raises:
         InputError: none of either, the same data twice, or benches of two kinds.
         FileFormatError: a file that is no recording.
     """
-    if missing := missing_of(learn, check):
+    if missing := missing_channels(learn, check):
         raise missing[0]
     for path in (*learn, *check):
         if (wrong := unreadable(path)) is not None:
@@ -73,12 +73,12 @@ def read_sources(
             )
         seen[digest] = path
     hashes = {path: digest for digest, path in seen.items()}
-    names = names_of(tuple(hashes))
+    names = recording_names(tuple(hashes))
     groups = [
         [_alive(_source(path, names[path], hashes[path], loaded)) for path in part]
         for part in (learn, check)
     ]
-    kinds = {bench_of(source): source.path for part in groups for source in part}
+    kinds = {bench_kind(source): source.path for part in groups for source in part}
     if len(kinds) > 1:
         raise InputError(
             f"{kinds['pitch']} is of a pitch bench and {kinds['sweep']} of a plate sweep; explain "
@@ -87,7 +87,7 @@ def read_sources(
     return groups[0], groups[1]
 
 
-def names_of(paths: Sequence[str]) -> dict[str, str]:
+def recording_names(paths: Sequence[str]) -> dict[str, str]:
     """Return a name for each recording, all different: its path only where two share the name."""
     short = [Path(path).name or path for path in paths]
     return {
@@ -96,7 +96,7 @@ def names_of(paths: Sequence[str]) -> dict[str, str]:
     }
 
 
-def missing_of(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:
+def missing_channels(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:
     """Return errors for a request without anything to learn from, or to check on."""
     if not learn:
         order = " (every word behind --check is to check on)" if check else ""
@@ -116,7 +116,7 @@ def missing_of(learn: Sequence[str], check: Sequence[str]) -> list[InputError]:
     return []
 
 
-def bench_of(source: Source) -> BenchKind:
+def bench_kind(source: RecordingSource) -> BenchKind:
     """Return which kind of bench made a recording, by its channels."""
     for kind, channel in IDENTIFIED_BY.items():
         if channel in source.recording:
@@ -132,31 +132,34 @@ def bench_of(source: Source) -> BenchKind:
     )
 
 
-def _source(path: str, name: str, digest: str, loaded: LoadedModel) -> Source:
+def _source(path: str, name: str, digest: str, loaded: LoadedModel) -> RecordingSource:
     if is_run(path):  # the experiment of a hinge, or the points of a sweep with its tares
         hinge = IDENTIFIED_BY["pitch"] in sample_names(path)
         if hinge:
             run = read_pitch(path)
         else:
-            run = with_zero_walk(read_points(path, VALID_KINDS), path, loaded.model.rig)
-        return Source(
+            run = add_zero_drift(read_points(path, VALID_KINDS), path, loaded.model.rig)
+        return RecordingSource(
             path=path, name=name, recording=run, sha256=digest, remarks=changed_points(path)
         )
-    if beside(Path(path)).is_file():
-        return Source(path=path, name=name, recording=read_recording(path), sha256=digest)
+    if metadata_path(Path(path)).is_file():
+        return RecordingSource(path=path, name=name, recording=read_recording(path), sha256=digest)
     if Path(path).suffix.lower() == ".parquet":
         raise FileFormatError(
-            path, f"there is no {beside(Path(path)).name} beside it; import it with benchtool"
+            path,
+            f"there is no {metadata_path(Path(path)).name} beside it; import it with benchtool",
         )
     columns, remarks = _present(path, name, loaded.columns)
     filters = [f"{key}={value}" for key, value in loaded.row_filter.items()] if columns else []
     recording = read_table(path, columns, filters)
     if recording.provenance.get("repairs"):
         remarks.append(f"{name}: {recording.provenance['repairs']}")
-    return Source(path=path, name=name, recording=recording, sha256=digest, remarks=tuple(remarks))
+    return RecordingSource(
+        path=path, name=name, recording=recording, sha256=digest, remarks=tuple(remarks)
+    )
 
 
-def _alive(source: Source) -> Source:
+def _alive(source: RecordingSource) -> RecordingSource:
     """Return a source without speeds, pulses and a gyro that never change, and say so.
 
     A rotor speed of exactly the same value in every row was never measured; a model held against
@@ -262,7 +265,7 @@ OTHERS = {  # what files that stand beside recordings are by their names
     ".txt": "a text file",
 }
 
-TAKEN = "a recording is a CSV, a Parquet file with its JSON, or a run folder"
+READ_CHANNELS = "a recording is a CSV, a Parquet file with its JSON, or a run folder"
 
 
 def unreadable(path: str) -> InputError | None:
@@ -273,11 +276,11 @@ def unreadable(path: str) -> InputError | None:
     if file.is_dir():
         return None if is_run(file) else FileFormatError(path, _of_folder(file))
     if file.suffix.lower() in OTHERS:
-        return FileFormatError(path, f"this is {OTHERS[file.suffix.lower()]}; {TAKEN}")
+        return FileFormatError(path, f"this is {OTHERS[file.suffix.lower()]}; {READ_CHANNELS}")
     return None
 
 
-def recordings_in(folder: Path) -> list[Path]:
+def list_recordings(folder: Path) -> list[Path]:
     """Return the recordings of a folder, else those of the folders in it.
 
     Tables that nothing says more of count where there is nothing better.
@@ -297,9 +300,9 @@ def recordings_in(folder: Path) -> list[Path]:
 
 
 def _of_folder(folder: Path) -> str:
-    found = recordings_in(folder)
+    found = list_recordings(folder)
     if not found:
-        return f"this folder is no run, and no recording is in it; {TAKEN}"
+        return f"this folder is no run, and no recording is in it; {READ_CHANNELS}"
     named = ", ".join(str(item) for item in found[:MOST_LISTED])
     more = f" and {len(found) - MOST_LISTED} more" if len(found) > MOST_LISTED else ""
     if len(found) == 1:

@@ -14,10 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.export.vehicle import Number, Vehicle
+from benchtool.core.array_type import Array
+from benchtool.export.vehicle import ExportedNumber, Vehicle
 
-IDLE = 0.1  # throttle at which rotors idle: 1 % of full thrust of a square law; assumed
+DEFAULT_IDLE_SHARE = (
+    0.1  # throttle at which rotors idle: 1 % of full thrust of a square law; assumed
+)
 MAX_THRUST_LINEAR = 150  # largest thrust_linear that Betaflight takes, in percent
 PX4_FLOAT, PX4_INT32 = 9, 6  # MAV_PARAM_TYPE of a parameter file's last column
 DEMANDS = np.linspace(0.0, 1.0, 1001)  # the step of ArduPilot's ThrustExpo tool
@@ -60,7 +62,9 @@ def most_linear(
     """Return the setting of the least spread of the gain, and that spread in words."""
     found = []
     for setting in settings.tolist():
-        command = IDLE + (1.0 - IDLE) * np.clip(throttle(setting, DEMANDS), 0.0, 1.0)
+        command = DEFAULT_IDLE_SHARE + (1.0 - DEFAULT_IDLE_SHARE) * np.clip(
+            throttle(setting, DEMANDS), 0.0, 1.0
+        )
         gain = np.diff(vehicle.thrust_N(command))
         found.append((float(gain.std() / gain.mean()), setting, float(gain.max() / gain.min())))
     spread, best, ratio = min(found)
@@ -68,27 +72,29 @@ def most_linear(
     return best, f"gain dT/d(demand) from idle to full: {words}"
 
 
-def expo_over_idle(vehicle: Vehicle, low: float, source: str) -> Number:
+def expo_over_idle(vehicle: Vehicle, low: float, source: str) -> ExportedNumber:
     """Return the e, from `low` to 1, of the most linear thrust over demand from idle on."""
     settings = np.round(np.arange(low, 1.0 + 0.5 * EXPO_STEP, EXPO_STEP), 3)
     value, spread = most_linear(vehicle, expo_throttle, settings)
     limit = "limit of the target; " if value in (low, 1.0) else ""
     why = f"{limit}{source}; {spread}; thrust over throttle: {vehicle.expo.why}"
-    return Number(value, "1", why, vehicle.expo.stated)
+    return ExportedNumber(value, "1", why, vehicle.expo.stated)
 
 
-def _pulse(vehicle: Vehicle, key: str) -> Number:
+def _pulse(vehicle: Vehicle, key: str) -> ExportedNumber:
     return vehicle.of_rig(f"propulsion.{key}", "us")
 
 
-def _idle(vehicle: Vehicle) -> Number:
+def _idle(vehicle: Vehicle) -> ExportedNumber:
     start_us = vehicle.rig.propulsion.pwm_start_us
-    pulse_us = start_us + IDLE * (vehicle.full[0].value - start_us)
-    share = 100.0 * float(vehicle.thrust_N(np.array(IDLE))) / vehicle.thrust_max.value
-    return Number(pulse_us, "us", f"idle, {share:.2g} % of full thrust, a choice: rotors must turn")
+    pulse_us = start_us + DEFAULT_IDLE_SHARE * (vehicle.full[0].value - start_us)
+    share = 100.0 * float(vehicle.thrust_N(np.array(DEFAULT_IDLE_SHARE))) / vehicle.thrust_max.value
+    return ExportedNumber(
+        pulse_us, "us", f"idle, {share:.2g} % of full thrust, a choice: rotors must turn"
+    )
 
 
-def _left_out(name: str, number: Number) -> str:
+def _left_out(name: str, number: ExportedNumber) -> str:
     """Return the comment in place of what rests on a typical number: it must not be flown."""
     return f"# {name} left out, measure it (a motor test, --motor) or state it: {number.why}"
 
@@ -107,8 +113,10 @@ def ardupilot(vehicle: Vehicle) -> str:
     numbers = {
         "MOT_PWM_MIN": stop,
         "MOT_PWM_MAX": most,
-        "MOT_SPIN_MIN": Number((idle.value - stop.value) / span_us, "1", idle.why),
-        "MOT_SPIN_MAX": Number((full.value - stop.value) / span_us, "1", f"curve ends; {full.why}"),
+        "MOT_SPIN_MIN": ExportedNumber((idle.value - stop.value) / span_us, "1", idle.why),
+        "MOT_SPIN_MAX": ExportedNumber(
+            (full.value - stop.value) / span_us, "1", f"curve ends; {full.why}"
+        ),
         "MOT_THST_EXPO": expo,
         "MOT_THST_HOVER": vehicle.hover_share.within(0.125, 0.6875),
         "MOT_BAT_VOLT_MAX": vehicle.full[1],
@@ -132,22 +140,22 @@ def px4(vehicle: Vehicle) -> str:
     """
     rig = vehicle.rig
     ratio = vehicle.torque_per_thrust
-    numbers: list[tuple[str, Number, int]] = []
+    numbers: list[tuple[str, ExportedNumber, int]] = []
     # One rotor is a stand, whose geometry must not go over that of a vehicle.
     if rig.n_rotors > 1:
         numbers += [
-            ("CA_AIRFRAME", Number(0, "1", "multirotor"), PX4_INT32),
-            ("CA_ROTOR_COUNT", Number(rig.n_rotors, "1", f"rig {rig.name}"), PX4_INT32),
+            ("CA_AIRFRAME", ExportedNumber(0, "1", "multirotor"), PX4_INT32),
+            ("CA_ROTOR_COUNT", ExportedNumber(rig.n_rotors, "1", f"rig {rig.name}"), PX4_INT32),
         ]
     for i, rotor in enumerate(rig.rotors if rig.n_rotors > 1 else ()):
         place = f"rotor {rotor.name}"
         numbers += [
-            (f"CA_ROTOR{i}_PX", Number(rotor.x_m, "m", f"{place}, forward"), PX4_FLOAT),
-            (f"CA_ROTOR{i}_PY", Number(0.0 - rotor.y_m, "m", f"{place}, right"), PX4_FLOAT),
+            (f"CA_ROTOR{i}_PX", ExportedNumber(rotor.x_m, "m", f"{place}, forward"), PX4_FLOAT),
+            (f"CA_ROTOR{i}_PY", ExportedNumber(0.0 - rotor.y_m, "m", f"{place}, right"), PX4_FLOAT),
             (f"CA_ROTOR{i}_CT", vehicle.thrust_max.within(0.0, 100.0), PX4_FLOAT),
             (
                 f"CA_ROTOR{i}_KM",
-                Number(rotor.spin * ratio.value, "m", ratio.why, ratio.stated),
+                ExportedNumber(rotor.spin * ratio.value, "m", ratio.why, ratio.stated),
                 PX4_FLOAT,
             ),
         ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.export.render import render
 from benchtool.export.vehicle import Vehicle
@@ -19,7 +19,7 @@ TOLERANCE = 1e-7  # relative error of a piece: float's own rounding adds a few t
 MAX_PIECES = 128  # more are a law that no polynomial follows: 128 are 4 kB; assumed
 
 
-def pieces(vehicle: Vehicle) -> tuple[Array, Array]:
+def split_intervals(vehicle: Vehicle) -> tuple[Array, Array]:
     """Return ends (n + 1,) of the pieces in z_min/z, and their coefficients (n, DEGREE + 1).
 
     Coefficients are of powers of x, -1 to 1 over a piece.
@@ -58,6 +58,6 @@ def pieces(vehicle: Vehicle) -> tuple[Array, Array]:
 
 def c_header(vehicle: Vehicle) -> str:
     """Return the header; its names begin with the rig's."""
-    ends, coefficients = pieces(vehicle)
+    ends, coefficients = split_intervals(vehicle)
     values = {"ends": ends, "coefficients": coefficients, "degree": DEGREE}
     return render("c_header", vehicle, **values)

@@ -13,10 +13,10 @@ from xml.sax.saxutils import escape
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 
-from benchtool.export.vehicle import Number, Vehicle
+from benchtool.export.vehicle import ExportedNumber, Vehicle
 
 VALUES = {
-    "Number": Number,
+    "Number": ExportedNumber,
     "not_measured": "not measured; 0 leaves it out",
     # Gazebo needs a mass of a rotor's link, and the rig states none: mass and inertia stay within
     # 0.1 % a rotor; the body's mass is reduced by it.
@@ -44,7 +44,7 @@ def render(template: str, vehicle: Vehicle, **values: object) -> str:
     return found.render(VALUES | values, v=vehicle, rig=vehicle.rig)
 
 
-def _xml_comment(number: Number, name: str) -> str:
+def _xml_comment(number: ExportedNumber, name: str) -> str:
     # A double hyphen would end the comment.
     return f"<!-- {escape(f'{name} {number.note}').replace('--', '- -')} -->"
 

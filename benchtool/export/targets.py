@@ -59,7 +59,7 @@ TARGETS: Mapping[str, Target] = {  # what `benchtool export --to` takes
 }
 
 
-def target_named(name: str) -> Target:
+def find_target(name: str) -> Target:
     """Return a target.
 
     Raises:
@@ -103,7 +103,7 @@ def write_targets(vehicle: Vehicle, to: str, out: Path | None = None) -> tuple[P
 
 def file_for(vehicle: Vehicle, to: str) -> tuple[str, str]:
     """Return name and content of the file of one target."""
-    target = target_named(to)
+    target = find_target(to)
     return _file(target, vehicle), target.text(vehicle)
 
 

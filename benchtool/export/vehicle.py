@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.fit_result import Estimate
-from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.rig import NOT_STATED, Propeller, Rig
+from benchtool.core.plural import pluralize
+from benchtool.core.rig import UNSPECIFIED, Propeller, Rig
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.data.run.read import is_run
 from benchtool.fit.motor.constants import MotorFit, fit_motor
@@ -27,7 +27,7 @@ MODEL_FILE = "model.toml"
 
 
 @dataclass(frozen=True, slots=True)
-class Number:
+class ExportedNumber:
     """Hold one exported number.
 
     Attributes:
@@ -45,7 +45,7 @@ class Number:
         """Unit and origin, for a comment."""
         return self.why if self.unit == "1" else f"{self.unit}; {self.why}"
 
-    def within(self, low: float, high: float) -> Number:
+    def within(self, low: float, high: float) -> ExportedNumber:
         """Return the number held to what a target takes, which its origin then says."""
         value = min(max(self.value, low), high)
         if value == self.value:
@@ -53,7 +53,7 @@ class Number:
         why = f"limit of the target, found {self.value:.4g}; {self.why}"
         return replace(self, value=value, why=why)
 
-    def of(self, factor: float, unit: str) -> Number:
+    def of(self, factor: float, unit: str) -> ExportedNumber:
         """Return the number times a factor, in another unit; an interval stays that of its own."""
         why = f"of {self.value:.6g} {self.unit}, {self.why}"
         return replace(self, value=self.value * factor, unit=unit, why=why)
@@ -97,22 +97,22 @@ class Vehicle:
         word = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.rig.name)
         return word if word[:1].isalpha() else f"rig_{word}"
 
-    def of_rig(self, key: str, unit: str) -> Number:
+    def of_rig(self, key: str, unit: str) -> ExportedNumber:
         """Return a number of the rig by its dotted key, such as "body.mass_kg"."""
         is_rig = self.rotors in (None, self.rig.n_rotors)
         if key == "body.mass_kg" and self.mass_kg is not None and is_rig:
-            return Number(self.mass_kg, unit, "no interval; as stated for the export")
+            return ExportedNumber(self.mass_kg, unit, "no interval; as stated for the export")
         value: object = self.rig
         for part in key.split("."):
             value = getattr(value, part)
         assert isinstance(value, float | int)
         source = self.rig.sources.get(key) or "no source is stated"
         assumed = "assumed: " if key in self.rig.assumed and "assumed" not in source else ""
-        stated = not source.startswith(NOT_STATED)
-        return Number(float(value), unit, f"no interval; {assumed}{source}", stated)
+        stated = not source.startswith(UNSPECIFIED)
+        return ExportedNumber(float(value), unit, f"no interval; {assumed}{source}", stated)
 
     @property
-    def masses(self) -> dict[str, Number]:
+    def masses(self) -> dict[str, ExportedNumber]:
         """Mass and moments of inertia of the whole vehicle."""
         inertias = {
             f"i{axis}": self.of_rig(f"body.inertia_{axis}_kgm2", "kg m^2")
@@ -120,7 +120,7 @@ class Vehicle:
         }
         return {"mass": self.of_rig("body.mass_kg", "kg"), **inertias}
 
-    def _of_motor(self, name: str) -> Number | None:
+    def _of_motor(self, name: str) -> ExportedNumber | None:
         """Return a constant of the motor test; None where it is not determined."""
         if self.motor is None or not isfinite(self.motor.value(name)):
             return None
@@ -129,10 +129,10 @@ class Vehicle:
         note = f"{found.bound}; " if found.bound else ""
         runs = ", ".join(self.motor.names)
         why = f"{note}95 %: {low:.5g} to {high:.5g}, motor test {runs}"
-        return Number(found.value, found.unit, why)
+        return ExportedNumber(found.value, found.unit, why)
 
     @cached_property
-    def full(self) -> tuple[Number, Number]:
+    def full(self) -> tuple[ExportedNumber, ExportedNumber]:
         """Pulse and voltage of full command: us, V; the rig's, or the highest measured."""
         pulse = self.of_rig("propulsion.pwm_max_us", "us")
         voltage = self.of_rig("propulsion.voltage_nominal_V", "V")
@@ -140,21 +140,23 @@ class Vehicle:
             full, why = self.motor.full, f"highest measured, motor test {self.motor.names[0]}"
             volts = full.voltage_V if isfinite(full.voltage_V) else full.measured_V
             if full.pulse_us != pulse.value:
-                pulse = Number(full.pulse_us, "us", why)
+                pulse = ExportedNumber(full.pulse_us, "us", why)
             if isfinite(volts) and volts != voltage.value:
-                voltage = Number(volts, "V", why)
+                voltage = ExportedNumber(volts, "V", why)
         return pulse, voltage
 
-    def parameter(self, name: str) -> Number:
+    def parameter(self, name: str) -> ExportedNumber:
         """Return a parameter of the model by its full name."""
         item = self.model.parameters[name]
         if name in self.intervals:
             low, high = self.intervals[name]
-            return Number(item.value, item.unit, f"95 %: {low:.5g} to {high:.5g}, {self.fitted}")
-        return Number(item.value, item.unit, f"no interval; {item.source or 'the rig'}")
+            return ExportedNumber(
+                item.value, item.unit, f"95 %: {low:.5g} to {high:.5g}, {self.fitted}"
+            )
+        return ExportedNumber(item.value, item.unit, f"no interval; {item.source or 'the rig'}")
 
     @cached_property
-    def _k(self) -> Number:
+    def _k(self) -> ExportedNumber:
         """Thrust over squared speed of one rotor: of motor test, fit or rig, in this order."""
         if (found := self._of_motor("k")) is not None:
             return found
@@ -163,7 +165,7 @@ class Vehicle:
         return self.of_rig("propulsion.thrust_coefficient_N_s2", "N/(rad/s)^2")
 
     @cached_property
-    def k(self) -> Number:
+    def k(self) -> ExportedNumber:
         """Thrust over squared speed at full command: N/(rad/s)^2.
 
         A target whose thrust is k w^2 reaches `thrust_max` at `speed_max`; how far it is off at
@@ -178,7 +180,9 @@ class Vehicle:
             return self._k
         why = f"exact at full command, k w^2 within {100.0 * share:.2g} % of full thrust"
         why += f" ({100.0 * there:.3g} % of the thrust there) from throttle 0.1 on; fitted"
-        return Number(k, self._k.unit, f"{why} {self._k.value:.6g}, {self._k.why}", self._k.stated)
+        return ExportedNumber(
+            k, self._k.unit, f"{why} {self._k.value:.6g}, {self._k.why}", self._k.stated
+        )
 
     def speed_rad_s(self, thrust_N: Array) -> Array:
         """Return the speeds (n,) at thrusts far from any surface: rad/s."""
@@ -188,21 +192,21 @@ class Vehicle:
         return np.asarray(np.vectorize(lambda one: speed_at(one)[0], otypes=[float])(thrust_N))
 
     @cached_property
-    def torque_per_thrust(self) -> Number:
+    def torque_per_thrust(self) -> ExportedNumber:
         """Shaft torque over thrust: m."""
         return self.of_rig("propulsion.drag_coefficient_Nm_s2", "N m/(rad/s)^2").of(
             1.0 / self.k.value, "m"
         )
 
     @cached_property
-    def speed_max(self) -> Number:
+    def speed_max(self) -> ExportedNumber:
         """Speed at full command, of the thrust there: rad/s."""
         full = self.thrust_max
         speed = float(self.speed_rad_s(np.array(full.value)))
-        return Number(speed, "rad/s", f"where thrust is {full.value:.6g} N, {full.why}")
+        return ExportedNumber(speed, "rad/s", f"where thrust is {full.value:.6g} N, {full.why}")
 
     @cached_property
-    def thrust_max(self) -> Number:
+    def thrust_max(self) -> ExportedNumber:
         """Thrust of one rotor at pulse and voltage of `full`: N."""
         if (found := self._of_motor("T_max")) is not None:
             return found
@@ -211,32 +215,32 @@ class Vehicle:
         return self._k.of((slope.value * (p.pwm_max_us - p.pwm_start_us)) ** 2, "N")
 
     @cached_property
-    def expo(self) -> Number:
+    def expo(self) -> ExportedNumber:
         """The e of thrust over throttle u: T = T_max ((1 - e) u + e u^2).
 
         1 for a speed that is linear in the pulse from `pwm_start_us` on, as rigs state it.
         """
         found = self._of_motor("expo")
         why = "no interval; the rig's speed is linear in the pulse, thrust in its square"
-        return found if found is not None else Number(1.0, "1", why, stated=False)
+        return found if found is not None else ExportedNumber(1.0, "1", why, stated=False)
 
-    def lag(self, way: str) -> Number:
+    def lag(self, way: str) -> ExportedNumber:
         """Return the time constant of speed, throttle rising ("up") or falling ("down"): s."""
         if (found := self._of_motor(f"lag_{way}")) is not None:
             return found
         return self.of_rig("propulsion.lag_s", "s")
 
     @property
-    def hover_share(self) -> Number:
+    def hover_share(self) -> ExportedNumber:
         """Thrust that carries the vehicle over full thrust."""
         mass = self.of_rig("body.mass_kg", "kg")
         if self.mass_kg is not None:
-            mass = Number(self.mass_kg, "kg", "no interval; as stated for the export")
+            mass = ExportedNumber(self.mass_kg, "kg", "no interval; as stated for the export")
         rotors = self.rotors or self.rig.n_rotors
         share = mass.of(9.80665 / (rotors * self.thrust_max.value), "1")
         if share.value > 1.0 and (self.mass_kg, self.rotors) != (None, None):
             raise InputError(
-                f"{mass.value:g} kg on {counted(rotors, 'rotor')} need {share.value:.3g} of full "
+                f"{mass.value:g} kg on {pluralize(rotors, 'rotor')} need {share.value:.3g} of full "
                 f"thrust; give another --mass-kg or --rotors"
             )
         return share
@@ -282,10 +286,10 @@ class Vehicle:
         return np.asarray(near / far, float)
 
 
-def vehicle_of(
+def build_vehicle(
     model: str | Path,
     motor: Sequence[str | Path] = (),
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
     rig: Rig | None = None,
     propeller: Propeller | None = None,
     extrapolate: bool = False,

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.jacobian import Way, way_for
+from benchtool.core.plural import pluralize
+from benchtool.fit.jacobian import Way, select_method
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem, normal_log_density
 from benchtool.fit.solve import row_jacobian
@@ -95,7 +95,7 @@ def compare(problems: Sequence[Problem], *, folds: int = 5, seed: int = 1) -> Co
     settings = np.unique(groups)
     if len(settings) < 3:
         raise InputError(
-            f"points fall into {counted(len(settings), 'setting')}, holding out needs 3; "
+            f"points fall into {pluralize(len(settings), 'setting')}, holding out needs 3; "
             f"measure at more plate distances or compare by chi2"
         )
     count = min(folds, len(settings))
@@ -142,7 +142,7 @@ def predicted(problem: Problem, training: Problem, result: FitResult) -> tuple[A
     pull = shared @ known.T
     left = problem.residuals(result.values) - pull @ whitening(training.residuals(result.values))
     with np.errstate(all="ignore"):
-        way = way_for(problem.predict, shape, len(problem), lower, upper)
+        way = select_method(problem.predict, shape, len(problem), lower, upper)
         slopes = _slopes(problem, way, shape) - pull @ whitening(_slopes(training, way, shape))
     own = problem.sigma(noise) ** 2
     own = own + np.maximum(np.sum(shared**2, axis=1) - np.sum(pull**2, axis=1), 0.0)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError, InputError, ModelRejected
 from benchtool.core.fit_result import FitResult
 from benchtool.fit.compare import predicted
@@ -25,16 +25,16 @@ from benchtool.fit.law_scores import LawComparison, LawScore, Verdict
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.physics.bases import with_blades_of_rig
-from benchtool.physics.catalogue import laws_of
+from benchtool.physics.catalogue import thrust_laws
 from benchtool.physics.distance_law import DistanceLaw
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
 SAME_DISTANCE = 0.02  # relative; above the scatter of a stage; assumed
-LEAST_DISTANCES = 4  # fewer leave no degrees of freedom for a law of two numbers beside k
+MIN_DISTANCES = 4  # fewer leave no degrees of freedom for a law of two numbers beside k
 
 NO_PLATE_Z_OVER_R = 1e3  # no plate beyond it: such points determine k and are not held out
-MOST_KNOTS = 8  # knots of a table through the data, at most two fewer than distances; assumed
+MAX_KNOTS = 8  # knots of a table through the data, at most two fewer than distances; assumed
 
 UNLIKELY = 0.01  # chance below which losses everywhere are none; small: folds share distances
 
@@ -54,14 +54,15 @@ def compare_laws(
     """
     group = distance_groups(z_over_R)
     places = [float(z_over_R[group == number].mean()) for number in range(group.max() + 1)]
-    if len(places) < LEAST_DISTANCES:
+    if len(places) < MIN_DISTANCES:
         raise InputError(
             f"the points lie at {len(places)} distances of the plate, and comparing laws needs "
-            f"{LEAST_DISTANCES}; measure at more distances, or compare models by name"
+            f"{MIN_DISTANCES}; measure at more distances, or compare models by name"
         )
     far_known = bool(np.any(group < 0)) or not model.parameters["k"].free
     found = [
-        _fitted(one, model, problem_of, places, far_known=far_known) for one in contestants(model)
+        _fitted(one, model, problem_of, places, far_known=far_known)
+        for one in candidate_laws(model)
     ]
     left = [tried for tried in found if not tried.refused]
     # Where the data refuse every law, the question is which comes nearest.
@@ -88,14 +89,14 @@ def distance_groups(z_over_R: Array) -> IntArray:
     return group
 
 
-def contestants(model: Model) -> Iterator[tuple[Effect, tuple[str, ...]]]:
+def candidate_laws(model: Model) -> Iterator[tuple[Effect, tuple[str, ...]]]:
     """Return the laws that a comparison tries, each with those that it is by another parameter.
 
     The model's own law stands for all that are one with it. A law of a whole vehicle is another
     one where there are several discs, because neighbours and body then go without a term.
     """
     own = model.law
-    laws = {effect.name: effect for effect in laws_of(model.rig.plate.surface)}
+    laws = {effect.name: effect for effect in thrust_laws(model.rig.plate.surface)}
     if own is not None:
         laws[own.name] = own
     kinds: dict[tuple[str, bool], list[Effect]] = {}
@@ -149,7 +150,7 @@ def _fitted(
         reason = f"points at z/R {places[0]:.3g}, valid from {nearest:g}"
         return replace(tried, refused=reason, applied=False)
     try:
-        start = from_strength(with_law(model, effect, places, far_known=far_known), effect, places)
+        start = initial_values(with_law(model, effect, places, far_known=far_known), effect, places)
         problem = problem_of(start)
         whole = fit_least_squares(problem)
     except EstimationError as error:
@@ -161,7 +162,7 @@ def _fitted(
     return replace(tried, refused=refused, problem=problem.at(whole.values), whole=whole)
 
 
-def from_strength(model: Model, effect: Effect, places: list[float]) -> Model:
+def initial_values(model: Model, effect: Effect, places: list[float]) -> Model:
     """Return the model with its law as strong as keeps its singular distance off the data.
 
     From beyond it a search does not come back.
@@ -175,7 +176,9 @@ def from_strength(model: Model, effect: Effect, places: list[float]) -> Model:
     values = {own.name: own.value for own in effect.parameters}
     while law.singular(values) > 0.8 * places[0]:
         values[strength] *= 0.5
-    return model.at(model.parameters.replaced(name, item.at(values[strength])))
+    return model.with_values(
+        model.parameters.with_replaced(name, item.with_value(values[strength]))
+    )
 
 
 def _held_out(tried: _Tried, group: IntArray, places: list[float]) -> _Tried:
@@ -217,7 +220,7 @@ def with_law(
         return model
     law = _stated(effect)
     if effect.knots_setting and effect.configure is not None:
-        n = int(np.clip(len(places) - 2, 2, MOST_KNOTS))
+        n = int(np.clip(len(places) - 2, 2, MAX_KNOTS))
         inner = np.unique(np.linspace(0, len(places) - 1, n).round().astype(int))
         knots = [*(places[i] for i in inner), *([1.5 * places[-1]] if far_known else [])]
         effect = effect.configure({effect.knots_setting: knots})
@@ -230,9 +233,9 @@ def with_law(
     for other in model.effects if commanded else ():
         if other.hooks.response is not None:  # blades answer to a law at equal power
             model = model.without(other.name)
-    model = model.fixed("R_m", model.rig.propulsion.radius_m).with_law(effect)
+    model = model.with_fixed("R_m", model.rig.propulsion.radius_m).with_law(effect)
     model = with_blades_of_rig(model)
-    return model.freed(*(f"{effect.name}.{name}" for name in law.compared))
+    return model.with_free(*(f"{effect.name}.{name}" for name in law.compared))
 
 
 def _judged(tried: _Tried, best: _Tried, distances: int) -> LawScore:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named, rig_names
+from benchtool.core.rig_file import load_rig_by_name, rig_names
 from benchtool.data.atomic import data_hash
-from benchtool.data.run.run_rig import differences, rig_of_data, with_blades_of
+from benchtool.data.run.run_rig import differences, load_rig_for_data, with_blades_of
 from benchtool.physics.model_file import model_names
 
 
@@ -21,9 +21,9 @@ def rig_for_data(data: Sequence[str], model: str, named: str | None = None) -> R
     Raises:
         InputError: data of two rigs, of another rig than the one named, or of none that is known.
     """
-    own = rig_of_data(data)
+    own = load_rig_for_data(data)
     if named is not None:
-        given = rig_named(named)
+        given = load_rig_by_name(named)
         if own is not None and (different := differences(own, given)):
             raise InputError(
                 f"--rig {named} is not the rig that the data were recorded on ({different[0]}), "

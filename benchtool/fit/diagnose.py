@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc, ndtr, stdtr
 from scipy.stats import rankdata
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import BenchtoolError, EstimationError, ModelRejected, NotConverged
 from benchtool.core.fit_result import FitResult
+from benchtool.core.plural import pluralize
 from benchtool.fit.identifiability import Confusion, confusions
-from benchtool.fit.jacobian import way_for
+from benchtool.fit.jacobian import select_method
 from benchtool.fit.problem import NOISE_SCALE, Problem
 from benchtool.fit.robust import LOSSES, MAD_EFFICIENCY, MAD_TO_SD, Loss
 from benchtool.fit.solve import row_jacobian, solve
@@ -30,8 +30,8 @@ UNLIKELY = 1e-3  # a chance below this is reported
 SCATTER = 4.0
 # From so many stated errors on a model lacks something, and so does one that settings miss so many
 # times as much as repeats scatter; assumed: scatter between visits is seldom more.
-TOO_MUCH = 2.0
-MOST_NAMED = 5
+MAX_SCATTER_RATIO = 2.0
+MAX_NAMED_POINTS = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ def diagnose(problem: Problem, result: FitResult) -> Diagnosis:
     verdict, lack = _verdict(problem, result, chance), Pattern(0.0, 1.0)
     if verdict == "scatter" and loss == "linear":
         lack = lack_of_fit(problem, result)
-        if lack.size > TOO_MUCH and lack.chance < UNLIKELY:
+        if lack.size > MAX_SCATTER_RATIO and lack.chance < UNLIKELY:
             verdict = "rejected"
     # Outliers are far out against the scatter that is there, be it the stated one or not.
     spread = max(1.0, MAD_TO_SD * float(np.median(np.abs(rows_alone))))
@@ -157,7 +157,7 @@ def _of_verdict(verdict: Verdict, result: FitResult, chance: float, lack: float)
             advice += ", or free noise.scale if the errors leave scatter out"
         if lack:
             advice = f"settings miss it {lack:.2g} times as much as repeats scatter: {narrow}"
-        elif lacks_something(result):
+        elif has_misfit(result):
             advice = f"{much}: {narrow}"
         return (
             f"{message}: model {result.model!r} is rejected at the stated standard errors (chance "
@@ -168,7 +168,7 @@ def _of_verdict(verdict: Verdict, result: FitResult, chance: float, lack: float)
             "the fitted noise carries that into the intervals, which is right for scatter between "
             "visits and wrong for a missing effect: look at the residuals"
         )
-        return (f"{message}: {much}; {narrow if lacks_something(result) else carried}",)
+        return (f"{message}: {much}; {narrow if has_misfit(result) else carried}",)
     if verdict == "errors_too_large":
         advice = "state them anew" if noise_is_free else "free noise.scale or state them anew"
         for item in result.estimates:
@@ -183,9 +183,9 @@ def times_as_much(result: FitResult) -> str:
     return f"{np.sqrt(result.chi2_per_dof):.2g} times"
 
 
-def lacks_something(result: FitResult) -> bool:
+def has_misfit(result: FitResult) -> bool:
     """Whether so much is left over that the model lacks something and intervals are too narrow."""
-    return result.chi2_per_dof > TOO_MUCH**2
+    return result.chi2_per_dof > MAX_SCATTER_RATIO**2
 
 
 class Pattern(NamedTuple):
@@ -208,7 +208,7 @@ def lack_of_fit(problem: Problem, result: FitResult) -> Pattern:
         return Pattern(0.0, 1.0)
     whitening = problem.whitening(problem.stated_noise)
     rows = problem.rows(shape, whitening)
-    way = way_for(problem.predict, shape, len(problem), *problem.shape_bounds)
+    way = select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
     levels = np.zeros((len(rows), len(settings)))
     levels[: len(problem)] = whitening(1.0 * (groups[:, None] == settings))
     free = np.hstack([row_jacobian(problem, way)(shape, whitening), levels])
@@ -328,9 +328,9 @@ def _hint(problem: Problem, column: str) -> str:
 def _of_outliers(problem: Problem, rows: Array, far: tuple[int, ...]) -> tuple[str, ...]:
     if not far:
         return ()
-    named = ", ".join(f"{problem.label(i)}: {rows[i]:+.3g} sd" for i in far[:MOST_NAMED])
-    more = f" and {len(far) - MOST_NAMED} more" if len(far) > MOST_NAMED else ""
+    named = ", ".join(f"{problem.label(i)}: {rows[i]:+.3g} sd" for i in far[:MAX_NAMED_POINTS])
+    more = f" and {len(far) - MAX_NAMED_POINTS} more" if len(far) > MAX_NAMED_POINTS else ""
     return (
-        f"far out: {len(far)} of {counted(len(rows), 'point')} ({named}{more}); look there in "
+        f"far out: {len(far)} of {pluralize(len(rows), 'point')} ({named}{more}); look there in "
         f"the run, or fit with a robust loss",
     )

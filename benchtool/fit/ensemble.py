@@ -11,7 +11,7 @@ import numpy as np
 from emcee import EnsembleSampler
 from emcee.autocorr import integrated_time
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError, InputError
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
 from benchtool.fit.interval import from_draws
@@ -19,8 +19,8 @@ from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem
 from benchtool.fit.sampling import (
     IslandDifference,
-    about_least_squares,
     log_probability,
+    proposal_around_least_squares,
     start_walkers,
 )
 
@@ -28,9 +28,9 @@ Progress = Callable[[int, int], None]  # progress(steps done, steps expected): c
 ENSEMBLES = 4
 FIRST_STEPS = 400
 REPORT_EVERY = 100
-DISCARDED = 0.25  # part of the steps left out at the beginning
+BURN_IN_SHARE = 0.25  # part of the steps left out at the beginning
 
-MOST_DRAWS = 20_000
+MAX_DRAWS = 20_000
 
 BOUND_REACH, BOUND_SHARE = 0.1, 0.01  # reached: this share of draws within so many sd of a bound
 
@@ -70,13 +70,18 @@ def fit_ensemble(
     probability = log_probability(problem)
     with np.errstate(all="ignore"):
         start = start_walkers(problem, near, probability, ENSEMBLES, walkers, rng)
-        moves = [(IslandDifference(ENSEMBLES), 0.5), (about_least_squares(problem, near), 0.5)]
-        sampler = sampler_of(probability, start, moves, int(rng.integers(2**32)))
-        chains, verdict = sample_until_agreed(sampler, start, walkers, max_steps, progress)
+        moves = [
+            (IslandDifference(ENSEMBLES), 0.5),
+            (proposal_around_least_squares(problem, near), 0.5),
+        ]
+        sampler = build_sampler(probability, start, moves, int(rng.integers(2**32)))
+        chains, verdict = sample_until_converged(sampler, start, walkers, max_steps, progress)
     return _result(problem, near, sampler, chains, verdict, walkers, seed, max_steps)
 
 
-def sampler_of(probability: Callable[[Array], Array], start: Array, moves: Any, seed: int) -> Any:
+def build_sampler(
+    probability: Callable[[Array], Array], start: Array, moves: Any, seed: int
+) -> Any:
     """Return emcee's sampler for walkers (ensembles * walkers, n), seeded."""
     sampler = EnsembleSampler(*start.shape, probability, moves=moves, vectorize=True)
     sampler.random_state = np.random.MT19937(seed).state
@@ -96,7 +101,7 @@ def advance(
     return state
 
 
-def sample_until_agreed(
+def sample_until_converged(
     sampler: Any, start: Array, walkers: int, max_steps: int, progress: Progress
 ) -> tuple[Array, Convergence]:
     """Return chains (steps, ensembles, walkers, n) of agreement, or of the most steps, judged."""
@@ -106,12 +111,12 @@ def sample_until_agreed(
         report = partial(_report, progress, done, target)
         state = advance(sampler, state, target - done, report)
         done = target
-        chain = sampler.get_chain()[int(DISCARDED * done) :]
+        chain = sampler.get_chain()[int(BURN_IN_SHARE * done) :]
         chains = chain.reshape(chain.shape[0], ENSEMBLES, walkers, chain.shape[2])
         verdict = convergence_of(chains)
         if verdict.reached or done >= max_steps:
             return chains, verdict
-        wanted = 1.05 * TAU_LENGTHS / (1.0 - DISCARDED) * verdict.slowest_tau_steps
+        wanted = 1.05 * TAU_LENGTHS / (1.0 - BURN_IN_SHARE) * verdict.slowest_tau_steps
         target = int(min(max(wanted, 1.3 * done), max_steps, 4.0 * done))
 
 
@@ -134,7 +139,7 @@ def _result(
     per_step = ENSEMBLES * walkers
     thin = max(1, int(tau / 5.0) if np.isfinite(tau) else 1)
     draws = chains[::thin].reshape(-1, n)
-    drawn = chains[:: max(thin, -(-chains.shape[0] * per_step // MOST_DRAWS))].reshape(-1, n)
+    drawn = chains[:: max(thin, -(-chains.shape[0] * per_step // MAX_DRAWS))].reshape(-1, n)
     estimates = tuple(
         from_draws(name, problem.parameters[name], draws[:, i], _bound(problem, name, draws[:, i]))
         for i, name in enumerate(problem.free_names)

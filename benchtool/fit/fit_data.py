@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
-from benchtool.core.counted import counted
-from benchtool.core.error_source import ErrorSource, joined
+from benchtool.core.error_source import ErrorSource, concatenate_sources
 from benchtool.core.errors import EstimationError, FileFormatError, InputError
-from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.parameter import full_name
+from benchtool.core.parameter import resolve_name
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
-from benchtool.core.rotor_count import refuse_other_rotors
+from benchtool.core.rotor_count import check_rotor_count
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.atomic import data_hash
 from benchtool.data.column_map import read_column_map
-from benchtool.data.columns import code_of
+from benchtool.data.columns import word_to_code
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.run.ratios import ratio_error, ratios, thrust_error
 from benchtool.data.run.read import changed_points, is_pitch_run, is_run, read_points
@@ -30,15 +30,19 @@ from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.recipe import Basis, Recipe
 from benchtool.fit.uncertainty.bench_errors import SHOWS, Visits, bench_errors, joined_visits
 from benchtool.fit.uncertainty.load_cell import LoadCells, load_cells
-from benchtool.fit.uncertainty.zero_walk import with_zero_walk
-from benchtool.physics.conditions import FAR_AWAY_M, Conditions
+from benchtool.fit.uncertainty.zero_drift import add_zero_drift
+from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import LoadedModel, load_model
 
-FAR_Z_OVER_R = 9.0  # beyond it eq. (4) leaves below one per cent; tables in papers end at 5 to 6
+REFERENCE_Z_OVER_R = (
+    9.0  # beyond it eq. (4) leaves below one per cent; tables in papers end at 5 to 6
+)
 MAX_POINTS = 10_000  # their shared errors take 12 GB of memory; assumed
 RATIO_BASIS: Basis = "equal_rpm2"  # the basis of ratios that a table gives without forces
-NO_PLATE_Z_OVER_R = 1e6  # beyond it stands `FAR_AWAY_M`: a recording without a plate, which is fine
+NO_PLATE_Z_OVER_R = (
+    1e6  # beyond it stands `OUT_OF_GROUND_EFFECT_M`: a recording without a plate, which is fine
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -87,7 +91,7 @@ class FitData:
         return np.flatnonzero(self.used)
 
 
-def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedModel:
+def recipe_model(recipe: Recipe, permit: CodePermit = check_code_allowed) -> LoadedModel:
     """Return the recipe's model on its data's rig, parameters freed and fixed as it says.
 
     Raises:
@@ -100,18 +104,18 @@ def recipe_model(recipe: Recipe, permit: CodePermit = refuse_code) -> LoadedMode
         loaded = replace(loaded, columns=columns)
     named: set[str] = set()
     for typed in (*recipe.free, *recipe.fix, *recipe.hold):
-        name = full_name(typed, loaded.model.parameters)
+        name = resolve_name(typed, loaded.model.parameters)
         if name in named:
             raise InputError(f"{name} is named twice; free it, or fix it at one value")
         named.add(name)
-    model = loaded.model.freed(*recipe.free)
+    model = loaded.model.with_free(*recipe.free)
     for name, value in recipe.fix.items():
-        model = model.fixed(name, value)
+        model = model.with_fixed(name, value)
     for name in recipe.hold:
-        model = model.fixed(name)
+        model = model.with_fixed(name)
     if recipe.basis != "joint":
         # A ratio does not know the thrust coefficient.
-        model = model.fixed("k")
+        model = model.with_fixed("k")
     return replace(loaded, model=model)
 
 
@@ -135,7 +139,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         )
     parts = [_read_one(path, recipe, loaded) for path in recipe.data]
     rig = loaded.model.rig
-    parts = [with_zero_walk(part, path, rig) for part, path in zip(parts, recipe.data, strict=True)]
+    parts = [add_zero_drift(part, path, rig) for part, path in zip(parts, recipe.data, strict=True)]
     points = _joined(parts)
     has_ratios = "thrust_N" not in points and "thrust_ratio" in points
     if has_ratios and recipe.basis != RATIO_BASIS:
@@ -153,7 +157,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         )
     model = loaded.model
     for path, part in zip(recipe.data, parts, strict=True):
-        refuse_other_rotors(part, model.rig, path)
+        check_rotor_count(part, model.rig, path)
     conditions = Conditions.from_recording(points, model.rig)
     sources: tuple[ErrorSource, ...] = ()
     by_thrust: Array | None = None
@@ -172,21 +176,22 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
         found = [ratios(part, recipe.basis, model.rig) for part in parts]
         observed = np.concatenate([one.value for one in found])
         error = np.concatenate([one.standard_error for one in found])
-        sources = joined([one.error_sources for one in found])
+        sources = concatenate_sources([one.error_sources for one in found])
         share = block_diag(*(one.share for one in found))
         by_thrust = block_diag(*(one.by_thrust for one in found))
         errors = "within" if np.isfinite(error).any() else "none"
         error = np.where(np.isfinite(error), error, np.nan if errors == "within" else 1.0)
     if not np.any(conditions.speed_rad_s > 0.0) and not has_ratios:
-        most = float(np.nanmax(np.abs(points.si("thrust_N"))))
+        most = float(np.nanmax(np.abs(points.to_si("thrust_N"))))
         raise InputError(
-            f"no rotor turns in {counted(len(points), 'point')} while thrust reaches {most:.3g} N: "
+            f"no rotor turns in {pluralize(len(points), 'point')} while thrust reaches {most:.3g} "
+            "N: "
             f"the speed channel is dead, or another column holds the speed; map that one to rpm1"
         )
     turning = np.any(conditions.speed_rad_s > 0.0, axis=0)
     if recipe.basis == "joint" and (negative := observed[turning] < 0.0).mean() > 0.5:
         raise EstimationError(
-            f"thrust_N is negative at {negative.sum()} of {counted(len(negative), 'point')} with "
+            f"thrust_N is negative at {negative.sum()} of {pluralize(len(negative), 'point')} with "
             f"turning rotors, as on a pusher mount; reverse it with benchtool import "
             f"{recipe.data[0]} --flip thrust_N and fit the result"
         )
@@ -212,7 +217,7 @@ def read_fit_data(recipe: Recipe, loaded: LoadedModel) -> FitData:
             time_s=share @ np.nan_to_num(conditions.time_s),
         )
         # A reference over itself is 1 by arithmetic and says nothing.
-        used = used & (points.column("kind") != code_of("kind", "reference"))
+        used = used & (points.column("kind") != word_to_code("kind", "reference"))
     if "setting" in points and np.isfinite(points.column("setting")).all():
         groups = points.column("setting").astype(np.intp)
     return FitData(
@@ -242,7 +247,7 @@ def _suspect(paths: Sequence[str], parts: Sequence[Recording]) -> Iterator[str]:
         yield from changed_points(path)
         if "suspect" in part and (count := int(np.nansum(part.column("suspect")))):
             yield (
-                f"{path}: {counted(count, 'point')} suspect: too many samples lie apart to be "
+                f"{path}: {pluralize(count, 'point')} suspect: too many samples lie apart to be "
                 f"outliers, or a rotor's vibration reads as thrust; see the run's events"
             )
 
@@ -284,9 +289,9 @@ def _with_references(table: Recording) -> Recording:
     if "kind" not in table or "plate_z_m" not in table:
         return table
     z_m = table.column("plate_z_m")
-    far = (table.column("kind") == code_of("kind", "reference")) & ~np.isfinite(z_m)
-    z_m = np.where(far, FAR_AWAY_M, z_m)
-    return table.without(("plate_z_m",)).with_column(Channel("plate_z_m", "m"), z_m)
+    far = (table.column("kind") == word_to_code("kind", "reference")) & ~np.isfinite(z_m)
+    z_m = np.where(far, OUT_OF_GROUND_EFFECT_M, z_m)
+    return table.drop(("plate_z_m",)).with_column(Channel("plate_z_m", "m"), z_m)
 
 
 def _joined(parts: Sequence[Recording]) -> Recording:
@@ -312,7 +317,7 @@ def _joined(parts: Sequence[Recording]) -> Recording:
 
 
 def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Array, str]:
-    thrust, found = points.si("thrust_N"), thrust_error(points)
+    thrust, found = points.to_si("thrust_N"), thrust_error(points)
     if found is None:
         return thrust, np.ones(len(points)), "none"
     error, of_samples = found
@@ -321,8 +326,8 @@ def _thrust_with_error(points: Recording, is_whole_run: bool) -> tuple[Array, Ar
 
 def _parked_m(part: Recording) -> Array:
     """Return where one run's plate was parked for its references, for every point (n,): m."""
-    parked = part.column("kind") == code_of("kind", "reference")
-    return np.full(len(part), float(part.si("plate_z_m")[parked].mean()))
+    parked = part.column("kind") == word_to_code("kind", "reference")
+    return np.full(len(part), float(part.to_si("plate_z_m")[parked].mean()))
 
 
 def _selected(
@@ -344,7 +349,7 @@ def _selected(
             f"take them in with --min-z-over-r 0"
         )
     used = finite & ~near
-    if used.any() and FAR_Z_OVER_R < float(z_over_R[used].min()) < NO_PLATE_Z_OVER_R:
+    if used.any() and REFERENCE_Z_OVER_R < float(z_over_R[used].min()) < NO_PLATE_Z_OVER_R:
         reasons.append(
             f"the nearest point lies at z/R = {z_over_R[used].min():.3g}, where there is no ground "
             f"effect to fit; check the unit of plate_z_m, or fit the thrust curve of a test "

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky
 from scipy.optimize import lsq_linear
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.jacobian import PART, spread_of, way_for
+from benchtool.fit.jacobian import PART, select_method, spread_of
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian
 from benchtool.physics.catalogue import EFFECTS
@@ -25,7 +25,7 @@ BASELINE: dict[frozenset[str], str] = {  # what separates two parameters of no e
 }
 
 
-def separated_by() -> dict[frozenset[str], str]:
+def separating_measurement() -> dict[frozenset[str], str]:
     """Return what data separate a pair of parameters, from the laws of the effects."""
     return {
         frozenset({f"{effect.name}.{effect.parameters[0].name}", other}): text
@@ -66,7 +66,7 @@ def confusions(problem: Problem, result: FitResult) -> tuple[Confusion, ...]:
     shape, noise = problem.split(result.values)
     lower, upper = problem.shape_bounds
     with np.errstate(all="ignore"):
-        way = way_for(problem.predict, shape, len(problem), lower, upper)
+        way = select_method(problem.predict, shape, len(problem), lower, upper)
         jacobian = row_jacobian(problem, way)(shape, problem.whitening(noise))
     names = problem.shape_names
     spread = spread_of(jacobian, way)
@@ -122,7 +122,7 @@ def _named(
     limit = 0.0 if open_directions else SHARE
     order = np.argsort(-involvement)
     involved = tuple(names[i] for i in order if involvement[i] > limit)
-    remedies = [text for pair, text in separated_by().items() if pair <= set(involved)]
+    remedies = [text for pair, text in separating_measurement().items() if pair <= set(involved)]
     if remedies:
         remedy = f"measure {'; '.join(dict.fromkeys(remedies))}"
     elif len(involved) == 1:
@@ -132,7 +132,9 @@ def _named(
     return Confusion(involved, inflation, open_directions, remedy)
 
 
-CANNOT_TELL = 25.0  # twice the mean log-likelihood ratio below which two are a class: 25 may be 10
+UNDETERMINED_HINT = (
+    25.0  # twice the mean log-likelihood ratio below which two are a class: 25 may be 10
+)
 
 
 def evidence_against(matrix: Array, sizes: Array, low: Array, high: Array) -> float:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri, ndtri, stdtrit
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.core.parameter import Parameter
-from benchtool.fit.jacobian import central_differences, complex_step, way_for
+from benchtool.fit.jacobian import central_differences, complex_step, select_method
 from benchtool.physics.effects.effect import Derived
 
 PROBABILITIES = (0.6827, 0.95)  # 68 %: one standard deviation of a normal distribution
@@ -43,7 +43,7 @@ def chi2_limits(dof: float) -> tuple[tuple[float, float], tuple[float, float]]:
 NEAR_BOUND = 1e-3  # part of a standard deviation; a value nearer to a bound is at the bound
 
 
-def bound_hit(parameter: Parameter, value: float, sd: float) -> str:
+def is_at_bound(parameter: Parameter, value: float, sd: float) -> str:
     """Return at which of its bounds a value ended, in words; empty where it lies inside."""
     near = NEAR_BOUND * sd if np.isfinite(sd) else 0.0
     for side, bound in (("lower", parameter.lower), ("upper", parameter.upper)):
@@ -52,17 +52,19 @@ def bound_hit(parameter: Parameter, value: float, sd: float) -> str:
     return ""
 
 
-ALL_OF_IT = 0.93  # part of the bounds that a 95 % interval of no information covers (uniform: 0.95)
+FULL_RANGE = (
+    0.93  # part of the bounds that a 95 % interval of no information covers (uniform: 0.95)
+)
 
 
-def why_open(parameter: Parameter, sd: float, interval_95: tuple[float, float]) -> str:
+def open_interval_reason(parameter: Parameter, sd: float, interval_95: tuple[float, float]) -> str:
     """Return why data do not determine a parameter, in words; empty where they do."""
     if np.isnan(sd):
         return ""
     if np.isinf(sd):
         return "the data leave it open"
     allowed, (low, high) = parameter.upper - parameter.lower, interval_95
-    if np.isfinite(allowed) and high - low >= ALL_OF_IT * allowed > 0.0:
+    if np.isfinite(allowed) and high - low >= FULL_RANGE * allowed > 0.0:
         return (
             f"its 95 % interval is all that its bounds allow, {parameter.lower:.3g} to "
             f"{parameter.upper:.3g}"
@@ -70,7 +72,7 @@ def why_open(parameter: Parameter, sd: float, interval_95: tuple[float, float]) 
     return ""
 
 
-def around(
+def interval_around(
     name: str, parameter: Parameter, value: float, sd: float, widths: tuple[float, float]
 ) -> Estimate:
     """Return an estimate with symmetric intervals, cut off at the parameter's bounds."""
@@ -81,7 +83,7 @@ def around(
         else (low, high)
         for width in widths
     )
-    hit, why = bound_hit(parameter, value, sd), why_open(parameter, float(sd), two)
+    hit, why = is_at_bound(parameter, value, sd), open_interval_reason(parameter, float(sd), two)
     return Estimate(name, parameter.unit, float(value), float(sd), one, two, hit, why)
 
 
@@ -90,7 +92,7 @@ def from_draws(name: str, parameter: Parameter, draws: Array, bound: str = "") -
     levels = [0.5 + 0.5 * sign * p for p in PROBABILITIES for sign in (-1.0, 1.0)]
     median, a, b, c, d = (float(q) for q in np.quantile(draws, [0.5, *levels]))
     sd = float(np.std(draws, ddof=1))
-    why = why_open(parameter, sd, (c, d))
+    why = open_interval_reason(parameter, sd, (c, d))
     return Estimate(name, parameter.unit, median, sd, (a, b), (c, d), bound, why)
 
 
@@ -156,7 +158,7 @@ def gradient_of(quantity: Derived, result: FitResult) -> Array:
         return np.asarray(quantity.function(dict(zip(names, values, strict=True))))
 
     unbounded = np.full(len(values), np.inf)
-    if way_for(predict, values, 1, -unbounded, unbounded) == "complex_step":
+    if select_method(predict, values, 1, -unbounded, unbounded) == "complex_step":
         gradient: Array = complex_step(predict, values, 1)[0]
     else:
         gradient = central_differences(predict, values, 1, -unbounded, unbounded)[0]
@@ -169,7 +171,7 @@ def _from_covariance(quantity: Derived, names: Sequence[str], result: FitResult)
     covariance = result.covariance[np.ix_(used, used)]
     sd = float(np.sqrt(gradient[used] @ covariance @ gradient[used]))
     dof = result.dof if any(name.startswith("noise.") for name in names) else None
-    return around(
+    return interval_around(
         quantity.name,
         Parameter(quantity.name, quantity.unit, 0.0),
         float(quantity.function(dict(zip(names, result.values, strict=True)))),

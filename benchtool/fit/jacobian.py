@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 
 Way = Literal["complex_step", "central_differences"]
 
@@ -22,12 +22,14 @@ DIFFERENCE = float(np.cbrt(np.finfo(float).eps))  # relative step: truncation eq
 AGREEMENT = 1e-3  # part of a column's largest entry by which the two ways may differ
 
 
-TINY = 1e-100  # a search along a bound ends at numbers so small that a relative step is none
+COMPLEX_STEP = (
+    1e-100  # a search along a bound ends at numbers so small that a relative step is none
+)
 
 
 def _sizes(values: Array) -> Array:
     """Return what steps are relative to (n,)."""
-    return np.where(np.abs(values) < TINY, 1.0, np.abs(values))
+    return np.where(np.abs(values) < COMPLEX_STEP, 1.0, np.abs(values))
 
 
 def complex_step(predict: Callable[[Any], Any], values: Array, m: int) -> Array:
@@ -61,7 +63,7 @@ def central_differences(
     return np.ascontiguousarray(((both[:n] - both[n:]) / (above - below)[:, None]).T)
 
 
-def way_for(
+def select_method(
     predict: Callable[[Any], Any], values: Array, m: int, lower: Array, upper: Array
 ) -> Way:
     """Return which way is right for a function, by comparing both once at `values`."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchtool.core.errors import EstimationError, UnknownChoice
 from benchtool.core.fit_result import Estimate, FitResult, Outcome
-from benchtool.fit.interval import around, half_widths
+from benchtool.fit.interval import half_widths, interval_around
 from benchtool.fit.jacobian import spread_of
 from benchtool.fit.noise import fit_noise
 from benchtool.fit.problem import Problem
@@ -63,7 +63,9 @@ def fit_least_squares(
         one[:n_shape] for one in parameter_dof(problem, jacobian, spread.covariance, whitening)
     )
     by_name = {
-        name: around(name, problem.parameters[name], value, deviation, half_widths(float(own)))
+        name: interval_around(
+            name, problem.parameters[name], value, deviation, half_widths(float(own))
+        )
         for name, value, deviation, own in zip(
             problem.shape_names, best.shape, sd * growth, dof, strict=True
         )

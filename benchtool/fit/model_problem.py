@@ -9,17 +9,17 @@ from typing import Any, get_args
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.fit.problem import IntArray, Problem
 from benchtool.fit.recipe import Basis
 from benchtool.physics import VALIDITY_Z_OVER_R
-from benchtool.physics.acting import effects_over
+from benchtool.physics.active_effects import acting_effects
 from benchtool.physics.bases import require_motor, thrust_ratio
-from benchtool.physics.conditions import FAR_AWAY_M, Conditions
+from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.model import Model
-from benchtool.physics.prepared import Prepared
+from benchtool.physics.precomputed import Prepared
 from benchtool.physics.tolerances import with_tolerances
 
 BASES: tuple[Basis, ...] = get_args(Basis)
@@ -78,13 +78,13 @@ def problem_from_model(
         standard_error = np.ones(len(observed))
         # The scale of errors of 1 is the error itself.
         scale = replace(parameters["noise.scale"], unit="N" if basis == "joint" else "1")
-        parameters = parameters.replaced("noise.scale", scale.freed())
+        parameters = parameters.with_replaced("noise.scale", scale.as_free())
         facts["standard_errors"] = "unknown, taken as equal"
-    model = model.at(parameters)
+    model = model.with_values(parameters)
     if basis != "joint":
         facts["held"] = "k" if model.parameters["k"].free else ""
-        model = model.fixed("k")
-        if basis == "equal_power" and model.answers_with_torque and model.rig.motor is None:
+        model = model.with_fixed("k")
+        if basis == "equal_power" and model.is_torque_driven and model.rig.motor is None:
             facts["power"] = "of the shafts: the rig describes no motor"
     speed = conditions.speed_rad_s.max(axis=0)
     step = SAME_LEVEL * float(speed.max()) or 1.0
@@ -105,7 +105,7 @@ def problem_from_model(
         groups=plate_settings(conditions) if groups is None else groups[used],
         covariates=_varying(columns),
         facts=facts,
-        missing=partial(effects_over, model, conditions),
+        missing=partial(acting_effects, model, conditions),
     )
 
 
@@ -137,7 +137,8 @@ def _varying(columns: Mapping[str, Array]) -> dict[str, Array]:
 def _labels(conditions: Conditions, z_over_R: Array) -> tuple[str, ...]:
     speed = conditions.speed_rad_s.max(axis=0)
     return tuple(
-        f"point {i + 1} ({f'z/R {z:.3g}' if far < FAR_AWAY_M else 'no plate'}, {w:.4g} rad/s)"
+        f"point {i + 1} ({f'z/R {z:.3g}' if far < OUT_OF_GROUND_EFFECT_M else 'no plate'}, "
+        f"{w:.4g} rad/s)"
         for i, (z, far, w) in enumerate(zip(z_over_R, conditions.plate_z_m, speed, strict=True))
     )
 
@@ -147,7 +148,7 @@ def _prediction(
 ) -> Callable[[Any], Any]:
     """Return the function from free shape values to thrust in N, or to its ratio to a reference."""
     require_motor(model, basis)
-    merge = basis in {"joint", "equal_rpm2"} or not model.answers_with_torque
+    merge = basis in {"joint", "equal_rpm2"} or not model.is_torque_driven
     near = Prepared(model, conditions, merge=merge)
     far = None if reference is None else Prepared(model, reference, merge=merge)
     template: list[Any] = [item.value for item in model.parameters.values()]

@@ -15,10 +15,10 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import chdtri
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import Estimate
-from benchtool.fit.interval import PROBABILITIES, bound_hit, chi2_limits
+from benchtool.core.plural import pluralize
+from benchtool.fit.interval import PROBABILITIES, chi2_limits, is_at_bound
 from benchtool.fit.problem import NOISE_PLACE, NOISE_SCALE, Problem
 from benchtool.fit.robust import MAD_EFFICIENCY, robust_scale
 from benchtool.fit.solve import Solution
@@ -39,9 +39,9 @@ def fit_noise(
     assert name is not None
     if problem.dof < 1:
         raise EstimationError(
-            f"with {counted(len(problem), 'point')} no degree of freedom is left to estimate "
-            f"{name} beside {counted(len(problem.shape_names), 'parameter')}; measure more points "
-            f"or fix {name}"
+            f"with {pluralize(len(problem), 'point')} no degree of freedom is left to estimate "
+            f"{name} beside {pluralize(len(problem.shape_names), 'parameter')}; measure more "
+            f"points or fix {name}"
         )
     # A fixed `noise.sd` is what is left of the errors at a scale of 0.
     one_factor = all(one.scaled for one in problem.error_sources) and not problem.sigma(0.0).any()
@@ -165,5 +165,5 @@ def _searched(
     ends = [(end(high), end(low)) for low, high in chi2_limits(problem.dof)]
     one, two = ((low, high) for low, high in ends)
     sd = 0.5 * (one[1] - one[0])
-    hit = bound_hit(replace(item, lower=lower), value, sd)
+    hit = is_at_bound(replace(item, lower=lower), value, sd)
     return Estimate(name, item.unit, value, sd, one, two, hit), solution

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.run_rig import differences
 from benchtool.fit.result_file import read_result
 from benchtool.physics.model import Model
@@ -41,7 +41,7 @@ def model_file(name: str) -> str:
     return str(path / "model.toml") if path.is_dir() else name
 
 
-def nominal_model(name: str, rig: Rig, permit: CodePermit = refuse_code) -> NominalModel:
+def nominal_model(name: str, rig: Rig, permit: CodePermit = check_code_allowed) -> NominalModel:
     """Return a model on a rig, with draws of its uncertain numbers.
 
     They come from the covariance in the result.json beside it (`benchtool fit --out`), else from

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter, Parameters
@@ -247,11 +247,11 @@ class Problem:
 
     def at(self, values: Array) -> Problem:
         """Return the problem starting from these free values (n_free,)."""
-        return replace(self, parameters=self.parameters.at(values))
+        return replace(self, parameters=self.parameters.with_values(values))
 
     def fixed(self, name: str, value: float) -> Problem:
         """Return the problem with one free parameter held at `value`."""
-        parameters = self.parameters.replaced(name, self.parameters[name].fixed(value))
+        parameters = self.parameters.with_replaced(name, self.parameters[name].as_fixed(value))
         if _is_noise(name):
             return replace(self, parameters=parameters)
         position = self.shape_names.index(name)

@@ -21,10 +21,10 @@ from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian, solve
 from benchtool.fit.uncertainty.parameter_dof import parameter_dof
 
-FAR = 64.0  # an end farther than this many standard deviations counts as not there
+MAX_SEARCH_SDS = 64.0  # an end farther than this many standard deviations counts as not there
 
 
-def with_profile(
+def add_profile_intervals(
     problem: Problem, result: FitResult, names: Sequence[str] | None = None
 ) -> FitResult:
     """Return a least-squares result whose intervals come from profiles.
@@ -81,7 +81,7 @@ def _profiled(problem: Problem, result: FitResult, estimate: Estimate) -> Estima
         others = np.delete(shape, position)
         bound = item.upper if side > 0 else item.lower
         near, reach = estimate.value, 0.7 * width
-        while reach < FAR * width:
+        while reach < MAX_SEARCH_SDS * width:
             far = estimate.value + side * reach * estimate.sd
             stopped = side * (far - bound) >= 0.0
             far = bound if stopped else far

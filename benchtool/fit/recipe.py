@@ -67,7 +67,7 @@ class Recipe(Inputs):
     ] = None
     columns: Annotated[
         str | None,
-        Input("Mapping file: our channel = their column, unit, sign.", also="--map"),
+        Input("Mapping file: our channel = their column, unit, sign.", alias="--map"),
     ] = None
     where: Annotated[
         tuple[str, ...],

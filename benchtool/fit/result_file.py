@@ -10,8 +10,8 @@ import numpy as np
 
 from benchtool.core.errors import EstimationError, ModelRejected
 from benchtool.core.fit_result import FitResult
-from benchtool.core.rig_file import rig_beside
-from benchtool.data.atomic import json_ready, replace_json, replace_text, replacing
+from benchtool.core.rig_file import export_rig_reference
+from benchtool.data.atomic import atomic_writer, json_ready, replace_json, replace_text
 from benchtool.data.run.entry import FIT_FILE, FIT_FORMAT
 from benchtool.data.run.entry import read_result as read_result
 from benchtool.fit.diagnose import refusal
@@ -77,7 +77,7 @@ def write_result(folder: Path, output: FitOutput) -> None:
         if len(result.samples):
             header = ",".join(estimate.name for estimate in result.estimates)
             path = folder / "samples.csv"
-            with replacing(path, path.with_name(f".{path.name}.new")) as file:
+            with atomic_writer(path, path.with_name(f".{path.name}.new")) as file:
                 np.savetxt(file, result.samples, "%.9g", delimiter=",", header=header, comments="")
 
 
@@ -89,7 +89,7 @@ def _write_model(folder: Path, output: FitOutput) -> None:
     fitted = LoadedModel(
         model=model, columns=output.loaded.columns, row_filter=output.loaded.row_filter
     )
-    rig, text = rig_beside(model.rig)
+    rig, text = export_rig_reference(model.rig)
     if text:
         replace_text(folder / rig, text)
     replace_text(folder / "model.toml", model_to_toml(fitted, rig))

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 
 Loss = Literal["linear", "soft_l1", "huber"]
 LOSSES: tuple[Loss, ...] = ("linear", "soft_l1", "huber")
@@ -36,7 +36,7 @@ def robust_chi2(rows: Array, dof: float) -> float:
     return max(dof, 0.0) * robust_scale(rows, dof) ** 2
 
 
-def loss_of_points(loss: Loss, m: int) -> Callable[[Array], Array]:
+def point_losses(loss: Loss, m: int) -> Callable[[Array], Array]:
     """Return rho (3, rows) of the squared rows: robust for m points, linear for the others.
 
     Both losses as scipy defines them, with the change from quadratic to linear at one standard

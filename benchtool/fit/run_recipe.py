@@ -12,7 +12,7 @@ from benchtool import __version__
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.errors import EstimationError, InputError, UnknownChoice
 from benchtool.core.fit_result import FitResult
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.read import parts_of
 from benchtool.fit.compare import Comparison, compare
 from benchtool.fit.compare_laws import compare_laws
@@ -24,11 +24,11 @@ from benchtool.fit.law_scores import LawComparison
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import NOISE_PLACE, Problem
-from benchtool.fit.profile import with_profile
+from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.recipe import LAWS, Recipe
 from benchtool.fit.uncertainty.budget import Budget, BudgetMethod, with_budget
-from benchtool.fit.uncertainty.density import STANDARD_K, Density, density_of
-from benchtool.fit.uncertainty.held_sources import held_sources, misfit
+from benchtool.fit.uncertainty.density import STANDARD_K, Density, air_density
+from benchtool.fit.uncertainty.fixed_parameters import fixed_parameter_sources, misfit
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from benchtool.fit.uncertainty.propagation import Propagation, bounded, budget_of, propagation
@@ -81,9 +81,9 @@ def _fitted(model: Model, result: FitResult, name: str) -> Model:
             item = parameters[estimate.name]
             value = float(np.clip(estimate.value, item.lower, item.upper))
             source = ", ".join(filter(None, (name, estimate.bound)))
-            fitted = replace(item.at(value), source=f"fitted: {source}")
-            parameters = parameters.replaced(estimate.name, fitted)
-    return model.at(parameters)
+            fitted = replace(item.with_value(value), source=f"fitted: {source}")
+            parameters = parameters.with_replaced(estimate.name, fitted)
+    return model.with_values(parameters)
 
 
 @np.errstate(all="ignore")  # what is not finite is left out or refused by name
@@ -93,7 +93,7 @@ def run_recipe(
     *,
     profile: bool = False,
     budget: BudgetMethod = "propagation",
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
 ) -> FitOutput:
     """Run a recipe and return what it made.
 
@@ -118,7 +118,7 @@ def run_recipe(
     others = _others(recipe, loaded.model, permit)
     problem = recipe_problem(loaded.model, recipe, data)
     estimates = (_estimate(problem, recipe, one, progress, profile) for one in recipe.methods)
-    density = density_of(recipe.air, recipe.data)
+    density = air_density(recipe.air, recipe.data)
     results = tuple(_named(loaded.model, data, problem, one, density) for one in estimates)
     comparison, laws = None, None
     if set(recipe.compare) - {LAWS}:
@@ -157,7 +157,7 @@ def _others(recipe: Recipe, model: Model, permit: CodePermit) -> list[Model]:
         raise
 
 
-def propagated(output: FitOutput) -> Propagated | None:
+def propagate_uncertainty(output: FitOutput) -> Propagated | None:
     """Return how errors reach the first method's values, and those that its fit does not hold.
 
     They are errors of the observations, then of one quantity alone, with its name. None where the
@@ -167,7 +167,7 @@ def propagated(output: FitOutput) -> Propagated | None:
     free = [item.name for item in result.estimates]
     way = propagation(problem, result, _quantities(model, free, output.density))
     reference = None if data.reference is None else data.reference.select(data.rows)
-    held = held_sources(model, data.conditions.select(data.rows), reference)
+    held = fixed_parameter_sources(model, data.conditions.select(data.rows), reference)
     if way is None:
         return None
     known = {source.name: source for source in bounded(way, held)}
@@ -183,7 +183,7 @@ def propagated(output: FitOutput) -> Propagated | None:
 
 
 def _budget(output: FitOutput, checked: bool, progress: Progress) -> Budget | None:
-    found = propagated(output)
+    found = propagate_uncertainty(output)
     if found is None:
         return None
     made = budget_of(*found, traceability=output.data.load_cells.traceability)
@@ -200,7 +200,9 @@ def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
     typed = {name.rpartition(".")[2] for name in (*recipe.free, *recipe.fix, *recipe.hold)}
     place = model.parameters[NOISE_PLACE]
     if place.free and place.value == 0.0:
-        model = model.at(model.parameters.replaced(NOISE_PLACE, place.at(PLACE_START_M)))
+        model = model.with_values(
+            model.parameters.with_replaced(NOISE_PLACE, place.with_value(PLACE_START_M))
+        )
     if kind == "auto":
         named = bool(typed & {"scale", "sd_N"}) or place.free
         kind = "stated" if errors == "stated" or named else "scale"
@@ -210,8 +212,8 @@ def _with_noise(model: Model, recipe: Recipe, errors: str) -> Model:
             wanted = model.parameters[name].free
         item = model.parameters[name]
         if wanted and name == "noise.sd_N" and item.value == 0.0:
-            item = item.at(1e-3)
-        model = model.at(model.parameters.replaced(name, replace(item, free=wanted)))
+            item = item.with_value(1e-3)
+        model = model.with_values(model.parameters.with_replaced(name, replace(item, free=wanted)))
     return model
 
 
@@ -269,10 +271,10 @@ def _as_compared(other: Model, model: Model, recipe: Recipe) -> Model:
             other = other.with_effect(effect)
             for name, item in model.parameters.items():
                 if name.startswith(f"{effect.name}."):
-                    other = other.at(other.parameters.replaced(name, item))
+                    other = other.with_values(other.parameters.with_replaced(name, item))
     for name in ("noise.scale", "noise.sd_N"):
-        other = other.at(other.parameters.replaced(name, model.parameters[name]))
-    return other if recipe.basis == "joint" else other.fixed("k")
+        other = other.with_values(other.parameters.with_replaced(name, model.parameters[name]))
+    return other if recipe.basis == "joint" else other.with_fixed("k")
 
 
 def _estimate(
@@ -281,7 +283,7 @@ def _estimate(
     if method == "least_squares":
         progress("least squares", 0, 1)
         result = fit_least_squares(problem, loss=recipe.loss)
-        return with_profile(problem, result) if profile else result
+        return add_profile_intervals(problem, result) if profile else result
     result = fit_ensemble(
         problem,
         walkers=recipe.walkers,

@@ -10,7 +10,7 @@ from emcee.moves import MHMove, Move
 from emcee.state import State
 from scipy.linalg import eigh
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import FitResult
 from benchtool.core.parameter import Parameter
@@ -168,7 +168,7 @@ def _prior(problem: Problem) -> Callable[[Array, Array], Array] | None:
 
 
 CENTRE_SDS = 2.0  # ensembles start so many sd apart, so that agreement means something
-TRIES = 60
+MAX_ATTEMPTS = 60
 
 
 def start_walkers(
@@ -186,12 +186,12 @@ def start_walkers(
         probability: of walkers (w, n_free).
     """
     lower, upper = problem.parameters.bounds()
-    middle, root = middle_and_root(problem, near)
+    middle, root = centre_and_root(problem, near)
     n = len(middle)
     centres = CENTRE_SDS * rng.standard_normal((ensembles, n))
     centre = np.repeat(centres, walkers, axis=0)
     starts = middle + (centre + rng.standard_normal(centre.shape)) @ root.T
-    for attempt in range(TRIES):
+    for attempt in range(MAX_ATTEMPTS):
         out = ((starts <= lower) | (starts >= upper)).any(axis=1)
         bad = out | ~np.isfinite(probability(starts))
         if not bad.any():
@@ -199,7 +199,7 @@ def start_walkers(
         shrink = 0.85**attempt
         drawn = centre[bad] * shrink + rng.standard_normal((int(bad.sum()), n))
         starts[bad] = middle + shrink * drawn @ root.T
-        if attempt > TRIES // 4:
+        if attempt > MAX_ATTEMPTS // 4:
             width = np.where(upper - lower > 0.0, upper - lower, 1.0)
             margin = 1e-3 * np.minimum(np.sqrt(np.diag(root @ root.T)), width)
             starts = np.clip(starts, lower + margin, upper - margin)
@@ -209,7 +209,7 @@ def start_walkers(
     )
 
 
-def middle_and_root(problem: Problem, near: FitResult | None) -> tuple[Array, Array]:
+def centre_and_root(problem: Problem, near: FitResult | None) -> tuple[Array, Array]:
     """Return where to draw about (n,), and a root (n, n) of the covariance to draw with.
 
     They are those of a least-squares result; independent widths stand where it has none.
@@ -285,12 +285,12 @@ class IslandDifference(Move):  # type: ignore[misc]
         return State(coords, log_prob=log_prob), accepted
 
 
-def about_least_squares(problem: Problem, near: FitResult | None) -> MHMove:
+def proposal_around_least_squares(problem: Problem, near: FitResult | None) -> MHMove:
     """Return the move that draws walkers anew from Student's t about the least-squares answer.
 
     Where the posterior is about normal, such draws are nearly independent of where a walker was.
     """
-    middle, root = middle_and_root(problem, near)
+    middle, root = centre_and_root(problem, near)
     n, inverse = len(middle), np.linalg.inv(root)
 
     def log_density(coords: Array) -> Array:

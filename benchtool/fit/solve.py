@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import Whitening
 from benchtool.core.errors import EstimationError
-from benchtool.fit.jacobian import RANK_LIMIT, Way, central_differences, complex_step, way_for
+from benchtool.fit.jacobian import RANK_LIMIT, Way, central_differences, complex_step, select_method
 from benchtool.fit.problem import Problem
-from benchtool.fit.robust import Loss, loss_of_points
+from benchtool.fit.robust import Loss, point_losses
 
 TOLERANCE = 1e-10  # relative change of cost and step below which the polish takes over
 POLISH = 1e-8  # part of a standard deviation below which a Gauss-Newton step does not matter
@@ -87,7 +87,7 @@ def solve(
         first = problem.rows(begin, whitening)
         _refuse_unusable(problem, first)
         if way is None:
-            way = way_for(problem.predict, begin, len(problem), lower, upper)
+            way = select_method(problem.predict, begin, len(problem), lower, upper)
         jacobian = row_jacobian(problem, way)
         if start is not None and loss == "linear":
             near = Solution(begin, first, jacobian(begin, whitening), np.inf, False, 2, way)
@@ -108,7 +108,7 @@ def solve(
             data = np.pad(jacobian(point[:n], own), ((0, len(draws)), (0, 0)))
             return np.concatenate([data, lift], axis=1)
 
-        counted: Any = loss if loss == "linear" else loss_of_points(loss, len(problem))
+        counted: Any = loss if loss == "linear" else point_losses(loss, len(problem))
         found: Any = least_squares(
             rows,
             np.concatenate([begin, draws]),

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Flow, Quantity
 from benchtool.physics.model import Model
-from benchtool.physics.motor import drawn_W, held_by_pulse_Nm, speed_under_pulse
+from benchtool.physics.motor import electrical_power_W, speed_under_pulse, torque_at_pulse_Nm
 
 POWER_STEPS = 16  # to the speed at equal power, w^2.7 to w^3.3: each leaves a tenth of the error
 
@@ -47,8 +47,8 @@ def with_blades(model: Model) -> Model:
     for key, value in BLADE_INFLOW.rig_values(model.rig).items():
         full = f"{BLADE_INFLOW.name}.{key}"
         stated = replace(parameters[full], value=value, source=BLADES_OF_RIG)
-        parameters = parameters.replaced(full, stated)
-    return model.at(parameters)
+        parameters = parameters.with_replaced(full, stated)
+    return model.with_values(parameters)
 
 
 def blade_tables(tables: Mapping[str, Any], rig: Rig) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def blade_tables(tables: Mapping[str, Any], rig: Rig) -> dict[str, Any]:
 
 def require_motor(model: Model, basis: str) -> None:
     """Refuse a ratio at equal pulse of blades whose motor nobody has described."""
-    if basis == "equal_pwm" and model.answers_with_torque and model.rig.motor is None:
+    if basis == "equal_pwm" and model.is_torque_driven and model.rig.motor is None:
         raise InputError(
             f"at equal pulse a rotor near the plate turns at another speed, and rig "
             f"{model.rig.name!r} has blades but no [motor] that says by how much; add the table "
@@ -86,9 +86,9 @@ def thrust_ratio(model: Model, basis: str, near: Flow, far: Flow, values: Any) -
     """Return the reading of the whole vehicle's thrust near over far (..., m).
 
     Args:
-        basis: "equal_rpm2", "equal_pwm" or "equal_power": by `drawn_W`.
+        basis: "equal_rpm2", "equal_pwm" or "equal_power": by `electrical_power_W`.
     """
-    if basis != "equal_rpm2" and model.answers_with_torque:
+    if basis != "equal_rpm2" and model.is_torque_driven:
         drags = [model.drag_factors(flow, values) for flow in (near, far)]
         moved = _at_equal_pulse if basis == "equal_pwm" else _at_equal_power
         far = far._replace(speed_rad_s=moved(model, near, *drags))
@@ -102,7 +102,7 @@ def factor_at(model: Model, basis: str, conditions: Conditions, values: Any = No
     return thrust_ratio(model, basis, model.flow(near, values), model.flow(far, values), values)
 
 
-def speed_gains(model: Model, flow: Flow, values: Any) -> list[Array]:
+def speed_factors(model: Model, flow: Flow, values: Any) -> list[Array]:
     """Return the speed of each disc over that under the same pulse far from any surface (..., m).
 
     A rotor that stands has 1.
@@ -125,7 +125,7 @@ def _at_equal_pulse(model: Model, near: Flow, drag: Any, far_drag: Any) -> list[
         near.speed_rad_s, drag, far_drag, model.rig.rotors_on_disc, strict=True
     ):
         # n equal rotors on a disc turn at w / sqrt(n)
-        held = held_by_pulse_Nm(w / np.sqrt(n), c * q, slope)
+        held = torque_at_pulse_Nm(w / np.sqrt(n), c * q, slope)
         out.append(np.sqrt(n) * speed_under_pulse(held, c * far_q, slope))
     return out
 
@@ -143,7 +143,9 @@ def _power_W(model: Model, flow: Flow, drag: Any, scale: Quantity = 1.0) -> Quan
     """Return the electrical power of all motors, speeds times `scale`: W."""
     rig, total = model.rig, 0.0
     for w, q, n, on in zip(flow.speed_rad_s, drag, rig.rotors_on_disc, flow.active, strict=True):
-        total = total + n * on * drawn_W(rig.propulsion, rig.motor, scale * w / np.sqrt(n), q)
+        total = total + n * on * electrical_power_W(
+            rig.propulsion, rig.motor, scale * w / np.sqrt(n), q
+        )
     return total
 
 

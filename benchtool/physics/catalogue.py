@@ -7,8 +7,8 @@ from importlib import import_module
 from pathlib import Path
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.own_code import CodePermit, own_module, refuse_code
 from benchtool.core.rig import Surface
+from benchtool.core.user_code import CodePermit, check_code_allowed, load_user_module
 from benchtool.physics import effects
 from benchtool.physics.effects.effect import SUBSYSTEMS, BenchKind, Effect
 from benchtool.physics.effects.laws.table import LAWS
@@ -28,7 +28,7 @@ HOW_TO = "the form of an effect file is in docs/how-to/write-an-effect.md"
 EFFECTS: dict[str, Effect] = {effect.name: effect for effect in _found()}
 
 
-def effect_named(name: str) -> Effect:
+def find_effect(name: str) -> Effect:
     """Return the effect of that name, or refuse it with the known ones."""
     try:
         return EFFECTS[name]
@@ -52,7 +52,7 @@ def never_tried(bench: BenchKind) -> tuple[Effect, ...]:
     )
 
 
-def laws_of(surface: Surface) -> tuple[Effect, ...]:
+def thrust_laws(surface: Surface) -> tuple[Effect, ...]:
     """Return the laws of thrust against the distance of a surface that lies there, in order."""
     return tuple(
         effect
@@ -61,7 +61,9 @@ def laws_of(surface: Surface) -> tuple[Effect, ...]:
     )
 
 
-def own_effects(file_or_module: str, permit: CodePermit = refuse_code) -> tuple[Effect, ...]:
+def user_effects(
+    file_or_module: str, permit: CodePermit = check_code_allowed
+) -> tuple[Effect, ...]:
     """Return the effects that a Python file, or a module found from the present folder, holds.
 
     Raises:
@@ -69,7 +71,7 @@ def own_effects(file_or_module: str, permit: CodePermit = refuse_code) -> tuple[
             taken or whose parameters cannot be judged.
     """
     try:
-        module = own_module(
+        module = load_user_module(
             file_or_module,
             f"effects of {file_or_module}",
             "give a Python file, or run where the module is",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
@@ -15,7 +15,9 @@ from benchtool.physics.coverage import plate_coverages
 from benchtool.physics.effects.effect import PAST_S
 from benchtool.physics.rotor import speed_from_pwm
 
-FAR_AWAY_M = 1e6  # plate distance that stands for no plate at all; its images vanish to rounding
+OUT_OF_GROUND_EFFECT_M = (
+    1e6  # plate distance that stands for no plate at all; its images vanish to rounding
+)
 
 
 SAME_PLACE = 5e-4  # m, or rad of tilt; a smaller move is none, above a stage's quantum; assumed
@@ -85,7 +87,7 @@ class Conditions:
         """Return the same conditions with no plate anywhere."""
         return replace(
             self,
-            plate_z_m=np.full_like(self.plate_z_m, FAR_AWAY_M),
+            plate_z_m=np.full_like(self.plate_z_m, OUT_OF_GROUND_EFFECT_M),
             plate_tilt_rad=np.zeros_like(self.plate_tilt_rad),
             coverage=np.zeros_like(self.coverage),
         )
@@ -155,9 +157,9 @@ class Conditions:
         zeros = np.zeros(m)
 
         def optional(name: str, default: Array) -> Array:
-            return recording.si(name) if name in recording else default
+            return recording.to_si(name) if name in recording else default
 
-        z = optional("plate_z_m", np.full(m, FAR_AWAY_M))
+        z = optional("plate_z_m", np.full(m, OUT_OF_GROUND_EFFECT_M))
         nominal = np.full(m, rig.propulsion.voltage_nominal_V)
         voltage = optional("voltage_V", nominal)
         voltage = np.where(np.isnan(voltage), nominal, voltage)
@@ -165,7 +167,7 @@ class Conditions:
         coverage = plate_coverage(rig, plate_x)
         for disc in range(rig.n_discs):
             coverage[disc] = optional(f"coverage{disc + 1}", coverage[disc])
-        coverage = np.where(z >= FAR_AWAY_M, 0.0, coverage)
+        coverage = np.where(z >= OUT_OF_GROUND_EFFECT_M, 0.0, coverage)
         time = optional("time_s", zeros)
         elapsed = optional("elapsed_s", zeros)
         tilt = optional("plate_tilt_deg", zeros)
@@ -225,7 +227,7 @@ def _speeds(recording: Recording, rig: Rig, voltage_V: Array) -> Array:
                 f"the recording has {len(present)} of {n} {family} columns of rig {rig.name!r}; "
                 f"add {missing} (or give {names[0]} alone when all rotors share it)"
             )
-        stack = np.array([recording.si(name) for name in present], float)
+        stack = np.array([recording.to_si(name) for name in present], float)
         if family == "pwm":
             p = rig.propulsion
             stack = np.asarray(

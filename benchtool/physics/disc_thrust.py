@@ -20,7 +20,16 @@ from benchtool.physics.body_lift import BodyImages
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import N_BEFORE_RATE, N_STAYING, NO_FLOW, Effect, Flow
 from benchtool.physics.expression import expression
-from benchtool.physics.fold import Hook, Own, added, chained, each, multiplied, selected, summed
+from benchtool.physics.fold import (
+    BoundHook,
+    Hook,
+    added,
+    chained,
+    multiplied,
+    selected,
+    summed,
+    unrolled,
+)
 from benchtool.physics.images import clamped_height, partial_factor, thrust_factor
 from benchtool.physics.tilt import Plane, axis_cosine, height_over, tilt_rule
 from benchtool.physics.wake_rules import wake_rule
@@ -64,24 +73,24 @@ class DiscThrust(NamedTuple):
     nearest_z_over_R: float
 
 
-UNCHANGED = expression(lambda i, first, flow, p: 1.0)  # drag torque where no effect changes it
+NO_CHANGE = expression(lambda i, first, flow, p: 1.0)  # drag torque where no effect changes it
 
 
-def owned(
+def bound_hooks(
     effects: Iterable[Effect], hook: str, of: Callable[[Effect], bool] = lambda effect: True
-) -> tuple[Own, ...]:
+) -> tuple[BoundHook, ...]:
     """Return one hook of every effect that has it, with the place of the effect's numbers."""
     all_effects = tuple(effects)
     ends = accumulate((len(effect.parameters) for effect in all_effects), initial=0)
     return tuple(
-        Own(call, effect.makes_p, start, start + len(effect.parameters))
+        BoundHook(call, effect.makes_p, start, start + len(effect.parameters))
         for effect, start in zip(all_effects, ends, strict=False)
         if (call := getattr(effect.hooks, hook)) is not None and of(effect)
     )
 
 
 @expression
-def as_it_is(z_m: Any, radius_m: Any) -> Any:
+def identity_hook(z_m: Any, radius_m: Any) -> Any:
     """Return the height."""
     return z_m
 
@@ -102,31 +111,39 @@ def disc_thrust(
         clamped: hold heights at the least where the formulae are valid; for simulators.
     """
     n = n_discs
-    height, coverage = chained(owned(effects, "height")), chained(owned(effects, "coverage"))
-    speed, factor = chained(owned(effects, "speed")), multiplied(owned(effects, "factor"))
+    height, coverage = (
+        chained(bound_hooks(effects, "height")),
+        chained(bound_hooks(effects, "coverage")),
+    )
+    speed, factor = (
+        chained(bound_hooks(effects, "speed")),
+        multiplied(bound_hooks(effects, "factor")),
+    )
     elsewhere = any(law and law.surface != "below" for law in (e.distance_law for e in effects))
-    law = summed(owned(effects, "denominator", lambda effect: effect.distance_law is not None))
+    law = summed(
+        bound_hooks(effects, "denominator", lambda effect: effect.distance_law is not None)
+    )
     # A surface above or beside has no images in a surface below: its law stands alone.
     others = summed(
-        owned(effects, "denominator", lambda e: not elsewhere and e.distance_law is None)
+        bound_hooks(effects, "denominator", lambda e: not elsewhere and e.distance_law is None)
     )
-    kept = multiplied(owned(effects, "image_share"))
-    response, torques = chained(owned(effects, "response")), owned(effects, "drag")
+    kept = multiplied(bound_hooks(effects, "image_share"))
+    response, torques = chained(bound_hooks(effects, "response")), bound_hooks(effects, "drag")
     if len(torques) > 1:
         raise InputError("two effects of the model have the hook drag; leave one out")
-    drag = chained(torques) if torques else UNCHANGED
+    drag = chained(torques) if torques else NO_CHANGE
     weight, share_of = wake_rule(rules.wake), tilt_rule(rules.tilt).share
-    tilt = summed(owned(effects, "tilt"))
+    tilt = summed(bound_hooks(effects, "tilt"))
     nearest = nearest_z_over_R(effect.distance_law for effect in effects)
-    held = _held_at(nearest) if clamped else as_it_is
+    held = _held_at(nearest) if clamped else identity_hook
     neighbours, bodies = _neighbours(n, rules), _bodies(n, rules, held)
-    heights = each(n, expression(lambda i, flow, p: height(i, flow.height_m[i], flow, p)))
-    all_held = each(n, expression(lambda i, z, radius: held(z[i], radius)))
-    mean_change = _mean_change(n if owned(effects, "height") else 0)
-    coverages = each(n, expression(lambda i, flow, p: coverage(i, flow.coverage[i], flow, p)))
-    sources = each(n, expression(lambda i, area, active: area[i] * active[i]))
-    counted = each(n, expression(lambda i, images, share: images[i] * share))
-    image_factors = each(
+    heights = unrolled(n, expression(lambda i, flow, p: height(i, flow.height_m[i], flow, p)))
+    all_held = unrolled(n, expression(lambda i, z, radius: held(z[i], radius)))
+    mean_change = _mean_change(n if bound_hooks(effects, "height") else 0)
+    coverages = unrolled(n, expression(lambda i, flow, p: coverage(i, flow.coverage[i], flow, p)))
+    sources = unrolled(n, expression(lambda i, area, active: area[i] * active[i]))
+    counted = unrolled(n, expression(lambda i, images, share: images[i] * share))
+    image_factors = unrolled(
         n,
         expression(
             lambda i, flow, p: partial_factor(
@@ -137,7 +154,7 @@ def disc_thrust(
             )
         ),
     )
-    scale = each(
+    scale = unrolled(
         n, expression(lambda i, first, flow, p: factor(i, response(i, first[i], flow, p), flow, p))
     )
 
@@ -163,11 +180,11 @@ def disc_thrust(
 
     return DiscThrust(
         tilt=expression(lambda p: tilt(0, NO_FLOW, p)),
-        speeds=each(n, expression(lambda i, flow, p: speed(i, flow.speed_rad_s[i], flow, p))),
+        speeds=unrolled(n, expression(lambda i, flow, p: speed(i, flow.speed_rad_s[i], flow, p))),
         with_images=with_images,
         image_factors=image_factors,
         scaled=scale,
-        drags=each(n, expression(lambda i, first, flow, p: drag(i, first[i], flow, p))),
+        drags=unrolled(n, expression(lambda i, first, flow, p: drag(i, first[i], flow, p))),
         factors=expression(lambda flow, p: scale(image_factors(flow, p), flow, p)),
         nearest_z_over_R=nearest,
     )
@@ -189,7 +206,7 @@ def _change(i: int) -> Hook:
 def _neighbours(n: int, rules: ImageRules) -> Hook:
     """Return f(source, z, distances): at each disc the images of all other discs (eq. 3)."""
     image = tilt_rule(rules.tilt).image
-    return each(n, selected(tuple(_neighbours_of(i, n, image) for i in range(n))))
+    return unrolled(n, selected(tuple(_neighbours_of(i, n, image) for i in range(n))))
 
 
 @cache
@@ -216,8 +233,8 @@ def _bodies(n: int, rules: ImageRules, held: Hook) -> Hook:
     sources = rules.body_like or range(rules.n_body)
     body = added(tuple(_body_image(j, rule.image, held) for j in sources))
     if not rule.one_body:
-        return each(n, expression(lambda i, z, *where: body(z[i], *where)))
-    for_each = each(n, expression(lambda i, found: found))
+        return unrolled(n, expression(lambda i, z, *where: body(z[i], *where)))
+    for_each = unrolled(n, expression(lambda i, found: found))
     return expression(
         lambda z, plane, body_at, radius: for_each(
             body(held(plane.centre_m, radius), plane, body_at, radius)

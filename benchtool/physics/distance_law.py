@@ -56,7 +56,7 @@ class DistanceLaw:
 
 
 @expression
-def term_of(ratio: Quantity) -> Quantity:
+def denominator_term(ratio: Quantity) -> Quantity:
     """Return 1 - 1/G, by which a law G of T_IGE/T_OGE enters the sum of eqs. (2) to (4)."""
     return 1.0 - 1.0 / ratio
 

@@ -92,16 +92,16 @@ def read_record(block: Any, slot: Any, lane: Any, lanes: Any) -> Any:
 def write_record(block: Any, slot: Any, lane: Any, lanes: Any, record: Any) -> None:
     """Write a record of the type of `slot.like` to one lane of a block of rows times lanes."""
     flat = block.reshape(-1)
-    for position, value in enumerate(numbers_of(record)):
+    for position, value in enumerate(flat_values(record)):
         flat[(slot.first + position) * lanes + lane] = value
 
 
-def borrowed(table: Any, like: Any) -> Any:
+def shared_view(table: Any, like: Any) -> Any:
     """Return a record of arrays that the caller keeps alive, from a table of where they stand.
 
     Args:
-        table: of each array a row: address and lengths of three axes (`simulate.layout.lent`). In
-            Python it is the record itself.
+        table: of each array a row: address and lengths of three axes (`simulate.layout.lend_rows`).
+            In Python it is the record itself.
         like: a record of the same type; for an array a number of its type in as many tuples as it
             has axes.
 
@@ -111,19 +111,19 @@ def borrowed(table: Any, like: Any) -> Any:
     return table
 
 
-def replaced(values: Any, i: int, value: Any) -> Any:
+def with_fields(values: Any, i: int, value: Any) -> Any:
     """Return the tuple with another value at place i; for loops over discs."""
     return (*values[:i], value, *values[i + 1 :])
 
 
-def numbers_of(record: Any) -> list[Any]:
+def flat_values(record: Any) -> list[Any]:
     """Return the numbers of a record in the order of their rows."""
     if not isinstance(record, tuple):
         return [record]
     found = []
     for part in record:
         if isinstance(part, tuple):
-            found += numbers_of(part)
+            found += flat_values(part)
         else:
             found.append(part)
     return found
@@ -231,15 +231,15 @@ def _register_records() -> None:
     lowered: Any = lower_builtin
     typed(read_record)(lambda context: lambda block, slot, lane, lanes: slot.types[1])
     typed(write_record)(lambda context: lambda block, slot, lane, lanes, record: types.none)
-    typed(borrowed)(lambda context: lambda table, like: arrays_like(like))
-    typed(replaced)(lambda context: lambda values, i, value: values)
-    lowered(borrowed, types.Array, types.Any)(borrow)
-    lowered(replaced, types.UniTuple, types.Any, types.Any)(replace)
+    typed(shared_view)(lambda context: lambda table, like: arrays_like(like))
+    typed(with_fields)(lambda context: lambda values, i, value: values)
+    lowered(shared_view, types.Array, types.Any)(borrow)
+    lowered(with_fields, types.UniTuple, types.Any, types.Any)(replace)
     lowered(read_record, types.Array, *[types.Any] * 3)(read)
     lowered(write_record, types.Array, *[types.Any] * 4)(write)
 
 
-def loop_part(function: Function) -> Function:
+def inlined_expression(function: Function) -> Function:
     """Mark a piece of a compiled loop and return it unchanged: scalars only, branches allowed.
 
     For what a compiled loop calls and is no expression: it may hold `if`, `while` and indexed

@@ -17,12 +17,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchtool.physics.expression import expression, loop_part
+from benchtool.physics.expression import expression, inlined_expression
 
 Hook = Callable[..., Any]
 
 
-class Own(NamedTuple):
+class BoundHook(NamedTuple):
     """Hold a hook and where its effect's own numbers stand among all of them.
 
     Attributes:
@@ -38,28 +38,28 @@ class Own(NamedTuple):
 
 
 @cache
-def each(n: int, one: Hook, start: int = 0) -> Hook:
+def unrolled(n: int, hook: Hook, start: int = 0) -> Hook:
     """Return f(*given) -> (one(start, *given), ..., one(start + n - 1, *given)), without a loop."""
     a, b, c, d = range(start, start + 4)
     if n == 0:
         return expression(lambda *given: ())
     if n == 1:
-        return expression(lambda *given: (one(a, *given),))
+        return expression(lambda *given: (hook(a, *given),))
     if n == 2:
-        return expression(lambda *given: (one(a, *given), one(b, *given)))
+        return expression(lambda *given: (hook(a, *given), hook(b, *given)))
     if n == 3:
-        return expression(lambda *given: (one(a, *given), one(b, *given), one(c, *given)))
+        return expression(lambda *given: (hook(a, *given), hook(b, *given), hook(c, *given)))
     if n == 4:
         return expression(
-            lambda *given: (one(a, *given), one(b, *given), one(c, *given), one(d, *given))
+            lambda *given: (hook(a, *given), hook(b, *given), hook(c, *given), hook(d, *given))
         )
     half = 4 if n <= 8 else n // 8 * 4
-    first, rest = each(half, one, start), each(n - half, one, start + half)
+    first, rest = unrolled(half, hook, start), unrolled(n - half, hook, start + half)
     return expression(lambda *given: first(*given) + rest(*given))
 
 
 @cache
-def summed(hooks: tuple[Own, ...]) -> Hook:
+def summed(hooks: tuple[BoundHook, ...]) -> Hook:
     """Return f(i, flow, p), the sum over hooks from left to right; 0.0 without any."""
     if not hooks:
         return expression(lambda i, flow, p: 0.0)
@@ -73,7 +73,7 @@ def summed(hooks: tuple[Own, ...]) -> Hook:
 
 
 @cache
-def multiplied(hooks: tuple[Own, ...]) -> Hook:
+def multiplied(hooks: tuple[BoundHook, ...]) -> Hook:
     """Return f(i, first, flow, p), `first` times every hook from left to right."""
     if not hooks:
         return expression(lambda i, first, flow, p: first)
@@ -85,7 +85,7 @@ def multiplied(hooks: tuple[Own, ...]) -> Hook:
 
 
 @cache
-def chained(hooks: tuple[Own, ...]) -> Hook:
+def chained(hooks: tuple[BoundHook, ...]) -> Hook:
     """Return f(i, quantity, flow, p), the quantity changed by every hook in turn."""
     if not hooks:
         return expression(lambda i, quantity, flow, p: quantity)
@@ -112,12 +112,12 @@ def added(terms: tuple[Hook, ...]) -> Hook:
 
 @cache
 def selected(functions: tuple[Hook, ...]) -> Hook:
-    """Return f(i, *given) -> functions[i](*given), for `each`, which gives i as a constant."""
+    """Return f(i, *given) -> functions[i](*given), for `unrolled`, which gives i as a constant."""
     last, k = functions[-1], len(functions) - 1
     if k == 0:
-        return loop_part(lambda i, *given: last(*given))
+        return inlined_expression(lambda i, *given: last(*given))
     before = selected(functions[:-1])
-    return loop_part(lambda i, *given: last(*given) if i == k else before(i, *given))
+    return inlined_expression(lambda i, *given: last(*given) if i == k else before(i, *given))
 
 
 @cache

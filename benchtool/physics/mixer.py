@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.physics.expression import Quantity, expression
 

@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.parameter import Parameters, full_name
+from benchtool.core.parameter import Parameters, resolve_name
 from benchtool.core.rig import Rig
 from benchtool.physics.baseline import baseline_parameters
 from benchtool.physics.body_lift import BodyDistance, BodyImages, body_images
-from benchtool.physics.catalogue import EFFECTS, effect_named, laws_of
+from benchtool.physics.catalogue import EFFECTS, find_effect, thrust_laws
 from benchtool.physics.conditions import Conditions
-from benchtool.physics.disc_thrust import DiscThrust, ImageRules, disc_thrust, owned
+from benchtool.physics.disc_thrust import DiscThrust, ImageRules, bound_hooks, disc_thrust
 from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.distance_law import nearest_z_over_R
 from benchtool.physics.effects.effect import NO_FLOW, Effect, Flow, Quantity
@@ -69,7 +69,7 @@ class Model:
         surface = self.rig.plate.surface
         for law in laws:
             if law.distance_law is not None and law.distance_law.surface != surface:
-                of_it = (one.name for one in laws_of(surface))
+                of_it = (one.name for one in thrust_laws(surface))
                 raise InputError(
                     f"rig {self.rig.name!r} has its plate {surface} the rotors, and {law.name} is "
                     f"a law of a surface {law.distance_law.surface}; take one of: "
@@ -86,7 +86,7 @@ class Model:
 
         Numbers that shape its law and follow from the rig are the rig's, where none are given.
         """
-        added = effect_named(effect) if isinstance(effect, str) else effect
+        added = find_effect(effect) if isinstance(effect, str) else effect
         if any(present.name == added.name for present in self.effects):
             raise InputError(f"model {self.name!r} has the effect {added.name!r} already")
         known = {parameter.name: parameter for parameter in added.parameters}
@@ -96,7 +96,7 @@ class Model:
         of_rig = added.rig_values(self.rig) if added.rig_values is not None else {}
         values = {key: of_rig[key] for key in of_rig if known[key].neutral is None} | values
         new = [
-            (f"{added.name}.{name}", item.at(values[name]) if name in values else item)
+            (f"{added.name}.{name}", item.with_value(values[name]) if name in values else item)
             for name, item in known.items()
         ]
         return replace(
@@ -137,24 +137,28 @@ class Model:
             ),
         )
 
-    def at(self, parameters: Parameters) -> Model:
+    def with_values(self, parameters: Parameters) -> Model:
         """Return the model with these parameters in place of its own."""
         return replace(self, parameters=parameters)
 
-    def freed(self, *names: str) -> Model:
+    def with_free(self, *names: str) -> Model:
         """Return the model with those parameters free and the others as they are.
 
         A name's last part is enough where no other parameter has it.
         """
         parameters = self.parameters
-        for name in (full_name(each, self.parameters) for each in names):
-            parameters = parameters.replaced(name, parameters[name].freed())
-        return self.at(parameters)
+        for name in (resolve_name(each, self.parameters) for each in names):
+            parameters = parameters.with_replaced(name, parameters[name].as_free())
+        return self.with_values(parameters)
 
-    def fixed(self, name: str, value: float | None = None) -> Model:
-        """Return the model with one parameter fixed, at `value` when given; named as in `freed`."""
-        full = full_name(name, self.parameters)
-        return self.at(self.parameters.replaced(full, self.parameters[full].fixed(value)))
+    def with_fixed(self, name: str, value: float | None = None) -> Model:
+        """Return the model with one parameter fixed, at `value` when given; named as in "
+        "`with_free`.
+        """
+        full = resolve_name(name, self.parameters)
+        return self.with_values(
+            self.parameters.with_replaced(full, self.parameters[full].as_fixed(value))
+        )
 
     @cached_property
     def _index(self) -> dict[str, int]:
@@ -305,7 +309,7 @@ class Model:
 
     @cached_property
     def _thrust_reading(self) -> Hook:
-        return chained(owned(self.present_effects, "thrust_reading"))
+        return chained(bound_hooks(self.present_effects, "thrust_reading"))
 
     @cached_property
     def body_images(self) -> BodyImages:
@@ -326,14 +330,14 @@ class Model:
         return factors
 
     @cached_property
-    def answers_with_torque(self) -> bool:
+    def is_torque_driven(self) -> bool:
         """Whether some present effect changes the rotors' torque near a surface."""
         return any(effect.hooks.drag is not None for effect in self.present_effects)
 
     @cached_property
     def motor_slope_Nm_s(self) -> float | None:
         """Torque per speed of the motors; None where speed under a pulse is the same everywhere."""
-        return torque_per_speed(self.rig.motor) if self.answers_with_torque else None
+        return torque_per_speed(self.rig.motor) if self.is_torque_driven else None
 
     def drag_factors(self, flow: Flow, values: Any) -> tuple[Quantity, ...]:
         """Return the drag torque of each disc over that far from any surface, at equal speed."""

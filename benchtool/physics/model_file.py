@@ -12,16 +12,16 @@ import tomli_w
 
 from benchtool.core.column_source import ColumnSource, check_channels
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.packaged import packaged_names, read_named
+from benchtool.core.library import list_names, read_named
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
-from benchtool.core.toml_text import FileTable, FiniteTable, build
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.toml_text import FileTable, FiniteTable, build_dataclass
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.bases import blade_tables, with_blades, with_blades_of_rig
 from benchtool.physics.body_lift import BodyDistance
-from benchtool.physics.catalogue import effect_named, own_effects
+from benchtool.physics.catalogue import find_effect, user_effects
 from benchtool.physics.discrepancy import DiscrepancyTolerances
 from benchtool.physics.effects.blade_inflow import EFFECT as BLADE_INFLOW
 from benchtool.physics.effects.effect import Effect
@@ -101,11 +101,11 @@ class LoadedModel:
 
 def model_names() -> tuple[str, ...]:
     """Return the names of the models that benchtool ships."""
-    return packaged_names("models")
+    return list_names("models")
 
 
 def load_model(
-    name_or_path: str | Path, rig: Rig | None = None, permit: CodePermit = refuse_code
+    name_or_path: str | Path, rig: Rig | None = None, permit: CodePermit = check_code_allowed
 ) -> LoadedModel:
     """Return a shipped model by name, or a user's own by the path of its TOML file.
 
@@ -132,7 +132,7 @@ def _kind_of_other(text: str) -> str:
 
 
 def model_from_toml(
-    text: str, where: str, rig: Rig | None = None, permit: CodePermit = refuse_code
+    text: str, where: str, rig: Rig | None = None, permit: CodePermit = check_code_allowed
 ) -> LoadedModel:
     """Return the model that TOML text describes; own effects are run by permit only.
 
@@ -140,7 +140,7 @@ def model_from_toml(
         UnknownChoice: a key, effect, parameter, rule or unit that does not exist.
         FileFormatError: a value of the wrong type or range.
     """
-    read = build(_ModelFile, parse_toml(text, where), where)
+    read = build_dataclass(_ModelFile, parse_toml(text, where), where)
     baseline = _flattened(read.parameters)
     chosen = rig if rig is not None else _rig_beside(read.model.rig, where)
     try:
@@ -158,10 +158,10 @@ def model_from_toml(
         file = read.model.effects_file
         if file and not file.endswith(".py"):
             raise InputError(f"effects_file is {file[:80]!r}; name a Python file that ends in .py")
-        found = own_effects(str(Path(where).parent / file), permit) if file else ()
+        found = user_effects(str(Path(where).parent / file), permit) if file else ()
         own = {effect.name: effect for effect in found}
         effects = {
-            name: _configured(own.get(name) or effect_named(name), tables.get("settings", {}))
+            name: _configured(own.get(name) or find_effect(name), tables.get("settings", {}))
             for name, tables in sorted(read.effects.items(), key=lambda item: item[0] != OWN_IMAGES)
         }
         if any(effect.distance_law is not None for effect in effects.values()):
@@ -261,7 +261,7 @@ def model_to_toml(loaded: LoadedModel, rig: str | None = None) -> str:
 
 def _rig_beside(name: str, where: str) -> Rig:
     beside = Path(where).parent / name
-    return rig_named(beside if name.endswith(".toml") and beside.exists() else name)
+    return load_rig_by_name(beside if name.endswith(".toml") and beside.exists() else name)
 
 
 def _for_rig(rig: Rig, name: str, tables: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -326,13 +326,13 @@ def _set(model: Model, tables: Mapping[str, Any], where: str) -> Model:
             raise FileFormatError(
                 where, f"{name} is {given!r}; write a number or {{ value = ..., source = ... }}"
             )
-        read = build(_ParameterTable, given, f"{where}: {name}")
+        read = build_dataclass(_ParameterTable, given, f"{where}: {name}")
         keys = ("value", "lower", "upper", "tolerance", "prior")
         stated = {key: getattr(read, key) for key in keys if getattr(read, key) is not None}
         source = read.source or parameters[name].source
         changed = replace(parameters[name], free=read.free, source=source, **stated)
-        parameters = parameters.replaced(name, changed)
-    return model.at(parameters)
+        parameters = parameters.with_replaced(name, changed)
+    return model.with_values(parameters)
 
 
 def _parameter_table(item: Parameter) -> dict[str, Any]:

@@ -23,7 +23,9 @@ def torque_per_speed(motor: Motor | None) -> float | None:
 
 
 @expression
-def held_by_pulse_Nm(speed_rad_s: Quantity, drag_Nm_s2: Quantity, slope_Nm_s: Quantity) -> Quantity:
+def torque_at_pulse_Nm(
+    speed_rad_s: Quantity, drag_Nm_s2: Quantity, slope_Nm_s: Quantity
+) -> Quantity:
     """Return Q + w/(Kv^2 Rm) for Q = c w^2: N m, the same at every speed under one pulse.
 
     Args:
@@ -50,11 +52,11 @@ def speed_near_plate(
         factor: drag torque near the plate over that there, at equal speed.
         slope_Nm_s: 1/(Kv^2 Rm), `torque_per_speed`: N m s.
     """
-    held_Nm = held_by_pulse_Nm(free_rad_s, drag_Nm_s2, slope_Nm_s)
+    held_Nm = torque_at_pulse_Nm(free_rad_s, drag_Nm_s2, slope_Nm_s)
     return speed_under_pulse(held_Nm, drag_Nm_s2 * factor, slope_Nm_s)
 
 
-def drawn_W(
+def electrical_power_W(
     propulsion: Propulsion, motor: Motor | None, speed_rad_s: Quantity, drag: Quantity = 1.0
 ) -> Quantity:
     """Return the electrical power of a running motor: (w/Kv + Rm I) I with I = I0 + Kv Q: W.

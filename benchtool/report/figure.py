@@ -88,13 +88,13 @@ def _load(folder: str) -> None:
         import_module(f"{package.__name__}.{module.name}")
 
 
-def figures_of(page: str) -> dict[str, FigureEntry]:
+def registered_figures(page: str) -> dict[str, FigureEntry]:
     """Return the figures registered for a page, by name."""
     _load(page.partition(".")[0])
     return {name: entry for (own, name), entry in _FIGURES.items() if own == page}
 
 
-def every_figure() -> list[FigureEntry]:
+def all_figures() -> list[FigureEntry]:
     """Return every figure of every folder, by page and name."""
     for module in iter_modules(import_module("benchtool.report").__path__):
         if module.ispkg:
@@ -102,9 +102,9 @@ def every_figure() -> list[FigureEntry]:
     return [_FIGURES[key] for key in sorted(_FIGURES)]
 
 
-def drawn(page: str, subject: Any, names: Iterable[str] = ()) -> dict[str, FigureBlock]:
+def render_figures(page: str, subject: Any, names: Iterable[str] = ()) -> dict[str, FigureBlock]:
     """Return the figures that a subject allows by their files' names; these, or all of the page."""
-    known = figures_of(page)
+    known = registered_figures(page)
     found: dict[str, FigureBlock] = {}
     for name in names or known:
         if name not in known:
@@ -115,7 +115,7 @@ def drawn(page: str, subject: Any, names: Iterable[str] = ()) -> dict[str, Figur
 
 def captions(page: str) -> dict[str, str]:
     """Return the fixed captions of a page's figures by name."""
-    texts = {name: entry.caption for name, entry in figures_of(page).items()}
+    texts = {name: entry.caption for name, entry in registered_figures(page).items()}
     return {name: text for name, text in texts.items() if isinstance(text, str)}
 
 
@@ -145,7 +145,7 @@ class Page:
         self, subject: Any, figures: Mapping[str, FigureBlock] | None = None
     ) -> list[Section]:
         """Return the sections of a subject, with figures drawn before or drawn now."""
-        shown = drawn(self.name, subject, self.figures) if figures is None else figures
+        shown = render_figures(self.name, subject, self.figures) if figures is None else figures
         made: list[Section] = []
         for item in self.layout:
             if not isinstance(item, tuple):

@@ -43,7 +43,7 @@ def figure_bytes(figure: Figure, file_format: Format = "svg") -> bytes:
     return buffer.getvalue()
 
 
-def axes_of(figure: Figure) -> str:
+def figure_axes(figure: Figure) -> str:
     """Return boxes (shares of the figure from left and top), limits and labels of axes as JSON."""
     found = []
     for axes in figure.axes:
@@ -77,13 +77,13 @@ def save_figure(
         stem.with_name(f"{stem.name}.{name}"): figure_bytes(figure, name) for name in formats
     }
     if not replace:
-        refuse_existing(contents)
+        check_not_existing(contents)
     for path, content in contents.items():
         write_whole(path, content)
     return tuple(contents)
 
 
-def refuse_existing(paths: Sequence[Path] | dict[Path, bytes]) -> None:
+def check_not_existing(paths: Sequence[Path] | dict[Path, bytes]) -> None:
     """Refuse to go on when one of the files exists already."""
     for path in paths:
         if path.exists():

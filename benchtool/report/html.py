@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from benchtool import __version__
 from benchtool.core.errors import show_controls
-from benchtool.report.files import figure_bytes, refuse_existing, write_whole
+from benchtool.report.files import check_not_existing, figure_bytes, write_whole
 from benchtool.report.page import FigureBlock, Report
 
 LARGEST = 1.25  # a figure fills its column up to this many times its printed size
@@ -55,7 +55,7 @@ def render_report(report: Report) -> str:
 def write_report(path: Path, report: Report, *, replace: bool = False) -> Path:
     """Write the page and return its path; refuse to overwrite unless `replace`."""
     if not replace:
-        refuse_existing([path])
+        check_not_existing([path])
     write_whole(path, render_report(report).encode("utf-8"))
     return path
 

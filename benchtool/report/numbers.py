@@ -8,7 +8,7 @@ from math import floor, isfinite, log10
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def exponent_of(value: float, sd: float) -> int:
+def decimal_exponent(value: float, sd: float) -> int:
     """Return the power of ten to take out: 0 unless the number is awkward to read without."""
     size = max(abs(value), abs(sd) if isfinite(sd) else 0.0)
     if size == 0.0 or not isfinite(size):
@@ -29,7 +29,7 @@ def power_of_ten(exponent: int) -> str:
     return "10" + str(exponent).translate(_SUPERSCRIPTS) if exponent else ""
 
 
-def unit_for_people(symbol: str) -> str:
+def display_unit(symbol: str) -> str:
     """Return a unit with its powers raised ("N/(rad/s)²"), unbroken over lines; "–" for a ratio."""
     if symbol == "1":
         return "–"
@@ -39,17 +39,17 @@ def unit_for_people(symbol: str) -> str:
 
 def with_unit(text: str, symbol: str) -> str:
     """Return a number with its unit behind it; a ratio has none."""
-    return text if symbol == "1" else f"{text} {unit_for_people(symbol)}"
+    return text if symbol == "1" else f"{text} {display_unit(symbol)}"
 
 
-def numeral(value: float, form: str) -> str:
+def format_number(value: float, form: str) -> str:
     """Return a number in one of Python's forms (".2f"), with a true minus sign; "–" for none."""
     return f"{value:{form}}".replace("-", "−") if isfinite(value) else "–"
 
 
 def scaled(value: float, exponent: int, decimals: int) -> str:
     """Return value / 10**exponent with that many decimals, with a true minus sign."""
-    return numeral(value / 10.0**exponent, f".{decimals}f")
+    return format_number(value / 10.0**exponent, f".{decimals}f")
 
 
 def with_statistical(value: float, sd: float, statistical: float, symbol: str = "1") -> str:
@@ -60,7 +60,7 @@ def with_statistical(value: float, sd: float, statistical: float, symbol: str = 
     if not isfinite(sd):
         text = with_unit(value_with_sd(value, statistical), symbol)
         return f"{text} (statistical)" if isfinite(statistical) else text
-    exponent = exponent_of(value, sd)
+    exponent = decimal_exponent(value, sd)
     part = scaled(statistical, exponent, decimals_for(statistical / 10.0**exponent))
     power = f"·{power_of_ten(exponent)}" if exponent else ""
     return f"{with_unit(value_with_sd(value, sd), symbol)} (statistical {part}{power})"
@@ -68,9 +68,9 @@ def with_statistical(value: float, sd: float, statistical: float, symbol: str = 
 
 def value_with_sd(value: float, sd: float) -> str:
     """Return "1.974 ± 0.021", a common power of ten taken out of awkward numbers; no sd, no ±."""
-    exponent = exponent_of(value, sd)
+    exponent = decimal_exponent(value, sd)
     if not isfinite(sd):
-        text = numeral(value / 10.0**exponent, ".6g")
+        text = format_number(value / 10.0**exponent, ".6g")
         return f"{text}·{power_of_ten(exponent)}" if exponent else text
     decimals = decimals_for(sd / 10.0**exponent)
     text = f"{scaled(value, exponent, decimals)} ± {scaled(sd, exponent, decimals)}"

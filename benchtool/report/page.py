@@ -25,7 +25,7 @@ class Heading:
 
 
 @dataclass(frozen=True, slots=True)
-class Facts:
+class FactTable:
     """List names with their values: rig, conditions, versions, hashes."""
 
     items: Mapping[str, str]
@@ -87,7 +87,7 @@ class FigureBlock:
     caption: str
 
 
-Block = Paragraph | Heading | Facts | Warnings | Commands | Listing | Table | FigureBlock
+Block = Paragraph | Heading | FactTable | Warnings | Commands | Listing | Table | FigureBlock
 
 
 @dataclass(frozen=True, slots=True, eq=False)

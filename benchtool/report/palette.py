@@ -24,21 +24,21 @@ PALE = "#d7dbe0"
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class SeriesStyle:
     """Give the colour and the marker of one role."""
 
     color: str
     marker: str
 
 
-LOOKS: dict[Role, Look] = {
-    "single_rotor": Look(BLUE, "o"),
-    "second_rig": Look(ORANGE, "s"),
-    "three_rotors": Look(PURPLE, "^"),
-    "quad": Look(GREEN, "D"),
-    "model": Look(VERMILION, "v"),
-    "formula": Look(BLACK, "x"),
-    "measurement": Look(BLACK, "o"),
-    "muted": Look(GREY, "."),
+SERIES_STYLES: dict[Role, SeriesStyle] = {
+    "single_rotor": SeriesStyle(BLUE, "o"),
+    "second_rig": SeriesStyle(ORANGE, "s"),
+    "three_rotors": SeriesStyle(PURPLE, "^"),
+    "quad": SeriesStyle(GREEN, "D"),
+    "model": SeriesStyle(VERMILION, "v"),
+    "formula": SeriesStyle(BLACK, "x"),
+    "measurement": SeriesStyle(BLACK, "o"),
+    "muted": SeriesStyle(GREY, "."),
 }
 CYCLE = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, BLACK, GREY)  # rotors 1 to 8, four ensembles

@@ -12,35 +12,35 @@ from matplotlib.figure import Figure
 
 from benchtool.data.derived import QuantityValues
 from benchtool.data.quantities import Quantity
-from benchtool.report.numbers import numeral, unit_for_people, value_with_sd
+from benchtool.report.numbers import display_unit, format_number, value_with_sd
 from benchtool.report.page import Table
 
 COLUMNS = 2  # panels beside each other
 
 
-def panels_height(found: Sequence[object]) -> float:
+def panels_height(quantities: Sequence[object]) -> float:
     """Return inches for a panel of each quantity."""
-    return 0.8 + 2.1 * ceil(len(found) / COLUMNS)
+    return 0.8 + 2.1 * ceil(len(quantities) / COLUMNS)
 
 
-def quantity_panels(figure: Figure, found: Sequence[Quantity], label: str) -> list[Axes]:
+def quantity_panels(figure: Figure, quantities: Sequence[Quantity], label: str) -> list[Axes]:
     """Return a panel for each quantity, its axis labelled with symbol and unit."""
-    rows = ceil(len(found) / COLUMNS)
+    rows = ceil(len(quantities) / COLUMNS)
     grid = figure.subplots(rows, COLUMNS, squeeze=False, sharex=True).ravel().tolist()
-    for place, (axes, one) in enumerate(zip(grid, found, strict=False)):
+    for place, (axes, one) in enumerate(zip(grid, quantities, strict=False)):
         axes.set_title(one.title)
         axes.set_ylabel(re.sub(r"([A-Za-zη]+)_(\w+)", r"$\1_{\2}$", with_symbol(one)))
-        if place >= len(found) - COLUMNS:
+        if place >= len(quantities) - COLUMNS:
             axes.tick_params(labelbottom=True)
             axes.set_xlabel(label)
-    for axes in grid[len(found) :]:
+    for axes in grid[len(quantities) :]:
         axes.remove()
-    return list(grid[: len(found)])
+    return list(grid[: len(quantities)])
 
 
-def with_symbol(one: Quantity) -> str:
+def with_symbol(quantity: Quantity) -> str:
     """Return "C_T [–]"."""
-    return f"{one.symbol} [{unit_for_people(one.unit)}]"
+    return f"{quantity.symbol} [{display_unit(quantity.unit)}]"
 
 
 def values_table(
@@ -64,18 +64,18 @@ def values_table(
     )
 
 
-def origins_table(found: Sequence[QuantityValues]) -> Table:
+def origins_table(quantities: Sequence[QuantityValues]) -> Table:
     """List formula, origin and error of each quantity: who made how much of it, in percent."""
     rows = []
-    for one in found:
+    for one in quantities:
         size = np.abs(np.where(one.value != 0.0, one.value, np.nan))
         parts = {"own": one.standard_error}
         parts |= {
             source.name: np.sqrt(np.sum(source.columns**2, axis=1)) for source in one.error_sources
         }
         shares = {name: _median_percent(part, size) for name, part in parts.items()}
-        words = ", ".join(f"{name} {numeral(share, '.2g')}" for name, share in shares.items())
-        total = numeral(_median_percent(one.total_error, size), ".2g")
+        words = ", ".join(f"{name} {format_number(share, '.2g')}" for name, share in shares.items())
+        total = format_number(_median_percent(one.total_error, size), ".2g")
         quantity = one.quantity
         formula = quantity.formula if one.origin.startswith("from ") else "–"
         rows.append((quantity.title, quantity.symbol, formula, one.origin, words, total))

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.bases import factor_at
@@ -21,7 +21,7 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.distance_law import CONTACT_Z_OVER_R
 from benchtool.physics.effects.neighbour_images import EFFECT as NEIGHBOUR_IMAGES
 from benchtool.physics.model import Model
-from benchtool.report.palette import GREY, LOOKS, Role
+from benchtool.report.palette import GREY, SERIES_STYLES, Role
 from benchtool.report.panels import DASHED, points
 from benchtool.report.style import ratio_label
 
@@ -79,13 +79,13 @@ def conditions_over(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> Conditions
     )
 
 
-def values_at(model: Model, draws: Mapping[str, Array] | None = None) -> list[Any]:
+def ratio_values(model: Model, draws: Mapping[str, Array] | None = None) -> list[Any]:
     """Return all values of a model, those that are drawn (d, 1) in place of its own."""
     known = draws or {}
     return [known.get(name, item.value) for name, item in model.parameters.items()]
 
 
-def factor_over(
+def factor_at_distance(
     model: Model,
     speed_rad_s: Array,
     z_over_R: Array,
@@ -94,16 +94,16 @@ def factor_over(
 ) -> Any:
     """Return T_IGE/T_OGE (m,) at a basis, or (d, m) with draws."""
     conditions = conditions_over(model.rig, speed_rad_s, z_over_R)
-    return factor_at(model, basis, conditions, values_at(model, draws))
+    return factor_at(model, basis, conditions, ratio_values(model, draws))
 
 
-def band_of(spread: Array, level: Literal[68, 95]) -> Band:
+def uncertainty_band(spread: Array, level: Literal[68, 95]) -> Band:
     """Return the central interval of draws (d, m) at a level in per cent."""
     lower, upper = np.percentile(spread, [50.0 - level / 2.0, 50.0 + level / 2.0], axis=0)
     return Band(lower, upper, level)
 
 
-def bands_over(
+def uncertainty_bands(
     model: Model,
     speed_rad_s: Array,
     z_over_R: Array,
@@ -113,25 +113,27 @@ def bands_over(
     """Return the 68 and the 95 % band of a model's curve; none without draws."""
     if not draws:
         return ()
-    spread = np.asarray(factor_over(model, speed_rad_s, z_over_R, draws, basis), float)
+    spread = np.asarray(factor_at_distance(model, speed_rad_s, z_over_R, draws, basis), float)
     spread = np.broadcast_to(spread, (len(next(iter(draws.values()))), len(z_over_R)))
-    return band_of(spread, 68), band_of(spread, 95)
+    return uncertainty_band(spread, 68), uncertainty_band(spread, 95)
 
 
 def formula_curves(rig: Rig, speed_rad_s: Array, z_over_R: Array) -> list[Curve]:
     """Return eq. (2), and eq. (3) where more than one rotor turns."""
     single = Model.single(rig)
     turning = int(np.asarray(speed_rad_s > 0.0).sum())
-    alone = factor_over(single, speed_rad_s, z_over_R)
+    alone = factor_at_distance(single, speed_rad_s, z_over_R)
     curves = [Curve(z_over_R, alone, "eq. (2), one rotor", "formula")]
     if turning > 1:
         images = single.with_effect(NEIGHBOUR_IMAGES)
         label = f"eq. (3), {turning} rotors" if turning != 4 else "eq. (3), quadrotor"
-        curves.append(Curve(z_over_R, factor_over(images, speed_rad_s, z_over_R), label, "quad"))
+        curves.append(
+            Curve(z_over_R, factor_at_distance(images, speed_rad_s, z_over_R), label, "quad")
+        )
     return curves
 
 
-def distances_of(series: Sequence[RatioPoints], model: Model | None = None) -> Array:
+def curve_distances(series: Sequence[RatioPoints], model: Model | None = None) -> Array:
     """Return z/R (240,) of curves from where laws are trusted to somewhat beyond the last point."""
     nearest = VALIDITY_Z_OVER_R if model is None else model.nearest_z_over_R
     farthest = max(float(np.nanmax(item.z_over_R)) for item in series)
@@ -169,7 +171,7 @@ def draw_ratio(
 
 
 def _draw_curve(axes: Axes, curve: Curve) -> None:
-    color, valid = LOOKS[curve.role].color, curve.valid
+    color, valid = SERIES_STYLES[curve.role].color, curve.valid
     z = curve.z_over_R[valid]
     for band in sorted(curve.bands, key=lambda item: -item.level):
         axes.fill_between(
@@ -183,7 +185,7 @@ def _draw_curve(axes: Axes, curve: Curve) -> None:
 
 
 def _draw_points(axes: Axes, series: RatioPoints) -> None:
-    look = LOOKS[series.role]
+    look = SERIES_STYLES[series.role]
     out = np.zeros(series.ratio.shape, bool) if series.left_out is None else series.left_out
     for rows, fill, label in (
         (~out, look.color, series.label),

@@ -10,8 +10,8 @@ from typing import Literal
 from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
 from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE
 from benchtool.data.run.read import is_pitch_run, is_run
-from benchtool.data.run.recording_file import beside as facts_beside
-from benchtool.explain.pitch.replayed import Beside
+from benchtool.data.run.recording_file import metadata_path as facts_beside
+from benchtool.explain.pitch.replay import ReplayInputs
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.nominal import nominal_model
 from benchtool.report import html
@@ -63,10 +63,10 @@ def is_mixed(paths: Sequence[Path]) -> bool:
 
 
 def page_text(
-    paths: Sequence[Path], beside: Beside | None = None, commands: Sequence[str] = ()
+    paths: Sequence[Path], beside: ReplayInputs | None = None, commands: Sequence[str] = ()
 ) -> str:
     """Return the report of what the paths name as HTML text."""
-    beside = beside or Beside()
+    beside = beside or ReplayInputs()
     kinds = [kind_of(path) for path in paths]
     if len(paths) > 1 and set(kinds) != {"sweep"}:
         listed = ", ".join(f"{path} ({kind})" for path, kind in zip(paths, kinds, strict=True))
@@ -80,7 +80,7 @@ def write_report(
     paths: Sequence[Path],
     out: Path | None = None,
     *,
-    beside: Beside | None = None,
+    beside: ReplayInputs | None = None,
     comparison: RunComparison | None = None,
     commands: Sequence[str] = (),
     replace: bool = False,
@@ -95,7 +95,7 @@ def write_report(
     beside_it = path / PAGE if path.is_dir() else path.with_name(f"{path.stem}-{PAGE}")
     target = out or (Path(PAGE) if len(paths) > 1 else beside_it)
     own = comparison is None and len(paths) == 1 and kind_of(paths[0]) in ("fit", "explanation")
-    if own and beside not in (None, Beside()):
+    if own and beside not in (None, ReplayInputs()):
         raise InputError(
             f"the page of {paths[0]} was written when it was made; --model and what goes with it "
             f"are for runs and recordings"
@@ -112,7 +112,9 @@ def write_report(
     return target
 
 
-def _made(paths: Sequence[Path], kind: Kind, beside: Beside, commands: Sequence[str]) -> Report:
+def _made(
+    paths: Sequence[Path], kind: Kind, beside: ReplayInputs, commands: Sequence[str]
+) -> Report:
     if kind != "sweep":
         return recording_page(paths[0], beside, commands)
     beside.refuse_controller("a sweep has no controller")

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.fit_result import Estimate
 from benchtool.data.columns import frame_of_rows
-from benchtool.explain.answer import Answer
+from benchtool.explain.answer import ExplainResult
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.report.figure import Page, drawn
+from benchtool.report.figure import Page, render_figures
 from benchtool.report.html import inline_svg, write_report
 
 if TYPE_CHECKING:
@@ -54,18 +54,20 @@ class Result(Generic[Found]):
         """Return every figure of the report page, by name."""
         return {
             name: block.figure
-            for name, block in drawn(self._page.name, self.found, self._page.figures).items()
+            for name, block in render_figures(
+                self._page.name, self.found, self._page.figures
+            ).items()
         }
 
     def plot(self, figure: str = "") -> Figure:
         """Return a figure by name, the first of the report page when left out."""
         if figure:
-            found = drawn(self._page.name, self.found, [figure])
+            found = render_figures(self._page.name, self.found, [figure])
             if not found:
                 raise InputError(f"there is nothing to draw in figure {figure!r} of this result")
             return next(iter(found.values())).figure
         for name in self._page.figures:
-            if found := drawn(self._page.name, self.found, [name]):
+            if found := render_figures(self._page.name, self.found, [name]):
                 return next(iter(found.values())).figure
         raise InputError("there is nothing to draw in this result")
 
@@ -107,7 +109,7 @@ class Result(Generic[Found]):
 Data = str | Path | Result[Any]  # a run folder or CSV by its path, or what `read` returned of it
 
 
-def paths_of(data: Data | Sequence[Data]) -> tuple[str, ...]:
+def saved_paths(data: Data | Sequence[Data]) -> tuple[str, ...]:
     """Return the paths of one or several data."""
     many = [data] if isinstance(data, str | Path | Result) else data
     found = []
@@ -141,7 +143,7 @@ def estimate_row(item: Estimate) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def effects_frame(answer: Answer) -> pd.DataFrame:
+def effects_frame(answer: ExplainResult) -> pd.DataFrame:
     """Return the parameters of the effects that a verdict names."""
     columns = ("value", "std", "low", "high", "tolerance", "unit")
     return frame_of_rows(
@@ -154,7 +156,7 @@ def effects_frame(answer: Answer) -> pd.DataFrame:
     )
 
 
-def gap_frame(answer: Answer) -> pd.DataFrame:
+def gap_frame(answer: ExplainResult) -> pd.DataFrame:
     """Return the gap of each channel before and after."""
     columns = ("channel", "unit", "as_given", "before", "after", "floor")
     return frame_of_rows(
@@ -162,7 +164,7 @@ def gap_frame(answer: Answer) -> pd.DataFrame:
     )
 
 
-def probabilities_frame(answer: Answer) -> pd.DataFrame:
+def probabilities_frame(answer: ExplainResult) -> pd.DataFrame:
     """Return every explanation with its probability, the most probable first."""
     found = sorted(answer.verdict.probabilities.items(), key=lambda one: -one[1])
     return frame_of_rows([{"explanation": name, "probability": p} for name, p in found])

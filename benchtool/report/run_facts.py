@@ -11,18 +11,18 @@ from benchtool.data.run.read import is_run
 from benchtool.data.run.run import Run
 from benchtool.fit.uncertainty.run_budget import run_budget
 from benchtool.report.fit.budget import budget_sentence, budget_table
-from benchtool.report.page import Block, Facts, Paragraph, Section
+from benchtool.report.page import Block, FactTable, Paragraph, Section
 
-MISSING = "not stated"
+MISSING_VALUE = "not stated"
 
 
-def state_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
+def run_state_table(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return when, by whom and how it ended."""
     link, reason = metadata.get("link") or {}, metadata.get("reason")
     facts = {
-        "started": str(metadata.get("started", MISSING)),
-        "operator": str(metadata.get("operator") or MISSING),
-        "state": str(metadata.get("state", MISSING)) + (f": {reason}" if reason else ""),
+        "started": str(metadata.get("started", MISSING_VALUE)),
+        "operator": str(metadata.get("operator") or MISSING_VALUE),
+        "state": str(metadata.get("state", MISSING_VALUE)) + (f": {reason}" if reason else ""),
     }
     if "samples" in link:
         lost, corrupt = link.get("lost", "?"), link.get("corrupt", "?")
@@ -36,9 +36,10 @@ def device_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return who measured, and what it says of itself."""
     device = metadata.get("device") or {}
     facts = {
-        "address": str(metadata.get("address", MISSING)),
-        "device": f"{metadata.get('device_id', MISSING)}, firmware "
-        f"{device.get('firmware', MISSING)}, protocol {device.get('protocol', MISSING)}",
+        "address": str(metadata.get("address", MISSING_VALUE)),
+        "device": f"{metadata.get('device_id', MISSING_VALUE)}, firmware "
+        f"{device.get('firmware', MISSING_VALUE)}, protocol "
+        f"{device.get('protocol', MISSING_VALUE)}",
     }
     if "rate_Hz" in device:
         facts["stream"] = f"{device['rate_Hz']:g} Hz: {', '.join(device.get('channels', {}))}"
@@ -67,7 +68,7 @@ def rig_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return the rig's numbers that a reader of thrust needs, and how many are assumed."""
     rig = metadata.get("rig") or {}
     if not rig:
-        return {"rig": MISSING}
+        return {"rig": MISSING_VALUE}
     rotors = rig.get("rotors", [])
     places = ", ".join(f"{item['name']} ({item['x_m']:g}, {item['y_m']:g}) m" for item in rotors)
     facts = {
@@ -88,14 +89,14 @@ def air_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return the air around the bench."""
     air = metadata.get("air") or {}
     if not air:
-        return {"air": MISSING}
+        return {"air": MISSING_VALUE}
     source = "measured" if air.get("measured") else "nobody measured it: standard values stand in"
     return {
         "air": source,
         "temperature": f"{air['temperature_degC']:g} °C",
         "pressure": f"{air['pressure_Pa'] / 100.0:.2f} hPa",
         "relative humidity": f"{100.0 * air['humidity']:.0f} %",
-        "density": f"{air['density_kg_m3']:.4f} kg/m³ ({air.get('formula', MISSING)})",
+        "density": f"{air['density_kg_m3']:.4f} kg/m³ ({air.get('formula', MISSING_VALUE)})",
     }
 
 
@@ -130,7 +131,7 @@ def version_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return the software that recorded it."""
     versions = metadata.get("versions") or {}
     listed = ", ".join(f"{name} {version}" for name, version in versions.items())
-    return {"recorded with": listed or MISSING}
+    return {"recorded with": listed or MISSING_VALUE}
 
 
 def simple_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
@@ -138,8 +139,10 @@ def simple_facts(metadata: Mapping[str, Any]) -> dict[str, str]:
     rig, air = rig_facts(metadata), air_facts(metadata)
     facts: dict[str, str] = {key: rig[key] for key in ("rig", "rotor radius") if key in rig}
     facts["device"] = device_facts(metadata)["device"]
-    facts |= state_facts(metadata)
-    facts["air"] = air.get("density", MISSING) + ("" if "density" not in air else f", {air['air']}")
+    facts |= run_state_table(metadata)
+    facts["air"] = air.get("density", MISSING_VALUE) + (
+        "" if "density" not in air else f", {air['air']}"
+    )
     facts |= calibration_facts(metadata)
     return facts | version_facts(metadata)
 
@@ -148,7 +151,7 @@ def run_sections(paths: Iterable[str]) -> list[Section]:
     """Return for each path that is a run: the rig, the air, the calibration and its budget."""
     sections = []
     for path in (Path(path) for path in paths if is_run(path)):
-        blocks: list[Block] = [Facts(simple_facts(Run.open(path).metadata))]
+        blocks: list[Block] = [FactTable(simple_facts(Run.open(path).metadata))]
         if (budget := run_budget(path)) is not None:
             blocks += [budget_table(budget), Paragraph(budget_sentence(budget))]
         sections.append(Section(f"The run {path.resolve().name}", blocks))

@@ -13,7 +13,7 @@ from benchtool.simulate.design import Design
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, fly
 from benchtool.simulate.flight.measures import measure
-from benchtool.simulate.flight.setup import FlightSetup, changed
+from benchtool.simulate.flight.setup import FlightSetup, with_changes
 from benchtool.simulate.flight.warnings import too_short
 
 OGE = "oge"  # PID with nothing below: what a gain set does by itself, without ground effect
@@ -57,7 +57,7 @@ def flight_campaign(setups: Mapping[str, FlightSetup], controllers: tuple[str, .
         controllers=controllers,
         measures=MEASURES,
         probe=partial(_probe, controllers[0]),
-        case=lambda setup, control, point: FlightPoint(changed(setup, point), control, point),
+        case=lambda setup, control, point: FlightPoint(with_changes(setup, point), control, point),
         run=lambda cases, seed, threads: results_in_order(
             (partial(_measured, case, seed + number) for case, number in cases), threads
         ),
@@ -73,7 +73,7 @@ def _probe(control: str, setup: FlightSetup, point: Point, design: Design) -> No
             f"give --gyro-noise-rad-s (the paper has 0.015) or leave --seeds out"
         )
     try:
-        case = FlightPoint(changed(setup, point), control, point).flown(1)
+        case = FlightPoint(with_changes(setup, point), control, point).flown(1)
         if why := too_short(case):
             raise InputError(why)
         fly(replace(case, duration_s=2.0 / case.gains.control_rate_Hz))

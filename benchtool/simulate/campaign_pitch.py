@@ -16,8 +16,8 @@ from benchtool.simulate.design import Design
 from benchtool.simulate.pitch.batch import simulate_many
 from benchtool.simulate.pitch.result import plate_numbers
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop, shared_key
-from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup, changed
-from benchtool.simulate.pitch.simulate import taken
+from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup, with_changes
+from benchtool.simulate.pitch.simulate import parse_command
 
 MEASURES = {
     "rms_deg": "RMS error of pitch [deg]",
@@ -56,7 +56,7 @@ def pitch_campaign(setups: Mapping[str, PitchSetup]) -> Campaign:
 
 
 def _probe(setup: PitchSetup, point: Point, _: Design) -> None:
-    here = changed(setup, point)
+    here = with_changes(setup, point)
     if here.rate_Hz != setup.rate_Hz:
         raise InputError("a campaign cannot vary control_rate_Hz; run one per rate")
     if here.schedule != setup.schedule:
@@ -66,7 +66,7 @@ def _probe(setup: PitchSetup, point: Point, _: Design) -> None:
 
 
 def _case(setup: PitchSetup, controller: str, point: Point) -> PitchPoint:
-    here = changed(setup, point)
+    here = with_changes(setup, point)
     control = next(control for control in here.controls if control.name == controller)
     job = PitchJob(here.bench, control, here.nominal)
     return PitchPoint(here, job, (here.rate_Hz, *shared_key(job)))
@@ -87,7 +87,7 @@ def _run(cases: Iterator[tuple[PitchPoint, int]], seed: int, threads: int | None
 
 
 def _measured(schedule: Schedule, loop: PitchLoop, lane: int, _run: int) -> Row:
-    run = taken(loop, lane, "campaign")
+    run = parse_command(loop, lane, "campaign")
     error = run.column("true_theta_rad") - run.column("reference_rad")
     out = dict.fromkeys(MEASURES, float("nan"))
     out["rms_deg"] = float(np.degrees(np.sqrt(np.mean(error**2))))

@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.data.run.campaign import write_campaign
 from benchtool.simulate.campaign import Campaign, Row
 from benchtool.simulate.campaign_flight import flight_campaign
@@ -31,7 +31,9 @@ FEWEST_RUNS = 50
 Block = tuple[int, int]  # First run and one behind the last
 
 
-def campaign_of(inputs: PitchInputs | FlightInputs, permit: CodePermit = refuse_code) -> Campaign:
+def campaign_of(
+    inputs: PitchInputs | FlightInputs, permit: CodePermit = check_code_allowed
+) -> Campaign:
     """Return the campaign of a command's inputs.
 
     Args:

@@ -9,14 +9,14 @@ from math import isfinite, prod
 
 import numpy as np
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
+from benchtool.core.plural import pluralize
 
-MOST_RUNS = 10_000_000  # about an hour of pitch runs; a slip of the keys asks for more; assumed
+MAX_RUNS = 10_000_000  # about an hour of pitch runs; a slip of the keys asks for more; assumed
 
 
 @dataclass(frozen=True, slots=True)
-class Vary:
+class VariedParameter:
     """Vary one number from `lower` to `upper`; `count` values in a grid."""
 
     name: str
@@ -32,7 +32,7 @@ class Vary:
             )
 
     @classmethod
-    def read(cls, text: str) -> Vary:
+    def read(cls, text: str) -> VariedParameter:
         """Return what `NAME=FROM:TO:COUNT` says."""
         name, _, rest = text.partition("=")
         parts = rest.split(":")
@@ -59,7 +59,7 @@ class Design:
         seeds: under how many noises each point is run.
     """
 
-    varied: tuple[Vary, ...]
+    varied: tuple[VariedParameter, ...]
     samples: int = 0
     seeds: int = 1
     seed: int = 0
@@ -75,10 +75,10 @@ class Design:
                 f"{self.seeds} seeds and {self.samples} samples make no campaign; give 1 seed or "
                 f"more, and 0 samples (a grid) or more"
             )
-        if self.n_points * self.seeds > MOST_RUNS:
+        if self.n_points * self.seeds > MAX_RUNS:
             raise InputError(
-                f"{counted(self.n_points, 'point')} under {counted(self.seeds, 'seed')} are "
-                f"{self.n_points * self.seeds} runs; give at most {MOST_RUNS}"
+                f"{pluralize(self.n_points, 'point')} under {pluralize(self.seeds, 'seed')} are "
+                f"{self.n_points * self.seeds} runs; give at most {MAX_RUNS}"
             )
 
     @classmethod
@@ -92,8 +92,8 @@ class Design:
         full_name: Callable[[str], str] = str,
     ) -> Design:
         """Return the design of `NAME=FROM:TO:COUNT` words; `full_name` completes each name."""
-        read = [Vary.read(word) for word in words]
-        varied = tuple(Vary(full_name(v.name), v.lower, v.upper, v.count) for v in read)
+        read = [VariedParameter.read(word) for word in words]
+        varied = tuple(VariedParameter(full_name(v.name), v.lower, v.upper, v.count) for v in read)
         return cls(varied=varied, samples=samples, seeds=seeds, seed=seed)
 
     @property

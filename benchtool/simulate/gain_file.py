@@ -11,9 +11,15 @@ from typing import Annotated, Any, get_type_hints
 from annotated_types import Ge, Gt
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.packaged import packaged_names, read_named
+from benchtool.core.library import list_names, read_named
 from benchtool.core.parsed_text import parse_toml
-from benchtool.core.toml_text import FiniteTable, Sources, build, require_sources, unwrap_quantities
+from benchtool.core.toml_text import (
+    FiniteTable,
+    ValueSources,
+    build_dataclass,
+    require_sources,
+    unwrap_quantities,
+)
 
 Positive = Annotated[float, Gt(0.0)]
 NotNegative = Annotated[float, Ge(0.0)]
@@ -146,7 +152,7 @@ def _positive(table: Hashable) -> frozenset[str]:
 
 def gain_names() -> tuple[str, ...]:
     """Return the names of the gain sets that benchtool ships."""
-    return packaged_names("gains")
+    return list_names("gains")
 
 
 def gains_named(name_or_path: str | Path) -> Gains:
@@ -161,10 +167,10 @@ def gains_from_toml(text: str, where: str) -> Gains:
         UnknownChoice: a key that a gain set has not.
         FileFormatError: a number without a source, of the wrong type, or out of range.
     """
-    found = Sources()
+    found = ValueSources()
     data = unwrap_quantities(parse_toml(text, where), found)
     require_sources(found, where)
-    gains = build(Gains, data, where)
+    gains = build_dataclass(Gains, data, where)
     if gains.control_rate_Hz > 1e5:
         raise FileFormatError(
             where, f"control_rate_Hz is {gains.control_rate_Hz:g}, above 100000; lower it"

@@ -8,9 +8,9 @@ from typing import Any
 
 from benchtool.core.errors import InputError
 from benchtool.physics.catalogue import EFFECTS
-from benchtool.physics.disc_thrust import ImageRules, disc_thrust, owned
+from benchtool.physics.disc_thrust import ImageRules, bound_hooks, disc_thrust
 from benchtool.physics.effects.effect import HOOKS, N_BEFORE_RATE, N_WITH_THRUST, Effect, Flow
-from benchtool.physics.expression import expression, replaced
+from benchtool.physics.expression import expression, with_fields
 from benchtool.physics.fold import chained, identity, summed
 from benchtool.physics.model import Model
 from benchtool.physics.tilt import LEVEL
@@ -60,14 +60,15 @@ def joined_hooks(
     def with_thrust(flow: Any, rate: Any, k: Any, factor: Any) -> Flow:
         speed, thrusts = flow.speed_rad_s, factor
         for i in range(n_discs):
-            thrusts = replaced(thrusts, i, k * speed[i] * speed[i] * factor[i])
+            thrusts = with_fields(thrusts, i, k * speed[i] * speed[i] * factor[i])
         return Flow(*flow[:N_BEFORE_RATE], rate, thrusts, *flow[N_WITH_THRUST:])  # type: ignore[call-arg]
 
     torque, dry_friction, dry_width, dry_give = (
-        summed(owned(effects, hook)) for hook in ("torque", "dry_friction", "dry_width", "dry_give")
+        summed(bound_hooks(effects, hook))
+        for hook in ("torque", "dry_friction", "dry_width", "dry_give")
     )
-    reading = chained(owned(effects, "gyro_reading"))
-    following = owned(effects, "followed_speed")
+    reading = chained(bound_hooks(effects, "gyro_reading"))
+    following = bound_hooks(effects, "followed_speed")
     speed_after = chained(following)
 
     @expression
@@ -82,7 +83,7 @@ def joined_hooks(
     def each_followed(before: Any, after: Any, p: Any) -> Any:
         out, flow = after, bare(0.0, zeros, zeros, LEVEL, zeros, zeros, before)
         for i in range(n_discs):
-            out = replaced(out, i, speed_after(i, after[i], flow, p))
+            out = with_fields(out, i, speed_after(i, after[i], flow, p))
         return out
 
     followed = each_followed if following else expression(lambda before, after, p: after)

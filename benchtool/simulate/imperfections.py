@@ -10,10 +10,10 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.core.schedule import due
+from benchtool.core.schedule import due_ticks
 from benchtool.core.toml_text import FiniteTable
 
 NotNegative = Annotated[float, Ge(0.0)]
@@ -132,7 +132,7 @@ class Reader:
 
     def due(self, first_tick: int, ticks: int, stream_Hz: float) -> NDArray[np.bool_]:
         """Return at which of `ticks` stream ticks from `first_tick` on there is a new reading."""
-        return due(first_tick, ticks, self.rate_Hz, stream_Hz)
+        return due_ticks(first_tick, ticks, self.rate_Hz, stream_Hz)
 
 
 def quantised(values: Array, quantum: float) -> Array:
@@ -164,7 +164,7 @@ class LoadCell:
 
     def due(self, first_tick: int, ticks: int, stream_Hz: float) -> NDArray[np.bool_]:
         """Return at which stream ticks a conversion has ended (ticks,)."""
-        return due(first_tick, ticks, self.rate_Hz, stream_Hz)
+        return due_ticks(first_tick, ticks, self.rate_Hz, stream_Hz)
 
     def wander_N(self, time_s: Array, tick_s: float, white: Array) -> Array:
         """Return the zero (m,): N at every tick, since power-on: offset, creep and random walk."""

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections import namedtuple
 from typing import Any
 
-from benchtool.physics.expression import Slot, loop_part, read_record
-from benchtool.simulate.motors import arrive_lane
+from benchtool.physics.expression import Slot, inlined_expression, read_record
+from benchtool.simulate.motors import apply_arrived_pulses
 
 BUILT_IN, CALLER, PULSES = range(3)  # who controls: a law, the caller, or scheduled pulses
 
@@ -52,18 +52,18 @@ Attributes:
 """
 
 
-@loop_part
-def nothing(a: Any, now: Any) -> None:
+@inlined_expression
+def no_phase(a: Any, now: Any) -> None:
     """Stand for a phase in which nothing happens."""
 
 
-@loop_part
-def always(a: Any) -> bool:
+@inlined_expression
+def always_true(a: Any) -> bool:
     """Return that there is a next step."""
     return True
 
 
-@loop_part
+@inlined_expression
 def run_ticks(a: Any, plan: Any, first: Any, last: Any, build: Any, phases: Any) -> Any:
     """Run control ticks of every lane, and return the one at which the run ended.
 
@@ -101,7 +101,7 @@ def run_ticks(a: Any, plan: Any, first: Any, last: Any, build: Any, phases: Any)
                 if now.delayed > 0:
                     for lane in range(at):
                         step = tick * now.substeps + part
-                        arrive_lane(w, lane, at, a.sent, step, now.substeps, to)
+                        apply_arrived_pulses(w, lane, at, a.sent, step, now.substeps, to)
                 phases.move(a, Instant(tick, time_s, part, now, fixed, wanted))
                 if not phases.goes_on(a):
                     return tick

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.physics.expression import Slot, numbers_of
+from benchtool.core.array_type import Array
+from benchtool.physics.expression import Slot, flat_values
 
 
 class Layout:
@@ -31,7 +31,7 @@ class Layout:
         first, slots = 0, {}
         for name, like in records.items():
             slots[name] = Slot(first, like)
-            first += len(numbers_of(like))
+            first += len(flat_values(like))
         self.places, self.n_rows = places(**slots), first
         self._rows: dict[str, slice] = {}
 
@@ -57,7 +57,7 @@ class Layout:
 
     def column(self, **records: Any) -> Array:
         """Return one lane's block (n_rows,) with these records; as at the beginning elsewhere."""
-        return np.array(numbers_of(tuple({**self.records, **records}.values())), float)
+        return np.array(flat_values(tuple({**self.records, **records}.values())), float)
 
 
 def rows_in(slot: Slot, path: str) -> slice:
@@ -65,23 +65,23 @@ def rows_in(slot: Slot, path: str) -> slice:
     first, like = slot
     for name in filter(None, path.split(".")):
         k = like._fields.index(name)
-        first, like = first + len(numbers_of(like[:k])), like[k]
-    return slice(first, first + len(numbers_of(like)))
+        first, like = first + len(flat_values(like[:k])), like[k]
+    return slice(first, first + len(flat_values(like)))
 
 
 @lru_cache(maxsize=256)
-def zeroed(record: Any) -> Any:
+def allocate(record: Any) -> Any:
     """Return a record of the same type with zeros for numbers."""
     if not isinstance(record, tuple):
         return 0.0
-    parts = [zeroed(part) for part in record]
+    parts = [allocate(part) for part in record]
     return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
 
 
 LINE, PLANE, SOLID, COUNTS = (0.0,), ((0.0,),), (((0.0,),),), (0,)  # float arrays, and integers
 
 
-def lent(loop: Callable[..., Any], arrays: Any) -> Any:
+def lend_rows(loop: Callable[..., Any], arrays: Any) -> Any:
     """Return what a loop takes for a record of arrays, see `borrowed`; keep them while it may run.
 
     Args:
@@ -90,7 +90,7 @@ def lent(loop: Callable[..., Any], arrays: Any) -> Any:
     """
     if not hasattr(loop, "py_func"):
         return arrays
-    given = list(leaves(arrays))
+    given = list(record_leaves(arrays))
     for array, (dtype, axes) in zip(given, _forms(arrays.__class__), strict=True):
         if (array.dtype, array.ndim, array.flags.c_contiguous) != (dtype, axes, True):
             raise TypeError(f"a loop takes a block of {dtype} with {axes} axes, got {array!r}")
@@ -99,15 +99,15 @@ def lent(loop: Callable[..., Any], arrays: Any) -> Any:
     )
 
 
-def leaves(record: Any) -> Iterator[Any]:
+def record_leaves(record: Any) -> Iterator[Any]:
     """Yield the fields of a record that are no records themselves, in order."""
     for part in record:
         if hasattr(part, "_fields"):
-            yield from leaves(part)
+            yield from record_leaves(part)
         else:
             yield part
 
 
 @cache
 def _forms(kind: Callable[[], Any]) -> list[tuple[np.dtype[Any], int]]:
-    return [(np.asarray(form).dtype, np.ndim(form)) for form in leaves(kind())]
+    return [(np.asarray(form).dtype, np.ndim(form)) for form in record_leaves(kind())]

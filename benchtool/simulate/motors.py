@@ -7,7 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.expression import expression, loop_part, read_record, replaced, write_record
+from benchtool.physics.expression import (
+    expression,
+    inlined_expression,
+    read_record,
+    with_fields,
+    write_record,
+)
 from benchtool.physics.model import Model
 
 Rotors = namedtuple("Rotors", "speed_rad_s")  # per disc, in flight per rotor: speed (rad/s)
@@ -33,24 +39,26 @@ draw adds (N m), and the delay of commands in whole steps.
 
 
 @expression
-def lagged(lag: Any, speed: Any, old: Any, new: Any) -> Any:
+def first_order_lag(lag: Any, speed: Any, old: Any, new: Any) -> Any:
     """Return the speed of each rotor half a plant step on: rad/s."""
     found = speed
     for i in range(len(speed)):
-        found = replaced(found, i, lag.remains * speed[i] + lag.old * old[i] + lag.new * new[i])
+        found = with_fields(found, i, lag.remains * speed[i] + lag.old * old[i] + lag.new * new[i])
     return found
 
 
-@loop_part
-def arrive_lane(w: Any, lane: Any, at: Any, sent: Any, step: Any, substeps: Any, to: Any) -> None:
+@inlined_expression
+def apply_arrived_pulses(
+    w: Any, lane: Any, at: Any, sent: Any, step: Any, substeps: Any, to: Any
+) -> None:
     """Look up which commands are in force at the two ends of a plant step, after the delay."""
     motion, targets = read_record(w, to.motion, lane, at), read_record(w, to.targets, lane, at)
     late, ring = step - int(motion.delay_steps), sent.shape[1]
     before, after = ((late - 1) // substeps) % ring, (late // substeps) % ring
     old, new = targets.old_rad_s, targets.new_rad_s
     for i in range(len(old)):
-        old = replaced(old, i, sent[i, before, lane])
-        new = replaced(new, i, sent[i, after, lane])
+        old = with_fields(old, i, sent[i, before, lane])
+        new = with_fields(new, i, sent[i, after, lane])
     write_record(w, to.targets, lane, at, Targets(targets.sent_rad_s, old, new))
 
 

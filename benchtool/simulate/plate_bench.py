@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
@@ -23,7 +23,7 @@ from benchtool.simulate.imperfections import (
     Reader,
 )
 from benchtool.simulate.powertrain import Battery, MotorTicks, Powertrain
-from benchtool.simulate.truth import Place, TrueThrust, motor_lag_s, speed_change
+from benchtool.simulate.true_thrust import PlatePosition, TrueThrust, motor_lag_s, speed_change
 
 SLOW_HZ = 10.0  # rate of ESC temperature readings, as telemetry of hobby ESCs; assumed
 
@@ -89,7 +89,7 @@ class PlateBench:
         self._tilt = Axis(TILT_FEED_RAD_S, 0.0)
         self._thrust = TrueThrust(rig, truth)
         self.nearest_z_over_R = truth.nearest_z_over_R
-        self._drags = truth.answers_with_torque
+        self._drags = truth.is_torque_driven
         self._cell = LoadCell(flaws, rig.limits.load_cell_rating_N)
         self._vibration_N = flaws.vibration_N
         torque = rig.sensors.get("torque_Nm")
@@ -177,7 +177,7 @@ class PlateBench:
         if not self._cell.has_read:
             self.advance(max(1, round(self._rate_Hz * FIRST_TARE_S)))
         one = np.ones(1)
-        place = Place(self._z.true * one, self._x.true * one, self._tilt.true * one)
+        place = PlatePosition(self._z.true * one, self._x.true * one, self._tilt.true * one)
         time_s = self.time_s
         self._cell.tare(
             self._thrust.at_rest_N(place, time_s - self._tared_s, time_s),
@@ -192,10 +192,10 @@ class PlateBench:
         z_m, true_z_m = self._z.advance(elapsed_s)
         x_m, true_x_m = self._x.advance(elapsed_s)
         tilt_rad, true_tilt_rad = self._tilt.advance(elapsed_s)
-        whole = Place(true_z_m, true_x_m, true_tilt_rad)
+        whole = PlatePosition(true_z_m, true_x_m, true_tilt_rad)
 
         def drag(speed_rad_s: Array, tick: int) -> Array:
-            here = Place(*(part[tick : tick + 1] for part in whole))
+            here = PlatePosition(*(part[tick : tick + 1] for part in whole))
             return self._thrust.drag_factors(speed_rad_s, here)
 
         run = self._powertrain.advance(n, tick_s, drag if self._drags else None)
@@ -205,7 +205,7 @@ class PlateBench:
         time_s = self._time_s + (self._tick * tick_s + elapsed_s)
         fresh = self._cell.due(self._tick + 1, n, self._rate_Hz)
         zero_N = self._cell.wander_N(time_s, tick_s, white[0])[fresh]
-        place = Place(*(part[fresh] for part in whole))
+        place = PlatePosition(*(part[fresh] for part in whole))
         force_N = self._force_N(
             MotorTicks(*(part[..., fresh] for part in run)), place, time_s[fresh]
         )
@@ -238,7 +238,7 @@ class PlateBench:
         self._tick += n
         return block
 
-    def _force_N(self, run: MotorTicks, place: Place, time_s: Array) -> Array:
+    def _force_N(self, run: MotorTicks, place: PlatePosition, time_s: Array) -> Array:
         """Return thrust and vibration on the cell (m,): N."""
         speed = run.speed_rad_s
         since_tare_s = time_s - self._tared_s

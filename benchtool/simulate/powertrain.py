@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.rig import Motor, Propulsion
-from benchtool.physics.motor import drawn_W, speed_near_plate, torque_per_speed
+from benchtool.physics.motor import electrical_power_W, speed_near_plate, torque_per_speed
 
 HOLD_S = 0.05  # the voltage is held so long: shorter than packs change, many ticks at once
 STICTION_RAD_S = 1.0  # a motor without drive stands still below it; far below idle; assumed
@@ -80,7 +80,7 @@ class Powertrain:
 
     def _electrical_W(self, speed_rad_s: Array) -> float:
         """Return the electrical power of the motors that turn."""
-        drawn = drawn_W(self._propulsion, self._motor, speed_rad_s, self._drag)
+        drawn = electrical_power_W(self._propulsion, self._motor, speed_rad_s, self._drag)
         return float(np.sum(drawn[speed_rad_s > 0.0]))
 
     def _commanded_rad_s(self) -> Array:

@@ -10,7 +10,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.errors import InputError
-from benchtool.core.inputs import Input, Inputs, changed, items
+from benchtool.core.inputs import Input, Inputs, items, with_changes
 from benchtool.tasks import Cluster
 
 LONGEST_S = 3600.0  # longest simulation; assumed
@@ -43,11 +43,12 @@ class StudyInputs(Inputs):
         Input(
             "Gain set (s3, s1a, stiff), or its file; several in a campaign.",
             label="Gains",
-            commas=True,
+            comma_separated=True,
         ),
     ] = ("s3",)
     duration_s: Annotated[
-        Annotated[float, Gt(0.0), Le(LONGEST_S)] | None, Input("Length.", "s", empty="its own")
+        Annotated[float, Gt(0.0), Le(LONGEST_S)] | None,
+        Input("Length.", "s", default_text="its own"),
     ] = None
     seed: Annotated[int, Ge(0), Input("Seed of the noise.")] = 1
     settings: Annotated[
@@ -77,7 +78,7 @@ class StudyInputs(Inputs):
         return self.gains[0]
 
     def refuse_campaign(self) -> None:
-        if given := changed(self.campaign):
+        if given := with_changes(self.campaign):
             option = next(item.option for item in items(CampaignInputs) if item.name in given)
             raise InputError(
                 f"{option} is for a campaign; add --vary NAME=FROM:TO:COUNT or leave it out"

@@ -11,23 +11,23 @@ from math import isfinite
 
 import numpy as np
 
+from benchtool.bench.mavlink.autopilots import HIL
 from benchtool.bench.mavlink.frames import AUTOPILOT_COMPONENT, MavlinkFrames
 from benchtool.bench.mavlink.health import ARMED
 from benchtool.bench.mavlink.messages import ARM_DISARM, MOTOR_TEST, Message, dialect
-from benchtool.bench.mavlink.pilots import HIL
 from benchtool.bench.serial.commands import SendPlate, SetPwm, StopDevice
 from benchtool.virtual import autopilot_orders as orders
 from benchtool.virtual.autopilot_streams import Streams
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.server import ServedDevice
 
-BEAT_S = 1.0
+HEARTBEAT_INTERVAL_S = 1.0
 SET_INTERVAL, REQUEST_MESSAGE, REBOOT = 511, 512, 246  # MAV_CMD_* numbers
 SILENT_S, READY_S = 1.0, 2.4  # first heartbeat, first motor test after a restart; recorded
 FASTEST_HZ = 400.0  # rate of the main loop, which bounds that of streams (SCHED_LOOP_RATE)
 PLATE_US = 50_000  # interval of the plate's distance reports; assumed
 TEXT = 50  # letters in one STATUSTEXT
-GROUND_LOST_S = 5.0  # lost ground station ends an armed flight (FS_GCS_TIMEOUT)
+HOST_TIMEOUT_S = 5.0  # lost ground station ends an armed flight (FS_GCS_TIMEOUT)
 
 
 class VirtualAutopilot(ServedDevice):
@@ -44,7 +44,7 @@ class VirtualAutopilot(ServedDevice):
     ) -> None:
         super().__init__(firmware)
         self.kind, hello = kind, firmware.hello
-        self._beat_s, self._plate_us = -BEAT_S, 0
+        self._beat_s, self._plate_us = -HEARTBEAT_INTERVAL_S, 0
         self._words = words = dialect()
         self._system = system
         self._key, self._since_1970_s, self._hover_us = key, now_s, hover_us
@@ -86,7 +86,7 @@ class VirtualAutopilot(ServedDevice):
             self._booted_s = None
             messages += self._text("ArduPilot Ready", orders.INFO)
             self._show()
-        if now_s - self._beat_s >= BEAT_S:
+        if now_s - self._beat_s >= HEARTBEAT_INTERVAL_S:
             self._beat_s = now_s
             messages.append(self._heartbeat())
         frames = [self._frames.pack(message) for message in messages]
@@ -184,7 +184,7 @@ class VirtualAutopilot(ServedDevice):
         self._every_us: dict[int, float] = {}
         self._due_us: dict[int, float] = {}
         self._armed = False
-        self._beat_s, self._plate_us = -BEAT_S, 0
+        self._beat_s, self._plate_us = -HEARTBEAT_INTERVAL_S, 0
 
     def _booting(self, now_s: float, lasts_s: float) -> bool:
         return self._booted_s is not None and now_s - self._booted_s < lasts_s
@@ -219,13 +219,13 @@ class VirtualAutopilot(ServedDevice):
             if self._armed:
                 self.firmware.execute(StopDevice(), now_s)
             self._armed, self._shows_armed = False, False
-        self._beat_s = -BEAT_S
+        self._beat_s = -HEARTBEAT_INTERVAL_S
         return orders.ACCEPTED, []
 
     def _drive(self, now_s: float) -> None:
         """Let the motors follow the tests, as long as these last."""
         if self._armed:
-            if now_s - self._host_s > GROUND_LOST_S:
+            if now_s - self._host_s > HOST_TIMEOUT_S:
                 self._arm(False, now_s)
                 self._pending += self._text("GCS Failsafe", orders.CRITICAL)
             return

@@ -8,10 +8,10 @@ from math import inf, isfinite
 
 import numpy as np
 
+from benchtool.bench.mavlink.autopilots import LEAST_US, LONGEST_US, MOTORS_OF_FRAME
 from benchtool.bench.mavlink.messages import ACTUATOR_TEST, ESC_STATUS, MOTOR_TEST
-from benchtool.bench.mavlink.pilots import LEAST_US, LONGEST_US, MOTORS_OF_FRAME
 from benchtool.bench.serial.hello import Hello
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 
 AUTOPILOTS = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT of what can be imitated, by name
 LONGEST_S = 600.0

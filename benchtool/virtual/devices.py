@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from benchtool import __version__
-from benchtool.bench.serial.hello import LARGEST_SPEED, Hello
+from benchtool.bench.serial.hello import MAX_SPEED, Hello
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.own_code import CodePermit, refuse_code
 from benchtool.core.rig import Rig
-from benchtool.core.schedule_file import schedule_named
-from benchtool.physics.catalogue import effect_named
+from benchtool.core.schedule_file import load_schedule
+from benchtool.core.user_code import CodePermit, check_code_allowed
+from benchtool.physics.catalogue import find_effect
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
 from benchtool.simulate.controllers.laws import pitch_controller
@@ -64,7 +64,7 @@ def _hello(
     )
 
 
-def hello_of(plant: PlateBench, truth: Model, seed: int) -> Hello:
+def build_hello(plant: PlateBench, truth: Model, seed: int) -> Hello:
     """Return what the virtual device of that plant reports about itself."""
     rig = plant.rig
     facts = {
@@ -95,12 +95,12 @@ def device_limits(rig: Rig) -> dict[str, float]:
 EXAMPLE = "coulomb_friction.torque_Nm:0.012"
 
 
-def with_hidden(model: Model, text: str) -> Model:
+def with_hidden_effects(model: Model, text: str) -> Model:
     """Return a model with EFFECT.PARAMETER:VALUE[,...] in SI units applied."""
     for each in text.split(","):
         name, _, value = each.partition(":")
         effect, _, parameter = name.partition(".")
-        known = [item.name for item in effect_named(effect).parameters]
+        known = [item.name for item in find_effect(effect).parameters]
         if parameter not in known:
             raise UnknownChoice(f"parameter of effect {effect!r}", parameter, known)
         try:
@@ -111,7 +111,7 @@ def with_hidden(model: Model, text: str) -> Model:
             ) from None
         if name not in model.parameters:
             model = model.with_effect(effect)
-        model = model.fixed(name, number)
+        model = model.with_fixed(name, number)
     return model
 
 
@@ -130,7 +130,7 @@ def pitch_plant(
     own: type[PitchController] | None = None,  # user's controller at the rate of the gains
     hidden: str = "",
     change: Callable[[PitchJob], PitchJob] = lambda job: job,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
 ) -> PitchBenchPlant:
     """Return the simulated pitch bench of these names."""
     usual = f"pitch_{rig.name}"
@@ -141,10 +141,10 @@ def pitch_plant(
     else:
         model = Model.single(rig)
     if hidden:
-        model = with_hidden(model, hidden)
+        model = with_hidden_effects(model, hidden)
     control = pitch_controller("pid" if own else controller, gains_named(gains))
     job = change(PitchJob(PitchBench.of(model), replace(control, name=controller)))
-    return PitchBenchPlant(job, schedule_named(schedule), seed, rate_Hz, own)
+    return PitchBenchPlant(job, load_schedule(schedule), seed, rate_Hz, own)
 
 
 def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
@@ -189,7 +189,7 @@ def virtual_server(
     """Return a server whose device is the virtual bench of a rig; see `device_server`."""
     plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
     # Sequence, time and checksum, then about nine characters for each value.
-    hello = replace(hello_of(plant, truth, seed), frame_bytes=26 + 9 * len(plant.channels))
+    hello = replace(build_hello(plant, truth, seed), frame_bytes=26 + 9 * len(plant.channels))
     return device_server(plant, hello, link, seed=seed, **more)
 
 
@@ -205,8 +205,8 @@ def device_server(
     clock: Callable[[], float] = time.monotonic,
 ) -> BenchServer:
     """Return a server of a device; `speak` is its protocol."""
-    if not 0.0 < speed <= LARGEST_SPEED:
-        raise InputError(f"speed {speed:g} is outside 0 to {LARGEST_SPEED:g}; 1 is real time")
+    if not 0.0 < speed <= MAX_SPEED:
+        raise InputError(f"speed {speed:g} is outside 0 to {MAX_SPEED:g}; 1 is real time")
     faults = tuple(faults)
     plant = FaultyPlant(physics, faults)
     # A stream of random numbers of its own, apart from that of the physics.

@@ -12,7 +12,7 @@ from math import inf
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, StageError, UnknownChoice
 from benchtool.virtual.firmware import Plant
@@ -49,7 +49,7 @@ FAULTS: dict[str, dict[str, float | str]] = {  # defaults of each fault
 }
 
 
-def fault_from(text: str) -> Fault:
+def parse_fault(text: str) -> Fault:
     """Read a fault: `silence`, `silence:at_s=12,for_s=1`."""
     name, _, rest = text.partition(":")
     if name not in FAULTS:

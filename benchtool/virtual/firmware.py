@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from benchtool.bench.serial import commands as wire
 from benchtool.bench.serial.hello import Hello
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
 
 MAX_RATE_HZ = 5000.0  # fastest stream of a small microcontroller; assumed
-LONGEST_REASON = 300  # maximum length of a failure's reason, so that it fits one line
-REMIND_S = 1.0  # interval at which a stopped device repeats its reason
+MAX_REASON_LENGTH = 300  # maximum length of a failure's reason, so that it fits one line
+REPEAT_INTERVAL_S = 1.0  # interval at which a stopped device repeats its reason
 
 
 class Plant(Protocol):
@@ -58,7 +58,7 @@ class Plant(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows:
+class TickRows:
     """Hold consecutive ticks: device time (n,): us, not wrapped; values (n, c)."""
 
     device_time_us: NDArray[np.int64]
@@ -119,7 +119,7 @@ class Firmware:
                 return self._move(z_m, x_m, tilt_rad)
             case wire.RequestPlate():
                 at = self._target or (np.nan, np.nan, np.nan)
-                fields = ("" if np.isnan(value) else wire.text_of(value) for value in at)
+                fields = ("" if np.isnan(value) else wire.encode_command(value) for value in at)
                 return wire.Reply(True, fields=(str(int(self._plant.plate_moving)), *fields))
             case wire.TareDevice():
                 self._plant.tare()
@@ -136,7 +136,7 @@ class Firmware:
                 self.latched = None
                 return wire.Reply(True)
 
-    def advance(self, n: int, now_s: float) -> Rows:
+    def advance(self, n: int, now_s: float) -> TickRows:
         """Run n ticks that end at wall time `now_s`, with watchdog and limits.
 
         Limits are checked over the whole block: n is the device's time to react, 0 checks the
@@ -144,13 +144,14 @@ class Firmware:
         """
         self._check_watchdog(now_s)
         if n == 0:
-            return Rows(np.empty(0, np.int64), np.empty((0, len(self.hello.channels))))
+            return TickRows(np.empty(0, np.int64), np.empty((0, len(self.hello.channels))))
         try:
             values = self._plant.advance(n)
         except BenchtoolError as error:
             # The plant's own program failed: nothing may turn, and the host learns why.
             self._latch(
-                wire.DeviceEvent("limit", f"{str(error)[:LONGEST_REASON]}; motors stopped"), now_s
+                wire.DeviceEvent("limit", f"{str(error)[:MAX_REASON_LENGTH]}; motors stopped"),
+                now_s,
             )
             raise
         step_us = 1e6 / self._plant.rate_Hz
@@ -161,9 +162,9 @@ class Firmware:
             self._moving = False
             assert self._target is not None
             self._events.append(
-                wire.DeviceEvent("arrived", ",".join(map(wire.text_of, self._target)))
+                wire.DeviceEvent("arrived", ",".join(map(wire.encode_command, self._target)))
             )
-        return Rows(times_us.astype(np.int64), values)
+        return TickRows(times_us.astype(np.int64), values)
 
     def _zero(self) -> None:
         self.pwm_us = np.full(self.hello.n_rotors, self.hello.pwm_stop_us)
@@ -183,7 +184,7 @@ class Firmware:
         if running and silent_s >= self.hello.watchdog_s:
             text = f"no line for {1000.0 * silent_s:.0f} ms; motors stopped"
             self._latch(wire.DeviceEvent("watchdog", text), now_s)
-        elif self.latched is not None and now_s - self._reminded_s >= REMIND_S:
+        elif self.latched is not None and now_s - self._reminded_s >= REPEAT_INTERVAL_S:
             self._reminded_s = now_s
             self._events.append(self.latched)
 

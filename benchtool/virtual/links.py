@@ -287,7 +287,7 @@ class UdpLink(ServerLink):
         self._socket = opened
 
 
-def link_named(text: str, symlink: Path | None = None) -> ServerLink:
+def open_link(text: str, symlink: Path | None = None) -> ServerLink:
     """Return the link that `--link` names, opened; see `ServedLink.parse`."""
     link = ServedLink.parse(text)
     if link.kind == "pty":

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, StageError
 from benchtool.core.rig import Rig
@@ -18,13 +18,13 @@ from benchtool.core.schedule import PARKED_M, Schedule
 from benchtool.simulate.controllers.controller import PitchMeasurement, PitchReference
 from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES
 from benchtool.simulate.noise import lane_states
-from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch import records as r
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
-from benchtool.simulate.pitch.simulate import PitchController, own_ticks
+from benchtool.simulate.pitch.simulate import PitchController, user_controller_ticks
+from benchtool.simulate.user_controller import make_controllers
 
 HOLD_S = 2.0  # last values of a schedule, in blocks of this length; assumed
-CATCH_RAD_S = 0.5  # rate at which the catch levels the beam; assumed
+MAX_CATCH_RATE_RAD_S = 0.5  # rate at which the catch levels the beam; assumed
 IDLE_SHARE = 0.05  # share of the pulse range; motors turn slowly or not at all; assumed
 SLOWEST_RPM = 60.0  # a tachometer shows 0 below; five times the noise; assumed
 IDLE_RUN = 2**31  # number of the noise before the first arming
@@ -74,8 +74,10 @@ class PitchBenchPlant:
         self._loop = PitchLoop([job], sampled, seed, [IDLE_RUN])
         self._loop.drive(np.zeros((self._loop.n_discs, len(sampled))))
         self._own = own
-        self._controller: PitchController = _Still() if own is None else made(own, job.control.name)
-        self._own_ticks = None if own is None else own_ticks(self._loop)
+        self._controller: PitchController = (
+            _Still() if own is None else make_controllers(own, job.control.name)
+        )
+        self._own_ticks = None if own is None else user_controller_ticks(self._loop)
         self._ticks_armed = 0
         self._visits, self._nominal_visits = (
             [self._loop.planned(field)[0].copy() for field in fields]
@@ -277,7 +279,7 @@ class PitchBenchPlant:
         loop.set_driver(BUILT_IN)
         if self._own is not None:
             loop.set_driver(CALLER)
-            self._controller = made(self._own, self.job.control.name)
+            self._controller = make_controllers(self._own, self.job.control.name)
             self._ticks_armed = 0
         self._jump(0)
         self._armed = True
@@ -288,7 +290,7 @@ class PitchBenchPlant:
 
     def _catch(self, ticks: int) -> None:
         """Hold the beam and bring it towards level, as long as the loop is open."""
-        back_rad = CATCH_RAD_S * ticks / self.control_rate_Hz
+        back_rad = MAX_CATCH_RATE_RAD_S * ticks / self.control_rate_Hz
         theta = self._loop.view("hinge.theta_rad")
         theta -= np.clip(theta, -back_rad, back_rad)
         self._loop.view("hinge.rate_rad_s")[:] = 0.0

@@ -33,15 +33,16 @@ class OrderCheck:
     def refusal(self, number: int, time: str, now_us: int) -> str:
         """Return why an order is refused as late, nothing when it may be carried out."""
         if number <= self.number:
-            return f"{wire.LATE}number {number} comes after {self.number}"
+            return f"{wire.LATE_REASON}number {number} comes after {self.number}"
         if not (time.isdecimal() and len(time) <= 10 and int(time) < frames.TIME_MODULUS_US):
             return f"{time!r} is no device time; repeat that of the last sample or answer"
         age_us = (now_us - int(time)) % frames.TIME_MODULUS_US
         age_s = age_us / 1e6 / self._speed
-        if age_s > wire.OLDEST_S:
-            return f"{wire.LATE}{1000.0 * age_s:.0f} ms old; limit {1000.0 * wire.OLDEST_S:.0f} ms"
+        if age_s > wire.MAX_COMMAND_AGE_S:
+            limit_ms = 1000.0 * wire.MAX_COMMAND_AGE_S
+            return f"{wire.LATE_REASON}{1000.0 * age_s:.0f} ms old; limit {limit_ms:.0f} ms"
         if now_us - age_us < self._stopped_us:
-            return f"{wire.LATE}given before the last stop"
+            return f"{wire.LATE_REASON}given before the last stop"
         return ""
 
 
@@ -81,7 +82,7 @@ class DeviceLink(ServedDevice):
             return b""
         try:
             # A hello has its version where other commands have the time.
-            command = wire.command_from((name, *fields[2 if name == "hello" else 3 :]))
+            command = wire.decode_command((name, *fields[2 if name == "hello" else 3 :]))
         except BenchtoolError as error:
             return self._refuse(number, str(error))
         match command:
@@ -130,7 +131,7 @@ class DeviceLink(ServedDevice):
         self._answered = b""
         self.host_since_s = now_s
         payloads = [
-            frames.payload_of("H", (str(index), *(text.replace(",", ";") for text in line)))
+            frames.parse_frame("H", (str(index), *(text.replace(",", ";") for text in line)))
             for index, line in enumerate(hello_lines(self.firmware.hello))
         ]
         whole = frames.crc16(b"".join(payload + b"\n" for payload in payloads))

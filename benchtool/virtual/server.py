@@ -32,8 +32,8 @@ class ServedDevice(ABC):
         return b""
 
 
-NAP_S = 0.004
-LONGEST_CATCH_UP_S = 0.5  # maximum wall time that the physics catches up with
+POLL_INTERVAL_S = 0.004
+MAX_CATCH_UP_S = 0.5  # maximum wall time that the physics catches up with
 FAILURE_S = 1.0  # a failed program is reported for so long; assumed
 OUTBOX_BYTES = 65536  # buffer on top of the link's; 0.6 s of 12 channels at 1 kHz; assumed
 
@@ -91,7 +91,9 @@ class BenchServer:
         self._last_s = clock()
         self._host_since_s: float | None = None
 
-    def run(self, running: Callable[[], bool] = lambda: True, nap_s: float = NAP_S) -> None:
+    def run(
+        self, running: Callable[[], bool] = lambda: True, nap_s: float = POLL_INTERVAL_S
+    ) -> None:
         """Serve until `running` returns False; report an error of the device, then raise it."""
         while running():
             try:
@@ -112,7 +114,7 @@ class BenchServer:
         since_s = 0.0 if self._host_since_s is None else now_s - self._host_since_s
         self._plug(since_s)
         self.outbox.add(self._faults.carry(answers, since_s))
-        passed_s = min(now_s - self._last_s, LONGEST_CATCH_UP_S)
+        passed_s = min(now_s - self._last_s, MAX_CATCH_UP_S)
         self._stood_s += now_s - self._last_s - passed_s
         self._last_s = now_s
         self._owed += passed_s * self._device.speed * self._tick_Hz()

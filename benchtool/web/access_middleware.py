@@ -11,7 +11,7 @@ from urllib.parse import parse_qs, urlencode
 from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 
-from benchtool.data.run.runs_folder import MOST_BYTES
+from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
 from benchtool.web.access import Access, RequestFacts, host_name
 
 if TYPE_CHECKING:
@@ -32,10 +32,10 @@ POLICY = (
 """Nothing is loaded from, or sent to, anywhere else. NiceGUI runs inline scripts and evaluates
 text, so these two are allowed."""
 
-MOST_BODY_BYTES = MOST_BYTES + 100_000  # a table and the form around it
-WRONG_TOKEN_S = 1.0  # Wrong tokens are answered one after another, so much apart; a choice
+MAX_BODY_BYTES = MAX_UPLOAD_BYTES + 100_000  # a table and the form around it
+WRONG_TOKEN_DELAY_S = 1.0  # Wrong tokens are answered one after another, so much apart; a choice
 
-MOST_WAITING = 50  # wrong tokens that wait for their answer
+MAX_WAITING = 50  # wrong tokens that wait for their answer
 REFUSED = 403
 TOO_LARGE = 413
 TOO_MANY = 429
@@ -112,7 +112,7 @@ class AccessMiddleware:
             name = f"[{name}]" if ":" in name else name
             stop = "" if self._stop_port is None else f" http://{name}:{self._stop_port}"
             policy = POLICY.format(host=request.host, stop=stop)
-        body = CountedBody(receive, _with_headers(send, policy))
+        body = SizeLimitedBody(receive, _with_headers(send, policy))
         try:
             await (answer or self._app)(scope, body.receive, body.send)
         except BodyTooLarge:
@@ -120,12 +120,12 @@ class AccessMiddleware:
 
     async def _slow_down(self) -> bool:
         """Wait until a wrong token is answered; return whether there was room to wait."""
-        if self._waiting >= MOST_WAITING:
+        if self._waiting >= MAX_WAITING:
             return False
         self._waiting += 1
         try:
             async with self._turn:
-                await self._sleep(WRONG_TOKEN_S)
+                await self._sleep(WRONG_TOKEN_DELAY_S)
         finally:
             self._waiting -= 1
         return True
@@ -135,7 +135,7 @@ class BodyTooLarge(Exception):
     """Break off an application that reads a body beyond its bound."""
 
 
-class CountedBody:
+class SizeLimitedBody:
     """Count a request's body while it arrives; beyond the bound the answer is ours."""
 
     def __init__(self, receive: Receive, send: Send) -> None:
@@ -151,9 +151,9 @@ class CountedBody:
         """
         message = await self._receive()
         self._bytes += len(message.get("body", b""))
-        if self._bytes > MOST_BODY_BYTES:
+        if self._bytes > MAX_BODY_BYTES:
             if not self._begun:
-                text = f"benchtool: more than {MOST_BODY_BYTES / 1e6:.1f} MB were sent; send less\n"
+                text = f"benchtool: more than {MAX_BODY_BYTES / 1e6:.1f} MB were sent; send less\n"
                 headers = [(b"content-type", b"text/plain"), (b"connection", b"close")]
                 await self.send(
                     {"type": "http.response.start", "status": TOO_LARGE, "headers": headers}
@@ -164,7 +164,7 @@ class CountedBody:
 
     async def send(self, message: Message) -> None:
         """Send on, unless the body was too large."""
-        if self._bytes <= MOST_BODY_BYTES or not self._begun:
+        if self._bytes <= MAX_BODY_BYTES or not self._begun:
             self._begun = True
             await self._send(message)
 

@@ -20,13 +20,13 @@ from benchtool.web.bench_process.messages import Notice
 from benchtool.web.bench_process.publisher import merged
 from benchtool.web.bench_process.spawn import ProcessHandle
 from benchtool.web.context import ServerState
-from benchtool.web.control_line import serve_control_line
+from benchtool.web.control_socket import serve_control_line
 from benchtool.web.page import serve_page
 from benchtool.web.theme import serve_static
 from benchtool.web.widgets import notify_all_pages, notify_error
 
 RECONNECT_S = 15.0  # a page silent for longer is dropped; assumed
-MOST_MESSAGE_BYTES = 1_000_000  # of a websocket; files come as requests
+MAX_MESSAGE_BYTES = 1_000_000  # of a websocket; files come as requests
 
 
 def run_application(
@@ -65,12 +65,12 @@ def run_application(
         gzip_middleware_factory=None if access.token is None else GZipMiddleware,
     )  # fmt: skip
     config = uvicorn.Config(
-        guarded, log_level="warning", ws="wsproto", ws_max_size=MOST_MESSAGE_BYTES
+        guarded, log_level="warning", ws="wsproto", ws_max_size=MAX_MESSAGE_BYTES
     )
     uvicorn.Server(config).run(sockets=[listening])
 
 
-class FrameViewer:
+class FrameBuffer:
     """Hold what one page has not been sent yet: frames that wait become one, none is lost."""
 
     def __init__(self) -> None:
@@ -93,7 +93,7 @@ class FrameViewer:
 
 def serve_stream(bench: BenchClient) -> None:
     """Give every page under /stream every frame of the live stream."""
-    viewers: set[FrameViewer] = set()
+    viewers: set[FrameBuffer] = set()
 
     def publish(frame: bytes) -> None:
         for viewer in viewers:
@@ -104,7 +104,7 @@ def serve_stream(bench: BenchClient) -> None:
     @app.websocket("/stream")
     async def stream(socket: WebSocket) -> None:
         await socket.accept()
-        viewer = FrameViewer()
+        viewer = FrameBuffer()
         viewers.add(viewer)
         sending = asyncio.ensure_future(viewer.send_all(socket))
         try:

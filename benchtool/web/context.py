@@ -17,11 +17,11 @@ from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Command
 from benchtool.web.bench_process.spawn import StopEndpoint
 from benchtool.web.jobs import Job, WorkerProcess
-from benchtool.web.page_memory import FormMemory, PageMessages
+from benchtool.web.page_memory import FormState, MessageHistory
 
 J = TypeVar("J", bound=Job[Any])
 
-GRACE_S = 2.0  # a controller gone for longer may be replaced; assumed
+RECONNECT_TIMEOUT_S = 2.0  # a controller gone for longer may be replaced; assumed
 
 
 class ControlLock:
@@ -61,7 +61,7 @@ class ControlLock:
         """Return whether another page may take over: nobody is at the controls, or they left."""
         if self.holder is None:
             return True
-        return self._gone_s is not None and now_s - self._gone_s >= GRACE_S
+        return self._gone_s is not None and now_s - self._gone_s >= RECONNECT_TIMEOUT_S
 
     def take(self, tab: str, now_s: float) -> bool:
         """Take the controls when they are free; return whether this page has them now."""
@@ -122,11 +122,11 @@ class ServerState:
     stop_endpoint: StopEndpoint | None = None
     workers: dict[str, WorkerProcess] = field(default_factory=dict)
     jobs: dict[str, Job[Any]] = field(default_factory=dict)
-    log: PageMessages = field(default_factory=PageMessages)
-    forms: FormMemory = field(init=False)
+    log: MessageHistory = field(default_factory=MessageHistory)
+    forms: FormState = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "forms", FormMemory(self.runs))
+        object.__setattr__(self, "forms", FormState(self.runs))
         self.bench.page_problem = lambda: self.watch.problem(self.control.holder, monotonic())
 
     def close(self) -> None:

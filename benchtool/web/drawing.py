@@ -11,11 +11,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
 
-from benchtool.report.files import axes_of, figure_bytes
+from benchtool.report.files import figure_axes, figure_bytes
 from benchtool.report.page import (
     Block,
     Commands,
-    Facts,
+    FactTable,
     FigureBlock,
     Heading,
     Listing,
@@ -35,7 +35,8 @@ class FigureImage:
     """Hold a figure as SVG with its caption.
 
     Attributes:
-        axes: `axes_of` it, so that the page reads values under the pointer; empty where unknown.
+        axes: `figure_axes` it, so that the page reads values under the pointer; empty where
+            unknown.
     """
 
     svg: bytes
@@ -57,7 +58,9 @@ def blocks_html(blocks: Iterable[Block | FigureImage]) -> str:
 def as_html(block: Block | FigureImage) -> str:
     """Return a block as HTML, everything in it escaped."""
     if isinstance(block, FigureBlock):
-        block = FigureImage(figure_bytes(block.figure, "svg"), block.caption, axes_of(block.figure))
+        block = FigureImage(
+            figure_bytes(block.figure, "svg"), block.caption, figure_axes(block.figure)
+        )
     if isinstance(block, FigureImage):
         address = f"data:image/svg+xml;base64,{b64encode(block.svg).decode()}"
         caption = escape(block.caption)
@@ -70,7 +73,7 @@ def as_html(block: Block | FigureImage) -> str:
         return f"<p>{escape(block.text)}</p>"
     if isinstance(block, Heading):
         return f'<h3 class="card-title">{escape(block.text)}</h3>'
-    if isinstance(block, Facts):
+    if isinstance(block, FactTable):
         rows = "".join(
             f"<dt>{escape(name)}</dt><dd>{escape(value)}</dd>"
             for name, value in block.items.items()

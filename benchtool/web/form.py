@@ -7,9 +7,9 @@ from typing import Any, Generic, TypeVar
 
 from nicegui import ui
 
-from benchtool.core.input_text import text_of
-from benchtool.core.inputs import Inputs, Item, items, make, words
-from benchtool.web.control_line import PAGES
+from benchtool.core.input_text import format_value
+from benchtool.core.inputs import InputField, Inputs, build_inputs, items, to_arguments
+from benchtool.web.control_socket import PAGES
 
 T = TypeVar("T", bound=Inputs)
 
@@ -34,24 +34,26 @@ class InputForm(Generic[T]):
             if (context := PAGES.get(ui.context.client.id)) is not None:
                 context.remember(f"{self._cls.__name__}.{name}", made)
 
-    def _field(self, item: Item, options: Mapping[str, str] | None) -> Any:
+    def _field(self, item: InputField, options: Mapping[str, str] | None) -> Any:
         if item.kind is bool:
             return ui.checkbox(item.label, value=bool(item.default), on_change=self._changed)
-        empty = f"empty: {item.about.empty or text_of(item.default) or '–'}"
+        empty = f"empty: {item.metadata.default_text or format_value(item.default) or '–'}"
         if options is not None:
             made: Any = ui.select(
                 dict(options),
-                multiple=item.many,
-                value=None if item.many else item.default,
+                multiple=item.is_sequence,
+                value=None if item.is_sequence else item.default,
                 label=item.label,
                 on_change=self._changed,
             )
-            if item.many or item.default is None:
-                made.props("use-chips" if item.many else "clearable").props("hide-bottom-space")
+            if item.is_sequence or item.default is None:
+                made.props("use-chips" if item.is_sequence else "clearable").props(
+                    "hide-bottom-space"
+                )
                 made.props["hint"] = empty
             return made
         if item.choices:
-            usual = {"": text_of(item.default)}
+            usual = {"": format_value(item.default)}
             rest = {each: each for each in item.choices if each != item.default}
             return ui.select(usual | rest, value="", label=item.label, on_change=self._changed)
         made = ui.input(item.label, placeholder=empty, on_change=self._changed)
@@ -71,11 +73,11 @@ class InputForm(Generic[T]):
         Raises:
             InputError: something typed cannot be read, or is out of range.
         """
-        return make(self._cls, self.given(), source="label", base=base)
+        return build_inputs(self._cls, self.given(), source="label", base=base)
 
     def words(self, more: Mapping[str, Any]) -> list[str]:
         """Return the words of the command line; `more` are inputs without a field."""
-        return words(self._cls, {**self.given(), **more})
+        return to_arguments(self._cls, {**self.given(), **more})
 
     def show_empty(self, texts: Mapping[str, str]) -> None:
         """Show in empty fields what runs instead, by name."""

@@ -7,11 +7,11 @@ from time import monotonic
 
 from nicegui import ui
 
-from benchtool.acquire.order import minutes
+from benchtool.acquire.visit_order import minutes
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import SPEED_LIMIT
 from benchtool.web.context import PageContext
-from benchtool.web.widgets import notify, open_dialog, shows_errors
+from benchtool.web.widgets import notify, open_dialog, show_errors
 
 STOP = (
     '<button class="stop-button" type="button" aria-keyshortcuts="Space Escape">STOP'
@@ -21,7 +21,7 @@ STOP = (
 
 STANDING = "motors at zero"
 
-LOOK_S = 0.5
+REFRESH_INTERVAL_S = 0.5
 
 _THEMES = {"": ("brightness_auto", "light"), "light": ("light_mode", "dark"),
            "dark": ("dark_mode", "")}  # fmt: skip
@@ -55,7 +55,7 @@ class Header:
         self._show_theme()
         self.refresh()
         context.arrived = self.refresh
-        ui.timer(LOOK_S, self.refresh)
+        ui.timer(REFRESH_INTERVAL_S, self.refresh)
 
     def refresh(self) -> None:
         connection = self._context.bench.connection
@@ -84,7 +84,7 @@ class Header:
         notify("this page is at the controls now" if taken else "another page was faster")
         self.refresh()
 
-    @shows_errors
+    @show_errors
     def _seen(self) -> None:
         self._context.require_control()
         self._context.bench.dismiss_alarm()

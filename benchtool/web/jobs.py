@@ -23,15 +23,15 @@ from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
-from benchtool.core.errors import BenchtoolError, RunStopped
+from benchtool.core.errors import BenchtoolError, RunInterrupted
 from benchtool.data.atomic import partial_folder
-from benchtool.tasks import WorkerProcesses, end_with_parent
+from benchtool.tasks import WorkerProcesses, exit_with_parent
 
 T = TypeVar("T")
 
 ReportProgress = Callable[[str, float], None]  # (what is being done, share from 0 to 1)
 NICENESS = 5  # of a job, on POSIX systems; assumed
-GRACE_S = 2.0  # How long a cancelled job may take to end before it is killed; a guess
+TERMINATION_TIMEOUT_S = 2.0  # How long a cancelled job may take to end before it is killed; a guess
 
 
 class WorkerProcess:
@@ -46,7 +46,7 @@ class WorkerProcess:
 
         Raises:
             BenchtoolError: what the function raised, with the same sentence.
-            RunStopped: the process ended before it was done.
+            RunInterrupted: the process ended before it was done.
         """
         pool = self._pool = self._pool or WorkerProcesses(1)
         try:
@@ -54,14 +54,14 @@ class WorkerProcess:
         except BrokenProcessPool:
             if self._pool is pool:
                 self.close()
-            raise RunStopped(
+            raise RunInterrupted(
                 f"the process for {self._name} ended before it was done; try again"
             ) from None
         except BenchtoolError:
             raise
         except Exception as error:  # noqa: BLE001 -- whatever it is, the page must show it
             traceback.print_exception(error)
-            raise BenchtoolError(fault_sentence(error)) from None
+            raise BenchtoolError(format_fault(error)) from None
 
     def close(self) -> None:
         """End the process, whatever it does; safe to call twice."""
@@ -143,7 +143,7 @@ class Job(Generic[T]):
         """End the process where it still runs, and delete what stands under the hidden name."""
         if self._change(status="cancelled"):
             self._process.terminate()
-            self._process.join(GRACE_S)
+            self._process.join(TERMINATION_TIMEOUT_S)
             if self._process.is_alive():
                 self._process.kill()
         shutil.rmtree(partial_folder(self.out), ignore_errors=True)
@@ -182,7 +182,7 @@ class Job(Generic[T]):
             return True
 
 
-def fault_sentence(error: Exception) -> str:
+def format_fault(error: Exception) -> str:
     """Return that a fault is benchtool's own; its traceback stands where the server was started."""
     summary = " ".join(str(error).split())
     return (
@@ -199,12 +199,12 @@ def _outcome(work: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str,
         return "failed", str(error)
     except Exception as error:  # noqa: BLE001 -- whatever it is, the page must show it
         traceback.print_exc(file=sys.stderr)
-        return "failed", fault_sentence(error)
+        return "failed", format_fault(error)
 
 
 def _run(pipe: Pipe, work: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     """Do a job's work in its process and send what comes of it."""
-    end_with_parent(pipe)
+    exit_with_parent(pipe)
     with suppress(AttributeError, OSError):
         os.nice(NICENESS)
 

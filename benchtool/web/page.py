@@ -8,9 +8,9 @@ from fastapi import Request
 from nicegui import ui
 
 from benchtool.web.context import PageContext, ServerState
-from benchtool.web.control_line import add_control_line
+from benchtool.web.control_socket import add_control_line
 from benchtool.web.header import Header
-from benchtool.web.theme import dress_page
+from benchtool.web.theme import apply_theme
 
 TABS = {
     "Bench": "speed",
@@ -37,7 +37,7 @@ def serve_page(server: ServerState) -> None:
         context = PageContext(server=server, theme=theme if theme in ("light", "dark") else "")
         add_control_line(context)
         ui.add_head_html(EARLY)
-        header = Header(context, dress_page(theme))
+        header = Header(context, apply_theme(theme))
         keys = [name.lower() for name in TABS]
         with header.tabs_place:
             first = tab if tab in keys else keys[0]

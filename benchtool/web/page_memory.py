@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from benchtool.core.errors import BenchtoolError
-from benchtool.data.run.state import recall, remember
+from benchtool.data.run.state import recall_latest, store_state
 
-MOST_MESSAGES = 200  # The log holds so many, the newest; a choice
-MOST_TABS = 20  # The forms of so many browser tabs are remembered, those used last; a choice
+MAX_MESSAGES = 200  # The log holds so many, the newest; a choice
+MAX_TABS = 20  # The forms of so many browser tabs are remembered, those used last; a choice
 WRITE_AFTER_S = 0.5  # Forms are written so long after a change, several changes together; a choice
 
 
@@ -29,12 +29,12 @@ class LoggedMessage:
     count: int = 1
 
 
-class PageMessages:
+class MessageHistory:
     """Hold the messages that pages have shown, with times; the same text in a row stands once."""
 
     def __init__(self, now: Callable[[], datetime] = lambda: datetime.now().astimezone()) -> None:
         self._now = now
-        self.messages: deque[LoggedMessage] = deque(maxlen=MOST_MESSAGES)
+        self.messages: deque[LoggedMessage] = deque(maxlen=MAX_MESSAGES)
 
     def add(self, text: str, *, is_error: bool = False) -> None:
         count = 1
@@ -43,7 +43,7 @@ class PageMessages:
         self.messages.append(LoggedMessage(self._now(), text, is_error, count))
 
 
-class FormMemory:
+class FormState:
     """Remember what was typed into the forms of each browser tab, also when the server ends.
 
     Args:
@@ -55,7 +55,7 @@ class FormMemory:
         self._pending = False
         self._tabs: dict[str, dict[str, Any]] = {}
         with suppress(BenchtoolError):  # a file that cannot be read costs what was typed, no more
-            self._tabs = recall("page", self._name) or {}
+            self._tabs = recall_latest("page", self._name) or {}
 
     def values(self, tab: str) -> dict[str, Any]:
         """Return what was typed in a browser tab, by field."""
@@ -67,7 +67,7 @@ class FormMemory:
         values = self.values(tab)
         self._tabs.pop(tab, None)
         self._tabs[tab] = {**values, field: value}
-        for old in list(self._tabs)[:-MOST_TABS]:
+        for old in list(self._tabs)[:-MAX_TABS]:
             del self._tabs[old]
         if not self._pending:
             self._pending = True
@@ -78,4 +78,4 @@ class FormMemory:
         if self._pending:
             self._pending = False
             with suppress(BenchtoolError):
-                remember("page", self._name, self._tabs)
+                store_state("page", self._name, self._tabs)

@@ -11,9 +11,9 @@ from typing import Generic
 from nicegui import ui
 
 from benchtool.web.context import J, PageContext
-from benchtool.web.widgets import shows_errors
+from benchtool.web.widgets import show_errors
 
-LOOK_S = 0.2
+REFRESH_INTERVAL_S = 0.2
 
 
 class JobProgress(Generic[J]):
@@ -51,7 +51,7 @@ class JobProgress(Generic[J]):
         self._place.set_visibility(False)
         if (latest := self.latest) is not None and latest.state.running:
             self._watch(latest)
-        ui.timer(LOOK_S, self.look)
+        ui.timer(REFRESH_INTERVAL_S, self.look)
 
     @property
     def latest(self) -> J | None:
@@ -103,7 +103,7 @@ class JobProgress(Generic[J]):
         now = [f"<li><b>… {escape(stage)}</b></li>" for stage in state.stages[-1:]]
         self._list.set_content(f'<ol class="stages">{"".join(done + now)}</ol>')
 
-    @shows_errors
+    @show_errors
     async def _cancel(self) -> None:
         self._context.claim_control()
         if self._job is not None:

@@ -24,7 +24,7 @@ def cycle(dark: bool) -> tuple[str, ...]:
     return tuple(on_dark.get(color, color) for color in CYCLE)
 
 
-def dress_page(theme: str) -> ui.dark_mode:
+def apply_theme(theme: str) -> ui.dark_mode:
     """Give the present page its colours, and return its dark mode."""
     ui.colors(primary=ACCENT, negative=ALARM, positive="#00704f", warning=ALARM, info=ACCENT)
     ui.button.default_props("no-caps")

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchtool.data.run.runs_folder import RunsFolder, keep_table, new_table, shown_name
+from benchtool.data.run.runs_folder import RunsFolder, new_table, shown_name, store_table
 
 if TYPE_CHECKING:
     from benchtool.commands.import_file import ImportInputs
-    from benchtool.data.repairs.imported import Imported
+    from benchtool.data.repairs.import_result import ImportResult
     from benchtool.report.page import Block
 
 
@@ -23,16 +23,16 @@ def store_upload(root: Path, name: str, data: bytes, date: str, given: ImportInp
     Raises:
         FileFormatError: it cannot be read; nothing was written.
     """
-    from benchtool.data.formats.formats import format_of, import_bytes
-    from benchtool.data.repairs.imported import Options, import_facts
+    from benchtool.data.formats.formats import detect_format, import_bytes
+    from benchtool.data.repairs.import_result import ImportOptions, import_metadata
     from benchtool.data.run.recording_file import write_recording
 
-    folder, options, found = RunsFolder(root), given.options(), format_of(data)
-    if options == Options() and (found is None or found.kind == "table"):
-        return folder.name_of(keep_table(folder, name, data, date))
+    folder, options, found = RunsFolder(root), given.options(), detect_format(data)
+    if options == ImportOptions() and (found is None or found.kind == "table"):
+        return folder.name_of(store_table(folder, name, data, date))
     read = import_bytes(data, shown_name(name), options)
     path = new_table(folder, name, date)
-    write_recording(path, read.recording, import_facts(read, options))
+    write_recording(path, read.recording, import_metadata(read, options))
     return folder.name_of(path)
 
 
@@ -43,7 +43,7 @@ def stand_blocks(path: Path) -> Sequence[Block]:
     return import_blocks(import_file(path)) if is_stand_table(path) else ()
 
 
-def import_blocks(read: Imported) -> Sequence[Block]:
+def import_blocks(read: ImportResult) -> Sequence[Block]:
     """Return what an import read: its format, which column is which channel, its findings."""
     from benchtool.report.page import Paragraph, Table
 

@@ -16,15 +16,15 @@ from urllib.parse import urlencode
 from nicegui import Client, events, ui
 
 from benchtool.acquire.arming import CONFIRMATION, arming_warnings
-from benchtool.bench.bench import Identity
+from benchtool.bench.bench import DeviceInfo
 from benchtool.commands.import_file import ImportInputs
 from benchtool.core.errors import BenchtoolError, InputError
 from benchtool.core.rig import Rig
-from benchtool.data.run.runs_folder import MOST_BYTES
+from benchtool.data.run.runs_folder import MAX_UPLOAD_BYTES
 from benchtool.web.bench_process.messages import Notice
 from benchtool.web.context import PageContext
-from benchtool.web.control_line import PAGES
-from benchtool.web.jobs import PageSection, fault_sentence
+from benchtool.web.control_socket import PAGES
+from benchtool.web.jobs import PageSection, format_fault
 from benchtool.web.uploads import store_upload
 
 STYLE = (
@@ -63,7 +63,7 @@ def notify_error(error: Exception, *, logged: bool = False) -> None:
     known = isinstance(error, BenchtoolError)
     if not known:
         traceback.print_exception(error)
-    text = str(error) if known else fault_sentence(error)
+    text = str(error) if known else format_fault(error)
     if not logged:
         log_message(text, is_error=True)
     ui.notify(
@@ -83,7 +83,7 @@ def notify_all_pages(notice: Notice) -> None:
                     notify(notice.text, logged=True)
 
 
-def shows_errors(handler: Callable[..., Any]) -> Callable[..., Any]:
+def show_errors(handler: Callable[..., Any]) -> Callable[..., Any]:
     """Make a handler of the page show its errors instead of losing them in a log."""
     if iscoroutinefunction(handler):
 
@@ -221,18 +221,20 @@ class TableUpload:
         self._context, self._stored, self._options = context, stored, options
         self._upload = file_upload(
             "Or upload a CSV file or a log",
-            max_file_size=MOST_BYTES,
+            max_file_size=MAX_UPLOAD_BYTES,
             on_upload=self._received,
             on_rejected=self._rejected,
         )
         self._upload.props(f'accept="{UPLOADED}" flat bordered').classes("w-full")
 
-    @shows_errors
+    @show_errors
     async def _received(self, event: events.UploadEventArguments) -> None:
         try:
             self._context.claim_control()
             size = event.file.size()
-            data = await event.file.read() if size <= MOST_BYTES else bytes(MOST_BYTES + 1)
+            data = (
+                await event.file.read() if size <= MAX_UPLOAD_BYTES else bytes(MAX_UPLOAD_BYTES + 1)
+            )
             name = event.file.name
             inputs = self._options(ImportInputs(files=(Path(name),)))
             stored = await self._context.worker("tables").run(
@@ -247,8 +249,8 @@ class TableUpload:
     def _rejected(self) -> None:
         notify_error(
             InputError(
-                f"this is no table or log of at most {MOST_BYTES / 1e6:.0f} MB; choose another, or "
-                f"put it into the runs folder yourself"
+                f"this is no table or log of at most {MAX_UPLOAD_BYTES / 1e6:.0f} MB; choose "
+                f"another, or put it into the runs folder yourself"
             )
         )
 
@@ -293,7 +295,7 @@ def confirm_arming(
             "Off: motors go to zero when this page is closed, blocked or loses its connection."
         ).classes("soft")
 
-        @shows_errors
+        @show_errors
         def confirmed() -> None:
             context.require_control()
             if not simulated and not typed.value.strip():
@@ -311,7 +313,7 @@ def confirm_arming(
             ui.button("Cancel", on_click=dialog.close).props("outline")
 
 
-def show_warnings(identity: Identity, rig: Rig) -> None:
+def show_warnings(identity: DeviceInfo, rig: Rig) -> None:
     """Show the command line's warnings about a bench before it is armed."""
     for warning in arming_warnings(identity, rig):
         ui.label(f"Warning: {warning}").classes("warn")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
-from benchtool.commands.app import COMMANDS, module_of
-from benchtool.core.input_text import text_of
-from benchtool.core.inputs import Item, items
+from benchtool.commands.app import COMMANDS, command_module
+from benchtool.core.input_text import format_value
+from benchtool.core.inputs import InputField, items
 
 HEAD = """# Commands
 
@@ -17,14 +17,14 @@ a call from Python.
 """
 
 
-def row(item: Item) -> str:
+def row(item: InputField) -> str:
     """Return the table's row of one input."""
-    also = f", `{item.about.also}`" if item.about.also else ""
-    taken = ", ".join(item.choices) or f"{item.range} {item.about.unit}".strip()
-    usual = item.about.empty or (
-        "" if item.required or item.kind is bool else text_of(item.default)
+    also = f", `{item.metadata.alias}`" if item.metadata.alias else ""
+    taken = ", ".join(item.choices) or f"{item.range} {item.metadata.unit}".strip()
+    usual = item.metadata.default_text or (
+        "" if item.required or item.kind is bool else format_value(item.default)
     )
-    cells = (f"`{item.option}`{also}", item.about.help, taken, usual)
+    cells = (f"`{item.option}`{also}", item.metadata.help, taken, usual)
     return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |\n"
 
 
@@ -34,7 +34,7 @@ def page() -> str:
     for name, (where, line) in COMMANDS.items():
         if not where:
             continue
-        called = getattr(import_module(module_of(name)), where.partition(":")[2])
+        called = getattr(import_module(command_module(name)), where.partition(":")[2])
         parts.append(f"\n## {name}\n\n{line}.\n")
         if rows := "".join(map(row, items(called.inputs))):
             parts.append(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import BENCH_KINDS, BenchKind, Effect
 from benchtool.physics.tolerances import default_tolerances
@@ -104,7 +104,7 @@ def tolerance(effect: Effect, name: str, bench: BenchKind) -> str:
     """Return one tolerance on the rig that the page takes for that kind of bench."""
     if effect.benches and bench not in effect.benches:
         return "–"
-    known = default_tolerances(effect, rig_named(RIGS[bench]), bench)
+    known = default_tolerances(effect, load_rig_by_name(RIGS[bench]), bench)
     return f"{known[name]:.3g}" if name in known else "–"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchtool.commands.app import UNEXPECTED
+from benchtool.commands.app import UNEXPECTED_ERROR_CODE
 from benchtool.core import errors
 
 HEAD = """# Exit codes
@@ -25,7 +25,11 @@ OTHERS = (
         "`typer.TyperException`",
         "An unknown option, a missing argument or a wrong value.",
     ),
-    (UNEXPECTED, "", "A fault in benchtool itself; the sentence names a file with the traceback."),
+    (
+        UNEXPECTED_ERROR_CODE,
+        "",
+        "A fault in benchtool itself; the sentence names a file with the traceback.",
+    ),
     (130, "", "Ctrl-C, where no motors can turn."),
 )
 """Codes that belong to no error class of ours: (code, class, meaning)."""

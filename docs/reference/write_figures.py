@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import groupby
 from pathlib import Path
 
-from benchtool.report.figure import FigureEntry, every_figure
+from benchtool.report.figure import FigureEntry, all_figures
 
 PAGE = Path(__file__).with_name("figures.md")
 
@@ -20,7 +20,7 @@ Every figure that benchtool draws, by the page that shows it, made from the regi
 def page() -> str:
     """Return the page."""
     parts = [HEAD]
-    for name, entries in groupby(every_figure(), key=lambda entry: entry.page):
+    for name, entries in groupby(all_figures(), key=lambda entry: entry.page):
         rows = "\n".join(f"| `{entry.name}` | {shown(entry)} |" for entry in entries)
         parts.append(f"## {name}\n\n| figure | shows |\n|---|---|\n{rows}\n")
     return "\n".join(parts)

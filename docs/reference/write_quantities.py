@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from benchtool.core.channel import error_name
+from benchtool.core.channel import error_channel_name
 from benchtool.data.derived import DATA_SHEET_SD, LABELS, UNMEASURED_DENSITY_SD, UNMEASURED_K
 from benchtool.data.quantities import QUANTITIES, Quantity
 
@@ -61,9 +61,9 @@ ERROR_ROWS = "\n".join(f"| {name} | {sd} |" for name, sd in STATED)
 ERRORS = f"""
 ## Standard errors
 
-The column of an error has `se` before its unit: `{error_name("efficiency_N_W")}`. Every input is
-moved by its standard uncertainty to either side, and all that follows is worked out anew (JCGM
-100:2008, 5.1.3 note 2), so that errors which two inputs share are counted as what they are.
+The column of an error has `se` before its unit: `{error_channel_name("efficiency_N_W")}`.
+Every input is changed by its standard uncertainty in both directions and every result recomputed
+(JCGM 100:2008, 5.1.3 note 2), so errors shared by two inputs are counted as correlated.
 
 {ERROR_ROWS}
 

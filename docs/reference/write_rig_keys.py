@@ -7,7 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from benchtool.core.channel import CHANNELS, unit_in_name
+from benchtool.core.channel import CHANNELS, unit_from_name
 from benchtool.core.inputs import describe_range
 from benchtool.core.rig import (
     Blade,
@@ -17,7 +17,7 @@ from benchtool.core.rig import (
     PlateDrive,
     Propeller,
     Propulsion,
-    RotorPlace,
+    RotorPosition,
     Sensor,
 )
 from benchtool.core.rig_file import TYPICAL
@@ -33,7 +33,7 @@ own `limits.load_cell_rating_N`, `propulsion.pwm_stop_us`, `pwm_start_us` and `p
 """
 
 TABLES: dict[str, type[Any]] = {
-    "[[rotors]]": RotorPlace,
+    "[[rotors]]": RotorPosition,
     "[propulsion]": Propulsion,
     "[propeller]": Propeller,
     "[blade]": Blade,
@@ -64,7 +64,7 @@ def page() -> str:
 
 def unit(name: str) -> str:
     """Return the unit of a channel."""
-    own = unit_in_name(name.replace("#", "1"))
+    own = unit_from_name(name.replace("#", "1"))
     return {"1": "–", "pwm_us": "us"}.get(own, own)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.commands.app import COMMANDS, module_of
+from benchtool.commands.app import COMMANDS, command_module
 
 HEAVY = (
     "numpy", "numba", "scipy", "emcee", "matplotlib", "pandas", "pyarrow", "serial", "pymavlink",
@@ -47,8 +47,8 @@ def test_help_imports_nothing_heavy(command):
     assert code == 0
     assert printed.startswith(" ".join(["Usage: benchtool", *words]))
     assert modules.isdisjoint(HEAVY)
-    own = module_of(command) if command else ""
-    others = {module_of(name) for name, (where, _) in COMMANDS.items() if where} - {own}
+    own = command_module(command) if command else ""
+    others = {command_module(name) for name, (where, _) in COMMANDS.items() if where} - {own}
     assert modules.isdisjoint(others)
 
 
@@ -81,9 +81,9 @@ def test_the_numbers_of_a_table_are_read_without_pandas():
     """Arrow's conversion to NumPy imports it where a cell is blank, and for no use."""
     program = """
 import sys
-from benchtool.data.csv_text import lay_out
+from benchtool.data.csv_text import parse_rows
 from benchtool.data.repairs.numbers import numbers_of
-table = lay_out(b"a,b\\n1,2.5\\n,3\\n4,5\\n", "x.csv")
+table = parse_rows(b"a,b\\n1,2.5\\n,3\\n4,5\\n", "x.csv")
 print(numbers_of(table, (0, 1)).columns.tolist(), "pandas" in sys.modules)
 """
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)

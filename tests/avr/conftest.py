@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from tests.avr.avr_bench import AvrBench, PacedAvrBench, build, build_peer, missing, physics
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 PAIR = replace(  # two motors, and the pulse limit of the protocol's page
     RIG,
     name="pair",

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.devices import (
     device_server,
@@ -174,7 +174,7 @@ def end_with_the_test() -> None:
 
 
 def main(rig_name: str, speed: str, rate_Hz: str, warning: str, mode: str) -> None:
-    rig = rig_named(rig_name)
+    rig = load_rig_by_name(rig_name)
     link = PtyLink()
     if mode == "pitch":
         plant = pitch_plant(rig, schedule="identify")

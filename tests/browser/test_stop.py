@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from benchtool.acquire.bench_check import low_throttle_us
-from benchtool.core.rig_file import rig_named
-from benchtool.web.bench_process.throttle import SILENCE_S
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.web.bench_process.throttle import RELEASE_TIMEOUT_S
 from tests.browser.conftest import centre, connect, expect, go_to
 from tests.browser.hands import STOPPED_S, Hands, click, drag, visible
 
@@ -35,7 +35,7 @@ def test_the_slider_sets_the_pulse_and_stop_works_while_it_is_dragged(page, devi
     pulse = page.get_by_role("spinbutton", name="Pulse, us")
     slider = page.locator(".q-slider[aria-label=Pulse], .q-slider").first
     x, y = centre(slider)
-    low_us = low_throttle_us(rig_named("pquad"))
+    low_us = low_throttle_us(load_rig_by_name("pquad"))
     expect(pulse).to_have_value(f"{low_us:.0f}")
     page.mouse.move(x, y)
     page.mouse.down()
@@ -106,7 +106,7 @@ def test_no_tab_keeps_stop_waiting_when_it_is_first_shown(page):
         if tab == "Sweep":
             page.locator(".ratio-plot .main-svg").first.wait_for()
         page.wait_for_timeout(1000)
-        assert page.evaluate("Math.max(...window.blocked)") < 1e3 * SILENCE_S, tab
+        assert page.evaluate("Math.max(...window.blocked)") < 1e3 * RELEASE_TIMEOUT_S, tab
 
 
 TABS = {"Bench": 2, "Sweep": 3, "Runs": 1, "Fit": 4, "Simulate": 4, "Explain": 3}

@@ -15,11 +15,11 @@ from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings
 from benchtool.bench.replay import ReplayBench
 from benchtool.bench.serial.bench import SerialBench
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.autopilot import VirtualAutopilot
 from benchtool.virtual.devices import (
-    hello_of,
+    build_hello,
     pitch_hello,
     pitch_plant,
     virtual_plant,
@@ -32,7 +32,7 @@ from benchtool.virtual.server import ServedDevice
 from tests.contracts.text_stand_device import TextStandDevice, driver_of_the_page
 from tests.doubles.loopback_link import LoopbackLink
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 TRUTH = load_model("single", RIG).model
 STOP_US = RIG.propulsion.pwm_stop_us
 
@@ -43,7 +43,7 @@ def simulated() -> Bench:
 
 def looped() -> Bench:
     plant = virtual_plant(RIG, TRUTH, 2)
-    link = LoopbackLink(Firmware(plant, hello_of(plant, TRUTH, 2)), lambda: plant.rate_Hz)
+    link = LoopbackLink(Firmware(plant, build_hello(plant, TRUTH, 2)), lambda: plant.rate_Hz)
     return SerialBench(link, "serial:loop", clock=link.clock)
 
 
@@ -71,14 +71,14 @@ def pitching() -> Bench:
 
 
 def pitching_looped() -> Bench:
-    plant = pitch_plant(rig_named("pquad"), seed=2)
+    plant = pitch_plant(load_rig_by_name("pquad"), seed=2)
     link = LoopbackLink(Firmware(plant, pitch_hello(plant, 2)), lambda: plant.rate_Hz)
     return SerialBench(link, "serial:loop", clock=link.clock)
 
 
 def flown(kind: str) -> Bench:
     plant = virtual_plant(RIG, TRUTH, 2)
-    hello = replace(hello_of(plant, TRUTH, 2), speed=20.0)
+    hello = replace(build_hello(plant, TRUTH, 2), speed=20.0)
     device = VirtualAutopilot(Firmware(plant, hello), kind)
     link = LoopbackLink(device, lambda: plant.rate_Hz)
     return MavlinkBench(link, "mavlink:loop", MavlinkSettings(rotors=1), clock=link.clock)
@@ -93,7 +93,7 @@ def px4() -> Bench:
 
 
 def pitching_flown() -> Bench:
-    plant = pitch_plant(rig_named("pquad"), seed=2)
+    plant = pitch_plant(load_rig_by_name("pquad"), seed=2)
     firmware = Firmware(plant, replace(pitch_hello(plant, 2), speed=20.0))
     link = LoopbackLink(VirtualAutopilot(firmware, hover_us=1599.0), lambda: plant.rate_Hz)
     settings = MavlinkSettings(rotors=4, mode="pitch", arm="host", distance=True)
@@ -117,7 +117,7 @@ def linked(
 ) -> Case:
     """Return a bench on a link of this process that ends in a virtual device."""
     plant = virtual_plant(RIG, TRUTH, 2)
-    firmware = Firmware(plant, hello_of(plant, TRUTH, 2))
+    firmware = Firmware(plant, build_hello(plant, TRUTH, 2))
     link = LoopbackLink(speak(firmware), lambda: plant.rate_Hz)
     return Case(connect(link), link)
 

@@ -13,26 +13,26 @@ import numpy as np
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit
-from benchtool.data.columns import code_of
-from benchtool.explain.answer import Answer
-from benchtool.explain.found.search import dependence
+from benchtool.data.columns import word_to_code
+from benchtool.explain.answer import ExplainResult
+from benchtool.explain.law_search.search import dependence
+from benchtool.explain.pitch.replay import Replay, ReplayInputs
 from benchtool.explain.pitch.replay_track import pitch_track
-from benchtool.explain.pitch.replayed import Beside, Replay
 from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.fit.motor.constants import MotorFit, fit_motor
 from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
-from benchtool.report.compare.page import compared
+from benchtool.report.compare.page import compare_runs
 from benchtool.report.compare.pooled import PooledFits
 from benchtool.report.flight.pitch_study import PitchStudy, pitch_study
 from benchtool.report.replay.figures import ReplayedLog
-from benchtool.report.replay.recorded import Recorded
+from benchtool.report.replay.replay_source import ReplaySource
 from benchtool.report.sweep.run import SweepRun, read_sweep_run
 from benchtool.simulate.flight.cases import flight_case
-from benchtool.simulate.flight.study import Flown, fly_and_measure
+from benchtool.simulate.flight.study import FlownCase, fly_and_measure
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 from benchtool.simulate.pitch.setup import pitch_setup
@@ -77,7 +77,7 @@ def sweep() -> SweepRun:
     columns = {
         "time_s": points.column("time_s")[rows] + np.tile([0.0, 0.5, 1.0], len(points)),
         "point": points.column("point")[rows],
-        "phase": np.full(len(rows), code_of("phase", "sample")),
+        "phase": np.full(len(rows), word_to_code("phase", "sample")),
     }
     for name in ("thrust_N", "rpm1", "pwm1_us", "plate_z_m"):
         columns[name] = points.column(name)[rows]
@@ -112,17 +112,17 @@ def log() -> ReplayedLog:
     run = study().runs[0]
     recording = run.recording(study().setup.bench.model.rig, {})
     track = pitch_track(recording)
-    recorded = Recorded(
+    recorded = ReplaySource(
         path=Path("hinge"), recording=recording, facts={}, provenance={}, plan_text="", sha256="0"
     )
     replay = Replay(
         model="pitch_pquad", rig="pquad", time_s=track.time_s, theta_rad=track.theta_rad,
         pwm_us=track.pwm_us, disturbance_Nm=np.empty(0), words="closed loop", by="controller",
     )  # fmt: skip
-    return ReplayedLog(recorded, track, Beside(model="pitch_pquad"), replay)
+    return ReplayedLog(recorded, track, ReplayInputs(model="pitch_pquad"), replay)
 
 
-def stand() -> Recorded:
+def stand() -> ReplaySource:
     """Return a recording of a stand without attitude."""
     return replace(log().recorded, recording=sweep_samples())
 
@@ -134,15 +134,15 @@ def sweep_samples() -> Recording:
     return found
 
 
-def flights() -> list[Flown]:
+def flights() -> list[FlownCase]:
     """Fly one case for a second, out of ground effect and with it."""
     return [flown(None), flown(2.0)]
 
 
 @cache
-def flown(z_over_R: float | None) -> Flown:
+def flown(z_over_R: float | None) -> FlownCase:
     """Fly a plate under the front rotor for a second."""
-    vehicle = FlightVehicle.of_rig(rig_named("pquad"))
+    vehicle = FlightVehicle.of_rig(load_rig_by_name("pquad"))
     case = flight_case("plate", vehicle, gains_named("s3"), z_over_R=z_over_R)
     return fly_and_measure(replace(case, duration_s=1.0))
 
@@ -173,7 +173,7 @@ def pooled_fits() -> PooledFits:
     )  # fmt: skip
 
 
-def with_law() -> Answer:
+def with_law() -> ExplainResult:
     """Return an unknown that depends on rotor speed."""
     rng, made = np.random.default_rng(1), answer("unknown")
     speed = rng.uniform(0.7, 1.3, 150)
@@ -183,7 +183,7 @@ def with_law() -> Answer:
 
 
 SUBJECTS: dict[str, Callable[[], Sequence[Any]]] = {
-    "compare": lambda: [compared([ROOT / "datasets" / "quad" / "run"], thrust_N=20.0)],
+    "compare": lambda: [compare_runs([ROOT / "datasets" / "quad" / "run"], thrust_N=20.0)],
     "compare.pooled": lambda: [pooled_fits()],
     "answer": lambda: [answer(), answer("several"), answer("unknown"), with_law()],
     "fit": lambda: [sampled_fit(), fit("partial_area")],

@@ -14,7 +14,7 @@ import pytest
 from benchtool.bench.bench import Bench
 from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import BenchError, BenchtoolError, InputError, LinkLost, StageError
-from benchtool.core.units import unit_named
+from benchtool.core.units import find_unit
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.virtual.links import PtyLink, TcpLink
 from tests.contracts.benches import MAKERS, PITCH_MAKERS, STOP_US, served, simulated
@@ -90,7 +90,7 @@ def test_the_identity_is_complete(bench):
     assert len(set(names)) == len(names)
     assert {"pwm1_us", "rpm1", "thrust_N", "plate_z_m", "voltage_V"} <= set(names)
     for channel in identity.channels:
-        unit_named(channel.unit)
+        find_unit(channel.unit)
     # An autopilot knows its pulses, but nothing of load cells.
     own = set() if identity.protocol.startswith("MAVLink") else {"thrust_N", "rpm"}
     assert {"pwm_us", *own} <= set(identity.limits)

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from benchtool.acquire.plan import Plan
-from benchtool.commands.app import COMMANDS, module_of
-from benchtool.core.inputs import Item, items
+from benchtool.commands.app import COMMANDS, command_module
+from benchtool.core.inputs import InputField, items
 from tests.unit.commands.command_line import run
 
 WRITTEN = Path(__file__).parents[2] / "docs" / "reference" / "commands.md"
@@ -187,8 +187,8 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
 """Words that a command refuses, and what its sentence says; `taken` and `taken.js` are there."""
 
 
-def inputs_of(name: str) -> tuple[Item, ...]:
-    called = getattr(import_module(module_of(name)), COMMANDS[name][0].partition(":")[2])
+def inputs_of(name: str) -> tuple[InputField, ...]:
+    called = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
     return items(called.inputs)
 
 
@@ -221,18 +221,18 @@ def test_every_input_says_what_it_is(name):
     found = inputs_of(name)
     assert len({item.option for item in found}) == len(found)
     for item in found:
-        assert item.about.help.strip(), item.key
-        assert item.about.help[-1] == ".", item.key
+        assert item.metadata.help.strip(), item.key
+        assert item.metadata.help[-1] == ".", item.key
         unit = re.search(r"_(us|m|s|deg|m_s|rad_s|kg)$", item.key.rpartition(".")[2])
         if unit is not None:
-            assert item.about.unit.replace("/", "_") == unit[1], item.key
+            assert item.metadata.unit.replace("/", "_") == unit[1], item.key
         if item.kind in (int, float) and not item.count:
             assert item.range, f"{item.key} takes any number; give it a range"
 
 
 @pytest.mark.parametrize("name", RUNNABLE)
 def test_a_command_is_described_in_one_place(name):
-    called = getattr(import_module(module_of(name)), COMMANDS[name][0].partition(":")[2])
+    called = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
     assert called.__doc__.splitlines()[0].rstrip(".") == COMMANDS[name][1].rstrip(".")
     section = WRITTEN.read_text("utf-8").partition(f"## {name}\n")[2].partition("\n## ")[0]
     for item in inputs_of(name):

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
-from benchtool.physics.expression import loop_part
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.physics.expression import inlined_expression
 from benchtool.simulate import controllers
 from benchtool.simulate.controllers import laws
 from benchtool.simulate.controllers.controller import (
@@ -33,7 +33,7 @@ from benchtool.simulate.controllers.laws import (
 )
 from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.flight import FlightCase, Goal, fly
-from benchtool.simulate.flight.own import fly_own
+from benchtool.simulate.flight.user_controller import fly_user_controller
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gain_names, gains_named
 from benchtool.simulate.pitch.run import PitchJob, torque_limit_Nm
@@ -48,7 +48,7 @@ SETS = pytest.mark.parametrize("gains", gain_names())
 
 def over(name: str) -> FlightCase:
     """Return a short flight towards an edge with a noisy gyro."""
-    vehicle = FlightVehicle.of_rig(rig_named("pquad"), lag_s=0.02)
+    vehicle = FlightVehicle.of_rig(load_rig_by_name("pquad"), lag_s=0.02)
     case = flight_case("over", vehicle, gains_named("s3"), control=name, gyro_noise_rad_s=0.015)
     return replace(case, duration_s=3.0)
 
@@ -111,7 +111,9 @@ def test_the_loop_and_the_seam_give_the_same_flight(name):
     case = over(name)
     law = law_of(name, "free")
     compiled = fly(case)
-    stepped = fly_own(case, LawController(law, law.numbers(case, case.vehicle.rig.body)), name)
+    stepped = fly_user_controller(
+        case, LawController(law, law.numbers(case, case.vehicle.rig.body)), name
+    )
     assert np.ptp(compiled["x_m"]) > 0.05
     for column in ("x_m", "z_m", "roll_rad", "pitch_rad", "speed1_rad_s"):
         np.testing.assert_allclose(stepped[column], compiled[column], rtol=1e-9, atol=1e-11)
@@ -121,7 +123,7 @@ class ClimbState(NamedTuple):
     integral_N: float = 0.0
 
 
-@loop_part
+@inlined_expression
 def climb(
     p: tuple[float, float], state: ClimbState, measured: Any, reference: Any, dt_s: float
 ) -> tuple[ClimbState, FlightCommand]:
@@ -140,7 +142,9 @@ def test_a_flight_law_of_any_state_goes_the_way_of_the_cascade(monkeypatch):
     case = replace(over("climb"), start_m=(0.0, 0.0, 2.0), goals=(Goal(x_m=0.0, z_m=2.5),))
     case = replace(case, duration_s=1.0, gyro_noise_rad_s=0.0)
     built_in = fly(case)
-    own = fly_own(case, LawController(law, law.numbers(case, case.vehicle.rig.body)), "climb")
+    own = fly_user_controller(
+        case, LawController(law, law.numbers(case, case.vehicle.rig.body)), "climb"
+    )
     assert built_in["z_m"][-1] > 2.3
     assert np.isnan(built_in["pitch_ref_rad"]).all()
     np.testing.assert_allclose(own["z_m"], built_in["z_m"], rtol=1e-12)

@@ -12,8 +12,8 @@ import pytest
 
 import benchtool.bench
 import benchtool.virtual
-from benchtool.bench.bench import Bench, Opened
-from benchtool.bench.drivers import DRIVERS, load, open_bench, parse_address
+from benchtool.bench.bench import Bench, ContextBench
+from benchtool.bench.drivers import DRIVERS, load_object, open_bench, parse_address
 from benchtool.bench.wrappers import BenchWrapper
 from benchtool.core.errors import BenchError, BenchtoolError, DeviceStopped, UnknownChoice
 from tests.contracts.benches import CASES, STOP_US, stand_case
@@ -35,7 +35,7 @@ def driver_classes() -> set[type]:
     for room in (benchtool.bench, benchtool.virtual):
         for module in pkgutil.walk_packages(room.__path__, f"{room.__name__}."):
             for _, kind in inspect.getmembers(import_module(module.name), inspect.isclass):
-                if issubclass(kind, Opened) and not inspect.isabstract(kind):
+                if issubclass(kind, ContextBench) and not inspect.isabstract(kind):
                     found.add(kind)
     return {kind for kind in found if not issubclass(kind, BenchWrapper)}
 
@@ -61,7 +61,7 @@ def test_an_address_leads_to_its_opener_and_ends(scheme):
     driver = DRIVERS[scheme]
     address = parse_address(driver.example)
     assert type(address) is driver.address
-    assert callable(load(driver.opener))
+    assert callable(load_object(driver.opener))
     assert all(end.place or end.port for end in address.ends)
     with pytest.raises(UnknownChoice, match="option of"):
         open_bench(f"{scheme}:somewhere?no_such_option=1")

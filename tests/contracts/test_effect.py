@@ -14,7 +14,7 @@ import pytest
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import (
@@ -26,7 +26,7 @@ from benchtool.physics.effects.effect import (
     Flow,
 )
 from benchtool.physics.model import OWN_IMAGES, Model
-from benchtool.physics.prepared import Prepared
+from benchtool.physics.precomputed import Prepared
 from benchtool.physics.tolerances import default_tolerances
 from tests.contracts.moving_effects import moving_thrust_N
 
@@ -42,7 +42,7 @@ def strong_value(name: str, item: Parameter) -> float:
         return item.value
     known: dict[str, float] = {}
     for bench in BENCH_KINDS:
-        known |= default_tolerances(EFFECTS[name], rig_named("beam"), bench)
+        known |= default_tolerances(EFFECTS[name], load_rig_by_name("beam"), bench)
     return float(np.clip(item.neutral + 20.0 * known[item.name], item.lower, item.upper))
 
 
@@ -64,7 +64,7 @@ def without_it(rig: Rig, name: str) -> Model:
 
 @pytest.fixture
 def rig():
-    return rig_named("pquad")
+    return load_rig_by_name("pquad")
 
 
 @pytest.fixture
@@ -102,11 +102,11 @@ def test_it_describes_itself(name):
 def test_it_says_what_does_not_matter_on_any_vehicle(name, bench, vehicle):
     """A tolerance for each that shows on that bench, with room within the bounds."""
     effect = EFFECTS[name]
-    known = default_tolerances(effect, rig_named(vehicle), bench)
+    known = default_tolerances(effect, load_rig_by_name(vehicle), bench)
     with_neutral = [item for item in effect.parameters if item.neutral is not None]
     assert set(known) <= {item.name for item in with_neutral}
     assert known or bench not in effect.benches
-    both = [default_tolerances(effect, rig_named(vehicle), each) for each in BENCH_KINDS]
+    both = [default_tolerances(effect, load_rig_by_name(vehicle), each) for each in BENCH_KINDS]
     assert {name for one in both for name in one} == {item.name for item in with_neutral}
     for item in with_neutral:
         if item.name not in known:
@@ -182,7 +182,7 @@ def test_its_hooks_at_neutral_change_nothing_when_they_are_called(name, rig, con
     effect = EFFECTS[name]
     neutral = {item.name: item.neutral for item in effect.parameters if item.neutral is not None}
     bare = without_it(rig, name)
-    model = bare.with_effect(name, **neutral).freed(*(f"{name}.{key}" for key in neutral))
+    model = bare.with_effect(name, **neutral).with_free(*(f"{name}.{key}" for key in neutral))
     assert name in [present.name for present in model.present_effects]
     np.testing.assert_allclose(
         model.thrust_N(conditions), bare.thrust_N(conditions), rtol=1e-14, atol=0.0
@@ -311,7 +311,7 @@ def test_scalars_arrays_and_complex_steps_agree(name, rig, conditions):
 
 @EACH
 def test_a_prepared_model_predicts_the_same(name, rig, conditions):
-    model = acting(rig, name).freed("k", "R_m")
+    model = acting(rig, name).with_free("k", "R_m")
     prepared = Prepared(model, conditions)
     walkers = {"k": np.array([[0.9e-5], [1.1e-5]]), "R_m": np.array([[0.11], [0.13]])}
     values = [walkers.get(name, item.value) for name, item in model.parameters.items()]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signal
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
@@ -29,7 +29,7 @@ from tests.unit.simulate.flying import look_below
 
 ON_A_LOAD_CELL = ("thrust_reading", "play_N")
 IN_MOVING_AIR = ("image_share",)
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 WALL = Environment(blocks=(Block(x_m=(0.2, 3.0)),), floor_m=-0.3)
 FLOOR = Environment(floor_m=0.0)
 COVERED = (1.0, 0.6, 0.1, 0.6)  # shares of the discs over a pitch bench's plate

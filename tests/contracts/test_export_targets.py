@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 import benchtool as bt
-from benchtool.data.propeller_file import propeller_named
+from benchtool.data.propeller_file import load_propeller
 from benchtool.export.targets import TARGETS
-from benchtool.export.vehicle import Vehicle, vehicle_of
+from benchtool.export.vehicle import Vehicle, build_vehicle
 from tests.unit.commands.command_line import run
 
 LOGS = (
@@ -67,12 +67,12 @@ def exported(request, tmp_path_factory):
         bt.sweep("sim:pquad?truth=virtual_pquad", plan="steps", out=log, yes=True)
     else:
         log = request.getfixturevalue("reference_data") / request.param
-        propeller = propeller_named("5x4")
+        propeller = load_propeller("5x4")
         if "xNova" in request.param:  # pulls on its load cell
             turned = folder / "turned.csv"
             assert run("import", log, "--flip", "thrust_N", "--out", turned) == 0
             log = turned
-    vehicle = vehicle_of(log, propeller=propeller)
+    vehicle = build_vehicle(log, propeller=propeller)
     (first, *rest) = bt.export(log, "all", folder / "all", propeller="5x4" if propeller else None)
     files = dict(zip(TARGETS, (first, *rest), strict=True))
     texts = {name: path.read_text("utf-8") for name, path in files.items()}

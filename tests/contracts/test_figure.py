@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from benchtool.report.figure import PAGES, every_figure
+from benchtool.report.figure import PAGES, all_figures
 from benchtool.report.files import figure_bytes
 from benchtool.report.style import SIMULATED_GID
 from tests.contracts.figure_subjects import SUBJECTS
 
-FIGURES = {f"{entry.page}/{entry.name}": entry for entry in every_figure()}
+FIGURES = {f"{entry.page}/{entry.name}": entry for entry in all_figures()}
 EACH = pytest.mark.parametrize("entry", FIGURES.values(), ids=FIGURES)
 DOCS = Path(__file__).parents[2] / "docs" / "reference" / "figures.md"
 

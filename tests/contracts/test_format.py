@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from benchtool.data.formats.formats import FORMATS, format_of, import_bytes
-from benchtool.data.repairs.imported import Options
+from benchtool.data.formats.formats import FORMATS, detect_format, import_bytes
+from benchtool.data.repairs.import_result import ImportOptions
 from tests.unit.data.flight_logs import dataflash, hop, text_log
 from tests.unit.data.stand_logs import log_text, steps_1580
 
@@ -74,13 +74,13 @@ def test_its_reader_is_found(member):
 def test_its_sample_is_recognized_by_no_other_format(member):
     _, data = SAMPLES[member.name]
     assert [item.name for item in FORMATS if item.recognizes(data)] == [member.name]
-    assert format_of(data) is member
+    assert detect_format(data) is member
 
 
 @EACH
 def test_its_sample_is_imported_and_every_row_is_counted(member):
     where, data = SAMPLES[member.name]
-    read = import_bytes(data, where, Options())
+    read = import_bytes(data, where, ImportOptions())
     assert read.format.startswith(member.name)
     assert read.tally.balanced
     assert read.tally.kept > 0

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.bases import factor_at
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
@@ -21,7 +21,7 @@ from benchtool.physics.model_file import LoadedModel, model_from_toml, model_to_
 
 LAWS = sorted(name for name, effect in EFFECTS.items() if effect.distance_law is not None)
 EACH = pytest.mark.parametrize("name", LAWS)
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 NEAR_EQ_2 = ("exponential_law", "exponential_denominator", "inflow_exponential", "rational_law")
 
 
@@ -105,7 +105,7 @@ def test_a_rig_says_where_the_surface_is_and_refuses_laws_of_another():
 
 
 def test_images_in_a_surface_below_do_not_act_under_a_ceiling():
-    model = Model.single(rig_of("ceiling", rig_named("pquad")))
+    model = Model.single(rig_of("ceiling", load_rig_by_name("pquad")))
     at = Conditions.of(model.rig, speed_rad_s=np.full((4, 1), 500.0), plate_z_m=[0.06, 0.12])
     full = model.with_effect("neighbour_images").with_effect("body_lift")
     assert np.array_equal(factor_at(full, "equal_rpm2", at), factor_at(model, "equal_rpm2", at))
@@ -170,7 +170,7 @@ def test_it_is_infinite_where_it_says_and_nowhere_else(name):
 @pytest.mark.parametrize("name", [name for name in LAWS if stated(name).surface == "below"])
 def test_it_enters_the_sum_once_with_the_images_of_neighbours_and_the_body(name):
     """1/(1 - (1 - 1/G) - the rest), as eqs. (3) and (4) have it for eq. (2)."""
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     z_m = np.array([1.2, 2.0, 4.0]) * rig.propulsion.radius_m
     at = Conditions.of(rig, speed_rad_s=np.full((4, 1), 500.0), plate_z_m=z_m)
     alone = 1.0 - 1.0 / ratio(acting(name), z_m / rig.propulsion.radius_m)

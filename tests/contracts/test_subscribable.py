@@ -12,7 +12,7 @@ from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.settings import MavlinkSettings
 from benchtool.bench.wrappers import StoppableBench
 from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.devices import hello_of, virtual_plant
+from benchtool.virtual.devices import build_hello, virtual_plant
 from benchtool.virtual.firmware import Firmware
 from tests.contracts.benches import RIG, TRUTH, looped
 from tests.doubles.loopback_link import LoopbackLink
@@ -23,7 +23,7 @@ LONGEST_S = 0.15  # longest silence that a watcher may see
 def flown(kind: str) -> Bench:
     """Return a bench behind an autopilot, no faster than life."""
     plant = virtual_plant(RIG, TRUTH, 2)
-    device = VirtualAutopilot(Firmware(plant, hello_of(plant, TRUTH, 2)), kind)
+    device = VirtualAutopilot(Firmware(plant, build_hello(plant, TRUTH, 2)), kind)
     link = LoopbackLink(device, lambda: plant.rate_Hz)
     return MavlinkBench(link, "mavlink:loop", MavlinkSettings(rotors=1), clock=link.clock)
 

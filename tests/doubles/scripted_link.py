@@ -39,7 +39,7 @@ class ScriptedLink:
         then: LinkError | None = None,
     ) -> None:
         self.now_s = 100.0
-        self.opened = 0
+        self.active = 0
         self.closed = 0
         self.write_after_end: LinkError | None = None
         self._turns = list(turns)
@@ -64,7 +64,7 @@ class ScriptedLink:
     def open(self) -> None:
         if self._refuses is not None:
             raise self._refuses
-        self.opened += 1
+        self.active += 1
 
     def read(self, timeout_s: float) -> bytes:
         if not self._answer:

@@ -14,7 +14,7 @@ from unittest import mock
 
 from benchtool.bench.addresses import Address
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.settings import settings_of, transport_of
+from benchtool.bench.mavlink.settings import open_transport, parse_settings
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.stage.grbl import GrblStage
 from benchtool.bench.transport.serial_port import SerialPort
@@ -222,7 +222,7 @@ def on_the_clock(  # type: ignore[no-untyped-def]
         "serial.bench.open_tcp": lambda a: lines(TcpSocket(a.host, a.port), a),
         "serial.bench.open_serial": lambda a: lines(SerialPort(a.port, 2_000_000), a),
         "mavlink.bench.open_mavlink": lambda a: MavlinkBench(
-            wrapped(transport_of(a)), a.text, settings_of(a), clock=world.clock
+            wrapped(open_transport(a)), a.text, parse_settings(a), clock=world.clock
         ),
         "stage.grbl.GrblStage": partial(GrblStage, clock=world.clock),
         "transport.serial_port.SerialPort": lambda *given: staged(SerialPort(*given)),

@@ -31,11 +31,11 @@ from typing import Any
 from unittest import mock
 
 from benchtool.commands.app import main
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.devices import standard_truth, virtual_server
-from benchtool.virtual.faults import fault_from
-from benchtool.virtual.firmware import Firmware, Rows
+from benchtool.virtual.faults import parse_fault
+from benchtool.virtual.firmware import Firmware, TickRows
 from benchtool.virtual.links import PtyLink
 from benchtool.virtual.server import ServedDevice
 from tests.doubles.grbl import CarriedPlate, VirtualGrbl
@@ -87,7 +87,7 @@ class World:
         now_s: float = 1000.0,
         seed: int = 0,
     ) -> None:
-        rig = rig_named(rig_name)
+        rig = load_rig_by_name(rig_name)
         how = LINKS[link]
         self.now_s = now_s
         self.proxy = Proxy([] if how.has_stage else faults, self.clock, how.dialect())
@@ -124,7 +124,7 @@ class World:
             Far(self.proxy),
             seed=seed,
             speed=speed,
-            faults=[fault_from(text) for text in device_faults],
+            faults=[parse_fault(text) for text in device_faults],
             speak=keep,
             clock=self.clock,
         )
@@ -132,7 +132,7 @@ class World:
     def _note_rows(self, firmware: Firmware) -> None:
         advance = firmware.advance
 
-        def noted(n: int, now_s: float) -> Rows:
+        def noted(n: int, now_s: float) -> TickRows:
             rows = advance(n, now_s)
             times_us = rows.device_time_us.tolist()
             self.rows |= zip(times_us, rows.values.tolist(), strict=True)

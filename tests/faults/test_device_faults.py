@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.data.columns import code_of
+from benchtool.data.columns import word_to_code
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_samples
 from tests.faults.dialects import framed
@@ -54,7 +54,7 @@ def test_a_fault_ends_it_safely_and_says_why(tmp_path, fault, code, told):
     if fault.startswith("over_thrust"):
         # The reading that stopped it, and what came after it, are on the disk.
         assert np.nanmax(samples.column("thrust_N")) > 900.0
-        assert samples.column("phase")[-1] == code_of("phase", "end")
+        assert samples.column("phase")[-1] == word_to_code("phase", "end")
         assert samples.column("pwm1_us")[-1] == 1000.0
 
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.commands.app import main
 from benchtool.core.channel import Channel
 from benchtool.data.run.append import read_events
-from benchtool.virtual.simulated import SimulatedBench
+from benchtool.virtual.simulated_bench import SimulatedBench
 from tests.faults.dialects import TURNING_US
 from tests.faults.loop import plan, sweep
 from tests.faults.proxy import Fault
@@ -52,7 +52,7 @@ def test_a_bench_without_speeds_is_named_before_arming(tmp_path, monkeypatch, ca
     told, read = SimulatedBench.identity, SimulatedBench.read
     interrupted: list[float] = []
 
-    def without_speed(bench: SimulatedBench) -> Identity:
+    def without_speed(bench: SimulatedBench) -> DeviceInfo:
         identity = told.fget(bench)  # type: ignore[attr-defined]
         channels = [Channel("spare_V", "V") if c.name == "rpm1" else c for c in identity.channels]
         return replace(identity, channels=tuple(channels))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.recording import Recording
-from benchtool.core.schedule_file import schedule_named
+from benchtool.core.schedule_file import load_schedule
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gains_named
@@ -25,9 +25,9 @@ RATE_HZ = 250.0
 
 
 def flown(seed: int) -> Recording:
-    model = load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", FRICTION_NM)
+    model = load_model("pitch_beam").model.with_fixed("coulomb_friction.torque_Nm", FRICTION_NM)
     control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
-    schedule = replace(schedule_named("identify").lasting(24.0), plate=())
+    schedule = replace(load_schedule("identify").with_duration(24.0), plate=())
     sampled = schedule.sampled(RATE_HZ, model.rig.propulsion.radius_m)
     job = PitchJob(PitchBench.of(model), control)
     return simulate_pitch(job, sampled, seed).recording(model.rig)

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.devices import hello_of, virtual_plant
+from benchtool.virtual.devices import build_hello, virtual_plant
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import UdpLink
 from benchtool.virtual.server import BenchServer
@@ -82,11 +82,11 @@ class Watched(VirtualAutopilot):
 @posix
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_a_killed_host_leaves_motors_standing_within_300_ms(kind):
-    rig = rig_named("pquad_single")
+    rig = load_rig_by_name("pquad_single")
     truth = load_model("single", rig).model
     plant = virtual_plant(rig, truth, 1)
     clock = DeviceTime()
-    device = Watched(Firmware(plant, hello_of(plant, truth, 1), clock()), kind)
+    device = Watched(Firmware(plant, build_hello(plant, truth, 1), clock()), kind)
     port = free_port()
     link = UdpLink("127.0.0.1", port, listen=False)
     server = BenchServer(device, link, lambda: plant.rate_Hz, clock=clock)

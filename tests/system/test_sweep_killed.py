@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import plan_from_toml
+from benchtool.acquire.visit_order import plan_visits
 from benchtool.bench.serial.frames import frame
-from benchtool.core.rig_file import rig_named
-from benchtool.data.columns import code_of
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.columns import word_to_code
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
@@ -64,7 +64,7 @@ def end(process: subprocess.Popen, number: signal.Signals) -> tuple[int, str]:
 
 def planned(run: Path) -> list[int]:
     plan = plan_from_toml(Run.open(run).plan_text, "plan")
-    return [visit.setting.number for visit in visits_of(plan, rig_named("pquad_single"))]
+    return [visit.setting.number for visit in plan_visits(plan, load_rig_by_name("pquad_single"))]
 
 
 @pytest.mark.real_time(deadline_s=0.1)
@@ -119,7 +119,7 @@ def test_a_signal_during_a_move_loses_no_sample_and_shows_the_end(tmp_path, serv
     assert end(process, signal.SIGINT)[0] == 5
     samples = read_samples(run)
     phases = samples.column("phase")
-    tail = phases == code_of("phase", "end")
+    tail = phases == word_to_code("phase", "end")
     assert tail[-1]
     assert np.ptp(samples.column("time_s")[tail]) > 0.3
     assert samples.column("pwm1_us")[-1] == 1000.0

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
@@ -31,7 +31,7 @@ SMALL = ["--rig", "pquad_single", "--repeats", "1", "--z-over-r", "0.5,1", "--sa
 @contextmanager
 def serving_staged(bench: Path, stage: Path) -> Iterator[str]:
     """Serve a bench whose plate hangs on a stage; give the `--stage` of a host."""
-    rig = rig_named("pquad_single")
+    rig = load_rig_by_name("pquad_single")
     links = PtyLink(bench), PtyLink(stage)
     server = virtual_server(
         rig,

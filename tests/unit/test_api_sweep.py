@@ -11,7 +11,7 @@ import pytest
 
 import benchtool as bt
 from benchtool.acquire.operator import Unattended
-from benchtool.core.errors import InputError, RunStopped, WouldOverwrite
+from benchtool.core.errors import InputError, RunInterrupted, WouldOverwrite
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
@@ -69,7 +69,7 @@ class Answering(Unattended):
 
 
 def test_an_operator_of_ones_own_arms_in_place_of_yes():
-    with pytest.raises(RunStopped, match="not armed: ARM was not typed"):
+    with pytest.raises(RunInterrupted, match="not armed: ARM was not typed"):
         bt.sweep("sim:pquad", **PLAN, operator=Answering("yes"), out="run")
     assert not Path("run").exists()
     assert (
@@ -96,7 +96,7 @@ def assert_stopped(run: Path) -> None:
 
 
 def test_ctrl_c_stops_motors_and_the_run_goes_on_later(capsys):
-    with pytest.raises(RunStopped, match="stopped by Ctrl-C; zero was commanded"):
+    with pytest.raises(RunInterrupted, match="stopped by Ctrl-C; zero was commanded"):
         bt.sweep("sim:pquad", **PLAN, yes=True, out="run", operator=Interrupted())
     assert_stopped(Path("run"))
     assert "go on with: benchtool sweep --resume run" in capsys.readouterr().out

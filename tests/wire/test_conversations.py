@@ -17,7 +17,7 @@ from benchtool.bench.serial.frames import (
     frame,
     frame_command,
     frame_fields,
-    payload_of,
+    parse_frame,
 )
 from benchtool.bench.serial.hello import hello_lines
 from benchtool.core import errors
@@ -31,7 +31,7 @@ def ack(number: int, *fields: str, time_us: int = 0) -> bytes:
 
 def hello_answer(number: int, **changes: object) -> bytes:
     lines = hello_lines(still_hello(**changes))
-    payloads = [payload_of("H", (str(index), *line)) for index, line in enumerate(lines)]
+    payloads = [parse_frame("H", (str(index), *line)) for index, line in enumerate(lines)]
     whole = crc16(b"".join(payload + b"\n" for payload in payloads))
     return b"".join(map(frame, payloads)) + ack(number, str(len(lines)), f"{whole:04X}")
 
@@ -75,7 +75,7 @@ def test_open_read_close():
         identity = bench.identity
         readings = bench.read(0.1)
     link.check_finished()
-    assert (link.opened, link.closed) == (1, 1)
+    assert (link.active, link.closed) == (1, 1)
     assert identity.device_id == "bench-0042"
     assert identity.protocol == "benchtool-2"
     assert identity.rate_Hz == 100.0
@@ -95,7 +95,7 @@ def test_answers_may_come_byte_by_byte():
     bench.open()
     bench.open()  # twice is once
     link.check_finished()
-    assert link.opened == 1
+    assert link.active == 1
 
 
 SPIN, CLEAR = np.array([1200.0, 1200.0]), wire.Clear()

@@ -7,8 +7,8 @@ import pytest
 
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.serial.commands import Reply, SendPlate
-from benchtool.core.errors import CommandRefused, HostPaused
-from benchtool.virtual.faults import Fault, LinkFaults, fault_from
+from benchtool.core.errors import CommandRefused, HostSuspended
+from benchtool.virtual.faults import Fault, LinkFaults, parse_fault
 from benchtool.virtual.firmware import Firmware
 from tests.doubles.loopback_link import LoopbackLink
 from tests.wire.still_plant import StillPlant, still_hello
@@ -42,7 +42,7 @@ def test_nothing_is_lost_on_a_sound_wire():
     np.testing.assert_array_equal(np.diff(np.concatenate(times_us)), 5000.0)
 
 
-@pytest.mark.parametrize("fault", [fault_from("corrupt:p=0.0005"), fault_from("drop:p=0.0005")])
+@pytest.mark.parametrize("fault", [parse_fault("corrupt:p=0.0005"), parse_fault("drop:p=0.0005")])
 @pytest.mark.parametrize("seed", range(5))
 def test_a_bad_wire_costs_samples_but_no_command(fault, seed):
     bench, link = wired(fault, seed=seed)
@@ -64,7 +64,7 @@ def test_a_bad_wire_costs_samples_but_no_command(fault, seed):
 
 
 def test_a_silence_shorter_than_a_second_is_lived_through():
-    bench, link = wired(fault_from("silence:at_s=1,for_s=0.6"))
+    bench, link = wired(parse_fault("silence:at_s=1,for_s=0.6"))
     with bench:
         lost = 0
         while link.now_s < 3.0:
@@ -86,7 +86,7 @@ def test_an_order_that_a_pause_of_the_host_made_old_is_refused_and_the_pause_is_
             send(data)
 
         link.write = stand_still  # type: ignore[method-assign]
-        with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
+        with pytest.raises(HostSuspended, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
             bench.set_pwm(np.array([1400.0, 1400.0]))
         assert link.device.firmware.pwm_us.max() == 1000.0
 
@@ -109,7 +109,7 @@ def test_an_order_that_the_pause_of_a_host_made_old_while_it_asked_for_the_time(
                 link._answer = told
 
         link.write = stand_still  # type: ignore[method-assign]
-        with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
+        with pytest.raises(HostSuspended, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
             bench.set_pwm(np.array([1400.0, 1400.0]))
         assert link.device.firmware.pwm_us.max() == 1000.0
 
@@ -153,7 +153,7 @@ def test_a_pause_before_an_order_to_turn_is_named_where_only_old_samples_were_re
         read_all(bench, link)
         behind(link)
         bench.read(0.1)
-        with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
+        with pytest.raises(HostSuspended, match=r"did not run benchtool for 2\.0 s, limit 0\.5 s"):
             bench.set_pwm(np.array([1400.0, 1400.0]))
         assert link.device.firmware.pwm_us.max() == 1000.0
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchtool.bench.mavlink.autopilots import ArduPilot
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.messages import MavCommand
-from benchtool.bench.mavlink.pilots import ArduPilot
 from benchtool.bench.mavlink.settings import MotorMap
 from benchtool.core.errors import (
     CommandRefused,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from benchtool.bench.identify import PROBE
+from benchtool.bench.mavlink.autopilots import ArduPilot, Px4
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import MavCommand, dialect, interval
-from benchtool.bench.mavlink.pilots import ArduPilot, Px4
 from benchtool.bench.mavlink.streams import StreamRequest, request_streams
 from benchtool.bench.serial.frames import frame
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError

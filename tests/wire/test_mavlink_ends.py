@@ -14,10 +14,10 @@ from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import (
     BenchError,
     DeviceStopped,
-    HostPaused,
+    HostSuspended,
     LinkLost,
 )
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.virtual.autopilot import VirtualAutopilot
 from tests.doubles.loopback_link import LoopbackLink
 from tests.wire.autopilot_bench import PLUS, Bench, pulses
@@ -34,7 +34,9 @@ def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does():
         made.link.pass_time(0.1)
         assert max(made.autopilot.outputs_us) == 1000
         # The order is too old to be sent again: it would start a motor that stands.
-        with pytest.raises(HostPaused, match=r"did not run benchtool for 0\.\d s, limit 0\.25 s"):
+        with pytest.raises(
+            HostSuspended, match=r"did not run benchtool for 0\.\d s, limit 0\.25 s"
+        ):
             made.read(1.0)
         made.read(1.0)
         assert max(made.autopilot.outputs_us) == 1000
@@ -83,7 +85,7 @@ def test_an_order_is_as_old_as_when_it_was_sent_however_late_it_was_acknowledged
         made.link.write = write  # type: ignore[method-assign]
         made.link.pass_time(0.12)
         assert max(made.autopilot.outputs_us) == 1000
-        with pytest.raises(HostPaused, match=r"did not run benchtool for 0\.3 s, limit 0\.25 s"):
+        with pytest.raises(HostSuspended, match=r"did not run benchtool for 0\.3 s, limit 0\.25 s"):
             made.read(1.0)
         assert max(made.autopilot.outputs_us) == 1000
 
@@ -100,7 +102,7 @@ def test_no_order_is_sent_after_a_pause_while_its_acknowledgement_was_waited_for
                 made.link.pass_time(2.0)
 
         made.link.write = lose_and_stand_still  # type: ignore[method-assign]
-        with pytest.raises(HostPaused, match=r"did not run benchtool for 2\.0 s, limit 0\.25 s"):
+        with pytest.raises(HostSuspended, match=r"did not run benchtool for 2\.0 s, limit 0\.25 s"):
             bench.set_pwm(pulses(1300.0, 1000.0))
         assert len([data for data in sent if data[7:10] == b"L\0\0"]) == 1  # COMMAND_LONG
         made.link.write = send  # type: ignore[method-assign]
@@ -260,7 +262,7 @@ def answer_late(made: Bench, delay_s: float) -> None:
 @pytest.mark.parametrize("delay_s", [0.7, 2.5])
 def test_a_late_acknowledgement_alone_ends_nothing(delay_s):
     made = Bench(rotors=1)
-    with GuardedBench(made.bench, rig_named("pquad_single")) as guard:
+    with GuardedBench(made.bench, load_rig_by_name("pquad_single")) as guard:
         assert guard.identity.longest_delay_s == pytest.approx(0.3)
         answer_late(made, delay_s)
         guard.set_pwm(pulses(1000.0))

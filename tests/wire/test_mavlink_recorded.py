@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.acquire.bench_check import CheckResult, check_bench, learn_motors
+from benchtool.acquire.bench_check import CheckResult, check_bench, detect_motor_map
 from benchtool.bench.bench import Readings
 from benchtool.bench.mavlink.bench import MavlinkBench
-from benchtool.bench.mavlink.health import kind_of_text
+from benchtool.bench.mavlink.health import classify_status_text
 from benchtool.bench.mavlink.messages import MOTOR_TEST, Message
 from benchtool.bench.mavlink.settings import MavlinkSettings, MotorMap
 from benchtool.core.errors import BenchError, CommandRefused, DeviceStopped, LinkLost
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from tests.wire.recorded_autopilot import (
     RecordedPeer,
     chunks_of,
@@ -111,7 +111,7 @@ def test_every_recorded_text_means_what_it_should(folder):
         assert component == 1
         known = [start for start in INFORMATION if text.startswith(start)]
         expected = OTHERS.get(text) or ("information" if known else "not classified yet")
-        assert kind_of_text(text, severity) == expected, text
+        assert classify_status_text(text, severity) == expected, text
         met |= {text if text in OTHERS else start for start in [*known, text]}
     assert met >= INFORMATION | set(OTHERS)
 
@@ -185,7 +185,7 @@ def test_a_restart_by_command_is_noticed_at_rest(folder):
     for chunk in chunks_of(folder, name):
         if not chunk.host:
             health += [
-                kind_of_text(message.text, message.severity)
+                classify_status_text(message.text, message.severity)
                 for message in messages_of(chunk.data, parser)
                 if message.get_type() == "STATUSTEXT"
             ]
@@ -234,7 +234,7 @@ def check_of(folder: Path, name: str, **given: object) -> list[CheckResult]:
     """Give the findings of a bench check with the peer of a conversation."""
     _, bench = opened(folder, name, **given)
     with bench:
-        return list(check_bench(bench, rig_named("pquad")))
+        return list(check_bench(bench, load_rig_by_name("pquad")))
 
 
 def test_a_bench_check_passes_with_speeds(folder):
@@ -260,7 +260,9 @@ def test_a_bench_check_passes_without_speeds_and_says_so(folder):
 def test_the_map_is_what_eyes_and_outputs_say(folder, name, asked, motors):
     _, bench = opened(folder, name, motor_map=None, speeds=True, rotors=4)
     with bench:
-        found = learn_motors(bench, rig_named("pquad"), lambda motor: asked[motor - 1], print)
+        found = detect_motor_map(
+            bench, load_rig_by_name("pquad"), lambda motor: asked[motor - 1], print
+        )
     assert found.motors == motors
     assert found.outputs == (3, 2, 4, 1)
 

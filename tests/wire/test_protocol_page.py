@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.bench.serial.commands import command_from
+from benchtool.bench.serial.commands import decode_command
 from benchtool.bench.serial.frames import Decoder, crc16
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.protocol import DeviceLink
@@ -59,7 +59,7 @@ def test_every_line_of_the_conversation_is_whole():
     for message in messages:
         if message.letter == "C":
             _, name, time, *values = message.fields
-            command_from((name, time) if name == "hello" else (name, *values))
+            decode_command((name, time) if name == "hello" else (name, *values))
 
 
 def test_the_vector():

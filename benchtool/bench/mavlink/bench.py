@@ -15,27 +15,27 @@ from dataclasses import replace
 import numpy as np
 
 from benchtool.bench.addresses import LEAST_HZ, MOST_HZ, MavlinkAddress
-from benchtool.bench.bench import Identity, Readings, StreamingBench
+from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.mavlink import streams
-from benchtool.bench.mavlink.drive import Drive, PitchDrive, RunWatch
+from benchtool.bench.mavlink.autopilots import DETECTION_TIMEOUT_S, AutopilotInfo, read_autopilot
+from benchtool.bench.mavlink.auxiliary_load_cell import AuxiliaryLoadCell, merge_in_order
+from benchtool.bench.mavlink.drive import MotorDrive, PitchDrive, RunWatch
 from benchtool.bench.mavlink.frames import MavlinkFrames, MavlinkQuality
 from benchtool.bench.mavlink.health import Health
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import Message, interval
 from benchtool.bench.mavlink.motor_test import TestDrive
-from benchtool.bench.mavlink.pilots import SEEN_S, AutopilotInfo, read_autopilot
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.bench.mavlink.settings import (
     THRUST_MESSAGES,
     MavlinkSettings,
     live_channels,
-    settings_of,
-    transport_of,
+    open_transport,
+    parse_settings,
 )
-from benchtool.bench.mavlink.side_cell import SideCell, in_order
 from benchtool.bench.transport.transport import Transport
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchError, InputError, LinkLost, StageError
 
@@ -62,14 +62,14 @@ class MavlinkBench(StreamingBench):
         self._transport, self._clock, self._since_1970_s = transport, clock, since_1970_s
         self._settings = settings or MavlinkSettings()
         name, _ = self._settings.cell or ("its port", 0)
-        self._cell = SideCell(cell, name, clock) if cell else None
+        self._cell = AuxiliaryLoadCell(cell, name, clock) if cell else None
         self._ports = [transport] if cell is None else [transport, cell]
         self._autopilot: AutopilotInfo | None = None
         self._channels: tuple[Channel, ...] = ()
         self._rate_Hz = self._settings.rate_Hz
 
     @property
-    def identity(self) -> Identity:
+    def identity(self) -> DeviceInfo:
         autopilot = self._known()
         facts = {
             "system": str(self._link.system),
@@ -81,7 +81,7 @@ class MavlinkBench(StreamingBench):
             address=self.address,
             channels=self._channels,
             rate_Hz=self._rate_Hz,
-            longest_delay_s=self._speed * max(self._link.slowest_s, SEEN_S),
+            longest_delay_s=self._speed * max(self._link.slowest_s, DETECTION_TIMEOUT_S),
         )
 
     def now_s(self) -> float:
@@ -110,20 +110,20 @@ class MavlinkBench(StreamingBench):
             self._rows = MavlinkRows(autopilot.wiring, autopilot.pulses.idle_us, settings.speeds)
             made = PitchDrive if settings.mode == "pitch" else TestDrive
             self._health = Health(made is PitchDrive or autopilot.pilot.arms)
-            self._drive: Drive = made(link, autopilot, self._health, settings.arm, self._clock)
+            self._drive: MotorDrive = made(link, autopilot, self._health, settings.arm, self._clock)
             self._plate = VirtualPlate(link, self.now_s)
             link.on_message = self._take
             n = autopilot.wiring.n_rotors
             self._baud = 0 if autopilot.simulated else self._transport.baud or 0
-            fitting, remarks = streams.fitted(settings, n, self._baud)
+            fitting, remarks = streams.fit_rates(settings, n, self._baud)
             self._rate_Hz, self._messages = fitting.rate_Hz, [*self._messages, *remarks]
             self._states = streams.request_streams(
                 link, streams.stream_requests(fitting, n), self._counts.__getitem__,
                 self._clock, self._speed,
             )  # fmt: skip
             if self._baud:
-                self._messages += streams.switch_off_others(link, self._counts, self._states)
-            if link.slowest_s > streams.LATE_S:
+                self._messages += streams.disable_other_streams(link, self._counts, self._states)
+            if link.slowest_s > streams.LATE_TIMEOUT_S:
                 self._messages.append(
                     f"acknowledgements take up to {link.slowest_s:.1f} s: the link carries more "
                     f"than it can; ask for less (rate=, rpm=none), or raise its baud rate"
@@ -131,7 +131,7 @@ class MavlinkBench(StreamingBench):
             self._choose_channels(autopilot)
             link.frames.take_counts(link.system)
             self._watch = RunWatch(self.address, link, self._health, self._drive, self._rows)
-            outputs = streams.coming(self._states, *streams.OUTPUT_MESSAGES)
+            outputs = streams.streaming_messages(self._states, *streams.OUTPUT_MESSAGES)
             self._watch.request_again = [interval(name, self._rate_Hz) for name in outputs]
             self._autopilot = autopilot
         except BaseException:
@@ -144,7 +144,7 @@ class MavlinkBench(StreamingBench):
             return
         try:
             self._drive.release()
-            for name in streams.coming(self._states):
+            for name in streams.streaming_messages(self._states):
                 self._link.order(interval(name, 0.0))
         except BenchError:
             pass  # The time-out of the motor test stops the motors where we cannot.
@@ -216,7 +216,7 @@ class MavlinkBench(StreamingBench):
             )
         streams.check_fit(self._settings, rate_Hz, self._known().wiring.n_rotors, self._baud)
         swift = (*streams.OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET")
-        for name in streams.coming(self._states, *swift):
+        for name in streams.streaming_messages(self._states, *swift):
             self._link.exchange(interval(name, rate_Hz))
         self._rate_Hz = rate_Hz
 
@@ -267,7 +267,7 @@ class MavlinkBench(StreamingBench):
         # What it says of messages that it does not have is reported once, below.
         denied = "No ap_message for mavlink id"
         self._health.texts[:] = [t for t in self._health.texts if not t.startswith(denied)]
-        self._messages += streams.silent(self._states)
+        self._messages += streams.silent_messages(self._states)
 
     def _take(self, message: Message, arrived_s: float) -> None:
         name, own = message.msgname, self._link.is_own(message)
@@ -311,7 +311,7 @@ class MavlinkBench(StreamingBench):
             columns = [self._thrust + 1, self._thrust]
             cell = self._cell.rows(self._bench_s, self._device_clock, len(self._channels), columns)
             cell[1][:, self._thrust] *= self._settings.thrust_scale_N
-            times_us, values = in_order((times_us, values), cell, self._given_us)
+            times_us, values = merge_in_order((times_us, values), cell, self._given_us)
         if len(times_us):
             self._given_us = int(times_us[-1])
         if self._thrust >= 0:
@@ -338,9 +338,9 @@ def open_mavlink(address: MavlinkAddress) -> MavlinkBench:
     """Return the bench behind an autopilot, not opened yet."""
     from benchtool.bench.transport.serial_port import SerialPort
 
-    settings = settings_of(address)
+    settings = parse_settings(address)
     cell = SerialPort(*settings.cell) if settings.cell else None
-    return MavlinkBench(transport_of(address), address.text, settings, cell=cell)
+    return MavlinkBench(open_transport(address), address.text, settings, cell=cell)
 
 
 AGAIN_S = 0.5  # A plate order that was not acknowledged is sent again after so long

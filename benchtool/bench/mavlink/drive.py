@@ -6,18 +6,18 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from benchtool.bench.mavlink import messages as mav
-from benchtool.bench.mavlink.health import RESTARTED, Health, silence_of
-from benchtool.bench.mavlink.link import SILENT_S, MavlinkLink
-from benchtool.bench.mavlink.pilots import AutopilotInfo
+from benchtool.bench.mavlink.autopilots import AutopilotInfo
+from benchtool.bench.mavlink.health import RESTARTED, Health, silence_message
+from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S, MavlinkLink
 from benchtool.bench.mavlink.rows import MavlinkRows
-from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost
+from benchtool.core.errors import CommandRefused, DeviceStopped, HostSuspended, LinkLost
 
-ARM_WAIT_S = 3.0  # from an accepted arming to a heartbeat that shows it; one comes per second
+ARM_TIMEOUT_S = 3.0  # from an accepted arming to a heartbeat that shows it; one comes per second
 
 Outputs = tuple[float, ...]
 
 
-class Drive(ABC):
+class MotorDrive(ABC):
     """Turn motors, hold them turning while somebody reads, and stop them.
 
     Attributes:
@@ -69,7 +69,7 @@ class Drive(ABC):
         """Send what must be sent again; return why it is refused now, or None.
 
         Raises:
-            HostPaused: the last order is so old that its motors stand.
+            HostSuspended: the last order is so old that its motors stand.
         """
         return None
 
@@ -86,7 +86,7 @@ class Drive(ABC):
         return None
 
 
-class PitchDrive(Drive):
+class PitchDrive(MotorDrive):
     """Leave the motors to the autopilot's own loop: arm it or wait for that, and disarm it."""
 
     _driven = False
@@ -103,7 +103,7 @@ class PitchDrive(Drive):
             result = self._link.exchange(mav.MavCommand(mav.ARM_DISARM, (1.0, *[0.0] * 6)))
             if result != mav.ACCEPTED:
                 raise CommandRefused("arm", self._health.refusal or mav.result_name(result))
-        until_s = self._clock() + ARM_WAIT_S
+        until_s = self._clock() + ARM_TIMEOUT_S
         while not self._health.armed and self._clock() < until_s:
             self._link.pump(0.02)
         if not self._health.armed:
@@ -127,7 +127,9 @@ class PitchDrive(Drive):
             self.stop()
 
 
-PAUSE_S = 0.15  # nobody read for longer than this: the silence was ours, not that of the autopilot
+COMMAND_INTERVAL_S = (
+    0.15  # nobody read for longer than this: the silence was ours, not that of the autopilot
+)
 
 
 class RunWatch:
@@ -139,7 +141,7 @@ class RunWatch:
     """
 
     def __init__(
-        self, address: str, link: MavlinkLink, health: Health, drive: Drive, rows: MavlinkRows
+        self, address: str, link: MavlinkLink, health: Health, drive: MotorDrive, rows: MavlinkRows
     ) -> None:
         self.request_again: list[mav.MavCommand] = []
         self._address = address
@@ -154,28 +156,28 @@ class RunWatch:
 
         Raises:
             LinkLost: the autopilot is silent.
-            HostPaused: nobody called this for so long that the motors stand; zero was commanded.
+            HostSuspended: nobody called this for so long that the motors stand; zero was commanded.
         """
         pause_s = self._link.clock() - self._pumped_s
-        if pause_s > PAUSE_S:
+        if pause_s > COMMAND_INTERVAL_S:
             self._health.skip(pause_s)
             self._link.received_s += pause_s
         self._link.pump(timeout_s)
         self._pumped_s = now_s = self._link.clock()
         silent_s = now_s - self._link.received_s
-        if silent_s > SILENT_S:
+        if silent_s > SILENCE_TIMEOUT_S:
             self._drive.stop_renewing()
-        silence = silence_of(self._address, silent_s, self._health.silence_s(now_s))
+        silence = silence_message(self._address, silent_s, self._health.silence_s(now_s))
         if silence is not None:
             raise silence
         text_fault = self._health.take_fault()
         fault = self._came_back() or text_fault
         try:
             fault = fault or self._drive.renew(now_s)
-        except HostPaused:
+        except HostSuspended:
             self._stop()
             raise
-        if silent_s <= SILENT_S:
+        if silent_s <= SILENCE_TIMEOUT_S:
             fault = fault or self._drive.fault(self._rows.outputs_us, now_s)
         if fault is not None and self._stopped is None:
             self._stopped = fault
@@ -204,7 +206,7 @@ class RunWatch:
         if gap and self._health.driven and self._drive.renews:
             return (
                 f"nothing came from the autopilot for {gap.silent_s:.1f} s while a motor turned, "
-                f"limit {SILENT_S:g} s"
+                f"limit {SILENCE_TIMEOUT_S:g} s"
             )
         return None
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from benchtool.bench.mavlink.link import SILENT_S
+from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S
 from benchtool.bench.mavlink.messages import Message
 from benchtool.core.errors import LinkLost
 
-HEARTBEAT_LOST_S = 5.5
+HEARTBEAT_TIMEOUT_S = 5.5
 """Heartbeats come every second; five missing ones, beside streams that go on, are a dead autopilot.
 A choice: of a link that loses every tenth frame five in a row are missing once in a day."""
 
 ARMED = 128  # bit of the heartbeat's base_mode (MAV_MODE_FLAG): motors live
-STALE_S = 1.0  # wall time without data after which a link is lost, as on other benches; assumed
+STALE_TIMEOUT_S = (
+    1.0  # wall time without data after which a link is lost, as on other benches; assumed
+)
 CHUNK = 50  # letters of one STATUSTEXT; a longer text comes in several with one number
 ARMING_S = 1.5  # from the first order to a heartbeat that shows armed; one comes per second
 WARNING = 4  # MAV_SEVERITY: what comes as a notice, as information or for debugging ends nothing
@@ -30,7 +32,7 @@ _FAILSAFE = re.compile(
 _PASSES = re.compile(r"^(PreArm|Arm): |cleared", re.I)
 
 
-def kind_of_text(text: str, severity: int) -> TextKind:
+def classify_status_text(text: str, severity: int) -> TextKind:
     """Return what a text of the autopilot itself means for a run.
 
     Severity decides first: of what is less than a warning only the words of a start count. Arming
@@ -108,7 +110,7 @@ class Health:
         self.texts.append(text if own else f"component {component}: {text}")
         if not own:
             return
-        kind = kind_of_text(text, message.severity)
+        kind = classify_status_text(text, message.severity)
         if message.severity <= WARNING:
             self.refusal = text
         if kind == "restart":
@@ -137,17 +139,18 @@ class Health:
             self._driven_since_s += pause_s
 
 
-def silence_of(address: str, silent_s: float, beatless_s: float) -> LinkLost | None:
+def silence_message(address: str, silent_s: float, beatless_s: float) -> LinkLost | None:
     """Return the error for a silence of everything, or of heartbeats; None where both are short."""
-    if silent_s > STALE_S:
+    if silent_s > STALE_TIMEOUT_S:
         return LinkLost(
-            f"{address} sent nothing for {silent_s:.1f} s, limit {STALE_S:g} s; no order to turn "
-            f"was sent after {SILENT_S:g} s of it, and motor tests end by themselves; check cable "
-            f"and power, then start again"
+            f"{address} sent nothing for {silent_s:.1f} s, limit {STALE_TIMEOUT_S:g} s; no order "
+            "to turn "
+            f"was sent after {SILENCE_TIMEOUT_S:g} s of it, and motor tests end by themselves; "
+            f"check cable and power, then start again"
         )
-    if beatless_s > HEARTBEAT_LOST_S:
+    if beatless_s > HEARTBEAT_TIMEOUT_S:
         return LinkLost(
             f"{address} sends, but no heartbeat came for {beatless_s:.1f} s, limit "
-            f"{HEARTBEAT_LOST_S:g} s; check the flight controller, then start again"
+            f"{HEARTBEAT_TIMEOUT_S:g} s; check the flight controller, then start again"
         )
     return None

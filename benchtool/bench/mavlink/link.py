@@ -6,8 +6,8 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from benchtool.bench.clocks import Gaps
-from benchtool.bench.identify import mismatch, probe_answer
+from benchtool.bench.clocks import HostGapDetector
+from benchtool.bench.identify import mismatch_message, probe_answer
 from benchtool.bench.mavlink.frames import (
     AUTOPILOT_COMPONENT,
     GROUND_SYSTEM,
@@ -16,22 +16,30 @@ from benchtool.bench.mavlink.frames import (
     is_signed,
 )
 from benchtool.bench.mavlink.messages import AUTOPILOT_INVALID, MavCommand, Message, dialect
-from benchtool.bench.transport.transport import LONGEST_WAIT_S, LinkEnd, Transport
+from benchtool.bench.transport.transport import MAX_WAIT_S, LinkEndpoint, Transport
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 
 HEARTBEAT_S = 1.0  # a ground station's heartbeat, as MAVLink asks
-FIND_S = 5.0  # wait for a heartbeat: boards that reset when their port opens boot meanwhile
-OTHERS_S = 1.2  # so long after the first heartbeat others are waited for: each comes once a second
+DISCOVERY_TIMEOUT_S = (
+    5.0  # wait for a heartbeat: boards that reset when their port opens boot meanwhile
+)
+OTHER_HOST_TIMEOUT_S = (
+    1.2  # so long after the first heartbeat others are waited for: each comes once a second
+)
 
-TRIES_S = (0.15, 0.3, 0.6, 1.2, 1.5)
+RETRY_INTERVALS_S = (0.15, 0.3, 0.6, 1.2, 1.5)
 """How long each try of an order waits. ArduPilot acknowledges in about 6 ms; behind MAVProxy on a
 busy machine it took 0.7 s, on a line of 57,600 baud that is overfilled 3.0 s."""
 
-PARAMETER_S = (0.6, 0.3)
+PARAMETER_TIMEOUT_S = (0.6, 0.3)
 
-REQUIRED_S = (0.6, 0.9, 1.5)  # an unknown parameter gets no answer; known: 0.1 s, to 3 s if busy
+REQUIRED_TIMEOUT_S = (
+    0.6,
+    0.9,
+    1.5,
+)  # an unknown parameter gets no answer; known: 0.1 s, to 3 s if busy
 
-SILENT_S = 0.3
+SILENCE_TIMEOUT_S = 0.3
 """Orders to turn end so long after the last bytes of the autopilot: nobody sees any more what its
 outputs do. Outputs come at 10 Hz at least."""
 
@@ -47,7 +55,7 @@ class LinkGap(NamedTuple):
     from_start: bool
 
 
-class MavlinkLink(LinkEnd):
+class MavlinkLink(LinkEndpoint):
     """Hold one conversation with an autopilot over a transport.
 
     Attributes:
@@ -70,7 +78,7 @@ class MavlinkLink(LinkEnd):
         self.component = AUTOPILOT_COMPONENT
         self.received_s = clock()
         self.slowest_s = 0.0
-        self.gaps = Gaps()
+        self.gaps = HostGapDetector()
         self.on_message: Callable[[Message, float], None] = lambda message, arrived_s: None
         self.words = dialect()
         self._beat_s = -HEARTBEAT_S
@@ -94,12 +102,12 @@ class MavlinkLink(LinkEnd):
         """
         self.received = b""
         self.transport.open()
-        deadline_s = self.clock() + FIND_S
+        deadline_s = self.clock() + DISCOVERY_TIMEOUT_S
         while self.clock() < deadline_s and wanted not in self._beats:
             before = len(self._beats)
-            self.pump(LONGEST_WAIT_S)
+            self.pump(MAX_WAIT_S)
             if len(self._beats) > before == 0:
-                deadline_s = self.clock() + OTHERS_S
+                deadline_s = self.clock() + OTHER_HOST_TIMEOUT_S
         if not self._beats:
             raise self._silence()
         listed = ", ".join(str(system) for system in sorted(self._beats))
@@ -133,7 +141,7 @@ class MavlinkLink(LinkEnd):
         """Return the result of the last acknowledgement of a command, once."""
         return self._acks.pop(command, None)
 
-    def exchange(self, order: MavCommand, tries_s: tuple[float, ...] = TRIES_S) -> int:
+    def exchange(self, order: MavCommand, tries_s: tuple[float, ...] = RETRY_INTERVALS_S) -> int:
         """Send an order until it is acknowledged; return the result (MAV_RESULT).
 
         Args:
@@ -170,14 +178,15 @@ class MavlinkLink(LinkEnd):
     ) -> dict[str, float]:
         """Return the parameters that the autopilot has; refuse one without a required one."""
         self._reported = {}
-        for needed, tries_s in ((names, PARAMETER_S), (required, REQUIRED_S)):
+        for needed, tries_s in ((names, PARAMETER_TIMEOUT_S), (required, REQUIRED_TIMEOUT_S)):
             for wait_s in tries_s:
                 self._request(needed, wait_s)
         if not self._reported:
             self._check_signed()
         if missing := [name for name in required if name not in self._reported]:
             raise ProtocolError(
-                f"{self.address} did not report {', '.join(missing)} in {sum(REQUIRED_S):g} s, so "
+                f"{self.address} did not report {', '.join(missing)} in "
+                f"{sum(REQUIRED_TIMEOUT_S):g} s, so "
                 f"that pulses could not be held within its range; check the link and the parameter"
             )
         return {name: self._reported[name] for name in names if name in self._reported}
@@ -216,7 +225,7 @@ class MavlinkLink(LinkEnd):
         name = message.msgname
         if self.is_own(message):
             number = int(message.get_seq())
-            if (silent_s := arrived_s - self.received_s) > SILENT_S:
+            if (silent_s := arrived_s - self.received_s) > SILENCE_TIMEOUT_S:
                 skipped = (number - self._number - 1) % SEQUENCE_MODULUS
                 self._gap = LinkGap(silent_s, number < FIRST_NUMBERS <= skipped)
             self.received_s, self._number = arrived_s, number
@@ -243,7 +252,8 @@ class MavlinkLink(LinkEnd):
         if self.frames.received:
             return ProtocolError(
                 f"{self.address} carries MAVLink, but no autopilot's heartbeat came within "
-                f"{FIND_S:g} s; check that the flight controller runs and is not behind a router"
+                f"{DISCOVERY_TIMEOUT_S:g} s; check that the flight controller runs and is not "
+                "behind a router"
             )
         if self.frames.unsigned:
             return ProtocolError(
@@ -254,10 +264,10 @@ class MavlinkLink(LinkEnd):
             self.received = probe_answer(self.transport, self.clock)
         if not self.received:
             return NoDevice(
-                f"{self.address} is open, but nothing came for {FIND_S:g} s; check power, and "
-                f"that the autopilot sends MAVLink to this port"
+                f"{self.address} is open, but nothing came for {DISCOVERY_TIMEOUT_S:g} s; check "
+                f"power, and that the autopilot sends MAVLink to this port"
             )
-        return ProtocolError(f"{self.address} {mismatch('mavlink', self.received)}")
+        return ProtocolError(f"{self.address} {mismatch_message('mavlink', self.received)}")
 
 
 INTEGER_TYPES = range(1, 9)  # MAV_PARAM_TYPE of whole numbers

@@ -5,20 +5,32 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from benchtool.bench.mavlink import messages as mav
-from benchtool.bench.mavlink.drive import Drive, Outputs
+from benchtool.bench.mavlink.autopilots import DETECTION_TIMEOUT_S, RESEND_INTERVAL_S, AutopilotInfo
+from benchtool.bench.mavlink.drive import MotorDrive, Outputs
 from benchtool.bench.mavlink.health import Health
-from benchtool.bench.mavlink.link import SILENT_S, MavlinkLink
-from benchtool.bench.mavlink.pilots import RESEND_S, SEEN_S, AutopilotInfo
-from benchtool.core.errors import CommandRefused, DeviceStopped, HostPaused, LinkLost, RunStopped
+from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S, MavlinkLink
+from benchtool.core.errors import (
+    CommandRefused,
+    DeviceStopped,
+    HostSuspended,
+    LinkLost,
+    RunInterrupted,
+)
 
-STOPPED_S = 1.0  # to a visible stop before the next motor: 0.06 s (ArduCopter) and the link
-STOP_TRIES_S = (0.1, 0.1, 0.2, 0.3, 0.3)  # wait of each try; motors end by themselves sooner
-REASON_S = 0.1  # the words of a refusal lie before or just behind its acknowledgement
+STOP_TIMEOUT_S = 1.0  # to a visible stop before the next motor: 0.06 s (ArduCopter) and the link
+STOP_RETRY_INTERVALS_S = (
+    0.1,
+    0.1,
+    0.2,
+    0.3,
+    0.3,
+)  # wait of each try; motors end by themselves sooner
+REASON_TIMEOUT_S = 0.1  # the words of a refusal lie before or just behind its acknowledgement
 
-LOOK_S = 0.02
+POLL_INTERVAL_S = 0.02
 
 
-class TestDrive(Drive):
+class TestDrive(MotorDrive):
     """Turn motors by the autopilot's motor test, whose orders end by themselves.
 
     Stopped first is what turns and shall not: on ArduPilot an order for another motor leaves the
@@ -45,7 +57,7 @@ class TestDrive(Drive):
     def command(self, pulses_us: tuple[float, ...]) -> None:
         autopilot, wiring = self._autopilot, self._autopilot.wiring
         if self._ended:
-            raise RunStopped("no motor was turned: the autopilot restarted; open it anew")
+            raise RunInterrupted("no motor was turned: the autopilot restarted; open it anew")
         range_us = autopilot.pulses
         turn = {
             motor: pulse_us
@@ -86,7 +98,7 @@ class TestDrive(Drive):
         for order in orders[1:]:
             self._link.order(order)
         for order in orders:
-            self._link.exchange(order, STOP_TRIES_S)
+            self._link.exchange(order, STOP_RETRY_INTERVALS_S)
 
     def release(self) -> None:
         self.stop()
@@ -106,10 +118,10 @@ class TestDrive(Drive):
         if self._standing and since_s > mav.TIMEOUT_S:
             # The motors stand by now: an order that is sent again would start them anew.
             self.stop_renewing()
-            raise HostPaused(since_s, mav.TIMEOUT_S)
+            raise HostSuspended(since_s, mav.TIMEOUT_S)
         if self._outputs.lapsed and now_s - self._acked_s > mav.TIMEOUT_S:
             self.stop_renewing()  # `fault` says why, soon
-        if self._standing and since_s >= RESEND_S:
+        if self._standing and since_s >= RESEND_INTERVAL_S:
             self._sent_s = now_s
             for order in self._standing:
                 self._link.order(order)
@@ -146,15 +158,15 @@ class TestDrive(Drive):
             result = self._link.exchange(order)
             if result not in (mav.ACCEPTED, mav.IN_PROGRESS):
                 raise CommandRefused(str(order), self._reason(result))
-        until_s = self._clock() + STOPPED_S
+        until_s = self._clock() + STOP_TIMEOUT_S
         while not self._outputs.shown:
             if self._clock() > until_s:
                 raise DeviceStopped(
                     f"{self._autopilot.pilot.name} acknowledged the stop of its motors, but its "
-                    f"outputs do not show it after {STOPPED_S:g} s; no motor was turned; cut the "
-                    f"power and look at what else commands them"
+                    f"outputs do not show it after {STOP_TIMEOUT_S:g} s; no motor was turned; cut "
+                    f"the power and look at what else commands them"
                 )
-            self._link.pump(LOOK_S)
+            self._link.pump(POLL_INTERVAL_S)
 
     def _give(self, orders: tuple[mav.MavCommand, ...]) -> float:
         """Send orders to turn until they are acknowledged, or the outputs show them; return when.
@@ -169,7 +181,7 @@ class TestDrive(Drive):
             self._raise_if_paused()
             now_s = self._clock()
             silent_s = now_s - max(self._link.received_s, begun_s)
-            is_over = silent_s > SILENT_S or now_s - begun_s > UNREPORTED_S
+            is_over = silent_s > SILENCE_TIMEOUT_S or now_s - begun_s > REPORT_TIMEOUT_S
             # An order that is sent again would start motors anew that stand by now.
             if is_over or self._outputs.lapsed:
                 raise LinkLost(
@@ -177,11 +189,11 @@ class TestDrive(Drive):
                     f"{now_s - begun_s:.1f} s, and its outputs do not show it; motor tests end by "
                     f"themselves; check the link, then start again"
                 )
-            if now_s - sent_s >= RESEND_S:
+            if now_s - sent_s >= RESEND_INTERVAL_S:
                 sent_s = now_s
                 for order in orders:
                     self._link.order(order)
-            self._link.pump(LOOK_S)
+            self._link.pump(POLL_INTERVAL_S)
             for command in sorted(waiting):
                 result = self._link.take_ack(command)
                 if result in (mav.ACCEPTED, mav.IN_PROGRESS):
@@ -199,19 +211,21 @@ class TestDrive(Drive):
         """Refuse orders from before a pause of this computer; those that were sent lapsed."""
         if (paused_s := self._link.gaps.longest_s) > mav.TIMEOUT_S:
             self.stop_renewing()
-            raise HostPaused(paused_s, mav.TIMEOUT_S)
+            raise HostSuspended(paused_s, mav.TIMEOUT_S)
 
     def _reason(self, result: int) -> str:
         """Return why an order was refused, in the autopilot's own words where it has some."""
-        until_s = self._clock() + REASON_S
+        until_s = self._clock() + REASON_TIMEOUT_S
         while not self._health.refusal and self._clock() < until_s:
-            self._link.pump(LOOK_S)
+            self._link.pump(POLL_INTERVAL_S)
         return self._health.refusal or mav.result_name(result)
 
 
 TOLERANCE_US = 3.0  # rounding of pulses on the way through percent and timer ticks; assumed
 GAP_S = 0.15  # outputs come at 10 Hz at least; a longer pause is one of the link or of the reader
-UNREPORTED_S = 1.0  # motors do not turn for longer without their outputs being reported; assumed
+REPORT_TIMEOUT_S = (
+    1.0  # motors do not turn for longer without their outputs being reported; assumed
+)
 UNREPORTED_AT_REST_S = 3.0  # the same at rest: a restarted autopilot has forgotten requests
 
 
@@ -267,7 +281,7 @@ class OutputWatch:
         if gap_s > GAP_S:
             # A pause of the link or of the reader says nothing about the outputs.
             self._good_s = {rotor: good_s + gap_s for rotor, good_s in self._good_s.items()}
-        self._lately = [item for item in self._lately if now_s - item[0] <= SEEN_S]
+        self._lately = [item for item in self._lately if now_s - item[0] <= DETECTION_TIMEOUT_S]
         self.shown, self.lapsed = True, False
         for rotor, (output, pulse_us) in self._wanted.items():
             # Where it is not known which output it is, the one that comes nearest.
@@ -298,14 +312,14 @@ class OutputWatch:
         if self._reported_s is None:
             return None
         late = f"; acknowledgements take up to {slowest_s:.1f} s: the link carries more than it can"
-        late = late if slowest_s > SEEN_S else ""
+        late = late if slowest_s > DETECTION_TIMEOUT_S else ""
         for rotor, (output, pulse_us) in self._wanted.items():
             late_s = self._reported_s - self._good_s[rotor]
-            if late_s <= SEEN_S:
+            if late_s <= DETECTION_TIMEOUT_S:
                 continue
             shown = f"output {output} shows {outputs_us[output - 1]:g} us"
             where = shown if output else "no output shows it"
-            if lost_s > SEEN_S:
+            if lost_s > DETECTION_TIMEOUT_S:
                 return (
                     f"{self._name} acknowledged no order for {lost_s:.1f} s and {where} where "
                     f"rotor {rotor} was commanded {pulse_us:g} us: orders get lost on the way to "
@@ -314,12 +328,12 @@ class OutputWatch:
             return (
                 f"rotor {rotor} was commanded {pulse_us:g} us and {self._name} acknowledged it, "
                 f"but {where} after {late_s:.1f} s, limit "
-                f"{SEEN_S:g} s; look at the safety switch, the arming checks and the map of "
-                f"outputs (benchtool bench map){late}"
+                f"{DETECTION_TIMEOUT_S:g} s; look at the safety switch, the arming checks and the "
+                f"map of outputs (benchtool bench map){late}"
             )
         unreported_s = now_s - self._reported_s
         turning = any(us > self._stop_us for _, us in self._wanted.values())
-        if unreported_s > (UNREPORTED_S if turning else UNREPORTED_AT_REST_S):
+        if unreported_s > (REPORT_TIMEOUT_S if turning else UNREPORTED_AT_REST_S):
             return f"{self._name} has not reported its outputs for {unreported_s:.1f} s{late}"
         return None
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from benchtool.bench.addresses import DOWN
 from benchtool.bench.mavlink.frames import BootTime, CompanionTime
 from benchtool.bench.mavlink.messages import Message
-from benchtool.bench.mavlink.settings import Wiring, channels_of
-from benchtool.core.array import Array
+from benchtool.bench.mavlink.settings import ChannelWiring, channels_of
+from benchtool.core.array_type import Array
 
 UNKNOWN_U16 = 65535  # what batteries say of a voltage that nobody measures
 
@@ -69,7 +69,7 @@ class MavlinkRows:
         with_speeds: False leaves every speed message aside.
     """
 
-    def __init__(self, wiring: Wiring, idle_us: float, with_speeds: bool = True) -> None:
+    def __init__(self, wiring: ChannelWiring, idle_us: float, with_speeds: bool = True) -> None:
         self.time = BootTime()
         self.outputs_us: tuple[float, ...] = (0,) * OUTPUTS
         self.speeds = SpeedSources(wiring.n_rotors)

@@ -62,7 +62,7 @@ NO_THRUST = ThrustSource(name="")  # of no message: the load cell is elsewhere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wiring:
+class ChannelWiring:
     """Say how the rotors of a rig hang on an autopilot.
 
     Attributes:
@@ -176,7 +176,7 @@ def read_motor_map(path: Path) -> MotorMap:
 
 
 KEY_BYTES = 32
-MOST_KEY_BYTES = 4096  # longest pass phrase; assumed
+MAX_KEY_BYTES = 4096  # longest pass phrase; assumed
 
 RATE_HZ, PITCH_HZ = 50.0, 250.0
 """By default. A loop on board moves its outputs some hundred times a second; what is not reported
@@ -212,7 +212,7 @@ class MavlinkSettings:
     warning: str = ""
 
 
-def settings_of(address: MavlinkAddress) -> MavlinkSettings:
+def parse_settings(address: MavlinkAddress) -> MavlinkSettings:
     """Return what the options of an address mean; its map and its key are read."""
     pitch = address.mode == "pitch"
     return MavlinkSettings(
@@ -233,7 +233,7 @@ def settings_of(address: MavlinkAddress) -> MavlinkSettings:
     )
 
 
-def transport_of(address: MavlinkAddress) -> Transport:
+def open_transport(address: MavlinkAddress) -> Transport:
     """Return the link of an address, not opened yet."""
     if address.link == "serial":
         from benchtool.bench.transport.serial_port import SerialPort
@@ -246,7 +246,7 @@ def transport_of(address: MavlinkAddress) -> Transport:
 
 def read_key(path: Path) -> bytes:
     """Read a signing key: 32 bytes, 64 hexadecimal digits, or a pass phrase (its SHA-256)."""
-    data = read_file(path, MOST_KEY_BYTES)
+    data = read_file(path, MAX_KEY_BYTES)
     if len(data) == KEY_BYTES:
         return data
     text = data.strip()

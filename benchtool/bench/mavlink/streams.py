@@ -7,19 +7,21 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from benchtool.bench.addresses import LEAST_HZ
+from benchtool.bench.mavlink.autopilots import RESEND_INTERVAL_S
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import ACCEPTED, dialect, interval, number_of
-from benchtool.bench.mavlink.pilots import RESEND_S
 from benchtool.bench.mavlink.rows import SPEEDS, TELEMETRY
 from benchtool.bench.mavlink.settings import THRUST_MESSAGES, MavlinkSettings
 from benchtool.bench.transport.transport import BITS_PER_BYTE
 from benchtool.core.errors import InputError, ProtocolError
 
 SLOW_HZ, BATTERY_HZ = 20.0, 4.0  # speeds and distance; battery; as ESC telemetry; assumed
-LISTEN_S = 1.2  # a message that was accepted and has not come after so long is one that never comes
-LEAST_LISTEN_S = 0.4  # wall time, however fast a virtual autopilot runs: a process may be held up
+LISTEN_TIMEOUT_S = (
+    1.2  # a message that was accepted and has not come after so long is one that never comes
+)
+MIN_LISTEN_S = 0.4  # wall time, however fast a virtual autopilot runs: a process may be held up
 
-NEEDED = dict.fromkeys(TELEMETRY, 6)
+REQUIRED_MESSAGES = dict.fromkeys(TELEMETRY, 6)
 """So many of a message must come to know what lives in it: ESCs that report something have counts
 that move, at 10 Hz and more, and their message comes at 20 Hz."""
 
@@ -29,11 +31,11 @@ OUTPUT_MESSAGES = ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
 
 RATES_HZ = (200.0, 125.0, 100.0, 50.0, 40.0, 25.0, 20.0, LEAST_HZ)  # tried on a slow line; assumed
 
-UNBIDDEN = {"HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "AUTOPILOT_VERSION",
-            "TIMESYNC", "SYSTEM_TIME", *THRUST_MESSAGES}  # fmt: skip
+UNREQUESTED_MESSAGES = {"HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "TIMESYNC",
+            "AUTOPILOT_VERSION", "SYSTEM_TIME", *THRUST_MESSAGES}  # fmt: skip
 """Messages that come as they are needed, or from others: no stream that could be switched off."""
 
-LATE_S = 0.5  # a later acknowledgement means a full link: 100 times ArduPilot's; assumed
+LATE_TIMEOUT_S = 0.5  # a later acknowledgement means a full link: 100 times ArduPilot's; assumed
 
 StreamState = Literal["comes", "denied", "accepted, but nothing comes", "comes unasked"]
 
@@ -70,12 +72,12 @@ def stream_requests(settings: MavlinkSettings, n_rotors: int) -> tuple[StreamReq
     return tuple(found)
 
 
-def fitted(
+def fit_rates(
     settings: MavlinkSettings, n_rotors: int, baud: int
 ) -> tuple[MavlinkSettings, list[str]]:
     """Return the settings with a rate that fits a serial line, and remarks on that."""
     for rate_Hz in (settings.rate_Hz, *RATES_HZ):
-        if rate_Hz <= settings.rate_Hz and fits(settings, rate_Hz, n_rotors, baud):
+        if rate_Hz <= settings.rate_Hz and fits_bandwidth(settings, rate_Hz, n_rotors, baud):
             break
     else:
         check_fit(settings, LEAST_HZ, n_rotors, baud)
@@ -90,7 +92,7 @@ def fitted(
 
 def check_fit(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> None:
     """Refuse a rate of outputs that does not fit a serial line; 0 baud has no limit."""
-    if not fits(settings, rate_Hz, n_rotors, baud):
+    if not fits_bandwidth(settings, rate_Hz, n_rotors, baud):
         needed = _bytes_per_s(settings, rate_Hz, n_rotors)
         raise InputError(
             f"outputs at {rate_Hz:g} Hz and what comes with them are {needed:,.0f} bytes/s x "
@@ -99,7 +101,7 @@ def check_fit(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: in
         )
 
 
-def fits(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> bool:
+def fits_bandwidth(settings: MavlinkSettings, rate_Hz: float, n_rotors: int, baud: int) -> bool:
     """Return whether everything that is requested fits a serial line."""
     return not baud or BITS_PER_BYTE * _bytes_per_s(settings, rate_Hz, n_rotors) <= baud
 
@@ -109,7 +111,7 @@ def _bytes_per_s(settings: MavlinkSettings, rate_Hz: float, n_rotors: int) -> fl
     signature = SIGNATURE_BYTES if settings.key else 0
     known = dialect().mavlink_map
     # Every order to turn that is sent again is acknowledged.
-    rates_Hz = {"COMMAND_ACK": 1.0 / RESEND_S} | {
+    rates_Hz = {"COMMAND_ACK": 1.0 / RESEND_INTERVAL_S} | {
         request.name: request.rate_Hz
         for request in stream_requests(replace(settings, rate_Hz=rate_Hz), n_rotors)
         # A line carries one kind of speeds.
@@ -142,11 +144,11 @@ def request_streams(
             and (not second_choice or states.get(request.instead_of) != "comes")
         }
         before = {name: counts(name) for name in accepted}
-        until_s = clock() + max(LISTEN_S / speed, LEAST_LISTEN_S)
+        until_s = clock() + max(LISTEN_TIMEOUT_S / speed, MIN_LISTEN_S)
         waiting = set(accepted)
         while waiting and clock() < until_s:
             link.pump(0.02)
-            waiting = {n for n in waiting if counts(n) - before[n] < NEEDED.get(n, 1)}
+            waiting = {n for n in waiting if counts(n) - before[n] < REQUIRED_MESSAGES.get(n, 1)}
         for name, taken in accepted.items():
             came = counts(name) > before[name]
             if taken:
@@ -158,17 +160,17 @@ def request_streams(
     return states
 
 
-def coming(states: Mapping[str, StreamState], *names: str) -> list[str]:
+def streaming_messages(states: Mapping[str, StreamState], *names: str) -> list[str]:
     """Return which of these messages, or of all, come as they were requested."""
     return [name for name in names or states if states.get(name) == "comes"]
 
 
-def silent(states: Mapping[str, StreamState]) -> list[str]:
+def silent_messages(states: Mapping[str, StreamState]) -> list[str]:
     """Return remarks on the messages that do not come."""
     return [f"{name}: {state}" for name, state in states.items() if not state.startswith("comes")]
 
 
-def switch_off_others(
+def disable_other_streams(
     link: MavlinkLink, counts: Mapping[str, int], states: Mapping[str, StreamState]
 ) -> list[str]:
     """End the streams of a serial port that this bench did not request; return remarks on it.
@@ -182,7 +184,7 @@ def switch_off_others(
     others = [
         name
         for name, count in sorted(counts.items())
-        if count > 1 and name not in UNBIDDEN and states.get(name) != "comes"
+        if count > 1 and name not in UNREQUESTED_MESSAGES and states.get(name) != "comes"
     ]
     for name in others:
         link.exchange(interval(name, 0.0))
@@ -191,7 +193,7 @@ def switch_off_others(
 
 def require_outputs(states: dict[str, StreamState], system: int) -> None:
     """Refuse an autopilot that does not report its outputs: nothing could be read back."""
-    if not coming(states, *OUTPUT_MESSAGES):
+    if not streaming_messages(states, *OUTPUT_MESSAGES):
         listed = ", ".join(f"{name} {states[name]}" for name in OUTPUT_MESSAGES if name in states)
         raise ProtocolError(
             f"system {system} does not report its outputs ({listed}), so nobody could see what its "

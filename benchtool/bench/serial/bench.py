@@ -14,13 +14,13 @@ from dataclasses import replace
 import numpy as np
 
 from benchtool.bench.addresses import SerialAddress, TcpAddress
-from benchtool.bench.bench import Identity, Readings, StreamingBench
+from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
 from benchtool.bench.serial import commands as wire
-from benchtool.bench.serial.conversation import Conversation
-from benchtool.bench.serial.hello import Hello, check_rate, highest_rate_Hz
+from benchtool.bench.serial.command_channel import CommandChannel
+from benchtool.bench.serial.hello import Hello, check_rate, max_rate_Hz
 from benchtool.bench.transport.sockets import TcpSocket
 from benchtool.bench.transport.transport import Transport
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import (
     BenchError,
     CommandRefused,
@@ -31,10 +31,12 @@ from benchtool.core.errors import (
     StageError,
 )
 
-STALE_S = 1.0  # wall time without data after which a stream is lost: 4 watchdogs; assumed
-POLL_PLATE_S = 0.5  # interval of state requests while the plate moves: `arrived` may be lost
+STALE_TIMEOUT_S = 1.0  # wall time without data after which a stream is lost: 4 watchdogs; assumed
+PLATE_POLL_INTERVAL_S = (
+    0.5  # interval of state requests while the plate moves: `arrived` may be lost
+)
 
-HALT_TRIES = 3
+STOP_ATTEMPTS = 3
 
 
 class SerialBench(StreamingBench):
@@ -58,7 +60,7 @@ class SerialBench(StreamingBench):
         device_id: str | None = None,
     ) -> None:
         super().__init__(address)
-        self._conversation = Conversation(transport, address, clock, self._take_in)
+        self._conversation = CommandChannel(transport, address, clock, self._take_in)
         self._clock = clock
         self._arrive_s = arrive_s
         self._device_id = device_id
@@ -73,7 +75,7 @@ class SerialBench(StreamingBench):
         self._stage_fault: str | None = None
 
     @property
-    def identity(self) -> Identity:
+    def identity(self) -> DeviceInfo:
         return self._known().identity(self.address, self._rate_Hz)
 
     def now_s(self) -> float:
@@ -94,7 +96,7 @@ class SerialBench(StreamingBench):
             self._messages.clear()
             fits_Hz = self._hello.rate_Hz
             if baud := self._baud():
-                most_Hz = highest_rate_Hz(self._hello.frame_bytes, baud)
+                most_Hz = max_rate_Hz(self._hello.frame_bytes, baud)
                 fits_Hz = min(fits_Hz, most_Hz / self._hello.speed)
             self._start_stream(fits_Hz)
         except BaseException:
@@ -106,8 +108,8 @@ class SerialBench(StreamingBench):
         if self._hello is None:
             return
         try:
-            self._conversation.exchange(wire.StopDevice(), HALT_TRIES)
-            self._conversation.exchange(wire.SetRate(0.0), HALT_TRIES)
+            self._conversation.exchange(wire.StopDevice(), STOP_ATTEMPTS)
+            self._conversation.exchange(wire.SetRate(0.0), STOP_ATTEMPTS)
         except BenchError:
             pass  # The device's watchdog stops the motors where we cannot.
         finally:
@@ -131,7 +133,7 @@ class SerialBench(StreamingBench):
         self._order(wire.StopDevice())
 
     def halt(self) -> None:
-        """Send zero at once, from any thread (`Halts`)."""
+        """Send zero at once, from any thread (`SupportsEmergencyStop`)."""
         self._conversation.halt()
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
@@ -141,7 +143,7 @@ class SerialBench(StreamingBench):
         reply = self._conversation.exchange(wire.SendPlate(z_m, x_m, tilt_rad), moves=True)
         if not reply.ok:
             self._armed = False
-            if reply.reason.startswith(wire.LATE):  # No fault of the stage.
+            if reply.reason.startswith(wire.LATE_REASON):  # No fault of the stage.
                 raise _refused(wire.SendPlate(z_m, x_m, tilt_rad), reply.reason)
             raise StageError(f"the stage refused to move to {z_m:g} m: {reply.reason}")
         started_s = requested_s = self._clock()
@@ -158,7 +160,7 @@ class SerialBench(StreamingBench):
                     f"the plate did not reach {z_m:g} m within {self._arrive_s:g} s and was "
                     f"halted; look for what blocks it"
                 )
-            if now_s - requested_s > POLL_PLATE_S and not self._arrived:
+            if now_s - requested_s > PLATE_POLL_INTERVAL_S and not self._arrived:
                 requested_s = now_s
                 moving = self._conversation.exchange(wire.RequestPlate()).fields
                 if moving[:1] == ("0",):
@@ -244,9 +246,10 @@ class SerialBench(StreamingBench):
         if self._silent_since_s is None:
             self._silent_since_s = now_s
         silent_s = now_s - self._silent_since_s
-        if self._rate_Hz > 0.0 and silent_s > max(STALE_S, 3.0 / self._rate_Hz):
+        if self._rate_Hz > 0.0 and silent_s > max(STALE_TIMEOUT_S, 3.0 / self._rate_Hz):
             raise LinkLost(
-                f"{self.address} sent nothing for {silent_s:.1f} s, limit {STALE_S:g} s; the "
+                f"{self.address} sent nothing for {silent_s:.1f} s, limit {STALE_TIMEOUT_S:g} s; "
+                "the "
                 f"device should stop its motors by its watchdog; check cable and power, then start "
                 f"again"
             )
@@ -287,10 +290,10 @@ class SerialBench(StreamingBench):
 def _refused(command: wire.Command, reason: str) -> CommandRefused:
     late = (
         "; the link delivered it late; check the link and start again"
-        if wire.too_old(reason)
+        if wire.is_too_old(reason)
         else ""
     )
-    return CommandRefused(",".join(wire.fields_of(command)), f"{reason}{late}")
+    return CommandRefused(",".join(wire.command_fields(command)), f"{reason}{late}")
 
 
 def open_serial(address: SerialAddress) -> SerialBench:

@@ -26,16 +26,16 @@ class DeviceEvent:
         return self.kind in ("watchdog", "limit", "boot")
 
 
-OLDEST_S = 0.5
+MAX_COMMAND_AGE_S = 0.5
 """Orders are refused from this age on: a host waits 5 x 100 ms for an answer and then commands a
 stop, so that an older order has been given up."""
 
-LATE = "late: "  # How the reason of such a refusal begins
+LATE_REASON = "late: "  # How the reason of such a refusal begins
 
 
-def too_old(reason: str) -> bool:
+def is_too_old(reason: str) -> bool:
     """Return whether an order was refused for its age."""
-    return reason.startswith(LATE) and " ms old" in reason
+    return reason.startswith(LATE_REASON) and " ms old" in reason
 
 
 PROTOCOL_VERSION = 2  # Protocol version of host and device; another one is refused
@@ -167,23 +167,23 @@ _READERS: dict[str, Callable[[str], float | str]] = {
 }
 
 
-def text_of(value: float) -> str:
+def encode_command(value: float) -> str:
     """Return a number as it is sent: nine significant digits, no exponent padding."""
     if not isfinite(value):
         raise InputError(f"{value} cannot be sent to a device; give a finite number")
     return f"{value:.9g}"
 
 
-def fields_of(command: Command) -> tuple[str, ...]:
+def command_fields(command: Command) -> tuple[str, ...]:
     """Return the command's name on the wire followed by its fields."""
     values = [getattr(command, field.name) for field in fields(command)]
     if isinstance(command, SetPwm):
         values = list(command.pwm_us)
-    texts = (value if isinstance(value, str) else text_of(value) for value in values)
+    texts = (value if isinstance(value, str) else encode_command(value) for value in values)
     return (_NAMES[type(command)], *texts)
 
 
-def command_from(words: Sequence[str]) -> Command:
+def decode_command(words: Sequence[str]) -> Command:
     """Read a command from its name and fields; an unknown name lists the known ones."""
     name = words[0] if words else ""
     if name not in COMMANDS:

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from benchtool.bench.bench import Readings
 from benchtool.bench.clocks import DeviceClock
-from benchtool.bench.serial.commands import Command, RequestHello, fields_of
-from benchtool.core.array import Array
+from benchtool.bench.serial.commands import Command, RequestHello, command_fields
+from benchtool.core.array_type import Array
 
 CRC_START = 0xFFFF  # CRC-16/CCITT-FALSE (polynomial 0x1021, no reflection, no final xor)
 MAX_LINE_BYTES = 512  # Longest line that a receiver buffers; a longer one is discarded as a whole
@@ -33,7 +33,7 @@ def frame(payload: bytes) -> bytes:
     return b"$%b*%04X\n" % (payload, crc16(payload))
 
 
-def payload_of(letter: str, fields: Iterable[str]) -> bytes:
+def parse_frame(letter: str, fields: Iterable[str]) -> bytes:
     """Return text fields as a payload; what would break the line becomes a blank."""
     text = ",".join((letter, *fields))
     return text.translate(_UNSAFE).encode("ascii", "replace")
@@ -41,7 +41,7 @@ def payload_of(letter: str, fields: Iterable[str]) -> bytes:
 
 def frame_fields(letter: str, fields: Iterable[str]) -> bytes:
     """Wrap text fields as a line."""
-    return frame(payload_of(letter, fields))
+    return frame(parse_frame(letter, fields))
 
 
 _UNSAFE = str.maketrans({"$": " ", "*": " ", "\n": " ", "\r": " "})
@@ -51,7 +51,7 @@ HEARTBEAT = frame(b"B")  # The line that only says that the host lives
 
 def frame_command(number: int, command: Command, time_us: int = 0) -> bytes:
     """Wrap a command with its number and the last device time that the host has read."""
-    name, *arguments = fields_of(command)
+    name, *arguments = command_fields(command)
     time = () if isinstance(command, RequestHello) else (str(time_us % TIME_MODULUS_US),)
     return frame_fields("C", (str(number), name, *time, *arguments))
 
@@ -141,7 +141,7 @@ class Decoder:
         )
 
 
-def messages_in(data: bytes) -> list[TextMessage]:
+def split_messages(data: bytes) -> list[TextMessage]:
     """Return the messages in bytes of which nothing is known yet."""
     decoder = Decoder()
     decoder.feed(data)
@@ -224,7 +224,7 @@ def signed_step(new: int, old: int, modulus: int) -> int:
     return (new - old + half) % modulus - half
 
 
-class Sorted(NamedTuple):
+class SortedMessages(NamedTuple):
     """Hold which samples of a block are used, in their order.
 
     Attributes:
@@ -254,11 +254,11 @@ class SampleOrder:
         self._period_us = 0.0
         self._doubted: tuple[int, int] | None = None
 
-    def sort(self, stamps: NDArray[np.int64]) -> Sorted:
+    def sort(self, stamps: NDArray[np.int64]) -> SortedMessages:
         """Sort a block with stamps (m, 2): number, device time in us, both wrapped."""
         return self._follow(stamps) or self._search(stamps.tolist())
 
-    def _follow(self, stamps: NDArray[np.int64]) -> Sorted | None:
+    def _follow(self, stamps: NDArray[np.int64]) -> SortedMessages | None:
         """Take a block in which every sample is the next one; None where it is not so."""
         if self._newest is None or self._doubted is not None or not len(stamps):
             return None
@@ -272,9 +272,9 @@ class SampleOrder:
         self._place += len(stamps)
         self._newest = int(stamps[-1, 0]), int(stamps[-1, 1])
         self._time_us = int(time_us[-1])
-        return Sorted(np.arange(len(stamps)), time_us, 0, 0)
+        return SortedMessages(np.arange(len(stamps)), time_us, 0, 0)
 
-    def _search(self, stamps: list[list[int]]) -> Sorted:
+    def _search(self, stamps: list[list[int]]) -> SortedMessages:
         """Take a block sample by sample."""
         used: dict[int, tuple[int, int]] = {}  # row and time by place
         handed_on = None if self._newest is None else self._place
@@ -307,7 +307,7 @@ class SampleOrder:
         before = handed_on if handed_on is not None else order[0] - 1 if order else self._place
         rows = np.array([used[place] for place in order], np.int64).reshape(-1, 2)
         lost = self._place - before - len(order)
-        return Sorted(rows[:, 0], rows[:, 1], lost, repeated)
+        return SortedMessages(rows[:, 0], rows[:, 1], lost, repeated)
 
     def _step(self, number: int, step_us: int) -> int:
         """Return how many places a sample is from the newest one, by its number and its time."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from math import nan
 from typing import Any
 
-from benchtool.bench.bench import Identity
+from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.serial.commands import PROTOCOL_VERSION
-from benchtool.bench.serial.frames import MAX_LINE_BYTES, crc16, payload_of
+from benchtool.bench.serial.frames import MAX_LINE_BYTES, crc16, parse_frame
 from benchtool.bench.transport.transport import BITS_PER_BYTE
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError, ProtocolError
@@ -17,11 +17,11 @@ from benchtool.core.errors import InputError, ProtocolError
 Fields = tuple[str, ...]
 
 UNLIMITED_BAUD = 0  # The baud rate of a link that has none: USB CDC, TCP, a pseudo-terminal
-LARGEST_SPEED = 1000.0  # Fastest virtual bench
+MAX_SPEED = 1000.0  # Fastest virtual bench
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hello(Identity):
+class Hello(DeviceInfo):
     """Say who the device is and what it streams; `rate_Hz` is the stream rate that it proposes.
 
     Attributes:
@@ -43,7 +43,7 @@ class Hello(Identity):
     def __post_init__(self) -> None:
         object.__setattr__(self, "channel_hash", channel_hash(self.channels))
 
-    def identity(self, address: str, rate_Hz: float) -> Identity:
+    def identity(self, address: str, rate_Hz: float) -> DeviceInfo:
         """Return the identity of a bench that was opened at `address`."""
         facts = dict(self.facts)
         if self.speed != 1.0:
@@ -68,7 +68,7 @@ _NUMBERS: dict[str, tuple[str, type[float], float, float, str]] = {  # name, typ
     "simulated": ("simulated", bool, 0, 1, "0"),
     "frame": ("frame_bytes", int, 8, MAX_LINE_BYTES, "128"),
     "baud": ("baud", int, 0, 100_000_000, str(UNLIMITED_BAUD)),
-    "speed": ("speed", float, 0.001, LARGEST_SPEED, "1"),
+    "speed": ("speed", float, 0.001, MAX_SPEED, "1"),
     "loop": ("has_loop", bool, 0, 1, "0"),
 }
 
@@ -106,7 +106,7 @@ _COUNTS = {"channel": 3, "limit": 2, "fact": 2, "pwm": 2}
 _LONGEST_TEXT = 100
 
 
-def hello_from(lines: Iterable[Sequence[str]]) -> Hello:
+def parse_hello(lines: Iterable[Sequence[str]]) -> Hello:
     """Read a hello from its lines; unknown keys are skipped: later versions may add some."""
     single: dict[str, Sequence[str]] = {}
     channels: list[Channel] = []
@@ -195,7 +195,7 @@ def _wrong(what: str) -> ProtocolError:
     return ProtocolError(f"the device's hello makes no sense: {what}; update its firmware")
 
 
-MOST_LINES = 256  # More are not stored; a bench with 64 rotors says about 220
+MAX_HELLO_LINES = 256  # More are not stored; a bench with 64 rotors says about 220
 
 
 class HelloReader:
@@ -211,7 +211,7 @@ class HelloReader:
     def take(self, line: Fields) -> None:
         """Take the fields of one line; refuse a version that has lines without an index."""
         if line and line[0].isdecimal():
-            if int(line[0]) < MOST_LINES and len(line) > 1:
+            if int(line[0]) < MAX_HELLO_LINES and len(line) > 1:
                 self._indexed[int(line[0])] = line
         elif line[:1] == ("protocol",):
             _check_version("".join(line[1:2]))
@@ -228,14 +228,14 @@ class HelloReader:
         lines = [line for _, line in sorted(self._indexed.items())]
         if len(answer) < 2 or answer[0] != str(len(lines)):
             return None
-        own = crc16(b"".join(payload_of("H", line) + b"\n" for line in lines))
+        own = crc16(b"".join(parse_frame("H", line) + b"\n" for line in lines))
         if answer[1] != f"{own:04X}":
             self._indexed.clear()
             return None
-        return hello_from(line[1:] for line in lines)
+        return parse_hello(line[1:] for line in lines)
 
 
-def highest_rate_Hz(frame_bytes: int, baud: int) -> float:
+def max_rate_Hz(frame_bytes: int, baud: int) -> float:
     """Return the fastest stream of frames of that length, in frames per second."""
     return baud / (BITS_PER_BYTE * frame_bytes)
 
@@ -249,5 +249,5 @@ def check_rate(rate_Hz: float, frame_bytes: int, baud: int) -> None:
         raise InputError(
             f"{rate_Hz:g} frames/s x {frame_bytes} bytes x {BITS_PER_BYTE} bits = {needed:,.0f} "
             f"baud, but the link runs at {baud:,} baud; ask for at most "
-            f"{int(highest_rate_Hz(frame_bytes, baud))} Hz or raise baud on both ends"
+            f"{int(max_rate_Hz(frame_bytes, baud))} Hz or raise baud on both ends"
         )

@@ -12,7 +12,7 @@ from benchtool.core.rig import Rig
 BOARDS = {"uno": "Arduino Uno R3", "nano": "Arduino Nano, bootloader of 2018 or later"}
 MCU, CLOCK_HZ, UPLOAD_BAUD = "atmega328p", 16_000_000, 115_200  # as in the core's boards.txt
 
-MOST_MOTORS = 2  # outputs of the one 16-bit timer (ATmega328P, chapter 16: OC1A, OC1B)
+MAX_MOTORS = 2  # outputs of the one 16-bit timer (ATmega328P, chapter 16: OC1A, OC1B)
 SHORTEST_US, LONGEST_US = 500.0, 2500.0  # plausible pulses of ESCs and servos; assumed
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
@@ -45,10 +45,10 @@ def sketch_files(board: str, rig: Rig, device_id: str, folder: str) -> dict[str,
 
 def _rig_numbers(board: str, rig: Rig) -> dict[str, str]:
     pulse, limits = rig.propulsion, rig.limits
-    if rig.n_rotors > MOST_MOTORS:
+    if rig.n_rotors > MAX_MOTORS:
         raise InputError(
             f"rig {rig.name} has {rig.n_rotors} motors, and the timer of board {board} makes "
-            f"pulses for {MOST_MOTORS}; take a rig with 1 or {MOST_MOTORS} rotors"
+            f"pulses for {MAX_MOTORS}; take a rig with 1 or {MAX_MOTORS} rotors"
         )
     for name, pulse_us in (
         ("propulsion.pwm_stop_us", pulse.pwm_stop_us),

@@ -13,12 +13,14 @@ from benchtool.bench.stage.stage import Pause
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.errors import BenchtoolError, StageError
 
-SPARE_S = 10.0  # for answers and short blocks, on top of way over feed and slowing down
-IDLE_S = 2.0  # a stage that is idle elsewhere than at the target for so long stays there
-HELD_S = 5.0  # longest feed hold by the stage's own button: time to press start; assumed
+MOVE_TIMEOUT_MARGIN_S = (
+    10.0  # for answers and short blocks, on top of way over feed and slowing down
+)
+IDLE_TIMEOUT_S = 2.0  # a stage that is idle elsewhere than at the target for so long stays there
+HOLD_TIMEOUT_S = 5.0  # longest feed hold by the stage's own button: time to press start; assumed
 AFTER_HOMING_S = 0.6  # a failed homing restarts the stage 0.5 s after `ok` (Grbl 1.1h, measured)
 OTHER_STATES = ("Check", "Door", "Sleep", "Jog", "Home")  # brought about by others
-STILL_S = 5.0  # margin on the time that slowing down takes
+SETTLE_TIME_S = 5.0  # margin on the time that slowing down takes
 
 
 MIN_FEED_MM_MIN = 300.0  # no move is slower for its braking: 1.4 m take 5 minutes; assumed
@@ -79,7 +81,9 @@ class GrblStage:
             self._held = False
             self._settings = self._link.settings(self._opening)
             self._settings.check(self._link.name, self._letters)
-            if remark := self._settings.remarks(self._letters, self._feed_mm_min, 2.0 * ARRIVED_MM):
+            if remark := self._settings.remarks(
+                self._letters, self._feed_mm_min, 2.0 * ARRIVAL_TOLERANCE_MM
+            ):
                 self._facts["remark"] = remark
             self.home(self._opening)
         except BaseException:
@@ -107,7 +111,7 @@ class GrblStage:
         self._make_ready(pause)
         what = f"the move to {z_m:g} m"
         start_mm = self._link.position_mm(pause)
-        way = PlatePath(start_mm, targets_mm, {a: self._known().steps_mm(a) for a in targets_mm})
+        way = PlateMove(start_mm, targets_mm, {a: self._known().steps_mm(a) for a in targets_mm})
         stands_mm = self._until_there(way, feed_mm_min, what, pause)
         return self._distance.to_m(stands_mm[self._distance.letter])
 
@@ -128,7 +132,7 @@ class GrblStage:
         Raises:
             StageError: the target is so near that no feed is slow enough.
         """
-        margin_mm = 1e3 * (z_m - self._min_gap_m) - BESIDE_MM
+        margin_mm = 1e3 * (z_m - self._min_gap_m) - POSITION_TOLERANCE_MM
         slowest = min(self._feed_mm_min, MIN_FEED_MM_MIN)
         feed = self._known().feed_that_stops_mm_min(self._letters, margin_mm, MAX_REACTION_S)
         if feed < slowest:
@@ -140,11 +144,13 @@ class GrblStage:
         return min(self._feed_mm_min, feed)
 
     def _until_there(
-        self, way: PlatePath, feed_mm_min: float, what: str, pause: Pause
+        self, way: PlateMove, feed_mm_min: float, what: str, pause: Pause
     ) -> dict[str, float]:
         """Send the plate on its way and return where it stands at the end: Idle at the target."""
         line = grbl_lines.move_line(way.target_mm, feed_mm_min)
-        longest_s = SPARE_S + 60.0 * way.length_mm / min(feed_mm_min, self._allowed_mm_min())
+        longest_s = MOVE_TIMEOUT_MARGIN_S + 60.0 * way.length_mm / min(
+            feed_mm_min, self._allowed_mm_min()
+        )
         longest_s += self._stopping_s()
         begun_s = since_s = self._clock()
         state = ""
@@ -187,7 +193,7 @@ class GrblStage:
 
     def _until_held(self, pause: Pause) -> None:
         """Ask for the state until a hold stands; `~` is ignored until then, a reset loses steps."""
-        longest_s = STILL_S + self._stopping_s()
+        longest_s = SETTLE_TIME_S + self._stopping_s()
         deadline_s = self._clock() + longest_s
         while (report := self._link.request_report(pause)).words in ("Run", "Hold:1"):
             if self._clock() > deadline_s:
@@ -226,7 +232,7 @@ class GrblStage:
 
 
 def _problem(
-    way: PlatePath,
+    way: PlateMove,
     report: grbl_lines.StatusReport,
     place_mm: Mapping[str, float] | None,
     since_s: float,
@@ -234,15 +240,15 @@ def _problem(
     """Return what is wrong with a report that no good move makes; empty for a good one."""
     if report.state == "Idle":
         # A single wrong digit in a report at rest does no harm: the next one is right.
-        if since_s < IDLE_S or place_mm is None:
+        if since_s < IDLE_TIMEOUT_S or place_mm is None:
             return ""
         return f"stands at {way.missed_at(place_mm)}; home it and start again"
     if report.state in OTHER_STATES:
         return f"says {report.words}; reset it and start again"
-    if report.state == "Hold" and since_s >= HELD_S:
+    if report.state == "Hold" and since_s >= HOLD_TIMEOUT_S:
         return (
-            f"says {report.words} for {HELD_S:g} s, which its feed-hold button or noise on that "
-            f"pin brings about; release it and start again"
+            f"says {report.words} for {HOLD_TIMEOUT_S:g} s, which its feed-hold button or noise "
+            f"on that pin brings about; release it and start again"
         )
     if place_mm is not None and (where := way.left_at(place_mm)):
         return (
@@ -252,8 +258,12 @@ def _problem(
     return ""
 
 
-BESIDE_MM = 0.5  # so far outside of the way is off it: far above a step and rounding; assumed
-ARRIVED_MM = 0.02  # positions this close are one: two steps of a common drive with 100 per mm
+POSITION_TOLERANCE_MM = (
+    0.5  # so far outside of the way is off it: far above a step and rounding; assumed
+)
+ARRIVAL_TOLERANCE_MM = (
+    0.02  # positions this close are one: two steps of a common drive with 100 per mm
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,7 +288,7 @@ class GrblAxis:
 
 
 @dataclass(frozen=True, slots=True)
-class PlatePath:
+class PlateMove:
     """Hold where a move begins and ends, by axis letter: mm.
 
     Attributes:
@@ -298,7 +308,11 @@ class PlatePath:
         """Return what is wrong with a place that is not on the way; empty when it is."""
         for axis, target_mm in self.target_mm.items():
             low_mm, high_mm = sorted((self.start_mm[axis], target_mm))
-            if not low_mm - BESIDE_MM <= place_mm[axis] <= high_mm + BESIDE_MM:
+            if (
+                not low_mm - POSITION_TOLERANCE_MM
+                <= place_mm[axis]
+                <= high_mm + POSITION_TOLERANCE_MM
+            ):
                 return (
                     f"{axis} {place_mm[axis]:.3f} mm, outside {self.start_mm[axis]:.3f} to "
                     f"{target_mm:.3f} mm"
@@ -308,7 +322,7 @@ class PlatePath:
     def missed_at(self, place_mm: Mapping[str, float]) -> str:
         """Return how a place differs from the target; empty when it is the target."""
         for axis, target_mm in self.target_mm.items():
-            allowed_mm = ARRIVED_MM + 0.5 * self.steps_mm[axis]
+            allowed_mm = ARRIVAL_TOLERANCE_MM + 0.5 * self.steps_mm[axis]
             if abs(place_mm[axis] - target_mm) > allowed_mm:
                 return f"{axis} {place_mm[axis]:.3f} mm instead of {target_mm:.3f} mm"
         return ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from benchtool.bench.identify import mismatch, probe_answer
+from benchtool.bench.identify import mismatch_message, probe_answer
 from benchtool.bench.stage import grbl_lines
 from benchtool.bench.stage.stage import Pause
 from benchtool.bench.transport.transport import SHOWN_BYTES, Transport
@@ -68,7 +68,7 @@ class GrblLink:
                     return
         self._received = self._received or probe_answer(self._transport, self._clock)
         if self._received:
-            raise ProtocolError(f"{self.name} {mismatch('stage', self._received)}")
+            raise ProtocolError(f"{self.name} {mismatch_message('stage', self._received)}")
         raise NoDevice(
             f"{self.name} did not answer a reset within {WAKE_S:g} s; check its power, port and "
             f"baud rate (GRBL: 115200)"

@@ -17,7 +17,9 @@ Pause = Callable[[float], None]
 """pause(s): wait about so long; whoever moves the plate calls it instead of sleeping, so that the
 bench is listened to meanwhile."""
 
-RULER_M = 0.002  # difference of a person's measurement from a reading: two marks; assumed
+MANUAL_TOLERANCE_M = (
+    0.002  # difference of a person's measurement from a reading: two marks; assumed
+)
 
 
 class PlateStage(Protocol):
@@ -95,7 +97,7 @@ class NoStage:
         """Do nothing, as in `open`."""
 
 
-class HandStage:
+class ManualStage:
     """Let the operator move the plate and check what they say.
 
     Args:
@@ -104,7 +106,7 @@ class HandStage:
     """
 
     facts: Mapping[str, str | float] = MappingProxyType({"stage": "hand"})
-    measures_to_m = RULER_M
+    measures_to_m = MANUAL_TOLERANCE_M
 
     def __init__(
         self,
@@ -190,7 +192,7 @@ class _StageWrapper:
         self._stage.close()
 
 
-class IdleStage(_StageWrapper):
+class FixedStage(_StageWrapper):
     """Be another stage that asks first whether the plate may move, and then whether it did."""
 
     def __init__(self, stage: PlateStage, guard: GuardedBench) -> None:
@@ -207,7 +209,7 @@ class IdleStage(_StageWrapper):
 OVERSHOOT_BACKLASHES = 5.0  # way past a distance that is approached from nearer; assumed
 
 
-class OneSidedStage(_StageWrapper):
+class BacklashCompensatedStage(_StageWrapper):
     """Be another stage that overshoots when it moves away, and comes back.
 
     Without it a distance stands nearer or farther by the play, as the last move happened to go: a

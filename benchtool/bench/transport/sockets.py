@@ -10,7 +10,7 @@ from contextlib import suppress
 from benchtool.bench.transport.transport import first_bytes, lost_error, opening_error
 from benchtool.core.errors import LinkLost, NoDevice, PortBusy
 
-CONNECT_S = 3.0
+CONNECT_TIMEOUT_S = 3.0
 WRITE_TIMEOUT_S = 0.2
 
 
@@ -47,11 +47,11 @@ class TcpSocket(SocketTransport):
 
     def open(self) -> None:
         try:
-            opened = socket.create_connection((self.host, self.port), timeout=CONNECT_S)
+            opened = socket.create_connection((self.host, self.port), timeout=CONNECT_TIMEOUT_S)
         except TimeoutError as error:
             raise NoDevice(
-                f"{self.where} did not answer within {CONNECT_S:g} s; check the address and the "
-                f"network"
+                f"{self.where} did not answer within {CONNECT_TIMEOUT_S:g} s; check the address "
+                f"and the network"
             ) from error
         except (OSError, OverflowError, UnicodeError) as error:
             raise opening_error(error, self.where) from error
@@ -92,7 +92,7 @@ class TcpSocket(SocketTransport):
         return data
 
 
-MOST_PEERS = 8  # Senders that are answered; a choice. Beyond it the oldest is forgotten
+MAX_PEERS = 8  # Senders that are answered; a choice. Beyond it the oldest is forgotten
 DATAGRAM_BYTES = 65536
 BUFFER_BYTES = 1 << 20  # system buffer: seconds of telemetry
 
@@ -156,5 +156,5 @@ class UdpSocket(SocketTransport):
             parts.append(data)
             taken += len(data) + 1
             if self.listens and peer not in self._peers:
-                self._peers = [*self._peers, peer][-MOST_PEERS:]
+                self._peers = [*self._peers, peer][-MAX_PEERS:]
         return b"".join(parts)

@@ -17,7 +17,7 @@ import psutil
 from benchtool.core.errors import LinkError, LinkLost, NoDevice, PortBusy, PortDenied
 
 Answer = TypeVar("Answer")
-NAP_S = 0.005  # longest sleep between reads, see tests/proof/benchmarks/bench_link.py
+POLL_INTERVAL_S = 0.005  # longest sleep between reads, see tests/proof/benchmarks/bench_link.py
 
 
 def first_bytes(take: Callable[[], bytes], timeout_s: float) -> bytes:
@@ -25,9 +25,9 @@ def first_bytes(take: Callable[[], bytes], timeout_s: float) -> bytes:
     deadline_s = time.monotonic() + timeout_s
     while True:
         left_s = deadline_s - time.monotonic()
-        time.sleep(min(NAP_S, max(left_s, 0.0)))
+        time.sleep(min(POLL_INTERVAL_S, max(left_s, 0.0)))
         data = take()
-        if data or left_s <= NAP_S:
+        if data or left_s <= POLL_INTERVAL_S:
             return data
 
 
@@ -52,11 +52,11 @@ class Transport(Protocol):
 
 
 BITS_PER_BYTE = 10  # start bit, eight data bits, stop bit (8N1)
-LONGEST_WAIT_S = 0.02  # longest wait of one read: a heartbeat that is due is sent at most that late
+MAX_WAIT_S = 0.02  # longest wait of one read: a heartbeat that is due is sent at most that late
 SHOWN_BYTES = 200
 
 
-class LinkEnd(ABC):
+class LinkEndpoint(ABC):
     """Be the host's end of a conversation over a transport."""
 
     def __init__(self, transport: Transport, address: str, clock: Callable[[], float]) -> None:
@@ -72,7 +72,7 @@ class LinkEnd(ABC):
 
     def take(self, timeout_s: float) -> bytes:
         """Return what arrives within a short wait."""
-        data = self.transport.read(min(timeout_s, LONGEST_WAIT_S))
+        data = self.transport.read(min(timeout_s, MAX_WAIT_S))
         if len(self.received) < SHOWN_BYTES:
             self.received = (self.received + data)[:SHOWN_BYTES]
         return data
@@ -95,7 +95,7 @@ def opening_error(error: Exception, where: str, windows: bool = False) -> LinkEr
     text = _text(error)
     if number in _BUSY or "exclusively lock" in text or (windows and _denied(number, text)):
         return PortBusy(
-            f"{where} is in use by {holders_text(where)}; end that program and try again"
+            f"{where} is in use by {format_port_owners(where)}; end that program and try again"
         )
     if _denied(number, text):
         return PortDenied(
@@ -144,7 +144,7 @@ _MASTERS = ("/dev/ptmx", "/dev/pts/ptmx")
 
 
 @dataclass(frozen=True, slots=True)
-class Holder:
+class PortOwner:
     """Name one process that has a port open."""
 
     pid: int
@@ -152,23 +152,23 @@ class Holder:
     is_terminal: bool = False  # also holds a master end, as a virtual bench does
 
 
-def holders(port: str) -> tuple[Holder, ...]:
+def port_owners(port: str) -> tuple[PortOwner, ...]:
     """Return the processes that have `port` open, a pseudo-terminal itself only if no other has."""
     target = os.path.realpath(port)
-    users: list[Holder] = []
-    terminals: list[Holder] = []
+    users: list[PortOwner] = []
+    terminals: list[PortOwner] = []
     for process in psutil.process_iter(["pid", "name"]):
         paths = _open_paths(process.pid)
         if target in paths:
             is_terminal = bool(paths.intersection(_MASTERS))
-            found = Holder(process.pid, process.info["name"] or "unnamed", is_terminal)
+            found = PortOwner(process.pid, process.info["name"] or "unnamed", is_terminal)
             (terminals if is_terminal else users).append(found)
     return tuple(users or terminals)
 
 
-def holders_text(port: str) -> str:
+def format_port_owners(port: str) -> str:
     """Return the processes that have `port` open, for a message."""
-    found = holders(port)
+    found = port_owners(port)
     if not found:
         return "another program (the system does not say which)"
     return " and ".join(

@@ -7,25 +7,25 @@ from typing import TYPE_CHECKING
 
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.sweep_operator import TERMINAL
-from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
+from benchtool.core.plural import pluralize
 from benchtool.explain.next_steps import next_file, next_sentence
 
 if TYPE_CHECKING:
     from benchtool.core.rig import Rig
     from benchtool.data.run.run import Run
-    from benchtool.explain.answer import Answer, Request
+    from benchtool.explain.answer import ExplainResult, Request
     from benchtool.explain.engine.verdict import NextExperiment
     from benchtool.explain.inputs import ExplainInputs
 
 
-def bench_for(address: str, question: Request, out: Path | None) -> Rig:
+def open_experiment_bench(address: str, question: Request, out: Path | None) -> Rig:
     """Return the rig on a bench that is to be the one of recordings; nothing is opened.
 
     Raises:
         InputError: no folder for the runs, an address that nothing knows, or another rig.
     """
-    from benchtool.acquire.inputs import rig_for
+    from benchtool.acquire.inputs import resolve_rig
     from benchtool.bench.drivers import open_bench
     from benchtool.data.run.run_rig import differences
 
@@ -35,7 +35,7 @@ def bench_for(address: str, question: Request, out: Path | None) -> Rig:
     known = question.loaded.model.rig
     if not address.startswith("sim:"):
         return known
-    stands = rig_for(address, None)
+    stands = resolve_rig(address, None)
     if different := differences(known, stands):
         raise InputError(
             f"{address} is another rig than that of the recordings ({different[0]}); name the "
@@ -44,10 +44,10 @@ def bench_for(address: str, question: Request, out: Path | None) -> Rig:
     return stands
 
 
-def why_no_more(answer: Answer, inputs: ExplainInputs, made: int, left_min: float) -> str:
+def stop_reason(answer: ExplainResult, inputs: ExplainInputs, made: int, left_min: float) -> str:
     """Return why nothing more is recorded, in a sentence; empty where an experiment comes next."""
     verdict, experiment = answer.verdict, answer.verdict.next
-    after = f" after {counted(made, 'experiment')}" if made else ""
+    after = f" after {pluralize(made, 'experiment')}" if made else ""
     if verdict.holds(inputs.until):
         return f"The answer is as sure as --until {inputs.until:g}{after}."
     still = f"The answer is not as sure as --until {inputs.until:g}{after}"
@@ -66,7 +66,7 @@ def why_no_more(answer: Answer, inputs: ExplainInputs, made: int, left_min: floa
 
 
 def record_next(
-    answer: Answer, experiment: NextExperiment, inputs: ExplainInputs, stands: Rig
+    answer: ExplainResult, experiment: NextExperiment, inputs: ExplainInputs, stands: Rig
 ) -> Run:
     """Show an experiment, have it armed by hand and record it, as `sweep` and `record` do.
 

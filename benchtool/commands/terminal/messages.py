@@ -16,7 +16,7 @@ from benchtool.core.errors import (
     WouldOverwrite,
     show_controls,
 )
-from benchtool.core.exhausted import exhausted, is_exhaustion
+from benchtool.core.resource_errors import is_exhaustion, resource_error
 
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")
 """What loaders and threads say where an allocation failed; they raise no MemoryError for it."""
@@ -31,7 +31,7 @@ def flush_output() -> None:
         ResourceExhausted: standard output is full or closed.
     """
     if (error := _output_error()) is not None:
-        raise exhausted(error, "standard output cannot be written") from error
+        raise resource_error(error, "standard output cannot be written") from error
 
 
 def cause_behind(error: BaseException) -> ResourceExhausted | EstimationError | None:
@@ -39,11 +39,11 @@ def cause_behind(error: BaseException) -> ResourceExhausted | EstimationError | 
     # A write that failed names no file, and fails again where it was that of standard output.
     unnamed = isinstance(error, OSError) and error.filename is None
     if (output := _output_error("\n" if unnamed else "")) is not None:
-        return exhausted(output, "standard output cannot be written")
+        return resource_error(output, "standard output cannot be written")
     if isinstance(error, MemoryError) or any(words in str(error).lower() for words in _NO_MEMORY):
-        return exhausted(MemoryError(), "this command was given up")
+        return resource_error(MemoryError(), "this command was given up")
     if isinstance(error, OSError) and is_exhaustion(error):
-        return exhausted(error, "a file cannot be read or written")
+        return resource_error(error, "a file cannot be read or written")
     if type(error).__name__ == "LinAlgError" or any(words in str(error) for words in _NOT_FINITE):
         return EstimationError(
             f"numbers of the data or the model are out of the range that can be computed "

@@ -14,9 +14,9 @@ from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 from benchtool import __version__
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.tables import progress_bar
-from benchtool.core.counted import counted
 from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
-from benchtool.core.input_text import words_of
+from benchtool.core.input_text import format_arguments
+from benchtool.core.plural import pluralize
 from benchtool.data.run.campaign import campaign_means
 from benchtool.simulate.campaign_run import campaign_of, run_campaign
 from benchtool.simulate.design import Design
@@ -50,12 +50,12 @@ def show_campaign(inputs: PitchInputs | FlightInputs, known: Iterable[str], **na
     series = list(product(campaign.setups, campaign.controllers))
     total = design.n_points * design.seeds * len(series)
     print(
-        f"SIMULATED campaign: {campaign.title}; {design.describe()}; {counted(total, 'run')}",
+        f"SIMULATED campaign: {campaign.title}; {design.describe()}; {pluralize(total, 'run')}",
         flush=True,
     )
     metadata = {
         "simulated": "true", "benchtool": __version__, **campaign.metadata, **design.words(),
-        "set": " ".join(words_of(study.settings, commas=False)),
+        "set": " ".join(format_arguments(study.settings, commas=False)),
     }  # fmt: skip
     began = monotonic()
     with progress_bar(MofNCompleteColumn(), TimeRemainingColumn(), transient=False) as progress:
@@ -70,7 +70,7 @@ def show_campaign(inputs: PitchInputs | FlightInputs, known: Iterable[str], **na
             print(f"ended; finished runs are in {rows}; the same command resumes", file=sys.stderr)
             raise
     took_s = max(monotonic() - began, 1e-9)
-    print(f"{counted(count, 'run')} in {took_s:.1f} s, {count / took_s:.3g} runs/s")
+    print(f"{pluralize(count, 'run')} in {took_s:.1f} s, {count / took_s:.3g} runs/s")
     print(f"written: {table}", flush=True)
     means = campaign_means(table, measure)
     if not means:

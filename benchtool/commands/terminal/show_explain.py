@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.progress import TaskProgressColumn, TimeElapsedColumn
 
 from benchtool.commands.terminal.tables import Output, print_table, progress_bar
-from benchtool.explain.answer import Answer
+from benchtool.explain.answer import ExplainResult
 from benchtool.explain.next_steps import lines, next_file, next_sentence, next_steps
 from benchtool.report.answer.folder import ANSWER, PAGE
 from benchtool.report.answer.page import added_sentence, changes, where_sentence
@@ -24,7 +24,7 @@ from benchtool.report.answer.tables import (
 
 
 @contextmanager
-def working(reading: str) -> Iterator[Callable[[str, float], None]]:
+def progress_status(reading: str) -> Iterator[Callable[[str, float], None]]:
     """Show a bar on a terminal, one line elsewhere; gives the function that moves the bar."""
     begun = f"explaining {reading}; the answer can take a minute or more"
     with progress_bar(TaskProgressColumn(), TimeElapsedColumn()) as bar:
@@ -41,7 +41,7 @@ def working(reading: str) -> Iterator[Callable[[str, float], None]]:
 
 
 @contextmanager
-def for_a_reader() -> Iterator[None]:
+def is_interactive() -> Iterator[None]:
     """Print as long as somebody reads: `head` closing the pipe is no error."""
     try:
         yield
@@ -51,7 +51,7 @@ def for_a_reader() -> Iterator[None]:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def print_answer(answer: Answer) -> None:
+def print_answer(answer: ExplainResult) -> None:
     """Print what was found: the sentence, where, which, the gap, tolerances, what is not judged."""
     console = Output()
     verdict = answer.verdict
@@ -69,13 +69,13 @@ def print_answer(answer: Answer) -> None:
     console.say(f"It took {answer.seconds:.1f} s.")
 
 
-def _print_verdict(console: Output, answer: Answer) -> None:
+def _print_verdict(console: Output, answer: ExplainResult) -> None:
     console.say(answer.verdict.sentence)
     if answer.caution:
         console.say(answer.caution)
 
 
-def print_next(answer: Answer, out: Path | None, json_file: Path | None) -> None:
+def print_next(answer: ExplainResult, out: Path | None, json_file: Path | None) -> None:
     """Print in one place: the verdict, what was added to which file, and the next commands."""
     console = Output()
     folder = str(out) if out is not None else ""

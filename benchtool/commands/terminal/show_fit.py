@@ -16,7 +16,7 @@ WIDEST = 5  # columns of a table that a terminal has room for
 
 
 @contextmanager
-def working() -> Iterator[Callable[[str, int, int], None]]:
+def progress_status() -> Iterator[Callable[[str, int, int], None]]:
     """Show a bar on a terminal, nothing elsewhere; gives the function that moves it."""
     counts = TextColumn("{task.completed:.0f}/{task.total:.0f}")
     with progress_bar(counts, TimeRemainingColumn()) as bar:

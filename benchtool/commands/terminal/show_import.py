@@ -9,10 +9,10 @@ from rich.table import Table
 from rich.text import Text
 
 from benchtool.commands.terminal.tables import Output
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.import_result import ImportResult
 
 
-def print_import(read: Imported, target: Path | None) -> None:
+def print_import(read: ImportResult, target: Path | None) -> None:
     """Print one import."""
     console = Output()
     tally = read.tally
@@ -35,7 +35,7 @@ def print_import(read: Imported, target: Path | None) -> None:
         console.say(f"written: {target} and {target.name}.json")
 
 
-def _table(read: Imported) -> Table:
+def _table(read: ImportResult) -> Table:
     table = Table(box=SIMPLE_HEAD)
     table.add_column("kind", no_wrap=True)
     table.add_column("what", overflow="fold", max_width=18)

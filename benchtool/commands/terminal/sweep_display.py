@@ -12,8 +12,8 @@ from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
-from benchtool.acquire.order import Visit, minutes
-from benchtool.acquire.record import QUIET, ProgressLines, RunProgress
+from benchtool.acquire.record import NO_PROGRESS, ProgressLines, RunProgress
+from benchtool.acquire.visit_order import Visit, minutes
 from benchtool.commands.terminal.tables import EscapedConsole
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
@@ -48,7 +48,7 @@ class LiveDisplay(RunProgress):
         self._bar.update(self._task, advance=1, left=minutes(remaining_s))
 
     def happened(self, event: Event) -> None:
-        if event.event not in QUIET:
+        if event.event not in NO_PROGRESS:
             self._event = f"{event.time_s:.1f} s  {event.event}: {event.text}"
 
     def render(self) -> Group:

@@ -20,7 +20,7 @@ LOOK_S = 0.05
 class TerminalOperator:
     """Print what is said; read answers from standard input."""
 
-    def say(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         print(text, flush=True)
 
     def warn(self, text: str) -> None:

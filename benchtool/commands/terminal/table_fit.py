@@ -17,8 +17,8 @@ import tomli_w
 from benchtool.commands.recipe_options import TableInputs
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.inputs import changed, items, make
-from benchtool.core.rig_file import rig_from_toml, rig_named
+from benchtool.core.inputs import build_inputs, items, with_changes
+from benchtool.core.rig_file import load_rig_by_name, parse_rig
 from benchtool.data.column_map import (
     IN_RADII,
     column_map_to_toml,
@@ -29,8 +29,8 @@ from benchtool.data.csv_text import read_csv_header, read_csv_text
 from benchtool.data.formats.formats import import_file, is_stand_table
 from benchtool.data.repairs.foreign_units import conversion
 from benchtool.data.run.read import is_run
-from benchtool.data.run.run_rig import rig_of_data
-from benchtool.data.table import Where, read_table, rows_where
+from benchtool.data.run.run_rig import load_rig_for_data
+from benchtool.data.table import RowFilter, read_table, rows_where
 from benchtool.physics.model_file import model_names, stated_in
 
 MODEL = "single"  # model of a table where none is named: one rotor over a plate
@@ -60,29 +60,31 @@ def prepare_table(given: dict[str, Any]) -> tuple[str, ...]:
         InputError: lists all that is missing, the command to complete, and the map so far.
     """
     names = {item.name for item in items(TableInputs)}
-    table = make(TableInputs, {name: given[name] for name in names & given.keys()}, source="option")
+    table = build_inputs(
+        TableInputs, {name: given[name] for name in names & given.keys()}, source="option"
+    )
     paths = [path for path in given.get("data", ()) if Path(path).is_file()]
     if not all(Path(path).exists() for path in given.get("data", ())):
         return ()  # reading them says which one is missing
     if not paths or len(paths) < len(given["data"]) or any(map(is_run, paths)):
-        if changed(table):
+        if with_changes(table):
             raise InputError(
                 "columns of a table are named, but the data are no table; leave them out"
             )
         return ()
     first = str(paths[0])
-    known = is_stand_table(first) and not changed(table) - {"radius": 0}.keys()
+    known = is_stand_table(first) and not with_changes(table) - {"radius": 0}.keys()
     given.setdefault("model", MODEL)
     own_model = "" if given["model"] in model_names() else str(given["model"])
     has_map = known or given.get("columns") is not None
-    if not (changed(table) or known) and (
+    if not (with_changes(table) or known) and (
         has_map
         or (own_model and stated_in(own_model)[1])
         or {"thrust_N", "thrust_ratio"} & set(read_csv_header(Path(first)))
     ):
         return ()  # the columns are described
     radius_m, rig_text = _radius(given.get("rig"), table, first, known, own_model)
-    if has_map and not known and changed(table).keys() - {"radius", "runs"}:
+    if has_map and not known and with_changes(table).keys() - {"radius", "runs"}:
         raise InputError("--map says which column is which; leave the other columns out")
     where = tuple(given.get("where", ()))
     columns = _Columns(first, table, radius_m)
@@ -119,13 +121,13 @@ def _radius(
     if rig is not None:
         if table.radius is not None:
             raise InputError("--radius and --rig are both given; give one of them")
-        return rig_named(rig).propulsion.radius_m, ""
-    if table.radius is None and (own := rig_of_data([first])) is not None:
+        return load_rig_by_name(rig).propulsion.radius_m, ""
+    if table.radius is None and (own := load_rig_for_data([first])) is not None:
         return own.propulsion.radius_m, ""
     if table.radius is None and own_model:
         return stated_in(own_model)[0].propulsion.radius_m, ""
     text = radius_rig(first, table.radius, known=known)
-    return (rig_from_toml(text, f"rig of {first}").propulsion.radius_m if text else nan), text
+    return (parse_rig(text, f"rig of {first}").propulsion.radius_m if text else nan), text
 
 
 def radius_rig(first: str, radius_m: float | None, *, known: bool) -> str:
@@ -186,7 +188,7 @@ class _Columns:
 
     def choose(self, where: Sequence[str]) -> None:
         whole = read_csv_text(Path(self.path))
-        rows = rows_where(whole, [Where.parse(text) for text in where])
+        rows = rows_where(whole, [RowFilter.parse(text) for text in where])
         self.table = replace(whole, rows=[whole.rows[row] for row in rows])
         self.header = [cell for cell in whole.header if cell]
         guess = guess_columns(self.header, radius_m=self.radius_m)
@@ -290,9 +292,9 @@ class _Columns:
     def _choose_reference(self) -> None:
         source = self.map.get("plate_z_m")
         if self.given.reference:
-            named = Where.parse(self.given.reference)
+            named = RowFilter.parse(self.given.reference)
             cell, value = self._find(named.column, "--reference"), named.value
-            if not rows_where(self.table, [Where(cell, value)]):
+            if not rows_where(self.table, [RowFilter(cell, value)]):
                 raise InputError(f"no row has {cell}={value}; correct --reference")
             self.map["kind"] = ColumnSource(column=cell, reference=value)
         elif source is not None and source is not DRAFT:

@@ -25,7 +25,7 @@ from benchtool.data.catalogue.entry import SWEEPS, Entry, kind_of
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.state import state_folder
 
-DEEPEST = 3  # Folders of folders that are looked through for entries; a choice
+MAX_DEPTH = 3  # Folders of folders that are looked through for entries; a choice
 VERSION = "2 " + " ".join(field.name for field in fields(Entry))  # index of another one is rebuilt
 Seen = dict[str, tuple[str, Entry]]  # by name: times of the files, entry
 
@@ -49,7 +49,7 @@ def list_entries(folder: RunsFolder, seen: Seen | None = None) -> tuple[Entry, .
     if not folder.root.is_dir():
         seen.clear()
         return ()
-    found = list(_Look(folder, seen).through(str(folder.root), DEEPEST))
+    found = list(_Look(folder, seen).through(str(folder.root), MAX_DEPTH))
     names = {entry.name for entry in found}
     for gone in seen.keys() - names:
         del seen[gone]
@@ -111,9 +111,9 @@ class _Look:
         """Return one entry, read again only where one of its files has changed."""
         stamp = _stamp(path, kind_of(Path(path)))
         if name not in self._seen or self._seen[name][0] != stamp:
-            from benchtool.data.run.entry import entry_of
+            from benchtool.data.run.entry import build_entry
 
-            self._seen[name] = (stamp, entry_of(self._folder, name))
+            self._seen[name] = (stamp, build_entry(self._folder, name))
         return self._seen[name][1]
 
 

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import BenchtoolError, InputError, WouldOverwrite
-from benchtool.core.inputs import make
-from benchtool.core.table_bounds import MOST_TABLE_BYTES
+from benchtool.core.inputs import build_inputs
+from benchtool.core.plural import pluralize
+from benchtool.core.table_bounds import MAX_TABLE_BYTES
 from benchtool.core.user_file import read_file
-from benchtool.data.catalogue.choice import ChoiceInputs, find_entries
 from benchtool.data.catalogue.entry import SWEEPS, Entry
-from benchtool.data.catalogue.extra import load_extra
+from benchtool.data.catalogue.filters import ChoiceInputs, find_entries
+from benchtool.data.catalogue.optional_dependency import load_extra
 from benchtool.data.columns import WORDS
 from benchtool.data.run.state import state_folder
 
@@ -43,7 +43,7 @@ RUN_COLUMNS = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ChosenRuns:
+class RunSelection:
     """Hold what was chosen from folders of runs; iterating gives paths, for `bt.fit` and others.
 
     Attributes:
@@ -59,7 +59,7 @@ class ChosenRuns:
         return (path for path, _ in self.found)
 
     def __str__(self) -> str:
-        return f"{counted(len(self), 'run')} and results chosen"
+        return f"{pluralize(len(self), 'run')} and results chosen"
 
     def table(self) -> pd.DataFrame:
         """Return a row for each: run, kind, rig, propeller, operator, UTC date, distances, tags."""
@@ -73,12 +73,12 @@ class ChosenRuns:
         Raises:
             InputError: DuckDB is not installed, or it refuses the statement.
         """
-        with queried(self.found, sql) as result:
+        with run_query(self.found, sql) as result:
             table: pd.DataFrame = result.df()
             return table
 
 
-def runs(*folders: str | Path, **by: Any) -> ChosenRuns:
+def runs(*folders: str | Path, **by: Any) -> RunSelection:
     """Choose runs, fits and recordings of folders by their catalogue, as `benchtool runs list`.
 
     Iterating gives paths, for `read` and `fit`; `.table()` a data frame; `.query(sql)` what SQL
@@ -92,7 +92,7 @@ def runs(*folders: str | Path, **by: Any) -> ChosenRuns:
         InputError: a folder that is not there, or an option that nobody knows.
     """
     given: dict[str, Any] = {"folder": tuple(Path(folder) for folder in folders)} if folders else {}
-    return ChosenRuns(find_entries(make(ChoiceInputs, given | by)))
+    return RunSelection(find_entries(build_inputs(ChoiceInputs, given | by)))
 
 
 def run_rows(found: Sequence[tuple[Path, Entry]]) -> list[dict[str, Any]]:
@@ -111,7 +111,7 @@ def run_rows(found: Sequence[tuple[Path, Entry]]) -> list[dict[str, Any]]:
 
 
 @contextmanager
-def queried(found: Sequence[tuple[Path, Entry]], sql: str) -> Iterator[Any]:
+def run_query(found: Sequence[tuple[Path, Entry]], sql: str) -> Iterator[Any]:
     """Give DuckDB's relation of one SELECT over the tables of some entries.
 
     Raises:
@@ -206,7 +206,7 @@ def _run_rows(found: Sequence[tuple[Path, Entry]], name: str) -> Sequence[Any]:
     for path, one in found:
         if one.kind in SWEEPS:
             with suppress(BenchtoolError):
-                text = read_file(path / f"{name}.csv", MOST_TABLE_BYTES, follow=False)
+                text = read_file(path / f"{name}.csv", MAX_TABLE_BYTES, follow=False)
                 # What stands behind the last line end is a row that is being written.
                 lines = list(filter(None, text[: text.rfind(b"\n") + 1].splitlines()))
                 if len(lines) > 1:

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from benchtool.core.counted import counted
+from benchtool.core.plural import pluralize
 from benchtool.data.formats.dataflash import read_dataflash, read_text_log
 from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, logged_motors
 from benchtool.data.formats.messages import RAD, MessageLog, Messages, Scales, Stream
-from benchtool.data.repairs.imported import Finding, Imported, Options
+from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 WANTED = frozenset(  # messages of a log that are read; the others are counted only
     {
@@ -23,18 +23,20 @@ GOOD_RANGE = 4  # RangeFinder::Status::Good of ArduPilot's AP_RangeFinder.h
 
 
 def read_binary(
-    data: bytes, where: str, provenance: Mapping[str, str], options: Options
-) -> Imported:
+    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+) -> ImportResult:
     """Return a DataFlash log (.bin) as a pitch recording."""
     return _read(read_dataflash(data, WANTED), "ArduPilot DataFlash", where, provenance)
 
 
-def read_text(data: bytes, where: str, provenance: Mapping[str, str], options: Options) -> Imported:
+def read_text(
+    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+) -> ImportResult:
     """Return a DataFlash log in its text form (.log) as a pitch recording."""
     return _read(read_text_log(data, WANTED), "ArduPilot DataFlash text", where, provenance)
 
 
-def _read(log: MessageLog, name: str, where: str, provenance: Mapping[str, str]) -> Imported:
+def _read(log: MessageLog, name: str, where: str, provenance: Mapping[str, str]) -> ImportResult:
     motors = ardupilot_motors(log["PARM"], "Name", "Value")
     battery = _first(log["BAT"] if len(log["BAT"]) else log["CURR"])
     streams = [
@@ -74,7 +76,7 @@ def _attitude(log: MessageLog) -> list[Stream]:
     slow, fast = log["ATT"].stream(scales), log["ANG"].stream(scales)
     if not fast or (slow and slow[0].time_us.size >= fast[0].time_us.size):
         return slow
-    words = f"ANG, {counted(fast[0].time_us.size, 'message')}"
+    words = f"ANG, {pluralize(fast[0].time_us.size, 'message')}"
     if slow:
         times, own = slow[0].time_us, fast[0].time_us
         beyond = int(np.count_nonzero((times < own.min()) | (times > own.max())))

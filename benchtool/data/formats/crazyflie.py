@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from benchtool.data.csv_text import lay_out
-from benchtool.data.repairs.imported import Finding, Imported, Options
-from benchtool.data.repairs.mapped import map_header, read_columns
+from benchtool.data.csv_text import parse_rows
+from benchtool.data.repairs.column_mapping import map_header, read_columns
+from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 CHANNELS: dict[str, str] = {
     "weight": "thrust_N",
@@ -24,10 +24,10 @@ gets: that is its thrust, in gram-force where no unit stands."""
 
 
 def read_crazyflie(
-    data: bytes, where: str, provenance: Mapping[str, str], options: Options
-) -> Imported:
+    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+) -> ImportResult:
     """Return a Crazyflie's log: thrust of all four rotors, pwm as the raw number 0 to 65535."""
-    table = lay_out(data, where)
+    table = parse_rows(data, where)
     loaded = any(cell.startswith("v[") or cell == "v" for cell in table.header)
     channels = {**CHANNELS, "vbat": "battery_V" if loaded else "voltage_V"}
     columns, findings = map_header(table, channels.get, units={"thrust_N": "gf"})

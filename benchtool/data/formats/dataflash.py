@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.counted import counted
+from benchtool.core.plural import pluralize
 from benchtool.data.formats.messages import MessageLog, Messages
-from benchtool.data.repairs.imported import Finding, line_ranges
+from benchtool.data.repairs.import_result import Finding, line_ranges
 
 Positions = NDArray[np.intp]
 
@@ -112,7 +112,7 @@ def read_dataflash(data: bytes, wanted: frozenset[str]) -> MessageLog:
         if body is not None:
             kinds[layout.name] = layout.messages(_bodies(text, at, body))
         elif at.size:
-            words = f"{counted(at.size, 'record')} of {layout.name}: its FMT contradicts itself"
+            words = f"{pluralize(at.size, 'record')} of {layout.name}: its FMT contradicts itself"
             findings.append(Finding("refused", "broken format", words, layout.name, at.size))
             broken += int(at.size)
             total -= int(at.size)
@@ -168,7 +168,7 @@ def _account(size: int, starts: Positions, ends: Positions) -> list[Finding]:
     if many:
         lost, first = int(inside.sum()), int(stops[np.flatnonzero(inside > 0)[0]])
         words = (
-            f"{lost:,} bytes in {counted(many, 'place')} belong to no record, first at byte "
+            f"{lost:,} bytes in {pluralize(many, 'place')} belong to no record, first at byte "
             f"{first:,}; reading went on at the next record"
         )
         found.append(Finding("refused", "corrupt bytes", words, count=0))
@@ -180,7 +180,7 @@ def _account(size: int, starts: Positions, ends: Positions) -> list[Finding]:
         )
         found.append(Finding("refused", "cut off", words, count=1))
     elif gaps[-1] > 0:
-        rest = counted(int(gaps[-1]), "byte")
+        rest = pluralize(int(gaps[-1]), "byte")
         words = f"the last record ends at byte {int(stops[-1]):,}, {rest} before the end"
         found.append(Finding("refused", "corrupt bytes", words, count=0))
     return found
@@ -229,7 +229,7 @@ def read_text_log(data: bytes, wanted: frozenset[str]) -> MessageLog:
         total += 1
     findings = []
     if bad:
-        words = f"{counted(len(bad), 'line')} hold no whole record"
+        words = f"{pluralize(len(bad), 'line')} hold no whole record"
         lines = line_ranges(bad)
         findings.append(Finding("refused", "broken lines", words, count=len(bad), lines=lines))
     kinds = {name: _text_messages(name, columns[name], own) for name, own in rows.items() if own}

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
+from benchtool.core.plural import pluralize
 from benchtool.data.formats.messages import MessageLog, Messages, Stream, merged
-from benchtool.data.repairs.imported import Finding, Imported, Tally
+from benchtool.data.repairs.import_result import Finding, ImportCount, ImportResult
 
-LONG_GAP_S = 1.0  # Attitude comes at 4 Hz and more in every log; a longer silence is a gap
-LONGEST_LOG_US = 7 * 86400e6  # what is stamped farther off is a broken message
+MIN_GAP_S = 1.0  # Attitude comes at 4 Hz and more in every log; a longer silence is a gap
+MAX_LOG_US = 7 * 86400e6  # what is stamped farther off is a broken message
 
 _NEEDS: tuple[tuple[str, str, str], ...] = (
     ("attitude", r"theta_rad", "no attitude stands in it, so it is no pitch recording"),
@@ -33,7 +33,7 @@ def flight_import(
     format_name: str,
     where: str,
     provenance: Mapping[str, str],
-) -> Imported:
+) -> ImportResult:
     """Return a flight log as a pitch recording.
 
     Raises:
@@ -46,12 +46,12 @@ def flight_import(
         reasons = "; ".join(item.words for item in found if item.kind == "refused")
         raise FileFormatError(
             where,
-            f"{counted(total, 'message')} could be read, and none is attitude, rates, "
+            f"{pluralize(total, 'message')} could be read, and none is attitude, rates, "
             f"outputs, rpm or distance{': ' + reasons if reasons else ''}; name a log of a flight",
         )
     recording, disordered = merged(streams)
     if disordered:
-        words = f"{counted(disordered, 'message')} stamped before an earlier one; sorted by time"
+        words = f"{pluralize(disordered, 'message')} stamped before an earlier one; sorted by time"
         found.append(Finding("repaired", "time goes backwards", words, "time_s", disordered))
     if "theta_rad" in recording or "gyro_rad_s" in recording:
         words = "theta and gyro count nose down as positive, as benchtool does; logs count nose up"
@@ -66,11 +66,11 @@ def flight_import(
         for stream in streams
         for name in stream.columns
     }
-    return Imported(
+    return ImportResult(
         recording=replace(recording, provenance={**provenance, "rows": str(len(recording))}),
         format=format_name,
         findings=tuple(found),
-        tally=Tally(
+        tally=ImportCount(
             unit="message",
             total=total + broken,
             kept=retained,
@@ -89,7 +89,7 @@ def _sane(streams: Sequence[Stream], found: list[Finding]) -> tuple[list[Stream]
     middle_us = float(np.median(np.concatenate([stream.time_us for stream in streams])))
     retained, strange, infinite = [], 0, 0
     for stream in streams:
-        good = np.abs(stream.time_us.astype(float) - middle_us) < LONGEST_LOG_US
+        good = np.abs(stream.time_us.astype(float) - middle_us) < MAX_LOG_US
         good &= (stream.time_us >= 0) & (stream.time_us < 1 << 53)
         strange += int(np.count_nonzero(~good))
         columns = {name: values[good] for name, values in stream.columns.items()}
@@ -102,10 +102,10 @@ def _sane(streams: Sequence[Stream], found: list[Finding]) -> tuple[list[Stream]
     retained = [_without_blank(stream, found) for stream in retained]
     retained = [stream for stream in retained if stream.columns]
     if strange:
-        words = f"{counted(strange, 'message')} stamped days away from the others"
+        words = f"{pluralize(strange, 'message')} stamped days away from the others"
         found.append(Finding("refused", "stray time", words, "time_s", strange))
     if infinite:
-        words = f"{counted(infinite, 'value')} that read infinity are blank now"
+        words = f"{pluralize(infinite, 'value')} that read infinity are blank now"
         found.append(Finding("repaired", "infinite numbers", words, count=infinite))
     return retained, strange
 
@@ -124,10 +124,10 @@ def _gaps(streams: Sequence[Stream]) -> list[Finding]:
     for stream in streams:
         if "theta_rad" in stream.columns and stream.time_us.size > 1:
             steps_s = 1e-6 * np.diff(np.sort(stream.time_us)).astype(float)
-            many = int(np.count_nonzero(steps_s > LONG_GAP_S))
+            many = int(np.count_nonzero(steps_s > MIN_GAP_S))
             if many:
                 words = (
-                    f"{counted(many, 'gap')} of more than {LONG_GAP_S:g} s in the attitude, the "
+                    f"{pluralize(many, 'gap')} of more than {MIN_GAP_S:g} s in the attitude, the "
                     f"longest {steps_s.max():.4g} s"
                 )
                 return [Finding("doubt", "gaps", words, "theta_rad", many)]

@@ -18,20 +18,20 @@ from typing import Literal, Protocol
 import numpy as np
 
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.table_bounds import MOST_LOG_BYTES
+from benchtool.core.table_bounds import MAX_LOG_BYTES
 from benchtool.core.user_file import open_file, read_file
 from benchtool.data.formats.mavlink_walk import is_tlog
-from benchtool.data.formats.over_surface import mark_windows
+from benchtool.data.formats.surface_windows import mark_windows
 from benchtool.data.formats.uiuc import is_uiuc
-from benchtool.data.repairs.at_rest import apply_options, inspect_log, inspect_stand
-from benchtool.data.repairs.hover import points_of_hover
-from benchtool.data.repairs.imported import Imported, Options
-from benchtool.data.repairs.mapped import has_columns, read_by_map, read_named
+from benchtool.data.repairs.column_mapping import has_columns, read_by_map, read_named
+from benchtool.data.repairs.hover import extract_hover_points
+from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 from benchtool.data.repairs.pole_count import compare_speeds
-from benchtool.data.repairs.time_order import mend_spikes, mend_time
+from benchtool.data.repairs.rest_checks import apply_options, inspect_log, inspect_stand
+from benchtool.data.repairs.time_order import remove_spikes, repair_time_order
 
 HEAD_BYTES = 1 << 16  # A file's beginning shows its format: a header and some rows
-LISTED = 8  # So many files are named; a sentence holds no more. A choice
+MAX_LISTED = 8  # So many files are named; a sentence holds no more. A choice
 
 _TEXT_LOG = re.compile(rb"(?:[^\n]{0,200}\n){0,8}FMT, ?\d+, ?\d+, ?\w+,")
 
@@ -43,8 +43,8 @@ class FormatReader(Protocol):
     """What reads a format."""
 
     def __call__(
-        self, data: bytes, where: str, provenance: Mapping[str, str], options: Options
-    ) -> Imported:
+        self, data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+    ) -> ImportResult:
         """Return what a file's bytes hold.
 
         Args:
@@ -110,7 +110,7 @@ FORMATS: tuple[Format, ...] = (
 map, or by the names of its columns."""
 
 
-def format_of(head: bytes) -> Format | None:
+def detect_format(head: bytes) -> Format | None:
     """Return the format of a file that begins like this; None where no format is recognized."""
     return next((item for item in FORMATS if item.recognizes(head[:HEAD_BYTES])), None)
 
@@ -118,24 +118,26 @@ def format_of(head: bytes) -> Format | None:
 def is_stand_table(path: str | Path) -> bool:
     """Return whether a file is a table of a stand whose format is known."""
     with open_file(Path(path)) as file:
-        found = format_of(file.read(HEAD_BYTES))
+        found = detect_format(file.read(HEAD_BYTES))
     return found is not None and found.kind == "table"
 
 
-def import_file(path: str | Path, options: Options | None = None) -> Imported:
+def import_file(path: str | Path, options: ImportOptions | None = None) -> ImportResult:
     """Return what a foreign file holds, with every repair and doubt.
 
     Raises:
         FileFormatError: no such file, nothing readable in it, or columns that nobody knows.
     """
-    where, options = Path(path), options or Options()
+    where, options = Path(path), options or ImportOptions()
     if os.path.isdir(where):
         raise FileFormatError(str(path), _explain_folder(where, options))
-    return import_bytes(read_file(where, MOST_LOG_BYTES), str(path), options)
+    return import_bytes(read_file(where, MAX_LOG_BYTES), str(path), options)
 
 
 @np.errstate(over="ignore")
-def import_files(paths: Sequence[str | Path], options: Options | None = None) -> list[Imported]:
+def import_files(
+    paths: Sequence[str | Path], options: ImportOptions | None = None
+) -> list[ImportResult]:
     """Return several files, each held against the others for speeds that differ by a ratio."""
     read = [import_file(path, options) for path in paths]
     compared = compare_speeds(
@@ -145,7 +147,7 @@ def import_files(paths: Sequence[str | Path], options: Options | None = None) ->
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a cell may hold 1e308, a log a signalling nan
-def import_bytes(data: bytes, where: str, options: Options) -> Imported:
+def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResult:
     """Return what the bytes of a foreign file hold; see `import_file`."""
     provenance = {
         "file": where,
@@ -158,36 +160,36 @@ def import_bytes(data: bytes, where: str, options: Options) -> Imported:
         read = inspect_log(apply_options(read, options))
     else:
         # Doubts come last: what the user repaired is none any more.
-        read = inspect_stand(apply_options(mend_spikes(mend_time(read)), options))
+        read = inspect_stand(apply_options(remove_spikes(repair_time_order(read)), options))
     if options.propeller is not None:
         read = replace(read, propeller=options.propeller)
     if options.hover_kg is not None:
-        read = points_of_hover(read, options.hover_kg)
+        read = extract_hover_points(read, options.hover_kg)
     return mark_windows(read, options.over, options.near_m)
 
 
-def _reader_of(head: bytes, options: Options) -> tuple[Kind, FormatReader]:
+def _reader_of(head: bytes, options: ImportOptions) -> tuple[Kind, FormatReader]:
     """Return what reads a file that begins like this: a user's map goes before every format."""
     if options.columns is not None:
         return "table", read_by_map
-    found = format_of(head)
+    found = detect_format(head)
     return ("table", read_named) if found is None else (found.kind, found.load())
 
 
-def _explain_folder(folder: Path, options: Options) -> str:
+def _explain_folder(folder: Path, options: ImportOptions) -> str:
     """Return what to do with a folder, with the command where files in it can be imported."""
     inside = sorted(folder.iterdir())
     found = [path for path in inside if path.is_file() and _can_import(path, options)]
     if not found:
-        inner = [f"{path}/" for path in inside if path.is_dir()][:LISTED]
+        inner = [f"{path}/" for path in inside if path.is_dir()][:MAX_LISTED]
         instead = f"look into {', '.join(inner)}" if inner else "name the file of a log or a table"
         return f"this is a folder, and none of its files is known; {instead}"
-    names = [shlex.quote(str(path)) for path in found[:LISTED]]
-    rest = f" (and {len(found) - LISTED} more)" if len(found) > LISTED else ""
+    names = [shlex.quote(str(path)) for path in found[:MAX_LISTED]]
+    rest = f" (and {len(found) - MAX_LISTED} more)" if len(found) > MAX_LISTED else ""
     return f"this is a folder; name files in it: benchtool import {' '.join(names)}{rest}"
 
 
-def _can_import(path: Path, options: Options) -> bool:
+def _can_import(path: Path, options: ImportOptions) -> bool:
     """Return whether a file begins as a log, or as a table with columns that are known."""
     try:
         with open_file(path) as file:

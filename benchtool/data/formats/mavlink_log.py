@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
+from benchtool.core.plural import pluralize
 from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, logged_motors
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
 from benchtool.data.formats.messages import RAD, MessageLog, Messages, Stream, Times
-from benchtool.data.repairs.imported import Finding, Imported, Options
+from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 _ESC_GROUPS = ("1_TO_4", "5_TO_8", "9_TO_12")
 WANTED = (  # messages that are read, beside ESC_STATUS; the others are counted only
@@ -67,15 +67,15 @@ _ESC_STATUS = PayloadLayout.of(
 
 
 def read_mavlink(
-    data: bytes, where: str, provenance: Mapping[str, str], options: Options
-) -> Imported:
+    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+) -> ImportResult:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
     layouts, checksum = _layouts()
     walk = walk_tlog(data, {item.number: item.crc_extra for item in layouts.values()}, checksum)
     system = _vehicle(walk.frames, layouts, walk.findings)
     if system is None:
         raise FileFormatError(
-            where, f"no vehicle speaks in it ({counted(walk.total, 'frame')}); name another log"
+            where, f"no vehicle speaks in it ({pluralize(walk.total, 'frame')}); name another log"
         )
     kinds = {
         name: layout.messages(name, [f for f in walk.frames[layout.number] if f.sender == system])
@@ -149,7 +149,7 @@ def _on_one_clock(kinds: dict[str, Messages], findings: list[Finding]) -> dict[s
     )
     findings.append(Finding("read as", "time", words, "time_s"))
     if clock.starts:
-        words = f"the autopilot booted anew {counted(len(clock.starts), 'time')}; time goes on"
+        words = f"the autopilot booted anew {pluralize(len(clock.starts), 'time')}; time goes on"
         findings.append(Finding("repaired", "time starts anew", words, "time_s", len(clock.starts)))
     return {name: replace(item, time_us=_times(clock, item)) for name, item in kinds.items()}
 

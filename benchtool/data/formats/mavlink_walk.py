@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from benchtool.core.counted import counted
-from benchtool.data.repairs.imported import Finding
+from benchtool.core.plural import pluralize
+from benchtool.data.repairs.import_result import Finding
 
 STAMP_BYTES = 8
 V1, V2 = 0xFE, 0xFD
@@ -129,12 +129,12 @@ def _losses(lost: int, first_lost: int, wrong: int, cut: str) -> list[Finding]:
     found = []
     if lost:
         words = (
-            f"{counted(lost, 'byte')} of no frame, first at byte {first_lost:,}; reading went on "
+            f"{pluralize(lost, 'byte')} of no frame, first at byte {first_lost:,}; reading went on "
             f"after"
         )
         found.append(Finding("refused", "corrupt bytes", words))
     if wrong > 0:
-        words = f"{counted(wrong, 'frame')} with a wrong checksum"
+        words = f"{pluralize(wrong, 'frame')} with a wrong checksum"
         found.append(Finding("refused", "corrupt frames", words, count=wrong))
     if cut:
         found.append(Finding("refused", "cut off", cut, count=int("frame" in cut)))

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.core.channel import Channel, unit_in_name
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
+from benchtool.core.channel import Channel, unit_from_name
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
-from benchtool.data.repairs.imported import Finding
+from benchtool.data.repairs.import_result import Finding
 
 Times = NDArray[np.int64]
 
@@ -46,7 +46,7 @@ class Stream:
         self.columns[channel][bad] = np.nan
         if many := int(np.count_nonzero(bad)):
             what = "distance" if channel == "distance_m" else "rpm"
-            words = f"{counted(many, 'reading')} that {words}, blank now"
+            words = f"{pluralize(many, 'reading')} that {words}, blank now"
             findings.append(Finding("repaired", what, words, channel, many))
 
 
@@ -119,7 +119,7 @@ class Messages:
         """Return readings of sensors that look down; of none, with a finding, where none does."""
         down = self.numbers(name) == LOOKS_DOWN
         if not down.any():
-            words = f"{counted(down.size, 'reading')} of sensors that do not look down"
+            words = f"{pluralize(down.size, 'reading')} of sensors that do not look down"
             findings.append(Finding("left out", "distance", words, "distance_m", down.size))
         return self.where(down)
 
@@ -192,7 +192,7 @@ def merged(streams: Sequence[Stream]) -> tuple[Recording, int]:
             values[rows, column] = channel_values
             column += 1
     channels = tuple(
-        Channel(name, unit_in_name(name)) for name in ("time_s", "device_time_us", *names)
+        Channel(name, unit_from_name(name)) for name in ("time_s", "device_time_us", *names)
     )
     disordered = sum(int(np.count_nonzero(np.diff(stream.time_us) < 0)) for stream in streams)
     return Recording(channels, values), disordered

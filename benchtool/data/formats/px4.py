@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
+from benchtool.core.plural import pluralize
 from benchtool.data.formats.flight_log import flight_import, logged_motors, motors_of
 from benchtool.data.formats.messages import LOOKS_DOWN, MessageLog, Messages, Stream
-from benchtool.data.repairs.imported import Finding, Imported, Options
+from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 WANTED = (  # topics that are read; the others are counted only
     "vehicle_attitude",
@@ -40,7 +40,9 @@ _FAULTS = (  # what pyulog lets through on broken files, beside its own exceptio
 )
 
 
-def read_px4(data: bytes, where: str, provenance: Mapping[str, str], options: Options) -> Imported:
+def read_px4(
+    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+) -> ImportResult:
     """Return a PX4 log as a pitch recording."""
     from pyulog import ULog
     from pyulog.exceptions import ULogException
@@ -63,7 +65,7 @@ def read_px4(data: bytes, where: str, provenance: Mapping[str, str], options: Op
     if read.dropouts:
         lost_s = 1e-3 * sum(item.duration for item in read.dropouts)
         words = (
-            f"{counted(len(read.dropouts), 'time')} the logger fell behind, {lost_s:.3g} s in all"
+            f"{pluralize(len(read.dropouts), 'time')} the logger fell behind, {lost_s:.3g} s in all"
         )
         findings.append(Finding("doubt", "dropouts", words, count=len(read.dropouts)))
     kinds = {
@@ -214,7 +216,7 @@ _KINDS = frozenset(b"FDIMPQARSOLCB")  # Types of messages in PX4's ULog format, 
 
 _DATA = ord("D")
 _BODY = frozenset(b"ALCD")  # Types that stand only after all definitions
-LONGEST_MESSAGE = 10_000  # No message is longer in practice; pyulog takes the same bound
+MAX_MESSAGE_BYTES = 10_000  # No message is longer in practice; pyulog takes the same bound
 WHOLE_RUN = 8  # So many messages in a row that hang together are no chance: reading goes on there
 
 
@@ -243,7 +245,7 @@ def walk_ulog(data: bytes) -> UlogWalk:
     at, size, messages, broken = HEADER_BYTES, len(data), 0, 0
     begin, pieces, gaps = 0, [], []
     has_body = False
-    kinds, body, is_data, longest = _KINDS, _BODY, _DATA, LONGEST_MESSAGE
+    kinds, body, is_data, longest = _KINDS, _BODY, _DATA, MAX_MESSAGE_BYTES
     findings: list[Finding] = []
     while at + 3 <= size:
         kind, length = data[at + 2], data[at] + (data[at + 1] << 8)
@@ -268,7 +270,7 @@ def walk_ulog(data: bytes) -> UlogWalk:
     if gaps:
         lost = sum(length for _, length in gaps)
         words = (
-            f"{lost:,} bytes in {counted(len(gaps), 'place')} are no message, first at byte "
+            f"{lost:,} bytes in {pluralize(len(gaps), 'place')} are no message, first at byte "
             f"{gaps[0][0]:,}; reading went on at the next run of messages"
         )
         findings.append(Finding("refused", "corrupt bytes", words))
@@ -296,7 +298,7 @@ def _runs(data: bytes, at: int) -> bool:
         if at + 3 > len(data) or data[at + 2] not in _KINDS:
             return False
         length = data[at] + (data[at + 1] << 8)
-        if not 0 < length < LONGEST_MESSAGE:
+        if not 0 < length < MAX_MESSAGE_BYTES:
             return False
         at += 3 + length
     return at <= len(data)

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.data.column_map import MappedColumn
-from benchtool.data.csv_text import lay_out
-from benchtool.data.repairs.foreign_units import head_of
-from benchtool.data.repairs.imported import Finding, Imported, Options
-from benchtool.data.repairs.mapped import map_header, read_columns
+from benchtool.data.csv_text import parse_rows
+from benchtool.data.repairs.column_mapping import map_header, read_columns
+from benchtool.data.repairs.foreign_units import parse_header_cell
+from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 ELECTRICAL, OPTICAL = "Motor Electrical Speed", "Motor Optical Speed"
 
@@ -47,12 +47,12 @@ CHANNELS: dict[str, str] = {  # columns of the stands by name, as in their expor
 
 
 def read_rcbenchmark(
-    data: bytes, where: str, provenance: Mapping[str, str], options: Options
-) -> Imported:
+    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+) -> ImportResult:
     """Return a stand's log."""
-    table = lay_out(data, where)
+    table = parse_rows(data, where)
     columns, findings = map_header(table, _channel_of, refuse=False)
-    names = {head_of(cell).name for cell in table.header}
+    names = {parse_header_cell(cell).name for cell in table.header}
     if "AccX" in names:
         series = "Series 1580/1585"
     else:

@@ -14,10 +14,10 @@ from benchtool.core.air import STANDARD_DENSITY_KG_M3
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError
 from benchtool.core.units import from_si
-from benchtool.data.csv_text import lay_out
-from benchtool.data.propeller_file import propeller_named
-from benchtool.data.repairs.imported import Finding, Imported, Options
-from benchtool.data.repairs.mapped import map_header, read_columns
+from benchtool.data.csv_text import parse_rows
+from benchtool.data.propeller_file import load_propeller
+from benchtool.data.repairs.column_mapping import map_header, read_columns
+from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 _SIZE = re.compile(r"_(?P<size>\d+(?:\.\d+)?x\d+(?:\.\d+)?)")
 
@@ -27,7 +27,9 @@ def is_uiuc(head: bytes) -> bool:
     return head.split(maxsplit=3)[:3] == [b"RPM", b"CT", b"CP"]
 
 
-def read_uiuc(data: bytes, where: str, provenance: Mapping[str, str], options: Options) -> Imported:
+def read_uiuc(
+    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+) -> ImportResult:
     """Return a static run: T = CT rho n^2 D^4, Q = CP rho n^2 D^5 / (2 pi), n in turns a second.
 
     The diameter stands in the file's name, in inches. Coefficients as in Brandt and Selig,
@@ -40,9 +42,9 @@ def read_uiuc(data: bytes, where: str, provenance: Mapping[str, str], options: O
             "the diameter stands in the name of such files (apcsf_10x7_static_...); rename it, or "
             "state it with --propeller 10x7",
         )
-    propeller = options.propeller or propeller_named(size["size"] if size else "")
+    propeller = options.propeller or load_propeller(size["size"] if size else "")
     diameter_m = propeller.diameter_m
-    table = lay_out(data, where)
+    table = parse_rows(data, where)
     columns, others = map_header(table, {"RPM": "rpm1", "CT": "ct", "CP": "cp"}.get)
     density = STANDARD_DENSITY_KG_M3  # the database does not state the day's air; assumed
     if options.air_density_kg_m3 is not None:

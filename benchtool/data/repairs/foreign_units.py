@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 from benchtool.core.errors import InputError
-from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, unit_named
+from benchtool.core.units import STANDARD_GRAVITY_M_S2, UNITS, find_unit
 
 _SPELLINGS: dict[str, str] = {  # seen in real headers (RCbenchmark writes µs, N·m and ºC)
     **dict.fromkeys(("µs", "μs", "usec"), "us"),
@@ -65,7 +65,7 @@ def conversion(text: str, target: str) -> Conversion:
     """
     unit = " ".join(text.split())
     unit = _SPELLINGS.get(unit, unit)
-    dimension = unit_named(target).dimension
+    dimension = find_unit(target).dimension
     if dimension == "force":
         unit = _FORCE_OF_MASS.get(unit, unit)
     if dimension == "acceleration" and unit == "g":
@@ -76,7 +76,7 @@ def conversion(text: str, target: str) -> Conversion:
         return Conversion(1.0)
     known = UNITS.get(unit)
     if known is not None and known.dimension == dimension:
-        ours = unit_named(target)
+        ours = find_unit(target)
         return Conversion(known.factor / ours.factor, (known.offset - ours.offset) / ours.factor)
     return _through_pint(unit, target, text)
 
@@ -109,7 +109,7 @@ def _through_pint(unit: str, target: str, text: str) -> Conversion:
         )
     except pint.DimensionalityError as error:
         raise InputError(
-            f"unit {text!r} does not measure {unit_named(target).dimension} ({target}); give the "
+            f"unit {text!r} does not measure {find_unit(target).dimension} ({target}); give the "
             f"column's own unit"
         ) from error
     except _PINT_FAULTS as error:
@@ -140,7 +140,7 @@ _WITH_UNIT = re.compile(r"(?P<name>.*?)\s*[(\[](?P<unit>[^()\[\]]*)[)\]]")
 
 
 @dataclass(frozen=True, slots=True)
-class Head:
+class HeaderCell:
     """Hold a column's name and unit as the header writes them; the unit may be missing."""
 
     name: str
@@ -152,10 +152,10 @@ class Head:
         return self.name if self.unit is None else f"{self.name} [{self.unit}]"
 
 
-def head_of(cell: str) -> Head:
+def parse_header_cell(cell: str) -> HeaderCell:
     """Return what a header cell says."""
     cell = cell.strip()
     found = _WITH_UNIT.fullmatch(cell)
     if found is None or not found["name"]:
-        return Head(cell, None)
-    return Head(found["name"].strip(), found["unit"].strip())
+        return HeaderCell(cell, None)
+    return HeaderCell(found["name"].strip(), found["unit"].strip())

@@ -7,21 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
-from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
+from benchtool.core.plural import pluralize
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.data.repairs.imported import Finding, Imported
+from benchtool.data.repairs.import_result import Finding, ImportResult
 
-STAY_S = 1.0  # of a point: tens of samples, heights hardly change; assumed
+MIN_HOVER_S = 1.0  # of a point: tens of samples, heights hardly change; assumed
 STEADY_M_S = 0.05  # faster climbs make no point: the wake has no time to settle; assumed
-FEWEST = 10  # Samples that a stay needs for its acceleration. A choice
+MIN_SAMPLES = 10  # Samples that a stay needs for its acceleration. A choice
 
 _SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 
 
-def points_of_hover(read: Imported, mass_kg: float) -> Imported:
+def extract_hover_points(read: ImportResult, mass_kg: float) -> ImportResult:
     """Return steady stays of a flight as points with thrust_N = m (g + a).
 
     The vertical acceleration a is that of a parabola through the heights of a stay. Speeds of
@@ -45,13 +45,15 @@ def points_of_hover(read: Imported, mass_kg: float) -> Imported:
     turning = np.all([recording.column(name) > 0.0 for name in speeds], axis=0)
     recording = recording.select(turning & np.isfinite(recording.column("plate_z_m")))
     time_s, height_m = recording.column("time_s"), recording.column("plate_z_m")
-    breaks = np.flatnonzero(np.diff(np.floor(time_s / STAY_S))) + 1
+    breaks = np.flatnonzero(np.diff(np.floor(time_s / MIN_HOVER_S))) + 1
     rows: list[Array] = []
     thrust_N: list[float] = []
-    stays = [stay for stay in np.split(np.arange(len(recording)), breaks) if stay.size >= FEWEST]
+    stays = [
+        stay for stay in np.split(np.arange(len(recording)), breaks) if stay.size >= MIN_SAMPLES
+    ]
     for stay in stays:
         since_s = time_s[stay] - time_s[stay].mean()
-        if np.ptp(since_s) < 0.8 * STAY_S:  # the parabola of a piece says little
+        if np.ptp(since_s) < 0.8 * MIN_HOVER_S:  # the parabola of a piece says little
             continue
         half_a, climb, _ = np.polyfit(since_s, height_m[stay], 2)
         if abs(climb) > STEADY_M_S:
@@ -63,15 +65,15 @@ def points_of_hover(read: Imported, mass_kg: float) -> Imported:
         thrust_N.append(mass_kg * (STANDARD_GRAVITY_M_S2 + 2.0 * half_a))
     if not rows:
         raise InputError(
-            f"no {STAY_S:g} s of the flight climb slower than {STEADY_M_S:g} m/s with every rotor "
-            f"turning; check the units of time_s and plate_z_m"
+            f"no {MIN_HOVER_S:g} s of the flight climb slower than {STEADY_M_S:g} m/s with every "
+            f"rotor turning; check the units of time_s and plate_z_m"
         )
     points = replace(recording, values=np.array(rows))
     if "thrust_N" in points:
         raise InputError("--hover makes thrust_N, which the table has already; leave one out")
     words = (
         f"thrust is {mass_kg:g} kg times gravity and vertical acceleration; "
-        f"{counted(len(rows), 'steady stay')} of {STAY_S:g} s are points"
+        f"{pluralize(len(rows), 'steady stay')} of {MIN_HOVER_S:g} s are points"
     )
     return replace(
         read,

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
+from benchtool.core.plural import pluralize
 from benchtool.core.table_bounds import MAX_NUMBER
-from benchtool.data.csv_text import THOUSANDS, TextTable, evened
-from benchtool.data.repairs.imported import Finding, line_ranges
+from benchtool.data.csv_text import THOUSANDS, TextTable, pad_rows
+from benchtool.data.repairs.import_result import Finding, line_ranges
 from benchtool.data.run.sample_stream import plain_values
 
 _BLOCK_BYTES = 1 << 20  # fits a processor's cache: four times as much takes twice as long
@@ -27,7 +27,7 @@ _NUMBER = re.compile(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Numbers:
+class NumericTable:
     """Hold the numbers of some columns.
 
     Attributes:
@@ -43,7 +43,7 @@ class Numbers:
     findings: tuple[Finding, ...]
 
 
-def numbers_of(table: TextTable, positions: Sequence[int]) -> Numbers:
+def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
     """Return the columns at these positions as numbers."""
     import pyarrow as pa
 
@@ -53,18 +53,18 @@ def numbers_of(table: TextTable, positions: Sequence[int]) -> Numbers:
         # A row of blanks makes every column's sum nan, which is quicker to see.
         no_sums = bool(np.isnan(columns.sum(axis=1)).all())
         if table.is_even and no_sums and np.isnan(columns).all(axis=0).any():
-            return numbers_of(evened(table), positions)
+            return parse_numbers(pad_rows(table), positions)
     except pa.ArrowInvalid:
         if table.is_even:
-            return numbers_of(evened(table), positions)
+            return parse_numbers(pad_rows(table), positions)
         columns, lines, findings = _with_text(table, positions)
     endless = np.abs(columns) > MAX_NUMBER
     if many := int(np.count_nonzero(endless)):
         columns[endless] = nan
-        words = f"{counted(many, 'cell')} beyond {MAX_NUMBER:g} or infinite are blank now"
+        words = f"{pluralize(many, 'cell')} beyond {MAX_NUMBER:g} or infinite are blank now"
         at = line_ranges(lines[endless.any(axis=0)])
         findings.append(Finding("repaired", "infinite numbers", words, count=many, lines=at))
-    return Numbers(table, columns, lines, tuple(findings))
+    return NumericTable(table, columns, lines, tuple(findings))
 
 
 def _floats(table: TextTable, positions: Sequence[int]) -> Array:
@@ -151,7 +151,7 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
     findings = []
     if many := int(refused.sum()):
         words = (
-            f"{counted(many, 'row')} with text where numbers belong, as another script or a "
+            f"{pluralize(many, 'row')} with text where numbers belong, as another script or a "
             f"second header writes them"
         )
         at = line_ranges(table.lines[refused])
@@ -160,7 +160,7 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
         left = np.flatnonzero(bad & ~refused)
         if left.size:
             example = cells[left[0]].decode("utf-8", "replace").strip()[:30]
-            words = f"{counted(left.size, 'cell')} of text, as {example!r}, are blank now"
+            words = f"{pluralize(left.size, 'cell')} of text, as {example!r}, are blank now"
             at, name = line_ranges(table.lines[left]), table.header[position]
             findings.append(Finding("repaired", "text cells", words, name, left.size, at))
     return np.ascontiguousarray(columns[:, ~refused]), table.lines[~refused], findings

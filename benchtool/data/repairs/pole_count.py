@@ -9,27 +9,27 @@ from math import pi
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.data.columns import speed_columns
-from benchtool.data.repairs.imported import Finding
+from benchtool.data.repairs.import_result import Finding
 
-MOST_POLE_PAIRS = 14  # Motors with more than 28 magnets are rare
+MAX_POLE_PAIRS = 14  # Motors with more than 28 magnets are rare
 LIKELY_EFFICIENCY = 0.9  # small brushless motors reach about 85 %
 
 
 def small_ratio(ratio: float, within: float = 0.03) -> Fraction | None:
     """Return the ratio of small whole numbers nearest to `ratio`, if it is near and not 1."""
-    if not np.isfinite(ratio) or not 1.0 / MOST_POLE_PAIRS <= ratio <= MOST_POLE_PAIRS:
+    if not np.isfinite(ratio) or not 1.0 / MAX_POLE_PAIRS <= ratio <= MAX_POLE_PAIRS:
         return None
     best = min(
-        (Fraction(p, q) for p in range(1, MOST_POLE_PAIRS + 1) for q in range(1, 8)),
+        (Fraction(p, q) for p in range(1, MAX_POLE_PAIRS + 1) for q in range(1, 8)),
         key=lambda item: abs(float(item) / ratio - 1.0) + 0.002 * item.denominator,
     )
     return best if best != 1 and abs(float(best) / ratio - 1.0) < within else None
 
 
-def speed_doubts(recording: Recording) -> list[Finding]:
+def check_speed_scale(recording: Recording) -> list[Finding]:
     """Return the doubts about the speeds of one recording."""
     found = []
     if "rpm1" in recording and "rpm1_optical" in recording:

@@ -10,18 +10,18 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
-from benchtool.data.quantities import following
-from benchtool.data.repairs.imported import Finding, Imported, Kind
+from benchtool.data.quantities import dependent_quantities
+from benchtool.data.repairs.import_result import Finding, ImportResult, Kind
 
 Positions = NDArray[np.intp]
 
-FAR_STEPS = 10.0  # steps back beyond are a new start; in the reference logs hundreds; assumed
+MAX_STEP_RATIO = 10.0  # steps back beyond are a new start; in the reference logs hundreds; assumed
 
 
-def mend_time(read: Imported) -> Imported:
+def repair_time_order(read: ImportResult) -> ImportResult:
     """Return the import with times that never go backwards."""
     if "time_s" not in read.recording or len(read.recording) < 2:
         return read
@@ -35,7 +35,7 @@ def mend_time(read: Imported) -> Imported:
     known = np.isfinite(time_s)
     if not known.all():
         blank = np.flatnonzero(~known)
-        words = f"{counted(blank.size, 'row')} without a time stay where they stand"
+        words = f"{pluralize(blank.size, 'row')} without a time stay where they stand"
         note("doubt", "blank time", words, blank)
     rows = np.flatnonzero(known)
     ordered = time_s[rows]
@@ -51,7 +51,7 @@ def mend_time(read: Imported) -> Imported:
     moved = np.flatnonzero(ordered < latest)
     if moved.size:
         words = (
-            f"{counted(moved.size, 'row')} stamped up to {(latest - ordered).max():.3g} s before "
+            f"{pluralize(moved.size, 'row')} stamped up to {(latest - ordered).max():.3g} s before "
             f"an earlier row; all rows sorted by time"
         )
         note("repaired", "time goes backwards", words, rows[moved])
@@ -67,7 +67,7 @@ def _move_strays(time_s: Array, rows: Positions, usual_s: float, note: Callable[
 
     The first row of a stand's log is often stamped with the time at which the log was started.
     """
-    if time_s[0] > time_s[1] and time_s[0] - time_s[1] < FAR_STEPS * max(usual_s, 1e-9):
+    if time_s[0] > time_s[1] and time_s[0] - time_s[1] < MAX_STEP_RATIO * max(usual_s, 1e-9):
         words = (
             f"the first row is stamped {time_s[0]:.6g} s, the second {time_s[1]:.6g} s; the first "
             f"now carries the time of the second"
@@ -75,13 +75,13 @@ def _move_strays(time_s: Array, rows: Positions, usual_s: float, note: Callable[
         time_s[0] = time_s[1]
         note("repaired", "time goes backwards", words, rows[:1])
     before, here, after = time_s[:-2], time_s[1:-1], time_s[2:]
-    far = FAR_STEPS * usual_s
+    far = MAX_STEP_RATIO * usual_s
     strays = 1 + np.flatnonzero(
         (after >= before) & (after - before < far) & ((here - after > far) | (before - here > far))
     )
     if strays.size:
         time_s[strays] = 0.5 * (time_s[strays - 1] + time_s[strays + 1])
-        words = f"{counted(strays.size, 'row')} far off its neighbours; set between them"
+        words = f"{pluralize(strays.size, 'row')} far off its neighbours; set between them"
         note("repaired", "stray time", words, rows[strays])
 
 
@@ -89,7 +89,7 @@ def _join_restarts(
     time_s: Array, rows: Positions, usual_s: float, note: Callable[..., None]
 ) -> None:
     """Shift what comes after a new start of the clock to the end of what was before it."""
-    starts = 1 + np.flatnonzero(np.diff(time_s) < -FAR_STEPS * usual_s)
+    starts = 1 + np.flatnonzero(np.diff(time_s) < -MAX_STEP_RATIO * usual_s)
     original = time_s.copy()
     for start in starts.tolist():
         shift_s = float(time_s[start - 1] - time_s[start] + usual_s)
@@ -106,25 +106,25 @@ _CHECKED = re.compile(r"rpm\d*(_optical)?|thrust_N|torque_Nm|current_A|voltage_V
 SPIKE_SHARE = 0.5  # of the range (1st to 99th percentile) there and back; assumed
 
 
-def mend_spikes(read: Imported) -> Imported:
+def remove_spikes(read: ImportResult) -> ImportResult:
     """Blank spikes of speeds, which no rotor can follow; doubt those of other channels."""
     for name in read.recording.names:
         if not _CHECKED.fullmatch(name):
             continue
         values = read.recording.column(name)
-        rows = spikes_in(values)
+        rows = find_spikes(values)
         rows = rows[~_with_throttle(read.recording, rows)]
         if not rows.size:
             continue
         worst = values[rows[np.argmax(np.abs(values[rows]))]]
-        words = f"{counted(rows.size, 'reading')} up to {worst:g} between steady ones"
+        words = f"{pluralize(rows.size, 'reading')} up to {worst:g} between steady ones"
         kind: Kind = "doubt"
         if name.startswith("rpm"):
             kind, words = "repaired", f"{words}, now blank"
             blanked = values.copy()
             blanked[rows] = nan
             read = read.with_values(name, blanked)
-            for other in following(name):
+            for other in dependent_quantities(name):
                 if other in read.recording:
                     stale = read.recording.column(other).copy()
                     stale[rows] = nan
@@ -146,7 +146,7 @@ def _with_throttle(recording: Recording, rows: Positions) -> NDArray[np.bool_]:
     return moved
 
 
-def spikes_in(values: Array) -> Positions:
+def find_spikes(values: Array) -> Positions:
     """Return the rows (k,) that hold a spike; blank rows are passed over."""
     rows = np.flatnonzero(np.isfinite(values))
     if rows.size < 7:

@@ -12,12 +12,12 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.parsed_text import parse_json
-from benchtool.core.toml_text import build
-from benchtool.core.user_file import MOST_FACTS_BYTES, open_file, read_text
+from benchtool.core.toml_text import build_dataclass
+from benchtool.core.user_file import MAX_METADATA_BYTES, open_file, read_text
 from benchtool.data.columns import SAMPLE_START
 
 
@@ -250,9 +250,9 @@ def read_events(path: Path) -> tuple[Event, ...]:
     if not os.path.lexists(path):
         return ()
     events = []
-    for line in read_text(path, MOST_FACTS_BYTES, follow=False).splitlines():
+    for line in read_text(path, MAX_METADATA_BYTES, follow=False).splitlines():
         try:
-            events.append(build(Event, parse_json(line, str(path)), str(path)))
+            events.append(build_dataclass(Event, parse_json(line, str(path)), str(path)))
         except InputError:
             continue
     return tuple(events)

@@ -14,24 +14,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import FileFormatError
+from benchtool.core.plural import pluralize
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import file_hash, sync_folder
-from benchtool.data.columns import LONGEST_S, LONGEST_US, VALID_KINDS, code_of
-from benchtool.data.parquet import seal
+from benchtool.data.columns import LONGEST_S, LONGEST_US, VALID_KINDS, word_to_code
+from benchtool.data.parquet import finalize_parquet
 from benchtool.data.run.append import Event, EventLog, read_events
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import read_points
 from benchtool.data.run.sample_stream import WholeLines
-from benchtool.data.run.settings import settings_of
+from benchtool.data.run.settings import load_settings
 
 if TYPE_CHECKING:
     from benchtool.data.run.run import Run
 
-DIED = "the program that measured it ended without a word (killed, or the power failed)"
+ENDED_UNEXPECTEDLY = (
+    "the program that measured it ended without a word (killed, or the power failed)"
+)
 
-LEFT_OVER = re.compile(r"\.[^/]+\.new")  # of a writer that was killed
+LEFTOVER_PATTERN = re.compile(r"\.[^/]+\.new")  # of a writer that was killed
 
 
 def close_run(run: Run, visits: int | None = None) -> bool:
@@ -52,13 +54,13 @@ def close_run(run: Run, visits: int | None = None) -> bool:
     run.check_in_place()
     missing = False
     with run.locked() as log:
-        remove_left_overs(run.path)
+        remove_leftovers(run.path)
         before = run.metadata
         changes = _state(run, before, visits, log)
         if _visits_done(run.path):
             settings = run.path / "settings.csv"
             missing = not settings.is_file()
-            write_table(settings, settings_of(run.path))
+            write_table(settings, load_settings(run.path))
         changes |= _seal(run.path, before)
         points = run.path / "points.csv"
         unsealed = missing or changes or not before.get("samples")
@@ -69,10 +71,10 @@ def close_run(run: Run, visits: int | None = None) -> bool:
     return missing or bool(changes)
 
 
-def remove_left_overs(folder: Path) -> None:
+def remove_leftovers(folder: Path) -> None:
     """Remove files that a killed process was writing when it should have renamed them."""
     for path in folder.iterdir():
-        if LEFT_OVER.fullmatch(path.name) and not path.is_dir():
+        if LEFTOVER_PATTERN.fullmatch(path.name) and not path.is_dir():
             path.unlink()
 
 
@@ -83,10 +85,13 @@ def _state(run: Run, facts: dict[str, Any], visits: int | None, log: EventLog) -
         return {}
     done = _visits_done(run.path)
     if planned and done >= int(planned):
-        text = f"closed afterwards; all is measured: {counted(done, 'visit')}"
+        text = f"closed afterwards; all is measured: {pluralize(done, 'visit')}"
         changes: dict[str, Any] = {"state": "ended"}
     elif state == "running":
-        text, changes = f"closed afterwards; {DIED}", {"state": "stopped", "reason": DIED}
+        text, changes = (
+            f"closed afterwards; {ENDED_UNEXPECTEDLY}",
+            {"state": "stopped", "reason": ENDED_UNEXPECTEDLY},
+        )
     else:
         return {}
     events = read_events(log.path)
@@ -99,7 +104,7 @@ def _visits_done(folder: Path) -> int:
     if not has_rows(folder / "points.csv"):
         return 0
     points = read_points(folder, VALID_KINDS)
-    visited = points.column("kind") != code_of("kind", "tare")
+    visited = points.column("kind") != word_to_code("kind", "tare")
     return len(np.unique(points.column("point")[visited]))
 
 
@@ -115,7 +120,7 @@ def _seal(folder: Path, facts: dict[str, Any]) -> dict[str, Any]:
         and stated.get("parquet_sha256") == file_hash(parquet, follow=False)
     ):
         return {}
-    seal(csv, parquet, csv_hash)
+    finalize_parquet(csv, parquet, csv_hash)
     return {"samples": {"parquet_sha256": file_hash(parquet), "csv_sha256": csv_hash}}
 
 
@@ -131,7 +136,7 @@ _INTERRUPTED = b"interrupted"
 
 
 @dataclass(frozen=True, slots=True)
-class SamplesFound:
+class SampleScan:
     """Say what samples.csv holds.
 
     Attributes:
@@ -146,7 +151,7 @@ class SamplesFound:
     from_byte: int | None
 
 
-def scan_samples(path: Path, done: frozenset[int]) -> SamplesFound:
+def scan_samples(path: Path, done: frozenset[int]) -> SampleScan:
     """Return what the samples of a run hold, read line by line.
 
     Args:
@@ -181,13 +186,13 @@ def scan_samples(path: Path, done: frozenset[int]) -> SamplesFound:
             if from_byte is None and point not in finished and phase != _INTERRUPTED:
                 from_byte = at
             at += len(line)
-    return SamplesFound(rows, last_s, done, from_byte)
+    return SampleScan(rows, last_s, done, from_byte)
 
 
-def write_marked(path: Path, found: SamplesFound) -> None:
+def write_marker(path: Path, found: SampleScan) -> None:
     """Write beside the samples what they are with `interrupted` for visits without a point.
 
-    `take_marked` puts it in their place. Nothing but the phase of those rows changes.
+    `read_marker` puts it in their place. Nothing but the phase of those rows changes.
 
     Args:
         found: by `scan_samples`, in the file as it is.
@@ -208,8 +213,8 @@ def write_marked(path: Path, found: SamplesFound) -> None:
         os.fsync(new.fileno())
 
 
-def take_marked(path: Path) -> None:
-    """Put what `write_marked` wrote in place, in one step; nothing where it wrote nothing."""
+def read_marker(path: Path) -> None:
+    """Put what `write_marker` wrote in place, in one step; nothing where it wrote nothing."""
     with suppress(FileNotFoundError):
         os.replace(_marked(path), path)
         sync_folder(path.parent)

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.counted import counted
 from benchtool.core.errors import BenchtoolError, FileFormatError
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import open_file
 from benchtool.data.atomic import data_hash, file_hash, read_json
@@ -27,15 +27,15 @@ from benchtool.data.catalogue.entry import RUN_FILES
 from benchtool.data.catalogue.entry import SWEEPS as SWEEPS
 from benchtool.data.catalogue.entry import Entry as Entry
 from benchtool.data.catalogue.entry import kind_of as kind_of
-from benchtool.data.columns import KINDS, code_of
+from benchtool.data.columns import KINDS, word_to_code
 from benchtool.data.csv_text import parse_csv
 from benchtool.data.run.closing import has_rows
-from benchtool.data.run.facts import read_metadata, read_recording_facts
 from benchtool.data.run.labels import read_labels
 from benchtool.data.run.read import is_run, parts_of, read_points
 from benchtool.data.run.recording_file import FORMAT as RECORDING_FORMAT
-from benchtool.data.run.recording_file import beside
+from benchtool.data.run.recording_file import metadata_path
 from benchtool.data.run.run import RUN_FORMAT
+from benchtool.data.run.run_metadata import read_metadata, read_recording_facts
 from benchtool.data.run.runs_folder import RunsFolder
 
 FIT_FORMAT = "benchtool-fit-1"
@@ -43,7 +43,7 @@ FIT_FORMAT = "benchtool-fit-1"
 HEAD_BYTES = 65_536  # As much of a table is read for the names of its columns; a choice
 
 
-def entry_of(folder: RunsFolder, name: str) -> Entry:
+def build_entry(folder: RunsFolder, name: str) -> Entry:
     """Return what a list shows of one thing; a fault of its files is its `problem`, not raised.
 
     Raises:
@@ -71,7 +71,7 @@ def verify_run(path: Path) -> list[str]:
 
     Hashes are those of metadata.json. The Parquet of the samples alone is enough.
     """
-    entry = entry_of(RunsFolder(path.resolve().parent), path.resolve().name)
+    entry = build_entry(RunsFolder(path.resolve().parent), path.resolve().name)
     if entry.problem:
         return [entry.problem]
     if not is_run(path):
@@ -165,7 +165,7 @@ def _run(entry: Entry, path: Path) -> Entry:
             problem = f"{entry.name}: there are no samples in it; record it again"
             return replace(entry, problem=problem)
         count = _table(facts, "link").get("samples")
-        stored = counted(int(count), "sample") if count is not None else ""
+        stored = pluralize(int(count), "sample") if count is not None else ""
         return replace(entry, summary="; ".join(filter(None, (stored, reason))))
     table, running = path / "points.csv", entry.state == "running"
     begun = has_rows(path / "samples.csv") or (path / "samples.parquet").is_file()
@@ -177,7 +177,7 @@ def _run(entry: Entry, path: Path) -> Entry:
         return replace(entry, problem=str(error))
     if "kind" in points:
         points = points.select(np.isin(points.column("kind"), range(3)))
-    summary = "; ".join(filter(None, (counted(len(points), "point"), reason)))
+    summary = "; ".join(filter(None, (pluralize(len(points), "point"), reason)))
     z_over_r = _distances(points, entry.radius_m or nan)
     return replace(entry, summary=summary, z_over_r=z_over_r, is_empty=not len(points))
 
@@ -185,7 +185,7 @@ def _run(entry: Entry, path: Path) -> Entry:
 def _distances(points: Recording, radius_m: float) -> tuple[float, ...]:
     if "kind" not in points or "plate_z_m" not in points:
         return ()
-    near = points.column("kind") == code_of("kind", "measure")
+    near = points.column("kind") == word_to_code("kind", "measure")
     ratio = points.column("plate_z_m")[near] / radius_m
     ratio = ratio[np.isfinite(ratio)]
     return (float(ratio.min()), float(ratio.max())) if len(ratio) else ()
@@ -211,7 +211,7 @@ def _fit(entry: Entry, path: Path) -> Entry:
                 None,
                 (
                     ", ".join(map(str, recipe["data"])),
-                    counted(_table(facts, "points")["used"], "point"),
+                    pluralize(_table(facts, "points")["used"], "point"),
                     verdict,
                 ),
             )
@@ -236,9 +236,9 @@ def _explanation(entry: Entry, path: Path) -> Entry:
 
 
 def _recording(entry: Entry, path: Path) -> Entry:
-    facts = read_recording_facts(beside(path), RECORDING_FORMAT)
+    facts = read_recording_facts(metadata_path(path), RECORDING_FORMAT)
     rig = str(_table(facts, "provenance").get("rig", ""))
-    rows = counted(facts["rows"], "row")
+    rows = pluralize(facts["rows"], "row")
     return replace(entry, rig=rig, simulated=bool(facts["simulated"]), summary=rows)
 
 

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchtool.core.errors import FileFormatError, InputError, check_name
-from benchtool.core.toml_text import build
+from benchtool.core.toml_text import build_dataclass
 from benchtool.data.atomic import read_json, replace_json
 
 LABELS_FILE = "labels.json"
@@ -33,7 +33,7 @@ def read_labels(folder: Path) -> Labels:
     path = folder / LABELS_FILE
     if not os.path.lexists(path):
         return Labels()
-    return build(Labels, read_json(path, follow=False), str(path))
+    return build_dataclass(Labels, read_json(path, follow=False), str(path))
 
 
 def check_labels(

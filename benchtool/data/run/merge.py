@@ -20,12 +20,12 @@ from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, sync_folder
 from benchtool.data.columns import VALID_KINDS
-from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.points import write_table
 from benchtool.data.run.read import PARTS, is_pitch_run, is_run, parts_of, read_points
-from benchtool.data.run.run import Run, refuse_taken
-from benchtool.data.run.run_rig import rig_of_data
-from benchtool.data.run.settings import settings_of
+from benchtool.data.run.run import Run, check_not_existing
+from benchtool.data.run.run_metadata import read_metadata
+from benchtool.data.run.run_rig import load_rig_for_data
+from benchtool.data.run.settings import load_settings
 
 _AIR = ("temperature_degC", "pressure_Pa", "humidity")
 
@@ -42,7 +42,7 @@ def merge_runs(paths: Sequence[Path], out: Path) -> Run:
         FileFormatError: one that is no run of points.
         WouldOverwrite: `out` exists.
     """
-    refuse_taken(out)
+    check_not_existing(out)
     sources = [Path(part) for path in paths for part in parts_of(path)]
     if len(sources) < 2:
         raise InputError(f"one run is named, {paths[0]}; name two or more to merge")
@@ -65,8 +65,8 @@ def merge_runs(paths: Sequence[Path], out: Path) -> Run:
         if [data_hash(beside / PARTS / name) for name in names] != hashes:
             raise InputError("a run changed while it was copied; merge again when none is written")
         run.write_points(points)
-        write_table(run.path / "settings.csv", settings_of(run.path))
-        refuse_taken(out)
+        write_table(run.path / "settings.csv", load_settings(run.path))
+        check_not_existing(out)
         if out.is_dir():
             shutil.rmtree(out)
         os.rename(beside, out)
@@ -112,7 +112,7 @@ def _facts(path: Path) -> dict[str, Any]:
 
 
 def _refuse_other_rigs(paths: Sequence[Path], facts: Sequence[Mapping[str, Any]]) -> None:
-    rig_of_data([str(path) for path in paths])
+    load_rig_for_data([str(path) for path in paths])
     rigs = [one.get("rig") or {} for one in facts]
     for what, named in (("rig", rigs), ("propeller", [rig.get("propeller") or {} for rig in rigs])):
         shown = [str(one.get("name", "")) for one in named]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import isnan, nan
 from pathlib import Path
 
-from benchtool.core.counted import counted
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import replace_text
 from benchtool.data.columns import REJECTED, WORDS, is_whole
@@ -128,8 +128,8 @@ class PointWriter(AppendTable):
 
     def __init__(self, path: Path, n_rotors: int) -> None:
         advice = (
-            f"its columns are not those of a run with {counted(n_rotors, 'rotor')} of this version "
-            f"of benchtool; go on with the rig and the version that began the run"
+            f"its columns are not those of a run with {pluralize(n_rotors, 'rotor')} of this "
+            f"version of benchtool; go on with the rig and the version that began the run"
         )
         super().__init__(path, point_columns(n_rotors), advice)
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.core.channel import error_name, family_of
-from benchtool.core.error_source import ErrorSource, Uncertain
+from benchtool.core.array_type import Array
+from benchtool.core.channel import channel_family, error_channel_name
+from benchtool.core.error_source import ErrorSource, UncertainValues
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
-from benchtool.data.columns import code_of, speed_columns
+from benchtool.data.columns import speed_columns, word_to_code
 
 RATIO_BASES: tuple[str, ...] = ("equal_rpm2", "equal_pwm", "equal_power")  # held equal
 MOMENTUM_POWER = 2.0 / 3.0  # T^(3/2) ~ P in hover; used where references have one power
@@ -23,7 +23,7 @@ VOLTAGE_POWER, VOLTAGE_POWER_SD = 2.0, 0.25  # 1.5 to 2, less with windings; ass
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ratios(Uncertain):
+class Ratios(UncertainValues):
     """Hold T_IGE/T_OGE of every visit; nan where a visit has no reference."""
 
     share: Array  # (n, n) by how much each other visit makes a visit's T_OGE: 1 over their number
@@ -60,7 +60,7 @@ def ratios(points: Recording, basis: str, rig: Rig | None = None) -> Ratios:
             "fit with --basis joint, or sweep with references"
         )
     thrust = points.column("thrust_N")
-    parked = points.column("kind") == code_of("kind", "reference")
+    parked = points.column("kind") == word_to_code("kind", "reference")
     if not parked.any():
         raise InputError(
             "the run holds no reference points out of ground effect, so there is no T_OGE to "
@@ -157,7 +157,7 @@ def thrust_error(points: Recording) -> tuple[Array, bool] | None:
     """
     nothing = np.full(len(points), np.nan)
     error, sd, n = (
-        points.si(name) if name in points else nothing
+        points.to_si(name) if name in points else nothing
         for name in ("thrust_se_N", "thrust_sd_N", "n_samples")
     )
     of_samples = np.isnan(error) & np.isfinite(sd) & (n >= 1.0)
@@ -170,7 +170,7 @@ def thrust_error(points: Recording) -> tuple[Array, bool] | None:
         error = sd
     if not np.isfinite(error).any():
         return None
-    thrust = points.si("thrust_N")
+    thrust = points.to_si("thrust_N")
     return np.hypot(error, thrust * relative_speed_error(points)), bool(of_samples.any())
 
 
@@ -235,9 +235,9 @@ def standard_error(points: Recording, name: str, sensors: Mapping[str, Sensor]) 
     samples.
     """
     error = np.full(len(points), np.nan)
-    if error_name(name) in points:
-        error = points.column(error_name(name))
-    if (sensor := sensors.get(family_of(name))) is not None:
+    if error_channel_name(name) in points:
+        error = points.column(error_channel_name(name))
+    if (sensor := sensors.get(channel_family(name))) is not None:
         n = points.column("n_samples") if "n_samples" in points else np.ones(len(points))
         error = np.where(np.isnan(error), sensor.mean_error(n), error)
     return error

@@ -16,12 +16,12 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, DataWarning, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data.atomic import data_hash, file_hash
-from benchtool.data.columns import channel_called, check_numbers, code_of
+from benchtool.data.columns import check_numbers, find_channel, word_to_code
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.parquet import parquet_names, read_parquet
-from benchtool.data.run.facts import read_metadata
+from benchtool.data.run.run_metadata import read_metadata
 from benchtool.data.run.sample_stream import header_of, read_stream
-from benchtool.data.table import columns_of
+from benchtool.data.table import table_columns
 
 
 def is_run(path: str | Path) -> bool:
@@ -67,7 +67,7 @@ def read_points(
         warnings.warn(changed, DataWarning, stacklevel=1)  # shown once for all callers
     if "kind" not in recording:
         return recording
-    wanted = [code_of("kind", kind) for kind in kinds]
+    wanted = [word_to_code("kind", kind) for kind in kinds]
     chosen = recording.select(np.isin(recording.column("kind"), wanted))
     if not len(chosen):
         raise FileFormatError(
@@ -146,7 +146,7 @@ def _file(path: str | Path, name: str) -> Path:
 
 def _read(file: Path, path: Path) -> Recording:
     table = read_csv_text(file, own=True, follow=not path.is_dir())
-    recording = Recording.from_columns(columns_of(table))
+    recording = Recording.from_columns(table_columns(table))
     check_numbers(recording, str(file))
     return _with_provenance(recording, file, path, table.repairs)
 
@@ -154,11 +154,11 @@ def _read(file: Path, path: Path) -> Recording:
 def _read_samples(file: Path, path: Path, names: Sequence[str] | None) -> Recording:
     try:
         present, values, cut = read_stream(file, names)
-        recording = Recording(tuple(channel_called(name) for name in present), values)
+        recording = Recording(tuple(find_channel(name) for name in present), values)
     except BenchtoolError:
         # Not as we write it: read like anybody's table, or refused with the line that is wrong.
         recording = _read(file, path)
-        return recording if names is None else recording.without({*recording.names} - {*names})
+        return recording if names is None else recording.drop({*recording.names} - {*names})
     check_numbers(recording, str(file))
     repairs = ("the last line was cut short and left out",) if cut else ()
     return _with_provenance(recording, file, path, repairs)
@@ -224,7 +224,7 @@ def read_pitch(path: str | Path) -> Recording:
             )
     wanted = [name for name in present if _OTHERS.fullmatch(name)]
     samples = read_samples(path, ["device_time_us", "phase", *NEEDED, *wanted])
-    chosen = samples.select(samples.column("phase") == code_of("phase", "sample"))
+    chosen = samples.select(samples.column("phase") == word_to_code("phase", "sample"))
     if not len(chosen):
         raise FileFormatError(
             str(path), "it ended before the collective was reached; record it again"

@@ -12,19 +12,19 @@ import numpy as np
 from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError, WouldOverwrite
 from benchtool.core.recording import Recording
-from benchtool.data.atomic import file_hash, make_folder, replace_json, replacing
-from benchtool.data.columns import channel_called
+from benchtool.data.atomic import atomic_writer, file_hash, make_folder, replace_json
+from benchtool.data.columns import find_channel
 from benchtool.data.csv_text import read_csv_text
 from benchtool.data.mcap_file import read_mcap
 from benchtool.data.parquet import read_parquet, write_parquet
-from benchtool.data.run.facts import read_recording_facts
+from benchtool.data.run.run_metadata import read_recording_facts
 from benchtool.data.run.sample_stream import read_stream
-from benchtool.data.table import columns_of
+from benchtool.data.table import table_columns
 
 FORMAT = "benchtool-recording-1"
 
 
-def beside(path: Path) -> Path:
+def metadata_path(path: Path) -> Path:
     """Return where the JSON of a recording file stands."""
     return path.with_name(f"{path.name}.json")
 
@@ -42,7 +42,7 @@ def write_recording(
     if suffix not in (".csv", ".parquet"):
         raise FileFormatError(str(path), "a recording is written as .csv or .parquet; end it so")
     if not overwrite:
-        for target in (path, beside(path)):
+        for target in (path, metadata_path(path)):
             if target.exists():
                 raise WouldOverwrite(str(target))
     make_folder(path.parent)
@@ -52,7 +52,7 @@ def write_recording(
         write_parquet(path, recording)
     channels = [{"name": item.name, "unit": item.unit} for item in recording.channels]
     replace_json(
-        beside(path),
+        metadata_path(path),
         {
             "format": FORMAT,
             "sha256": file_hash(path),
@@ -72,7 +72,7 @@ def read_recording(path: str | Path) -> Recording:
         raise FileFormatError(str(path), "there is no such recording; check the path")
     if path.suffix.lower() == ".mcap":
         return read_mcap(path)
-    facts = read_recording_facts(beside(path), FORMAT)
+    facts = read_recording_facts(metadata_path(path), FORMAT)
     if facts.get("sha256") != file_hash(path):
         raise FileFormatError(
             str(path), "it has changed since it was written; import it again, or restore it"
@@ -93,9 +93,9 @@ def read_recording(path: str | Path) -> Recording:
 def _read_csv(path: Path) -> Recording:
     try:
         names, values, _ = read_stream(path, None)
-        return Recording(tuple(map(channel_called, names)), values)
+        return Recording(tuple(map(find_channel, names)), values)
     except BenchtoolError:  # words, or not as it was written: refused with the line
-        return Recording.from_columns(columns_of(read_csv_text(path, own=True)))
+        return Recording.from_columns(table_columns(read_csv_text(path, own=True)))
 
 
 def _write_csv(path: Path, recording: Recording) -> None:
@@ -112,6 +112,6 @@ def _write_csv(path: Path, recording: Recording) -> None:
         for index, mask in enumerate(masks)
     ]
     table = pa.table(columns, names=list(recording.names))
-    with replacing(path, path.with_name(f".{path.name}.new")) as file:
+    with atomic_writer(path, path.with_name(f".{path.name}.new")) as file:
         file.write(f"{','.join(recording.names)}\n".encode())
         csv.write_csv(table, file, csv.WriteOptions(include_header=False, quoting_style="none"))

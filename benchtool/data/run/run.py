@@ -16,29 +16,29 @@ from benchtool.core.errors import (
     FileFormatError,
     InputError,
     ResourceExhausted,
-    RunStopped,
+    RunInterrupted,
     WouldOverwrite,
     check_name,
 )
-from benchtool.core.exhausted import exhausted, is_exhaustion
 from benchtool.core.recording import Recording
+from benchtool.core.resource_errors import is_exhaustion, resource_error
 from benchtool.core.user_file import read_text
 from benchtool.data.atomic import file_hash, make_folder, replace_json, replace_text, sync_folder
 from benchtool.data.run.append import AppendFile, EventLog, SampleWriter
 from benchtool.data.run.closing import (
-    LEFT_OVER,
-    SamplesFound,
+    LEFTOVER_PATTERN,
+    SampleScan,
     close_run,
     has_rows,
-    remove_left_overs,
+    remove_leftovers,
     scan_samples,
-    write_marked,
+    write_marker,
 )
-from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.points import PointWriter, write_table
 from benchtool.data.run.read import changed_points, is_run
 from benchtool.data.run.read import read_settings as read_written_settings
-from benchtool.data.run.settings import settings_of
+from benchtool.data.run.run_metadata import read_metadata
+from benchtool.data.run.settings import load_settings
 
 RUN_FORMAT = "benchtool-run-1"
 
@@ -64,7 +64,7 @@ class Run:
             WouldOverwrite: something of that name exists.
             ResourceExhausted: there is no room or no right to make it; nothing is left of it.
         """
-        refuse_taken(path)
+        check_not_existing(path)
         beside = path.with_name(f".{path.name}.{os.getpid()}.new")
         try:
             make_folder(path.parent)
@@ -84,7 +84,7 @@ class Run:
                 raise InputError(
                     f"{subject} ({error.strerror}); choose another place with --out"
                 ) from error
-            raise exhausted(error, subject, "choose another place with --out") from error
+            raise resource_error(error, subject, "choose another place with --out") from error
         return cls(path)
 
     @classmethod
@@ -124,7 +124,7 @@ class Run:
         """Refuse a folder that is not the one that `watch` saw, or that may not be written.
 
         Raises:
-            RunStopped: it was deleted, moved or replaced.
+            RunInterrupted: it was deleted, moved or replaced.
             ResourceExhausted: it was made read-only.
         """
         if self._opened is None:
@@ -132,11 +132,11 @@ class Run:
         try:
             there = os.stat(self.path)
         except (FileNotFoundError, NotADirectoryError):
-            raise RunStopped(
+            raise RunInterrupted(
                 f"the run folder {self.path} is not there any more: it was deleted or moved"
             ) from None
         if not os.path.samestat(there, self._opened):
-            raise RunStopped(
+            raise RunInterrupted(
                 f"the run folder {self.path} is not the one that this run opened: another one was "
                 f"put in its place"
             )
@@ -191,11 +191,11 @@ class Run:
         try:
             return close_run(self, visits)
         except (OSError, MemoryError) as error:
-            raise exhausted(
+            raise resource_error(
                 error, f"{self.path} cannot be closed", f"then: benchtool runs close {self.path}"
             ) from error
 
-    def ready_samples(self, done: frozenset[int]) -> SamplesFound:
+    def ready_samples(self, done: frozenset[int]) -> SampleScan:
         """Say what samples there are, and make ready to mark those of visits cut short.
 
         The run itself is as it was until a `RunWriter` goes on with it.
@@ -208,14 +208,14 @@ class Run:
         samples = self.path / "samples.csv"
         try:
             with self.locked():
-                remove_left_overs(self.path)
+                remove_leftovers(self.path)
                 if not os.path.lexists(samples):
-                    return SamplesFound(0, 0.0, done, None)
+                    return SampleScan(0, 0.0, done, None)
                 found = scan_samples(samples, done)
-                write_marked(samples, found)
+                write_marker(samples, found)
                 return found
         except (OSError, MemoryError) as error:
-            raise exhausted(error, f"{self.path} cannot be gone on with") from error
+            raise resource_error(error, f"{self.path} cannot be gone on with") from error
 
     def unseal(self) -> None:
         """Take away what `close` made, before samples or points change."""
@@ -246,7 +246,7 @@ class Run:
             log.close()
 
 
-def refuse_taken(path: Path) -> None:
+def check_not_existing(path: Path) -> None:
     """Refuse a path where something is, but for a run folder that was never begun.
 
     Raises:
@@ -260,7 +260,7 @@ def _never_begun(path: Path) -> bool:
     """Return whether a folder is empty or holds a run that has neither a sample nor a point."""
     if path.is_symlink() or not path.is_dir():
         return False
-    names = {item.name for item in path.iterdir() if not LEFT_OVER.fullmatch(item.name)}
+    names = {item.name for item in path.iterdir() if not LEFTOVER_PATTERN.fullmatch(item.name)}
     if names and not is_run(path):
         return False  # a plan that somebody wrote there is no run of ours
     if not names <= {"plan.toml", "metadata.json", "events.jsonl", "samples.csv", "points.csv"}:
@@ -286,7 +286,7 @@ def read_settings(path: str | Path) -> Recording:
         try:
             Run.open(folder).close()
         except BenchtoolError:
-            return settings_of(folder)
+            return load_settings(folder)
     return read_written_settings(path)
 
 

@@ -9,11 +9,11 @@ from typing import Any
 
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
-from benchtool.core.toml_text import build
+from benchtool.core.toml_text import build_dataclass
 from benchtool.data.atomic import read_json
-from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.read import is_run
-from benchtool.data.run.recording_file import beside
+from benchtool.data.run.recording_file import metadata_path
+from benchtool.data.run.run_metadata import read_metadata
 
 
 def run_rig(folder: str | Path, metadata: Mapping[str, Any] | None = None) -> Rig:
@@ -29,10 +29,10 @@ def run_rig(folder: str | Path, metadata: Mapping[str, Any] | None = None) -> Ri
     facts = read_metadata(Path(folder)) if metadata is None else metadata
     if not facts.get("rig"):
         raise FileFormatError(where, "it names no rig; restore it from a copy")
-    return build(Rig, facts["rig"], f"{where}: rig")
+    return build_dataclass(Rig, facts["rig"], f"{where}: rig")
 
 
-def rig_of_data(paths: Sequence[str]) -> Rig | None:
+def load_rig_for_data(paths: Sequence[str]) -> Rig | None:
     """Return the rig that data were recorded on, None where nothing says it.
 
     Run folders carry it, a points.csv inside one has that run's, and the JSON beside a simulated
@@ -46,8 +46,8 @@ def rig_of_data(paths: Sequence[str]) -> Rig | None:
         folder = path if Path(path).is_dir() else str(Path(path).parent)
         if is_run(folder):
             found[path] = run_rig(folder)
-        elif (side := beside(Path(path))).is_file() and (rig := read_json(side).get("rig")):
-            found[path] = build(Rig, rig, f"{side}: rig")
+        elif (side := metadata_path(Path(path))).is_file() and (rig := read_json(side).get("rig")):
+            found[path] = build_dataclass(Rig, rig, f"{side}: rig")
     first = next(iter(found), None)
     if first is None:
         return None

@@ -8,13 +8,13 @@ from pathlib import Path
 from tempfile import gettempdir
 from typing import Any
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
-from benchtool.core.errors import BenchtoolError, RunStopped
-from benchtool.core.exhausted import exhausted
+from benchtool.core.errors import BenchtoolError, RunInterrupted
+from benchtool.core.resource_errors import resource_error
 from benchtool.data.atomic import sync_folder
 from benchtool.data.run.append import AppendFile, Event
-from benchtool.data.run.closing import take_marked
+from benchtool.data.run.closing import read_marker
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run, free_path
 from benchtool.data.run.state import state_folder
@@ -38,7 +38,7 @@ class RunWriter:
             self._events = run.event_log()
             self._files.append(self._events)
             run.unseal()
-            take_marked(run.path / "samples.csv")
+            read_marker(run.path / "samples.csv")
             if run.metadata.get("state") != "running":
                 run.update_metadata(state="running", reason=None)
             self._samples = run.sample_writer(channels)
@@ -49,7 +49,7 @@ class RunWriter:
         except BaseException as error:
             self.close()
             if isinstance(error, OSError):
-                raise exhausted(
+                raise resource_error(
                     error, f"{run.path} cannot be written", "remove its cause, then go on"
                 ) from error
             raise
@@ -91,7 +91,7 @@ class RunWriter:
         """Raise when folder or files are not those that were opened, or may not be written.
 
         Raises:
-            RunStopped: the folder or a file of it was deleted, moved or replaced.
+            RunInterrupted: the folder or a file of it was deleted, moved or replaced.
             ResourceExhausted: the folder was made read-only.
         """
         self._attempt(lambda: None)
@@ -140,7 +140,7 @@ class RunWriter:
         except OSError as error:
             if self.fault is None:
                 self._advice = "; remove its cause, then go on"
-                self.fault = exhausted(error, f"{self.run.path} cannot be written")
+                self.fault = resource_error(error, f"{self.run.path} cannot be written")
                 raise self.fault from error
         except BenchtoolError as error:
             if self.fault is None:
@@ -151,7 +151,7 @@ class RunWriter:
         self.run.check_in_place()
         for file in self._files:
             if not file.is_in_place():
-                raise RunStopped(
+                raise RunInterrupted(
                     f"{file.path} is no longer the file that this run writes: it was deleted, "
                     f"moved or replaced"
                 )

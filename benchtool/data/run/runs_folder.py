@@ -19,8 +19,8 @@ from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite, c
 if TYPE_CHECKING:
     from benchtool.data.csv_text import CsvTable
 
-DEEPEST = 6  # Folders below a name that are looked through; a run has two. A choice
-LONGEST_PART = 200  # Characters in one part of a name; file systems take 255 bytes
+MAX_DEPTH = 6  # Folders below a name that are looked through; a run has two. A choice
+MAX_NAME_LENGTH = 200  # Characters in one part of a name; file systems take 255 bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class RunsFolder:
             or PurePosixPath(name).is_absolute()
             or PureWindowsPath(name).drive != ""
             or any(not part or part.startswith(".") for part in parts)
-            or max(map(len, parts)) > LONGEST_PART
+            or max(map(len, parts)) > MAX_NAME_LENGTH
         )
         path = self.root.joinpath(*parts) if not strange else self.root
         if strange or not _is_below(path, self.root):
@@ -99,7 +99,7 @@ class RunsFolder:
         return path
 
     def _check_links(self, path: Path, name: str) -> None:
-        for item in _everything(path, DEEPEST):
+        for item in _everything(path, MAX_DEPTH):
             if item.is_symlink() and not _is_below(item, self.root):
                 raise InputError(
                     f"{name}: {item.name} is a link that leads out of the runs folder, so nothing "
@@ -135,9 +135,11 @@ def _everything(path: Path, depth: int) -> Iterator[Path]:
                 yield from _everything(item, depth - 1)
 
 
-MOST_BYTES = 20_000_000  # A table of points is a few kilobytes; this is room for a log. A choice
+MAX_UPLOAD_BYTES = (
+    20_000_000  # A table of points is a few kilobytes; this is room for a log. A choice
+)
 
-MOST_COLUMNS = 500
+MAX_COLUMNS = 500
 
 
 def checked_table(data: bytes, name: str) -> CsvTable:
@@ -146,27 +148,27 @@ def checked_table(data: bytes, name: str) -> CsvTable:
     Raises:
         FileFormatError: too large, no CSV, no row, or more columns than anybody would map.
     """
-    from benchtool.data.csv_text import no_rows, parse_csv
+    from benchtool.data.csv_text import empty_table_error, parse_csv
 
-    if len(data) > MOST_BYTES:
+    if len(data) > MAX_UPLOAD_BYTES:
         raise FileFormatError(
             name,
-            f"it has {len(data) / 1e6:.1f} MB, and at most {MOST_BYTES / 1e6:.0f} MB are taken; "
-            f"cut it, or put it into the runs folder yourself",
+            f"it has {len(data) / 1e6:.1f} MB, and at most {MAX_UPLOAD_BYTES / 1e6:.0f} MB are "
+            f"taken; cut it, or put it into the runs folder yourself",
         )
     table = parse_csv(data, name)
-    if len(table.header) > MOST_COLUMNS:
+    if len(table.header) > MAX_COLUMNS:
         raise FileFormatError(
             name,
-            f"its header names {len(table.header)} columns, and at most {MOST_COLUMNS} are taken; "
+            f"its header names {len(table.header)} columns, and at most {MAX_COLUMNS} are taken; "
             f"keep those of a fit",
         )
     if not table.rows:
-        raise no_rows(name, table.header)
+        raise empty_table_error(name, table.header)
     return table
 
 
-def keep_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
+def store_table(folder: RunsFolder, name: str, data: bytes, date: str) -> Path:
     """Write a checked table into a folder of its own in the runs folder and return its path.
 
     Args:

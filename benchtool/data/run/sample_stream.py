@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
+from benchtool.core.plural import pluralize
 from benchtool.core.table_bounds import check_columns, check_decoded
 from benchtool.core.user_file import open_file
 from benchtool.data.columns import WORDS
@@ -83,7 +83,7 @@ def sample_batches(lines: WholeLines, path: Path, names: Sequence[str]) -> Itera
         *rows, incomplete = (incomplete + block).replace(b"\r\n", b"\n").split(b"\n")
         for number, row in enumerate(rows, first):
             if row and row.count(b",") != n_columns - 1:
-                problem = f"line {number} has {counted(row.count(b',') + 1, 'cell')}"
+                problem = f"line {number} has {pluralize(row.count(b',') + 1, 'cell')}"
                 raise FileFormatError(
                     str(path), f"{problem}, its header {n_columns}; mend that line"
                 )

@@ -11,24 +11,24 @@ from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.recording import Recording
 from benchtool.core.user_file import read_file
-from benchtool.data.columns import KINDS, channel_called, code_of, speed_columns
+from benchtool.data.columns import KINDS, find_channel, speed_columns, word_to_code
 from benchtool.data.derived import (
     QuantityValues,
-    derive,
+    add_shared_errors,
+    derive_quantities,
     run_circumstances,
-    widened,
     with_quantities,
 )
 from benchtool.data.mcap_file import write_mcap
 from benchtool.data.parquet import write_parquet
-from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.points import write_table
 from benchtool.data.run.ratios import ratios
 from benchtool.data.run.read import read_points, read_samples
+from benchtool.data.run.run_metadata import read_metadata
 from benchtool.data.run.run_rig import run_rig
 
 _MEANS: tuple[str, ...] = (
@@ -52,7 +52,7 @@ def aggregate(points: Recording) -> Recording:
     `ratio_equal_rpm2` at equal squared speed.
     """
     kinds = points.column("kind")
-    measured = points.select(np.isin(kinds, [code_of("kind", name) for name in SETTING_KINDS]))
+    measured = points.select(np.isin(kinds, [word_to_code("kind", name) for name in SETTING_KINDS]))
     names = [*speed_columns(points.names), *(name for name in _MEANS if name in points)]
     header = (
         *("setting", "kind", "n_repeats"),
@@ -69,7 +69,7 @@ def aggregate(points: Recording) -> Recording:
         part = measured.select(here)
         thrust = part.column("thrust_N")
         # A reference over itself is 1 by definition and does not scatter.
-        near = part.column("kind")[0] == code_of("kind", "measure")
+        near = part.column("kind")[0] == word_to_code("kind", "measure")
         sd = _sd(thrust)
         se = sd / np.sqrt(len(here)) if len(here) > 1 else float(part.column("thrust_se_N")[0])
         rows.append(
@@ -82,11 +82,11 @@ def aggregate(points: Recording) -> Recording:
             ]
         )
     values = np.array(rows, float).reshape(len(rows), len(header))
-    channels = tuple(channel_called(name) for name in header)
+    channels = tuple(find_channel(name) for name in header)
     return Recording(channels, values, points.provenance, points.simulated)
 
 
-def settings_of(folder: Path, points: Recording | None = None) -> Recording:
+def load_settings(folder: Path, points: Recording | None = None) -> Recording:
     """Return the settings of a run with every quantity that it allows, and their errors.
 
     Args:
@@ -99,9 +99,11 @@ def settings_of(folder: Path, points: Recording | None = None) -> Recording:
 def settings_quantities(folder: Path, points: Recording) -> tuple[QuantityValues, ...]:
     """Return the quantities of each setting of a run: means over its visits (s,)."""
     kinds = points.column("kind")
-    measured = points.select(np.isin(kinds, [code_of("kind", name) for name in SETTING_KINDS]))
+    measured = points.select(np.isin(kinds, [word_to_code("kind", name) for name in SETTING_KINDS]))
     settings = measured.column("setting")
-    return tuple(one.averaged(settings) for one in derive(measured, run_circumstances(folder)))
+    return tuple(
+        one.averaged(settings) for one in derive_quantities(measured, run_circumstances(folder))
+    )
 
 
 def _ratios(points: Recording, basis: str) -> Array:
@@ -131,8 +133,8 @@ def ratios_by_distance(runs: Sequence[Path]) -> list[tuple[float, list[float | N
     for index, path in enumerate(runs):
         if not (path / "points.csv").is_file():
             continue
-        table = settings_of(path)
-        near = table.column("kind") == code_of("kind", "measure")
+        table = load_settings(path)
+        near = table.column("kind") == word_to_code("kind", "measure")
         z = np.round(table.column("plate_z_m") / run_rig(path).propulsion.radius_m, 3)
         for one in np.unique(z[near & np.isfinite(z)]):
             row = found.setdefault(float(one), [None] * len(runs))
@@ -146,7 +148,7 @@ TABLES: tuple[Table, ...] = ("points", "settings", "samples")
 SUFFIXES = (".csv", ".parquet", ".mcap")
 
 
-def exported(run: Path, table: str, suffix: str) -> bytes:
+def export_table(run: Path, table: str, suffix: str) -> bytes:
     """Return one table of a run as the bytes of a CSV, Parquet or MCAP file.
 
     Points and settings have every quantity that the bench allows; points.csv itself, which a run
@@ -175,9 +177,9 @@ def exported(run: Path, table: str, suffix: str) -> bytes:
 def _recording(run: Path, table: str) -> Recording:
     if table == "points":
         points = read_points(run, KINDS)
-        return widened(points, run_circumstances(run))
+        return add_shared_errors(points, run_circumstances(run))
     if table == "settings":
-        return settings_of(run)
+        return load_settings(run)
     if not any((run / f"samples{suffix}").is_file() for suffix in SUFFIXES[:2]):
         raise FileFormatError(run.name, "there are no samples in it, only points made of them")
     return read_samples(run)

@@ -28,7 +28,7 @@ def state_file(kind: str, device_id: str) -> Path:
     return state_folder() / kind / f"{safe}.json"
 
 
-def remember(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
+def store_state(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
     """Keep facts about a device, in place of older ones."""
     path = state_file(kind, device_id)
     try:
@@ -42,12 +42,12 @@ def remember(kind: str, device_id: str, facts: dict[str, Any]) -> Path:
     return path
 
 
-def remembered(kind: str) -> dict[str, str]:
+def recall_state(kind: str) -> dict[str, str]:
     """Return the files of one kind of thing and their devices, by their names."""
     return {str(path): path.stem for path in sorted((state_folder() / kind).glob("*.json"))}
 
 
-def recall(kind: str, device_id: str) -> dict[str, Any] | None:
+def recall_latest(kind: str, device_id: str) -> dict[str, Any] | None:
     """Return what is remembered about a device, None when nothing is."""
     path = state_file(kind, device_id)
     return read_json(path) if path.is_file() else None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 
@@ -51,7 +51,7 @@ def zero_variance(since_s: Array, noise: ZeroNoise) -> Array:
 
 
 def zero_noise(points: Recording, rig: Rig) -> ZeroNoise:
-    """Return the noise of a run's zero: as its samples show it (`with_zero_walk`), else stated."""
+    """Return the noise of a run's zero: as its samples show it (`add_zero_drift`), else stated."""
     cell = rig.sensors.get("thrust_N", Sensor())
     walk, dof = (points.provenance.get(name, "") for name in ("zero_walk", "zero_walk_dof"))
     if not walk:

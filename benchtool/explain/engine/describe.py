@@ -9,12 +9,17 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
+from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups, Subject
 from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, Hypothesis, p_value
 from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.engine.shared_errors import BEYOND
-from benchtool.explain.engine.subject import EARLY, LATE, RowGroups, Subject
-from benchtool.explain.engine.verdict import FoundParameter, NamedEffect, Nearest, WhereShown
+from benchtool.explain.engine.shared_errors import PRIOR_WIDTH_FACTOR
+from benchtool.explain.engine.verdict import (
+    EvidenceLocation,
+    FoundParameter,
+    NamedEffect,
+    NearestEffect,
+)
 from benchtool.physics.effects.effect import Effect, Subsystem
 
 SIGMA_95 = 1.959964  # half of a 95 % interval in standard deviations
@@ -37,7 +42,7 @@ class Disagreement:
     after: Mapping[str, float]
 
 
-def effect_of(subject: Subject, name: str) -> Effect:
+def effect_size(subject: Subject, name: str) -> Effect:
     """Return an effect of the subject's model by name."""
     return next(effect for effect in subject.evidence.model.effects if effect.name == name)
 
@@ -53,10 +58,12 @@ def found_parameters(
     """
     spread = np.sqrt(np.diag(hypotheses.spread(one)))
     law = subject.evidence.model.discrepancy.law
-    effect = effect_of(subject, name)
+    effect = effect_size(subject, name)
     neutral = {item.name: item.neutral for item in effect.parameters}
     out = []
-    for parameter, scaled, sd in zip(hypotheses.evidence.parameters, one.at, spread, strict=True):
+    for parameter, scaled, sd in zip(
+        hypotheses.evidence.parameters, one.values, spread, strict=True
+    ):
         if parameter.effect != name:
             continue
         value = parameter.value(float(scaled))
@@ -68,7 +75,7 @@ def found_parameters(
         margin = AT_BOUND * parameter.scale
         inside = parameter.lower + margin < value < parameter.upper - margin
         within = low > parameter.lower or high < parameter.upper
-        determined = inside and within and float(sd) < NO_BETTER * BEYOND
+        determined = inside and within and float(sd) < NO_BETTER * PRIOR_WIDTH_FACTOR
         if not determined and np.isfinite(parameter.upper - parameter.lower):
             low, high = parameter.lower, parameter.upper
             std = (high - low) / sqrt(12.0)
@@ -89,19 +96,19 @@ def found_parameters(
 
 
 def fitted_nearest(
-    nearest: Nearest,
+    nearest: NearestEffect,
     subject: Subject,
     hypotheses: Hypotheses,
     base: Hypothesis,
     one: Hypothesis,
     after: Mapping[str, float],
-) -> Nearest:
+) -> NearestEffect:
     """Return the nearest effect with the numbers of a hypothesis that opens it, and what it leaves.
 
     Args:
         after: by channel, the error on the check recordings under the hypothesis.
     """
-    effect = effect_of(subject, nearest.name)
+    effect = effect_size(subject, nearest.name)
     named = NamedEffect(
         name=effect.name, title=effect.title, phrase=effect.phrase, stage=effect.subsystem,
         probability=0.0, parameters=found_parameters(subject, hypotheses, one, effect.name),
@@ -109,13 +116,13 @@ def fitted_nearest(
         p_value=p_value(hypotheses, base, one, Bootstrap(), np.random.default_rng(0)),
     )  # fmt: skip
     evidence = subject.evidence
-    parameters = parameters_at(evidence.model.parameters, evidence.parameters, one.at)
+    parameters = parameters_at(evidence.model.parameters, evidence.parameters, one.values)
     return replace(nearest, effect=named, parameters=parameters, after=after)
 
 
 def where_shown(
     groups: RowGroups, before: Array, after: Array, stage: Subsystem | None
-) -> WhereShown | None:
+) -> EvidenceLocation | None:
     """Return where residuals stand out before the fix.
 
     The regime is where they are densest; one of the clock only where no other is nearly as dense.
@@ -125,7 +132,7 @@ def where_shown(
         after: (n_rows,) with what was named, or of the nearest.
         stage: of what was named; found from the rows when None.
     """
-    shown: Subsystem = stage if stage is not None else loudest(groups, before)
+    shown: Subsystem = stage if stage is not None else largest_disagreement(groups, before)
     rows = groups.stages.get(shown)
     if rows is None:
         rows = ~groups.stages.get("pwm_to_rpm", np.zeros(len(before), bool))
@@ -142,7 +149,7 @@ def where_shown(
         if inside > 0.3 and dense > crowded:
             best, crowded = name, dense
     mask = groups.regimes.get(best, np.ones(len(before), bool)) & rows
-    return WhereShown(
+    return EvidenceLocation(
         stage=shown,
         regime=best,
         size=_rms(before[mask]),
@@ -150,7 +157,7 @@ def where_shown(
     )
 
 
-def loudest(groups: RowGroups, residuals: Array) -> Subsystem:
+def largest_disagreement(groups: RowGroups, residuals: Array) -> Subsystem:
     """Return the stage whose rows stand out most."""
     sizes: dict[Subsystem, float] = {name: _rms(residuals[m]) for name, m in groups.stages.items()}
     return max(sizes, key=lambda name: sizes[name])

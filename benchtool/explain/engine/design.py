@@ -16,14 +16,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.schedule import Schedule
+from benchtool.explain.engine.evidence import Evidence
 from benchtool.explain.engine.hypotheses import Hypotheses, Hypothesis
-from benchtool.explain.engine.judgement import CLASS_FROM, Judgement, Rival
+from benchtool.explain.engine.judgement import CLASS_FROM, CandidateEffect, Judgement
 from benchtool.explain.engine.posterior import probabilities
-from benchtool.explain.engine.subject import Evidence
-from benchtool.explain.engine.verdict import DECIDES, NextExperiment
-from benchtool.fit.bounded import Linearised, Region, slopes
+from benchtool.explain.engine.verdict import DECISION_PROBABILITY, NextExperiment
+from benchtool.fit.bounded_least_squares import BoundedRegion, Linearisation, slopes
 from benchtool.physics.effects.effect import Subsystem
 
 NONE = "nothing beyond tolerance"
@@ -34,17 +34,17 @@ ESC_MODE = (  # for what is unknown between pulse and speed
     "supply; else it sets a voltage, and the speed gives"
 )
 
-MOST_RIVALS = 6  # so many explanations an experiment is designed for at most
-LEAST_CHANCE = 0.01  # what a rival counts as at least, once it is one
+MAX_CANDIDATES = 6  # so many explanations an experiment is designed for at most
+MIN_PROBABILITY = 0.01  # what a rival counts as at least, once it is one
 CLEAR = 0.01  # prospect confusion at which nothing more is added to a design; assumed
 WORTH = 0.01  # least decrease of the log of the expected confusion; assumed
 DRAWS = 64  # simulated experiments behind what is stated of the chosen one
 SHOWN = 100.0  # a larger expected log evidence ratio is not stated: it rests on few draws far out
-LEAST_S = 20.0  # time that an addition counts as at least; assumed
+MIN_DURATION_S = 20.0  # time that an addition counts as at least; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Outlook:
+class CandidatePrediction:
     """Hold what one rival predicts of new rows: mean + slopes u, u of a known precision."""
 
     mean: Array  # (n,) over the noise
@@ -75,22 +75,22 @@ class Outlook:
         cost = np.sum(missed**2, axis=0) - np.sum(seen[free:] * taken[:, : rows.shape[1]], axis=0)
         at, within = (
             np.zeros(free),
-            Region(lower=self.room[0], upper=self.room[1], penalty=np.zeros(free)),
+            BoundedRegion(lower=self.room[0], upper=self.room[1], penalty=np.zeros(free)),
         )
         costs = [
-            Linearised(at, one, slope, curvature).step(within)[1]
+            Linearisation(at, one, slope, curvature).step(within)[1]
             for one, slope in zip(cost, gradient.T, strict=True)
         ]
         return -0.5 * np.array(costs) - 0.5 * self._learned(self.slopes.T @ self.slopes)
 
-    def over(self, other: Outlook, rng: np.random.Generator | None) -> float:
+    def over(self, other: CandidatePrediction, rng: np.random.Generator | None) -> float:
         """Return the expected log evidence ratio over another one, were this one true."""
         if rng is None:
             return self._divergence(other)
         rows = self.drawn(DRAWS, rng)
         return float(np.mean(self.gains(rows) - other.gains(rows)))
 
-    def _divergence(self, other: Outlook) -> float:
+    def _divergence(self, other: CandidatePrediction) -> float:
         missed, a, b = self.mean - other.mean, self.slopes, other.slopes
         after = other.known + b.T @ b
         seen, cross, own = b.T @ missed, b.T @ a, a.T @ a
@@ -107,7 +107,7 @@ class Outlook:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Prospect:
+class ExpectedOutcome:
     """Hold what an experiment is expected to say between the likeliest rival and each other."""
 
     ratios: Mapping[str, float]  # log evidence ratios by the other, on average over which is true
@@ -117,10 +117,10 @@ class Prospect:
 D = TypeVar("D")
 
 
-def chosen(
+def select_design(
     first: D,
     more: Callable[[D], Mapping[str, D]],
-    weighed: Callable[[D], Prospect],
+    weighed: Callable[[D], ExpectedOutcome],
     seconds: Callable[[D], float],
     most_s: float,
 ) -> D:
@@ -128,7 +128,7 @@ def chosen(
     best, expected, rates = first, weighed(first), dict[str, float]()
     while expected.confusion > CLEAR:
         options = {what: one for what, one in more(best).items() if seconds(one) <= most_s}
-        fresh = dict[str, Prospect]()
+        fresh = dict[str, ExpectedOutcome]()
         what = ""
         while options and what not in fresh:
             # What a thing gains shrinks with what is there already: old rates bound new ones.
@@ -136,7 +136,7 @@ def chosen(
             if what not in fresh:
                 fresh[what] = weighed(options[what])
                 gained = log(expected.confusion / fresh[what].confusion)
-                taken_s = max(LEAST_S, seconds(options[what]) - seconds(best))
+                taken_s = max(MIN_DURATION_S, seconds(options[what]) - seconds(best))
                 rates[what] = gained / taken_s if gained > WORTH else 0.0
                 what = max(options, key=lambda one: rates.get(one, inf))
         if not options or rates[what] <= 0.0:
@@ -145,7 +145,7 @@ def chosen(
     return best
 
 
-def rivals(hypotheses: Hypotheses, judgement: Judgement) -> list[Rival]:
+def select_candidates(hypotheses: Hypotheses, judgement: Judgement) -> list[CandidateEffect]:
     """Return the explanations that an experiment should separate, likeliest first.
 
     Those that leave less than 5 % to others, in the place that is least sure; two at least.
@@ -155,17 +155,19 @@ def rivals(hypotheses: Hypotheses, judgement: Judgement) -> list[Rival]:
     chances = probabilities(trial) if trial.log_odds else judgement.weights[place]
     phrases = {one.name: one.phrase for one in hypotheses.evidence.model.effects}
     phrases |= {name: one.phrase for name, one in hypotheses.discrepancies.items()}
-    found = [Rival(name="none", phrase=NONE, fit=trial.base, probability=chances["none"])]
+    found = [CandidateEffect(name="none", phrase=NONE, fit=trial.base, probability=chances["none"])]
     for one in trial.tried:
-        name = one.opened[-1]
+        name = one.active[-1]
         chance = chances.get(name, 0.0)
-        found.append(Rival(name=name, phrase=phrases[name], fit=one, probability=chance))
+        found.append(CandidateEffect(name=name, phrase=phrases[name], fit=one, probability=chance))
     found.sort(key=lambda one: -one.probability)
     count, left = 0, 1.0
-    while count < MOST_RIVALS and (count < 2 or left > CLASS_FROM) and count < len(found):
+    while count < MAX_CANDIDATES and (count < 2 or left > CLASS_FROM) and count < len(found):
         left -= found[count].probability
         count += 1
-    found = [replace(one, probability=max(one.probability, LEAST_CHANCE)) for one in found[:count]]
+    found = [
+        replace(one, probability=max(one.probability, MIN_PROBABILITY)) for one in found[:count]
+    ]
     named = [one for one in found if one.name not in hypotheses.discrepancies]
     if not named:
         return found
@@ -173,8 +175,8 @@ def rivals(hypotheses: Hypotheses, judgement: Judgement) -> list[Rival]:
 
 
 def proposal(
-    among: Sequence[Rival],
-    expected: Prospect,
+    among: Sequence[CandidateEffect],
+    expected: ExpectedOutcome,
     title: str,
     seconds: float,
     refused: Subsystem | None,
@@ -190,7 +192,7 @@ def proposal(
     by_name = {one.name: one for one in reversed(among)}
     first = among[0].name
     ratios = expected.ratios
-    apart = [name for name, ratio in ratios.items() if ratio >= DECIDES]
+    apart = [name for name, ratio in ratios.items() if ratio >= DECISION_PROBABILITY]
     shown = next(iter(apart or ratios))
     said = "above 100" if ratios[shown] > SHOWN else f"of {ratios[shown]:.1f}"
     reason = (
@@ -215,20 +217,20 @@ def proposal(
 class Forecast:
     """Work out what experiments would say between rivals, given all recordings so far."""
 
-    def __init__(self, evidence: Evidence, rivals: Sequence[Rival]) -> None:
+    def __init__(self, evidence: Evidence, rivals: Sequence[CandidateEffect]) -> None:
         self._about = Hypotheses(evidence)
         self._evidence = evidence
         about, self._upper = self._about, np.array([one.most for one in evidence.parameters])
         fits = [about.near_fit(one.fit) for one in rivals]
-        fits = [about.fitted(one.opened, one.at, one.widened) for one in fits]
+        fits = [about.fitted(one.active, one.values, one.amplitudes) for one in fits]
         self.rivals = [replace(one, fit=fit) for one, fit in zip(rivals, fits, strict=True)]
-        self._before = [slopes(evidence.residuals, one.at, self._upper) for one in fits]
+        self._before = [slopes(evidence.residuals, one.values, self._upper) for one in fits]
         masks = evidence.groups().stages
         self._noise = {stage: float(about.noise[mask][0]) for stage, mask in masks.items()}
 
     def expected(
         self, new: Evidence, both: Evidence, rng: np.random.Generator | None = None
-    ) -> Prospect:
+    ) -> ExpectedOutcome:
         """Return what an experiment is expected to say.
 
         Args:
@@ -247,9 +249,9 @@ class Forecast:
             ) / (a.probability + b.probability)
             ratios[b.name] = min(ratio, ratios.get(b.name, inf))
             confusion += sqrt(a.probability * b.probability) * exp(-0.25 * ratio)
-        return Prospect(ratios, confusion)
+        return ExpectedOutcome(ratios, confusion)
 
-    def outlooks(self, new: Evidence, both: Evidence) -> list[Outlook]:
+    def outlooks(self, new: Evidence, both: Evidence) -> list[CandidatePrediction]:
         """Return what each rival predicts of an experiment.
 
         Args:
@@ -263,7 +265,7 @@ class Forecast:
         noise = np.concatenate([self._about.noise, noise])
         columns = {one.name: one.columns for one in both.discrepancies()}
         return [
-            self._outlook(one.fit, before, slopes(new.residuals, one.fit.at, self._upper),
+            self._outlook(one.fit, before, slopes(new.residuals, one.fit.values, self._upper),
                           both, columns, noise)
             for one, before in zip(self.rivals, self._before, strict=True)
         ]  # fmt: skip
@@ -276,17 +278,17 @@ class Forecast:
         both: Evidence,
         columns: Mapping[str, Array],
         noise: Array,
-    ) -> Outlook:
+    ) -> CandidatePrediction:
         """Return what a rival predicts, from residuals and their slopes before and in the new."""
-        region = self._about.region(fit.opened)
-        free = (fit.at > region.lower + 1e-9) & (fit.at < region.upper - 1e-9)
+        region = self._about.region(fit.active)
+        free = (fit.values > region.lower + 1e-9) & (fit.values < region.upper - 1e-9)
         rows, jacobian = (np.concatenate(pair) for pair in zip(before, new, strict=True))
-        factors = self._about.errors.factors(fit.widened)
+        factors = self._about.errors.factors(fit.amplitudes)
         shared = [factor * columns[name] for name, factor in factors.items()]
-        for name in fit.opened:
+        for name in fit.active:
             if name in self._about.effects and columns:
                 own = np.array([one.effect == name for one in both.parameters])
-                both_ways = np.vstack([fit.at, np.where(own, 0.0, fit.at)])
+                both_ways = np.vstack([fit.values, np.where(own, 0.0, fit.values)])
                 done = both.residuals(both_ways)
                 shared.append(both.varied(done[:, 0] - done[:, 1]))
         known = len(before[0])
@@ -297,9 +299,9 @@ class Forecast:
         # Numbers are at their best; what discrepancies take up follows from what is left of rows.
         taken = slice(int(free.sum()), None)
         weights = np.linalg.solve(precision[taken, taken], every[:known, taken].T @ rows[:known])
-        return Outlook(
+        return CandidatePrediction(
             mean=every[known:, taken] @ weights - rows[known:],
             slopes=every[known:],
             known=precision,
-            room=((region.lower - fit.at)[free], (region.upper - fit.at)[free]),
+            room=((region.lower - fit.values)[free], (region.upper - fit.values)[free]),
         )

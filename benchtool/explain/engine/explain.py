@@ -8,30 +8,30 @@ from math import inf
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.explain.engine.describe import (
     Disagreement,
     disagreements,
-    effect_of,
+    effect_size,
     fitted_nearest,
     found_parameters,
     where_shown,
 )
-from benchtool.explain.engine.design import rivals
+from benchtool.explain.engine.design import select_candidates
+from benchtool.explain.engine.evidence import Overlay, Subject
 from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, p_value
 from benchtool.explain.engine.judgement import Judgement, Progress
 from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.engine.posterior import judged
-from benchtool.explain.engine.subject import Overlay, Subject
+from benchtool.explain.engine.posterior import judge
 from benchtool.explain.engine.verdict import (
     SURE,
+    AlternativeEffects,
     NamedEffect,
-    Nearest,
-    NotJudged,
-    Rivals,
+    NearestEffect,
+    UnjudgedEffect,
     Verdict,
 )
-from benchtool.explain.found.search import dependence
+from benchtool.explain.law_search.search import dependence
 from benchtool.physics.catalogue import never_tried
 
 NO_EFFECT = ("none", "unknown")  # explanations that name no effect
@@ -83,18 +83,18 @@ def explain(
     evidence = subject.evidence
     hypotheses = Hypotheses(evidence)
     groups = evidence.groups()
-    judgement = judged(subject, hypotheses, rng, draws, progress)
+    judgement = judge(subject, hypotheses, rng, draws, progress)
     kind, trials, weights = judgement.kind, judgement.trials, judgement.weights
     null, shown, held = judgement.null, judgement.shown, judgement.held
-    before, after = evidence.residuals(np.vstack([null.at, shown.at])).T
+    before, after = evidence.residuals(np.vstack([null.values, shown.values])).T
     progress("drawing the answer", 0.9)
     effects = []
     for place, name in judgement.members:
-        trial, effect = trials[place], effect_of(subject, name)
-        one = next(tried for tried in trial.tried if tried.opened[-1] == name)
+        trial, effect = trials[place], effect_size(subject, name)
+        one = next(tried for tried in trial.tried if tried.active[-1] == name)
         rough = one
-        if not any(key.startswith(f"{name}: law") for key in one.widened):
-            (rough,) = hypotheses.with_laws([one])
+        if not any(key.startswith(f"{name}: law") for key in one.amplitudes):
+            (rough,) = hypotheses.add_law_discrepancies([one])
         effects.append(
             NamedEffect(
                 name=name,
@@ -114,12 +114,12 @@ def explain(
         if judgement.unnamed and not effects:
             stage = judgement.unnamed[0].stage
         where = where_shown(groups, before, after, stage)
-    if kind == "unknown" and shown is not null and shown.opened[-1] in hypotheses.effects:
+    if kind == "unknown" and shown is not null and shown.active[-1] in hypotheses.effects:
         worst = max(gaps, key=lambda gap: gap.before / gap.floor)
-        effect, share = effect_of(subject, shown.opened[-1]), max(0.0, worst.share_closed)
+        effect, share = effect_size(subject, shown.active[-1]), max(0.0, worst.share_closed)
         if share > CLOSES:
             nearest = fitted_nearest(
-                Nearest(name=effect.name, phrase=effect.phrase, share_closed=share),
+                NearestEffect(name=effect.name, phrase=effect.phrase, share_closed=share),
                 subject,
                 hypotheses,
                 next((one.base for one in trials if shown in one.tried), trials[0].base),
@@ -129,7 +129,7 @@ def explain(
     found = None
     if kind == "unknown" and {one.stage for one in judgement.unnamed} != {"pwm_to_rpm"}:
         progress("looking for what it depends on", 0.92)
-        missed = subject.missed(null.at, [name for name, _ in judgement.beside])
+        missed = subject.missing_channels(null.values, [name for name, _ in judgement.beside])
         found = dependence(missed, evidence.model.rig.propulsion.radius_m)
     best = judgement.best
     if not effects:
@@ -149,7 +149,7 @@ def explain(
         effects=tuple(effects),
         probabilities=_probabilities(judgement),
         places=tuple(
-            Rivals(effect=trial.name, probabilities=one)
+            AlternativeEffects(effect=trial.name, probabilities=one)
             for trial, one in zip(trials, weights, strict=True)
         ),
         where=where,
@@ -157,33 +157,33 @@ def explain(
         nearest=nearest,
         tolerances={k.name: k.scale for k in evidence.parameters if k.effect},
         not_judged={
-            name: NotJudged.below(size)
+            name: UnjudgedEffect.below(size)
             for name, size in hypotheses.unseen(null).items()
             if name not in {effect.name for effect in effects}
         }
         | {
-            effect.name: NotJudged(reason="not_tried", size=inf)
+            effect.name: UnjudgedEffect(reason="not_tried", size=inf)
             for effect in never_tried(subject.kind)
         },
         unnamed=tuple(judgement.unnamed),
         beside={
-            effect_of(subject, name).phrase: probability for name, probability in judgement.beside
+            effect_size(subject, name).phrase: probability for name, probability in judgement.beside
         },
         depends=found,
         remarks=remarks,
         next=None,
-        parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.at),
+        parameters=parameters_at(evidence.model.parameters, evidence.parameters, best.values),
         window_s=subject.window_s,
         draws=draws,
     )
     if propose and (kind == "unknown" or not verdict.holds(sure)):
         progress("designing the next experiment", 0.95)
-        among = rivals(hypotheses, judgement)
+        among = select_candidates(hypotheses, judgement)
         verdict = replace(verdict, next=subject.next_experiment(among, rng, refused, minutes))
     progress("done", 1.0)
     return Explanation(
         verdict=verdict,
-        overlays=subject.overlays(null.at, best.at),
+        overlays=subject.overlays(null.values, best.values),
         disagreements=disagreements(groups, before, after),
         floors=held.floor,
         floors_as_learned=held.doubt,

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
+from benchtool.explain.engine.evidence import ChannelErrors, Evidence, Subject
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
-from benchtool.explain.engine.shared_errors import solved
-from benchtool.explain.engine.subject import ChannelErrors, Evidence, Subject
+from benchtool.explain.engine.shared_errors import solve_covariance
 from benchtool.explain.engine.verdict import ChannelGap
 
 UPPER = 0.95  # quantile of the floor's draws that counts as the upper end of noise
 CLOSED = 0.8  # share of the gap above the floor that a right explanation closes; assumed
 RESAMPLES = 1000  # draws of the block bootstrap
-DOUBT_DRAWS = 64  # draws of a floor with uncertain numbers
+FLOOR_DRAWS = 64  # draws of a floor with uncertain numbers
 
 
 class Learned:
@@ -44,7 +44,7 @@ class Learned:
             assert part.readings is not None
             readings = part.readings[self._learned :]
             last = first + readings.shape[1]
-            if part.name not in one.widened:
+            if part.name not in one.amplitudes:
                 limit = np.sqrt(np.sum(readings**2, axis=1)) / SMALL
                 total = total + np.clip(readings @ draws[first:last], -limit, limit)
             first = last
@@ -53,7 +53,7 @@ class Learned:
     def drawn(self, one: Hypothesis, rng: np.random.Generator, draws: int) -> Array:
         """Return changes (n_rows, draws) as uncertain as they are, about the expected ones."""
         columns = self._known(one) / self._errors.noise[:, None]
-        sure = columns.T @ solved(self._every(one), columns)
+        sure = columns.T @ solve_covariance(self._every(one), columns)
         size, axes = np.linalg.eigh(np.eye(len(sure)) - sure)
         root = axes * np.sqrt(np.maximum(size, 0.0)) @ axes.T  # the one that rounding leaves alone
         drawn: Array = self._readings(one) @ (root @ rng.standard_normal((len(size), draws)))
@@ -61,15 +61,18 @@ class Learned:
 
     def _every(self, one: Hypothesis) -> Array:
         """Return the columns of all that is there over the noise, laws of effects among them."""
-        laws = [self._errors.law(name) for name in one.widened if ": law" in name]
+        laws = [self._errors.law(name) for name in one.amplitudes if ": law" in name]
         return np.hstack([self._known(one) / self._errors.noise[:, None], *laws])
 
     def _left(self, one: Hypothesis) -> Array:
         """Return V^-1 r (n_learned,) of what a hypothesis leaves."""
-        return solved(self._every(one), self._errors.rows(one.at)[:, 0]) / self._errors.noise
+        return (
+            solve_covariance(self._every(one), self._errors.rows(one.values)[:, 0])
+            / self._errors.noise
+        )
 
     def _factors(self, one: Hypothesis) -> list[float]:
-        return [one.widened.get(part.name, float(part.always)) for part in self._parts]
+        return [one.amplitudes.get(part.name, float(part.always)) for part in self._parts]
 
     def _known(self, one: Hypothesis) -> Array:
         """Return columns (n_learned, r) as large as the hypothesis has them."""
@@ -85,7 +88,7 @@ class Learned:
             return np.empty((1, 0))
         return np.hstack(
             [
-                (0.0 if part.name in one.widened else factor) * part.readings[self._learned :]
+                (0.0 if part.name in one.amplitudes else factor) * part.readings[self._learned :]
                 for factor, part in zip(self._factors(one), self._parts, strict=True)
                 if part.readings is not None
             ]
@@ -93,7 +96,7 @@ class Learned:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class HeldOut:
+class ValidationScore:
     """Hold errors on the check recordings.
 
     Attributes:
@@ -115,18 +118,18 @@ class HeldOut:
         best: Hypothesis,
         rng: np.random.Generator,
         draws: int,
-    ) -> HeldOut:
+    ) -> ValidationScore:
         """Predict with the numbers before (`null`) and after (`best`)."""
         learned = Learned(hypotheses, subject.all_evidence)
-        sets = np.vstack([np.zeros(len(null.at)), null.at, best.at])
+        sets = np.vstack([np.zeros(len(null.values)), null.values, best.values])
         before = learned.mean(null)
         changes = np.stack([np.zeros_like(before), before, learned.mean(best)], axis=1)
 
-        drawn = learned.drawn(best, rng, DOUBT_DRAWS)
+        drawn = learned.drawn(best, rng, FLOOR_DRAWS)
         return cls(
             errors=dict(subject.errors(sets, changes)),
-            doubt=dict(subject.floor(best.at, drawn, rng, hypotheses.spread(best))),
-            floor=dict(subject.floor(best.at, learned.drawn(best, rng, draws), rng)),
+            doubt=dict(subject.floor(best.values, drawn, rng, hypotheses.spread(best))),
+            floor=dict(subject.floor(best.values, learned.drawn(best, rng, draws), rng)),
         )
 
     @property

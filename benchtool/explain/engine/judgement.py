@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from benchtool.explain.engine.held_out import HeldOut
+from benchtool.explain.engine.held_out import ValidationScore
 from benchtool.explain.engine.hypotheses import Hypothesis
-from benchtool.explain.engine.verdict import Kind, Unnamed
+from benchtool.explain.engine.verdict import Kind, UnnamedEffect
 
 Progress = Callable[[str, float], None]  # progress(what is being done, share of the whole)
 CLASS_FROM = 0.05  # probability of a rival from which it can make a class; assumed
@@ -24,11 +24,11 @@ class Trial:
     @property
     def name(self) -> str:
         """The likeliest for the place."""
-        return self.tried[0].opened[-1]
+        return self.tried[0].active[-1]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Rival:
+class CandidateEffect:
     """Hold one explanation that an experiment is to separate from others."""
 
     name: str  # an effect, "none" or "unknown"
@@ -51,10 +51,10 @@ class Judgement:
     null: Hypothesis
     best: Hypothesis
     shown: Hypothesis
-    held: HeldOut
+    held: ValidationScore
     trials: Sequence[Trial]
     weights: Sequence[Mapping[str, float]]
     members: Sequence[tuple[int, str]]
     unknown: float  # probability that something without a name is missing
-    unnamed: Sequence[Unnamed] = ()
+    unnamed: Sequence[UnnamedEffect] = ()
     beside: Sequence[tuple[str, float]] = ()  # effects with their probabilities beside an unknown

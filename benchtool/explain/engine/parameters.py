@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.parameter import Parameter, Parameters, Prior
 from benchtool.physics.catalogue import EFFECTS, candidates
 from benchtool.physics.effects.effect import BenchKind, Effect
@@ -76,7 +76,7 @@ def parameters_at(
         for one, z in zip(moved, scaled, strict=True)
     }
     return Parameters(
-        (name, item.at(values[name]) if name in values else item)
+        (name, item.with_value(values[name]) if name in values else item)
         for name, item in parameters.items()
     )
 
@@ -126,7 +126,7 @@ def with_every_effect(model: Model, bench: BenchKind, extra: Sequence[Effect] = 
         if effect.rig_values is None or (effect.name in have and (stated or not shapes)):
             continue
         for name, value in effect.rig_values(model.rig).items():
-            model = model.fixed(f"{effect.name}.{name}", value)
+            model = model.with_fixed(f"{effect.name}.{name}", value)
     return model
 
 

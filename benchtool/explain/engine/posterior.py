@@ -15,18 +15,18 @@ from math import exp, log
 import numpy as np
 
 from benchtool.core.errors import EstimationError
-from benchtool.explain.engine.describe import effect_of
-from benchtool.explain.engine.held_out import HeldOut
+from benchtool.explain.engine.describe import effect_size
+from benchtool.explain.engine.evidence import Subject
+from benchtool.explain.engine.held_out import ValidationScore
 from benchtool.explain.engine.hypotheses import SMALL, Hypotheses, Hypothesis
 from benchtool.explain.engine.judgement import CLASS_FROM, Judgement, Progress, Trial
 from benchtool.explain.engine.shared_errors import AMPLITUDES
-from benchtool.explain.engine.subject import Subject
-from benchtool.explain.engine.verdict import MOSTLY, Kind, Unnamed
-from benchtool.fit.identifiability import CANNOT_TELL
+from benchtool.explain.engine.verdict import MOSTLY, Kind, UnnamedEffect
+from benchtool.fit.identifiability import UNDETERMINED_HINT
 
 EFFECTS_MISSING = 0.3  # prior probability of an effect, shared among them; assumed
 UNNAMED = 0.1  # prior probability of a discrepancy, shared among them; assumed
-MOST_NAMES = 5  # how many effects and discrepancies one explanation may have
+MAX_NAMED_EFFECTS = 5  # how many effects and discrepancies one explanation may have
 CONTENDERS, BEHIND = 4, 12.0  # of a place, tried on the check recordings; most log odds behind
 
 MATTERS, NAMED_STILL = 2.0, 0.05
@@ -38,12 +38,14 @@ LARGE = 4.0  # tolerances; from here on an effect competes with a different law;
 DECISIVE = log(100.0)  # log evidence ratio (Jeffreys, Theory of Probability, 1961)
 OTHER_LAW = "different law"  # in log odds: what acts like the likeliest effect by another law
 
-APART = ("pwm_to_rpm", "sensor")
+SEPARATE_STAGES = ("pwm_to_rpm", "sensor")
 """Stages whose departures leave the names of others alone: thrust and torques are predicted from
 speeds that were read, and a reading's error is no force."""
 
-AS_WELL = 0.15  # an effect and a discrepancy likelier than this for one place make a class
-OVERSHADOWED = 0.2  # part of the squares of its names from which a stage is unknown; assumed
+CLASS_PROBABILITY = (
+    0.15  # an effect and a discrepancy likelier than this for one place make a class
+)
+UNNAMED_DOMINANCE = 0.2  # part of the squares of its names from which a stage is unknown; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -55,7 +57,7 @@ class Posterior:
     trials: tuple[Trial, ...]  # one for each of its members; one in all where there is none
 
 
-def judged(
+def judge(
     subject: Subject,
     hypotheses: Hypotheses,
     rng: np.random.Generator,
@@ -63,7 +65,7 @@ def judged(
     progress: Progress,
 ) -> Judgement:
     """Return what is missing by the marginal likelihood of every hypothesis."""
-    search = searched(hypotheses, Hypotheses(subject.all_evidence), progress)
+    search = search_models(hypotheses, Hypotheses(subject.all_evidence), progress)
     trials = [_with_law(subject, hypotheses, trial) for trial in search.trials]
     search = replace(search, trials=tuple(trials))
     unnamed = _unnamed(hypotheses, search)
@@ -71,17 +73,17 @@ def judged(
     alone = kind != "unknown" or len(search.trials) == 1
     if alone and (rivals := _inseparable(hypotheses, search)) is not None:
         place, effect, other = rivals
-        search = replace(search, best=hypotheses.settled(effect))
-        kind, members = "class", [(place, effect.opened[-1])]
+        search = replace(search, best=hypotheses.converge(effect))
+        kind, members = "class", [(place, effect.active[-1])]
         unnamed = [_described(hypotheses, other, search.trials[place]), *unnamed]
     named = tuple(name for _, name in (members[:1] if kind == "class" else members))
-    if members and set(search.best.opened) != set(named):
+    if members and set(search.best.active) != set(named):
         # Predictions are those of what is named: nothing beside it goes on without a name.
-        search = replace(search, best=hypotheses.fitted(named, search.best.at))
+        search = replace(search, best=hypotheses.fitted(named, search.best.values))
     near = _nearest(subject, search, unnamed) if kind == "unknown" else None
     shown = search.best if members else near or search.null
     progress("predicting the check recordings", 0.8)
-    held = HeldOut.of(subject, hypotheses, search.null, shown, rng, draws)
+    held = ValidationScore.of(subject, hypotheses, search.null, shown, rng, draws)
     weights = [_weights(hypotheses, trial) for trial in search.trials]
     left, unclosed = held.left
     if (members and unclosed > MATTERS) or (kind == "none" and left > MATTERS):
@@ -130,7 +132,7 @@ def _with_law(subject: Subject, hypotheses: Hypotheses, trial: Trial) -> Trial:
 
 
 def _beside(
-    subject: Subject, hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[Unnamed]
+    subject: Subject, hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> list[tuple[str, float]]:
     """Return the effects of other stages that are there beside what has no name."""
     stages = {one.stage for one in unnamed}
@@ -138,8 +140,8 @@ def _beside(
         (trial.name, 1.0 - probabilities(trial)["none"])
         for trial in search.trials
         if trial.name in hypotheses.effects
-        and trial.name in search.best.opened
-        and effect_of(subject, trial.name).subsystem not in stages
+        and trial.name in search.best.active
+        and effect_size(subject, trial.name).subsystem not in stages
     ]
 
 
@@ -152,24 +154,24 @@ def probabilities(trial: Trial) -> dict[str, float]:
     return {name: part / total for name, part in parts.items()}
 
 
-def _unnamed(hypotheses: Hypotheses, search: Posterior) -> list[Unnamed]:
+def _unnamed(hypotheses: Hypotheses, search: Posterior) -> list[UnnamedEffect]:
     """Return what departs beyond tolerance and has no name, the largest first."""
     found = [
-        _described(hypotheses, replace(search.best, opened=(trial.name,)), trial)
+        _described(hypotheses, replace(search.best, active=(trial.name,)), trial)
         for trial in search.trials
-        if trial.name in hypotheses.discrepancies and trial.name in search.best.opened
+        if trial.name in hypotheses.discrepancies and trial.name in search.best.active
     ]
     return sorted(found, key=lambda one: -one.weight)
 
 
-def _described(hypotheses: Hypotheses, one: Hypothesis, trial: Trial) -> Unnamed:
+def _described(hypotheses: Hypotheses, one: Hypothesis, trial: Trial) -> UnnamedEffect:
     """Describe the discrepancy that a hypothesis opens last."""
-    name = one.opened[-1]
+    name = one.active[-1]
     discrepancy = hypotheses.discrepancies[name]
-    rows, shares = hypotheses.taken_up(one, name)
+    rows, shares = hypotheses.estimate_discrepancy(one, name)
     usual = np.sqrt(np.sum(discrepancy.shares**2, axis=1)) / SMALL
     acts = usual > 0.0
-    return Unnamed(
+    return UnnamedEffect(
         name=name,
         stage=discrepancy.stage,
         phrase=discrepancy.phrase,
@@ -184,14 +186,14 @@ def _inseparable(
     hypotheses: Hypotheses, search: Posterior
 ) -> tuple[int, Hypothesis, Hypothesis] | None:
     """Return the place of the only effect, it, and the discrepancy that is about as likely."""
-    if not search.best.opened:
+    if not search.best.active:
         return None
     places = []
     for place, trial in enumerate(search.trials):
         chances = probabilities(trial)
-        likely = [one for one in trial.tried if chances[one.opened[-1]] > AS_WELL]
-        effects = [one for one in likely if one.opened[-1] in hypotheses.effects]
-        others = [one for one in likely if one.opened[-1] in hypotheses.discrepancies]
+        likely = [one for one in trial.tried if chances[one.active[-1]] > CLASS_PROBABILITY]
+        effects = [one for one in likely if one.active[-1] in hypotheses.effects]
+        others = [one for one in likely if one.active[-1] in hypotheses.discrepancies]
         if effects:
             places.append((place, effects[0], others))
     if len(places) != 1 or not places[0][2]:
@@ -201,7 +203,7 @@ def _inseparable(
 
 
 def _decided(
-    hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[Unnamed]
+    hypotheses: Hypotheses, search: Posterior, unnamed: Sequence[UnnamedEffect]
 ) -> tuple[Kind, list[tuple[int, str]]]:
     """Return the kind of verdict and its members: (place, effect) each.
 
@@ -212,14 +214,14 @@ def _decided(
     named = [
         (place, trial)
         for place, trial in enumerate(search.trials)
-        if search.best.opened and trial.name in hypotheses.effects
+        if search.best.active and trial.name in hypotheses.effects
     ]
     matters = [one for one in unnamed if one.tolerances > 1.0]
     if not named:
         return ("unknown" if matters else "none"), []
     shown = hypotheses.contribution(search.best, [trial.name for _, trial in named])
-    main = [one for one in matters if one.stage not in APART]
-    if sum(one.weight for one in main) > OVERSHADOWED * float(shown @ shown):
+    main = [one for one in matters if one.stage not in SEPARATE_STAGES]
+    if sum(one.weight for one in main) > UNNAMED_DOMINANCE * float(shown @ shown):
         return "unknown", []
     if len(named) > 1:
         named.sort(key=lambda one: -one[1].log_odds[one[1].name])
@@ -231,22 +233,24 @@ def _decided(
     total = sum(chances[name] for name in hypotheses.effects if name in chances)
     truth = trial.tried[0]
     members = [trial.name] + [
-        one.opened[-1]
+        one.active[-1]
         for one in trial.tried[1:]
-        if one.opened[-1] in hypotheses.effects
-        and chances[one.opened[-1]] > CLASS_FROM * total
-        and hypotheses.evidence_against(truth, one.opened[-1]) < CANNOT_TELL
+        if one.active[-1] in hypotheses.effects
+        and chances[one.active[-1]] > CLASS_FROM * total
+        and hypotheses.evidence_against(truth, one.active[-1]) < UNDETERMINED_HINT
     ]
     alone = len(members) == 1 and not law
     return "effect" if alone else "class", [(place, name) for name in members]
 
 
-def _nearest(subject: Subject, search: Posterior, unnamed: Sequence[Unnamed]) -> Hypothesis | None:
+def _nearest(
+    subject: Subject, search: Posterior, unnamed: Sequence[UnnamedEffect]
+) -> Hypothesis | None:
     """Return the likeliest effect in the stage of what has no name, if any is worth a mention."""
     stages = {one.stage == "pwm_to_rpm" for one in unnamed} or {True, False}
     for trial in search.trials:
         for one in trial.tried:
-            name = one.opened[-1]
+            name = one.active[-1]
             effect = next((e for e in subject.evidence.model.effects if e.name == name), None)
             if effect is None or trial.log_odds[name] <= 0.0:
                 continue
@@ -262,7 +266,7 @@ def _weights(hypotheses: Hypotheses, trial: Trial) -> dict[str, float]:
     return {**chances, "unknown": unknown}
 
 
-def searched(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progress) -> Posterior:
+def search_models(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progress) -> Posterior:
     """Return what must break its tolerance.
 
     Args:
@@ -272,46 +276,46 @@ def searched(hypotheses: Hypotheses, held_out: Hypotheses, progress: Progress) -
         raise EstimationError("no effect can be tried: the model has no candidates on this bench")
     progress("fitting within tolerances", 0.05)
     base, first = hypotheses.null(), None
-    for place in range(MOST_NAMES):
+    for place in range(MAX_NAMED_EFFECTS):
         progress(f"trying every effect, round {place + 1}", 0.1 + 0.08 * place)
         trial = _trial(hypotheses, base)
         first = first or trial
         if trial.log_odds[trial.name] <= 0.0:
             break
-        base = hypotheses.settled(trial.tried[0])
+        base = hypotheses.converge(trial.tried[0])
     assert first is not None
-    best = _pruned(hypotheses, base) if base.opened else first.base
+    best = _pruned(hypotheses, base) if base.active else first.base
     progress("trying others in the place of each", 0.5)
     while True:
         trials = _places(hypotheses, best, first)
         trials = [_with_check(hypotheses, held_out, trial) for trial in trials]
-        lost = [trial for trial in trials if best.opened and trial.log_odds[trial.name] <= 0.0]
+        lost = [trial for trial in trials if best.active and trial.log_odds[trial.name] <= 0.0]
         if not lost:
             break
         worst = min(lost, key=lambda trial: trial.log_odds[trial.name])
-        gone = next(name for name in best.opened if name not in worst.base.opened)
+        gone = next(name for name in best.active if name not in worst.base.active)
         best = hypotheses.without(best, gone)
-    if best.opened:
+    if best.active:
         best = max((trial.tried[0] for trial in trials), key=hypotheses.log_evidence)
-        best = hypotheses.settled(best)
+        best = hypotheses.converge(best)
     return Posterior(null=first.base, best=best, trials=tuple(trials))
 
 
 def _places(hypotheses: Hypotheses, best: Hypothesis, first: Trial) -> list[Trial]:
     """Return a trial for each member of a hypothesis, the others taken for granted."""
-    if len(best.opened) < 2:
+    if len(best.active) < 2:
         return [first]
-    return [_trial(hypotheses, hypotheses.without(best, name)) for name in best.opened]
+    return [_trial(hypotheses, hypotheses.without(best, name)) for name in best.active]
 
 
 def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
-    tried = hypotheses.with_one_more(base)
-    effects = [one for one in tried if one.opened[-1] in hypotheses.effects]
-    base = hypotheses.secured(base, effects[:2])
+    tried = hypotheses.add_candidates(base)
+    effects = [one for one in tried if one.active[-1] in hypotheses.effects]
+    base = hypotheses.refit(base, effects[:2])
     # A candidate is never above its base: the base is one of its points.
     tried = [
-        replace(base, opened=one.opened)
-        if one.widened == base.widened and one.cost > base.cost
+        replace(base, active=one.active)
+        if one.amplitudes == base.amplitudes and one.cost > base.cost
         else one
         for one in tried
     ]
@@ -319,21 +323,21 @@ def _trial(hypotheses: Hypotheses, base: Hypothesis) -> Trial:
     likely = [
         one
         for one in tried[:CONTENDERS]
-        if one.opened[-1] in hypotheses.effects and hypotheses.log_evidence(one) > least
+        if one.active[-1] in hypotheses.effects and hypotheses.log_evidence(one) > least
     ]
     # A law is exact or off by its tolerance, each as likely before: the better of both stands.
-    rough = {one.opened[-1]: one for one in hypotheses.with_laws(likely)}
-    tried = [max(one, rough.get(one.opened[-1], one), key=hypotheses.log_evidence) for one in tried]
+    rough = {one.active[-1]: one for one in hypotheses.add_law_discrepancies(likely)}
+    tried = [max(one, rough.get(one.active[-1], one), key=hypotheses.log_evidence) for one in tried]
     without = hypotheses.log_evidence(base)
     odds = {
-        one.opened[-1]: hypotheses.log_evidence(one) - without + prior(hypotheses, one.opened[-1])
+        one.active[-1]: hypotheses.log_evidence(one) - without + prior(hypotheses, one.active[-1])
         for one in tried
     }
     return _ordered(base, tried, odds)
 
 
 def _ordered(base: Hypothesis, tried: list[Hypothesis], odds: dict[str, float]) -> Trial:
-    ordered = sorted(tried, key=lambda one: odds[one.opened[-1]], reverse=True)
+    ordered = sorted(tried, key=lambda one: odds[one.active[-1]], reverse=True)
     return Trial(base=base, tried=tuple(ordered), log_odds=odds)
 
 
@@ -349,8 +353,8 @@ def _with_check(hypotheses: Hypotheses, held_out: Hypotheses, trial: Trial) -> T
 
     without, odds = gained(trial.base), dict(trial.log_odds)
     for one in trial.tried[:CONTENDERS]:
-        if odds[one.opened[-1]] > max(0.0, top - BEHIND):
-            odds[one.opened[-1]] += gained(one) - without
+        if odds[one.active[-1]] > max(0.0, top - BEHIND):
+            odds[one.active[-1]] += gained(one) - without
     return _ordered(trial.base, list(trial.tried), odds)
 
 
@@ -363,7 +367,7 @@ def prior(hypotheses: Hypotheses, name: str) -> float:
 
 def _pruned(hypotheses: Hypotheses, best: Hypothesis) -> Hypothesis:
     """Return the hypothesis without members that later ones made unnecessary."""
-    for name in best.opened[:-1]:
+    for name in best.active[:-1]:
         less = hypotheses.without(best, name)
         gained = hypotheses.log_evidence(best) - hypotheses.log_evidence(less)
         if gained + prior(hypotheses, name) <= 0.0:

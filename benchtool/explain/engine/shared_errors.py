@@ -14,14 +14,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.explain.engine.subject import Evidence
-from benchtool.fit.bounded import BoundedSearch, Linearised, slopes
+from benchtool.core.array_type import Array
+from benchtool.explain.engine.evidence import Evidence
+from benchtool.fit.bounded_least_squares import BoundedSearch, Linearisation, slopes
 
-BEYOND = 5.0  # standard deviation of an effect that breaks its tolerance, in tolerances; assumed
+PRIOR_WIDTH_FACTOR = (
+    5.0  # standard deviation of an effect that breaks its tolerance, in tolerances; assumed
+)
 AMPLITUDES = (3.0, 10.0, 30.0)  # sizes of a discrepancy beyond tolerance, in its sd; assumed
 STATED = 20.0  # rows that the stated noise counts for: known to a sixth or so; assumed
-AT_ONCE = 1_000_000  # numbers of a block of rows
+BATCH_ROWS = 1_000_000  # numbers of a block of rows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,11 +67,11 @@ class SharedErrors:
         sigma, share = np.ones(len(rows)), np.ones(len(rows))
         if not self.discrepancies:
             return sigma, share
-        jacobian *= BEYOND
+        jacobian *= PRIOR_WIDTH_FACTOR
         wide = np.hstack([*(one.columns for one in self.discrepancies.values()), jacobian])
         wide[:, : -len(jacobian.T)] *= AMPLITUDES[1]
         del jacobian  # of half an hour they are the most that is held at once
-        left, gain = solved(wide, rows), _own_shares(wide)
+        left, gain = solve_covariance(wide, rows), _own_shares(wide)
         del wide
         for mask in self._evidence.groups().stages.values():
             counted = float(np.sum(gain[mask]))
@@ -137,7 +139,7 @@ class SharedErrors:
             self._kernels[key] = np.array(places, np.intp), half, float(np.log(np.diag(root)).sum())
         return self._kernels[key]
 
-    def near(self, at: Array, widened: Mapping[str, float]) -> Linearised:
+    def near(self, at: Array, widened: Mapping[str, float]) -> Linearisation:
         """Return the neighbourhood of a point; the same one is worked out once."""
         key = at.tobytes()
         noise = self.noise
@@ -152,7 +154,7 @@ class SharedErrors:
         places, half, _ = self._shared(widened)
         taken = half @ known.shared[places]
         left = known.own - taken.T @ taken
-        return Linearised(
+        return Linearisation(
             at=np.array(at), cost=float(left[0, 0]), gradient=left[1:, 0], curvature=left[1:, 1:]
         )
 
@@ -169,7 +171,7 @@ class SharedErrors:
 
     def left(self, at: Array, widened: Mapping[str, float]) -> Array:
         """Return what is left at a point (n_rows,), over its covariance: V^-1 r."""
-        return solved(self.columns(widened), self.rows(at)[:, 0]) / self.noise
+        return solve_covariance(self.columns(widened), self.rows(at)[:, 0]) / self.noise
 
     def law(self, name: str) -> Array:
         """Return how an effect's own law may be off (n_rows, r), over the noise."""
@@ -189,12 +191,12 @@ def _own_shares(columns: Array) -> Array:
     """Return the diagonal (n_rows,) of V^-1 for V = 1 + columns columns^T."""
     inner = np.eye(columns.shape[1]) + columns.T @ columns
     half = np.linalg.inv(np.linalg.cholesky(inner)).T
-    blocks = np.array_split(columns, 1 + columns.size // AT_ONCE)
+    blocks = np.array_split(columns, 1 + columns.size // BATCH_ROWS)
     taken = np.concatenate([np.sum((block @ half) ** 2, axis=1) for block in blocks])
     return np.asarray(1.0 - taken, float)
 
 
-def solved(columns: Array, rows: Array) -> Array:
+def solve_covariance(columns: Array, rows: Array) -> Array:
     """Return V^-1 rows (n_rows, ...) for V = 1 + columns columns^T."""
     inner = np.eye(columns.shape[1]) + columns.T @ columns
     found: Array = rows - columns @ np.linalg.solve(inner, columns.T @ rows)

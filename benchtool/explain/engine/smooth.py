@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 
 SHOWN = 1e-4  # directions below this share of the largest variance are left out
 STEP = 0.01  # places are rounded to so much of the length over which the process changes

@@ -9,7 +9,7 @@ from typing import Literal
 
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import Schedule
-from benchtool.explain.found.law import Dependence
+from benchtool.explain.law_search.law import FoundDependence
 from benchtool.physics.effects.effect import BenchKind, Subsystem
 
 STAGES: dict[Subsystem, str] = {  # as a heading or a cell has them
@@ -35,9 +35,11 @@ Unjudged = Literal["too_weak", "no_trace", "not_tried"]  # size: larger; none; n
 EVERYWHERE = "everywhere"  # regime of a disagreement that is alike in all parts
 SURE, LIKELY = 0.9, 0.7  # probabilities of "lacks" and of "probably lacks"; assumed
 MOSTLY = 1.5  # floors left on the check recordings above which no answer is whole; assumed
-BLIND = 3.0  # tolerances; an effect that needs more to show makes the data blind for it
-NEVER = 100.0  # tolerances; an effect that needs more leaves no trace
-DECIDES = 1.0  # an experiment with a smaller expected log evidence ratio decides nothing; assumed
+MIN_DETECTABLE = 3.0  # tolerances; an effect that needs more to show makes the data blind for it
+UNDETECTABLE = 100.0  # tolerances; an effect that needs more leaves no trace
+DECISION_PROBABILITY = (
+    1.0  # an experiment with a smaller expected log evidence ratio decides nothing; assumed
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +83,7 @@ class NamedEffect:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rivals:
+class AlternativeEffects:
     """Say what may stand in one place of a verdict, the other named effects taken for granted."""
 
     effect: str  # the likeliest one
@@ -89,7 +91,7 @@ class Rivals:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WhereShown:
+class EvidenceLocation:
     """Say where model and measurement disagree."""
 
     stage: Subsystem  # link of the chain
@@ -129,7 +131,7 @@ class ChannelGap:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Nearest:
+class NearestEffect:
     """Say which named effect comes nearest to something unknown, and how much it explains.
 
     Attributes:
@@ -146,7 +148,7 @@ class Nearest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unnamed:
+class UnnamedEffect:
     """Describe something beyond tolerance that no effect explains."""
 
     name: str
@@ -167,16 +169,16 @@ class Unnamed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NotJudged:
+class UnjudgedEffect:
     """Say that data cannot show an effect."""
 
     reason: Unjudged  # why
     size: float  # how large it would have to be to show, in tolerances; inf where no size would do
 
     @classmethod
-    def below(cls, size: float) -> NotJudged:
+    def below(cls, size: float) -> UnjudgedEffect:
         """Return it for an effect that shows from so many tolerances on."""
-        if size > NEVER:
+        if size > UNDETECTABLE:
             return cls(reason="no_trace", size=inf)
         return cls(reason="too_weak", size=size)
 
@@ -201,7 +203,7 @@ class NextExperiment:
     @property
     def decides(self) -> bool:
         """Whether it is expected to separate the likeliest candidate from any other one."""
-        return max(self.expected.values()) >= DECIDES
+        return max(self.expected.values()) >= DECISION_PROBABILITY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,20 +220,20 @@ class Verdict:
     bench: BenchKind  # pitch or sweep
     effects: tuple[NamedEffect, ...]  # named effects; of a class its members, most likely first
     probabilities: Mapping[str, float]
-    places: tuple[Rivals, ...]
-    where: WhereShown | None  # where the disagreement is; None where there is none
+    places: tuple[AlternativeEffects, ...]
+    where: EvidenceLocation | None  # where the disagreement is; None where there is none
     gaps: tuple[ChannelGap, ...]  # of the check recordings, one per channel
-    nearest: Nearest | None  # for an unknown, the named effect that comes nearest
+    nearest: NearestEffect | None  # for an unknown, the named effect that comes nearest
     tolerances: Mapping[str, float]  # what does not matter, by parameter's full name
-    unnamed: tuple[Unnamed, ...]  # what has no name, in any stage, the largest first
+    unnamed: tuple[UnnamedEffect, ...]  # what has no name, in any stage, the largest first
     beside: Mapping[str, float]  # phrases of effects that are there beside an unknown, how likely
-    not_judged: Mapping[str, NotJudged]  # effects that this data cannot show, by name
+    not_judged: Mapping[str, UnjudgedEffect]  # effects that this data cannot show, by name
     remarks: tuple[str, ...]  # what was repaired in the recordings, and what they lack
     next: NextExperiment | None  # the next experiment, for a class or an unknown
     parameters: Parameters  # of the model with the named effects in it
     window_s: float  # length of a prediction window
     draws: int = field(default=0)  # draws behind the floor
-    depends: Dependence | None = None  # what an unknown depends on, where that was found
+    depends: FoundDependence | None = None  # what an unknown depends on, where that was found
 
     @property
     def stages(self) -> Mapping[Subsystem, str]:
@@ -248,7 +250,7 @@ class Verdict:
     def tried_and_blind(self) -> tuple[int, int]:
         """How many effects were tried, and how many of those could not be judged."""
         tried = {name.partition(".")[0] for name in self.tolerances}
-        blind = {name for name, one in self.not_judged.items() if one.size > BLIND}
+        blind = {name for name, one in self.not_judged.items() if one.size > MIN_DETECTABLE}
         return len(tried), len(tried & blind)
 
     @property

@@ -16,11 +16,16 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.found.law import DISTANCE, Form, Variable
-from benchtool.explain.found.search import FOLDS, Fold, Missed, Says
-from benchtool.explain.pitch.discrepancies import Departing
+from benchtool.explain.law_search.law import DISTANCE, LawForm, Variable
+from benchtool.explain.law_search.search import (
+    FOLDS,
+    CrossValidationFold,
+    QuadraticSummary,
+    ResidualSummary,
+)
+from benchtool.explain.pitch.discrepancies import DiscrepancySimulation
 from benchtool.explain.pitch.evidence import PitchEvidence
 
 KNOTS = 21  # so many at even quantiles of a variable and so many at even steps of its range
@@ -43,7 +48,9 @@ class _Pair:
     values: Sequence[Array]
 
 
-def missed_torques(evidence: PitchEvidence, at: Array, opened: Sequence[str]) -> list[Missed]:
+def missed_torques(
+    evidence: PitchEvidence, at: Array, opened: Sequence[str]
+) -> list[ResidualSummary]:
     """Return what innovations miss, over each variable and form that it may depend on.
 
     Args:
@@ -67,7 +74,7 @@ def missed_torques(evidence: PitchEvidence, at: Array, opened: Sequence[str]) ->
         both = np.column_stack([np.concatenate(columns) / errors.noise[:, None], missed])
         (says, *rests), (bare, *bare_rests) = beside.said(both)
         out.append(
-            Missed(
+            ResidualSummary(
                 variable=Variable(
                     phrase=pair.phrase, symbol=pair.symbol, code=pair.code, values=knots,
                     reference=pair.reference, unit=pair.unit, scale=pair.scale,
@@ -76,7 +83,7 @@ def missed_torques(evidence: PitchEvidence, at: Array, opened: Sequence[str]) ->
                 says=says,
                 bare=bare,
                 folds=[
-                    Fold(rest=rest, bare_rest=bare_rest, noise=squares)
+                    CrossValidationFold(rest=rest, bare_rest=bare_rest, noise=squares)
                     for rest, bare_rest, squares in zip(rests, bare_rests, noise, strict=True)
                 ],
             )
@@ -102,7 +109,7 @@ class _Beside:
         """Products of the columns with each other (r, r), by part."""
         return [self.columns[part].T @ self.columns[part] for part in self.parts]
 
-    def said(self, both: Array) -> list[list[Says]]:
+    def said(self, both: Array) -> list[list[QuadraticSummary]]:
         """Return what columns and, last, readings (n_rows, m + 1) say: of all, without each part.
 
         With everything beside them, then with parameters alone.
@@ -122,17 +129,17 @@ class _Beside:
         return out
 
 
-def _says(own: Array, cross: Array, gram: Array) -> Says:
+def _says(own: Array, cross: Array, gram: Array) -> QuadraticSummary:
     """Return what readings say of columns, everything beside them free under a unit normal prior.
 
     From products (m + 1, m + 1) of columns and readings, (m + 1, r) of those with what is beside
     them, and (r, r) of that with itself.
     """
     left = own - cross @ np.linalg.solve(np.eye(len(gram)) + gram, cross.T)
-    return Says(left[:-1, :-1], left[:-1, -1], float(left[-1, -1]))
+    return QuadraticSummary(left[:-1, :-1], left[:-1, -1], float(left[-1, -1]))
 
 
-def _parts(logs: Sequence[Departing]) -> list[NDArray[np.bool_]]:
+def _parts(logs: Sequence[DiscrepancySimulation]) -> list[NDArray[np.bool_]]:
     """Return masks (n_rows,) of the folds and, last, of rotor speeds, which are never held out."""
     rng, labels = np.random.default_rng(0), []
     for one in logs:
@@ -160,7 +167,7 @@ def _knots(values: Array) -> Array:
     return np.asarray(places[apart], float)
 
 
-def _changed(log: Departing, form: str, values: Array, knots: Array) -> Array:
+def _changed(log: DiscrepancySimulation, form: str, values: Array, knots: Array) -> Array:
     """Return whitened rows (n_rows, m) of a form's functions of values (discs or 1, n)."""
     hats = [np.nan_to_num(_hats(row, knots)) for row in values]
     if form == "torque":
@@ -190,7 +197,7 @@ def _hats(values: Array, knots: Array) -> Array:
     return out
 
 
-def _pairs(logs: Sequence[Departing]) -> list[_Pair]:
+def _pairs(logs: Sequence[DiscrepancySimulation]) -> list[_Pair]:
     """Return the variables with the forms in which each may act."""
     angle = [one.values("angle")[None] for one in logs]
     rate = [one.rate[None] for one in logs]
@@ -236,7 +243,7 @@ def _typical(values: Sequence[Array]) -> float:
     return float(np.median(np.concatenate([one.ravel() for one in values]))) or 1.0
 
 
-def _form(name: str, logs: Sequence[Departing], m: int) -> Form:
+def _form(name: str, logs: Sequence[DiscrepancySimulation], m: int) -> LawForm:
     """Return what a law of m knots changes; functions of unit size are in the columns."""
     rig, may = logs[0].model.rig, logs[0].model.discrepancy
     arms_m = np.abs(rig.disc_positions_m[:, 0])
@@ -244,27 +251,27 @@ def _form(name: str, logs: Sequence[Departing], m: int) -> Form:
     near = f"flow.coverage[i] / (1.0 + ({DISTANCE}) * ({DISTANCE}))"
     ones = np.ones(m)
     if name == "torque":
-        return Form(
+        return LawForm(
             name=name, hook="torque", weights=TYPICAL * torque * ones, formula="{f}", unit="N m",
             code="p.a * p.typical * {f}", matters=TORQUE * may.torque * torque, bench="pitch",
             share_of=f"{TYPICAL * torque:.2g} N m",
         )  # fmt: skip
     if name == "gyro":
         typical = _typical([np.array([np.std(one.rate)]) for one in logs])
-        return Form(
+        return LawForm(
             name=name, hook="gyro_reading", weights=typical * ones, formula="reading + {f}",
             code="reading + p.a * p.typical * {f}", matters=may.gyro * typical, unit="rad/s",
             bench="pitch", phrase=", in the gyro's reading", share_of=f"{typical:.2g} rad/s",
         )  # fmt: skip
     if name == "encoder":
         typical = _typical([np.array([np.std(one.values("angle"))]) for one in logs])
-        return Form(
+        return LawForm(
             name=name, hook="", weights=typical * ones, formula="", code="", unit="rad",
             matters=may.encoder_rad, bench="pitch", phrase=", in the encoder's reading",
             share_of=f"{typical:.2g} rad",
         )  # fmt: skip
     code = {"factor": "p.a", "covered": "p.a * flow.coverage[i]", "near": f"p.a * {near}"}[name]
-    return Form(
+    return LawForm(
         name=name, hook="factor", weights=ones, bench="pitch", matters=FACTOR, unit="1",
         formula="1 + {f} / (1 + (z/R)^2)" if name == "near" else "1 + {f}",
         code=f"1.0 + {code} * {{f}}", centred=name in ("near", "factor"),

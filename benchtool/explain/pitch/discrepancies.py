@@ -16,10 +16,10 @@ from typing import Literal
 import numpy as np
 from scipy.signal import lfilter, ss2tf
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
+from benchtool.explain.engine.evidence import Discrepancy
 from benchtool.explain.engine.smooth import smooth_root
-from benchtool.explain.engine.subject import Discrepancy
-from benchtool.explain.pitch.filter import FilteredLog, PitchFilter
+from benchtool.explain.pitch.filter import FilterResult, PitchFilter
 from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.model import Model
 from benchtool.physics.tilt import height_over
@@ -60,10 +60,10 @@ White = Callable[[Array], Array]  # innovations (2 + discs, n, r) -> rows (n_row
 
 
 @dataclass(frozen=True, eq=False)
-class Departing:
+class DiscrepancySimulation:
     """Hold what departures in one recording depend on and what they do."""
 
-    log: FilteredLog
+    log: FilterResult
     model: Model
     over: int  # number of the disc over the plate
     number: int  # of the recording
@@ -214,7 +214,7 @@ def _before(read: Array, rows: int) -> Array:
     return np.asarray((total[rows:-1] - total[: -rows - 1]) / rows, float)
 
 
-def discrepancies(logs: Sequence[Departing]) -> Iterator[Discrepancy]:
+def discrepancies(logs: Sequence[DiscrepancySimulation]) -> Iterator[Discrepancy]:
     """Give the discrepancies of recordings whose rows lie one after the other."""
     for channel, variables in DEPENDS.items():
         for depends in variables:
@@ -240,7 +240,7 @@ def discrepancies(logs: Sequence[Departing]) -> Iterator[Discrepancy]:
                 )
 
 
-def smooth(logs: Sequence[Departing], depends: str) -> list[Array] | None:
+def smooth(logs: Sequence[DiscrepancySimulation], depends: str) -> list[Array] | None:
     """Return smooth functions (n, r) of size 1 over a variable, for each recording.
 
     The same functions of it in all; None where it hardly changes.

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.parameter import Parameters
+from benchtool.explain.engine.evidence import EARLY, LATE, Discrepancy, RowGroups
 from benchtool.explain.engine.parameters import (
     RADIUS_KNOWN,
     ScaledParameter,
@@ -20,14 +21,13 @@ from benchtool.explain.engine.parameters import (
     parameters_at,
     with_every_effect,
 )
-from benchtool.explain.engine.subject import EARLY, LATE, Discrepancy, RowGroups
 from benchtool.explain.pitch.discrepancies import (
-    Departing,
+    DiscrepancySimulation,
     White,
     discrepancies,
     smooth,
 )
-from benchtool.explain.pitch.filter import FilteredLog, pitch_filter
+from benchtool.explain.pitch.filter import FilterResult, pitch_filter
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
@@ -35,9 +35,9 @@ from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench, rig_sensor
 from benchtool.simulate.pitch.filter_log import LoggedPitch, Predictions, filter_log
 
 PLANT_HZ = 500.0  # least plant steps per second; a motor lag of 20 ms then takes ten of them
-LEAST_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ  # shortest lag at these steps
+MIN_LAG_S = 1.001 * STEPS_PER_LAG / PLANT_HZ  # shortest lag at these steps
 
-MOST_ROWS = 40000
+MAX_ROWS = 40000
 """Rows of a channel in all recordings together; longer ones are averaged over as many ticks as it
 takes. Innovations are white, and what explains them changes over tens of milliseconds."""
 
@@ -58,12 +58,12 @@ class PitchEvidence:
         self.model = with_every_effect(model, "pitch", extra)
         self._extra = tuple(extra)
         names = {effect.name for effect in (*candidates("pitch"), *extra)}
-        self.together = together or -(-sum(len(log) for log in logs) // MOST_ROWS)
+        self.together = together or -(-sum(len(log) for log in logs) // MAX_ROWS)
         self.logs = [self._prepared(log) for log in logs]
         self.n_discs = logs[0].n_discs
         # Below these the plant's steps cannot follow a lag.
         shortest = {
-            f"{effect.name}.{effect.parameters[0].name}": LEAST_LAG_S
+            f"{effect.name}.{effect.parameters[0].name}": MIN_LAG_S
             for effect in self.model.effects
             if effect.hooks.lag_s is not None
         }
@@ -95,7 +95,7 @@ class PitchEvidence:
 
     # --- data -----------------------------------------------------------------------------
 
-    def _prepared(self, logged: LoggedPitch) -> FilteredLog:
+    def _prepared(self, logged: LoggedPitch) -> FilterResult:
         bench = self._bench(self.model.parameters, logged.rate_Hz)
         filter_ = pitch_filter(
             replace(bench, sensors=rig_sensors(self.model.rig)),
@@ -107,12 +107,12 @@ class PitchEvidence:
         wait = round(SETTLING_S * logged.rate_Hz)
         for start in (0, *np.flatnonzero(logged.mode == 2.0)):
             counted[start : start + wait] = False
-        return FilteredLog.of(logged, filter_, counted, self.together)
+        return FilterResult.of(logged, filter_, counted, self.together)
 
     def _bench(self, parameters: Parameters, rate_Hz: float) -> PitchBench:
         substeps = max(1, int(np.ceil(PLANT_HZ / rate_Hz)))
         return PitchBench.of(
-            self.model.at(parameters), sensors={}, pwm_quantum_us=0.0,
+            self.model.with_values(parameters), sensors={}, pwm_quantum_us=0.0,
             plant_rate_Hz=substeps * rate_Hz,
         )  # fmt: skip
 
@@ -159,17 +159,17 @@ class PitchEvidence:
         ]
         return np.asarray(self.model.discrepancy.law / np.sqrt(3.0) * np.concatenate(rows), float)
 
-    def departing(self) -> list[Departing]:
-        def white(log: FilteredLog) -> White:
+    def departing(self) -> list[DiscrepancySimulation]:
+        def white(log: FilterResult) -> White:
             return lambda shown: np.concatenate(self._white(log, list(shown)))
 
         over = int(np.argmax(PitchBench.of(self.model).covered))
         return [
-            Departing(log, self.model, over, number, white(log))
+            DiscrepancySimulation(log, self.model, over, number, white(log))
             for number, log in enumerate(self.logs)
         ]
 
-    def _channels(self, log: FilteredLog) -> int:
+    def _channels(self, log: FilterResult) -> int:
         """Return how many channels of a log have rows."""
         return 1 + log.has_gyro + sum(log.has_speed)
 
@@ -187,7 +187,7 @@ class PitchEvidence:
                 )
         return RowGroups.joined("hinge", speeds, regimes)
 
-    def whitened(self, log: FilteredLog, found: Predictions) -> tuple[Array, ...]:
+    def whitened(self, log: FilterResult, found: Predictions) -> tuple[Array, ...]:
         """Return residuals of pitch, gyro and speeds that were read, (n_rows, n_sets) each."""
         logged = log.logged
         missed = [
@@ -199,7 +199,7 @@ class PitchEvidence:
         ]
         return self._white(log, missed)
 
-    def _white(self, log: FilteredLog, missed: Sequence[Array]) -> tuple[Array, ...]:
+    def _white(self, log: FilterResult, missed: Sequence[Array]) -> tuple[Array, ...]:
         """Return errors (n, r) of pitch, gyro and each disc's speed as whitened rows."""
         w = log.filter.whitener
         pitch = np.nan_to_num(missed[0])
@@ -216,7 +216,7 @@ class PitchEvidence:
 
 NEAR_Z_OVER_R = 2.0  # below this distance over radius the plate is near; assumed
 SLOW_RAD_S = 0.05  # below this rate the beam is slow; assumed, 3 degrees a second
-AROUND_S = 0.15  # how long before and after a change of sign a reversal lasts; assumed
+REVERSAL_WINDOW_S = 0.15  # how long before and after a change of sign a reversal lasts; assumed
 
 
 def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, NDArray[np.bool_]]:
@@ -230,7 +230,9 @@ def pitch_regimes(logged: LoggedPitch, radius_m: float) -> dict[str, NDArray[np.
     slow = np.abs(calm) < SLOW_RAD_S
     turns = np.zeros(n, bool)
     turns[1:] = np.sign(calm[1:]) != np.sign(calm[:-1])
-    near_turn = np.convolve(turns, np.ones(2 * round(AROUND_S * logged.rate_Hz) + 1), "same") > 0
+    near_turn = (
+        np.convolve(turns, np.ones(2 * round(REVERSAL_WINDOW_S * logged.rate_Hz) + 1), "same") > 0
+    )
     mean = logged.pwm_us.mean(axis=0)
     step = np.abs(np.gradient(logged.pwm_us[0] - logged.pwm_us[-1]))
     settled = np.convolve(step, np.ones(width) / width, "same") < np.median(step) + 1e-9

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor
 from benchtool.simulate.pitch.filter_log import LoggedPitch
 
-QUIET_WAKE = 1e-3  # sd of the wake's torque over m g L where none is stated; assumed
+MIN_WAKE_TORQUE = 1e-3  # sd of the wake's torque over m g L where none is stated; assumed
 USUAL_CORRELATION_S = 0.1  # of the wake's torque where none is stated; assumed
 
 SPEED_GAIN = 0.02
@@ -47,7 +47,7 @@ class PitchFilter:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FilteredLog:
+class FilterResult:
     """Hold one recording with what belongs to it.
 
     Attributes:
@@ -65,7 +65,7 @@ class FilteredLog:
     @classmethod
     def of(
         cls, logged: LoggedPitch, filter_: PitchFilter, counted: NDArray[np.bool_], together: int
-    ) -> FilteredLog:
+    ) -> FilterResult:
         """Return a recording of which some rows (n,) count."""
         taken = [
             first + np.flatnonzero(counted[first : first + PIECE])
@@ -93,7 +93,7 @@ class FilteredLog:
             return taken
         return np.asarray(taken.reshape(self.n_rows, self.together, *taken.shape[1:]).mean(axis=1))
 
-    def pieces(self, lead: int) -> Iterator[tuple[FilteredLog, float]]:
+    def pieces(self, lead: int) -> Iterator[tuple[FilterResult, float]]:
         """Give pieces of the recording, each with the time of its first row: s.
 
         Each begins so many rows before those of it that count, for a filter to settle.
@@ -112,7 +112,7 @@ def pitch_filter(bench: PitchBench, rate_Hz: float, *, gyro: bool, speeds: bool)
         reading_sd(bench.sensors.get(name, PitchSensor()))
         for name in ("theta_rad", "gyro_rad_s", "rpm")
     )
-    wake_Nm, correlation_s = wake_of(bench)
+    wake_Nm, correlation_s = wake_model(bench)
     a = np.array(
         [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0 / bench.inertia_kgm2], [0.0, 0.0, -1.0 / correlation_s]]
     )
@@ -155,9 +155,9 @@ def reading_sd(sensor: PitchSensor) -> float:
     return float(max(np.hypot(sensor.noise, sensor.quantum / np.sqrt(12.0)), 1e-6))
 
 
-def wake_of(bench: PitchBench) -> tuple[float, float]:
+def wake_model(bench: PitchBench) -> tuple[float, float]:
     """Return standard deviation (N m) and correlation time (s) of the wake's torque."""
     rig = bench.model.rig
     arm_m = float(np.max(np.abs(rig.disc_positions_m[:, 0])))
-    least = QUIET_WAKE * rig.body.mass_kg * 9.81 * arm_m
+    least = MIN_WAKE_TORQUE * rig.body.mass_kg * 9.81 * arm_m
     return bench.model.random_torque or (least, USUAL_CORRELATION_S)

@@ -14,9 +14,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.explain.pitch.evidence import SETTLING_S
-from benchtool.explain.pitch.filter import FilteredLog, reading_sd
+from benchtool.explain.pitch.filter import FilterResult, reading_sd
 from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.bench import PitchBench, PitchSensor, rig_sensors
 from benchtool.simulate.pitch.filter_log import (
@@ -69,13 +69,13 @@ def sensor_sds(bench: PitchBench) -> dict[str, float]:
 class Windows:
     """Cut a log into windows, none across a gap and none before the filter settled."""
 
-    log: FilteredLog  # the recording with its filter
+    log: FilterResult  # the recording with its filter
     starts: NDArray[np.intp]  # (w,) first rows
     rows: int  # rows of a window
     block: int  # how many windows one after the other make a block
 
     @classmethod
-    def of(cls, log: FilteredLog, window_s: float, overlap: int = 1) -> Windows:
+    def of(cls, log: FilterResult, window_s: float, overlap: int = 1) -> Windows:
         """Return windows of a length; each begins after 1/`overlap` of the one before."""
         logged = log.logged
         rows = max(2, round(window_s * logged.rate_Hz))

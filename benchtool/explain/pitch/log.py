@@ -10,29 +10,29 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.core.rotor_count import refuse_other_rotors
+from benchtool.core.rotor_count import check_rotor_count
 from benchtool.core.schedule import PARKED_M
-from benchtool.explain.pitch.clock import (
+from benchtool.explain.pitch.resampling import (
     HELD_S,
+    MAX_GAP_S,
     READ_S,
     TRANSIT_S,
-    UNSEEN_S,
-    EvenRows,
+    ResampledRecording,
     blank_for,
-    even_rows,
-    on_its_way,
+    is_plate_moving,
+    resample_evenly,
 )
 from benchtool.explain.pitch.sanity_checks import (
     refuse_inconsistent,
     rotors_in_order,
     standing_still,
 )
-from benchtool.explain.pitch.timing import in_time
-from benchtool.explain.recording_checks import mended_readings
+from benchtool.explain.pitch.timing import align_channels
+from benchtool.explain.recording_checks import repair_readings
 from benchtool.simulate.pitch import filter_ticks as t
 from benchtool.simulate.pitch.filter_log import PARKED_FROM_M, LoggedPitch
 
@@ -45,12 +45,12 @@ SPEED_SMOOTHING_S = 0.025
 which speeds cannot kink. Wider ones round off dither; narrower ones leave more of the readings'
 noise in the thrust."""
 
-QUICK_S = 0.012  # longest step of a drive that a motor follows: half a lag; assumed
+MAX_SAMPLE_INTERVAL_S = 0.012  # longest step of a drive that a motor follows: half a lag; assumed
 SLOWER = 0.1  # share by which pulses may come more seldom than angles; assumed
 THINNED = 0.02  # deviation of the readings per row from a whole number; assumed
 EXACT_RAD = 1e-4  # noise and quantum of an encoder that shows single pulses; assumed
-LONGEST_PIECE_S = 1.5  # a filter settles in 0.3 s and a prediction lasts 1 s; assumed
-SHORTEST_S = 4.0  # below this length a recording says next to nothing about any effect; assumed
+MAX_SEGMENT_S = 1.5  # a filter settles in 0.3 s and a prediction lasts 1 s; assumed
+MIN_SEGMENT_S = 4.0  # below this length a recording says next to nothing about any effect; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -88,17 +88,17 @@ def pitch_log(
                 f"{name} has no {needed}, so nothing tells {why}; map a column to it in the "
                 f"model's [columns], or record with benchtool record"
             )
-    known = recording.si("theta_rad")[np.isfinite(recording.si("theta_rad"))]
+    known = recording.to_si("theta_rad")[np.isfinite(recording.to_si("theta_rad"))]
     if len(known) > 1 and np.ptp(known) == 0.0:
         raise InputError(
             f"theta_rad of {name} is {known[0]:g} in every row: a dead channel, or a beam that "
             f"is held; mend the sensor or let the beam turn, and record again"
         )
-    recording, mended = mended_readings(recording, rig, name)
-    rows = even_rows(recording, name)
+    recording, mended = repair_readings(recording, rig, name)
+    rows = resample_evenly(recording, name)
     pulsed = _drive(recording, rig, "pwm{}_us")
     measured = _drive(recording, rig, "rpm{}")
-    refuse_other_rotors(recording, rig, name, lacking=not pulsed and not measured)
+    check_rotor_count(recording, rig, name, lacking=not pulsed and not measured)
     if not pulsed and not measured:
         raise InputError(
             f"{name} tells neither the pulses nor the speeds of all {rig.n_discs} rotors, so "
@@ -112,7 +112,7 @@ def pitch_log(
     nothing = np.full(n, np.nan)
 
     def optional(channel: str) -> Array:
-        return recording.si(channel) if channel in recording else nothing
+        return recording.to_si(channel) if channel in recording else nothing
 
     speeds = np.array([optional(f"rpm{rotor + 1}") for rotor in rig.first_rotors])
     if pulsed:
@@ -141,7 +141,7 @@ def pitch_log(
         pwm_us=np.array([last_known(row) for row in pulses]),
         plate_z_m=plate,
         plate_share=np.where(np.isfinite(share), share, plate < PARKED_FROM_M),
-        theta_rad=recording.si("theta_rad"),
+        theta_rad=recording.to_si("theta_rad"),
         gyro_rad_s=gyro,
         speed_rad_s=speeds,
         mode=mode,
@@ -150,7 +150,7 @@ def pitch_log(
     if checked:
         logged, exchanged = rotors_in_order(logged, rig)
         refuse_inconsistent(logged, rig, name)
-        logged, late = in_time(logged, rig, name)
+        logged, late = align_channels(logged, rig, name)
         remarks += (*exchanged, *late)
     remarks += filter(None, [standing_still(logged, rig)])
     return PitchLog(logged=logged, name=name, remarks=tuple(remarks))
@@ -169,7 +169,7 @@ def _sparse(recording: Recording, drive: tuple[str, ...], rig: Rig, name: str) -
         InputError: too seldom to follow a plant.
     """
     out = []
-    time_s = recording.si("time_s")
+    time_s = recording.to_si("time_s")
     for channel in drive[:1]:
         steps = np.diff(time_s[np.isfinite(recording.column(channel)) & np.isfinite(time_s)])
         step_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
@@ -179,7 +179,7 @@ def _sparse(recording: Recording, drive: tuple[str, ...], rig: Rig, name: str) -
                 f"little of what drove the plant; record it {1.0 / HELD_S:g} times a second at "
                 f"least, 100 times to tell effects apart"
             )
-        if step_s > QUICK_S:
+        if step_s > MAX_SAMPLE_INTERVAL_S:
             out.append(
                 f"{channel} comes {1.0 / step_s:.3g} times a second: what changes within "
                 f"{1000.0 * step_s:.0f} ms goes unseen; record it 100 times a second"
@@ -203,18 +203,18 @@ def _sparse(recording: Recording, drive: tuple[str, ...], rig: Rig, name: str) -
 
 
 def _followed(
-    rows: EvenRows,
+    rows: ResampledRecording,
     drive: tuple[str, ...],
     name: str,
     plate_slide_s: float | None,
     remarks: list[str],
-) -> EvenRows:
+) -> ResampledRecording:
     """Return the rows along which a plant can be followed: drive and angle known.
 
     Raises:
         InputError: too few of them, all in all or in one piece.
     """
-    blank = blank_for(rows.recording.column("theta_rad"), rows.rate_Hz, UNSEEN_S)
+    blank = blank_for(rows.recording.column("theta_rad"), rows.rate_Hz, MAX_GAP_S)
     for channel in drive:
         blank |= blank_for(rows.recording.column(channel), rows.rate_Hz, HELD_S)
     if blank.any():
@@ -226,8 +226,8 @@ def _followed(
     covered = _has(rows.recording, "coverage1") or not _has(rows.recording, "plate_z_m")
     if plate_slide_s != 0.0 and not covered:  # in what rows nobody knows the coverage
         reach_s = TRANSIT_S if plate_slide_s is None else plate_slide_s + READ_S
-        plate_m = last_known(rows.recording.si("plate_z_m"))
-        sliding, times = on_its_way(plate_m, rows.rate_Hz, reach_s)
+        plate_m = last_known(rows.recording.to_si("plate_z_m"))
+        sliding, times = is_plate_moving(plate_m, rows.rate_Hz, reach_s)
     if times:
         remarks.append(
             f"{(sliding & ~blank).sum() / rows.rate_Hz:.2f} s left out in which the plate slides "
@@ -242,23 +242,23 @@ def _followed(
         early[first : first + int(np.argmax(seen[first:last]))] = True
     rows = rows.select(~early)
     length_s = len(rows.mode) / rows.rate_Hz
-    if length_s < SHORTEST_S:
+    if length_s < MIN_SEGMENT_S:
         raise InputError(
-            f"{name} is {length_s:.1f} s long; an explanation needs {SHORTEST_S:g} s at least, "
+            f"{name} is {length_s:.1f} s long; an explanation needs {MIN_SEGMENT_S:g} s at least, "
             f"and 30 s with several collectives and plate distances to tell effects apart"
         )
     edges = [*np.flatnonzero(rows.mode == t.RESTART), len(rows.mode)]
     longest_s = max(last - first for first, last in pairwise(edges)) / rows.rate_Hz
-    if longest_s < LONGEST_PIECE_S:
+    if longest_s < MAX_SEGMENT_S:
         raise InputError(
             f"the longest piece of {name} without a gap lasts {longest_s:.2f} s, and predictions "
-            f"need {LONGEST_PIECE_S:g} s; record without gaps"
+            f"need {MAX_SEGMENT_S:g} s; record without gaps"
         )
     return rows
 
 
 def _has(recording: Recording, name: str) -> bool:
-    return name in recording and bool(np.isfinite(recording.si(name)).any())
+    return name in recording and bool(np.isfinite(recording.to_si(name)).any())
 
 
 def _driving_speeds(speeds: Array, mode: Array, rate_Hz: float) -> Array:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PARKED_M
 from benchtool.simulate.pitch.filter_log import PARKED_FROM_M
@@ -90,14 +90,14 @@ def pitch_track(recording: Recording, motors: Sequence[int] = ()) -> PitchTrack:
         InputError: there is no time or attitude, or a motor number is not there.
     """
     for name in ("time_s", "theta_rad"):
-        if name not in recording or not np.isfinite(recording.si(name)).any():
+        if name not in recording or not np.isfinite(recording.to_si(name)).any():
             raise InputError(f"the recording has no {name}, so there is no attitude to draw")
-    time_s, theta = recording.si("time_s"), recording.si("theta_rad")
+    time_s, theta = recording.to_si("time_s"), recording.to_si("theta_rad")
     rows = np.flatnonzero(np.isfinite(time_s) & np.isfinite(theta))
     at = time_s[rows]
     if len(rows) < 3 or np.ptp(at) <= 0.0:
         raise InputError(
-            f"attitude stands in {counted(len(rows), 'row')} only; there is nothing to draw"
+            f"attitude stands in {pluralize(len(rows), 'row')} only; there is nothing to draw"
         )
     steps = np.diff(np.unique(at))
     own_Hz = 1.0 / float(np.median(steps))
@@ -144,7 +144,7 @@ class _Reader:
         channel = self.recording.channels[self.recording.index(name)]
         # Speeds stay in rpm and pulses in microseconds, as they are drawn.
         own = channel.unit in ("rpm", "pwm_us")
-        values = self.recording.column(name) if own else self.recording.si(name)
+        values = self.recording.column(name) if own else self.recording.to_si(name)
         rows = np.flatnonzero(np.isfinite(values) & np.isfinite(self.time_s))
         rows = rows[np.argsort(self.time_s[rows], kind="stable")]
         return self.time_s[rows], values[rows]
@@ -237,7 +237,7 @@ on, a line drawn at the log's mean is nearer to the log than a plant under the l
 closed loop has noise of its own: with the same swing, but always the opposite way, it is two
 away."""
 
-STRAYED = 5.0  # times the recorded range that a simulated run may cover; assumed
+MAX_TRACKING_ERROR = 5.0  # times the recorded range that a simulated run may cover; assumed
 
 _CHECK = (
     "check that the model is of this vehicle and the order of its motors (--motors), and that it "
@@ -252,7 +252,7 @@ def on_log_clock(track: PitchTrack, time_s: Array, theta_rad: Array) -> Array:
     return np.where(at < len(theta_rad), theta, np.nan)
 
 
-def mismatch(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) -> str:
+def tracking_error(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) -> str:
     """Return a sentence saying that a simulated run does not follow its log; empty where it does.
 
     It is held against the whole log, and against what lies over a surface.
@@ -287,7 +287,7 @@ def mismatch(track: PitchTrack, time_s: Array, theta_rad: Array, by: str) -> str
     seen = np.concatenate([track.theta_rad, track.reference_rad])
     seen = seen[np.isfinite(seen)]
     most, recorded = float(np.ptp(known)), float(np.ptp(seen))
-    if most < STRAYED * max(recorded, LEAST_RAD):
+    if most < MAX_TRACKING_ERROR * max(recorded, LEAST_RAD):
         return ""
     return (
         f"The simulated run does not follow the log, so it is no result: it goes over "

@@ -8,20 +8,20 @@ from functools import cached_property
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.explain.engine.design import Forecast, Prospect, chosen, proposal
-from benchtool.explain.engine.judgement import Rival
+from benchtool.explain.engine.design import ExpectedOutcome, Forecast, proposal, select_design
+from benchtool.explain.engine.evidence import ChannelErrors, Overlay, Subject
+from benchtool.explain.engine.judgement import CandidateEffect
 from benchtool.explain.engine.parameters import parameters_at
-from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.pitch.dependences import missed_torques
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.gap import OVERLAP, UNITS, Windows, predicted_channels, read_channels
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.timing import bench_numbers
-from benchtool.explain.recording_checks import refuse_other_bench
+from benchtool.explain.recording_checks import check_bench_kind
 from benchtool.physics.effects.effect import Effect, Subsystem
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
@@ -126,7 +126,7 @@ class PitchDesign:
 
 def next_pitch(
     evidence: PitchEvidence,
-    rivals: Sequence[Rival],
+    rivals: Sequence[CandidateEffect],
     rng: np.random.Generator,
     refused: Subsystem | None = None,
     minutes: float | None = None,
@@ -135,13 +135,15 @@ def next_pitch(
     model, known = evidence.model, [log.logged for log in evidence.logs]
     together = max(COARSE, evidence.together)
     forecast = Forecast(evidence.of(known, together), rivals)
-    at = forecast.rivals[0].fit.at
-    bench = PitchBench.of(model.at(parameters_at(model.parameters, evidence.parameters, at)))
+    at = forecast.rivals[0].fit.values
+    bench = PitchBench.of(
+        model.with_values(parameters_at(model.parameters, evidence.parameters, at))
+    )
     job = PitchJob(bench, PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ))
 
     seed = int(rng.integers(2**31))
 
-    def weighed(design: PitchDesign, drawn: np.random.Generator | None = None) -> Prospect:
+    def weighed(design: PitchDesign, drawn: np.random.Generator | None = None) -> ExpectedOutcome:
         sampled = design.schedule().sampled(RATE_HZ, model.rig.propulsion.radius_m)
         recording = simulate_pitch(job, sampled, seed).recording(model.rig)
         log = pitch_log(recording, model.rig, checked=False).logged
@@ -150,7 +152,7 @@ def next_pitch(
 
     ladder = PitchDesign(motions=(), collective="a ladder of the collective", z_over_R=(1.3,))
     first = PitchDesign(motions=("slow reversals",))
-    best = chosen(
+    best = select_design(
         ladder if refused == "pwm_to_rpm" else first,
         lambda design: design.more(model.rig),
         weighed,
@@ -183,8 +185,8 @@ class PitchSubject(Subject):
         check: Sequence[PitchLog],
         extra: Sequence[Effect] = (),
     ) -> None:
-        self.learn, self.check = tuple(learn), tuple(check)
-        refuse_other_bench(
+        self.training, self.validation = tuple(learn), tuple(check)
+        check_bench_kind(
             [(log.name, bench_numbers(log.logged, model.rig)) for log in (*learn, *check)]
         )
         self.evidence = PitchEvidence(model, [log.logged for log in learn], extra)

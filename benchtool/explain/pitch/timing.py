@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import butter, lfilter, sosfiltfilt
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.explain.pitch.sanity_checks import bridge_gaps, gyro_disagreement
@@ -45,7 +45,7 @@ LAG_ROUNDS = 3  # how often it is looked for more finely: to half a per cent in 
 
 
 @dataclass(frozen=True, slots=True)
-class Offset:
+class TimeOffset:
     """Say by how much one channel comes after another."""
 
     late_s: float
@@ -64,7 +64,7 @@ class Offset:
         return f"{1e3 * abs(self.late_s):.1f} ± {1e3 * self.se_s:.2g} ms"
 
 
-def in_time(logged: LoggedPitch, rig: Rig, name: str) -> tuple[LoggedPitch, list[str]]:
+def align_channels(logged: LoggedPitch, rig: Rig, name: str) -> tuple[LoggedPitch, list[str]]:
     """Return the log with channels that come late or early shifted, and what was done.
 
     Raises:
@@ -81,7 +81,7 @@ def in_time(logged: LoggedPitch, rig: Rig, name: str) -> tuple[LoggedPitch, list
         remarks.append(apart)
         thrust_late = _of_thrust(replace(piece, gyro_rad_s=np.nan * piece.theta_rad), rig)
     elif gyro:
-        read = offset(_angle_of(piece), bridge_gaps(piece.theta_rad), rate_Hz, (0.5, 8.0))
+        read = estimate_offset(_angle_of(piece), bridge_gaps(piece.theta_rad), rate_Hz, (0.5, 8.0))
         if read.beyond(READ_S):  # of the angle against the rate
             if _filtered(piece, read):
                 remarks.append(
@@ -117,7 +117,7 @@ def in_time(logged: LoggedPitch, rig: Rig, name: str) -> tuple[LoggedPitch, list
     return logged, remarks
 
 
-def offset(x: Array, y: Array, rate_Hz: float, band_Hz: tuple[float, float]) -> Offset:
+def estimate_offset(x: Array, y: Array, rate_Hz: float, band_Hz: tuple[float, float]) -> TimeOffset:
     """Return by how much y (n,) comes after x (n,), both within a band of frequencies.
 
     The best whole row by cross-correlation, then least squares on x and its slope, so that parts of
@@ -142,7 +142,7 @@ def offset(x: Array, y: Array, rate_Hz: float, band_Hz: tuple[float, float]) -> 
     shift = each[:, 1] / each[:, 0]
     se = np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((shift - shift.mean()) ** 2))
     related = float(np.corrcoef(sides[:, 0], at)[0, 1])
-    return Offset(rows_late / rate_Hz, float(se) / rate_Hz, float(best[0]), related)
+    return TimeOffset(rows_late / rate_Hz, float(se) / rate_Hz, float(best[0]), related)
 
 
 def _solved(sides: Array, at: Array) -> tuple[Array, Array]:
@@ -174,14 +174,14 @@ def _angle_of(logged: LoggedPitch) -> Array:
     return _sum(bridge_gaps(logged.gyro_rad_s), logged.rate_Hz)
 
 
-def _filtered(logged: LoggedPitch, read: Offset) -> bool:
+def _filtered(logged: LoggedPitch, read: TimeOffset) -> bool:
     """Whether a low-pass explains better than a delay how angle and rate differ."""
     rate_Hz = logged.rate_Hz
     first, second = bridge_gaps(logged.theta_rad), _angle_of(logged)
     if read.late_s > 0.0:  # the angle comes after the rate
         first, second = second, first
     smooth = _lagged(first, abs(read.late_s), rate_Hz)
-    left = 1.0 - offset(smooth, second, rate_Hz, (0.5, 8.0)).related ** 2
+    left = 1.0 - estimate_offset(smooth, second, rate_Hz, (0.5, 8.0)).related ** 2
     return left < FILTERED * (1.0 - read.related**2)
 
 
@@ -192,20 +192,20 @@ def _lagged(values: Array, lag_s: float, rate_Hz: float) -> Array:
     return np.append(answer[:1], answer[:-1])
 
 
-def _of_thrust(logged: LoggedPitch, rig: Rig) -> Offset:
+def _of_thrust(logged: LoggedPitch, rig: Rig) -> TimeOffset:
     """Return by how much the beam's rate comes after the sum of the rotors' moments."""
     p, rate_Hz = rig.propulsion, logged.rate_Hz
     speeds = logged.speed_rad_s
     if logged.from_speeds:
         speeds = p.speed_per_us_rad_s * (logged.pwm_us - p.pwm_start_us)
     if np.isfinite(speeds).mean(axis=1).min() < 0.5:
-        return Offset(0.0, np.inf, 1.0, 0.0)
+        return TimeOffset(0.0, np.inf, 1.0, 0.0)
     thrusts = p.thrust_coefficient_N_s2 * np.array([bridge_gaps(row) for row in speeds]) ** 2
     moment = np.asarray(pitch_moment_Nm(thrusts, rig.disc_positions_m[:, 0]), float)
     rate = logged.gyro_rad_s
     if not np.isfinite(rate).any():
         rate = np.gradient(bridge_gaps(logged.theta_rad)) * rate_Hz
-    return offset(_sum(moment, rate_Hz), bridge_gaps(rate), rate_Hz, (2.0, 12.0))
+    return estimate_offset(_sum(moment, rate_Hz), bridge_gaps(rate), rate_Hz, (2.0, 12.0))
 
 
 def bench_numbers(logged: LoggedPitch, rig: Rig) -> dict[str, float]:
@@ -222,7 +222,7 @@ def bench_numbers(logged: LoggedPitch, rig: Rig) -> dict[str, float]:
     return out
 
 
-def _of_pulses(logged: LoggedPitch, rig: Rig) -> Offset | None:
+def _of_pulses(logged: LoggedPitch, rig: Rig) -> TimeOffset | None:
     """Return by how much speeds come after their pulses, beyond a lag of first order.
 
     Lag and offset are both fitted; None where speeds or changes of the pulses are missing.
@@ -236,8 +236,8 @@ def _of_pulses(logged: LoggedPitch, rig: Rig) -> Offset | None:
     if np.ptp(sent) == 0.0:
         return None
 
-    def followed(lag_s: float) -> Offset:
-        return offset(_lagged(sent, lag_s, rate_Hz), seen, rate_Hz, (0.5, 20.0))
+    def followed(lag_s: float) -> TimeOffset:
+        return estimate_offset(_lagged(sent, lag_s, rate_Hz), seen, rate_Hz, (0.5, 20.0))
 
     usual = max(p.lag_s, 2.0 / rate_Hz)
     lags = np.geomspace(LAG_LEAST * usual, LAG_MOST * usual, 9)
@@ -260,7 +260,7 @@ def _shifted(logged: LoggedPitch, channel: str, late_s: float) -> LoggedPitch:
     return replace(logged, **changed)
 
 
-def _words(channel: str, late_s: float, found: Offset, limit_s: float) -> str:
+def _words(channel: str, late_s: float, found: TimeOffset, limit_s: float) -> str:
     way, mend = ("late", "earlier") if late_s > 0.0 else ("early", "later")
     return (
         f"{channel} comes {1e3 * abs(late_s):.1f} ± {1e3 * found.se_s:.2g} ms {way} (limit "

@@ -14,9 +14,9 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
+from benchtool.explain.engine.evidence import Discrepancy
 from benchtool.explain.engine.smooth import smooth_root
-from benchtool.explain.engine.subject import Discrepancy
 from benchtool.explain.sweep.log import SweepLog
 from benchtool.physics.model import Model
 

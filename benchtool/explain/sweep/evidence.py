@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
+from benchtool.explain.engine.evidence import Discrepancy, RowGroups
 from benchtool.explain.engine.parameters import (
     ScaledParameter,
     all_shape_names,
@@ -18,7 +19,6 @@ from benchtool.explain.engine.parameters import (
     owner_parameter,
     with_every_effect,
 )
-from benchtool.explain.engine.subject import Discrepancy, RowGroups
 from benchtool.explain.sweep.discrepancies import (
     Process,
     discrepancies,
@@ -28,18 +28,19 @@ from benchtool.explain.sweep.discrepancies import (
 )
 from benchtool.explain.sweep.log import SweepLog, sweep_regimes
 from benchtool.fit.uncertainty.bench_errors import bench_errors
-from benchtool.physics.bases import speed_gains
+from benchtool.physics.bases import speed_factors
 from benchtool.physics.catalogue import candidates
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.model import Model
 
-DROP = "supply.drop"
+SUPPLY_DROP_V = "supply.drop"
 CURVE = "supply.curve"
 FOLLOWS = "supply.followed"
 SUPPLY_PARAMETERS = (
     ScaledParameter(
-        name=DROP, unit="1", effect="", start=0.02, scale=0.02, lower=0.0, upper=0.3, held=True
+        name=SUPPLY_DROP_V, unit="1", effect="", start=0.02, scale=0.02, lower=0.0, upper=0.3,
+        held=True
     ),
     ScaledParameter(name=CURVE, unit="1", effect="", start=0.0, scale=0.1, held=True),
     ScaledParameter(
@@ -75,7 +76,7 @@ class SweepEvidence:
         self._places = {name: place for place, name in enumerate(self.model.parameters)}
         self._place_of = {parameter.name: place for place, parameter in enumerate(self.parameters)}
         # Every parameter acts, wherever it stands: a model leaves out what is neutral and fixed.
-        self._acting = self.model.freed(
+        self._acting = self.model.with_free(
             *(k.name for k in self.parameters if k.name in self._places)
         )
         self.noise_roots = tuple(self._noise_root(log) for log in self.logs)
@@ -117,7 +118,9 @@ class SweepEvidence:
         """Return supply voltage over its open value at the start (m, n_sets)."""
         assert log.power is not None
         loss = np.sum([self._values(name, scaled) for name in SUPPLY_LOSSES], axis=0)
-        return log.power.supply(loss, self._values(CURVE, scaled), self._values(DROP, scaled))
+        return log.power.supply(
+            loss, self._values(CURVE, scaled), self._values(SUPPLY_DROP_V, scaled)
+        )
 
     def drive(self, log: SweepLog, scaled: Array) -> Array:
         """Return speed over that at full supply far from the plate (n or 1, m, n_sets).
@@ -131,7 +134,7 @@ class SweepEvidence:
             return supply
         values = self._at(scaled)
         flow = model.flow(log.conditions.select(~log.tare), values)
-        by_plate: Array = np.array([gain.T for gain in speed_gains(model, flow, values)])
+        by_plate: Array = np.array([gain.T for gain in speed_factors(model, flow, values)])
         by_rotor: Array = by_plate[model.rig.disc_of_rotor][: len(log.power.rotor_rad_s)]
         return supply * by_rotor
 

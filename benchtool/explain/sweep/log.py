@@ -8,24 +8,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
-from benchtool.core.rotor_count import refuse_other_rotors
-from benchtool.data.columns import code_of
+from benchtool.core.rotor_count import check_rotor_count
+from benchtool.data.columns import word_to_code
 from benchtool.data.run.ratios import thrust_error
-from benchtool.explain.engine.subject import EARLY, LATE
-from benchtool.explain.recording_checks import mended_readings, refuse_other_bench
-from benchtool.explain.sweep.power import Power, power_of
+from benchtool.explain.engine.evidence import EARLY, LATE
+from benchtool.explain.recording_checks import check_bench_kind, repair_readings
+from benchtool.explain.sweep.power import SupplyModel, reconstruct_supply
 from benchtool.fit.uncertainty.bench_errors import Visits
-from benchtool.physics.conditions import FAR_AWAY_M, Conditions
+from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.model import Model
 
 Mask = NDArray[np.bool_]
 
-LEAST_POINTS = 4  # below this many points a sweep says next to nothing; assumed
+MIN_POINTS = 4  # below this many points a sweep says next to nothing; assumed
 SAMPLE_S = 2.0  # length of a point's samples where a table does not say how many there were
 
 
@@ -37,7 +37,7 @@ class SweepLog:
     thrust_N: Array  # (m,) what the load cell showed
     se_N: Array  # (m,) its stated standard error, that of speeds taken into it
     visits: Visits  # what its points have in common
-    power: Power | None  # pulses against speeds, where both are known
+    power: SupplyModel | None  # pulses against speeds, where both are known
     name: str  # of the file, for people
     remarks: tuple[str, ...]  # what was repaired, and what the sweep lacks
 
@@ -67,24 +67,24 @@ def sweep_log(recording: Recording, rig: Rig, name: str = "") -> SweepLog:
             f"{label} has no thrust_N, only {', '.join(recording.names)}; map it in [columns] of "
             f"the model"
         )
-    refuse_other_rotors(recording, rig, label)
-    recording, mended = mended_readings(recording, rig, label)
+    check_rotor_count(recording, rig, label)
+    recording, mended = repair_readings(recording, rig, label)
     if "time_s" in recording:
         recording = recording.select(np.argsort(recording.column("time_s"), kind="stable"))
     conditions = Conditions.from_recording(recording, rig)
     kinds = recording.column("kind") if "kind" in recording else np.zeros(len(recording))
-    tare = kinds == code_of("kind", "tare")
+    tare = kinds == word_to_code("kind", "tare")
     conditions = _with_still_rows(conditions, tare)
-    thrust = recording.si("thrust_N")
+    thrust = recording.to_si("thrust_N")
     se, assumed = _errors(recording, rig)
     whole = np.isfinite(thrust) & np.isfinite(se) & (se > 0.0) & conditions.known
     points = int((whole & ~tare).sum())
-    if points < LEAST_POINTS:
+    if points < MIN_POINTS:
         raise InputError(
             f"{label} has {points} whole points (thrust, speed and plate known), and at least "
-            f"{LEAST_POINTS} are needed; sweep more distances or levels"
+            f"{MIN_POINTS} are needed; sweep more distances or levels"
         )
-    power = power_of(recording.select(whole & ~tare), rig)
+    power = reconstruct_supply(recording.select(whole & ~tare), rig)
     whole_rows = conditions.select(whole)
     return SweepLog(
         conditions=whole_rows,
@@ -111,7 +111,7 @@ def _with_still_rows(conditions: Conditions, tare: Mask) -> Conditions:
         conditions,
         speed_rad_s=speed,
         coverage=coverage,
-        plate_z_m=np.where(tare, FAR_AWAY_M, conditions.plate_z_m),
+        plate_z_m=np.where(tare, OUT_OF_GROUND_EFFECT_M, conditions.plate_z_m),
         plate_x_m=np.where(tare, 0.0, conditions.plate_x_m),
         plate_tilt_rad=np.where(tare, 0.0, conditions.plate_tilt_rad),
         load_direction=np.where(tare, -1.0, conditions.load_direction),
@@ -135,13 +135,17 @@ def _errors(recording: Recording, rig: Rig) -> tuple[Array, list[str]]:
 
 
 def _lacks(
-    recording: Recording, whole_rows: Conditions, tare: Mask, power: Power | None, dropped: int
+    recording: Recording,
+    whole_rows: Conditions,
+    tare: Mask,
+    power: SupplyModel | None,
+    dropped: int,
 ) -> list[str]:
     """Return what a sweep lacks, with what that costs."""
     out = []
     if dropped:
         out.append(
-            f"left out for an empty cell: {dropped} of {counted(dropped + len(tare), 'row')}"
+            f"left out for an empty cell: {dropped} of {pluralize(dropped + len(tare), 'row')}"
         )
     if not tare.any():
         out.append("no rows of kind 'tare': what stands on the zero shows in thrust alone")
@@ -158,7 +162,7 @@ def _lacks(
 
 def refuse_other_sweeps(logs: Sequence[SweepLog]) -> None:
     """Refuse sweeps of different benches: by thrust over squared speed, and speed at a pulse."""
-    refuse_other_bench([(log.name, _bench_numbers(log)) for log in logs])
+    check_bench_kind([(log.name, _bench_numbers(log)) for log in logs])
 
 
 def _bench_numbers(log: SweepLog) -> dict[str, float]:

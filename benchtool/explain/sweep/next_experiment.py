@@ -13,15 +13,15 @@ from itertools import product
 import numpy as np
 import tomli_w
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
-from benchtool.explain.engine.design import Forecast, Prospect, chosen, proposal
-from benchtool.explain.engine.judgement import Rival
+from benchtool.explain.engine.design import ExpectedOutcome, Forecast, proposal, select_design
+from benchtool.explain.engine.judgement import CandidateEffect
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog
-from benchtool.fit.uncertainty.bench_errors import stays_of
-from benchtool.physics.conditions import FAR_AWAY_M, Conditions, load_directions
+from benchtool.fit.uncertainty.bench_errors import plate_positions
+from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions, load_directions
 from benchtool.physics.effects.effect import Subsystem
 from benchtool.physics.rotor import speed_from_pwm
 
@@ -93,7 +93,7 @@ class SweepDesign:
                 if not rows or (every_s and clock_s - tared_s > every_s):
                     clock_s += TARE_S
                     tared_s = clock_s
-                    rows.append((0.0, FAR_AWAY_M, 0.0, clock_s, 0.0))
+                    rows.append((0.0, OUT_OF_GROUND_EFFECT_M, 0.0, clock_s, 0.0))
                 clock_s += MOVE_S
                 for level in levels:
                     clock_s += VISIT_S
@@ -140,7 +140,7 @@ def points_of(design: SweepDesign, evidence: SweepEvidence) -> SweepLog:
         se_N=np.full(len(rows), float(np.median(like.se_N[~like.tare]))),
         visits=replace(
             like.visits,
-            stay=stays_of(conditions, tare, ordered=True),
+            stay=plate_positions(conditions, tare, ordered=True),
             zero_s=elapsed,
             tared=np.cumsum(tare),
             tare=tare,
@@ -261,7 +261,7 @@ class _Reach:
 
 def next_sweep(
     evidence: SweepEvidence,
-    rivals: Sequence[Rival],
+    rivals: Sequence[CandidateEffect],
     rng: np.random.Generator,
     refused: Subsystem | None = None,
     minutes: float | None = None,
@@ -270,13 +270,13 @@ def next_sweep(
     forecast = Forecast(evidence, rivals)
     rig = evidence.model.rig
 
-    def weighed(design: SweepDesign, drawn: np.random.Generator | None = None) -> Prospect:
-        log = as_read(points_of(design, evidence), evidence, forecast.rivals[0].fit.at)
+    def weighed(design: SweepDesign, drawn: np.random.Generator | None = None) -> ExpectedOutcome:
+        log = as_read(points_of(design, evidence), evidence, forecast.rivals[0].fit.values)
         new = evidence.of(log)
         return forecast.expected(new, evidence.with_other(new), drawn)
 
     reach = _Reach.of(evidence)
-    best = chosen(
+    best = select_design(
         reach.first(ladder=refused == "pwm_to_rpm"),
         reach.more,
         weighed,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
 
@@ -24,7 +24,7 @@ CURVE_AT_S = 900.0  # at which a discharge's curvature counts in full; assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Power:
+class SupplyModel:
     """Hold pulses, speeds and voltage of a sweep's points, motors running (m,) each."""
 
     time_s: Array  # since the run began
@@ -41,12 +41,12 @@ class Power:
     voltage_se: float
     late: Mask  # rows that are to be predicted: all but the first visits of a level
 
-    def planned(self, time_s: Array, pulse_us: Array, speed_rad_s: Array) -> Power:
+    def planned(self, time_s: Array, pulse_us: Array, speed_rad_s: Array) -> SupplyModel:
         """Return what a sweep with other pulses would have, readings as good as here."""
         level = _levels(pulse_us)
         rotors = len(self.rotor_rad_s)
         full_load = float(np.max(speed_rad_s) ** 3)
-        return Power(
+        return SupplyModel(
             time_s=time_s,
             pulse_us=pulse_us,
             level=level,
@@ -64,7 +64,7 @@ class Power:
             late=_late(level),
         )
 
-    def at_supply(self, supply: Array, drive: Array) -> Power:
+    def at_supply(self, supply: Array, drive: Array) -> SupplyModel:
         """Return speeds and voltage with so much of the supply left (m,), drives (n or 1, m)."""
         return replace(
             self,
@@ -73,7 +73,7 @@ class Power:
             voltage_V=self.voltage_V * supply,
         )
 
-    def loaded_as(self, other: Power) -> Power:
+    def loaded_as(self, other: SupplyModel) -> SupplyModel:
         """Return it with load counted as in another sweep, so that one drop holds for both."""
         if self.by_current != other.by_current:
             return self
@@ -154,7 +154,7 @@ class Power:
         return np.asarray(scale * supply, float)
 
 
-def power_of(recording: Recording, rig: Rig) -> Power | None:
+def reconstruct_supply(recording: Recording, rig: Rig) -> SupplyModel | None:
     """Return pulses against speeds; None where one of them, or the time, is missing."""
     n = rig.n_rotors
     speeds, errors = _rows(recording, "rpm{}", n), _rows(recording, "rpm{}_se", n)
@@ -165,7 +165,7 @@ def power_of(recording: Recording, rig: Rig) -> Power | None:
     pulse = pulses.mean(axis=0)
     level = _levels(pulse)
     late = _late(level)
-    time = recording.si("time_s")
+    time = recording.to_si("time_s")
     if not np.isfinite(speed).all() or not np.isfinite(pulses).all() or not late.any():
         return None
     stated = np.sqrt(np.sum(errors**2, axis=0)) / n if len(errors) else np.zeros(len(time))
@@ -178,7 +178,7 @@ def power_of(recording: Recording, rig: Rig) -> Power | None:
     load = current if by_current else speed**3
     volts = rig.sensors.get("voltage_V", Sensor())
     samples = np.nanmedian(recording.column("n_samples")) if "n_samples" in recording else 1.0
-    return Power(
+    return SupplyModel(
         time_s=time,
         pulse_us=pulse,
         level=level,
@@ -216,8 +216,8 @@ def _rows(recording: Recording, pattern: str, n: int) -> Array:
     names = [pattern.format(i + 1) for i in range(n)]
     if any(name not in recording for name in names):
         names = [name for name in names[:1] if name in recording]
-    return np.array([recording.si(name) for name in names])
+    return np.array([recording.to_si(name) for name in names])
 
 
 def _column(recording: Recording, name: str) -> Array:
-    return recording.si(name) if name in recording else np.full(len(recording), np.nan)
+    return recording.to_si(name) if name in recording else np.full(len(recording), np.nan)

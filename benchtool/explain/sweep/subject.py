@@ -14,13 +14,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
+from benchtool.explain.engine.evidence import ChannelErrors, Overlay, Subject
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.engine.shared_errors import solved
-from benchtool.explain.engine.subject import ChannelErrors, Overlay, Subject
-from benchtool.explain.found.law import DISTANCE, Form, Variable
-from benchtool.explain.found.search import FOLDS, Fold, Missed, Says
+from benchtool.explain.engine.shared_errors import solve_covariance
+from benchtool.explain.law_search.law import DISTANCE, LawForm, Variable
+from benchtool.explain.law_search.search import (
+    FOLDS,
+    CrossValidationFold,
+    QuadraticSummary,
+    ResidualSummary,
+)
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import SweepLog, refuse_other_sweeps, sweep_log
 from benchtool.explain.sweep.next_experiment import next_sweep
@@ -115,7 +120,7 @@ def sweep_variables(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array)
     return out
 
 
-def sweep_forms(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array) -> list[Form]:
+def sweep_forms(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array) -> list[LawForm]:
     """Return how a law may change thrusts (m,) of all sweeps."""
     c = [log.conditions for log in logs]
     turning = np.concatenate([~log.tare for log in logs])
@@ -127,32 +132,34 @@ def sweep_forms(logs: tuple[SweepLog, ...], radius_m: float, shown_N: Array) -> 
     nearer = f"flow.coverage[i] * power({DISTANCE}, -3.0)"
     matters = TOLERANCE * middle
     return [
-        Form(
+        LawForm(
             name="factor", hook="factor", weights=thrust, formula="1 + {f}",
             code="1.0 + p.a * {f}", matters=matters,
         ),
-        Form(
+        LawForm(
             name="covered", hook="factor", weights=thrust * covered, formula="1 + {f}",
             code="1.0 + p.a * flow.coverage[i] * {f}", matters=matters,
         ),
-        Form(
+        LawForm(
             name="near", hook="factor", weights=thrust * covered / (1.0 + z**2),
             formula="1 + {f} / (1 + (z/R)^2)", code=f"1.0 + p.a * {near} * {{f}}",
             matters=matters, centred=True, phrase=" near the plate",
         ),
-        Form(
+        LawForm(
             name="nearer", hook="factor", weights=thrust * covered * z**-3.0,
             formula="1 + {f} (z/R)^-3", code=f"1.0 + p.a * {nearer} * {{f}}",
             matters=matters, centred=True, phrase=" next to the plate",
         ),
-        Form(
+        LawForm(
             name="reading", hook="thrust_reading", weights=np.full(len(thrust), middle),
             formula="reading + {f}", code="reading + p.a * p.typical * {f}", matters=matters,
         ),
     ]  # fmt: skip
 
 
-def missed_thrusts(evidence: SweepEvidence, at: Array, opened: Sequence[str]) -> list[Missed]:
+def missed_thrusts(
+    evidence: SweepEvidence, at: Array, opened: Sequence[str]
+) -> list[ResidualSummary]:
     """Return what thrusts miss, over each variable and form that it may depend on.
 
     Args:
@@ -166,32 +173,34 @@ def missed_thrusts(evidence: SweepEvidence, at: Array, opened: Sequence[str]) ->
     )
     white = evidence.white_thrusts(np.eye(len(shown))) / errors.noise[:, None]
     both, known = np.column_stack([white, missed]), np.hstack([departures, slope])
-    says, bare = (_says(white.T @ solved(columns, both)) for columns in (known, slope))
+    says, bare = (_says(white.T @ solve_covariance(columns, both)) for columns in (known, slope))
     radius_m = evidence.model.rig.propulsion.radius_m
     variables = sweep_variables(evidence.logs, radius_m, shown)
     forms = sweep_forms(evidence.logs, radius_m, shown)
     variance = float(np.mean(errors.variance[evidence.thrust_rows]))
     folds = list(_folds(says, bare, places_of(evidence.logs), variance))
     return [
-        Missed(variable=variable, form=form, says=says, bare=bare, folds=folds)
+        ResidualSummary(variable=variable, form=form, says=says, bare=bare, folds=folds)
         for variable in variables
         for form in forms
         if form.name in variable.forms
     ]
 
 
-def _says(products: Array) -> Says:
+def _says(products: Array) -> QuadraticSummary:
     """Return what readings say, from Q and Q z (m, m + 1) of them; z Q z is left out."""
-    return Says(products[:, :-1], products[:, -1], 0.0)
+    return QuadraticSummary(products[:, :-1], products[:, -1], 0.0)
 
 
-def _folds(says: Says, bare: Says, places: NDArray[np.intp], variance: float) -> Iterator[Fold]:
+def _folds(
+    says: QuadraticSummary, bare: QuadraticSummary, places: NDArray[np.intp], variance: float
+) -> Iterator[CrossValidationFold]:
     """Give the folds, whole places of the plate each; readings of noise with that variance."""
     numbers = np.unique(places)
     part = np.random.default_rng(0).permutation(len(numbers)) % FOLDS
     for number in range(min(FOLDS, len(numbers))):
         out = np.isin(places, numbers[part == number])
-        yield Fold(
+        yield CrossValidationFold(
             rest=says.without(out), bare_rest=bare.without(out), noise=variance * float(out.sum())
         )
 
@@ -215,7 +224,7 @@ class SweepSubject(Subject):
     next_by = staticmethod(next_sweep)
     evidence: SweepEvidence
     all_evidence: SweepEvidence
-    check: Sequence[SweepLog]
+    validation: Sequence[SweepLog]
 
     def __init__(
         self,
@@ -231,7 +240,7 @@ class SweepSubject(Subject):
             logs = [
                 replace(log, power=log.power and log.power.loaded_as(powers[0])) for log in logs
             ]
-        self.learn, self.check = logs[: len(learn)], logs[len(learn) :]
+        self.training, self.validation = logs[: len(learn)], logs[len(learn) :]
         self.evidence = SweepEvidence(model, logs[: len(learn)], extra)
         self._check = SweepEvidence(model, logs[len(learn) :], extra)
         self.all_evidence = SweepEvidence(model, logs, extra)
@@ -268,7 +277,7 @@ class SweepSubject(Subject):
     def _by_log(self, changes: Array) -> Iterator[tuple[SweepLog, Array, Array]]:
         """Return check sweeps with changes of their thrusts and speeds, (m, n_sets) each."""
         first = 0
-        for log in self.check:
+        for log in self.validation:
             speeds = first + len(log)
             last = speeds + (log.power.n_rows if log.power is not None else 0)
             running = int((~log.tare).sum())

@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import EstimationError, InputError, check_number
 from benchtool.core.fit_result import Estimate
-from benchtool.core.rig import NOT_STATED, Propeller, Rig
+from benchtool.core.plural import pluralize
+from benchtool.core.rig import UNSPECIFIED, Propeller, Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.fit.motor.law import ThrustLaw, choose_law, level_numbers, solve_levels
 from benchtool.fit.motor.points import ThrottlePoints, joined_points
@@ -162,7 +162,7 @@ def fit_motor(
             )
     points = joined_points([one.points for one in read])
     steps = tuple(step for one in read for step in one.steps)
-    stated = not rig.sources.get("body.mass_kg", "").startswith(NOT_STATED)
+    stated = not rig.sources.get("body.mass_kg", "").startswith(UNSPECIFIED)
     mass = rig.body.mass_kg if mass_kg is None and stated else mass_kg
     levels = len(np.unique(points.pulse_us))
     estimates: list[Estimate] = []
@@ -178,7 +178,7 @@ def fit_motor(
     estimates += lags_of(steps)
     if not estimates:
         raise EstimationError(
-            f"{counted(levels, 'throttle level')} at which the rotor turned far from a plate, "
+            f"{pluralize(levels, 'throttle level')} at which the rotor turned far from a plate, "
             f"{FEWEST_LEVELS} are needed for a curve, "
             f"and no step of the pulse; sweep with --plan steps or --plan response"
         )
@@ -246,7 +246,7 @@ def _curves(
     hover_N = mass_kg * STANDARD_GRAVITY_M_S2 / rotors
     if hover_N > full_N:
         raise InputError(
-            f"{mass_kg:g} kg on {counted(rotors, 'rotor')} need {hover_N:.3g} N of each, which "
+            f"{mass_kg:g} kg on {pluralize(rotors, 'rotor')} need {hover_N:.3g} N of each, which "
             f"reaches {full_N:.3g} N {full.note}; give another --mass-kg or --rotors"
         )
     hover = 2.0 * hover_N / (linear + sqrt(linear**2 + 4.0 * square * hover_N))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.fit.motor.response import Solved, solve_weighted
 
 # Free ones of (scale, T_0, n) by law, the simplest first.

@@ -8,8 +8,8 @@ from math import pi
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.core.channel import Channel, unit_in_name
+from benchtool.core.array_type import Array
+from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.columns import speed_columns
@@ -41,7 +41,7 @@ class ThrottlePoints:
     def recording(self) -> Recording:
         """The points as a recording, a column of each."""
         names = type(self).__slots__
-        channels = tuple(Channel(name, unit_in_name(name) or "1") for name in names)
+        channels = tuple(Channel(name, unit_from_name(name) or "1") for name in names)
         return Recording(channels, np.column_stack([getattr(self, name) for name in names]))
 
     @property

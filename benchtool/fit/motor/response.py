@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.fit_result import Estimate
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig

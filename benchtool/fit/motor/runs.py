@@ -12,16 +12,16 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Propeller, Rig
-from benchtool.core.rig_file import rig_from_toml
-from benchtool.data.columns import code_of, speed_columns
-from benchtool.data.derived import Circumstances, run_circumstances
+from benchtool.core.rig_file import parse_rig
+from benchtool.data.columns import speed_columns, word_to_code
+from benchtool.data.derived import MeasurementContext, run_circumstances
 from benchtool.data.levels import read_levels
-from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.read import is_run, read_points, read_samples
+from benchtool.data.run.run_metadata import read_metadata
 from benchtool.data.run.run_rig import run_rig
 from benchtool.data.run.zero_noise import zero_covariance, zero_noise
 from benchtool.fit.motor.points import ThrottlePoints, column_of, throttle_points
@@ -76,7 +76,7 @@ class _Log(NamedTuple):
 
     path: Path
     levels: Recording
-    known: Circumstances
+    known: MeasurementContext
 
     @classmethod
     def read(cls, path: Path) -> _Log:
@@ -165,16 +165,14 @@ def _rig_of(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
     voltage = joined("voltage_V", False)
     if np.isfinite(voltage).any():
         own["voltage_nominal_V"] = float(np.nanmax(voltage))
-    return rig_from_toml(
-        tomli_w.dumps({"name": first.stem, "propulsion": own}), f"the rig of {first}"
-    )
+    return parse_rig(tomli_w.dumps({"name": first.stem, "propulsion": own}), f"the rig of {first}")
 
 
 def _of_run(path: Path, number: int) -> MotorData:
     metadata = read_metadata(path)
     rig = run_rig(path, metadata)
     points = read_points(path)
-    parked = points.select(points.column("kind") == code_of("kind", "reference"))
+    parked = points.select(points.column("kind") == word_to_code("kind", "reference"))
     if not len(parked):
         raise FileFormatError(
             str(path), "no point was measured without a plate; sweep with --plan steps"

@@ -21,17 +21,17 @@ import numpy as np
 from emcee.moves import MHMove
 from scipy.special import logsumexp
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, NotConverged
-from benchtool.fit.ensemble import ENSEMBLES, sample_until_agreed, sampler_of
+from benchtool.core.plural import pluralize
+from benchtool.fit.ensemble import ENSEMBLES, build_sampler, sample_until_converged
 from benchtool.fit.sampling import IslandDifference
 
 DRAWS = 20_000
 MAX_STEPS = 20_000
 
-GRID = 400  # points of u on which its density at 0 is found, of `BESIDE` draws of the others
-BESIDE = 64
+GRID = 400  # points of u on which its density at 0 is found, of `GRID_MARGIN` draws of the others
+GRID_MARGIN = 64
 
 AT_ZERO = 0.02  # an interval of tau that begins within this part of its end begins at 0
 
@@ -72,7 +72,7 @@ class Difference:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Pooled:
+class PooledEstimates:
     """Hold the posterior of several rigs together.
 
     Attributes:
@@ -141,7 +141,7 @@ def pool_rigs(
     shared: Sequence[str] = (),
     *,
     seed: int = 1,
-) -> Pooled:
+) -> PooledEstimates:
     """Return the posterior of several rigs together.
 
     Args:
@@ -155,7 +155,8 @@ def pool_rigs(
         have = [rig.name for rig in rigs if name in rig.names]
         if len(have) < 2:
             raise InputError(
-                f"{name} is in {counted(len(have), 'fit')} of {len(rigs)}; pooling needs 2 or more"
+                f"{name} is in {pluralize(len(have), 'fit')} of {len(rigs)}; pooling needs 2 or "
+                "more"
             )
     model = _Model(rigs, names)
     free = [k for k, name in enumerate(names) if name not in shared]
@@ -167,8 +168,8 @@ def pool_rigs(
     mean, own = model.drawn(tau, rng)
     alike = np.full(len(names), np.nan)
     for k in free:
-        alike[k] = model.alike(k, u[rng.integers(len(u), size=BESIDE)])
-    return Pooled(
+        alike[k] = model.alike(k, u[rng.integers(len(u), size=GRID_MARGIN)])
+    return PooledEstimates(
         rigs=tuple(rigs),
         names=tuple(names),
         shared=tuple(name in shared for name in names),
@@ -271,8 +272,8 @@ def _sampled(model: _Model, free: list[int], rng: np.random.Generator) -> Array:
     start = rng.uniform(0.02, 0.98, (ENSEMBLES * walkers, n))
     moves = [(IslandDifference(ENSEMBLES), 0.7), (MHMove(anywhere), 0.3)]
     with np.errstate(all="ignore"):
-        sampler = sampler_of(probability, start, moves, int(rng.integers(2**32)))
-        agreed = sample_until_agreed(
+        sampler = build_sampler(probability, start, moves, int(rng.integers(2**32)))
+        agreed = sample_until_converged(
             sampler, start, walkers, MAX_STEPS, lambda done, expected: None
         )
         chains, verdict = agreed

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig, Sensor
-from benchtool.data.columns import code_of
+from benchtool.data.columns import word_to_code
 from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance, zero_noise
 from benchtool.fit.problem import NOISE_PLACE
 from benchtool.physics.conditions import SAME_PLACE, Conditions
@@ -27,7 +27,7 @@ SHOWS = 1e-9  # columns below this share of the greatest thrust are rounding and
 ON_GRID = 1e-3  # steps between a reading and the distance of the stage that are none; assumed
 # Directions of the zero's covariance below this share of its largest are left out: of a random
 # walk some 1 % of its variance, which goes from one point to the next.
-KEPT = 5e-4
+MIN_SHARE = 5e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -57,18 +57,18 @@ class Visits:
     def of(cls, points: Recording, conditions: Conditions, rig: Rig) -> Visits:
         """Return what one run's points, or one table's, have in common."""
         kinds = points.column("kind") if "kind" in points else np.zeros(len(points))
-        tare = kinds == code_of("kind", "tare")
+        tare = kinds == word_to_code("kind", "tare")
         since = conditions.elapsed_s
         if "elapsed_s" not in points:
             since = conditions.time_s - np.nanmin(conditions.time_s)
         began = np.round(np.nan_to_num(conditions.time_s - since))
         read_m, stage_m = (
-            points.si(name) if name in points else np.full(len(points), np.nan)
+            points.to_si(name) if name in points else np.full(len(points), np.nan)
             for name in ("plate_read_z_m", "plate_stage_z_m")
         )
         near_m = ON_GRID * rig.sensors.get("plate_z_m", Sensor()).quantum
         return cls(
-            stay=stays_of(conditions, tare, ordered="time_s" in points),
+            stay=plate_positions(conditions, tare, ordered="time_s" in points),
             zero_s=np.nan_to_num(since),
             tared=np.unique(began, return_inverse=True)[1].reshape(-1).astype(np.intp),
             tare=tare,
@@ -104,7 +104,7 @@ def joined_visits(parts: list[Visits]) -> Visits:
     )
 
 
-def stays_of(conditions: Conditions, tare: Mask, *, ordered: bool) -> NDArray[np.intp]:
+def plate_positions(conditions: Conditions, tare: Mask, *, ordered: bool) -> NDArray[np.intp]:
     """Return the number of the stay of each row (m,): rows at one place without a break.
 
     Rows whose order nobody knows belong together by place.
@@ -209,7 +209,7 @@ def _wander(visits: Visits, rig: Rig) -> ErrorSource:
     for number in np.unique(visits.tared):
         rows = np.flatnonzero(visits.tared == number)
         size, axes = np.linalg.eigh(zero_covariance(visits.zero_s[rows], visits.zero))
-        kept = size > KEPT * max(float(size[-1]), 0.0)
+        kept = size > MIN_SHARE * max(float(size[-1]), 0.0)
         part = np.zeros((len(visits.tared), int(kept.sum())))
         part[rows] = axes[:, kept] * np.sqrt(size[kept])
         parts.append(part)

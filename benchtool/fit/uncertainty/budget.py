@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import stdtr, stdtrit
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import effective_dof
 from benchtool.core.fit_result import Estimate, FitResult
 

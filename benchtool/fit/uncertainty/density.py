@@ -11,8 +11,8 @@ import numpy as np
 
 from benchtool.core.air import STANDARD_DENSITY_KG_M3, Air, relative_density_sd
 from benchtool.core.error_source import ErrorSource
-from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.read import is_run
+from benchtool.data.run.run_metadata import read_metadata
 from benchtool.physics.effects.effect import Derived
 
 STANDARD_K = "k_standard_air"  # k at 1.225 kg/m3, as a quantity of a fit
@@ -41,7 +41,7 @@ class Density:
         return source, STANDARD_K
 
 
-def density_of(air: Air, paths: Sequence[str]) -> Density | None:
+def air_density(air: Air, paths: Sequence[str]) -> Density | None:
     """Return the density of what was stated, else of what every run measured; None without.
 
     Of several runs it is the mean, and its uncertainty holds how far they are apart.

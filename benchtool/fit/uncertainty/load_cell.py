@@ -15,12 +15,12 @@ from benchtool.core.error_source import ErrorSource
 from benchtool.core.recording import Recording
 from benchtool.data.calibration import (
     age_text,
-    calibration_dof,
+    degrees_of_freedom,
     read_calibration,
     traceability,
 )
-from benchtool.data.run.facts import read_metadata
 from benchtool.data.run.read import is_run
+from benchtool.data.run.run_metadata import read_metadata
 from benchtool.fit.problem import Problem
 
 TARED_ZERO_N = 1e-6  # left of a calibration's zero after a tare: nothing; above 0 for the prior
@@ -83,7 +83,7 @@ def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | No
             f"{', '.join(without)} went through no calibration: its newtons count as exact; "
             f"recalibrate it, or name one with --calibration"
         )
-    known = pooled([one for one, _ in by_id.values()])
+    known = pool_calibrations([one for one, _ in by_id.values()])
     errors = tuple(
         ScaleError(known=one, rows=np.isin(owners, places))
         for one, (_, places) in zip(known, by_id.values(), strict=True)
@@ -91,11 +91,13 @@ def load_cells(paths: Sequence[str], parts: Sequence[Recording], table: str | No
     return LoadCells(errors=errors, warnings=tuple(warnings))
 
 
-UNLIKE = 0.001  # p-value below which a calibration scatters more than the others; assumed
+MAX_CALIBRATION_DIFFERENCE = (
+    0.001  # p-value below which a calibration scatters more than the others; assumed
+)
 POOLED = "scatter of the calibrations"  # name of the estimate that alike calibrations share
 
 
-def pooled(calibrations: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def pool_calibrations(calibrations: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """Return calibrations whose scatter of readings is that of all of them together.
 
     A few masses know their own scatter badly, and weights made of it favour whatever line came out
@@ -110,7 +112,7 @@ def pooled(calibrations: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]
     others = (dof @ scatter**2 - dof * scatter**2) / (dof.sum() - dof)
     if (scatter <= 0.0).any() or (others <= 0.0).any():
         return list(calibrations)
-    alike = fisher.sf(scatter**2 / others, dof, dof.sum() - dof) > UNLIKE
+    alike = fisher.sf(scatter**2 / others, dof, dof.sum() - dof) > MAX_CALIBRATION_DIFFERENCE
     if alike.sum() < 2:
         return list(calibrations)
     together = float(np.sqrt(dof[alike] @ scatter[alike] ** 2 / dof[alike].sum()))
@@ -170,7 +172,7 @@ def _parts(known: Mapping[str, Any]) -> tuple[ErrorSource, ...]:
             "sd": total,
             "relative_sd": total,
             "distribution": "student_t",
-            "dof": calibration_dof(known),
+            "dof": degrees_of_freedom(known),
         }
     ]
     return tuple(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource
 from benchtool.fit.solve import row_jacobian
 from benchtool.fit.uncertainty.budget import COVERAGE, MonteCarlo

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import Whitening, effective_dof
 from benchtool.fit.problem import Problem
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, Whitening
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.interval import gradient_of
-from benchtool.fit.jacobian import Way, spread_of, way_for
+from benchtool.fit.jacobian import Way, select_method, spread_of
 from benchtool.fit.problem import Problem
 from benchtool.fit.solve import row_jacobian
 from benchtool.fit.uncertainty.budget import Budget, BudgetLine
@@ -74,7 +74,7 @@ def propagation(
     shape, noise = problem.split(result.values)
     # By so much a robust loss counts the points' own errors larger.
     whitening = problem.whitening(noise, float(result.facts.get("loss_factor") or 1.0))
-    derivatives = way_for(problem.predict, shape, len(problem), *problem.shape_bounds)
+    derivatives = select_method(problem.predict, shape, len(problem), *problem.shape_bounds)
     jacobian = row_jacobian(problem, derivatives)(shape, whitening)
     spread = spread_of(jacobian, derivatives)
     if spread.undetermined or not np.isfinite(result.covariance).all():

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from benchtool.core.errors import BenchtoolError, EstimationError
 from benchtool.core.parameter import Parameter
 from benchtool.core.units import from_si
-from benchtool.data.run.run_rig import rig_of_data
-from benchtool.fit.fit_data import FAR_Z_OVER_R, FitData, read_fit_data, recipe_model
+from benchtool.data.run.run_rig import load_rig_for_data
+from benchtool.fit.fit_data import REFERENCE_Z_OVER_R, FitData, read_fit_data, recipe_model
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import function_problem, noise_parameter
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import recipe_problem
 from benchtool.fit.uncertainty.budget import Budget
-from benchtool.fit.uncertainty.held_sources import LAW, held_sources
+from benchtool.fit.uncertainty.fixed_parameters import LAW, fixed_parameter_sources
 from benchtool.fit.uncertainty.load_cell import with_scale_errors
 from benchtool.fit.uncertainty.propagation import bounded, budget_of, propagation
 from benchtool.physics.effects.effect import Derived
@@ -42,7 +42,7 @@ def run_budget(path: Path) -> Budget | None:
 
 
 def _budget(path: Path) -> Budget:
-    rig = rig_of_data([str(path)])
+    rig = load_rig_for_data([str(path)])
     model = "single_bench" if rig is not None and rig.n_rotors == 1 else "quad_bench"
     recipe = Recipe(name=path.name, data=(str(path),), model=model, min_z_over_R=0.0)
     loaded = recipe_model(recipe)
@@ -78,9 +78,9 @@ def _budget(path: Path) -> Budget:
     rows = [way.names.index(name) for name in dict.fromkeys([*shown, ratio.name])]
     fixed = loaded.model
     for name in fixed.parameters.free_names:
-        fixed = fixed.fixed(name)
+        fixed = fixed.with_fixed(name)
     chosen = replace(way, items=tuple(way.items[row] for row in rows), gain=way.gain[rows])
-    held = held_sources(fixed, data.conditions.select(data.rows))
+    held = fixed_parameter_sources(fixed, data.conditions.select(data.rows))
     # What was read follows no law of distance.
     outside = [one for one in held if not one.name.startswith(LAW)]
     return budget_of(chosen, bounded(way, outside), traceability=cells.traceability)
@@ -93,7 +93,7 @@ def _names(data: FitData, visit: NDArray[np.intp]) -> list[str]:
     for number in range(int(visit.max()) + 1):
         own = visit == number
         z = float(np.mean(data.z_over_R[data.rows][own]))
-        place = f"z/R {z:.3g}" if z < FAR_Z_OVER_R else "far"
+        place = f"z/R {z:.3g}" if z < REFERENCE_Z_OVER_R else "far"
         name = f"thrust {place}, {np.mean(speeds[own]):.0f} rpm"
         names.append(name if name not in names else f"{name}, setting {number + 1}")
     return names

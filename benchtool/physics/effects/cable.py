@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import scaled, torque_scale
+from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
 @expression
@@ -41,5 +41,5 @@ EFFECT = Effect(
     benches=frozenset(),
     always_compiled=True,
     acts_in_flight=False,
-    tolerance_of=scaled(torque_scale, stiffness_Nm_per_rad=0.02),
+    tolerance_of=scale_rig(torque_scale, stiffness_Nm_per_rad=0.02),
 )  # fmt: skip

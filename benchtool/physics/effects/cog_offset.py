@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import arm_scale, scaled
+from benchtool.physics.rig_scaling import arm_scale, scale_rig
 
 
 @expression
@@ -36,5 +36,5 @@ EFFECT = Effect(
     },
     benches=frozenset({"pitch"}),
     always_compiled=True,
-    tolerance_of=scaled(arm_scale, x_m=0.0005),
+    tolerance_of=scale_rig(arm_scale, x_m=0.0005),
 )  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Any
 
 from benchtool.core.parameter import Prior
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import scaled, torque_scale
+from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
 @expression
@@ -65,5 +65,5 @@ EFFECT = Effect(
     benches=frozenset({"pitch"}),
     always_compiled=True,
     acts_in_flight=False,
-    tolerance_of=scaled(torque_scale, torque_Nm=0.002),
+    tolerance_of=scale_rig(torque_scale, torque_Nm=0.002),
 )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import scaled, torque_scale
+from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
 @expression
@@ -38,5 +38,5 @@ EFFECT = Effect(
     benches=frozenset({"pitch"}),
     always_compiled=True,
     acts_in_flight=False,
-    tolerance_of=scaled(torque_scale, stiffness_Nm_per_rad=0.02),
+    tolerance_of=scale_rig(torque_scale, stiffness_Nm_per_rad=0.02),
 )

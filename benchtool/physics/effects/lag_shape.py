@@ -10,7 +10,7 @@ import numpy as np
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import half_throttle_speed
+from benchtool.physics.rig_scaling import half_throttle_speed
 
 
 @expression

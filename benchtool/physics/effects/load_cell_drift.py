@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import scaled, weight_scale
+from benchtool.physics.rig_scaling import scale_rig, weight_scale
 
 
 @expression
@@ -38,5 +38,5 @@ EFFECT = Effect(
     trends_over=("order", "time_s", "elapsed_s"),
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
-    tolerance_of=scaled(weight_scale, rate_N_per_s=1e-4),  # a guess
+    tolerance_of=scale_rig(weight_scale, rate_N_per_s=1e-4),  # a guess
 )

@@ -9,7 +9,7 @@ from benchtool.core.parameter import Prior
 from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import scaled, weight_scale
+from benchtool.physics.rig_scaling import scale_rig, weight_scale
 
 GROWTH_KNOWN = Prior("normal", 0.0, 0.15, "assumed: data sheets state one width, at full load")
 
@@ -79,5 +79,5 @@ EFFECT = Effect(
     benches=frozenset({"sweep"}),
     acts_in_flight=False,
     rig_values=rig_values,
-    tolerance_of=scaled(weight_scale, half_width_N=0.02),  # a guess
+    tolerance_of=scale_rig(weight_scale, half_width_N=0.02),  # a guess
 )  # fmt: skip

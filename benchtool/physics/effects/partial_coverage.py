@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import (

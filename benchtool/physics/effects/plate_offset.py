@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import radius_scale, scaled
+from benchtool.physics.rig_scaling import radius_scale, scale_rig
 
 
 @expression
@@ -37,5 +37,5 @@ EFFECT = Effect(
     },
     trends_over=("z_over_R",),
     always_compiled=True,
-    tolerance_of=scaled(radius_scale, dz_m=0.003),
+    tolerance_of=scale_rig(radius_scale, dz_m=0.003),
 )

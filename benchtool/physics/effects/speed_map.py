@@ -10,7 +10,7 @@ import numpy as np
 from benchtool.core.parameter import Parameter, Prior
 from benchtool.core.rig import Rig
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import half_throttle_speed
+from benchtool.physics.rig_scaling import half_throttle_speed
 
 KNOWN = Prior("normal", 0.0, 0.005, "assumed: pulses and speeds of a calibrated ESC agree to 0.5 %")
 BENT = Prior("normal", 0.0, 0.01, "assumed: 0.1 % of speed at a third above half throttle or below")

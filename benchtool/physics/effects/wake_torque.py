@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchtool.physics.effects.effect import Effect, Flow, Hooks, Quantity, expression, number
-from benchtool.physics.size import scaled, torque_scale
+from benchtool.physics.rig_scaling import scale_rig, torque_scale
 
 
 @expression
@@ -36,5 +36,5 @@ EFFECT = Effect(
     source="Ornstein-Uhlenbeck, the simplest coloured noise; an assumption",
     confused_with={},
     benches=frozenset(),
-    tolerance_of=scaled(torque_scale, sd_Nm=0.002),
+    tolerance_of=scale_rig(torque_scale, sd_Nm=0.002),
 )  # fmt: skip

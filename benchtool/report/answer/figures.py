@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchtool.explain.answer import Answer, channel_words
+from benchtool.explain.answer import ExplainResult, channel_words
 from benchtool.explain.engine.describe import Disagreement
-from benchtool.explain.engine.verdict import STAGES, ChannelGap, FoundParameter, Rivals
+from benchtool.explain.engine.verdict import STAGES, AlternativeEffects, ChannelGap, FoundParameter
 from benchtool.report.figure import figure
 from benchtool.report.numbers import value_with_sd, with_unit
 from benchtool.report.palette import BLACK, BLUE, GREY, ORANGE, PALE
@@ -19,18 +19,18 @@ from benchtool.report.panels import named_rows, rows_of
 BEFORE, AFTER = ORANGE, BLUE  # colours of a model before and after something was added
 LOGARITHMIC_FROM = 12.0  # beyond so many times the noise an axis is logarithmic
 MOST_REGIMES = 6  # how many parts of a recording one panel shows
-MOST = 9  # how many explanations are drawn at most; the rest share one bar
+MAX_BARS = 9  # how many explanations are drawn at most; the rest share one bar
 VISIBLE = 0.001  # less likely ones share that bar, too
 ALWAYS = ("none", "unknown")  # explanations that are drawn however unlikely they are
 
 
-def _disagreements(answer: Answer) -> list[Disagreement]:
+def _disagreements(answer: ExplainResult) -> list[Disagreement]:
     """Return the stages with residuals, the largest first."""
     found = [item for item in answer.explanation.disagreements if item.by_regime]
     return sorted(found, key=lambda item: -max(item.by_regime.values()))
 
 
-def _marked(answer: Answer, item: Disagreement) -> str:
+def _marked(answer: ExplainResult, item: Disagreement) -> str:
     """Return the regime that the verdict names in these rows; thrust shows in the beam's motion."""
     where = answer.verdict.where
     if where is None:
@@ -40,7 +40,7 @@ def _marked(answer: Answer, item: Disagreement) -> str:
     return where.regime if item.stage != "pwm_to_rpm" else ""
 
 
-def shown_regimes(
+def visible_regimes(
     before: Mapping[str, float], after: Mapping[str, float], marked: str
 ) -> list[str]:
     """Return the regimes above noise, at least one, by improvement; the marked one, too."""
@@ -55,9 +55,9 @@ def shown_regimes(
     return shown
 
 
-def _regimes(answer: Answer, item: Disagreement) -> list[str]:
+def _regimes(answer: ExplainResult, item: Disagreement) -> list[str]:
     after = item.after if answer.has_model else {}
-    return shown_regimes(item.by_regime, after, _marked(answer, item))
+    return visible_regimes(item.by_regime, after, _marked(answer, item))
 
 
 @figure(
@@ -70,7 +70,7 @@ def _regimes(answer: Answer, item: Disagreement) -> list[str]:
         1.1 + sum(0.42 + 0.3 * len(_regimes(answer, item)) for item in _disagreements(answer))
     ),
 )
-def where(figure: Figure, answer: Answer) -> None:
+def draw_disagreements(figure: Figure, answer: ExplainResult) -> None:
     """Draw a panel per stage and a bar per regime; at 1 stands noise alone."""
     stages, changed = _disagreements(answer), answer.has_model
     panels = rows_of(figure, [len(_regimes(answer, item)) for item in stages])
@@ -108,7 +108,7 @@ WHICH_OF_SEVERAL = (
 def shown_explanations(probabilities: Mapping[str, float]) -> dict[str, float]:
     """Return the likeliest explanations and those always drawn; the others together."""
     ranked = sorted(probabilities, key=lambda name: -probabilities[name])
-    names = [name for name in ranked if probabilities[name] >= VISIBLE][: MOST - 1]
+    names = [name for name in ranked if probabilities[name] >= VISIBLE][: MAX_BARS - 1]
     names += [name for name in ALWAYS if name in probabilities and name not in names]
     rest = [name for name in ranked if name not in names]
     shown = {name: probabilities[name] for name in names}
@@ -139,7 +139,7 @@ def percentage(value: float) -> str:
     },
     height_in=lambda _, place: 1.1 + 0.27 * len(shown_explanations(place.probabilities)),
 )
-def which(figure: Figure, answer: Answer, place: Rivals) -> None:
+def draw_probabilities(figure: Figure, answer: ExplainResult, place: AlternativeEffects) -> None:
     """Draw one bar per explanation, the likeliest first."""
     verdict = answer.verdict
     several = verdict.kind == "several"
@@ -156,7 +156,7 @@ def which(figure: Figure, answer: Answer, place: Rivals) -> None:
     axes.set_xlabel("probability")
 
 
-def _parameters(answer: Answer) -> dict[str, FoundParameter]:
+def _parameters(answer: ExplainResult) -> dict[str, FoundParameter]:
     return {
         f"{effect.title}\n{item.name}": item
         for effect in answer.verdict.effects
@@ -178,7 +178,7 @@ def parameter_text(item: FoundParameter) -> str:
     when=lambda answer: bool(_parameters(answer)),
     height_in=lambda answer: 1.25 + 0.5 * len(_parameters(answer)),
 )
-def parameters(figure: Figure, answer: Answer) -> None:
+def parameters(figure: Figure, answer: ExplainResult) -> None:
     """Draw a point with its interval per parameter; the band is what would not have mattered."""
     found = _parameters(answer)
     sizes = [
@@ -225,7 +225,7 @@ def gap_numbers(gap: ChannelGap, changed: bool) -> str:
     when=lambda answer: bool(answer.verdict.gaps),
     height_in=lambda answer: 1.5 + 0.78 * len(answer.verdict.gaps),
 )
-def gap(figure: Figure, answer: Answer) -> None:
+def gap(figure: Figure, answer: ExplainResult) -> None:
     """Draw a pair of bars per channel in noise floors; the band is what noise alone gives."""
     gaps = answer.verdict.gaps
     axes = figure.subplots()
@@ -286,7 +286,7 @@ def _gap_bars(axes: Axes, row: int, gap: ChannelGap, changed: bool) -> None:
     when=lambda answer: answer.verdict.depends is not None,
     height_in=3.4,
 )
-def depends(figure: Figure, answer: Answer) -> None:
+def depends(figure: Figure, answer: ExplainResult) -> None:
     """Draw readings, the smooth function with its band, and the law through its mean."""
     found = answer.verdict.depends
     assert found is not None

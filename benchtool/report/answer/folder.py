@@ -9,16 +9,22 @@ from typing import Any
 
 from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
-from benchtool.core.rig_file import rig_beside
+from benchtool.core.rig_file import export_rig_reference
 from benchtool.data.atomic import json_ready, replace_json, replace_text
-from benchtool.explain.added_model import MODEL, NEAREST, added_model, as_nearest, own_names
-from benchtool.explain.answer import Answer
-from benchtool.explain.found.draft import FOUND, draft
-from benchtool.explain.found.law import Dependence
+from benchtool.explain.answer import ExplainResult
+from benchtool.explain.law_search.draft import FOUND, draft_effect
+from benchtool.explain.law_search.law import FoundDependence
 from benchtool.explain.next_steps import next_file
+from benchtool.explain.updated_model import (
+    MODEL,
+    NEAREST,
+    added_model,
+    own_names,
+    with_nearest_effect,
+)
 from benchtool.report.answer.page import answer_page
 from benchtool.report.answer.tables import unjudged_sentence
-from benchtool.report.figure import drawn
+from benchtool.report.figure import render_figures
 from benchtool.report.files import save_figure, write_whole
 from benchtool.report.html import write_report
 
@@ -26,7 +32,7 @@ PAGE = "report.html"
 ANSWER = "answer.json"
 
 
-def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
+def check_not_existing(folder: Path | None, json_file: Path | None) -> None:
     """Raise WouldOverwrite for a folder with files in it or an existing file."""
     if folder is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise WouldOverwrite(str(folder), "--overwrite")
@@ -34,12 +40,14 @@ def refuse_taken(folder: Path | None, json_file: Path | None) -> None:
         raise WouldOverwrite(str(json_file), "--overwrite")
 
 
-def write_folder(folder: Path, answer: Answer, called: Path | None = None) -> Written:
+def write_folder(
+    folder: Path, answer: ExplainResult, display_path: Path | None = None
+) -> WrittenFiles:
     """Write an answer and return the paths of model and next experiment; replaces these files."""
-    known, effects_file = called or folder, answer.request.effects_file
+    known, effects_file = display_path or folder, answer.request.effects_file
     folder.mkdir(parents=True, exist_ok=True)
     model = _write_model(folder, MODEL, answer if answer.has_model else None, effects_file)
-    nearest = _write_model(folder, NEAREST, as_nearest(answer), effects_file)
+    nearest = _write_model(folder, NEAREST, with_nearest_effect(answer), effects_file)
     name, text = next_file(answer)
     if name:
         replace_text(folder / name, text)
@@ -47,8 +55,8 @@ def write_folder(folder: Path, answer: Answer, called: Path | None = None) -> Wr
     model, schedule, nearest, found = (
         str(known / one) if one else "" for one in (model, name, nearest, found)
     )
-    written = Written(model=model, schedule=schedule, nearest=nearest, draft=found)
-    figures = drawn("answer", answer)
+    written = WrittenFiles(model=model, schedule=schedule, nearest=nearest, draft=found)
+    figures = render_figures("answer", answer)
     for stem, block in figures.items():
         save_figure(block.figure, folder / stem, replace=True)
     page = answer_page(answer, figures, name, str(known))
@@ -57,36 +65,38 @@ def write_folder(folder: Path, answer: Answer, called: Path | None = None) -> Wr
     return written
 
 
-def _write_draft(folder: Path, answer: Answer) -> str:
+def _write_draft(folder: Path, answer: ExplainResult) -> str:
     """Write what was drafted of something unknown, beside what may be there; return its name."""
     depends = answer.verdict.depends
     if depends is None or depends.law is None:
         return ""
     names = (f"{FOUND}{'' if k == 1 else f'_{k}'}.py" for k in count(1))
     name = next(name for name in names if not (folder / name).exists())
-    replace_text(folder / name, draft(depends))
+    replace_text(folder / name, draft_effect(depends))
     return name
 
 
-def _write_model(folder: Path, name: str, answer: Answer | None, effects_file: Path | None) -> str:
+def _write_model(
+    folder: Path, name: str, answer: ExplainResult | None, effects_file: Path | None
+) -> str:
     """Write an answer's model with what it needs beside it; return its name, empty without one."""
     if answer is None:
         return ""
     own = effects_file if own_names(answer) else None
     if own is not None:
         write_whole(folder / own.name, own.read_bytes())
-    rig, rig_text = rig_beside(answer.request.loaded.model.rig)
+    rig, rig_text = export_rig_reference(answer.request.loaded.model.rig)
     if rig_text:
         replace_text(folder / rig, rig_text)
     replace_text(folder / name, added_model(answer, rig, own.name if own is not None else ""))
     return name
 
 
-def write_json(path: Path, answer: Answer, folder: Path | None = None) -> None:
+def write_json(path: Path, answer: ExplainResult, folder: Path | None = None) -> None:
     """Write the answer for programs; replaces a file of that name."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if folder is None:
-        replace_json(path, answer_tables(answer, Written()))
+        replace_json(path, answer_tables(answer, WrittenFiles()))
     else:
         replace_text(path, (folder / ANSWER).read_text(encoding="utf-8"))
 
@@ -95,7 +105,7 @@ VERSION = 2  # counts up when a key changes its meaning or goes; new keys may co
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
+class WrittenFiles:
     """Name the files beside an answer, as paths; empty where there is none."""
 
     model: str = ""
@@ -104,7 +114,7 @@ class Written:
     draft: str = ""
 
 
-def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
+def answer_tables(answer: ExplainResult, written: WrittenFiles) -> dict[str, Any]:
     """Return the contents of the JSON file: every key is always there."""
     verdict = answer.verdict
     tables = {
@@ -168,7 +178,7 @@ def answer_tables(answer: Answer, written: Written) -> dict[str, Any]:
     return cleaned
 
 
-def _depends(found: Dependence | None, file: str) -> dict[str, Any]:
+def _depends(found: FoundDependence | None, file: str) -> dict[str, Any]:
     """Return what something unknown depends on, and the law that was drafted of it."""
     law = None if found is None else found.law
     return {
@@ -190,7 +200,7 @@ def _fields(item: Any, *names: str, **spans: str) -> dict[str, Any]:
     return found | pairs
 
 
-def _next(answer: Answer, path: str) -> dict[str, Any]:
+def _next(answer: ExplainResult, path: str) -> dict[str, Any]:
     experiment = answer.verdict.next
     kind = None if experiment is None else "schedule" if experiment.schedule is not None else "plan"
     return {

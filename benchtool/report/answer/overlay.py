@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchtool.core.array import Array
-from benchtool.explain.answer import Answer, channel_words
-from benchtool.explain.engine.subject import Overlay
+from benchtool.core.array_type import Array
+from benchtool.explain.answer import ExplainResult, channel_words
+from benchtool.explain.engine.evidence import Overlay
 from benchtool.report.answer.figures import AFTER, BEFORE
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, PALE
@@ -36,7 +36,7 @@ def overlay_caption(window_s: float) -> str:
     )
 
 
-def _overlay_title(answer: Answer, overlay: Overlay) -> str:
+def _overlay_title(answer: ExplainResult, overlay: Overlay) -> str:
     what = "recording" if answer.verdict.bench == "pitch" else "sweep"
     title = channel_words(overlay.channel, overlay.unit).title.capitalize()
     return f"{title} on the check {what}"
@@ -48,7 +48,7 @@ def _overlay_title(answer: Answer, overlay: Overlay) -> str:
     each=lambda answer: {item.channel: item for item in answer.explanation.overlays},
     height_in=3.7,
 )
-def overlay(figure: Figure, answer: Answer, overlay: Overlay) -> None:
+def overlay(figure: Figure, answer: ExplainResult, overlay: Overlay) -> None:
     """Draw one channel over its residuals; beside it, closer, where the old model is worst."""
     if answer.verdict.bench != "pitch":
         panels = rows_of(figure, (1.8, 1.0))
@@ -97,7 +97,9 @@ def worst_stretch(at: Array, error: Array) -> tuple[float, float]:
     return worst
 
 
-def _overlay_column(panels: list[Axes], answer: Answer, overlay: Overlay, as_lines: bool) -> None:
+def _overlay_column(
+    panels: list[Axes], answer: ExplainResult, overlay: Overlay, as_lines: bool
+) -> None:
     words = channel_words(overlay.channel, overlay.unit)
     measured = words.factor * overlay.measured
     simulated = [

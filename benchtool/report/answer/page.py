@@ -11,12 +11,18 @@ import numpy as np
 
 from benchtool import __version__
 from benchtool.core.parameter import Parameter
-from benchtool.explain.added_model import MODEL, NEAREST, NOTHING, added_effects, updated_model
-from benchtool.explain.answer import Answer, channel_words
+from benchtool.explain.answer import ExplainResult, channel_words
 from benchtool.explain.engine.held_out import UPPER
 from benchtool.explain.engine.verdict import EVERYWHERE, PLACES
-from benchtool.explain.found.draft import FOUND
+from benchtool.explain.law_search.draft import FOUND
 from benchtool.explain.next_steps import lines, next_sentence, next_steps
+from benchtool.explain.updated_model import (
+    MODEL,
+    NEAREST,
+    NOTHING,
+    added_effects,
+    model_with_effects,
+)
 from benchtool.report.answer.figures import gap_numbers, parameter_text
 from benchtool.report.answer.tables import (
     effects_table,
@@ -26,11 +32,11 @@ from benchtool.report.answer.tables import (
     unjudged_sentence,
 )
 from benchtool.report.figure import Page
-from benchtool.report.numbers import unit_for_people
+from benchtool.report.numbers import display_unit
 from benchtool.report.page import (
     Block,
     Commands,
-    Facts,
+    FactTable,
     FigureBlock,
     Paragraph,
     Report,
@@ -58,7 +64,7 @@ class Change:
         return f"{self.name} = {self.now:.4g}{unit} ({before} before)"
 
 
-def changes(answer: Answer) -> tuple[Change, ...]:
+def changes(answer: ExplainResult) -> tuple[Change, ...]:
     """Return where the new model differs from the old, what was found first; none without one."""
     if not answer.has_model:
         return ()
@@ -69,7 +75,7 @@ def changes(answer: Answer) -> tuple[Change, ...]:
         before = old[name].value if name in old else None
         return Change(name, before, item.value, item.unit, name.partition(".")[0] in named)
 
-    new = updated_model(answer)
+    new = model_with_effects(answer)
     fresh = answer.request.loaded.model
     for effect in new.effects:
         if all(present.name != effect.name for present in fresh.effects):
@@ -82,7 +88,7 @@ def changes(answer: Answer) -> tuple[Change, ...]:
     return tuple(sorted(moved, key=lambda one: not one.found))
 
 
-def changes_table(answer: Answer) -> Table:
+def changes_table(answer: ExplainResult) -> Table:
     """List what is new in the new model."""
     return Table(
         "What is different in the new model. Each value is the whole one, no addition to the old.",
@@ -91,7 +97,7 @@ def changes_table(answer: Answer) -> Table:
             (
                 one.name,
                 "found" if one.found else "adjusted within what was known of it",
-                "–" if one.unit == "1" else unit_for_people(one.unit),
+                "–" if one.unit == "1" else display_unit(one.unit),
                 "absent" if one.before is None else f"{one.before:.4g}",
                 f"{one.now:.4g}",
             )
@@ -101,7 +107,7 @@ def changes_table(answer: Answer) -> Table:
     )
 
 
-def nearest_sentence(answer: Answer, folder: str) -> str:
+def nearest_sentence(answer: ExplainResult, folder: str) -> str:
     """Say what the nearest effect of something unknown would leave, and where its model is."""
     near = answer.verdict.nearest
     if near is None or near.effect is None:
@@ -116,7 +122,7 @@ def nearest_sentence(answer: Answer, folder: str) -> str:
     return f" With {near.phrase}, the nearest, the gap would be: {', '.join(left)}.{file}"
 
 
-def _draft(answer: Answer, folder: str) -> str:
+def _draft(answer: ExplainResult, folder: str) -> str:
     """Say where the law of something unknown is drafted."""
     found = answer.verdict.depends
     if found is None or found.law is None:
@@ -126,7 +132,7 @@ def _draft(answer: Answer, folder: str) -> str:
     return f" A law of it is drafted as an effect: {Path(folder) / FOUND}.py."
 
 
-def added_sentence(answer: Answer, folder: str = "") -> str:
+def added_sentence(answer: ExplainResult, folder: str = "") -> str:
     """Say what was added, and to which file of a folder; empty where nothing is written."""
     kind = answer.verdict.kind
     old = answer.request.loaded.model.name
@@ -141,7 +147,7 @@ def added_sentence(answer: Answer, folder: str = "") -> str:
     return f"Written: {Path(folder) / MODEL}, which is {old} with {names}{guess} in it."
 
 
-def where_sentence(answer: Answer) -> str:
+def where_sentence(answer: ExplainResult) -> str:
     """Say where model and measurement disagree."""
     where = answer.verdict.where
     if where is None:
@@ -157,7 +163,7 @@ def where_sentence(answer: Answer) -> str:
     )
 
 
-def _agreement(answer: Answer) -> str:
+def _agreement(answer: ExplainResult) -> str:
     """Say how near a model that lacks nothing is to its check recordings."""
     learned, over = answer.explanation.floors_as_learned, []
     for gap in answer.verdict.gaps:
@@ -174,7 +180,7 @@ def _agreement(answer: Answer) -> str:
     )
 
 
-def _now(answer: Answer, next_name: str, folder: str) -> list[Block]:
+def _now(answer: ExplainResult, next_name: str, folder: str) -> list[Block]:
     """Say what was added to which file, and what to do next."""
     blocks: list[Block] = [Paragraph(added_sentence(answer, folder))]
     if answer.has_model:
@@ -190,16 +196,16 @@ def _now(answer: Answer, next_name: str, folder: str) -> list[Block]:
     return blocks
 
 
-def _not_judged(answer: Answer) -> list[Block]:
+def _not_judged(answer: ExplainResult) -> list[Block]:
     names = answer.verdict.not_judged
     blocks: list[Block] = [Warnings(answer.remarks)] if answer.remarks else []
     if names:
         sentences = {answer.title_of(name): unjudged_sentence(answer, name) for name in names}
-        blocks.append(Facts(sentences))
+        blocks.append(FactTable(sentences))
     return blocks or [Paragraph("Every effect of this kind of bench was judged.")]
 
 
-def _facts(answer: Answer) -> Block:
+def _facts(answer: ExplainResult) -> Block:
     verdict, model = answer.verdict, answer.request.loaded.model
     facts = {
         "model": f"{model.name} ({answer.request.model_file})",
@@ -211,10 +217,12 @@ def _facts(answer: Answer) -> Block:
         "took": f"{answer.seconds:.1f} s",
         "software": f"benchtool {__version__}",
     }
-    return Facts(facts | {f"sha256 of {name}": digest for name, digest in answer.hashes.items()})
+    return FactTable(
+        facts | {f"sha256 of {name}": digest for name, digest in answer.hashes.items()}
+    )
 
 
-def _highlights(answer: Answer) -> dict[str, str]:
+def _highlights(answer: ExplainResult) -> dict[str, str]:
     verdict = answer.verdict
     shown = {
         f"{effect.title}: {item.name}": parameter_text(item)
@@ -227,7 +235,7 @@ def _highlights(answer: Answer) -> dict[str, str]:
     return shown
 
 
-def _depends(answer: Answer) -> Block | None:
+def _depends(answer: ExplainResult) -> Block | None:
     """Say what was weighed, and how a law is scored; None where nothing depends on anything."""
     found = answer.verdict.depends
     if found is None:
@@ -277,7 +285,7 @@ ANSWER = Page(
 
 
 def answer_page(
-    answer: Answer, figures: Mapping[str, FigureBlock], next_name: str = "", folder: str = ""
+    answer: ExplainResult, figures: Mapping[str, FigureBlock], next_name: str = "", folder: str = ""
 ) -> Report:
     """Return the report page of an answer."""
     report = ANSWER.report(answer, answer.commands, figures)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from benchtool.explain.answer import Answer, channel_words
+from benchtool.explain.answer import ExplainResult, channel_words
 from benchtool.explain.engine.verdict import STAGES, ChannelGap, FoundParameter, NamedEffect
 from benchtool.report.answer.figures import parameter_text, percentage
-from benchtool.report.numbers import decimals_for, exponent_of, power_of_ten, scaled, with_unit
+from benchtool.report.numbers import decimal_exponent, decimals_for, power_of_ten, scaled, with_unit
 from benchtool.report.page import Table
 
 
-def effects_table(answer: Answer) -> Table:
+def effects_table(answer: ExplainResult) -> Table:
     """List every named effect with its parameters, intervals and evidence."""
     rows = [
         _effect_row(effect, item, first=item is effect.parameters[0])
@@ -27,12 +27,12 @@ def effects_table(answer: Answer) -> Table:
     )
 
 
-def short_effects_table(answer: Answer) -> Table:
+def short_effects_table(answer: ExplainResult) -> Table:
     """List every named effect in the width of a terminal."""
     return effects_table(answer).narrowed((0, 2, 3, 4, 5, 6), _effects_caption(answer), 2)
 
 
-def _effects_caption(answer: Answer, more: str = "") -> str:
+def _effects_caption(answer: ExplainResult, more: str = "") -> str:
     alone = (
         " A member of a class has the numbers that it would have by itself."
         if answer.verdict.kind == "class"
@@ -61,7 +61,7 @@ def _effect_row(effect: NamedEffect, item: FoundParameter, *, first: bool) -> tu
 
 
 def _interval(item: FoundParameter) -> str:
-    exponent = exponent_of(item.value, item.std)
+    exponent = decimal_exponent(item.value, item.std)
     decimals = decimals_for(item.std / 10.0**exponent)
     shown = f"{scaled(item.low, exponent, decimals)} … {scaled(item.high, exponent, decimals)}"
     return f"({shown})·{power_of_ten(exponent)}" if exponent else shown
@@ -75,7 +75,7 @@ SHORT_LEGEND = (
 LEGEND = f"As given: the model as its file states it. {SHORT_LEGEND}"
 
 
-def gap_table(answer: Answer) -> Table:
+def gap_table(answer: ExplainResult) -> Table:
     """List the gap of each channel: as given, before, after, floor."""
     return Table(
         f"{_gap_caption(answer)} {LEGEND}",
@@ -88,13 +88,13 @@ def gap_table(answer: Answer) -> Table:
     )
 
 
-def short_gap_table(answer: Answer) -> Table:
+def short_gap_table(answer: ExplainResult) -> Table:
     """List the gap in the width of a terminal."""
     caption = f"{_gap_caption(answer)} {SHORT_LEGEND}"
     return gap_table(answer).narrowed((0, 1, 3, 4, 5, 7), caption)
 
 
-def _gap_caption(answer: Answer) -> str:
+def _gap_caption(answer: ExplainResult) -> str:
     window = answer.verdict.window_s
     each = f"over windows of {window:g} s" if window > 0.0 else "of settled points"
     return f"Prediction error on the check recordings, root mean square {each}."
@@ -127,7 +127,7 @@ def _share(gap: ChannelGap) -> str:
     return f"{100.0 * min(1.0, max(0.0, gap.share_closed)):.0f} %"
 
 
-def unjudged_sentence(answer: Answer, name: str) -> str:
+def unjudged_sentence(answer: ExplainResult, name: str) -> str:
     """Say of an effect why this data cannot show it."""
     one = answer.verdict.not_judged[name]
     if one.reason == "no_trace":
@@ -144,7 +144,7 @@ def unjudged_sentence(answer: Answer, name: str) -> str:
     return f"would have to be {one.size:.2g} tolerances large to show{own}"
 
 
-def tolerances_table(answer: Answer) -> Table:
+def tolerances_table(answer: ExplainResult) -> Table:
     """List the tolerances of every effect that was tried."""
     items = answer.verdict.parameters
     rows = [
@@ -161,7 +161,7 @@ def tolerances_table(answer: Answer) -> Table:
     )
 
 
-def next_table(answer: Answer) -> Table:
+def next_table(answer: ExplainResult) -> Table:
     """List what the next experiment is expected to separate the likeliest explanation from."""
     experiment = answer.verdict.next
     expected = experiment.expected if experiment is not None else {}

@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from benchtool.core.channel import error_name
-from benchtool.core.counted import counted
+from benchtool.core.channel import error_channel_name
 from benchtool.core.errors import InputError, UnknownChoice, check_number
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.data.derived import with_quantities
 from benchtool.data.quantities import QUANTITIES, Quantity
@@ -63,7 +63,7 @@ class RunComparison:
         return {run.name: with_quantities(run.rows, run.quantities) for run in self.runs}
 
 
-def compared(
+def compare_runs(
     paths: Sequence[Path], over: Over = "thrust", thrust_N: float | None = None
 ) -> RunComparison:
     """Return runs and recordings side by side; FileFormatError for a path without thrust."""
@@ -95,7 +95,7 @@ def compared(
     )
 
 
-MOST_BARS = 60  # rows of a run with error bars in a panel; more would hide each other; assumed
+MAX_BARS = 60  # rows of a run with error bars in a panel; more would hide each other; assumed
 MAIN = 0.1  # rows above this share of a run's greatest thrust set the range of an axis; assumed
 
 
@@ -126,35 +126,35 @@ def _drawn(one: RunComparison) -> list[Quantity]:
         f"Every quantity that a run allows over {one.over}, run by run: settings of sweeps"
         + (" with the plate parked" if any(run.away for run in one.runs) else "")
         + f", levels of recordings; bars: standard errors where they are known, of up to "
-        f"{MOST_BARS} rows."
+        f"{MAX_BARS} rows."
         f"{_left_out(one)}"
     ),
     when=lambda one: bool(_drawn(one)),
     height_in=lambda one: panels_height(_drawn(one)) + 0.2 * (len(one.runs) // 3),
 )
-def curves(figure: Figure, one: RunComparison) -> None:
+def curves(figure: Figure, comparison: RunComparison) -> None:
     """Draw every quantity of several runs over thrust, rpm, power, throttle or distance."""
-    column, label = AXES[one.over]
-    quantities = _drawn(one)
+    column, label = AXES[comparison.over]
+    quantities = _drawn(comparison)
     for axes, quantity in zip(quantity_panels(figure, quantities, label), quantities, strict=True):
-        for place, run in enumerate(one.runs):
+        for place, run in enumerate(comparison.runs):
             x, y = run.values(column), run.values(quantity.name)
             if x is None or y is None:
                 continue
             color, marker = CYCLE[place % len(CYCLE)], MARKERS[place % len(MARKERS)]
             loaded = run.loaded
-            if loaded.sum() > MOST_BARS:
+            if loaded.sum() > MAX_BARS:
                 axes.plot(x[0][loaded], y[0][loaded], ".", color=color, ms=2.5, zorder=1.5)
             else:
                 points(axes, x[0][loaded], y[0][loaded], y[1][loaded], color, marker, ms=3.4)
-        axes.set_xlim(left=0.0 if one.over != "throttle" else None)
-        _limit(axes, one, quantity.name)
+        axes.set_xlim(left=0.0 if comparison.over != "throttle" else None)
+        _limit(axes, comparison, quantity.name)
     handles = [
         Line2D([], [], ls="", marker=MARKERS[place % len(MARKERS)], color=CYCLE[place % len(CYCLE)],
                label=run.name)
-        for place, run in enumerate(one.runs)
+        for place, run in enumerate(comparison.runs)
     ]  # fmt: skip
-    longest = max(len(run.name) for run in one.runs)
+    longest = max(len(run.name) for run in comparison.runs)
     figure.legend(handles=handles, loc="outside lower right", ncols=3 if longest <= 22 else 2)
 
 
@@ -166,7 +166,7 @@ def _limit(axes: Axes, one: RunComparison, name: str) -> None:
             thrust = run.rows.column("thrust_N")
             rows = thrust > MAIN * np.nanmax(thrust)
             value, error = pair[0][rows], np.nan_to_num(pair[1][rows])
-            if rows.sum() > MOST_BARS:
+            if rows.sum() > MAX_BARS:
                 value, error = np.nanpercentile(value, (2, 98)), np.zeros(2)
             shown += [value - error, value + error]
     values = np.concatenate(shown)
@@ -184,21 +184,30 @@ TITLES = {
 }  # fmt: skip
 
 
-def best_table(one: RunComparison) -> Table | None:
+def best_table(comparison: RunComparison) -> Table | None:
     """List what each run does at the wanted thrust, the most efficient first."""
-    if not one.found:
+    if not comparison.found:
         return None
-    shown = [key for key in (*EFFICIENCIES, *SHOWN) if any(key in f.values for f in one.found)]
+    shown = [
+        key for key in (*EFFICIENCIES, *SHOWN) if any(key in f.values for f in comparison.found)
+    ]
     rows = []
-    for place, found in enumerate(one.found, 1):
+    for place, found in enumerate(comparison.found, 1):
         cells = [value_with_sd(*found.values[key]) if key in found.values else "–" for key in shown]
-        has_rank = one.ranked_by in found.values
+        has_rank = comparison.ranked_by in found.values
         remark = found.remark or ("" if has_rank else "no efficiency: it measures no current")
         rows.append(
-            (str(place) if has_rank else "–", found.run, *cells, _behind(one, found), remark or "–")
+            (
+                str(place) if has_rank else "–",
+                found.run,
+                *cells,
+                _behind(comparison, found),
+                remark or "–",
+            )
         )
     return Table(
-        f"At {one.thrust_N:g} N, the most efficient first ({TITLES[one.ranked_by]}): by a fit "
+        f"At {comparison.thrust_N:g} N, the most efficient first "
+        f"({TITLES[comparison.ranked_by]}): by a fit "
         f"to the rows within a factor 1.5 of it ± standard errors. Behind: less efficient than the "
         f"first, in standard deviations of the difference.",
         ("rank", "run", *(TITLES[key] for key in shown), "behind [sd]", "remark"),
@@ -207,13 +216,13 @@ def best_table(one: RunComparison) -> Table | None:
     )
 
 
-def short_table(one: RunComparison) -> Table | None:
+def short_table(comparison: RunComparison) -> Table | None:
     """Return the table in the width of a terminal."""
-    table = best_table(one)
+    table = best_table(comparison)
     if table is None:
         return None
-    power = TITLES[EFFICIENCIES[one.ranked_by]]
-    wanted = ("rank", "run", TITLES[one.ranked_by], power, "rpm", "behind [sd]", "remark")
+    power = TITLES[EFFICIENCIES[comparison.ranked_by]]
+    wanted = ("rank", "run", TITLES[comparison.ranked_by], power, "rpm", "behind [sd]", "remark")
     columns = [table.header.index(head) for head in wanted if head in table.header]
     return table.narrowed(columns)
 
@@ -227,26 +236,27 @@ def _behind(one: RunComparison, found: AtThrust) -> str:
     return f"{(first - own) / spread:.1f}" if spread > 0.0 else "–"
 
 
-def best_rows(one: RunComparison) -> list[dict[str, object]]:
+def best_rows(comparison: RunComparison) -> list[dict[str, object]]:
     """Return what each run does at the wanted thrust as rows of columns, errors beside values."""
     rows: list[dict[str, object]] = []
-    for found in one.found:
+    for found in comparison.found:
         values = {key: value for key, (value, _) in found.values.items()}
-        errors = {error_name(key): sd for key, (_, sd) in found.values.items()}
+        errors = {error_channel_name(key): sd for key, (_, sd) in found.values.items()}
         rows.append({"run": found.run, "remark": found.remark, **values, **errors})
     return rows
 
 
-def comparison_sentence(one: RunComparison) -> str:
+def comparison_sentence(comparison: RunComparison) -> str:
     """Say which run is best at the wanted thrust, and which do not reach it."""
-    names = f"{counted(len(one.runs), 'run')}: {', '.join(run.name for run in one.runs)}."
-    if not one.found:
+    runs = comparison.runs
+    names = f"{pluralize(len(runs), 'run')}: {', '.join(run.name for run in runs)}."
+    if not comparison.found:
         return names
-    best, words = one.found[0], ""
-    if one.ranked_by in best.values:
-        value = value_with_sd(*best.values[one.ranked_by])
-        words = f" At {one.thrust_N:g} N {best.run} is the most efficient: {value} gf/W."
-    missed = [f"{found.run} ({found.remark})" for found in one.found if not found.values]
+    best, words = comparison.found[0], ""
+    if comparison.ranked_by in best.values:
+        value = value_with_sd(*best.values[comparison.ranked_by])
+        words = f" At {comparison.thrust_N:g} N {best.run} is the most efficient: {value} gf/W."
+    missed = [f"{found.run} ({found.remark})" for found in comparison.found if not found.values]
     return f"{names}{words}" + (f" Not at that thrust: {', '.join(missed)}." if missed else "")
 
 

@@ -14,19 +14,19 @@ from matplotlib.figure import Figure
 from scipy.special import ndtri
 
 from benchtool import __version__
-from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
-from benchtool.core.parameter import full_name
+from benchtool.core.parameter import resolve_name
+from benchtool.core.plural import pluralize
 from benchtool.data.atomic import json_ready, make_folder, replace_json
 from benchtool.data.run.entry import FIT_FILE
-from benchtool.fit.pool.hierarchy import Difference, Pooled, RigValues, pool_rigs
+from benchtool.fit.pool.hierarchy import Difference, PooledEstimates, RigValues, pool_rigs
 from benchtool.physics.catalogue import EFFECTS
-from benchtool.report.figure import Page, drawn, figure
+from benchtool.report.figure import Page, figure, render_figures
 from benchtool.report.files import save_figure
 from benchtool.report.fit.page import refuse_full
 from benchtool.report.fit.stored_fit import StoredFit, read_stored
 from benchtool.report.html import write_report
-from benchtool.report.numbers import numeral, unit_for_people, value_with_sd
+from benchtool.report.numbers import display_unit, format_number, value_with_sd
 from benchtool.report.page import Table
 from benchtool.report.palette import BLUE, GREY, PALE
 
@@ -37,7 +37,7 @@ ONE_QUANTITY = 1.0 - 1e-9  # correlation from which two are one quantity: R_m, R
 class PooledFits:
     """Hold the fits of several rigs and what they say together."""
 
-    pooled: Pooled
+    pooled: PooledEstimates
     units: Mapping[str, str]  # of parameters
     basis: str
     simulated: bool
@@ -55,13 +55,13 @@ def pool_fits(
     """Pool the fits of folders, one of each rig; NotConverged where chains of tau disagree."""
     if len(folders) < 2:
         raise InputError(
-            f"{counted(len(folders), 'fit')} given; pooling needs folders of 2 or more fits, as of "
-            f"benchtool fit RUN --model MODEL --out FITS/RUN"
+            f"{pluralize(len(folders), 'fit')} given; pooling needs folders of 2 or more fits, as "
+            f"of benchtool fit RUN --model MODEL --out FITS/RUN"
         )
     fits = {name: read_stored(folder) for name, folder in _names(folders).items()}
     hashes = _checked(fits)
     known = list(dict.fromkeys(name for fit in fits.values() for name in _budget(fit).names))
-    both = [full_name(name, known, "fitted parameter") for name in (*of, *shared)]
+    both = [resolve_name(name, known, "fitted parameter") for name in (*of, *shared)]
     names = list(dict.fromkeys(both)) or [
         name
         for name in known
@@ -176,14 +176,14 @@ def _each(one: PooledFits) -> Iterator[tuple[int, str, bool]]:
 
 
 def _span(low: float, high: float) -> str:
-    return f"{numeral(low, '.4g')} to {numeral(high, '.4g')}"
+    return f"{format_number(low, '.4g')} to {format_number(high, '.4g')}"
 
 
-def summary(one: PooledFits) -> str:
+def summary(pooled_fits: PooledFits) -> str:
     """Say what the rigs share, how far they scatter, and which differ."""
-    pooled = one.pooled
+    pooled = pooled_fits.pooled
     lines = []
-    for k, name, shared in _each(one):
+    for k, name, shared in _each(pooled_fits):
         mean = value_with_sd(float(pooled.mean[:, k].mean()), float(pooled.mean[:, k].std()))
         if shared:
             lines.append(f"{name}, the same in all rigs: {mean}.")
@@ -198,7 +198,7 @@ def summary(one: PooledFits) -> str:
             f"{alike}, even odds before."
         )
         lines.append(
-            f"  real differences: {len(real)} of {counted(len(found), 'pair')}"
+            f"  real differences: {len(real)} of {pluralize(len(found), 'pair')}"
             + (f"; the surest: {_words(real[0])}" if real else f"; the largest: {_words(found[0])}")
         )
     return "\n".join(lines)
@@ -211,14 +211,14 @@ def _words(found: Difference) -> str:
     )
 
 
-def rigs_table(one: PooledFits) -> Table:
+def rigs_table(pooled_fits: PooledFits) -> Table:
     """Return each rig's values, by itself and pooled."""
     rows = [
         (
             row["parameter"], row["rig"], value_with_sd(row["value"], row["sd"]),
             value_with_sd(row["pooled"], row["pooled_sd"]), _span(row["low_95"], row["high_95"]),
         )
-        for row in rigs_rows(one)
+        for row in rigs_rows(pooled_fits)
     ]  # fmt: skip
     return Table(
         "Each rig by itself (± combined standard uncertainty of its budget) and pooled.",
@@ -226,38 +226,38 @@ def rigs_table(one: PooledFits) -> Table:
     )  # fmt: skip
 
 
-def differences_rows(one: PooledFits) -> list[dict[str, Any]]:
+def differences_rows(pooled_fits: PooledFits) -> list[dict[str, Any]]:
     """Return every difference as rows of columns."""
     return [
         {"parameter": name} | asdict(each) | {"real": each.real}
-        for name, found in one.pooled.differences.items()
+        for name, found in pooled_fits.pooled.differences.items()
         for each in found
     ]
 
 
-def rigs_rows(one: PooledFits) -> list[dict[str, Any]]:
+def rigs_rows(pooled_fits: PooledFits) -> list[dict[str, Any]]:
     """Return each rig's values, by itself and pooled, as rows of columns."""
     rows = []
-    for k, name, shared in _each(one):
-        for place, value, sd in one.pooled.values_of(name):
-            draws = one.pooled.mean[:, k] if shared else one.pooled.own[:, place, k]
+    for k, name, shared in _each(pooled_fits):
+        for place, value, sd in pooled_fits.pooled.values_of(name):
+            draws = pooled_fits.pooled.mean[:, k] if shared else pooled_fits.pooled.own[:, place, k]
             low, high = np.quantile(draws, [0.025, 0.975]).tolist()
             rows.append({
-                "parameter": name, "rig": one.pooled.rigs[place].name, "unit": one.units[name],
-                "value": value, "sd": sd, "pooled": float(draws.mean()),
+                "parameter": name, "rig": pooled_fits.pooled.rigs[place].name, "unit":
+                pooled_fits.units[name], "value": value, "sd": sd, "pooled": float(draws.mean()),
                 "pooled_sd": float(draws.std()), "low_95": low, "high_95": high,
             })  # fmt: skip
     return rows
 
 
-def tables(one: PooledFits) -> dict[str, Any]:
+def tables(pooled_fits: PooledFits) -> dict[str, Any]:
     """Return the contents of pool.json."""
-    pooled = one.pooled
+    pooled = pooled_fits.pooled
     parameters = {}
-    for k, name, shared in _each(one):
+    for k, name, shared in _each(pooled_fits):
         mean, tau = pooled.mean[:, k], pooled.tau[:, k]
         parameters[name] = {
-            "unit": one.units[name],
+            "unit": pooled_fits.units[name],
             "shared": shared,
             "mean": float(mean.mean()),
             "mean_sd": float(mean.std()),
@@ -269,9 +269,11 @@ def tables(one: PooledFits) -> dict[str, Any]:
         }
     found: dict[str, Any] = json_ready(
         {
-            "format": "benchtool-pool-1", "software": f"benchtool {__version__}", "seed": one.seed,
-            "basis": one.basis, "simulated": one.simulated, "data": dict(one.hashes),
-            "parameters": parameters, "rigs": rigs_rows(one), "differences": differences_rows(one),
+            "format": "benchtool-pool-1", "software": f"benchtool {__version__}",
+            "seed": pooled_fits.seed, "basis": pooled_fits.basis,
+            "simulated": pooled_fits.simulated, "data": dict(pooled_fits.hashes),
+            "parameters": parameters, "rigs": rigs_rows(pooled_fits),
+            "differences": differences_rows(pooled_fits),
         }
     )  # fmt: skip
     return found
@@ -284,16 +286,16 @@ def tables(one: PooledFits) -> dict[str, Any]:
     "common mean.",
     height_in=lambda one: 0.5 + -(-len(one.units) // BESIDE) * (0.8 + 0.36 * len(one.pooled.rigs)),
 )
-def forest(figure: Figure, one: PooledFits) -> None:
+def forest(figure: Figure, pooled_fits: PooledFits) -> None:
     """Draw every rig's value by itself and pooled, a panel for each parameter."""
-    pooled, table = one.pooled, rigs_rows(one)
+    pooled, table = pooled_fits.pooled, rigs_rows(pooled_fits)
     rigs = [rig.name for rig in pooled.rigs]
     beside = min(BESIDE, len(pooled.names))
     down = -(-len(pooled.names) // beside)
     every = figure.subplots(down, beside, sharey=True, squeeze=False).ravel()
     for axes in every[len(pooled.names) :]:
         axes.set_visible(False)
-    for axes, (k, name, _) in zip(every, _each(one), strict=False):
+    for axes, (k, name, _) in zip(every, _each(pooled_fits), strict=False):
         axes.axvspan(*np.quantile(pooled.mean[:, k], [0.025, 0.975]), color=PALE, lw=0.0)
         axes.axvline(float(pooled.mean[:, k].mean()), color=GREY, lw=0.8)
         for row in (row for row in table if row["parameter"] == name):
@@ -303,7 +305,7 @@ def forest(figure: Figure, one: PooledFits) -> None:
                           mfc="white", ms=4.5, label="by itself")  # fmt: skip
             axes.errorbar(pool, place + 0.14, xerr=ends, fmt="o", color=BLUE, ms=4.5,
                           label="pooled")  # fmt: skip
-        unit = unit_for_people(one.units[name])
+        unit = display_unit(pooled_fits.units[name])
         axes.set_xlabel(name if unit == "–" else f"{name} [{unit}]")
         axes.set_ylim(len(rigs) - 0.5, -0.5)
         axes.set_yticks(range(len(rigs)), rigs)
@@ -314,18 +316,18 @@ def forest(figure: Figure, one: PooledFits) -> None:
 POOL = Page(
     "compare.pooled",
     [("Each rig by itself and pooled", [rigs_table, "forest"])],
-    title=lambda one: f"{counted(len(one.pooled.rigs), 'fit')} pooled",
+    title=lambda one: f"{pluralize(len(one.pooled.rigs), 'fit')} pooled",
     summary=summary,
 )
 
 
-def write_pool(folder: Path, one: PooledFits, commands: Sequence[str] = ()) -> list[Path]:
+def write_pool(folder: Path, pooled_fits: PooledFits, commands: Sequence[str] = ()) -> list[Path]:
     """Write page, figure and pool.json into a new folder; return the files."""
     refuse_full(folder)
     make_folder(folder)
-    replace_json(folder / "pool.json", tables(one))
-    figures = drawn("compare.pooled", one, POOL.figures)
+    replace_json(folder / "pool.json", tables(pooled_fits))
+    figures = render_figures("compare.pooled", pooled_fits, POOL.figures)
     saved = [path for name, block in figures.items()
              for path in save_figure(block.figure, folder / name)]  # fmt: skip
-    page = write_report(folder / "report.html", POOL.report(one, commands, figures))
+    page = write_report(folder / "report.html", POOL.report(pooled_fits, commands, figures))
     return [page, folder / "pool.json", *saved]

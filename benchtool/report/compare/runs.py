@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.acquire.plan import plan_from_toml
-from benchtool.core.array import Array
-from benchtool.core.channel import error_name
+from benchtool.core.array_type import Array
+from benchtool.core.channel import error_channel_name
 from benchtool.core.errors import FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
-from benchtool.data.columns import code_of
-from benchtool.data.derived import QuantityValues, derive, run_circumstances
-from benchtool.data.levels import levels_of, read_levels
+from benchtool.data.columns import word_to_code
+from benchtool.data.derived import QuantityValues, derive_quantities, run_circumstances
+from benchtool.data.levels import read_levels, split_levels
 from benchtool.data.run.read import is_run, read_points, read_samples
 from benchtool.data.run.run import Run
 from benchtool.data.run.settings import aggregate, settings_quantities
@@ -63,7 +63,7 @@ class ComparedRun:
                 return one.value, one.total_error
         if name not in self.rows or not np.isfinite(self.rows.column(name)).any():
             return None
-        error = error_name(name)
+        error = error_channel_name(name)
         none = np.full(len(self.rows), np.nan)
         return self.rows.column(name), self.rows.column(error) if error in self.rows else none
 
@@ -75,19 +75,21 @@ def read_compared(path: Path, over: Over = "thrust") -> ComparedRun:
     references, or all of their settings without any. Raises FileFormatError without thrust.
     """
     if is_run(path) and (ramps := _ramps(path)) is not None:
-        rows, found = ramps, derive(ramps, run_circumstances(path))
+        rows, found = ramps, derive_quantities(ramps, run_circumstances(path))
         run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=found)
     elif is_run(path):
         points = read_points(path)
         rows, found = aggregate(points), settings_quantities(path, points)
-        parked = rows.column("kind") == code_of("kind", "reference")
+        parked = rows.column("kind") == word_to_code("kind", "reference")
         away = bool(parked.any()) and over != "distance"
         chosen = parked if away else ~parked if over == "distance" else np.ones(len(rows), bool)
         run = ComparedRun(name=path.resolve().name, path=path, rows=rows, quantities=found)
         run = replace(_selected(run, chosen), away=away)
     else:
         rows, known = read_levels(path)
-        run = ComparedRun(name=path.stem, path=path, rows=rows, quantities=derive(rows, known))
+        run = ComparedRun(
+            name=path.stem, path=path, rows=rows, quantities=derive_quantities(rows, known)
+        )
     if run.values("thrust_N") is None:
         raise FileFormatError(str(path), "it holds no thrust, so there is nothing to compare")
     return run
@@ -102,8 +104,8 @@ def _ramps(path: Path) -> Recording | None:
     if plan.plate.used or plan.throttle.ramp_s < SLOW_S:
         return None
     samples = read_samples(path)
-    phases = [code_of("phase", name) for name in ("ramp", "settle", "sample")]
-    return levels_of(samples.select(np.isin(samples.column("phase"), phases)))
+    phases = [word_to_code("phase", name) for name in ("ramp", "settle", "sample")]
+    return split_levels(samples.select(np.isin(samples.column("phase"), phases)))
 
 
 def _selected(run: ComparedRun, chosen: NDArray[np.bool_]) -> ComparedRun:
@@ -216,10 +218,10 @@ def _scatter(x: Array, y: Array, local: float) -> float:
     return float(left @ left) / free
 
 
-def ranked(found: Sequence[AtThrust]) -> tuple[str, list[AtThrust]]:
+def ranked(results: Sequence[AtThrust]) -> tuple[str, list[AtThrust]]:
     """Return by what runs are ranked, and those that have it, the best first, then the others."""
-    known = (key for key in EFFICIENCIES if any(key in one.values for one in found))
+    known = (key for key in EFFICIENCIES if any(key in one.values for one in results))
     by = next(known, next(iter(EFFICIENCIES)))
     return by, sorted(
-        found, key=lambda one: one.values[by][0] if by in one.values else -1.0, reverse=True
+        results, key=lambda one: one.values[by][0] if by in one.values else -1.0, reverse=True
     )

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from benchtool.core.counted import counted
+from benchtool.core.plural import pluralize
 from benchtool.fit.uncertainty.budget import COVERAGE, Budget
 from benchtool.report.figure import figure
 from benchtool.report.fit.tables import MOST_WANTED, wanted_rank
-from benchtool.report.numbers import numeral, unit_for_people, with_unit
+from benchtool.report.numbers import display_unit, format_number, with_unit
 from benchtool.report.page import Block, Paragraph, Table
 from benchtool.report.palette import BLACK, BLUE, ORANGE
 
@@ -48,7 +48,7 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
     size = np.nan_to_num(budget.one_percent, nan=1.0)
 
     def shares(numbers: object) -> list[str]:
-        return [numeral(float(one), ".2g") for one in (np.asarray(numbers) / size)[places]]
+        return [format_number(float(one), ".2g") for one in (np.asarray(numbers) / size)[places]]
 
     fall = 1.0 - np.sqrt(1.0 - 0.75 * (budget.parts / budget.combined) ** 2)[:, places]
     most = [places[int(place)] for place in np.argmax(fall, axis=1)]
@@ -73,10 +73,10 @@ def budget_table(budget: Budget, *, short: bool = False) -> Table:
         total(f"Monte Carlo, {INTERVAL}: lower end", drawn.low)
         total("upper end", drawn.high)
     is_zero = np.isnan(budget.one_percent)
-    units = (unit_for_people(budget.units[p]) if is_zero[p] else "%" for p in places)
+    units = (display_unit(budget.units[p]) if is_zero[p] else "%" for p in places)
     heads = (f"{budget.names[p]} [{unit}]" for p, unit in zip(places, units, strict=True))
     left_out = len(budget.lines) - len(lines)
-    rest = f" {counted(left_out, 'smaller source')} left out." if left_out else ""
+    rest = f" {pluralize(left_out, 'smaller source')} left out." if left_out else ""
     return Table(
         f"Uncertainty budget: standard uncertainties in percent of the value.{rest}",
         ("source", "standard uncertainty", "if halved", *heads),
@@ -89,7 +89,7 @@ MOST_DOF = 10_000.0  # above it Student's t is the normal distribution to four d
 
 
 def _dof(dof: float) -> str:
-    return f"above {MOST_DOF:,.0f}" if dof > MOST_DOF else numeral(dof, ".0f")
+    return f"above {MOST_DOF:,.0f}" if dof > MOST_DOF else format_number(dof, ".0f")
 
 
 def _name(budget: Budget, row: int) -> str:
@@ -129,7 +129,7 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
         [
             (
                 *(line.name, line.kind, line.distribution.replace("_", " "), line.correlation),
-                *(line.origin or "–", f"{line.sd:.3g}", unit_for_people(line.unit)),
+                *(line.origin or "–", f"{line.sd:.3g}", display_unit(line.unit)),
                 f"{line.dof:.3g}" if isfinite(line.dof) else "∞",
             )
             for line in budget.lines
@@ -140,7 +140,7 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
         "Sensitivities: change of each quantity over that of the source, in their SI units.",
         ("source", *names),
         [
-            (line.name, *(numeral(line.sensitivity[place], ".3g") for place in places))
+            (line.name, *(format_number(line.sensitivity[place], ".3g") for place in places))
             for line in budget.lines
         ],
     )
@@ -148,7 +148,7 @@ def budget_blocks(budget: Budget | None) -> list[Block]:
         "Correlations of the quantities by all sources together.",
         ("", *names),
         [
-            (budget.names[row], *(numeral(budget.correlation[row][p], ".2f") for p in places))
+            (budget.names[row], *(format_number(budget.correlation[row][p], ".2f") for p in places))
             for row in places
         ],
     )
@@ -177,7 +177,7 @@ def budget(figure: Figure, subject: Any) -> None:
         axes.axvline(budget.combined[place] / size, color=BLACK, linestyle="--", linewidth=1.0)
         axes.set_title(fill(budget.names[place], max(12, 56 // len(places))))
         is_zero = np.isnan(budget.one_percent[place])
-        unit = unit_for_people(budget.units[place])
+        unit = display_unit(budget.units[place])
         axes.set_xlabel(f"uncertainty [{unit}]" if is_zero else "percent of value")
     panels[0].set_yticks(range(len(lines)), [budget.lines[row].name for row in lines])
     panels[0].invert_yaxis()

@@ -11,13 +11,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.units import from_si
-from benchtool.data.columns import code_of
-from benchtool.fit.fit_data import FAR_Z_OVER_R
+from benchtool.data.columns import word_to_code
+from benchtool.fit.fit_data import REFERENCE_Z_OVER_R
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.physics.bases import factor_at
-from benchtool.physics.conditions import FAR_AWAY_M, Conditions
+from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M, Conditions
 from benchtool.physics.effects.partial_coverage import PARTIAL_COVERAGE, factor_table
 from benchtool.report.figure import figure
 from benchtool.report.fit.tables import scored_laws
@@ -26,11 +26,11 @@ from benchtool.report.panels import DASHED, points, rows_of
 from benchtool.report.ratio import (
     Curve,
     RatioPoints,
-    bands_over,
-    distances_of,
+    curve_distances,
     draw_ratio,
-    factor_over,
+    factor_at_distance,
     formula_curves,
+    uncertainty_bands,
 )
 
 LINE_POINTS = 120
@@ -48,12 +48,12 @@ def titled(what: str, fit: FitOutput) -> str:
     caption="Thrust near the plate over thrust far from it. Points: mean and standard deviation "
     "over repeats; solid line: the fitted model with its statistical 68 % and 95 % bands; dashed: "
     "the closed image formulae (PFI).",
-    when=lambda fit: bool(np.any(fit.data.z_over_R[fit.data.used] < FAR_Z_OVER_R)),
+    when=lambda fit: bool(np.any(fit.data.z_over_R[fit.data.used] < REFERENCE_Z_OVER_R)),
 )
 def ratio(figure: Figure, fit: FitOutput) -> None:
     """Draw T_IGE/T_OGE of the data over the fitted curve and the closed formulae."""
     series = ratio_points(fit, name_of_data(fit))
-    z, speeds = distances_of([series], fit.fitted), _fastest(fit).speed_rad_s
+    z, speeds = curve_distances([series], fit.fitted), _fastest(fit).speed_rad_s
     curves = [fitted_curve(fit, z), *formula_curves(fit.fitted.rig, speeds, z)]
     draw_ratio(figure, [series], curves, shown_basis(fit))
 
@@ -81,7 +81,7 @@ def ratio_points(fit: FitOutput, label: str, role: Role = "measurement") -> Rati
         parked = factor_at(model, fit.recipe.basis, data.reference)
         parked = np.broadcast_to(parked, measured.shape)
         measured, error = measured * parked, error * parked
-    shown = np.isfinite(measured) & (data.z_over_R < FAR_Z_OVER_R) & _fully_covered(fit)
+    shown = np.isfinite(measured) & (data.z_over_R < REFERENCE_Z_OVER_R) & _fully_covered(fit)
     distance = np.round(data.z_over_R, 2)
     rows = []
     for here in np.unique(distance[shown]):
@@ -109,7 +109,7 @@ def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = 
     speeds = _fastest(fit).speed_rad_s
     curve = Curve(
         z_over_R,
-        factor_over(fit.fitted, speeds, z_over_R, basis=shown_basis(fit)),
+        factor_at_distance(fit.fitted, speeds, z_over_R, basis=shown_basis(fit)),
         label or f"fit: {fit.fitted.name}",
         role,
         "fit",
@@ -125,7 +125,9 @@ def fitted_curve(fit: FitOutput, z_over_R: Array, label: str = "", role: Role = 
     else:  # data that do not determine the curve have no band
         return curve
     free = {item.name: draws[:, [column]] for column, item in enumerate(result.estimates)}
-    return replace(curve, bands=bands_over(fit.fitted, speeds, z_over_R, free, shown_basis(fit)))
+    return replace(
+        curve, bands=uncertainty_bands(fit.fitted, speeds, z_over_R, free, shown_basis(fit))
+    )
 
 
 def _fastest(fit: FitOutput) -> Conditions:
@@ -183,9 +185,11 @@ def thrust(figure: Figure, fit: FitOutput) -> None:
 def _levels(fit: FitOutput) -> Iterator[tuple[str, NDArray[np.intp], str, str]]:
     """Give label, rows by rising speed, colour and marker of each plate distance."""
     data = fit.data
-    distance = np.where(data.conditions.plate_z_m >= FAR_AWAY_M, np.inf, data.z_over_R.round(2))
+    distance = np.where(
+        data.conditions.plate_z_m >= OUT_OF_GROUND_EFFECT_M, np.inf, data.z_over_R.round(2)
+    )
     if "kind" in data.points:
-        parked = data.points.column("kind") == code_of("kind", "reference")
+        parked = data.points.column("kind") == word_to_code("kind", "reference")
         distance = np.where(parked, np.inf, distance)
     known = np.unique(distance[data.used])
     shades = mpl.colormaps["viridis"](np.linspace(0.0, 0.88, max(np.isfinite(known).sum(), 1)))
@@ -256,7 +260,7 @@ def _increments(fit: FitOutput) -> tuple[Array, Array, Array]:
         low, high = np.ones(len(whole)), factor_at(model, fit.recipe.basis, whole, values)
     share = (data.observed - low) / (high - low)
     coverage = data.conditions.coverage.mean(axis=0)
-    shown = data.used & (data.z_over_R < FAR_Z_OVER_R) & (high - low > 0.01 * low)
+    shown = data.used & (data.z_over_R < REFERENCE_Z_OVER_R) & (high - low > 0.01 * low)
     rows = []
     for here in np.unique(coverage[shown].round(2)):
         at = shown & (coverage.round(2) == here)

@@ -9,10 +9,10 @@ from benchtool import __version__
 from benchtool.core.errors import WouldOverwrite
 from benchtool.core.fit_result import FitResult
 from benchtool.data.atomic import make_folder
-from benchtool.fit.diagnose import lacks_something, times_as_much
+from benchtool.fit.diagnose import has_misfit, times_as_much
 from benchtool.fit.result_file import write_result
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.report.figure import Page, drawn
+from benchtool.report.figure import Page, render_figures
 from benchtool.report.files import save_figure
 from benchtool.report.fit.budget import budget_blocks
 from benchtool.report.fit.tables import (
@@ -24,8 +24,8 @@ from benchtool.report.fit.tables import (
     wanted_rank,
 )
 from benchtool.report.html import write_report
-from benchtool.report.numbers import unit_for_people
-from benchtool.report.page import Block, Facts, Paragraph, Warnings
+from benchtool.report.numbers import display_unit
+from benchtool.report.page import Block, FactTable, Paragraph, Warnings
 from benchtool.report.run_facts import run_sections
 
 
@@ -48,7 +48,7 @@ def _compared(fit: FitOutput) -> list[Block]:
     return blocks
 
 
-def _facts(fit: FitOutput) -> Facts:
+def _facts(fit: FitOutput) -> FactTable:
     rig = fit.loaded.model.rig
     stated = len(rig.sources) - len(rig.not_stated)
     facts = {
@@ -68,7 +68,7 @@ def _facts(fit: FitOutput) -> Facts:
     facts |= {f"outcome of {result.method}": result.outcome.message for result in fit.results}
     if repairs := fit.data.points.provenance.get("repairs", ""):
         facts["repairs made while reading"] = repairs
-    return Facts(facts)
+    return FactTable(facts)
 
 
 def _highlights(fit: FitOutput) -> dict[str, str]:
@@ -81,7 +81,7 @@ def _highlights(fit: FitOutput) -> dict[str, str]:
     )
     tiles = {}
     for item in ranked[:4]:
-        unit = unit_for_people(item.unit)
+        unit = display_unit(item.unit)
         tiles[item.name if unit == "–" else f"{item.name} [{unit}]"] = printed(item)
     return tiles
 
@@ -116,7 +116,7 @@ def write_fit(folder: Path, fit: FitOutput, commands: Sequence[str] = ()) -> Pat
     refuse_full(folder)
     make_folder(folder)
     write_result(folder, fit)
-    figures = drawn("fit", fit, FIT.figures)
+    figures = render_figures("fit", fit, FIT.figures)
     for name, block in figures.items():
         save_figure(block.figure, folder / name)
     return write_report(folder / "report.html", FIT.report(fit, commands, figures))
@@ -147,7 +147,7 @@ def sentence_of(first: FitResult, *, model: str, rig: str, basis: str, used: int
         f"points scatter {times_as_much(first)} as much as their stated errors (chi2/dof = "
         f"{first.chi2_per_dof:.3g})"
     )
-    if lacks_something(first):
+    if has_misfit(first):
         scatter += ", so the model lacks something and the intervals are too narrow"
     judged = {
         "rejected": f" The model is rejected: {scatter}.",

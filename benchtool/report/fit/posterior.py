@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import ScalarFormatter
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.fit_result import Estimate, FitResult
 from benchtool.fit.ensemble import convergence_of
 from benchtool.fit.run_recipe import FitOutput
 from benchtool.report.figure import figure
-from benchtool.report.numbers import unit_for_people, with_statistical
+from benchtool.report.numbers import display_unit, with_statistical
 from benchtool.report.palette import BLUE, CYCLE, VERMILION
 from benchtool.report.panels import rows_of
 
@@ -46,7 +46,7 @@ def _labels(result: FitResult) -> list[str]:
     labels = []
     for estimate in result.estimates:
         owner, _, own = estimate.name.rpartition(".")
-        unit = "" if estimate.unit == "1" else f" [{unit_for_people(estimate.unit)}]"
+        unit = "" if estimate.unit == "1" else f" [{display_unit(estimate.unit)}]"
         labels.append(f"{owner}\n{own}{unit}" if owner else f"{own}{unit}")
     return labels
 

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.fit.run_recipe import FitOutput
-from benchtool.physics.conditions import FAR_AWAY_M
+from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLUE, GREY, ORANGE, VERMILION
 from benchtool.report.panels import points, spread
@@ -38,7 +38,9 @@ def residuals(figure: Figure, fit: FitOutput) -> None:
     (distance, histogram), (order, runs) = figure.subplots(
         2, 2, gridspec_kw={"width_ratios": [1.5, 1.0]}
     )
-    far = np.where(data.conditions.plate_z_m[rows] >= FAR_AWAY_M, np.inf, data.z_over_R[rows])
+    far = np.where(
+        data.conditions.plate_z_m[rows] >= OUT_OF_GROUND_EFFECT_M, np.inf, data.z_over_R[rows]
+    )
     in_order = np.argsort(data.conditions.time_s[rows], kind="stable")
     _against_distance(distance, far, values)
     _as_histogram(histogram, values)

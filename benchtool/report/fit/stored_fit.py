@@ -73,7 +73,7 @@ class StoredFit:
         return (*blocks, Warnings(self.warnings))
 
 
-def stored(output: FitOutput) -> StoredFit:
+def to_stored_fit(output: FitOutput) -> StoredFit:
     """Return a fit as its folder would store it."""
     return stored_from(result_tables(output), FIT_FILE)
 

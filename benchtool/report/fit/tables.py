@@ -10,11 +10,11 @@ from benchtool.fit.compare import Comparison
 from benchtool.fit.law_scores import LawComparison, LawScore
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.report.numbers import (
+    decimal_exponent,
     decimals_for,
-    exponent_of,
+    display_unit,
     power_of_ten,
     scaled,
-    unit_for_people,
     with_statistical,
 )
 from benchtool.report.page import Table
@@ -89,7 +89,7 @@ def fits_table(fits: Mapping[str, Sequence[FitResult]]) -> Table:
         for one in first.values():
             found = {item.name: item for item in (*one.estimates, *one.derived)}
             cells.append(printed(found[name]) if name in found else "–")
-        unit = unit_for_people(known[name])
+        unit = display_unit(known[name])
         rows.append((name if unit == "–" else f"{name} [{unit}]", *cells))
     rows.append(("chi²/dof", *(f"{one.chi2_per_dof:.3g}" for one in first.values())))
     rows.append(("outcome", *(one.outcome.status.replace("_", " ") for one in first.values())))
@@ -113,17 +113,17 @@ def _bound(item: Estimate) -> str:
 def _estimate_row(item: Estimate) -> tuple[str, ...]:
     if item.open:
         why = f"not determined: {item.open}"
-        return (item.name, unit_for_people(item.unit), why, *("–",) * 5)
+        return (item.name, display_unit(item.unit), why, *("–",) * 5)
     has_budget = isfinite(item.combined_sd)
     sd = item.combined_sd if has_budget else item.sd
     ends = item.combined_95 if has_budget else item.interval_95
-    exponent = exponent_of(item.value, sd)
+    exponent = decimal_exponent(item.value, sd)
     digits, own_digits = (decimals_for(each / 10.0**exponent) for each in (sd, item.sd))
 
     def shown(*values: float, decimals: int = own_digits) -> str:
         return " … ".join(scaled(value, exponent, decimals) for value in values)
 
-    unit = unit_for_people(item.unit)
+    unit = display_unit(item.unit)
     if exponent:
         unit = power_of_ten(exponent) + ("" if unit == "–" else "\u00a0" + unit)
     return (

@@ -15,20 +15,19 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from benchtool import __version__
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.data.run.recording_file import beside as facts_beside
+from benchtool.data.run.recording_file import metadata_path as facts_beside
 from benchtool.data.run.recording_file import write_recording
-from benchtool.report.figure import Page, drawn, figure
-from benchtool.report.files import refuse_existing, save_figure
+from benchtool.report.figure import Page, figure, render_figures
+from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREEN, GREY, VERMILION
 from benchtool.report.panels import DASHED, DOTTED, OVER, shade, spans
 from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import measure
-from benchtool.simulate.flight.own import fly_own
 from benchtool.simulate.flight.study import (
-    Flown,
+    FlownCase,
     fly_and_measure,
     name_of,
     obstacle_extent,
@@ -36,12 +35,13 @@ from benchtool.simulate.flight.study import (
     recording_of,
     verdict,
 )
+from benchtool.simulate.flight.user_controller import fly_user_controller
 from benchtool.simulate.flight.warnings import warnings_of
-from benchtool.simulate.own_controller import made
+from benchtool.simulate.user_controller import make_controllers
 
 
 def _position(
-    axes: Axes, flown: Flown, free: Flown, obstacle_m: tuple[float, float] | None
+    axes: Axes, flown: FlownCase, free: FlownCase, obstacle_m: tuple[float, float] | None
 ) -> None:
     shade(axes, over_surface(flown))
     x_m = flown.flight["x_m"]
@@ -54,7 +54,7 @@ def _position(
     _strike(axes, flown, x_m)
 
 
-def _pitch(axes: Axes, flown: Flown, free: Flown) -> None:
+def _pitch(axes: Axes, flown: FlownCase, free: FlownCase) -> None:
     shade(axes, over_surface(flown))
     axes.axhline(0.0, color=GREY, linewidth=0.7)
     grey_deg = np.degrees(free.flight["pitch_rad"])
@@ -66,7 +66,7 @@ def _pitch(axes: Axes, flown: Flown, free: Flown) -> None:
     _strike(axes, flown, pitch_deg)
 
 
-def _strike(axes: Axes, flown: Flown, values: Array) -> None:
+def _strike(axes: Axes, flown: FlownCase, values: Array) -> None:
     """Mark where a flight that struck something ends."""
     if flown.flight.ending != "flown":
         axes.plot(
@@ -75,7 +75,7 @@ def _strike(axes: Axes, flown: Flown, values: Array) -> None:
         )  # fmt: skip
 
 
-def over_surface(flown: Flown) -> list[tuple[float, float]]:
+def over_surface(flown: FlownCase) -> list[tuple[float, float]]:
     """Return begin and end of every stretch in which a rotor is over something: s."""
     discs = range(1, flown.case.vehicle.rig.n_discs + 1)
     covered = np.sum([flown.flight[f"coverage{i}"] for i in discs], axis=0)
@@ -96,7 +96,7 @@ def _legend(figure: Figure, obstacle: bool) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=5 if one_row else 3)
 
 
-def _title(flights: Sequence[Flown]) -> str:
+def _title(flights: Sequence[FlownCase]) -> str:
     case = flights[1].case
     height = case.start_m[2] / case.vehicle.rig.propulsion.radius_m
     return f"{case.title}, z/R = {height:.3g}, gains {case.gains.name}"
@@ -110,7 +110,7 @@ def _title(flights: Sequence[Flown]) -> str:
     height_in=5.3,
     width_in=lambda flights: 7.0 if len(flights) < 4 else 3.05 * (len(flights) - 1),
 )
-def flight(figure: Figure, flights: Sequence[Flown]) -> None:
+def flight(figure: Figure, flights: Sequence[FlownCase]) -> None:
     """Draw position above and pitch below under each controller; the first flight is in grey."""
     free, *others = flights
     axes = figure.subplots(
@@ -134,18 +134,18 @@ FLIGHT = Page("flight", [("The flight", ["flight"])])
 
 def fly_each(
     case: FlightCase, controls: Sequence[str], own: Sequence[tuple[str, type[Any]]] = ()
-) -> list[Flown]:
+) -> list[FlownCase]:
     """Fly a case out of ground effect with PID first, then under each controller."""
     free = replace(out_of_ground_effect(case), control="pid")
     cases = [free, *(replace(case, control=control) for control in controls)]
     flights = list(results_in_order(partial(fly_and_measure, each) for each in cases))
     for name, kind in own:
-        flight = fly_own(case, made(kind, name), name)
-        flights.append(Flown(flight, measure(flight)))
+        flight = fly_user_controller(case, make_controllers(kind, name), name)
+        flights.append(FlownCase(flight, measure(flight)))
     return flights
 
 
-def table_lines(flights: Sequence[Flown]) -> list[str]:
+def table_lines(flights: Sequence[FlownCase]) -> list[str]:
     """Return the table of numbers; the first flight is the one out of ground effect."""
     names = [name_of(flown) for flown in flights]
     names[0] += " OGE"
@@ -180,7 +180,7 @@ def table_lines(flights: Sequence[Flown]) -> list[str]:
     return [line(cells) for cells in (heads, units, *rows)]
 
 
-def report_lines(flights: Sequence[Flown]) -> list[str]:
+def report_lines(flights: Sequence[FlownCase]) -> list[str]:
     """Return the text of the flights: what was flown, the table, the warnings."""
     case = flights[0].case
     z_over_R = case.start_m[2] / case.vehicle.rig.propulsion.radius_m
@@ -191,7 +191,7 @@ def report_lines(flights: Sequence[Flown]) -> list[str]:
     return [head, *table_lines(flights), *warnings_of(flights)]
 
 
-def write_flights(out: Path, flights: Sequence[Flown]) -> list[Path]:
+def write_flights(out: Path, flights: Sequence[FlownCase]) -> list[Path]:
     """Write a recording for each flight, the lines of the report and the figure, all new."""
     names = [flown.flight.own.replace(":", "-") or flown.case.control for flown in flights]
     names[0] = "oge"
@@ -200,10 +200,10 @@ def write_flights(out: Path, flights: Sequence[Flown]) -> list[Path]:
     tables = {out / f"{name}.csv": flown for name, flown in zip(names, flights, strict=True)}
     text = out / "numbers.txt"
     figures = [out / "flight.svg", out / "flight.png"]
-    refuse_existing([*tables, *(facts_beside(path) for path in tables), text, *figures])
+    check_not_existing([*tables, *(facts_beside(path) for path in tables), text, *figures])
     out.mkdir(parents=True, exist_ok=True)
     for path, flown in tables.items():
         write_recording(path, recording_of(flown.flight), {"software": f"benchtool {__version__}"})
     text.write_text("\n".join(report_lines(flights)) + "\n", encoding="utf-8")
-    block = drawn("flight", flights)["flight"]
+    block = render_figures("flight", flights)["flight"]
     return [*tables, text, *save_figure(block.figure, out / "flight")]

@@ -13,21 +13,21 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchtool import __version__
-from benchtool.core.counted import counted
+from benchtool.core.plural import pluralize
 from benchtool.core.schedule import PlateVisit
-from benchtool.data.run.recording_file import beside, write_recording
-from benchtool.report.figure import Page, drawn, figure
-from benchtool.report.files import refuse_existing, save_figure
+from benchtool.data.run.recording_file import metadata_path, write_recording
+from benchtool.report.figure import Page, figure, render_figures
+from benchtool.report.files import check_not_existing, save_figure
 from benchtool.report.palette import BLUE, GREY, VERMILION
 from benchtool.report.panels import legend_below, rows_of, shade, spans
 from benchtool.simulate.campaign import results_in_order
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gain_names, gains_named
-from benchtool.simulate.own_controller import made
 from benchtool.simulate.pitch.result import PitchRun, PlateNumbers, plate_numbers
 from benchtool.simulate.pitch.run import PitchJob
 from benchtool.simulate.pitch.setup import PitchSetup
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
+from benchtool.simulate.user_controller import make_controllers
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -64,7 +64,7 @@ def pitch_study(
     for name, kind in own:
         job = PitchJob(setup.bench, setup.controls[0], setup.nominal)
         for schedule, done in zip((near, far), (runs, away), strict=True):
-            run = simulate_controller(made(kind, name), job, schedule, seed, name=name)
+            run = simulate_controller(make_controllers(kind, name), job, schedule, seed, name=name)
             done.append(run)
     return PitchStudy(setup=setup, runs=tuple(runs), away=tuple(away), seed=seed)
 
@@ -119,11 +119,11 @@ def warnings_of(study: PitchStudy) -> list[str]:
         if run.clamped_steps:
             out.append(
                 f"{run.controller}: a rotor came nearer than z/R = {nearest:g} in "
-                f"{counted(run.clamped_steps, 'step')}; its height was held there, where the "
+                f"{pluralize(run.clamped_steps, 'step')}; its height was held there, where the "
                 f"formulae end"
             )
         if run.stopped_steps:
-            steps = counted(run.stopped_steps, "step")
+            steps = pluralize(run.stopped_steps, "step")
             out.append(f"{run.controller}: the hinge lay at its stop in {steps}")
     return out
 
@@ -145,8 +145,8 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
     rig = setup.bench.model.rig
     recordings = {out / f"{re.sub('[:+]', '-', run.controller)}.csv": run for run in study.runs}
     table = out / "numbers.txt"
-    sidecars = [beside(path) for path in recordings]
-    refuse_existing([*recordings, *sidecars, table, out / "pitch.svg", out / "pitch.png"])
+    sidecars = [metadata_path(path) for path in recordings]
+    check_not_existing([*recordings, *sidecars, table, out / "pitch.svg", out / "pitch.png"])
     out.mkdir(parents=True, exist_ok=True)
     gains = {control.name: _gain_set_name(control) for control in setup.controls}
     for path, run in recordings.items():
@@ -161,7 +161,7 @@ def write_study(study: PitchStudy, out: Path) -> list[Path]:
         facts = {"software": f"benchtool {__version__}", "rig": asdict(rig)}
         write_recording(path, run.recording(rig, provenance), facts)
     table.write_text("\n".join(report_lines(study)) + "\n", encoding="utf-8")
-    block = drawn("flight.pitch", study)["pitch"]
+    block = render_figures("flight.pitch", study)["pitch"]
     return [*recordings, table, *save_figure(block.figure, out / "pitch")]
 
 

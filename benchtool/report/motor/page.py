@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
 from benchtool.core.fit_result import Estimate
+from benchtool.core.plural import pluralize
 from benchtool.fit.motor.constants import MotorFit
 from benchtool.report.figure import Page, figure
-from benchtool.report.numbers import numeral, unit_for_people, value_with_sd
+from benchtool.report.numbers import display_unit, format_number, value_with_sd
 from benchtool.report.page import Paragraph, Table
 from benchtool.report.palette import BLUE, GREY, ORANGE, VERMILION
 
@@ -187,14 +187,14 @@ def constants_table(fit: MotorFit) -> Table:
 
 def _row(one: Estimate) -> tuple[str, ...]:
     if one.open:
-        return one.name, f"not determined: {one.open}", "–", "–", unit_for_people(one.unit)
+        return one.name, f"not determined: {one.open}", "–", "–", display_unit(one.unit)
     means = f"{MEANS[one.name]}, {one.bound}" if one.bound else MEANS[one.name]
-    low, high = (numeral(each, ".5g") for each in one.interval_95)
+    low, high = (format_number(each, ".5g") for each in one.interval_95)
     interval = f"{low} to {high}"
     if one.sd == 0.0:
-        return one.name, means, numeral(one.value, ".2g"), "–", unit_for_people(one.unit)
+        return one.name, means, format_number(one.value, ".2g"), "–", display_unit(one.unit)
     value = value_with_sd(one.value, one.sd)
-    return one.name, means, value, interval, unit_for_people(one.unit)
+    return one.name, means, value, interval, display_unit(one.unit)
 
 
 def hysteresis(fit: MotorFit) -> Iterator[tuple[float, float, float, float]]:
@@ -215,7 +215,7 @@ def _error(errors: Array) -> float:
 def _ways_table(fit: MotorFit) -> Table | None:
     rows = [
         (f"{pulse_us:g}", f"{up:.4g}", value_with_sd(1e3 * change, 1e3 * error),
-         numeral(100.0 * change / up, "+.2f"))
+         format_number(100.0 * change / up, "+.2f"))
         for pulse_us, up, change, error in hysteresis(fit)
     ]  # fmt: skip
     if not rows:
@@ -254,19 +254,19 @@ def motor_sentence(fit: MotorFit) -> str:
         up, down = (f"{1e3 * fit.value(name):.3g}" for name in ("lag_up", "lag_down"))
         said.append(f"speed follows with {up} ms up and {down} ms down")
     words = "; ".join(said) + "."
-    points, runs = counted(len(fit.points.time_s), "point"), counted(len(fit.names), "run")
+    points, runs = pluralize(len(fit.points.time_s), "point"), pluralize(len(fit.names), "run")
     return f"{points} of {runs} on rig {fit.rig.name}: {words}"
 
 
-def motor_lines(found: MotorFit) -> str:
+def motor_lines(motor_fit: MotorFit) -> str:
     """Return sentence, constants and autopilot numbers as lines of text."""
-    rows = constants_table(found).rows
+    rows = constants_table(motor_fit).rows
     widths = [max(len(row[place]) for row in rows) for place in (0, 2, 4)]
     lines = [
         f"{row[0]:<{widths[0]}}  {row[2]:<{widths[1]}}  {row[4]:<{widths[2]}}  {row[1]}"
         for row in rows
     ]
-    return "\n".join([motor_sentence(found), "", *lines])
+    return "\n".join([motor_sentence(motor_fit), "", *lines])
 
 
 MOTOR = Page(

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.schedule import PARKED_M
+from benchtool.explain.pitch.replay import Replay, ReplayInputs
 from benchtool.explain.pitch.replay_track import PitchTrack
-from benchtool.explain.pitch.replayed import Beside, Replay
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, BLUE, GREY, VERMILION
 from benchtool.report.panels import OVER, broken_line, rotor_color, rotor_legend, rows_of, shade
-from benchtool.report.replay.recorded import Recorded
+from benchtool.report.replay.replay_source import ReplaySource
 
 CLOSER_S = 5.0  # how much before and after a green stretch a closer look shows
 ROOM = 0.75
@@ -30,9 +30,9 @@ MOST_CLOSER = 6  # green stretches that are looked at closer; the first ones
 class ReplayedLog:
     """Hold a recording on an even clock, and the simulated run beside it."""
 
-    recorded: Recorded
+    recorded: ReplaySource
     track: PitchTrack
-    beside: Beside
+    beside: ReplayInputs
     replay: Replay | None = None
     warnings: Sequence[str] = ()
 

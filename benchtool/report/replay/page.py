@@ -9,24 +9,24 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
+from benchtool.core.plural import pluralize
 from benchtool.core.units import from_si
-from benchtool.data.derived import derive, recording_circumstances
+from benchtool.data.derived import derive_quantities, recording_circumstances
+from benchtool.explain.pitch.replay import Replay, ReplayInputs, run_replay
 from benchtool.explain.pitch.replay_track import PitchTrack, on_log_clock, pitch_track
-from benchtool.explain.pitch.replayed import Beside, Replay, replayed
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.report.figure import Page, figure
-from benchtool.report.numbers import numeral, unit_for_people
+from benchtool.report.numbers import display_unit, format_number
 from benchtool.report.page import Block, Paragraph, Report, Table, Warnings
 from benchtool.report.palette import BLACK
 from benchtool.report.quantities import origins_table
 from benchtool.report.replay.figures import ReplayedLog
-from benchtool.report.replay.recorded import Recorded, read_recorded, sections_behind
+from benchtool.report.replay.replay_source import ReplaySource, read_recorded, sections_behind
 from benchtool.report.sweep.samples import draw_samples, samples_height
 
 
-def _has_samples(recorded: Recorded) -> bool:
+def _has_samples(recorded: ReplaySource) -> bool:
     return "time_s" in recorded.recording and "thrust_N" in recorded.recording
 
 
@@ -37,16 +37,16 @@ def _has_samples(recorded: Recorded) -> bool:
     when=_has_samples,
     height_in=lambda recorded: samples_height(recorded.recording),
 )
-def samples(figure: Figure, recorded: Recorded) -> None:
+def samples(figure: Figure, recorded: ReplaySource) -> None:
     """Draw the signals of a recording one above the other."""
     draw_samples(figure, recorded.recording)
 
 
-def _known(recorded: Recorded) -> NDArray[np.bool_]:
+def _known(recorded: ReplaySource) -> NDArray[np.bool_]:
     recording = recorded.recording
     if "thrust_N" not in recording or "rpm1" not in recording:
         return np.zeros(len(recording), bool)
-    return np.isfinite(recording.si("rpm1")) & np.isfinite(recording.si("thrust_N"))
+    return np.isfinite(recording.to_si("rpm1")) & np.isfinite(recording.to_si("thrust_N"))
 
 
 @figure(
@@ -56,54 +56,56 @@ def _known(recorded: Recorded) -> NDArray[np.bool_]:
     when=lambda recorded: bool(_known(recorded).any()),
     height_in=4.4,
 )
-def thrust(figure: Figure, recorded: Recorded) -> None:
+def thrust(figure: Figure, recorded: ReplaySource) -> None:
     """Draw thrust against rotor speed."""
     axes, rows = figure.subplots(), _known(recorded)
-    rpm = from_si(recorded.recording.si("rpm1")[rows], "rpm")
-    thrust_N = recorded.recording.si("thrust_N")[rows]
+    rpm = from_si(recorded.recording.to_si("rpm1")[rows], "rpm")
+    thrust_N = recorded.recording.to_si("thrust_N")[rows]
     axes.plot(rpm, thrust_N, "s", ms=4.2, color=BLACK, label="samples of the recording")
     axes.set_ylabel("thrust [N]")
     axes.set_xlabel("rotor speed [rpm]")
     axes.legend(loc="upper left")
 
 
-def _quantities(recorded: Recorded) -> Block | None:
+def _quantities(recorded: ReplaySource) -> Block | None:
     if recorded.is_run:
         return None
-    found = derive(recorded.recording, recording_circumstances(recorded.facts, str(recorded.path)))
+    found = derive_quantities(
+        recorded.recording, recording_circumstances(recorded.facts, str(recorded.path))
+    )
     return origins_table(found) if found else None
 
 
-def _nothing_drawn(recorded: Recorded) -> Block | None:
+def _nothing_drawn(recorded: ReplaySource) -> Block | None:
     if _has_samples(recorded) or _known(recorded).any():
         return None
     return Paragraph("It holds neither thrust nor attitude; its channels are below.")
 
 
-def _ranges(recorded: Recorded) -> Block:
+def _ranges(recorded: ReplaySource) -> Block:
     rows = []
     for channel in recorded.recording.channels:
         values = recorded.recording.column(channel.name)
         known = values[np.isfinite(values)]
         numbers = ["–"] * 3
         if known.size:
-            numbers = [numeral(of(known), ".5g") for of in (np.min, np.median, np.max)]
-        unit = "µs" if channel.unit == "pwm_us" else unit_for_people(channel.unit)
+            numbers = [format_number(of(known), ".5g") for of in (np.min, np.median, np.max)]
+        unit = "µs" if channel.unit == "pwm_us" else display_unit(channel.unit)
         rows.append((channel.name, unit, str(known.size), *numbers))
     heads = ("channel", "unit", "values", "least", "median", "greatest")
     return Table("What each channel holds.", heads, rows, text_columns=2)
 
 
-def stand_summary(recorded: Recorded) -> str:
+def stand_summary(recorded: ReplaySource) -> str:
     """Say in a sentence or two what a recording without attitude holds."""
     recording = recorded.recording
     duration = ""
-    if "time_s" in recording and np.isfinite(recording.si("time_s")).any():
-        duration = f" over {np.nanmax(recording.si('time_s')):.4g} s"
-    rows, channels = counted(len(recording), "row"), counted(len(recording.names), "channel")
+    if "time_s" in recording and np.isfinite(recording.to_si("time_s")).any():
+        duration = f" over {np.nanmax(recording.to_si('time_s')):.4g} s"
+    rows, channels = pluralize(len(recording), "row"), pluralize(len(recording.names), "channel")
     summary = f"{recorded.name}: {rows} of {channels}{duration}."
-    if "thrust_N" in recording and np.isfinite(thrust := recording.si("thrust_N")).any():
-        least, most = (numeral(of(thrust), ".4g") for of in (np.nanmin, np.nanmax))
+    if "thrust_N" in recording and np.isfinite(thrust := recording.to_si("thrust_N")).any():
+        least, most = (format_number(of(thrust), ".4g") for of in (np.nanmin, np.nanmax))
         summary += f" Thrust from {least} to {most} N."
     return summary
 
@@ -119,18 +121,18 @@ STAND = Page(
 )
 
 
-def recording_page(path: Path, beside: Beside, commands: Sequence[str] = ()) -> Report:
+def recording_page(path: Path, replay_inputs: ReplayInputs, commands: Sequence[str] = ()) -> Report:
     """Return the report page of a recording; with a model, its simulated run beside it."""
     recorded = read_recorded(path)
     if not {"theta_rad", "time_s"} <= set(recorded.recording.names):
-        beside.refuse_controller("this recording has no attitude")
+        replay_inputs.refuse_controller("this recording has no attitude")
         return STAND.report(recorded, commands)
-    track = pitch_track(recorded.recording, beside.motors)
+    track = pitch_track(recorded.recording, replay_inputs.motors)
     replay, lacks = None, list[str]()
-    if beside.model:
-        rig = rig_for_data([str(recorded.path)], beside.model, beside.rig)
-        replay, lacks = replayed(track, beside, recorded.provenance, rig)
-    log = ReplayedLog(recorded, track, beside, replay, [*lacks, *track.remarks])
+    if replay_inputs.model:
+        rig = rig_for_data([str(recorded.path)], replay_inputs.model, replay_inputs.rig)
+        replay, lacks = run_replay(track, replay_inputs, recorded.provenance, rig)
+    log = ReplayedLog(recorded, track, replay_inputs, replay, [*lacks, *track.remarks])
     return REPLAY.report(log, commands)
 
 
@@ -158,7 +160,7 @@ def _peak(values: Array) -> float:
 
 def _rms_and_peak(errors: Array) -> tuple[str, ...]:
     # Adding 0 takes the sign off a zero.
-    return tuple(numeral(round(of(errors), 2) + 0.0, ".2f") for of in (_rms, _peak))
+    return tuple(format_number(round(of(errors), 2) + 0.0, ".2f") for of in (_rms, _peak))
 
 
 def visits_table(log: ReplayedLog) -> Table | None:
@@ -208,7 +210,7 @@ def _sentence(log: ReplayedLog) -> str:
             f"; over a surface in {len(track.visits)} "
             f"stretch{'es' if len(track.visits) > 1 else ''} ({inside.sum() / track.rate_Hz:.4g} "
             f"s), there {_rms(recorded[inside]):.2f}° and at most "
-            f"{numeral(_peak(recorded[inside]), '+.2f')}°"
+            f"{format_number(_peak(recorded[inside]), '+.2f')}°"
         )
     if replay is not None and replay.missed:
         words += f". A run simulated with {replay.model} does not follow the log and is no result"

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.units import from_si
 from benchtool.data.derived import QuantityValues
 from benchtool.fit.nominal import NominalModel
@@ -27,14 +27,14 @@ from benchtool.report.quantities import panels_height, quantity_panels
 from benchtool.report.ratio import (
     Curve,
     RatioPoints,
-    band_of,
-    bands_over,
     conditions_over,
-    distances_of,
+    curve_distances,
     draw_ratio,
-    factor_over,
+    factor_at_distance,
     formula_curves,
-    values_at,
+    ratio_values,
+    uncertainty_band,
+    uncertainty_bands,
 )
 from benchtool.report.style import BASES
 from benchtool.report.sweep.run import SweepRun
@@ -95,14 +95,14 @@ def _model_curve(run: SweepRun, z_over_R: Array) -> list[Curve]:
     if run.model is None:
         return []
     model, speeds = run.model.model, _speeds_of(run)
-    middle = factor_over(model, speeds, z_over_R, basis=run.basis)
-    bands = bands_over(model, speeds, z_over_R, run.model.draws, run.basis)
+    middle = factor_at_distance(model, speeds, z_over_R, basis=run.basis)
+    bands = uncertainty_bands(model, speeds, z_over_R, run.model.draws, run.basis)
     label = f"{'fit' if run.model.fitted_to else 'model'}: {model.name}"
     return [Curve(z_over_R, middle, label, "model", "fit", bands, model.nearest_z_over_R)]
 
 
 def _distances(run: SweepRun, series: Sequence[RatioPoints]) -> Array:
-    return distances_of(series, None if run.model is None else run.model.model)
+    return curve_distances(series, None if run.model is None else run.model.model)
 
 
 @figure(
@@ -278,11 +278,11 @@ def _model_line(
     z = run.z_over_R(run.settings)[rows]
     at = np.linspace(max(0.5, 0.9 * float(z.min())), 1.05 * float(z.max()), 160)
     conditions = conditions_over(run.rig, rpm[:, None] * np.pi / 30.0, at)
-    middle = predicted(model.model, conditions, values_at(model.model))
+    middle = predicted(model.model, conditions, ratio_values(model.model))
     if model.draws:
-        drawn = predicted(model.model, conditions, values_at(model.model, model.draws))
+        drawn = predicted(model.model, conditions, ratio_values(model.model, model.draws))
         spread = np.asarray(drawn, float)
-        band = band_of(np.broadcast_to(spread, (len(spread), len(at))), 95)
+        band = uncertainty_band(np.broadcast_to(spread, (len(spread), len(at))), 95)
         axes.fill_between(at, band.lower, band.upper, color=color, alpha=0.2, lw=0.0, gid="band-95")
     axes.plot(at, np.broadcast_to(middle, at.shape), color=color, lw=1.2)
     return bool(model.draws)
@@ -296,11 +296,14 @@ def _model_line(
     simulated=lambda known: bool(known["simulated"]),
     height_in=5.2,
 )
-def calibration(figure: Figure, known: Mapping[str, Any]) -> None:
+def calibration(figure: Figure, calibration_data: Mapping[str, Any]) -> None:
     """Draw counts against force with the line, and below the residuals up and down."""
-    newtons_per_kg = known["gravity_m_s2"] / known["lever_ratio"]
-    force_N = np.array(known["masses_kg"], float) * newtons_per_kg
-    counts, residual_N = np.array(known["counts"], float), np.array(known["residuals_N"], float)
+    newtons_per_kg = calibration_data["gravity_m_s2"] / calibration_data["lever_ratio"]
+    force_N = np.array(calibration_data["masses_kg"], float) * newtons_per_kg
+    counts, residual_N = (
+        np.array(calibration_data["counts"], float),
+        np.array(calibration_data["residuals_N"], float),
+    )
     loading = np.arange(len(force_N)) <= int(force_N.argmax())
     line, left = rows_of(figure, (1.6, 1.0))
     order = np.argsort(force_N + residual_N, kind="stable")

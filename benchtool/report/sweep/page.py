@@ -8,19 +8,19 @@ from math import hypot, isfinite
 import numpy as np
 
 from benchtool import __version__
-from benchtool.core.counted import counted
 from benchtool.core.errors import BenchtoolError
+from benchtool.core.plural import pluralize
 from benchtool.data.calibration import age_text
 from benchtool.data.columns import REJECTED
 from benchtool.data.run.read import changed_points
 from benchtool.fit.motor.constants import fit_motor
-from benchtool.report.figure import Page, drawn
+from benchtool.report.figure import Page, render_figures
 from benchtool.report.fit.budget import budget_blocks
 from benchtool.report.motor.page import MOTOR
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
     Block,
-    Facts,
+    FactTable,
     Heading,
     Listing,
     Paragraph,
@@ -29,12 +29,12 @@ from benchtool.report.page import (
     Warnings,
 )
 from benchtool.report.run_facts import (
-    MISSING,
+    MISSING_VALUE,
     air_facts,
     calibration_facts,
     device_facts,
     rig_facts,
-    state_facts,
+    run_state_table,
     version_facts,
 )
 from benchtool.report.style import BASES
@@ -72,9 +72,13 @@ def _drift(run: SweepRun) -> list[Block]:
 
 def _conditions(run: SweepRun) -> list[Block]:
     facts = run.metadata
-    blocks: list[Block] = [Facts(state_facts(facts) | air_facts(facts) | calibration_facts(facts))]
+    blocks: list[Block] = [
+        FactTable(run_state_table(facts) | air_facts(facts) | calibration_facts(facts))
+    ]
     if known := facts.get("calibration"):
-        blocks += drawn("sweep.calibration", {**known, "simulated": run.simulated}).values()
+        blocks += render_figures(
+            "sweep.calibration", {**known, "simulated": run.simulated}
+        ).values()
     return blocks
 
 
@@ -82,7 +86,7 @@ def _data(run: SweepRun) -> Block:
     facts = version_facts(run.metadata)
     facts["reported with"] = f"benchtool {__version__}"
     facts["sha256 of the run's data (points and samples)"] = run.sha256
-    return Facts(facts | {f"sha256 of {name}": digest for name, digest in run.files.items()})
+    return FactTable(facts | {f"sha256 of {name}": digest for name, digest in run.files.items()})
 
 
 def run_sentence(run: SweepRun) -> str:
@@ -92,7 +96,7 @@ def run_sentence(run: SweepRun) -> str:
     visits = sum(kind == "measure" for kind in run.kinds)
     if measured.any():
         words = (
-            f"{counted(visits, 'visit')} of {counted(int(measured.sum()), 'setting')} on rig "
+            f"{pluralize(visits, 'visit')} of {pluralize(int(measured.sum()), 'setting')} on rig "
             f"{run.rig.name}, plate at z/R {np.nanmin(z[measured]):.3g} to "
             f"{np.nanmax(z[measured]):.3g}, pulses "
             f"{', '.join(f'{level:g}' for level in levels)} µs."
@@ -100,7 +104,8 @@ def run_sentence(run: SweepRun) -> str:
     elif not run.uses_plate:
         pulses = ", ".join(f"{level:g}" for level in np.unique(run.level_us()))
         words = (
-            f"{counted(len(run.kinds), 'visit')} of {counted(len(run.settings), 'throttle level')} "
+            f"{pluralize(len(run.kinds), 'visit')} of "
+            f"{pluralize(len(run.settings), 'throttle level')} "
             f"without a plate on rig {run.rig.name}, pulses {pulses} µs."
         )
     else:
@@ -152,10 +157,10 @@ def _outliers(run: SweepRun) -> Iterator[str]:
             for name, column in columns.items()
             if column.any()
         )
-        yield f"{counted(total, 'outlier')} left out of the means: {listed}."
+        yield f"{pluralize(total, 'outlier')} left out of the means: {listed}."
     if "suspect" in run.points and (count := int(run.points.column("suspect").sum())):
         yield (
-            f"{counted(count, 'point')} suspect: too many samples lie apart to be outliers, or a "
+            f"{pluralize(count, 'point')} suspect: too many samples lie apart to be outliers, or a "
             f"rotor's vibration reads as thrust; the events below say which."
         )
 
@@ -169,7 +174,7 @@ def run_warnings(run: SweepRun) -> list[str]:
     elif state != "ended":
         out.append("The run was never closed; close it with benchtool sweep --resume.")
     if count := _unsettled(run):
-        out.append(f"{counted(count, 'point')} taken although thrust or speed had not settled.")
+        out.append(f"{pluralize(count, 'point')} taken although thrust or speed had not settled.")
     out += _outliers(run)
     if not (run.metadata.get("air") or {}).get("measured"):
         out.append("Nobody measured the air: its density is that of the standard atmosphere.")
@@ -179,7 +184,7 @@ def run_warnings(run: SweepRun) -> list[str]:
         out.append(f"{old[0].upper()}{old[1:]}.")
     lost = int((run.metadata.get("link") or {}).get("lost", 0) or 0)
     if lost:
-        out.append(f"{counted(lost, 'sample')} lost on the link.")
+        out.append(f"{pluralize(lost, 'sample')} lost on the link.")
     if run.measured().any() and not np.isfinite(run.ratio[run.measured()]).any():
         out.append("There are no references with the plate parked, so no T_IGE/T_OGE.")
     stated = (run.metadata.get("samples") or {}).get("csv_sha256")
@@ -227,7 +232,7 @@ SWEEP = Page(
         ("Limits and events", [limits_table, events_block]),
         (
             "Rig and device",
-            [lambda run: Facts(rig_facts(run.metadata) | device_facts(run.metadata))],
+            [lambda run: FactTable(rig_facts(run.metadata) | device_facts(run.metadata))],
         ),
         ("Conditions and calibration", [_conditions]),
         (
@@ -299,11 +304,11 @@ def facts_table(runs: Sequence[SweepRun]) -> Table:
     """Set who measured what, when and in which air side by side."""
     columns = []
     for run in runs:
-        air, state = air_facts(run.metadata), state_facts(run.metadata)
+        air, state = air_facts(run.metadata), run_state_table(run.metadata)
         columns.append(
             {
                 "rig": run.rig.name,
-                "device": str(run.metadata.get("device_id", MISSING)),
+                "device": str(run.metadata.get("device_id", MISSING_VALUE)),
                 "started": state["started"],
                 "state": state["state"],
                 "air density": air.get("density", air["air"]),

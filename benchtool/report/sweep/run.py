@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.atomic import data_hash, file_hash
-from benchtool.data.columns import code_of, speed_columns, word_of
+from benchtool.data.columns import code_to_word, speed_columns, word_to_code
 from benchtool.data.derived import QuantityValues
 from benchtool.data.run.append import Event, read_events
 from benchtool.data.run.ratios import ratios
@@ -70,7 +70,7 @@ class SweepRun:
     @property
     def kinds(self) -> tuple[str, ...]:
         """What each visit was for."""
-        return tuple(word_of("kind", code) for code in self.points.column("kind"))
+        return tuple(code_to_word("kind", code) for code in self.points.column("kind"))
 
     @property
     def uses_plate(self) -> bool:
@@ -89,7 +89,7 @@ class SweepRun:
 
     def measured(self) -> NDArray[np.bool_]:
         """Tell which settings are near the plate, not references (s,)."""
-        near: NDArray[np.bool_] = self.settings.column("kind") == code_of("kind", "measure")
+        near: NDArray[np.bool_] = self.settings.column("kind") == word_to_code("kind", "measure")
         return near
 
     def column(self, name: str) -> Array:

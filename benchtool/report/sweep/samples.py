@@ -11,12 +11,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.recording import Recording
 from benchtool.core.units import from_si
-from benchtool.data.columns import code_of
+from benchtool.data.columns import word_to_code
 from benchtool.report.figure import figure
 from benchtool.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, PALE, PURPLE, VERMILION
 from benchtool.report.panels import (
@@ -43,12 +43,12 @@ def _signals(recording: Recording) -> dict[str, Array]:
 
     def rows(stem: str, suffix: str) -> Array:
         names = [f"{stem}{number}{suffix}" for number in range(1, 1 + len(recording.names))]
-        found = [recording.si(name) for name in names if name in recording]
+        found = [recording.to_si(name) for name in names if name in recording]
         return np.array(found).reshape(len(found), len(recording))
 
     def one(name: str) -> Array:
         blank = np.full(len(recording), np.nan)
-        return np.array([recording.si(name) if name in recording else blank])
+        return np.array([recording.to_si(name) if name in recording else blank])
 
     known = {
         "thrust": one("thrust_N"),
@@ -73,7 +73,7 @@ def draw_samples(
     radius_m: float | None = None,  # for a second axis in z/R
 ) -> None:
     """Draw the signals of a run one above the other, the windows of its points shaded."""
-    time_s, signals = recording.si("time_s"), _signals(recording)
+    time_s, signals = recording.to_si("time_s"), _signals(recording)
     last_s = float(np.nanmax(time_s, initial=0.0))
     unit, per_unit_s = ("min", 60.0) if last_s > MINUTES_FROM_S else ("s", 1.0)
     every = rows_of(figure, [_PANELS[name] for name in signals])
@@ -125,7 +125,7 @@ def samples(figure: Figure, run: SweepRun) -> None:
     """Draw every sample with the stretches that became points."""
     assert run.samples is not None
     number, time_s = run.samples.column("point"), run.samples.column("time_s")
-    sampled = run.samples.column("phase") == code_of("phase", "sample")
+    sampled = run.samples.column("phase") == word_to_code("phase", "sample")
     windows = []
     for point, kind in dict(zip(run.points.column("point"), run.kinds, strict=True)).items():
         rows = np.flatnonzero(sampled & (number == point))
@@ -142,7 +142,7 @@ def _raw_thrust(run: SweepRun) -> tuple[Array, Array] | None:
     name = "thrust_raw" if np.isfinite(slope) and "thrust_raw" in run.samples else "thrust_N"
     if name not in run.samples:
         return None
-    rows = run.samples.column("phase") == code_of("phase", "sample")
+    rows = run.samples.column("phase") == word_to_code("phase", "sample")
     rows &= np.isfinite(run.samples.column(name))
     number, values = run.samples.column("point")[rows], run.samples.column(name)[rows]
     if name == "thrust_N":

@@ -6,8 +6,8 @@ from math import isfinite
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
+from benchtool.core.plural import pluralize
 from benchtool.core.recording import Recording
 from benchtool.data.columns import REJECTED, speed_columns
 from benchtool.report.numbers import value_with_sd
@@ -144,7 +144,7 @@ def events_block(run: SweepRun) -> Block:
     """Return what happened during the run, without the device's chatter."""
     shown = [event for event in run.events if event.event != "device"]
     device = len(run.events) - len(shown)
-    more = f" In events.jsonl: {counted(device, 'message')} of the device." if device else ""
+    more = f" In events.jsonl: {pluralize(device, 'message')} of the device." if device else ""
     if len(shown) > SHOWN_EVENTS:
         more += f" The first {SHOWN_EVENTS} of {len(shown)} are shown."
     if not shown:

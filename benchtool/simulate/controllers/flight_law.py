@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchtool.core.rig import Body
-from benchtool.physics.expression import Quantity, expression, loop_part
-from benchtool.physics.fold import each
+from benchtool.physics.expression import Quantity, expression, inlined_expression
+from benchtool.physics.fold import unrolled
 from benchtool.simulate.controllers.controller import ControlLaw, FlightCommand
-from benchtool.simulate.controllers.limits import integrated, limited, slewed
-from benchtool.simulate.controllers.observer import next_explained, observed
+from benchtool.simulate.controllers.limits import clip, integrate_clamped, limit_slew_rate
+from benchtool.simulate.controllers.observer import next_disturbance_estimate, update_observer
 from benchtool.simulate.controllers.pid import (
     AttitudePid,
     PidState,
@@ -74,8 +74,8 @@ def velocity_command(
     dt_s: Quantity,
 ) -> Quantity:
     """Return the next velocity command: k_x times the error, limited, slewed: m/s."""
-    wanted = limited(p.k_x_per_s * error_m, speed_limit_m_s)
-    return slewed(wanted, present_m_s, p.slew_limit_m_s2, dt_s)
+    wanted = clip(p.k_x_per_s * error_m, speed_limit_m_s)
+    return limit_slew_rate(wanted, present_m_s, p.slew_limit_m_s2, dt_s)
 
 
 @expression
@@ -83,7 +83,7 @@ def next_velocity_integral(
     velocity_error_m_s: Quantity, integral_m_s2: Quantity, p: PositionLoop, dt_s: Quantity
 ) -> Quantity:
     """Return the velocity integral one period on, held at its limit: m/s2."""
-    return integrated(
+    return integrate_clamped(
         integral_m_s2, p.k_iv_per_s2 * velocity_error_m_s, p.integral_limit_m_s2, dt_s
     )
 
@@ -99,7 +99,7 @@ def acceleration_command(
 @expression
 def pitch_command(acceleration_m_s2: Quantity, gravity_m_s2: Quantity, p: PositionLoop) -> Quantity:
     """Return the pitch that gives an acceleration at hover, a/g, limited: rad, nose down."""
-    return limited(acceleration_m_s2 / gravity_m_s2, p.pitch_limit_rad)
+    return clip(acceleration_m_s2 / gravity_m_s2, p.pitch_limit_rad)
 
 
 @expression
@@ -112,7 +112,7 @@ def climb_command(
     limit_m_s2: Quantity,
 ) -> Quantity:
     """Return the vertical acceleration to ask for: a PD law plus its integral part: m/s2."""
-    return limited(k_z_per_s2 * error_m - k_vz_per_s * velocity_m_s + integral_m_s2, limit_m_s2)
+    return clip(k_z_per_s2 * error_m - k_vz_per_s * velocity_m_s + integral_m_s2, limit_m_s2)
 
 
 @expression
@@ -138,20 +138,20 @@ observer explained, estimate, and attitude commanded last.
 
 @expression
 def _estimate(c: int, momentum: Any, explained: Any, rate_per_s: Any, on: Any) -> Any:
-    return on * observed(momentum[c], explained[c], rate_per_s)
+    return on * update_observer(momentum[c], explained[c], rate_per_s)
 
 
 @expression
 def _explained(
     c: int, momentum: Any, before: Any, known: Any, estimate: Any, on: Any, dt_s: Any
 ) -> Any:
-    return next_explained(momentum[c], before[c], known[c], estimate[c], on, dt_s)
+    return next_disturbance_estimate(momentum[c], before[c], known[c], estimate[c], on, dt_s)
 
 
-_estimates, _explained_next = each(6, _estimate), each(6, _explained)
+_estimates, _explained_next = unrolled(6, _estimate), unrolled(6, _explained)
 
 
-@loop_part
+@inlined_expression
 def _wanted_acceleration(
     error_m: Any, limit_m_s: Any, velocity_m_s: Any, before: Any, p: PositionLoop, dt_s: Any
 ) -> Any:
@@ -162,7 +162,7 @@ def _wanted_acceleration(
     return HorizontalState(command, integral), acceleration_command(error, integral, p)
 
 
-@loop_part
+@inlined_expression
 def _attitude(
     wanted: Any, angle: Any, rate: Any, before: PidState, pid: AttitudePid, dt_s: Any
 ) -> Any:
@@ -171,7 +171,7 @@ def _attitude(
     return after, attitude_torque(wanted, angle, rate, after, pid)
 
 
-@loop_part
+@inlined_expression
 def flight_step(
     p: FlightNumbers, state: FlightLawState, measured: Any, reference: Any, dt_s: Any
 ) -> Any:
@@ -197,7 +197,7 @@ def flight_step(
     pitch_loop, asked_y = _attitude(wanted.pitch_rad, pitch, pitch_rate, state.pitch, p.pitch, dt_s)
     yaw_loop, asked_z = _attitude(wanted.yaw_rad, yaw, yaw_rate, state.yaw, p.yaw, dt_s)
     ez = reference.z_m - measured.z_m
-    climb_integral = integrated(state.climb_m_s2, p.k_iz_per_s3 * ez, np.inf, dt_s)
+    climb_integral = integrate_clamped(state.climb_m_s2, p.k_iz_per_s3 * ez, np.inf, dt_s)
     climb = climb_command(
         ez, measured.vz_m_s, climb_integral, p.k_z_per_s2, p.k_vz_per_s, p.climb_limit_m_s2
     )

@@ -8,31 +8,33 @@ from benchtool.physics.expression import Quantity, expression
 
 
 @expression
-def limited(value: Quantity, limit: Quantity) -> Quantity:
+def clip(value: Quantity, limit: Quantity) -> Quantity:
     """Return the value within [-limit, limit]."""
     return np.minimum(np.maximum(value, -limit), limit)
 
 
 @expression
-def slewed(wanted: Quantity, present: Quantity, rate_limit: Quantity, dt_s: Quantity) -> Quantity:
-    """Return the next value on the way to `wanted`, no faster than `rate_limit` per second."""
-    return present + limited(wanted - present, rate_limit * dt_s)
+def limit_slew_rate(
+    requested: Quantity, present: Quantity, rate_limit: Quantity, dt_s: Quantity
+) -> Quantity:
+    """Return the next value on the way to `requested`, no faster than `rate_limit` per second."""
+    return present + clip(requested - present, rate_limit * dt_s)
 
 
 @expression
-def integrated(
+def integrate_clamped(
     integral: Quantity, change_per_s: Quantity, limit: Quantity, dt_s: Quantity
 ) -> Quantity:
     """Return an integral one period on, held at its limit."""
-    return limited(integral + change_per_s * dt_s, limit)
+    return clip(integral + change_per_s * dt_s, limit)
 
 
 @expression
-def unwound(wanted: Quantity, granted: Quantity, change_per_s: Quantity) -> Quantity:
+def unwrap_integral(requested: Quantity, granted: Quantity, change_per_s: Quantity) -> Quantity:
     """Return the integral's rate of change, or 0 while it drives an actuator that is at its limit.
 
-    Anti-windup by clamping: `wanted` is what the law asked for, `granted` what the limit let
+    Anti-windup by clamping: `requested` is what the law asked for, `granted` what the limit let
     through; the integral stops while the change would push further out, and may always come back.
     """
-    outward = (wanted - granted) * change_per_s
+    outward = (requested - granted) * change_per_s
     return change_per_s * (1.0 - np.minimum(np.maximum(np.sign(outward), 0.0), 1.0))

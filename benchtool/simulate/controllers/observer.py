@@ -16,13 +16,13 @@ from benchtool.physics.expression import Quantity, expression
 
 
 @expression
-def observed(momentum: Quantity, explained: Quantity, rate_per_s: Quantity) -> Quantity:
+def update_observer(momentum: Quantity, explained: Quantity, rate_per_s: Quantity) -> Quantity:
     """Return the estimate L (p - z) of one component: N or N m."""
     return rate_per_s * (momentum - explained)
 
 
 @expression
-def next_explained(
+def next_disturbance_estimate(
     momentum: Quantity,
     explained: Quantity,
     known: Quantity,
@@ -34,7 +34,7 @@ def next_explained(
 
     Args:
         known: known force, with the compensation that was commanded in it: N or N m.
-        estimate: from `observed`, with the same momentum: N or N m.
+        estimate: from `update_observer`, with the same momentum: N or N m.
         on: 1 while the observer runs; 0 lets z follow p, so that it starts from zero without a
             bump.
     """

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from benchtool.physics.expression import Quantity, expression
-from benchtool.simulate.controllers.limits import integrated, limited, unwound
+from benchtool.simulate.controllers.limits import clip, integrate_clamped, unwrap_integral
 
 
 class AttitudePid(NamedTuple):
@@ -62,7 +62,7 @@ def attitude_rate_command(
 ) -> Quantity:
     """Return the rate that the outer loop asks for, within its limit: rad/s."""
     error = reference_rad - angle_rad
-    return limited(p.k_theta_per_s * error + state.rate_rad_s, p.rate_limit_rad_s)
+    return clip(p.k_theta_per_s * error + state.rate_rad_s, p.rate_limit_rad_s)
 
 
 @expression
@@ -76,19 +76,19 @@ def next_pid_state(
 ) -> PidState:
     """Return the integrals one control period on; they stop while the torque is at its limit."""
     wanted = attitude_torque(reference_rad, angle_rad, rate_rad_s, state, p)
-    granted = limited(wanted, p.torque_limit_Nm)
+    granted = clip(wanted, p.torque_limit_Nm)
     error = reference_rad - angle_rad
     rate_error = attitude_rate_command(reference_rad, angle_rad, state, p) - rate_rad_s
     return PidState(
-        integrated(
+        integrate_clamped(
             state.rate_rad_s,
-            unwound(wanted, granted, p.k_i_theta_per_s2 * error),
+            unwrap_integral(wanted, granted, p.k_i_theta_per_s2 * error),
             p.theta_integral_limit_rad_s,
             dt_s,
         ),
-        integrated(
+        integrate_clamped(
             state.acceleration_rad_s2,
-            unwound(wanted, granted, p.k_i_q_per_s2 * rate_error),
+            unwrap_integral(wanted, granted, p.k_i_q_per_s2 * rate_error),
             p.q_integral_limit_rad_s2,
             dt_s,
         ),

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from benchtool.physics.expression import expression
 from benchtool.simulate.controllers.controller import ControlLaw, PitchCommand, PitchPlant
-from benchtool.simulate.controllers.limits import limited
-from benchtool.simulate.controllers.observer import next_explained, observed
+from benchtool.simulate.controllers.limits import clip
+from benchtool.simulate.controllers.observer import next_disturbance_estimate, update_observer
 from benchtool.simulate.controllers.pid import (
     AttitudePid,
     PidState,
@@ -49,13 +49,13 @@ def attitude_step(
     wanted, angle, rate = reference.theta_rad, measurement.theta_rad, measurement.rate_rad_s
     on, before = reference.observer, state.integrals
     momentum = p.pid.inertia_kgm2 * rate
-    estimate = on * observed(momentum, state.explained_Nms, p.observer_rate_per_s)
+    estimate = on * update_observer(momentum, state.explained_Nms, p.observer_rate_per_s)
     wanted_Nm = attitude_torque(wanted, angle, rate, before, p.pid) - estimate
-    torque = limited(wanted_Nm, p.pid.torque_limit_Nm)
+    torque = clip(wanted_Nm, p.pid.torque_limit_Nm)
     after = next_pid_state(wanted, angle, rate, before, p.pid, dt_s)
-    explained = next_explained(momentum, state.explained_Nms, torque, estimate, on, dt_s)
+    explained = next_disturbance_estimate(momentum, state.explained_Nms, torque, estimate, on, dt_s)
     error = wanted - angle
-    total = limited(state.error_rad_s + error * dt_s, p.pulses.limit_rad_s)
+    total = clip(state.error_rad_s + error * dt_s, p.pulses.limit_rad_s)
     difference = (
         p.pulses.kp_us_per_rad * error
         + p.pulses.ki_us_per_rad_s * total

@@ -31,7 +31,7 @@ def obstacle() -> Environment:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shipped:
+class BuiltInCase:
     """Describe one shipped flight: what it shows, and how its case is made."""
 
     name: str
@@ -139,16 +139,18 @@ def _plate(case: FlightCase, z_m: float, speed_m_s: float) -> FlightCase:
 
 
 _SHIPPED = (
-    Shipped(name="over", title="Flying over an obstacle (case 1)", make=_over),
-    Shipped(name="edge", title="Hovering in partial ground effect (case 2)", make=_edge),
-    Shipped(name="oblique", title="Crossing an edge at 35 degrees", make=_oblique),
-    Shipped(name="corner", title="Hovering over the corner of a box", make=_corner),
-    Shipped(name="gust", title="A gust while hovering over the obstacle", make=_gust),
-    Shipped(name="ramp", title="Flying over a ramp and the obstacle", make=_ramp),
-    Shipped(name="plate", title="A plate moved under the front rotor in free hover", make=_plate),
+    BuiltInCase(name="over", title="Flying over an obstacle (case 1)", make=_over),
+    BuiltInCase(name="edge", title="Hovering in partial ground effect (case 2)", make=_edge),
+    BuiltInCase(name="oblique", title="Crossing an edge at 35 degrees", make=_oblique),
+    BuiltInCase(name="corner", title="Hovering over the corner of a box", make=_corner),
+    BuiltInCase(name="gust", title="A gust while hovering over the obstacle", make=_gust),
+    BuiltInCase(name="ramp", title="Flying over a ramp and the obstacle", make=_ramp),
+    BuiltInCase(
+        name="plate", title="A plate moved under the front rotor in free hover", make=_plate
+    ),
 )
 
-FLIGHTS: Mapping[str, Shipped] = {item.name: item for item in _SHIPPED}
+FLIGHTS: Mapping[str, BuiltInCase] = {item.name: item for item in _SHIPPED}
 
 
 def flight_case(

@@ -16,7 +16,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.toml_text import FileTable
 from benchtool.physics.expression import Slot

@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.physics.expression import numbers_of
+from benchtool.physics.expression import flat_values
 from benchtool.simulate.controllers.controller import FlightReference
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, law_of
 from benchtool.simulate.flight import records as r
@@ -23,7 +23,7 @@ from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import Gains
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
-from benchtool.simulate.layout import lent, zeroed
+from benchtool.simulate.layout import allocate, lend_rows
 from benchtool.simulate.motors import Rotors, motion_of
 from benchtool.simulate.noise import lane_states
 
@@ -216,7 +216,7 @@ class FlightLoop:
         n_numbers = sum(len(effect.parameters) for effect in effects)
         disc_of = tuple(int(disc) for disc in rig.disc_of_rotor)
         self.layout = r.flight_layout(
-            rig.n_discs, rig.n_rotors, n_numbers, zeroed(law_numbers), law.state
+            rig.n_discs, rig.n_rotors, n_numbers, allocate(law_numbers), law.state
         )
         self.loops = flight_loops(effects, self.layout, disc_of, model.image_rules, law.step)
         helped = case.feeds_forward
@@ -281,7 +281,7 @@ class FlightLoop:
     def run(self) -> None:
         """Fly with the controller of the case."""
         run = self.loops.run
-        self.ended = run(lent(run, self.arrays), self.plan, -1, self.n_ticks)
+        self.ended = run(lend_rows(run, self.arrays), self.plan, -1, self.n_ticks)
 
     def flight(self, own: str = "") -> Flight:
         """Return what has been flown; `own` names the user's controller.
@@ -336,7 +336,7 @@ def schedule_of(
         (to_x, to_y, z[at], yaw_rad * same, speed[at], hover_N * same)
     )
     wanted = r.FlightTick(reference, x[at], y[at], z[at])
-    return np.array(numbers_of(wanted), float)
+    return np.array(flat_values(wanted), float)
 
 
 def column_names(n_discs: int, n_rotors: int) -> tuple[str, ...]:

@@ -17,18 +17,18 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.conditions import FAR_AWAY_M
+from benchtool.physics.conditions import OUT_OF_GROUND_EFFECT_M
 from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
 from benchtool.physics.effects.effect import Flow
 from benchtool.physics.expression import (
     Slot,
     expression,
-    loop_part,
+    inlined_expression,
     read_record,
-    replaced,
+    with_fields,
     write_record,
 )
-from benchtool.physics.fold import each
+from benchtool.physics.fold import unrolled
 from benchtool.physics.tilt import LEVEL, Plane
 from benchtool.simulate.flight.environment import BLOCK, MAP
 from benchtool.simulate.flight.rigid_body import forward, leftward
@@ -53,11 +53,11 @@ height over that (m); and the share that no surface covers yet.
 """
 
 DISC = Slot(0, DiscBelow())  # one column of the scratch of a look: a disc
-LEAST_SHARE = 1e-300  # keeps a surface that is under no disc from dividing by nothing
+MIN_SHARE = 1e-300  # keeps a surface that is under no disc from dividing by nothing
 HEIGHT_OVER_NOTHING_M = 1.0  # height of a disc without a share in a surface: no effect acts
 
 
-@loop_part
+@inlined_expression
 def place_discs(body: Any, discs: Any, scratch: Any) -> None:
     """Write where the disc centres are in the world."""
     ahead, aside, n = forward(body), leftward(body), len(discs.x_m)
@@ -74,7 +74,7 @@ def place_discs(body: Any, discs: Any, scratch: Any) -> None:
         write_record(scratch, DISC, i, n, placed)
 
 
-@loop_part
+@inlined_expression
 def cover(scratch: Any, i: Any, n: Any, share: Any, height_m: Any) -> None:
     """Write the share of a disc over the present surface and its height over that."""
     disc = read_record(scratch, DISC, i, n)
@@ -82,7 +82,7 @@ def cover(scratch: Any, i: Any, n: Any, share: Any, height_m: Any) -> None:
     write_record(scratch, DISC, i, n, covered)
 
 
-@loop_part
+@inlined_expression
 def disc_on_rectangle(x: Any, y: Any, radius: Any, x1: Any, x2: Any, y1: Any, y2: Any) -> Any:
     """Return `rectangle_coverage`, worked out only where an edge cuts the disc.
 
@@ -101,8 +101,8 @@ def disc_on_rectangle(x: Any, y: Any, radius: Any, x1: Any, x2: Any, y1: Any, y2
     return rectangle_coverage(x, y, radius, x1, x2, y1, y2)
 
 
-@loop_part
-def away(time_s: Any, block: Any) -> Any:
+@inlined_expression
+def distance_to_block(time_s: Any, block: Any) -> Any:
     """Return how far a plate is out of its place: 1 before and after, 0 while it is there."""
     if time_s < block.there_s:
         if time_s <= block.begins_s:
@@ -116,7 +116,7 @@ def away(time_s: Any, block: Any) -> Any:
 
 
 @expression
-def rise(axis: Any, block: Any) -> Any:
+def surface_rise(axis: Any, block: Any) -> Any:
     """Return how much more a place rises over a block's top per metre along an axis (3,)."""
     return axis[2] - block.slope_x * axis[0] - block.slope_y * axis[1]
 
@@ -127,7 +127,7 @@ def level_plane(body: Any, top_m: Any) -> Any:
     return Plane(body.z_m - top_m, forward(body)[2], leftward(body)[2])
 
 
-@loop_part
+@inlined_expression
 def over_blocks(
     body: Any, surface: Any, time_s: Any, radius_m: Any, tables: Any, scratch: Any, n: Any,
     whole: Any,
@@ -141,7 +141,7 @@ def over_blocks(
         block = read_record(tables.blocks, BLOCK, b, n_blocks)
         if block.surface != surface:
             continue
-        out = away(time_s, block)
+        out = distance_to_block(time_s, block)
         dx, dy = out * block.slide_x_m, out * block.slide_y_m
         x1, x2, y1, y2 = block.x1_m + dx, block.x2_m + dx, block.y1_m + dy, block.y2_m + dy
         before = total
@@ -175,13 +175,13 @@ def over_blocks(
                 steep += block.slope_y * block.slope_y
             here, normal = total - before, 1.0 / np.sqrt(steep)
             centre += here * (body.z_m - top) * normal
-            slope_x += here * rise(forward(body), block) * normal
-            slope_y += here * rise(leftward(body), block) * normal
-    per_share = 1.0 / max(total, LEAST_SHARE)
+            slope_x += here * surface_rise(forward(body), block) * normal
+            slope_y += here * surface_rise(leftward(body), block) * normal
+    per_share = 1.0 / max(total, MIN_SHARE)
     return total, Plane(centre * per_share, slope_x * per_share, slope_y * per_share)
 
 
-@loop_part
+@inlined_expression
 def over_grid(body: Any, seen: Any, map_: Any, scratch: Any, n: Any) -> Any:
     """Write share and height of every disc over the grid's rise; return the summed share and the
     plane: level, at the mean height of what is below the discs.
@@ -204,10 +204,10 @@ def over_grid(body: Any, seen: Any, map_: Any, scratch: Any, n: Any) -> Any:
         cover(scratch, i, n, share, disc.z_m - top)
         total += share
         tops += share * top
-    return total, level_plane(body, tops / max(total, LEAST_SHARE))
+    return total, level_plane(body, tops / max(total, MIN_SHARE))
 
 
-@loop_part
+@inlined_expression
 def over_floor(body: Any, floor_m: Any, scratch: Any, n: Any) -> Any:
     """Write share and height of every disc over the floor; return summed share and plane."""
     total = 0.0
@@ -221,11 +221,11 @@ def over_floor(body: Any, floor_m: Any, scratch: Any, n: Any) -> Any:
 
 
 @expression
-def coverage_of(rest: Any) -> Any:
+def coverage_of(ground: Any) -> Any:
     """Return the fraction of each disc over something: what is left uncovered, from one."""
-    found = rest
-    for i in range(len(rest)):
-        found = replaced(found, i, 1.0 - rest[i])
+    found = ground
+    for i in range(len(ground)):
+        found = with_fields(found, i, 1.0 - ground[i])
     return found
 
 
@@ -238,12 +238,12 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
     its centre, and room for n columns of `DISC`. It returns what is below, and the flow that
     effects see which act on the disc as a whole.
     """
-    shares = each(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).share))
-    heights = each(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).height_m))
-    rests = each(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).rest))
+    shares = unrolled(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).share))
+    heights = unrolled(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).height_m))
+    rests = unrolled(n, expression(lambda i, scratch: read_record(scratch, DISC, i, n).rest))
     ones, nothing = (1.0,) * n, (np.inf,) * n
 
-    @loop_part
+    @inlined_expression
     def look_below(
         time_s: Any, pitch_rad: Any, body: Any, craft: Any, discs: Any, speed: Any, p: Any,
         tables: Any, whole: Any, scratch: Any,
@@ -276,8 +276,8 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
             flow = parts.with_images(flow, discs.distances_m, discs.body, p)
             given = parts.image_factors(flow, p)
             for i in range(n):
-                factor = replaced(factor, i, factor[i] + (given[i] - 1.0))
-                over_all = replaced(over_all, i, over_all[i] + flow.coverage[i])
+                factor = with_fields(factor, i, factor[i] + (given[i] - 1.0))
+                over_all = with_fields(over_all, i, over_all[i] + flow.coverage[i])
                 disc = read_record(scratch, DISC, i, n)
                 if disc.share > 0.0:
                     nearest = min(nearest, disc.height_m)
@@ -287,14 +287,14 @@ def surround(n: int, hooks: Callable[[], LoopHooks]) -> Callable[..., tuple[Belo
                     if flow.height_m[i] <= least_m and flow.height_m[i] != disc.height_m:
                         held = 1.0
                     if disc.share >= 0.5 or height[i] == np.inf:
-                        height = replaced(height, i, flow.height_m[i])
+                        height = with_fields(height, i, flow.height_m[i])
                 left = DiscBelow(
                     disc.x_m, disc.y_m, disc.z_m, disc.share, disc.height_m, disc.rest - disc.share
                 )
                 write_record(scratch, DISC, i, n, left)
         seen = height
         for i in range(n):
-            seen = replaced(seen, i, min(height[i], FAR_AWAY_M))
+            seen = with_fields(seen, i, min(height[i], OUT_OF_GROUND_EFFECT_M))
         flow = parts.bare(
             craft.effective_radius_m, discs.x_m, discs.y_m, LEVEL, seen, over_all, speed, time_s,
             pitch_rad, body.q_rad_s,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from annotated_types import Ge, Gt, Le, Len
 
 from benchtool.core.inputs import Input, Inputs
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.simulate.study_inputs import StudyInputs
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class FlightInputs(Inputs):
     ] = "over"
     rig: Annotated[str, Input("Rig that flies.")] = "pquad"
     model: Annotated[
-        str, Input("Model whose ground effect acts, or its file.", empty="eq. (4)")
+        str, Input("Model whose ground effect acts, or its file.", default_text="eq. (4)")
     ] = ""
     controllers: Annotated[
         tuple[str, ...],
@@ -35,9 +35,9 @@ class FlightInputs(Inputs):
             "Some of pid, observer, feedforward, both; your own as module:Class; oge (PID over "
             "nothing) in a campaign.",
             label="Controllers",
-            commas=True,
-            also="--controller",
-            empty="pid,observer,feedforward; oge,pid in a campaign",
+            comma_separated=True,
+            alias="--controller",
+            default_text="pid,observer,feedforward; oge,pid in a campaign",
         ),
     ] = ()
     z_over_R: Annotated[
@@ -48,7 +48,7 @@ class FlightInputs(Inputs):
     ] = 2.0
     speed_m_s: Annotated[
         Annotated[float, Ge(0.001), Le(50.0)] | None,
-        Input("Speed limit.", "m/s", empty="the case's own"),
+        Input("Speed limit.", "m/s", default_text="the case's own"),
     ] = None
     ramp: Annotated[bool, Input("Lead the reference along in place of a speed limit.")] = False
     gyro_noise_rad_s: Annotated[
@@ -56,7 +56,7 @@ class FlightInputs(Inputs):
         Input(
             "Standard deviation.",
             "rad/s",
-            empty="none, or the paper's 0.015 under several seeds",
+            default_text="none, or the paper's 0.015 under several seeds",
             group="Disturbances",
         ),
     ] = None
@@ -79,12 +79,12 @@ class FlightInputs(Inputs):
 def setup_of(
     inputs: FlightInputs,
     gains: str,
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
 ) -> FlightSetup:
     """Return what flies with one gain set."""
     from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
     from benchtool.simulate.flight.map import read_map
-    from benchtool.simulate.flight.setup import FlightSetup, changed
+    from benchtool.simulate.flight.setup import FlightSetup, with_changes
     from benchtool.simulate.gain_file import gains_named
 
     noise_rad_s = inputs.gyro_noise_rad_s
@@ -103,15 +103,15 @@ def setup_of(
         gyro_noise_rad_s=noise_rad_s,
         map_offset_m=inputs.map_offset_m,
     )
-    return changed(setup, inputs.study.settings)
+    return with_changes(setup, inputs.study.settings)
 
 
 def _vehicle(inputs: FlightInputs, permit: CodePermit) -> FlightVehicle:
-    from benchtool.core.rig_file import rig_named
+    from benchtool.core.rig_file import load_rig_by_name
     from benchtool.physics.model_file import load_model
     from benchtool.simulate.flight.vehicle import FlightVehicle
 
-    rig = rig_named(inputs.rig)
+    rig = load_rig_by_name(inputs.rig)
     vehicle = FlightVehicle.of_rig(rig)
     if inputs.model:
         vehicle = FlightVehicle(model=load_model(inputs.model, rig, permit).model)

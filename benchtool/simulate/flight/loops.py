@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.physics.disc_thrust import ImageRules, owned
+from benchtool.physics.disc_thrust import ImageRules, bound_hooks
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
-    borrowed,
     compiled_closure,
     expression,
-    loop_part,
+    inlined_expression,
     read_record,
-    replaced,
+    shared_view,
+    with_fields,
     write_record,
 )
-from benchtool.physics.fold import chained, each, identity
+from benchtool.physics.fold import chained, identity, unrolled
 from benchtool.physics.rotor import drag_torque_Nm, ground_effect_thrust_N, speed_from_thrust
 from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.controller import FlightCommand, FlightMeasurement
@@ -39,10 +39,10 @@ from benchtool.simulate.flight.records import (
     geometry_slot,
 )
 from benchtool.simulate.flight.rigid_body import (
+    apply_impulse,
     drift,
-    kicked,
-    kicked_rates,
     pitch_of,
+    rates_after_impulse,
     roll_of,
     upward,
     yaw_of,
@@ -50,16 +50,16 @@ from benchtool.simulate.flight.rigid_body import (
 from benchtool.simulate.hooks import identities, joined_hooks
 from benchtool.simulate.kernel import Build, Phases, run_ticks
 from benchtool.simulate.layout import Layout
-from benchtool.simulate.motors import Rotors, Targets, lagged
+from benchtool.simulate.motors import Rotors, Targets, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 
 FlightLoops = namedtuple("FlightLoops", "run look")
 """Hold what a flight runs: run(arrays, plan, first, last) -> the tick at which it ended, with
-the arrays as `layout.lent`; and look, see `ground.surround`.
+the arrays as `layout.lend_rows`; and look, see `ground.surround`.
 """
 
 
-@loop_part
+@inlined_expression
 def control_vehicle(a: Any, now: Any, to: Any, law: Any) -> None:
     """Run a built-in law: a controller's step, with its state in the vehicle's records."""
     w, measured = a.w, read_record(a.w, to.measured, 0, 1)
@@ -72,14 +72,14 @@ def control_vehicle(a: Any, now: Any, to: Any, law: Any) -> None:
     factor = expected.factor
     for i in range(len(factor)):
         known = factor[i] if measured.time_s >= chart.from_s else 1.0
-        factor = replaced(factor, i, expected_factor(known, chart.strength))
+        factor = with_fields(factor, i, expected_factor(known, chart.strength))
     asked = FlightCommand(
         command.thrust_N, command.roll_Nm, command.pitch_Nm, command.yaw_Nm, factor
     )
     write_record(w, to.command, 0, 1, asked)
 
 
-@loop_part
+@inlined_expression
 def mix_vehicle(
     a: Any, now: Any, to: Any, hooks: Any, rotor_speeds: Any, disc_of: Any
 ) -> None:  # fmt: skip
@@ -93,7 +93,7 @@ def mix_vehicle(
         thrust += craft.per_pitch[i] * command.pitch_Nm + craft.per_yaw[i] * command.yaw_Nm
         wanted_N = compensated_thrust(thrust, command.divide_by[disc_of[i]])
         speed = min(speed_from_thrust(wanted_N, craft.k_N_s2), craft.top_speed_rad_s)
-        speeds = replaced(speeds, i, speed)
+        speeds = with_fields(speeds, i, speed)
     flow = hooks.bare(
         craft.effective_radius_m, craft.x_m, craft.y_m, LEVEL, speeds, speeds, speeds, now.time_s
     )
@@ -120,16 +120,16 @@ def disc_speeds(speeds: Any, ones: Any, disc_of: Any) -> Any:
     """Return the root of the summed squares of each disc's rotors: rad/s."""
     found = ones
     for i in range(len(ones)):
-        found = replaced(found, i, 0.0 * ones[i])
+        found = with_fields(found, i, 0.0 * ones[i])
     for j in range(len(speeds)):
         i = disc_of[j]
-        found = replaced(found, i, found[i] + speeds[j] * speeds[j])
+        found = with_fields(found, i, found[i] + speeds[j] * speeds[j])
     for i in range(len(ones)):
-        found = replaced(found, i, np.sqrt(found[i]))
+        found = with_fields(found, i, np.sqrt(found[i]))
     return found
 
 
-@loop_part
+@inlined_expression
 def blown(time_s: Any, gusts: Any) -> Any:
     """Return the wind (3,): m/s."""
     x, y, z = 0.0, 0.0, 0.0
@@ -144,7 +144,7 @@ def blown(time_s: Any, gusts: Any) -> Any:
     return x, y, z
 
 
-@loop_part
+@inlined_expression
 def pushed(time_s: Any, body: Any, lift_N: Any, craft: Any, gusts: Any, dt_s: Any) -> Any:
     """Return the velocity (3,) a step on; drag is taken at the mean of old and new velocity."""
     up_x, up_y, up_z = upward(body)
@@ -162,7 +162,7 @@ def pushed(time_s: Any, body: Any, lift_N: Any, craft: Any, gusts: Any, dt_s: An
     return vx, vy, vz
 
 
-@loop_part
+@inlined_expression
 def move_vehicle(
     a: Any, now: Any, to: Any, hooks: Any, look: Any, disc_of: Any, ones: Any
 ) -> None:  # fmt: skip
@@ -172,8 +172,10 @@ def move_vehicle(
     p, targets = read_record(w, to.effects, 0, 1), read_record(w, to.targets, 0, 1)
     outcome = read_record(w, to.outcome, 0, 1)
     old, new = targets.old_rad_s, targets.new_rad_s
-    middle_rad_s = lagged(motion.first, read_record(w, to.rotors, 0, 1).speed_rad_s, old, new)
-    write_record(w, to.rotors, 0, 1, Rotors(lagged(motion.second, middle_rad_s, old, new)))
+    middle_rad_s = first_order_lag(
+        motion.first, read_record(w, to.rotors, 0, 1).speed_rad_s, old, new
+    )
+    write_record(w, to.rotors, 0, 1, Rotors(first_order_lag(motion.second, middle_rad_s, old, new)))
 
     time_s = now.time_s + (now.part + 0.5) * dt_s
     body = drift(read_record(w, to.body, 0, 1), 0.5 * dt_s)
@@ -203,8 +205,8 @@ def move_vehicle(
         a.states[0] = next_state(first)
         wake += motion.wake_kick_Nm * normal(first, a.states[0])
     velocity = pushed(time_s, body, lift, craft, a.gusts, dt_s)
-    rates = kicked_rates(body, torque, craft.inertia_kgm2, dt_s)
-    body = drift(kicked(body, velocity, rates, wake), 0.5 * dt_s)
+    rates = rates_after_impulse(body, torque, craft.inertia_kgm2, dt_s)
+    body = drift(apply_impulse(body, velocity, rates, wake), 0.5 * dt_s)
 
     ending = outcome.ending
     if not math.isfinite(body.x_m + body.y_m + body.z_m + body.qw + body.p_rad_s + body.q_rad_s):
@@ -217,7 +219,7 @@ def move_vehicle(
     write_record(w, to.outcome, 0, 1, outcome)
 
 
-@loop_part
+@inlined_expression
 def sense_vehicle(
     a: Any, now: Any, to: Any, hooks: Any, look: Any, disc_of: Any, ones: Any
 ) -> None:
@@ -257,7 +259,7 @@ def sense_vehicle(
     write_record(w, to.measured, 0, 1, measured)
 
 
-@loop_part
+@inlined_expression
 def still_going(a: Any, to: Any) -> Any:
     """Return whether nothing has ended the flight."""
     return read_record(a.w, to.outcome, 0, 1).ending == GOING
@@ -277,21 +279,25 @@ def flight_loops(
     hooks = joined_hooks(effects, n, rules)
     slot, build = geometry_slot(n, rules.n_body), Build((0,), to)
     look = surround(n, hooks)
-    speed = chained(owned(effects, "speed"))
-    rotor_speeds = each(
+    speed = chained(bound_hooks(effects, "speed"))
+    rotor_speeds = unrolled(
         n_rotors, expression(lambda i, flow, p: speed(i, flow.speed_rad_s[i], flow, p))
     )
     fixed = expression(lambda a: read_record(a.geometry, slot, 0, 1))
-    wanted = loop_part(lambda a, tick: read_record(a.schedule, TICK, tick, a.schedule.shape[1]))
-    law = loop_part(lambda a, now: control_vehicle(a, now, to, step))
-    mix = loop_part(lambda a, now: mix_vehicle(a, now, to, hooks(), rotor_speeds, disc_of))
-    move = loop_part(lambda a, now: move_vehicle(a, now, to, hooks(), look, disc_of, ones))
-    sense = loop_part(lambda a, now: sense_vehicle(a, now, to, hooks(), look, disc_of, ones))
-    goes_on = loop_part(lambda a: still_going(a, to))
+    wanted = inlined_expression(
+        lambda a, tick: read_record(a.schedule, TICK, tick, a.schedule.shape[1])
+    )
+    law = inlined_expression(lambda a, now: control_vehicle(a, now, to, step))
+    mix = inlined_expression(lambda a, now: mix_vehicle(a, now, to, hooks(), rotor_speeds, disc_of))
+    move = inlined_expression(lambda a, now: move_vehicle(a, now, to, hooks(), look, disc_of, ones))
+    sense = inlined_expression(
+        lambda a, now: sense_vehicle(a, now, to, hooks(), look, disc_of, ones)
+    )
+    goes_on = inlined_expression(lambda a: still_going(a, to))
     phases: Any = expression(lambda: Phases(fixed, wanted, law, mix, move, sense, goes_on))
     key = repr((disc_of, rules, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(borrowed(arrays, like), plan, first, last, build, phases())
+        return run_ticks(shared_view(arrays, like), plan, first, last, build, phases())
 
     return FlightLoops(compiled_closure(run, key), look)

@@ -29,7 +29,7 @@ import numpy as np
 
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.parsed_text import parse_toml
-from benchtool.core.toml_text import FileTable, build
+from benchtool.core.toml_text import FileTable, build_dataclass
 from benchtool.core.user_file import read_text
 from benchtool.data.csv_text import read_csv_text
 from benchtool.simulate.flight.environment import Block, Environment
@@ -62,13 +62,14 @@ def read_map(path: Path) -> Environment:
     if path.suffix.lower() == ".csv":
         return Environment(grid=read_grid(path), name=path.stem)
     where = str(path)
-    read = build(_MapFile, parse_toml(read_text(path), where), where)
+    read = build_dataclass(_MapFile, parse_toml(read_text(path), where), where)
     blocks = tuple(
-        build(Block, table, f"{where}: blocks[{k}]") for k, table in enumerate(read.blocks)
+        build_dataclass(Block, table, f"{where}: blocks[{k}]")
+        for k, table in enumerate(read.blocks)
     )
     grid = None
     if read.grid:
-        said = build(_GridTable, read.grid, f"{where}: grid")
+        said = build_dataclass(_GridTable, read.grid, f"{where}: grid")
         grid = read_grid(path.parent / said.file, said.base_m)
     name = read.name or path.stem
     try:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.simulate.flight.flight import Ending, Flight
 
 NEAR_M = 0.05  # a flight has arrived when it stays this near to its goal (notes, section 3.3)

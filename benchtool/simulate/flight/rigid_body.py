@@ -15,7 +15,7 @@ import math
 from collections import namedtuple
 from typing import Any
 
-from benchtool.physics.expression import expression, loop_part
+from benchtool.physics.expression import expression, inlined_expression
 
 GRAVITY_M_S2 = 9.81  # standard gravity rounded as in the notes' prototype: m/s2
 SMALL_TURN = 1e-4  # rad2; below it the series in `drift` are exact to rounding (2e-16)
@@ -36,20 +36,20 @@ def at_rest(position_m: tuple[float, float, float], yaw_rad: float = 0.0) -> Fre
     return FreeBody(*position_m, qw=math.cos(0.5 * yaw_rad), qz=math.sin(0.5 * yaw_rad))
 
 
-@loop_part
+@inlined_expression
 def roll_of(body: Any) -> Any:
     """Return the roll: rad."""
     w, x, y, z = body.qw, body.qx, body.qy, body.qz
     return math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
 
 
-@loop_part
+@inlined_expression
 def pitch_of(body: Any) -> Any:
     """Return the pitch, nose down: rad."""
     return math.asin(min(max(2.0 * (body.qw * body.qy - body.qz * body.qx), -1.0), 1.0))
 
 
-@loop_part
+@inlined_expression
 def yaw_of(body: Any) -> Any:
     """Return the yaw: rad."""
     w, x, y, z = body.qw, body.qx, body.qy, body.qz
@@ -77,7 +77,7 @@ def leftward(body: Any) -> Any:
     return 2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)
 
 
-@loop_part
+@inlined_expression
 def drift(body: Any, dt_s: Any) -> Any:
     """Return the body moved at constant velocities; exact for a constant body rate."""
     p, q, r = body.p_rad_s, body.q_rad_s, body.r_rad_s
@@ -108,8 +108,8 @@ def drift(body: Any, dt_s: Any) -> Any:
     )
 
 
-@loop_part
-def kicked_rates(body: Any, torque_Nm: Any, inertia_kgm2: Any, dt_s: Any) -> Any:
+@inlined_expression
+def rates_after_impulse(body: Any, torque_Nm: Any, inertia_kgm2: Any, dt_s: Any) -> Any:
     """Return the body rates (3,) after a torque in body axes (3,), with the gyroscopic coupling.
 
     J dw/dt = tau - w x J w by the implicit midpoint rule, four fixed-point iterations: it keeps
@@ -128,8 +128,8 @@ def kicked_rates(body: Any, torque_Nm: Any, inertia_kgm2: Any, dt_s: Any) -> Any
     return p, q, r
 
 
-@loop_part
-def kicked(body: Any, velocity_m_s: Any, rates_rad_s: Any, wake_Nm: Any) -> Any:
+@inlined_expression
+def apply_impulse(body: Any, velocity_m_s: Any, rates_rad_s: Any, wake_Nm: Any) -> Any:
     """Return the body where it is with other velocities (3,), body rates (3,) and wake torque."""
     vx, vy, vz = velocity_m_s
     p, q, r = rates_rad_s

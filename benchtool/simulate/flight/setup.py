@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.schedule import LONGEST_S
+from benchtool.core.schedule import MAX_DURATION_S
 from benchtool.simulate.flight.cases import FLIGHTS, flight_case
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, Goal
@@ -24,7 +24,7 @@ VEHICLE_NUMBERS = (
 MAP_OFFSETS = ("map_offset_x_m", "map_offset_y_m", "map_offset_z_m")
 GAIN_TABLES = ("gains.position", "gains.attitude", "gains.altitude", "gains.yaw", "gains.observer")
 CONTROL_HZ = (1.0, 1e5)  # rates of control: up to a thousandfold of an autopilot's; assumed
-FARTHEST_M = 1000.0  # farthest goal and offset of a map; assumed
+MAX_DISTANCE_M = 1000.0  # farthest goal and offset of a map; assumed
 USUAL_STEP_S, LEAST_STEP_S = 0.001, 1e-6  # default and least plant step
 
 CHANGEABLE = (*FLIGHT_NUMBERS, *VEHICLE_NUMBERS, *MAP_OFFSETS, *GAIN_TABLES)
@@ -62,9 +62,9 @@ class FlightSetup:
     def __post_init__(self) -> None:
         for name, values in (("goal_m", self.goal_m or ()), ("map_offset_m", self.map_offset_m)):
             for value in values:
-                refuse_outside(name, value, -FARTHEST_M, FARTHEST_M)
+                refuse_outside(name, value, -MAX_DISTANCE_M, MAX_DISTANCE_M)
         if self.duration_s is not None:
-            refuse_outside("duration_s", self.duration_s, 0.0, LONGEST_S)
+            refuse_outside("duration_s", self.duration_s, 0.0, MAX_DURATION_S)
 
     def flown(self, control: str, seed: int = 1) -> FlightCase:
         """Return the case for one controller under one noise."""
@@ -140,7 +140,7 @@ def full_name(name: str) -> str:
     raise UnknownChoice("number of a flight", name, alike or CHANGEABLE)
 
 
-def changed(setup: FlightSetup, values: Mapping[str, float]) -> FlightSetup:
+def with_changes(setup: FlightSetup, values: Mapping[str, float]) -> FlightSetup:
     """Return the setup with some numbers changed, by name.
 
     A name is one of `CHANGEABLE`, where a table of gains takes a factor on all its gains, or a

@@ -15,7 +15,7 @@ from benchtool.simulate.flight.measures import Measures, measure
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Flown:
+class FlownCase:
     """Hold a flight with its numbers."""
 
     flight: Flight
@@ -27,10 +27,10 @@ class Flown:
         return self.flight.case
 
 
-def fly_and_measure(case: FlightCase) -> Flown:
+def fly_and_measure(case: FlightCase) -> FlownCase:
     """Fly a case, as that of another flight with some fields replaced; take its numbers."""
     flight = fly(case)
-    return Flown(flight, measure(flight))
+    return FlownCase(flight, measure(flight))
 
 
 def out_of_ground_effect(case: FlightCase) -> FlightCase:
@@ -38,7 +38,7 @@ def out_of_ground_effect(case: FlightCase) -> FlightCase:
     return replace(case, below=Environment(), gyro_noise_rad_s=0.0)
 
 
-def name_of(flown: Flown) -> str:
+def name_of(flown: FlownCase) -> str:
     """Return what tables and figures call a flight's controller."""
     return flown.flight.own or FLIGHT_CONTROLLERS[flown.case.control]
 
@@ -74,7 +74,7 @@ def recording_of(flight: Flight) -> Recording:
     )
 
 
-def verdict(flown: Flown) -> str:
+def verdict(flown: FlownCase) -> str:
     """Say in one line what a flight came to."""
     found, goal = flown.measures, flown.case.goals[-1]
     if found.ending == "struck":

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.parameter import Parameter, full_name
+from benchtool.core.parameter import Parameter, resolve_name
 from benchtool.core.rig import Rig
 from benchtool.physics.bases import with_blades_of_rig
 from benchtool.physics.catalogue import EFFECTS
@@ -79,7 +79,7 @@ class FlightVehicle:
         """Return the vehicle with some numbers changed.
 
         A name is a field of the vehicle, one of `RULES` of its model, one of
-        `SHORT_NAMES`, or an effect's number as in `full_name`; an effect that the model lacks is
+        `SHORT_NAMES`, or an effect's number as in `resolve_name`; an effect that the model lacks is
         put in.
 
         Raises:
@@ -199,7 +199,7 @@ def owner_of(model: Model, name: str) -> tuple[Effect, Parameter]:
         for item in one.parameters
         if name not in SHORT_NAMES or one.distance_law is None
     }
-    full = full_name(SHORT_NAMES.get(name, name), known, "number of a vehicle")
+    full = resolve_name(SHORT_NAMES.get(name, name), known, "number of a vehicle")
     return known[full]
 
 
@@ -215,7 +215,7 @@ def _at(model: Model, name: str, value: float) -> Model:
     set_to = replace(
         model.parameters[full], value=value, lower=min(item.lower, low), upper=max(item.upper, high)
     )
-    return model.at(model.parameters.replaced(full, set_to))
+    return model.with_values(model.parameters.with_replaced(full, set_to))
 
 
 def _acts_by_default(effect: Effect) -> bool:

@@ -8,12 +8,12 @@ from math import ceil, dist, isfinite
 
 import numpy as np
 
-from benchtool.core.array import Array
-from benchtool.core.counted import counted
+from benchtool.core.array_type import Array
+from benchtool.core.plural import pluralize
 from benchtool.simulate.flight.environment import Block
 from benchtool.simulate.flight.flight import FlightCase
 from benchtool.simulate.flight.measures import NEAR_M
-from benchtool.simulate.flight.study import Flown, name_of
+from benchtool.simulate.flight.study import FlownCase, name_of
 
 OF_THE_TIME = 0.8  # share of a flight for the way at the requested speed; the rest: stop; assumed
 BODY_REACH = 1.0  # depth of hub and undercarriage in rotor radii, for the warning alone; assumed
@@ -35,7 +35,7 @@ def too_short(case: FlightCase) -> str:
     )
 
 
-def warnings_of(flights: Sequence[Flown]) -> list[str]:
+def warnings_of(flights: Sequence[FlownCase]) -> list[str]:
     """Return a line for everything of this kind; the first flight is the one over nothing."""
     case = flights[-1].case
     out = []
@@ -57,7 +57,7 @@ def warnings_of(flights: Sequence[Flown]) -> list[str]:
     return out
 
 
-def _warnings_of_one(flown: Flown) -> list[str]:
+def _warnings_of_one(flown: FlownCase) -> list[str]:
     flight, found, vehicle = flown.flight, flown.measures, flown.case.vehicle
     radius_m = vehicle.rig.propulsion.radius_m
     out = []
@@ -76,7 +76,7 @@ def _warnings_of_one(flown: Flown) -> list[str]:
     if found.held_ticks:
         out.append(
             f"a rotor came nearer than z/R = {vehicle.model.nearest_z_over_R:g} in "
-            f"{counted(found.held_ticks, 'step')}; its height was held there, where the formulae "
+            f"{pluralize(found.held_ticks, 'step')}; its height was held there, where the formulae "
             f"end"
         )
     near = flight.ending == "flown" and found.nearest_m < BODY_REACH * radius_m
@@ -88,7 +88,7 @@ def _warnings_of_one(flown: Flown) -> list[str]:
     return out
 
 
-def _nothing_acts(flights: Sequence[Flown]) -> str:
+def _nothing_acts(flights: Sequence[FlownCase]) -> str:
     """Say that nothing below ever acted, and how far away it is; "" where something did."""
     if any(flown.flight.ending != "flown" or _strongest(flown) > NO_EFFECT for flown in flights):
         return ""
@@ -110,7 +110,7 @@ def _nothing_acts(flights: Sequence[Flown]) -> str:
     )
 
 
-def _left_envelope(flown: Flown) -> str:
+def _left_envelope(flown: FlownCase) -> str:
     """Say by what a flight left what any such vehicle flies; "" if it did not."""
     flight, found = flown.flight, flown.measures
     off_m = max(found.range_z_m, key=abs)
@@ -134,7 +134,7 @@ def _left_envelope(flown: Flown) -> str:
     )
 
 
-def _strongest(flown: Flown) -> float:
+def _strongest(flown: FlownCase) -> float:
     """Return the largest share by which any disc's thrust was changed."""
     discs = range(1, flown.case.vehicle.rig.n_discs + 1)
     return max(float(np.abs(flown.flight[f"factor{i}"] - 1.0).max()) for i in discs)

@@ -12,7 +12,7 @@ from functools import partial
 from itertools import islice
 from typing import TypeVar
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.schedule import SampledSchedule
 from benchtool.physics.expression import can_compile
 from benchtool.simulate.campaign import results_in_order

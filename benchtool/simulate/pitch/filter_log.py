@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameters
 from benchtool.core.schedule import PARKED_M, SampledSchedule
-from benchtool.physics.expression import numbers_of
+from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.pitch.bench import STEPS_PER_LAG, PitchBench
@@ -182,7 +182,7 @@ def _filtered(
             setpoint, (*loop.planned("pwm_us"),), logged.mode, logged.theta_rad,
             logged.gyro_rad_s, (*logged.speed_rad_s,),
         )  # fmt: skip
-        table, found = np.array(numbers_of(ticks), float), []
+        table, found = np.array(flat_values(ticks), float), []
         for (first, start, stop), begun in zip(windows, states, strict=True):
             if begun is not None:
                 wide = begun[:, k : k + LANES[-1]]
@@ -261,6 +261,8 @@ def _with_lag_alone(model: Model, lag_s: float) -> Model:
                 neutral = item.value if item.neutral is None else item.neutral
                 values.setdefault(f"{effect.name}.{item.name}", neutral)
     items = model.parameters
-    return model.at(
-        Parameters((name, item.at(values.get(name, item.value))) for name, item in items.items())
+    return model.with_values(
+        Parameters(
+            (name, item.with_value(values.get(name, item.value))) for name, item in items.items()
+        )
     )

@@ -11,7 +11,13 @@ from __future__ import annotations
 from collections import namedtuple
 from typing import Any
 
-from benchtool.physics.expression import Slot, loop_part, read_record, replaced, write_record
+from benchtool.physics.expression import (
+    Slot,
+    inlined_expression,
+    read_record,
+    with_fields,
+    write_record,
+)
 from benchtool.simulate.motors import Rotors
 from benchtool.simulate.pitch.records import Hinge, SensorReadings, Setpoint
 
@@ -41,7 +47,7 @@ error to the speed.
 GAINS = Slot(0, FilterGains())
 
 
-@loop_part
+@inlined_expression
 def correct_lane(w: Any, lane: Any, at: Any, now: Any, by: Any, to: Any, hooks: Any) -> None:
     """Predict the readings of a tick and correct one lane's state by what was read."""
     logged = now.wanted
@@ -66,9 +72,9 @@ def correct_lane(w: Any, lane: Any, at: Any, now: Any, by: Any, to: Any, hooks: 
         error = logged.speed_rad_s[i] - speeds[i]
         error = error if error == error else 0.0
         if logged.mode == CORRECT:
-            speeds = replaced(speeds, i, speeds[i] + by.speed * error)
+            speeds = with_fields(speeds, i, speeds[i] + by.speed * error)
         elif logged.mode == RESTART:
-            speeds = replaced(speeds, i, speeds[i] + error)
+            speeds = with_fields(speeds, i, speeds[i] + error)
     corrected = Hinge(
         theta, rate, wake, hinge.bent, hinge.clamped_steps, hinge.stopped_steps,
         hinge.acceleration_rad_s2,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from annotated_types import Len
 
 from benchtool.core.inputs import Input, Inputs
-from benchtool.core.own_code import CodePermit, refuse_code
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.simulate.study_inputs import StudyInputs
 
 if TYPE_CHECKING:
@@ -20,16 +20,16 @@ class PitchInputs(Inputs):
     """What `benchtool simulate pitch` takes."""
 
     rig: Annotated[
-        str | None, Input("Rig on the hinge.", empty="the model's; pquad without a model")
+        str | None, Input("Rig on the hinge.", default_text="the model's; pquad without a model")
     ] = None
-    model: Annotated[str, Input("Model or its file.", empty="the rig's pitch model")] = ""
+    model: Annotated[str, Input("Model or its file.", default_text="the rig's pitch model")] = ""
     controllers: Annotated[
         tuple[str, ...],
         Len(1),
         Input(
             "With commas; your own as module:Class.",
-            commas=True,
-            also="--controller",
+            comma_separated=True,
+            alias="--controller",
             label="Controllers",
         ),
     ] = ("pid", "feedforward", "observer")
@@ -37,10 +37,12 @@ class PitchInputs(Inputs):
     study: StudyInputs = field(default_factory=StudyInputs)
 
 
-def setup_of(inputs: PitchInputs, gains: str, permit: CodePermit = refuse_code) -> PitchSetup:
+def setup_of(
+    inputs: PitchInputs, gains: str, permit: CodePermit = check_code_allowed
+) -> PitchSetup:
     """Return what runs with one gain set; own code of a model is run by permit only."""
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
-    from benchtool.simulate.pitch.setup import changed, pitch_setup
+    from benchtool.simulate.pitch.setup import pitch_setup, with_changes
 
     setup = pitch_setup(
         rig=inputs.rig,
@@ -50,7 +52,7 @@ def setup_of(inputs: PitchInputs, gains: str, permit: CodePermit = refuse_code) 
         schedule=inputs.schedule,
         permit=permit,
     )
-    setup = changed(setup, inputs.study.settings)
+    setup = with_changes(setup, inputs.study.settings)
     if inputs.study.duration_s is None:
         return setup
-    return replace(setup, schedule=setup.schedule.lasting(inputs.study.duration_s))
+    return replace(setup, schedule=setup.schedule.with_duration(inputs.study.duration_s))

@@ -14,15 +14,15 @@ import numpy as np
 from benchtool.physics.expression import (
     Quantity,
     expression,
-    loop_part,
+    inlined_expression,
     read_record,
-    replaced,
+    with_fields,
     write_record,
 )
 from benchtool.physics.mixer import pitch_moment_Nm
 from benchtool.physics.tilt import Plane, height_over
-from benchtool.simulate.controllers.limits import limited
-from benchtool.simulate.motors import Rotors, lagged
+from benchtool.simulate.controllers.limits import clip
+from benchtool.simulate.motors import Rotors, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 from benchtool.simulate.pitch.records import Hinge, SensorReadings
 
@@ -82,7 +82,7 @@ def heights_over(plane: Any, x_m: Any, y_m: Any) -> Any:
     """Return the height of each disc over the plate: m."""
     found = x_m
     for i in range(len(x_m)):
-        found = replaced(found, i, height_over(plane, x_m[i], y_m[i]))
+        found = with_fields(found, i, height_over(plane, x_m[i], y_m[i]))
     return found
 
 
@@ -91,11 +91,11 @@ def scaled(values: Any, by: Any) -> Any:
     """Return each disc's value times a number."""
     found = values
     for i in range(len(values)):
-        found = replaced(found, i, values[i] * by)
+        found = with_fields(found, i, values[i] * by)
     return found
 
 
-@loop_part
+@inlined_expression
 def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks: Any) -> None:
     """Advance the bench of one lane by one plant step; `to` says where its records stand."""
     discs, time_s = now.fixed, now.time_s
@@ -106,8 +106,12 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     targets = read_record(w, to.targets, lane, at)
     old, new = targets.old_rad_s, targets.new_rad_s
     start_rad_s = rotors.speed_rad_s
-    middle_rad_s = hooks.followed(start_rad_s, lagged(motion.first, start_rad_s, old, new), p)
-    end_rad_s = hooks.followed(middle_rad_s, lagged(motion.second, middle_rad_s, old, new), p)
+    middle_rad_s = hooks.followed(
+        start_rad_s, first_order_lag(motion.first, start_rad_s, old, new), p
+    )
+    end_rad_s = hooks.followed(
+        middle_rad_s, first_order_lag(motion.second, middle_rad_s, old, new), p
+    )
     write_record(w, to.rotors, lane, at, Rotors(end_rad_s))
 
     x, dt_s, rate = discs.x_m, discs.dt_s, hinge.rate_rad_s
@@ -117,7 +121,7 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     areas = scaled(body.covered, plate.plate_share)
     speed = middle_rad_s
     for i in range(len(x)):
-        speed = replaced(speed, i, discs.roots[i] * middle_rad_s[i])
+        speed = with_fields(speed, i, discs.roots[i] * middle_rad_s[i])
     flow = hooks.bare(
         body.radius_m, x, discs.y_m, plane, heights, areas, speed, time_s, theta, rate,
         cosine(theta), body.weight_N,
@@ -133,10 +137,10 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     held = share * hooks.dry_friction(0, flow, p)
     give = hooks.dry_give(0, flow, p) / dt_s
     built = held / np.maximum(give + held + hooks.dry_width(0, flow, p), SMALLEST)
-    friction = limited((give * hinge.bent + slipping) * built, held)
+    friction = clip((give * hinge.bent + slipping) * built, held)
     before, rate = rate, slipping - friction
     theta = theta + 0.5 * dt_s * rate
-    inside = limited(theta, body.stop_rad)
+    inside = clip(theta, body.stop_rad)
     hit = 1.0 * (inside != theta)
     low = 0.0 * hit
     for i in range(len(x)):
@@ -153,7 +157,7 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     write_record(w, to.hinge, lane, at, moved)
 
 
-@loop_part
+@inlined_expression
 def sense_lane(
     w: Any, lane: Any, at: Any, states: Any, fresh: Any, time_s: Any, to: Any, hooks: Any
 ) -> None:
@@ -177,7 +181,7 @@ def sense_lane(
         a = next_state(b)
         b = next_state(a)
         speed = read(rotors.speed_rad_s[i], normal(a, b), sensors.speed)
-        speeds = replaced(speeds, i, speed if fresh.speed else before.speed_rad_s[i])
+        speeds = with_fields(speeds, i, speed if fresh.speed else before.speed_rad_s[i])
     states[lane] = b
     shown = SensorReadings(
         theta if fresh.theta else before.theta_rad,

@@ -11,12 +11,12 @@ import numpy as np
 from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
 from benchtool.physics.expression import (
-    borrowed,
     compiled_closure,
     expression,
-    loop_part,
+    inlined_expression,
     read_record,
-    replaced,
+    shared_view,
+    with_fields,
     write_record,
 )
 from benchtool.physics.fold import identity
@@ -25,7 +25,7 @@ from benchtool.physics.tilt import LEVEL
 from benchtool.simulate.controllers.controller import ControlLaw, PitchMeasurement, PitchReference
 from benchtool.simulate.controllers.feedforward import compensated_thrust, expected_factor
 from benchtool.simulate.hooks import identities, joined_hooks
-from benchtool.simulate.kernel import PULSES, Build, Phases, always, nothing, run_ticks
+from benchtool.simulate.kernel import PULSES, Build, Phases, always_true, no_phase, run_ticks
 from benchtool.simulate.layout import Layout
 from benchtool.simulate.motors import Targets
 from benchtool.simulate.noise import later_state
@@ -51,12 +51,12 @@ from benchtool.simulate.pitch.records import (
 LAST = PAST - 1  # picks the place of a tick among `PAST`
 
 PitchLoops = namedtuple("PitchLoops", "run filter")
-"""Hold compiled loops: run(arrays, plan, first, last), with the arrays as `layout.lent`, and
+"""Hold compiled loops: run(arrays, plan, first, last), with the arrays as `layout.lend_rows`, and
 filter, the same along a log.
 """
 
 
-@loop_part
+@inlined_expression
 def control_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, law: Any) -> None:
     """Run a built-in law of one lane: a controller's step, with its state in the lane's records."""
     seen, wanted = read_record(w, to.readings, lane, at), now.wanted.setpoint
@@ -75,7 +75,7 @@ def control_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, law: Any) -> Non
     write_record(w, to.command, lane, at, asked)
 
 
-@loop_part
+@inlined_expression
 def divide_lane(w: Any, lane: Any, at: Any, factor: Any, to: Any) -> None:
     """Write the factors by which the mixer of one lane divides thrusts."""
     asked = read_record(w, to.command, lane, at)
@@ -83,7 +83,7 @@ def divide_lane(w: Any, lane: Any, at: Any, factor: Any, to: Any) -> None:
     write_record(w, to.command, lane, at, divided)
 
 
-@loop_part
+@inlined_expression
 def drive_lane(w: Any, lane: Any, at: Any, now: Any, to: Any) -> None:
     """Write the setpoint of one lane, and the pulses of the schedule as its command."""
     write_record(w, to.setpoint, lane, at, now.wanted.setpoint)
@@ -92,7 +92,7 @@ def drive_lane(w: Any, lane: Any, at: Any, now: Any, to: Any) -> None:
     write_record(w, to.command, lane, at, driven)
 
 
-@loop_part
+@inlined_expression
 def expect_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> None:
     """Work out the factors that the feedforward of one lane divides by."""
     nominal, wanted, discs = read_record(w, to.nominal, lane, at), now.wanted, now.fixed
@@ -107,11 +107,11 @@ def expect_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> No
     )  # fmt: skip
     factor = hooks.factors(hooks.with_images(flow, discs.distances_m, discs.body, p), p)
     for i in range(len(factor)):
-        factor = replaced(factor, i, expected_factor(factor[i], nominal.strength))
+        factor = with_fields(factor, i, expected_factor(factor[i], nominal.strength))
     divide_lane(w, lane, at, factor, to)
 
 
-@loop_part
+@inlined_expression
 def mix_lane(w: Any, lane: Any, at: Any, now: Any, to: Any) -> None:
     """Write one lane's setpoint; share torque and collective out as whole pulses within limits."""
     write_record(w, to.setpoint, lane, at, now.wanted.setpoint)
@@ -125,12 +125,12 @@ def mix_lane(w: Any, lane: Any, at: Any, now: Any, to: Any) -> None:
         pwm = pwm_from_speed(speed, pulses.slope_rad_s_per_us, pulses.start_us, 1.0, 1.0)
         pwm = pwm - np.sign(x[i]) * (command.difference_us + now.wanted.dither_us)
         pwm = np.minimum(np.maximum(pwm, limits.least_us), limits.most_us)
-        pwm_us = replaced(pwm_us, i, rounded(pwm, limits.quantum_us))
+        pwm_us = with_fields(pwm_us, i, rounded(pwm, limits.quantum_us))
     mixed = Command(command.torque_Nm, command.difference_us, command.factor, pwm_us)
     write_record(w, to.command, lane, at, mixed)
 
 
-@loop_part
+@inlined_expression
 def turn_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> None:
     """Turn the pulses of one lane into the speeds that its rotors will settle at."""
     discs, time_s = now.fixed, now.time_s
@@ -139,7 +139,7 @@ def turn_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> None
     slope, start, settled = pulses.slope_rad_s_per_us, pulses.start_us, targets.sent_rad_s
     for i in range(len(settled)):
         speed = speed_from_pwm(command.pwm_us[i], slope, start, 1.0, 1.0)
-        settled = replaced(settled, i, speed)
+        settled = with_fields(settled, i, speed)
     flow = hooks.bare(body.radius_m, discs.x_m, discs.y_m, LEVEL, settled, settled, settled, time_s)
     given = hooks.speeds(flow, read_record(w, to.effects, lane, at))
     write_record(w, to.targets, lane, at, Targets(given, given, given))
@@ -160,21 +160,25 @@ def pitch_loops(
     slot, like = geometry_slot(n_discs, rules.n_body), PitchArrays()
     hooks, step = joined_hooks(effects, n_discs, rules), law.step
     fixed = expression(lambda a: read_record(a.geometry, slot, 0, 1))
-    wanted = loop_part(lambda a, tick: read_record(a.schedule, planned, tick, a.schedule.shape[1]))
-    shown = loop_part(lambda a, tick: read_record(a.schedule, logged, tick, a.schedule.shape[1]))
+    wanted = inlined_expression(
+        lambda a, tick: read_record(a.schedule, planned, tick, a.schedule.shape[1])
+    )
+    shown = inlined_expression(
+        lambda a, tick: read_record(a.schedule, logged, tick, a.schedule.shape[1])
+    )
 
-    @loop_part
+    @inlined_expression
     def control(a: Any, now: Any) -> None:
         for lane in range(lanes):
             control_lane(a.w, lane, lanes, now, to, step)
 
-    @loop_part
+    @inlined_expression
     def correct(a: Any, now: Any) -> None:
         by = read_record(a.gains, GAINS, 0, 1)
         for lane in range(lanes):
             correct_lane(a.w, lane, lanes, now, by, to, hooks())
 
-    @loop_part
+    @inlined_expression
     def mix(a: Any, now: Any) -> None:
         if now.wanted.feedforward > 0.0:
             for lane in range(lanes):
@@ -191,19 +195,19 @@ def pitch_loops(
         for lane in range(lanes):
             turn_lane(a.w, lane, lanes, now, to, hooks())
 
-    @loop_part
+    @inlined_expression
     def drive(a: Any, now: Any) -> None:
         for lane in range(lanes):
             drive_lane(a.w, lane, lanes, now, to)
         for lane in range(lanes):
             turn_lane(a.w, lane, lanes, now, to, hooks())
 
-    @loop_part
+    @inlined_expression
     def move(a: Any, now: Any) -> None:
         for lane in range(lanes):
             step_lane(a.w, lane, lanes, a.states, now, to, hooks())
 
-    @loop_part
+    @inlined_expression
     def sense(a: Any, now: Any) -> None:
         w, place, plan = a.w, now.tick & LAST, now.plan
         for lane in range(lanes):
@@ -226,14 +230,16 @@ def pitch_loops(
             for lane in range(lanes):
                 a.states[lane] = later_state(a.states[lane], 2 * (3 + n_discs))
 
-    closed: Any = expression(lambda: Phases(fixed, wanted, control, mix, move, sense, always))
-    along: Any = expression(lambda: Phases(fixed, shown, correct, drive, move, nothing, always))
+    closed: Any = expression(lambda: Phases(fixed, wanted, control, mix, move, sense, always_true))
+    along: Any = expression(
+        lambda: Phases(fixed, shown, correct, drive, move, no_phase, always_true)
+    )
     key = repr((n_discs, lanes, rules, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(borrowed(arrays, like), plan, first, last, build, closed())
+        return run_ticks(shared_view(arrays, like), plan, first, last, build, closed())
 
     def filter_(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(borrowed(arrays, like), plan, first, last, build, along())
+        return run_ticks(shared_view(arrays, like), plan, first, last, build, along())
 
     return PitchLoops(compiled_closure(run, key), compiled_closure(filter_, key))

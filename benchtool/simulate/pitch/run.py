@@ -8,18 +8,18 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError
-from benchtool.core.schedule import SampledSchedule, due
+from benchtool.core.schedule import SampledSchedule, due_ticks
 from benchtool.physics.disc_thrust import ImageRules
 from benchtool.physics.effects.effect import Effect
-from benchtool.physics.expression import numbers_of
+from benchtool.physics.expression import flat_values
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.controller import PitchPlant
 from benchtool.simulate.controllers.pitch import Feedforward, PitchControl
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, PULSES, LoopPlan
-from benchtool.simulate.layout import Layout, lent, rows_in, zeroed
+from benchtool.simulate.layout import Layout, allocate, lend_rows, rows_in
 from benchtool.simulate.motors import motion_of
 from benchtool.simulate.noise import lane_states
 from benchtool.simulate.pitch import records as r
@@ -178,7 +178,7 @@ class PitchLoop:
         bench, control = first.bench, first.control
         self.lanes, self.schedule = len(jobs), schedule
         self.n_discs = bench.model.rig.n_discs
-        self.layout, self.loops, self.geometry, packed = prepared(each, self.lanes, neutral_too)
+        self.layout, self.loops, self.geometry, packed = prepare_loop(each, self.lanes, neutral_too)
         columns = [packed[job] for job in jobs]
         self.substeps = substeps_of(bench, schedule.rate_Hz)
         ticks = len(schedule)
@@ -193,7 +193,7 @@ class PitchLoop:
         self.rows = self.layout.row_numbers(LOGGED)
         shape = (ticks, len(self.rows), self.lanes)
         self.log = log if log is not None and log.shape == shape else np.empty(shape)
-        self.table = scheduled(
+        self.table = schedule_rows(
             schedule, control.feedforward, control.observer, bench.hover_N, self.n_discs
         )
         rates_Hz = (bench.sensors.get(name, PitchSensor()).rate_Hz for name in SENSOR_NAMES)
@@ -233,7 +233,7 @@ class PitchLoop:
     def run(self, first: int = 0, last: int | None = None) -> None:
         """Run control ticks from `first` up to `last`."""
         arrays, run = self.arrays(), self.loops.run
-        run(lent(run, arrays), self.plan, first, len(self.schedule) if last is None else last)
+        run(lend_rows(run, arrays), self.plan, first, len(self.schedule) if last is None else last)
 
     def arrays(self) -> r.PitchArrays:
         """Return the loop's arrays."""
@@ -267,7 +267,7 @@ class PitchLoop:
         run = self.loops.filter
         for held, first, last in ((1, *span[:2]), (0, *span[1:])):
             plan = LoopPlan(*self.plan)._replace(driver=BUILT_IN, before=before, held=held)
-            run(lent(run, arrays), np.array(plan, np.int64), first, last)
+            run(lend_rows(run, arrays), np.array(plan, np.int64), first, last)
         part = found[slice(*span[1:])]
         return part if len(part) == len(found) else part.copy()
 
@@ -278,11 +278,11 @@ class PitchLoop:
         present arrays: change them in place.
         """
         self._stepped = self.arrays()
-        return partial(self.loops.run, lent(self.loops.run, self._stepped), self.plan)
+        return partial(self.loops.run, lend_rows(self.loops.run, self._stepped), self.plan)
 
 
 @lru_cache(maxsize=64)
-def prepared(
+def prepare_loop(
     jobs: tuple[PitchJob, ...], lanes: int, neutral_too: bool
 ) -> tuple[Layout, PitchLoops, Array, dict[PitchJob, Array]]:
     """Return what follows from jobs alone: layout, loops, geometry, and each job's column."""
@@ -296,7 +296,7 @@ def prepared(
     models = [at for job in jobs for at in (job.bench.model, job.nominal_model)]
     effects = loop_effects(*models, neutral_too=neutral_too)
     n_discs, n_numbers = model.rig.n_discs, sum(len(effect.parameters) for effect in effects)
-    like = zeroed(law.numbers(first.control, PitchPlant(1.0, 1.0)))
+    like = allocate(law.numbers(first.control, PitchPlant(1.0, 1.0)))
     layout = r.layout_for(n_discs, n_numbers, like, law.state)
     loops = pitch_loops(effects, layout, n_discs, lanes, rules_of(model), law)
     columns = {
@@ -318,7 +318,7 @@ def substeps_of(bench: PitchBench, rate_Hz: float) -> int:
 
 
 @lru_cache(maxsize=4)
-def scheduled(
+def schedule_rows(
     schedule: SampledSchedule, known: Feedforward, observing: bool, hover_N: float, n_discs: int
 ) -> Array:
     """Return the schedule as the loop takes it, a `Tick` per column (n_rows, n_ticks)."""
@@ -337,13 +337,13 @@ def scheduled(
         dither_us=schedule.dither_us,
         pwm_us=(still,) * n_discs,
     )  # fmt: skip
-    return np.array(numbers_of(tick), float)
+    return np.array(flat_values(tick), float)
 
 
 @lru_cache(maxsize=4)
 def fresh_flags(rates_Hz: tuple[float, ...], ticks: int, control_Hz: float) -> Array:
     """Return which sensor has a new reading at which tick (n_sensors, n_ticks + 1)."""
-    flags = [due(0, ticks + 1, rate_Hz, control_Hz) for rate_Hz in rates_Hz]
+    flags = [due_ticks(0, ticks + 1, rate_Hz, control_Hz) for rate_Hz in rates_Hz]
     return np.stack(flags).astype(float)
 
 

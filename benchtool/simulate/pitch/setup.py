@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.own_code import CodePermit, refuse_code
-from benchtool.core.parameter import full_name
-from benchtool.core.rig_file import rig_named
-from benchtool.core.schedule import FARTHEST_PLATE, Schedule
-from benchtool.core.schedule_file import schedule_named
+from benchtool.core.parameter import resolve_name
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.schedule import MAX_PLATE_Z_OVER_R, Schedule
+from benchtool.core.schedule_file import load_schedule
+from benchtool.core.user_code import CodePermit, check_code_allowed
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model, model_names
@@ -24,9 +24,9 @@ from benchtool.simulate.ranges import refuse_outside
 
 BENCH_NUMBERS = ("inertia_kgm2", "plant_rate_Hz", "stop_rad", "pwm_quantum_us")
 GAIN_TABLES = ("attitude", "observer")
-FASTEST_PLANT_HZ = 1e5  # a hundred times the default; rejects typing errors; assumed
-SLOWEST_CONTROL_HZ = 1.0  # slower than any controller of an attitude; assumed
-LEAST_LAG_S = STEPS_PER_LAG / FASTEST_PLANT_HZ  # the quickest motor that this plant follows
+MAX_PLANT_HZ = 1e5  # a hundred times the default; rejects typing errors; assumed
+MIN_CONTROL_HZ = 1.0  # slower than any controller of an attitude; assumed
+MIN_LAG_S = STEPS_PER_LAG / MAX_PLANT_HZ  # the quickest motor that this plant follows
 
 FEEDFORWARD_NUMBERS = {
     "strength": (0.0, 10.0), "height_error_m": (-10.0, 10.0), "late_s": (-3600.0, 3600.0),
@@ -61,7 +61,7 @@ class PitchSetup:
         if len(rates) != 1:
             raise InputError(f"controllers of different rates, {sorted(rates)} Hz; give one rate")
         rate_Hz = rates.pop()
-        refuse_outside("control_rate_Hz", rate_Hz, SLOWEST_CONTROL_HZ, FASTEST_PLANT_HZ)
+        refuse_outside("control_rate_Hz", rate_Hz, MIN_CONTROL_HZ, MAX_PLANT_HZ)
         substeps_of(self.bench, rate_Hz)
         return rate_Hz
 
@@ -75,7 +75,7 @@ def pitch_setup(
     gains: str = "s3",
     controllers: Sequence[str] = ("pid", "feedforward", "observer"),
     schedule: str = "plate",
-    permit: CodePermit = refuse_code,
+    permit: CodePermit = check_code_allowed,
 ) -> PitchSetup:
     """Return the setup of these names; the model is the rig's own pitch model when left out.
 
@@ -84,20 +84,20 @@ def pitch_setup(
     """
     own = f"pitch_{rig or PITCH_RIG}"
     if model is not None:
-        physics = load_model(model, None if rig is None else rig_named(rig), permit).model
+        physics = load_model(model, None if rig is None else load_rig_by_name(rig), permit).model
     elif own in model_names():
         physics = load_model(own).model
     else:
-        physics = Model.single(rig_named(rig or PITCH_RIG))
+        physics = Model.single(load_rig_by_name(rig or PITCH_RIG))
     set_ = gains_named(gains)
     return PitchSetup(
         bench=PitchBench.of(physics),
         controls=tuple(pitch_controller(name, set_) for name in controllers),
-        schedule=schedule_named(schedule),
+        schedule=load_schedule(schedule),
     )
 
 
-def changed(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
+def with_changes(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
     """Return the setup with some numbers changed, by name.
 
     A name is a model parameter ("k", "body_lift.K_b", or "K_b" alone where only one effect has
@@ -115,7 +115,7 @@ def changed(setup: PitchSetup, values: Mapping[str, float]) -> PitchSetup:
 
 
 def changed_job(job: PitchJob, values: Mapping[str, float]) -> PitchJob:
-    """Return a single job with some numbers changed, by the names of `changed`."""
+    """Return a single job with some numbers changed, by the names of `with_changes`."""
     for name, value in values.items():
         if name == PLATE_DISTANCE:
             raise InputError(f"{name} belongs to a schedule, which places the plate; leave it out")
@@ -147,10 +147,8 @@ def _changed(
     if head == "bench" and rest != "inertia_kgm2":
         if rest not in BENCH_NUMBERS:
             raise UnknownChoice("number of the bench", rest, BENCH_NUMBERS)
-        if rest == "plant_rate_Hz" and value > FASTEST_PLANT_HZ:
-            raise InputError(
-                f"bench.plant_rate_Hz is {value:g}; give at most {FASTEST_PLANT_HZ:g} Hz"
-            )
+        if rest == "plant_rate_Hz" and value > MAX_PLANT_HZ:
+            raise InputError(f"bench.plant_rate_Hz is {value:g}; give at most {MAX_PLANT_HZ:g} Hz")
         if rest in RANGES:
             refuse_outside(name, value, *RANGES[rest])
         return replace(bench, **number), controls
@@ -165,10 +163,10 @@ def _with_plate_at(schedule: Schedule, z_over_R: float) -> Schedule:
             f"schedule {schedule.name!r} brings no plate, so it has no {PLATE_DISTANCE}; take one "
             f"that does, as plate"
         )
-    if not 0.0 < z_over_R <= FARTHEST_PLATE:
+    if not 0.0 < z_over_R <= MAX_PLATE_Z_OVER_R:
         raise InputError(
-            f"{PLATE_DISTANCE} is {z_over_R:g}; give rotor radii above 0, {FARTHEST_PLATE:g} at "
-            f"most"
+            f"{PLATE_DISTANCE} is {z_over_R:g}; give rotor radii above 0, {MAX_PLATE_Z_OVER_R:g} "
+            f"at most"
         )
     plate = tuple(replace(visit, z_over_R=z_over_R) for visit in schedule.plate)
     return replace(schedule, plate=plate)
@@ -180,13 +178,13 @@ def _with_parameter(model: Model, name: str, value: float) -> Model:
         refuse_outside(full, value, *RANGES[full])
     owner = EFFECTS.get(full.partition(".")[0])
     lags = owner is not None and owner.hooks.lag_s is not None
-    if lags and 0.0 < value < LEAST_LAG_S:
+    if lags and 0.0 < value < MIN_LAG_S:
         raise InputError(
-            f"{full} is {value:g} s; give at least {LEAST_LAG_S:g} s, or 0 for motors without lag"
+            f"{full} is {value:g} s; give at least {MIN_LAG_S:g} s, or 0 for motors without lag"
         )
     if full not in model.parameters:
         model = model.with_effect(full.partition(".")[0])
-    return model.fixed(full, value)
+    return model.with_fixed(full, value)
 
 
 def _full_name(model: Model, name: str) -> str:
@@ -196,4 +194,4 @@ def _full_name(model: Model, name: str) -> str:
     )
     known = dict.fromkeys((*model.parameters, *offered))
     gains = [f"gains.{table}" for table in GAIN_TABLES]
-    return full_name(name, known, "number to set or vary", (*gains, PLATE_DISTANCE))
+    return resolve_name(name, known, "number to set or vary", (*gains, PLATE_DISTANCE))

@@ -16,9 +16,9 @@ from benchtool.simulate.controllers.controller import (
     PitchMeasurement,
     PitchReference,
 )
-from benchtool.simulate.own_controller import raised, unusable
 from benchtool.simulate.pitch.result import PitchRun
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
+from benchtool.simulate.user_controller import controller_error, invalid_command_error
 
 
 def simulate_pitch(
@@ -31,7 +31,7 @@ def simulate_pitch(
     """
     loop = PitchLoop([job], schedule, seed, [run])
     loop.run()
-    return taken(loop, 0, job.control.name)
+    return parse_command(loop, 0, job.control.name)
 
 
 def simulate_controller(
@@ -50,11 +50,11 @@ def simulate_controller(
         InputError: the controller raised, or returned what is no finite number.
     """
     loop = PitchLoop([job], schedule, seed, [0], external=True)
-    own_ticks(loop)(controller, 0, len(schedule), 0)
-    return taken(loop, 0, name)
+    user_controller_ticks(loop)(controller, 0, len(schedule), 0)
+    return parse_command(loop, 0, name)
 
 
-def taken(loop: PitchLoop, lane: int, name: str) -> PitchRun:
+def parse_command(loop: PitchLoop, lane: int, name: str) -> PitchRun:
     """Return one lane of a loop that has run."""
     log = np.ascontiguousarray(loop.log[:, :, lane])
     if not np.isfinite(log).all():
@@ -77,7 +77,7 @@ PitchController = Controller[PitchMeasurement, PitchReference, PitchCommand | fl
 WANTED = "a finite torque in N m, or a PitchCommand of finite numbers"
 
 
-def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], None]:
+def user_controller_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], None]:
     """Return a function that runs control ticks of a loop under anybody's controller.
 
     Its arguments: the controller, the first tick, the tick to stop before, and how many ticks
@@ -105,7 +105,7 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
             try:
                 command = step(measured, new(PitchReference, planned), dt_s)
             except (Exception, SystemExit) as error:
-                raise raised(controller, error, time_s) from error
+                raise controller_error(controller, error, time_s) from error
             try:
                 torque, difference = command if isinstance(command, tuple) else (command, 0.0)
                 usable = isfinite(torque) and isfinite(difference)
@@ -122,8 +122,10 @@ def own_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], Non
 def _faulty(controller: Any, command: Any, time_s: float) -> InputError:
     """Return what is wrong with a command, by its field."""
     if not isinstance(command, tuple):
-        return unusable(controller, "torque_Nm", command, time_s, WANTED)
+        return invalid_command_error(controller, "torque_Nm", command, time_s, WANTED)
     if len(command) != len(PitchCommand._fields):
-        return unusable(controller, "a command", command, time_s, WANTED)
+        return invalid_command_error(controller, "a command", command, time_s, WANTED)
     fine = isinstance(command[0], int | float) and isfinite(command[0])
-    return unusable(controller, PitchCommand._fields[fine], command[fine], time_s, WANTED)
+    return invalid_command_error(
+        controller, PitchCommand._fields[fine], command[fine], time_s, WANTED
+    )

@@ -18,7 +18,7 @@ SHOWN_EVENTS = 200  # Events of a run that pages show; the run folder has them a
 
 HEARTBEAT_INTERVAL_S = 0.1
 
-PATIENCE_S = 5.0  # for the bench process to stop motors and close a run
+SHUTDOWN_TIMEOUT_S = 5.0  # for the bench process to stop motors and close a run
 
 
 class BenchClient:
@@ -71,7 +71,7 @@ class BenchClient:
         """End the process: it stops the motors and closes its run first."""
         self._closing.set()
         self.send(messages.Shutdown())
-        self._process.end(PATIENCE_S)
+        self._process.end(SHUTDOWN_TIMEOUT_S)
 
     def _send_heartbeats(self) -> None:
         while not self._closing.wait(HEARTBEAT_INTERVAL_S):

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from benchtool.acquire.inputs import SweepInputs, Weighing
+from benchtool.acquire.inputs import SweepInputs, WeighingInputs
 from benchtool.acquire.pitch_experiment import PitchExperiment
-from benchtool.bench.bench import Identity
+from benchtool.bench.bench import DeviceInfo
 from benchtool.core.rig import Limits, Rig
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.append import Event
@@ -126,7 +126,7 @@ class Calibrate:
     """Fit and store a calibration from the weighed masses; or discard them."""
 
     store: bool = True
-    known: Weighing = field(default_factory=Weighing)
+    known: WeighingInputs = field(default_factory=WeighingInputs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +223,7 @@ class ConnectionStatus:
     status: Literal["off", "opening", "on"] = "off"
     address: str = ""
     session: int = 0
-    identity: Identity | None = None
+    identity: DeviceInfo | None = None
     rig: Rig | None = None
     stated: Limits | None = None
     calibration: Calibration | None = None

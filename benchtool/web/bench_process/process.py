@@ -16,7 +16,7 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from functools import partial
 from multiprocessing.connection import Connection as Pipe
 
-from benchtool.acquire.inputs import rig_for
+from benchtool.acquire.inputs import resolve_rig
 from benchtool.acquire.stop_listener import (
     VIRTUAL_CLOCKS,
     StopListener,
@@ -26,7 +26,7 @@ from benchtool.acquire.stop_listener import (
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import PacedBench, StoppableBench
-from benchtool.core.errors import BenchtoolError, StandstillNotSeen
+from benchtool.core.errors import BenchtoolError, StandstillNotConfirmed
 from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import EventPublisher
 from benchtool.web.bench_process.runs import RunSupervisor
@@ -175,7 +175,7 @@ class BenchProcess:
         )
         reason = unseen = ""
         try:
-            rig = rig_for(address, connect.rig or None)
+            rig = resolve_rig(address, connect.rig or None)
             device = open_bench(address)
             paced = PacedBench(device) if address.startswith(VIRTUAL_CLOCKS) else None
             telemetry = Telemetry(
@@ -197,7 +197,7 @@ class BenchProcess:
                 unseen = state.text
         except BenchtoolError as error:
             reason = str(error)
-            unseen = reason if isinstance(error, StandstillNotSeen) else ""
+            unseen = reason if isinstance(error, StandstillNotConfirmed) else ""
         finally:
             self._bench = self._paced = self.guard = None
             self._publisher.publish(

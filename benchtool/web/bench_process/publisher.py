@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection as Pipe
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.web.bench_process.messages import BenchEvent
 
 HEAD = 3  # Numbers before the channels

@@ -18,18 +18,18 @@ from benchtool.acquire.arming import CONFIRMATION, require_unattended
 from benchtool.acquire.calibration import calibration_for
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.live_record import live_plan, record_live
-from benchtool.acquire.new_run import new_live_run, new_pitch_run, new_run
-from benchtool.acquire.order import Visit
-from benchtool.acquire.pitch_experiment import expected_on
+from benchtool.acquire.pitch_experiment import expected_extremes
 from benchtool.acquire.pitch_record import record_pitch, summary_line
 from benchtool.acquire.record import RunProgress
-from benchtool.acquire.resume import prepare, require_same_device, unfinished
-from benchtool.acquire.stage_choice import stage_for
-from benchtool.acquire.sweep import Start, run_sweep
-from benchtool.bench.bench import Identity
+from benchtool.acquire.resume import load_resume_state, prepare_resume, require_same_device
+from benchtool.acquire.run_creation import new_live_run, new_pitch_run, new_run
+from benchtool.acquire.stage_selection import stage_for
+from benchtool.acquire.sweep import SweepStart, run_sweep
+from benchtool.acquire.visit_order import Visit
+from benchtool.bench.bench import DeviceInfo
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import StoppableBench
-from benchtool.core.errors import BenchError, BenchtoolError, InputError, RunStopped
+from benchtool.core.errors import BenchError, BenchtoolError, InputError, RunInterrupted
 from benchtool.core.rig import Rig
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
@@ -52,25 +52,25 @@ def close_run(path: Path) -> None:
     Run.open(path).close()
 
 
-def prepare_run(path: Path) -> Start | str:
+def prepare_run(path: Path) -> SweepStart | str:
     """Return where a run resumes, or why it does not; a process of its own does this."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        return prepare(unfinished(Run.open(path)))
+        return prepare_resume(load_resume_state(Run.open(path)))
     except BenchtoolError as error:
         return str(error)
 
 
-def require_armed(typed: str, identity: Identity, rig: Rig) -> None:
+def require_armed(typed: str, identity: DeviceInfo, rig: Rig) -> None:
     """Refuse to spin without what the operator types, but on a simulated or checked bench.
 
     Raises:
-        RunStopped: it was not typed.
+        RunInterrupted: it was not typed.
     """
     if not typed:
         require_unattended(identity, rig, datetime.now().astimezone().date())
     elif typed.strip() != CONFIRMATION:
-        raise RunStopped(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+        raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
 
 
 class RunSupervisor(RunProgress):
@@ -141,7 +141,7 @@ class RunSupervisor(RunProgress):
         self._paused.clear()
         identity = bench.identity
         inputs = command.inputs
-        rest = unfinished(Run.open(inputs.resume)) if inputs.resume else None
+        rest = load_resume_state(Run.open(inputs.resume)) if inputs.resume else None
         if rest is not None:
             plan, rig = rest.plan, rest.rig
         else:
@@ -191,7 +191,7 @@ class RunSupervisor(RunProgress):
         """
         self.finish()
         identity, experiment = bench.identity, command.experiment
-        expected_on(identity, experiment, rig)
+        expected_extremes(identity, experiment, rig)
         require_armed(command.typed, identity, rig)
         run = new_pitch_run((command.runs, command.name, None), experiment, rig, identity)
         run.update_metadata(needs_page=command.needs_page)
@@ -273,7 +273,7 @@ class RunSupervisor(RunProgress):
         elif event.event == "went_on":
             self._change(status="running")
 
-    def _prepared(self, bench: GuardedBench, run: Path) -> Start:
+    def _prepared(self, bench: GuardedBench, run: Path) -> SweepStart:
         """Read where a run resumes, in a process of its own while the bench is read on."""
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
             reading = pool.submit(prepare_run, run)

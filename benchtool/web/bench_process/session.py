@@ -10,23 +10,28 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from benchtool.acquire.arming import CONFIRMATION
-from benchtool.acquire.calibration import calibrated, calibration_for, date_now, mean_counts
-from benchtool.acquire.inputs import Weighing
-from benchtool.bench.bench import Bench, Identity
+from benchtool.acquire.calibration import (
+    apply_calibration,
+    calibration_for,
+    current_date,
+    mean_counts,
+)
+from benchtool.acquire.inputs import WeighingInputs
+from benchtool.bench.bench import Bench, DeviceInfo
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.wrappers import StopRequested
 from benchtool.core.errors import BenchError, BenchtoolError, InputError
 from benchtool.core.rig import Rig
 from benchtool.core.units import STANDARD_GRAVITY_M_S2
 from benchtool.data.calibration import Calibration
-from benchtool.data.run.state import remember
+from benchtool.data.run.state import store_state
 from benchtool.web.bench_process import messages
 from benchtool.web.bench_process.publisher import EventPublisher
 from benchtool.web.bench_process.runs import RunSupervisor
 from benchtool.web.bench_process.telemetry import Telemetry
 from benchtool.web.bench_process.throttle import DeadManSwitch, ThrottleRamp
 
-READ_S = 0.02  # Longest read between two looks at the commands
+READ_TIMEOUT_S = 0.02  # Longest read between two looks at the commands
 
 
 class Session:
@@ -72,7 +77,7 @@ class Session:
                     self._execute(bench, guarded, command)
                 if guarded is not None:
                     self._turn(guarded)
-                bench.read(READ_S)
+                bench.read(READ_TIMEOUT_S)
                 if guarded is not None:
                     guarded.check_standstill()
             except StopRequested as stopped:
@@ -181,7 +186,7 @@ class Session:
         else:
             self._weighed.clear()
 
-    def _publish_connection(self, identity: Identity) -> None:
+    def _publish_connection(self, identity: DeviceInfo) -> None:
         self._publisher.publish(
             messages.ConnectionStatus(
                 status="on",
@@ -196,7 +201,7 @@ class Session:
         )
 
 
-LONGEST_S = 60.0
+MAX_WEIGHING_S = 60.0
 
 
 def weigh(bench: Bench, rig: Rig, mass_kg: float, seconds: float) -> tuple[float, float]:
@@ -212,16 +217,16 @@ def weigh(bench: Bench, rig: Rig, mass_kg: float, seconds: float) -> tuple[float
             f"{mass_kg:g} kg pull with {weight_N:.3g} N, the load cell's rating is {rating_N:g} N; "
             f"take a mass from 0 on within it"
         )
-    if not 0.0 < seconds <= LONGEST_S:
+    if not 0.0 < seconds <= MAX_WEIGHING_S:
         raise InputError(
             f"the time to average over is {seconds:g} s; give more than 0 and at most "
-            f"{LONGEST_S:g} s"
+            f"{MAX_WEIGHING_S:g} s"
         )
     return mass_kg, mean_counts(bench, seconds).mean
 
 
 def store_calibration(
-    weighed: Sequence[tuple[float, float]], device_id: str, known: Weighing
+    weighed: Sequence[tuple[float, float]], device_id: str, known: WeighingInputs
 ) -> Calibration:
     """Return the calibration from masses in kg and counts, stored for this device from now on.
 
@@ -229,6 +234,6 @@ def store_calibration(
         CalibrationError: too few masses, or counts that make no line.
     """
     table = np.array(weighed, float).reshape(-1, 2)
-    calibration = calibrated(table[:, 0], table[:, 1], device_id, date_now(), known)
-    remember("calibration", device_id, asdict(calibration))
+    calibration = apply_calibration(table[:, 0], table[:, 1], device_id, current_date(), known)
+    store_state("calibration", device_id, asdict(calibration))
     return calibration

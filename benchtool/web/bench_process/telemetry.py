@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.array import Array
-from benchtool.core.channel import Channel, unit_in_name
+from benchtool.core.array_type import Array
+from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Limits, Rig
-from benchtool.data.derived import Circumstances, quantities_of, rig_circumstances
+from benchtool.data.derived import MeasurementContext, quantities_of, rig_circumstances
 from benchtool.data.quantities import QUANTITIES
 from benchtool.web.bench_process.messages import (
     SPEED_LIMIT,
@@ -71,7 +71,7 @@ SHOWN = (
 
 
 def live_values(
-    channels: Sequence[Channel], samples: Array, known: Circumstances, *, turning: bool
+    channels: Sequence[Channel], samples: Array, known: MeasurementContext, *, turning: bool
 ) -> tuple[LiveValue, ...]:
     """Return means over samples (m, c), nan left out, and what follows while motors turn."""
     present = np.isfinite(samples)
@@ -83,7 +83,7 @@ def live_values(
         found["thrust_N"] = recording.column("thrust_N")
     titles = {one.name: one.title for one in QUANTITIES} | {"thrust_N": "thrust"}
     return tuple(
-        LiveValue(titles[name], float(found[name][0]), unit_in_name(name))
+        LiveValue(titles[name], float(found[name][0]), unit_from_name(name))
         for name in SHOWN
         if name in found and np.isfinite(found[name][0])
     )
@@ -118,7 +118,7 @@ class Telemetry:
         """Show other limits from now on."""
         self._rig = replace(self._rig, limits=limits)
 
-    def begin(self, identity: Identity, guarded: GuardedBench | None) -> None:
+    def begin(self, identity: DeviceInfo, guarded: GuardedBench | None) -> None:
         """Publish from now on; what is read before the bench is known is left out."""
         self._guarded = guarded
         self._channels = identity.channels

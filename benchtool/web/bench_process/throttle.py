@@ -11,7 +11,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.core.rig import Rig
 from benchtool.web.bench_process.messages import HoldThrottle, ReleaseThrottle
 
-SILENCE_S = 0.5  # dead-man time since the page reported the button as held
+RELEASE_TIMEOUT_S = 0.5  # dead-man time since the page reported the button as held
 
 
 class DeadManSwitch:
@@ -23,7 +23,7 @@ class DeadManSwitch:
     def __init__(
         self,
         ended: Callable[[str, str], object] = lambda tab, reason: None,
-        silence_s: float = SILENCE_S,
+        silence_s: float = RELEASE_TIMEOUT_S,
     ) -> None:
         self._ended, self._silence_s = ended, silence_s
         self._last: tuple[HoldThrottle, float] | None = None

@@ -16,7 +16,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.campaign import write_campaign
 from benchtool.simulate.campaign import Campaign
 from benchtool.simulate.campaign_flight import flight_campaign
@@ -37,11 +37,11 @@ def campaign(kind: str) -> Campaign:
     """Return what is run."""
     if kind == "pitch":
         setup = pitch_setup(controllers=("pid",))
-        short = replace(setup, schedule=setup.schedule.lasting(10.0))
+        short = replace(setup, schedule=setup.schedule.with_duration(10.0))
         return pitch_campaign({"s3": short})
     flight = FlightSetup(
         case="over",
-        vehicle=FlightVehicle.of_rig(rig_named("pquad")),
+        vehicle=FlightVehicle.of_rig(load_rig_by_name("pquad")),
         gains=gains_named("s3"),
         speed_m_s=1.0,
         duration_s=5.0,

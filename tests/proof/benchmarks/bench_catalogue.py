@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 
 from benchtool.data.atomic import file_hash
 from benchtool.data.catalogue.index import catalogued
-from benchtool.data.columns import channel_called
+from benchtool.data.columns import find_channel
 from benchtool.data.parquet import write_parquet
 from benchtool.data.run.read import read_samples
 
@@ -75,7 +75,7 @@ def make_runs(runs: int, rows: int, *, linked: bool) -> None:
     import numpy as np
 
     values = np.tile(samples.values, (repeats, 1))[:rows]
-    whole = type(samples)(tuple(map(channel_called, samples.names)), values)
+    whole = type(samples)(tuple(map(find_channel, samples.names)), values)
     write_parquet(PLACE / "samples.parquet", whole)
     facts: dict[str, Any] = json.loads((SOURCE / "metadata.json").read_text("utf-8"))
     facts["samples"] = {"parquet_sha256": file_hash(PLACE / "samples.parquet")}

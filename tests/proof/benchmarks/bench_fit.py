@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from benchtool.core.rig_file import rig_named
-from benchtool.fit.ensemble import advance, fit_ensemble, sampler_of
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.fit.ensemble import advance, build_sampler, fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
@@ -35,9 +35,9 @@ SIGMA_N = 0.02
 
 def problem(*free: str) -> Problem:
     """State the fit of 100 points at ten distances and ten speeds."""
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     model = Model.single(rig, "quad").with_effect("neighbour_images").with_effect("body_lift")
-    model = model.with_effect("plate_offset").freed(*free)
+    model = model.with_effect("plate_offset").with_free(*free)
     z_m = np.repeat(rig.propulsion.radius_m * np.geomspace(0.5, 8.0, 10), 10)
     conditions = Conditions.of(
         rig, speed_rad_s=np.tile(np.linspace(300.0, 700.0, 10), (4, 10)), plate_z_m=z_m
@@ -55,7 +55,7 @@ def image(z: Any, distance: float) -> Any:
 
 def bare_model(stated: Problem, moving: bool) -> Callable[[Any], Any]:
     """Return the prediction by hand: k, R, K_b and, when it moves, the plate offset."""
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     z = np.repeat(rig.propulsion.radius_m * np.geomspace(0.5, 8.0, 10), 10)
     thrust = 4.0 * np.tile(np.linspace(300.0, 700.0, 10), 10) ** 2
     near, far, arm = (
@@ -123,7 +123,7 @@ def bench(name: str, *free: str) -> None:
         sampler.run_mcmc(start, STEPS)
 
     def our_emcee() -> None:
-        advance(sampler_of(log_probability(stated), start, IslandDifference(1), 3), start, STEPS)
+        advance(build_sampler(log_probability(stated), start, IslandDifference(1), 3), start, STEPS)
 
     bare_s, ours_s = in_turns(ROUNDS, bare_emcee, our_emcee)
     print(

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.simulate.controllers.controller import (
     FlightCommand,
     FlightMeasurement,
@@ -28,7 +28,7 @@ from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, fly
 from benchtool.simulate.flight.height_grid import HeightGrid
-from benchtool.simulate.flight.own import fly_own
+from benchtool.simulate.flight.user_controller import fly_user_controller
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 
@@ -44,7 +44,7 @@ def grid() -> Environment:
 
 def cases() -> dict[str, FlightCase]:
     """Return the flights by name."""
-    vehicle = FlightVehicle.of_rig(rig_named("pquad"), lag_s=0.02)
+    vehicle = FlightVehicle.of_rig(load_rig_by_name("pquad"), lag_s=0.02)
     base = flight_case(
         "over", vehicle, gains_named("s3"), duration_s=OURS_S, gyro_noise_rad_s=0.015, log_Hz=250.0
     )
@@ -138,9 +138,9 @@ def main() -> None:
         fly(replace(case, duration_s=1.0))
     own = next(iter(flights.values()))
     own_s = float("inf")
-    fly_own(replace(own, duration_s=1.0), OwnCascade(), "own")
+    fly_user_controller(replace(own, duration_s=1.0), OwnCascade(), "own")
     for _ in range(ROUNDS):
-        own_s = min(own_s, seconds(lambda: fly_own(own, OwnCascade(), "own")))
+        own_s = min(own_s, seconds(lambda: fly_user_controller(own, OwnCascade(), "own")))
         for name, case in flights.items():
             fastest[name] = min(fastest[name], seconds(lambda case=case: fly(case)))  # type: ignore[misc]
         for rate, run in theirs.items():

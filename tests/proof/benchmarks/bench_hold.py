@@ -1,9 +1,9 @@
 """Print how long a browser under load is silent about a button that is held.
 
-The dead-man time (`SILENCE_S` in `benchtool.web.bench_process.throttle`) is chosen from these
-figures. Silence is what the server knows with each beat: the time since the last one, and the age
-of the page's word in it. Charts of a 1 kHz bench play meanwhile, and processes that do nothing but
-compute take the processor away. Needs Chromium.
+The dead-man time (`RELEASE_TIMEOUT_S` in `benchtool.web.bench_process.throttle`) is chosen from
+these figures. Silence is what the server knows with each beat: the time since the last one, and the
+age of the page's word in it. Charts of a 1 kHz bench play meanwhile, and processes that do nothing
+but compute take the processor away. Needs Chromium.
 """
 
 from __future__ import annotations

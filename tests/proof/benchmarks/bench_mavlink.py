@@ -15,18 +15,18 @@ from benchtool.bench.mavlink.bench import MavlinkBench
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.mavlink.rows import MavlinkRows
-from benchtool.bench.mavlink.settings import MavlinkSettings, Wiring
-from benchtool.core.rig_file import rig_named
+from benchtool.bench.mavlink.settings import ChannelWiring, MavlinkSettings
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
 from benchtool.virtual.autopilot import VirtualAutopilot
-from benchtool.virtual.devices import hello_of, virtual_plant
+from benchtool.virtual.devices import build_hello, virtual_plant
 from benchtool.virtual.firmware import Firmware
 
 MESSAGES = 60_000
 CHUNK = 1000  # bytes that a reading of 5 ms finds at 5,000 messages per second
 
 W = dialect()
-WIRING = Wiring(motors=(1, 2, 3, 4), outputs=(3, 1, 4, 2), escs=(3, 1, 4, 2))
+WIRING = ChannelWiring(motors=(1, 2, 3, 4), outputs=(3, 1, 4, 2), escs=(3, 1, 4, 2))
 
 
 def stream() -> list[bytes]:
@@ -108,10 +108,10 @@ class Spring:
 
 def live(data: bytes) -> float:
     """Return messages per second that a whole bench takes, checks and losses among it."""
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     truth = load_model("quad_body_lift", rig).model
     plant = virtual_plant(rig, truth, 1)
-    hello = replace(hello_of(plant, truth, 1), speed=50.0)
+    hello = replace(build_hello(plant, truth, 1), speed=50.0)
     spring = Spring(VirtualAutopilot(Firmware(plant, hello)), data)
     with MavlinkBench(spring, "mavlink:spring", MavlinkSettings(system=1)) as bench:
         bench.read(0.1)

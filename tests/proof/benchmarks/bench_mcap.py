@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from benchtool.core.recording import Recording
-from benchtool.data.columns import channel_called
+from benchtool.data.columns import find_channel
 from benchtool.data.mcap_file import read_mcap, write_mcap
 from benchtool.data.parquet import read_parquet, write_parquet
 
@@ -22,7 +22,7 @@ def main() -> None:
     rows = int(next(iter(sys.argv[1:]), "1000000"))
     values = np.round(np.random.default_rng(1).normal(size=(rows, len(NAMES))), 4)
     values[:, 0] = np.arange(rows) / 1000.0
-    made = Recording(tuple(map(channel_called, NAMES)), values)
+    made = Recording(tuple(map(find_channel, NAMES)), values)
     with tempfile.TemporaryDirectory() as folder:
         formats = (("parquet", write_parquet, read_parquet), ("mcap", write_mcap, read_mcap))
         for name, write, read in formats * 2:

@@ -15,12 +15,12 @@ from time import perf_counter
 import numpy as np
 
 from benchtool.bench.limit_check import LimitCheck
-from benchtool.core.rig_file import rig_named
-from benchtool.data.columns import channel_called
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.columns import find_channel
 from benchtool.data.run.append import SampleWriter
 from benchtool.data.run.points import Point, PointWriter
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 NAMES = (
     *("pwm1_us", "rpm1", "thrust_N", "thrust_raw", "torque_Nm", "plate_z_m", "plate_x_m"),
     *("plate_tilt_deg", "voltage_V", "current_A", "temperature_degC", "vibration"),
@@ -38,7 +38,7 @@ def sample_rows() -> tuple[np.ndarray, np.ndarray]:
 
 def ours(folder: Path, at_once: int, *, limits: bool) -> float:
     """Return the cost of one row: us."""
-    channels = tuple(channel_called(name) for name in NAMES)
+    channels = tuple(find_channel(name) for name in NAMES)
     writer = SampleWriter(folder / f"samples-{at_once}-{limits}.csv", channels)
     check = LimitCheck(channels, RIG, RIG.limits, 1.0, 0.0)
     time_s, values = sample_rows()

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable
 from typing import Protocol
 
-from benchtool.fit.identifiability import CANNOT_TELL, evidence_against
+from benchtool.fit.identifiability import UNDETERMINED_HINT, evidence_against
 
-__all__ = ["CANNOT_TELL", "class_confirmed", "evidence_against"]
+__all__ = ["UNDETERMINED_HINT", "class_confirmed", "evidence_against"]
 
 
 class Telling(Protocol):
@@ -35,4 +35,6 @@ def class_confirmed(
     if not set(names) & set(truth):
         return False
     information = told()
-    return all(information.evidence([name]) < CANNOT_TELL for name in names if name not in truth)
+    return all(
+        information.evidence([name]) < UNDETERMINED_HINT for name in names if name not in truth
+    )

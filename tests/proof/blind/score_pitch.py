@@ -74,9 +74,9 @@ def _gaps_truly(record: HiddenRecord, verdict: Verdict) -> dict[str, float]:
     Nothing where that wake asks for windows of another length.
     """
     plant = record.truth.plant
-    model = with_every_effect(load_model(MODEL).model, "pitch").at(verdict.parameters)
-    model = model.fixed("wake_torque.sd_Nm", plant.wake_sd_Nm)
-    model = model.fixed("wake_torque.correlation_s", plant.wake_tau_s)
+    model = with_every_effect(load_model(MODEL).model, "pitch").with_values(verdict.parameters)
+    model = model.with_fixed("wake_torque.sd_Nm", plant.wake_sd_Nm)
+    model = model.with_fixed("wake_torque.correlation_s", plant.wake_tau_s)
     check = [_log(record.check, "check")]
     subject = PitchSubject(model, check, check)
     if subject.window_s != verdict.window_s:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from benchtool.fit.identifiability import CANNOT_TELL
+from benchtool.fit.identifiability import UNDETERMINED_HINT
 from tests.proof.blind.fisher import class_confirmed
 from tests.proof.blind.scorecard import Scorecard, calibration, calibration_error
 from tests.proof.blind.scored import Scored, ScoredParameter, Share, share_of
@@ -195,7 +195,7 @@ class Told:
     [(("a",), True), (("a", "b"), True), (("a", "b", "c"), False), (("b",), False)],
 )
 def test_a_class_is_confirmed_where_nobody_could_tell_its_members(names, right):
-    told = Told({"b": 0.5 * CANNOT_TELL, "c": 2.0 * CANNOT_TELL})
+    told = Told({"b": 0.5 * UNDETERMINED_HINT, "c": 2.0 * UNDETERMINED_HINT})
     assert class_confirmed(names, ("a",), lambda: told) is right
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.points import point_columns
 from benchtool.data.run.ratios import relative_speed_error
 from benchtool.data.run.read import read_points
@@ -25,7 +25,7 @@ EACH_LAYOUT = pytest.mark.parametrize("layout", LAYOUTS.values(), ids=list(LAYOU
 
 @EACH_LAYOUT
 def test_the_sheet_is_that_of_the_rig(layout):
-    rig = rig_named(layout.rig)
+    rig = load_rig_by_name(layout.rig)
     p = rig.propulsion
     assert layout.places_m == tuple((place.x_m, place.y_m) for place in rig.rotors)
     assert (layout.mass_kg, layout.radius_m) == (rig.body.mass_kg, p.radius_m)
@@ -83,11 +83,11 @@ def found(record: HiddenSweep, folder: Path, name: str) -> tuple[dict[str, float
     learn, _, model_file = write_record(record, folder)
     model = load_model(model_file).model
     own = [f"{name}.{item}" for item in record.truth.effects[0].parameters]
-    model = model.freed("k", "R_m", *own)
+    model = model.with_free("k", "R_m", *own)
     points = read_points(learn)
     conditions = Conditions.from_recording(points, model.rig)
-    thrust = points.si("thrust_N")
-    error = np.hypot(points.si("thrust_se_N"), thrust * relative_speed_error(points))
+    thrust = points.to_si("thrust_N")
+    error = np.hypot(points.to_si("thrust_se_N"), thrust * relative_speed_error(points))
     names = list(model.parameters)
     index = [names.index(item) for item in ("k", "R_m", *own)]
     values = model.parameters.values_array()

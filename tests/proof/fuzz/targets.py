@@ -18,42 +18,42 @@ from typing import Any
 
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import plan_from_toml
-from benchtool.acquire.resume import unfinished
+from benchtool.acquire.resume import load_resume_state
+from benchtool.acquire.visit_order import plan_visits
 from benchtool.bench.addresses import ServedLink, parse_stage
 from benchtool.bench.drivers import parse_address
+from benchtool.bench.mavlink.auxiliary_load_cell import LoadCellDecoder
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.mavlink.rows import MavlinkRows
-from benchtool.bench.mavlink.settings import MotorMap, Wiring
-from benchtool.bench.mavlink.side_cell import CellLines
-from benchtool.bench.serial.frames import Decoder, frame, messages_in
-from benchtool.bench.serial.hello import hello_from
+from benchtool.bench.mavlink.settings import ChannelWiring, MotorMap
+from benchtool.bench.serial.frames import Decoder, frame, split_messages
+from benchtool.bench.serial.hello import parse_hello
 from benchtool.bench.stage.grbl_lines import GrblDecoder, StatusReport
 from benchtool.commands.calibrate import CalibrateInputs
 from benchtool.core.errors import BenchtoolError
-from benchtool.core.inputs import items, make
+from benchtool.core.inputs import build_inputs, items
 from benchtool.core.parsed_text import parse_json
-from benchtool.core.rig_file import rig_from_toml, rig_named
+from benchtool.core.rig_file import load_rig_by_name, parse_rig
 from benchtool.core.schedule import Schedule
 from benchtool.core.toml_text import read_strict
 from benchtool.data.atomic import replace_text
-from benchtool.data.calibration import calibration_from
+from benchtool.data.calibration import parse_calibration
 from benchtool.data.column_map import read_column_map
 from benchtool.data.csv_text import parse_csv
 from benchtool.data.formats.formats import import_bytes
-from benchtool.data.repairs.imported import Options
+from benchtool.data.repairs.import_result import ImportOptions
 from benchtool.data.run.append import read_events
 from benchtool.data.run.entry import FIT_FILE, read_result
 from benchtool.data.run.read import read_points, read_samples, read_settings
-from benchtool.data.run.recording_file import beside, read_recording, write_recording
+from benchtool.data.run.recording_file import metadata_path, read_recording, write_recording
 from benchtool.data.run.run import Run
-from benchtool.data.table import Where, columns_of
+from benchtool.data.table import RowFilter, table_columns
 from benchtool.fit.recipe import FitInputs, read_recipe
 from benchtool.physics.model_file import model_from_toml
 from benchtool.simulate.gain_file import gains_from_toml
-from benchtool.virtual.faults import fault_from
+from benchtool.virtual.faults import parse_fault
 from benchtool.web.access import Access
 from benchtool.web.access_middleware import AccessMiddleware
 from tests.unit.data.flight_logs import dataflash, hop, text_log
@@ -98,14 +98,14 @@ def bench_link(data: bytes) -> None:
     for piece in pieces(data):
         decoder.feed(piece)
     decoder.take_messages()
-    messages_in(data)
+    split_messages(data)
     right.feed(b"".join(frame(line.split(b"*")[0].lstrip(b"$")) for line in data.split(b"\n")))
     right.take_messages()
 
 
 def bench_hello(data: bytes) -> None:
     """Read what a bench says of itself."""
-    hello_from([line.split(",") for line in text(data).split("\n")])
+    parse_hello([line.split(",") for line in text(data).split("\n")])
 
 
 @cache
@@ -117,7 +117,7 @@ def mavlink_kinds() -> tuple[Any, ...]:
 def mavlink(data: bytes) -> None:
     """Read an autopilot's bytes, and what they are as whole frames of any message."""
     frames, x25crc = MavlinkFrames(), dialect().x25crc
-    rows = MavlinkRows(Wiring(motors=(1,), outputs=(1,), escs=(1,)), 1000.0)
+    rows = MavlinkRows(ChannelWiring(motors=(1,), outputs=(1,), escs=(1,)), 1000.0)
     for piece in pieces(data):
         for message in frames.parse(piece):
             rows.take(message)
@@ -136,7 +136,7 @@ def mavlink(data: bytes) -> None:
 
 
 def side_cell(data: bytes) -> None:
-    lines = CellLines()
+    lines = LoadCellDecoder()
     for piece in pieces(data):
         lines.feed(piece)
 
@@ -151,18 +151,18 @@ def grbl(data: bytes) -> None:
 
 
 def csv_table(data: bytes) -> None:
-    columns_of(parse_csv(data, "t.csv"))
+    table_columns(parse_csv(data, "t.csv"))
 
 
 def imported(data: bytes) -> None:
-    import_bytes(data, "log", Options(near_m=0.5))
+    import_bytes(data, "log", ImportOptions(near_m=0.5))
 
 
 def plan(data: bytes) -> None:
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     read = plan_from_toml(text(data), "plan.toml").resolved(rig)
     check_plan(read, rig)
-    visits_of(read, rig)
+    plan_visits(read, rig)
 
 
 def one_word(cls: type[Any]) -> Callable[[bytes], object]:
@@ -173,7 +173,7 @@ def one_word(cls: type[Any]) -> Callable[[bytes], object]:
         for line in text(data).split("\n")[:20]:
             name, _, value = line.partition(" ")
             try:
-                make(cls, {names[hash_of(name) % len(names)]: value}, source="option")
+                build_inputs(cls, {names[hash_of(name) % len(names)]: value}, source="option")
             except BenchtoolError:
                 continue
 
@@ -185,7 +185,7 @@ def hash_of(name: str) -> int:
 
 
 def where(data: bytes) -> None:
-    Where.parse(text(data)).holds("1")
+    RowFilter.parse(text(data)).holds("1")
 
 
 def request(data: bytes) -> None:
@@ -218,7 +218,7 @@ class Files:
         memory = Path("/dev/shm")
         self.root = Path(mkdtemp(prefix="fuzz", dir=memory if memory.is_dir() else None))
         made = small_run(self.root / "run")
-        made.update_metadata(rig=asdict(rig_named("pquad_single")))
+        made.update_metadata(rig=asdict(load_rig_by_name("pquad_single")))
         replace_text(made.path / "plan.toml", text(PLAN))
         made.close()
         self.run = made.path
@@ -229,7 +229,7 @@ class Files:
         recording = read_points(self.run)
         write_recording(self.root / "r.csv", recording, {})
         self.written = {
-            path: path.read_bytes() for path in (*self.run.iterdir(), beside(self.recording))
+            path: path.read_bytes() for path in (*self.run.iterdir(), metadata_path(self.recording))
         }
 
     @property
@@ -245,7 +245,7 @@ class Files:
         def parse(data: bytes) -> None:
             (self.run / name).write_bytes(data)
             readers: tuple[Callable[[], object], ...] = (
-                lambda: unfinished(Run.open(self.run)),
+                lambda: load_resume_state(Run.open(self.run)),
                 lambda: read_points(self.run),
                 lambda: read_samples(self.run),
                 lambda: read_settings(self.run / "settings.csv"),
@@ -266,7 +266,7 @@ class Files:
         return parse
 
     def recording_facts(self, data: bytes) -> None:
-        beside(self.recording).write_bytes(data)
+        metadata_path(self.recording).write_bytes(data)
         read_recording(self.recording)
 
     def fit_result(self, data: bytes) -> None:
@@ -367,7 +367,7 @@ def shipped(folder: str) -> tuple[bytes, ...]:
 
 def targets(on_disk: Files) -> dict[str, Target]:
     """Return every target by its name."""
-    recording = beside(on_disk.recording)
+    recording = metadata_path(on_disk.recording)
     table = b"time_s,thrust_N,rpm1,plate_z_m\n0,1.5,4000,0.1\n0.1,1.6,4010,0.1\n0.2,1.6,4010,0.12\n"
     stand = log_text(steps_1580()).encode()
     found = [
@@ -380,7 +380,7 @@ def targets(on_disk: Files) -> dict[str, Target]:
         Target("import", imported, (stand[:4000], table, text_log(hop(0.2)).encode())),
         Target("import log", imported, (dataflash(hop(0.2)), tlog(link_hop()[:40])), binary=True),
         Target("plan", plan, (PLAN, *shipped("plans"))),
-        Target("rig", lambda data: rig_from_toml(text(data), "rig.toml"), shipped("rigs")),
+        Target("rig", lambda data: parse_rig(text(data), "rig.toml"), shipped("rigs")),
         Target("model", lambda data: model_from_toml(text(data), "m.toml"), shipped("models")),
         Target("gains", lambda data: gains_from_toml(text(data), "g.toml"), shipped("gains")),
         Target("schedule", lambda data: read_strict(Schedule, text(data), "s.toml"),
@@ -393,14 +393,14 @@ def targets(on_disk: Files) -> dict[str, Target]:
         Target("address", lambda data: parse_address(text(data)).ends, ADDRESSES),
         Target("stage", lambda data: parse_stage(text(data)), STAGES),
         Target("link", lambda data: ServedLink.parse(text(data)), LINKS),
-        Target("virtual fault", lambda data: fault_from(text(data)),
+        Target("virtual fault", lambda data: parse_fault(text(data)),
                (b"silence:at_s=12,for_s=1", b"stuck:channel=rpm1,at_s=2")),
         Target("options of sweep", one_word(SweepInputs), (OPTIONS,)),
         Target("options of fit", one_word(FitInputs), (OPTIONS,)),
         Target("options of calibrate", one_word(CalibrateInputs), (OPTIONS,)),
         Target("where", where, (b"RotorType=DJI 9450", b"a>=1.5")),
         Target("web request", request, (REQUEST, REQUEST.replace(b"GET", b"WS"))),
-        Target("calibration", lambda data: calibration_from(parse_json(data, "c.json"), "c.json"),
+        Target("calibration", lambda data: parse_calibration(parse_json(data, "c.json"), "c.json"),
                (json.dumps(CALIBRATION).encode(),)),
         Target("recording facts", on_disk.recording_facts, (on_disk.written[recording],)),
         Target("fit result", on_disk.fit_result, (FIT_RESULT,)),

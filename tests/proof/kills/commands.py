@@ -8,13 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchtool.acquire.pitch_record import PART_S, RAMP_UP_S
+from benchtool.acquire.pitch_record import CHUNK_S, RAMP_UP_S
 from benchtool.acquire.record import STEP_S
 from benchtool.data.calibration import read_calibration
 from benchtool.data.run.append import read_events
 from benchtool.data.run.closing import has_rows
 from benchtool.data.run.read import is_run, read_points, read_samples, read_settings
-from benchtool.data.run.run import Run, refuse_taken
+from benchtool.data.run.run import Run, check_not_existing
 from tests.faults.loop import ADDRESS, Outcome, World, command, plan
 from tests.proof.kills.disk import Disk, recorded, write_tree
 
@@ -86,7 +86,7 @@ def check_run(left: Left) -> None:
     if not is_run(run):
         assert not rows
         assert not measured
-        refuse_taken(run)  # the command can be given again
+        check_not_existing(run)  # the command can be given again
         return
     said_to_be_ended = f"in {RUN}" in left.said
     missing = Run.open(run).close()
@@ -142,7 +142,7 @@ def check_recorded(left: Left) -> None:
         last_s = float(rows[-1].split(b",")[0]) if rows else 0.0
         first_s = float(handed[0].split(b",")[0])
         lost_s = float(handed[-1].split(b",")[0]) - max(last_s, first_s)
-        assert lost_s <= RAMP_UP_S + PART_S + STEP_S, lost_s
+        assert lost_s <= RAMP_UP_S + CHUNK_S + STEP_S, lost_s
 
 
 def check_unchanged(left: Left, *but: str) -> None:

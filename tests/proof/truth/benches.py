@@ -13,7 +13,6 @@ import numpy as np
 
 from benchtool.acquire.average import average
 from benchtool.acquire.measure import measure
-from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import (
     OrderPart,
     Plan,
@@ -23,9 +22,10 @@ from benchtool.acquire.plan import (
     ThrottlePart,
     plan_to_toml,
 )
-from benchtool.acquire.tare import Tared, tare_point
+from benchtool.acquire.tare import TareResult, tare_point
+from benchtool.acquire.visit_order import plan_visits
 from benchtool.api import sweep
-from benchtool.bench.stage.stage import NoStage, OneSidedStage, Pause
+from benchtool.bench.stage.stage import BacklashCompensatedStage, NoStage, Pause
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
@@ -88,7 +88,7 @@ def drawn(seed: int, name: str) -> Drawn:
     }
     made = model
     for name, value in truth.items():
-        made = made.fixed(name, value)
+        made = made.with_fixed(name, value)
     plan = Plan(
         name="trial",
         repeats=REPEATS,
@@ -172,14 +172,14 @@ def visited(bench: Drawn, path: Path) -> None:
     plant = PlateBench(rig, bench.model, np.random.default_rng(bench.seed), bench.flaws, RATE_HZ)
     plant.tare()
     rest = average(samples(plant, 1.0).column("thrust_N"))
-    tared = Tared(plant.time_s - 0.5, rest, nan)
+    tared = TareResult(plant.time_s - 0.5, rest, nan)
     here_m, off_m = rig.plate.z_park_m, 0.0
     places = np.random.default_rng([20261123, bench.seed, 1])
-    stage = OneSidedStage(PlantStage(plant), rig.plate)
+    stage = BacklashCompensatedStage(PlantStage(plant), rig.plate)
     writer = new_run(bench, path).point_writer(rig.n_rotors)
     try:
         writer.append(tare_point(tared, rig.n_rotors))
-        for visit in visits_of(plan, rig):
+        for visit in plan_visits(plan, rig):
             place = visit.setting.place
             plant.command_pwm(np.array(visit.setting.pwm_us))
             if abs(place.z_m - here_m) > SAME_PLACE:

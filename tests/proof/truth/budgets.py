@@ -8,10 +8,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.physics.catalogue import effect_named
+from benchtool.physics.catalogue import find_effect
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import LAW_ERROR
 from benchtool.physics.model import Model
@@ -51,7 +51,7 @@ def budget_sweep(
         if item.prior.kind == "normal" and item.free:
             truth[name] = rng.normal(item.prior.mean, item.prior.sd)
     for name in UNSEEN:
-        effect = effect_named(name)
+        effect = find_effect(name)
         values = effect.rig_values(model.rig) if effect.rig_values else {}
         model = model.with_effect(effect, **values)
         for own, half in default_tolerances(effect, model.rig, "sweep").items():
@@ -94,6 +94,6 @@ def _visits(rng: np.random.Generator) -> Recording:
 
 def _thrust(model: Model, conditions: Conditions, truth: dict[str, float]) -> Array:
     """Return readings at the truth's values, also beyond bounds: a loop has no sign of its own."""
-    acting = model.freed(*model.parameters)
+    acting = model.with_free(*model.parameters)
     values = [truth.get(name, item.value) for name, item in acting.parameters.items()]
     return np.asarray(acting.thrust_N(conditions, np.array(values)), float)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchtool.fit.run_recipe import propagated, run_recipe
+from benchtool.fit.run_recipe import propagate_uncertainty, run_recipe
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from tests.proof.truth.cells import CELLS
 
@@ -23,7 +23,7 @@ def test_both_ways_hold_the_truth_of_sixty_benches(tmp_path):
     for seed in SIXTY:
         truth = cell.sweep(seed, tmp_path / "run")
         output = run_recipe(cell.recipe(tmp_path / "run", ("least_squares",), seed))
-        budget, found = output.budget, propagated(output)
+        budget, found = output.budget, propagate_uncertainty(output)
         assert budget is not None
         assert found is not None
         checked = monte_carlo(*found, draws=200, seed=seed)

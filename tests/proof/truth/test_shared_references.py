@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import binomtest
 
 from benchtool.core.recording import Recording
-from benchtool.core.rig_file import rig_named
-from benchtool.data.columns import channel_called, code_of
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.columns import find_channel, word_to_code
 from benchtool.data.run.ratios import ratios
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
@@ -18,8 +18,8 @@ from benchtool.fit.problem import Problem
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 
-RIG = rig_named("pquad_single")
-MODEL = Model.single(RIG, "single").freed("R_m")
+RIG = load_rig_by_name("pquad_single")
+MODEL = Model.single(RIG, "single").with_free("R_m")
 SPEED_RAD_S = 550.0
 RELATIVE = 2e-3  # standard error of every thrust; two repeats, each with one reference
 
@@ -36,14 +36,16 @@ def problem(distances: int, rng: np.random.Generator) -> Problem:
     )
     thrust = MODEL.thrust_N(at)
     table = {
-        "kind": np.where(is_near, code_of("kind", "measure"), code_of("kind", "reference")),
+        "kind": np.where(
+            is_near, word_to_code("kind", "measure"), word_to_code("kind", "reference")
+        ),
         "repeat": np.repeat([1.0, 2.0], m // 2),
         "pwm1_us": np.full(m, 1500.0),
         "thrust_N": thrust * (1.0 + RELATIVE * rng.standard_normal(m)),
         "thrust_se_N": thrust * RELATIVE,
     }
     points = Recording.from_columns(
-        [(channel_called(name), np.asarray(column, float)) for name, column in table.items()]
+        [(find_channel(name), np.asarray(column, float)) for name, column in table.items()]
     )
     found, rows = ratios(points, "equal_pwm"), np.flatnonzero(is_near)
     return problem_from_model(

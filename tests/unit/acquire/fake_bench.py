@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.bench import Identity, Readings
-from benchtool.data.columns import channel_called
+from benchtool.bench.bench import DeviceInfo, Readings
+from benchtool.data.columns import find_channel
 
 Array = NDArray[np.float64]
 
@@ -40,13 +40,13 @@ class FakeBench:
         self._given = 0
 
     @property
-    def identity(self) -> Identity:
-        return Identity(
+    def identity(self) -> DeviceInfo:
+        return DeviceInfo(
             address="fake:1",
             device_id="fake-1",
             firmware="fake",
             protocol="fake-1",
-            channels=tuple(channel_called(name) for name in NAMES),
+            channels=tuple(find_channel(name) for name in NAMES),
             rate_Hz=RATE_HZ,
             n_rotors=1,
             simulated=False,

@@ -6,8 +6,8 @@ import pytest
 from benchtool.acquire.average import (
     Average,
     average,
+    fit_slope,
     is_settled,
-    slope_of,
 )
 from benchtool.core.rig import Sensor
 
@@ -134,7 +134,7 @@ def test_steps_of_a_coarse_sensor_are_no_outliers(values, quantum, rejected):
 def test_slope_and_error_of_a_noisy_line():
     rng = np.random.default_rng(7)
     time_s = np.arange(400) / 100.0
-    found = slope_of(time_s, 3.0 + 0.5 * time_s + 0.1 * rng.normal(size=400))
+    found = fit_slope(time_s, 3.0 + 0.5 * time_s + 0.1 * rng.normal(size=400))
     assert found.per_s == pytest.approx(0.5, abs=4.0 * found.se_per_s)
     expected = 0.1 / np.sqrt(((time_s - time_s.mean()) ** 2).sum())
     assert found.se_per_s == pytest.approx(expected, rel=0.25)

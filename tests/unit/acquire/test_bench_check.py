@@ -6,16 +6,16 @@ from datetime import date
 import numpy as np
 import pytest
 
-from benchtool.acquire.arming import arming_warnings, remember_check, require_unattended
+from benchtool.acquire.arming import arming_warnings, require_unattended, store_check_result
 from benchtool.acquire.bench_check import check_bench
 from benchtool.bench.bench import Readings
 from benchtool.bench.drivers import open_bench
 from benchtool.core.errors import BenchError, InputError
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from tests.unit.acquire.fake_bench import FakeBench
 from tests.wire.still_plant import still_hello
 
-QUAD = rig_named("pquad")
+QUAD = load_rig_by_name("pquad")
 
 
 class Rewired:
@@ -79,7 +79,7 @@ def test_wrong_wiring_is_found(change, failed):
 def test_nothing_is_armed_while_a_rotor_turns():
     bench = FakeBench(idle_rpm=200.0)
     with pytest.raises(BenchError, match="rpm1 reads 200 rpm at zero command, limit 30 rpm"):
-        list(check_bench(bench, rig_named("pquad_single")))
+        list(check_bench(bench, load_rig_by_name("pquad_single")))
     assert {value for what, value in bench.log if what == "pwm"} == {1000.0}
 
 
@@ -87,20 +87,20 @@ def test_unattended_needs_a_check_of_the_same_day(tmp_path, monkeypatch):
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path))
     identity, today = FakeBench().identity, date(2026, 1, 31)
     with pytest.raises(InputError, match="it was never checked; run benchtool bench check fake:1"):
-        require_unattended(identity, rig_named("pquad_single"), today)
-    remember_check(identity, rig_named("pquad_single"), ["all good"], date(2026, 1, 30))
+        require_unattended(identity, load_rig_by_name("pquad_single"), today)
+    store_check_result(identity, load_rig_by_name("pquad_single"), ["all good"], date(2026, 1, 30))
     with pytest.raises(InputError, match="its last check passed on 2026-01-30"):
-        require_unattended(identity, rig_named("pquad_single"), today)
-    remember_check(identity, rig_named("pquad_single"), ["all good"], today)
-    require_unattended(identity, rig_named("pquad_single"), today)
+        require_unattended(identity, load_rig_by_name("pquad_single"), today)
+    store_check_result(identity, load_rig_by_name("pquad_single"), ["all good"], today)
+    require_unattended(identity, load_rig_by_name("pquad_single"), today)
     with pytest.raises(InputError, match="today's was made with rig 'pquad_single', which is not"):
-        require_unattended(identity, rig_named("pquad"), today)
+        require_unattended(identity, load_rig_by_name("pquad"), today)
     with open_bench("sim:pquad") as bench:
-        require_unattended(bench.identity, rig_named("pquad_single"), today)
+        require_unattended(bench.identity, load_rig_by_name("pquad_single"), today)
 
 
 def test_what_makes_a_bench_more_dangerous_is_named():
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     hello = replace(still_hello(), simulated=False, facts={"warning": "anybody may steer it"})
     warning, unseen, unwatched = arming_warnings(hello.identity("serial:x", 100.0), rig)
     assert warning == "anybody may steer it"

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchtool.acquire.calibration import fit_calibration, with_days_of
+from benchtool.acquire.calibration import fit_calibration, with_drift_interval
 from benchtool.acquire.inputs import MassUncertainty
 from benchtool.core.air import Air, air_density_kg_m3
 from benchtool.core.errors import CalibrationError, InputError, UnknownChoice
-from benchtool.data.calibration import age_text, calibration_from, traceability
+from benchtool.data.calibration import age_text, parse_calibration, traceability
 
 MASSES = np.array([0.0, 0.2, 0.5, 1.0, 1.5, 1.0, 0.5, 0.2, 0.0])
 G = 9.81
@@ -65,11 +65,11 @@ def test_a_calibration_survives_json_and_refuses_strange_keys():
     rng = np.random.default_rng(1)
     found = fitted(8000.0 + 420.0 * MASSES * G + rng.normal(0.0, 5.0, len(MASSES)))
     data = json.loads(json.dumps(asdict(found)))
-    assert calibration_from(data, "c.json") == found
+    assert parse_calibration(data, "c.json") == found
     with pytest.raises(UnknownChoice, match="slop"):
-        calibration_from({**data, "slop": 1.0}, "c.json")
+        parse_calibration({**data, "slop": 1.0}, "c.json")
     with pytest.raises(CalibrationError, match="slope of 0"):
-        calibration_from({**data, "slope_N_per_count": 0.0}, "c.json")
+        parse_calibration({**data, "slope_N_per_count": 0.0}, "c.json")
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_each_source_is_a_component():
     spent = one.relative_sd**4 / 2.0
     assert found.dof == pytest.approx(found.relative_sd**4 / spent)
     data = json.loads(json.dumps(asdict(found)))
-    assert calibration_from(data, "c.json") == found
+    assert parse_calibration(data, "c.json") == found
     assert traceability(data).endswith("by Ada on 2026-01-31, certificate DKD 17")
 
 
@@ -196,8 +196,8 @@ def test_days_need_masses_of_their_own_and_the_same_lever():
         fitted(counts, days=["a"])
     earlier = fitted(counts)
     with pytest.raises(CalibrationError, match="lever ratio and gravity"):
-        with_days_of(earlier, MASSES, counts, "2026-02-01", 2.0, G)
-    joined = with_days_of(earlier, MASSES, counts, "2026-02-01", 1.0, G)
+        with_drift_interval(earlier, MASSES, counts, "2026-02-01", 2.0, G)
+    joined = with_drift_interval(earlier, MASSES, counts, "2026-02-01", 1.0, G)
     again = fitted(joined[1], joined[0], days=joined[2])
     assert set(again.days) == {"2026-01-31", "2026-02-01"}
     assert again.slope_N_per_count == pytest.approx(earlier.slope_N_per_count)

@@ -9,19 +9,19 @@ import pytest
 
 import benchtool as bt
 from benchtool.acquire.live_record import LiveSummary, live_plan, record_live
-from benchtool.acquire.new_run import new_live_run
-from benchtool.acquire.resume import close_run, unfinished
+from benchtool.acquire.resume import close_run, load_resume_state
+from benchtool.acquire.run_creation import new_live_run
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.errors import InputError, RunStopped
-from benchtool.core.rig_file import rig_named
-from benchtool.data.columns import code_of
-from benchtool.data.run.entry import entry_of
+from benchtool.core.errors import InputError, RunInterrupted
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.columns import word_to_code
+from benchtool.data.run.entry import build_entry
 from benchtool.data.run.read import read_points, read_samples, read_settings
 from benchtool.data.run.run import Run
 from benchtool.data.run.runs_folder import RunsFolder
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 
 
 class Hand:
@@ -60,7 +60,7 @@ def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path):
     samples, points = read_samples(run.path), read_points(run.path)
     assert len(samples) == summary.samples
     assert summary.lost == 0
-    measured = points.select(points.column("kind") == code_of("kind", "reference"))
+    measured = points.select(points.column("kind") == word_to_code("kind", "reference"))
     pulses_us = measured.column("pwm1_us")
     assert set(pulses_us) == {1400.0, 1600.0}  # 1500 us were left before they had settled
     assert len(pulses_us) == summary.points >= 4
@@ -69,7 +69,7 @@ def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path):
         # Each is the mean of its own samples, which are those after the level had settled.
         own = samples.select(
             (samples.column("point") == measured.column("point")[row])
-            & (samples.column("phase") == code_of("phase", "sample"))
+            & (samples.column("phase") == word_to_code("phase", "sample"))
         )
         assert np.ptp(own.column("pwm1_us")) == 0.0
         assert own.column("pwm1_us")[0] == pulse_us
@@ -79,15 +79,15 @@ def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path):
     facts = run.metadata
     assert (facts["experiment"], facts["state"]) == ("live", "ended")
     with pytest.raises(InputError, match="is a live recording, which has no visits left"):
-        unfinished(run)
-    entry = entry_of(RunsFolder(tmp_path), run.path.name)
+        load_resume_state(run)
+    entry = build_entry(RunsFolder(tmp_path), run.path.name)
     assert (entry.kind, entry.can_fit) == ("live recording", True)
     assert len(bt.runs(tmp_path, kind="live recording").query("FROM points")) == len(points) + 1
     assert read_settings(run.path).column("n_repeats").sum() == summary.points
 
 
 def test_a_limit_ends_it_with_motors_at_zero_and_the_samples_on_the_disk(tmp_path):
-    with pytest.raises(RunStopped):
+    with pytest.raises(RunInterrupted):
         _stopped(tmp_path)
     (path,) = tmp_path.iterdir()
     run = Run.open(path)
@@ -106,7 +106,7 @@ def _stopped(path: Path) -> None:
 
         def turn() -> bool:
             if not hand.turn():
-                raise RunStopped("the hand failed")
+                raise RunInterrupted("the hand failed")
             return True
 
         record_live(bench, RIG, plan, new_live_run(path, plan, RIG, bench.identity), None, turn)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import benchtool as bt
-from benchtool.acquire.measure import aliased
+from benchtool.acquire.measure import is_aliased
 from benchtool.data.run.read import read_points
 
 RATE_HZ, COUNT = 200.0, 200
@@ -34,7 +34,7 @@ def test_every_frequency_that_moves_a_mean_is_named():
     for turns_Hz in random.uniform(20.0, 420.0, 4000):
         phase = random.uniform(0.0, 2.0 * np.pi)
         mean = np.sin(2.0 * np.pi * turns_Hz * TIMES_S + phase).mean()
-        if aliased(60.0 * turns_Hz, TIMES_S):
+        if is_aliased(60.0 * turns_Hz, TIMES_S):
             named += 1
         elif turns_Hz > 0.5 * RATE_HZ:
             assert abs(mean) < 0.25, turns_Hz

@@ -21,14 +21,14 @@ from benchtool.bench.bench import Readings
 from benchtool.bench.drivers import open_bench
 from benchtool.bench.guard import GuardedBench
 from benchtool.core.errors import LimitExceeded, PlanError
-from benchtool.core.rig_file import rig_named
-from benchtool.core.schedule_file import schedule_named
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.schedule_file import load_schedule
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_pitch, read_samples
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 HOVER = PitchExperiment(seconds=40.0, collective_us=hover_pulse_us(RIG))
 ADDRESS = "sim:pquad?mode=pitch&seed=3"
 
@@ -70,7 +70,7 @@ def test_a_recording_is_a_pitch_recording_of_what_the_simulation_gives(tmp_path)
     job = PitchJob(
         PitchBench.of(load_model("pitch_pquad").model), pitch_controller("pid", gains_named("s3"))
     )
-    expected = simulate_pitch(job, schedule_named("plate").sampled(250.0, 0.12), seed=3)
+    expected = simulate_pitch(job, load_schedule("plate").sampled(250.0, 0.12), seed=3)
     # The device began its schedule when the ramp armed it, a little before this recording.
     plate = recording.column("plate_z_m")
     began = int(np.flatnonzero(plate < 1.0)[0])

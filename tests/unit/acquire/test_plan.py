@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.check_plan import check_plan, expected_extremes
-from benchtool.acquire.order import expected_duration_s, settings_of, visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
+from benchtool.acquire.visit_order import expected_duration_s, plan_settings, plan_visits
 from benchtool.core.errors import (
     BenchtoolError,
     PlanError,
 )
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 
-SINGLE, QUAD = rig_named("pquad_single"), rig_named("pquad")
+SINGLE, QUAD = load_rig_by_name("pquad_single"), load_rig_by_name("pquad")
 
 TEXT = """
 repeats = 2
@@ -38,19 +38,19 @@ def test_a_plan_reads_back_to_itself():
 @pytest.mark.parametrize("kind", ["randomised", "counterbalanced", "as_given"])
 def test_every_setting_is_visited_once_in_every_repeat(kind):
     plan = plan_from_toml(f"[order]\nkind = '{kind}'", "plan").resolved(QUAD)
-    visits = visits_of(plan, QUAD)
+    visits = plan_visits(plan, QUAD)
     assert [visit.point for visit in visits] == list(range(1, len(visits) + 1))
     planned = [visit for visit in visits if visit.kind != "anchor"]
     seen = {(visit.setting.number, visit.repeat) for visit in planned}
-    assert len(seen) == len(planned) == len(settings_of(plan, QUAD)) * 5
+    assert len(seen) == len(planned) == len(plan_settings(plan, QUAD)) * 5
     for repeat in range(1, 6):
         numbers = [v.setting.number for v in planned if v.repeat == repeat]
-        assert sorted(numbers) == [setting.number for setting in settings_of(plan, QUAD)]
+        assert sorted(numbers) == [setting.number for setting in plan_settings(plan, QUAD)]
 
 
 def test_anchors_stand_at_moves_of_the_plate_and_at_both_ends():
     plan = plan_from_toml(TEXT, "plan").resolved(QUAD)
-    visits = visits_of(plan, QUAD)
+    visits = plan_visits(plan, QUAD)
     anchors = [index for index, visit in enumerate(visits) if visit.kind == "anchor"]
     assert anchors[0] == 0
     assert anchors[-1] == len(visits) - 1
@@ -58,12 +58,12 @@ def test_anchors_stand_at_moves_of_the_plate_and_at_both_ends():
     for index in anchors[1:-1]:
         assert visits[index - 1].setting.place != visits[index + 1].setting.place
     none = replace(plan, order=replace(plan.order, anchor_every=0))
-    assert all(visit.kind != "anchor" for visit in visits_of(none, QUAD))
+    assert all(visit.kind != "anchor" for visit in plan_visits(none, QUAD))
 
 
 def test_rotors_that_are_off_get_the_stop_pulse():
     plan = plan_from_toml(TEXT, "plan").resolved(QUAD)
-    assert settings_of(plan, QUAD)[0].pwm_us == (1400.0, 1000.0, 1400.0, 1000.0)
+    assert plan_settings(plan, QUAD)[0].pwm_us == (1400.0, 1000.0, 1400.0, 1000.0)
 
 
 def test_expected_thrust_is_that_of_k_and_the_pwm_map():
@@ -120,7 +120,7 @@ def test_duration_counts_moves_settling_and_tares():
         "[order]\nreferences=false\nanchor_every=0\n",
         "plan",
     ).resolved(SINGLE)
-    visits = visits_of(plan, SINGLE)
+    visits = plan_visits(plan, SINGLE)
     # 1 m at 0.1 m/s, 1.5 s standstill, 0.3 + 1.4 + 2 s for the point, 2.5 s for the tare.
     assert expected_duration_s(plan, SINGLE, visits) == pytest.approx(10.0 + 1.5 + 3.7 + 2.5)
 

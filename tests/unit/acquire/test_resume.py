@@ -9,21 +9,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.acquire.new_run import run_metadata
 from benchtool.acquire.plan import plan_from_toml, plan_to_toml
 from benchtool.acquire.record import LinkQuality
-from benchtool.acquire.resume import close_run, prepare, require_same_device, unfinished
-from benchtool.acquire.sweep import Start
+from benchtool.acquire.resume import (
+    close_run,
+    load_resume_state,
+    prepare_resume,
+    require_same_device,
+)
+from benchtool.acquire.run_creation import run_metadata
+from benchtool.acquire.sweep import SweepStart
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.rig_file import rig_named
-from benchtool.data.columns import code_of
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.columns import word_to_code
 from benchtool.data.run.read import read_samples
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
 from tests.unit.acquire.fake_bench import FakeBench
 from tests.unit.data.run_of import CHANNELS, point
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 PLAN = plan_from_toml(
     """
 repeats = 2
@@ -61,29 +66,33 @@ def begun(path: Path, done: int = 1, rows: int = 4) -> Run:
 
 def test_a_run_goes_on_behind_what_it_has(tmp_path):
     run = begun(tmp_path / "run")
-    rest = unfinished(run)
+    rest = load_resume_state(run)
     assert (rest.done, rest.left, rest.stage, rest.calibration) == (frozenset({1}), 1, None, None)
     assert (rest.plan, rest.rig.name) == (PLAN, RIG.name)
     # The last sample is at 5.5 s, and 1 s stands for the break.
     link = LinkQuality(12, **LINK)
-    assert prepare(rest) == Start(frozenset({1}), 6.5, unsettled=1, suspect=1, tares=1, link=link)
+    assert prepare_resume(rest) == SweepStart(
+        frozenset({1}), 6.5, unsettled=1, suspect=1, tares=1, link=link
+    )
     RunWriter(run, CHANNELS, 1).close()
     found = read_samples(run.path)
     words = ["move"] * 4 + ["sample"] * 4 + ["interrupted"] * 4
-    assert found.column("phase").tolist() == [code_of("phase", word) for word in words]
+    assert found.column("phase").tolist() == [word_to_code("phase", word) for word in words]
 
 
 def test_a_run_of_which_nothing_was_measured_begins_anew(tmp_path):
     run = begun(tmp_path / "run", done=0, rows=0)
-    assert prepare(unfinished(run)) == Start()
+    assert prepare_resume(load_resume_state(run)) == SweepStart()
     (run.path / "points.csv").unlink()
-    assert unfinished(run).left == 2
+    assert load_resume_state(run).left == 2
 
 
 def test_a_run_that_counted_no_losses_begins_with_none(tmp_path):
     run = begun(tmp_path / "run", done=0)
     run.update_metadata(link=None)
-    assert prepare(unfinished(run)) == Start(time_s=6.5, tares=1, link=LinkQuality(12))
+    assert prepare_resume(load_resume_state(run)) == SweepStart(
+        time_s=6.5, tares=1, link=LinkQuality(12)
+    )
 
 
 def test_what_was_counted_is_that_of_the_visits_of_the_plan(tmp_path):
@@ -91,17 +100,17 @@ def test_what_was_counted_is_that_of_the_visits_of_the_plan(tmp_path):
     points = run.point_writer(1)
     points.append(replace(point(9, "measure", 1, 9, 1.0), settled=False, suspect=True))
     points.close()
-    behind = Start(
+    behind = SweepStart(
         frozenset({1}), 6.5, unsettled=1, suspect=1, tares=1, link=LinkQuality(12, **LINK)
     )
-    assert prepare(unfinished(run)) == behind
+    assert prepare_resume(load_resume_state(run)) == behind
     path = run.path / "points.csv"
     rows = [line.split(",") for line in path.read_text().splitlines()]
     column = rows[0].index("suspect")  # which earlier versions did not write
     path.write_text("".join(",".join(row[:column] + row[column + 1 :]) + "\n" for row in rows))
-    assert prepare(unfinished(run)) == replace(behind, suspect=0)
+    assert prepare_resume(load_resume_state(run)) == replace(behind, suspect=0)
     path.unlink()
-    assert prepare(unfinished(run)) == Start(time_s=6.5, link=behind.link)
+    assert prepare_resume(load_resume_state(run)) == SweepStart(time_s=6.5, link=behind.link)
 
 
 @pytest.mark.parametrize("name", ["distances_m", "pwm_us"])
@@ -110,24 +119,24 @@ def test_a_plan_that_does_not_state_its_grid_is_refused(tmp_path, name):
     plan = run.path / "plan.toml"
     plan.write_text(re.sub(rf"(?ms)^{name} = \[.*?\]$", "", plan.read_text()))
     with pytest.raises(FileFormatError, match=r"plan\.toml.*distances_m or throttle\.pwm_us is"):
-        unfinished(run)
+        load_resume_state(run)
 
 
 def test_where_nothing_is_left_the_run_is_closed_once(tmp_path):
     run = begun(tmp_path / "run", done=2)
     said = "nothing is left to resume of .*: 2 visits, and all measured already"
     with pytest.raises(InputError, match=f"{said}; it was not closed, and is now$"):
-        prepare(unfinished(run))
+        prepare_resume(load_resume_state(run))
     assert run.metadata["state"] == "ended"
     with pytest.raises(InputError, match=f"{said}$"):
-        prepare(unfinished(run))
+        prepare_resume(load_resume_state(run))
 
 
 def test_a_visit_whose_line_was_cut_is_not_done(tmp_path):
     run = begun(tmp_path / "run", done=2)
     path = run.path / "points.csv"
     path.write_bytes(path.read_bytes()[:-1])
-    assert unfinished(run).done == frozenset({1})
+    assert load_resume_state(run).done == frozenset({1})
 
 
 @pytest.mark.parametrize("kind", ["tare", "failed"])
@@ -136,7 +145,7 @@ def test_points_that_measured_nothing_are_no_visits(tmp_path, kind):
     points = run.point_writer(1)
     points.append(point(1, kind, 0, 0, 0.0))
     points.close()
-    assert unfinished(run).left == 2
+    assert load_resume_state(run).left == 2
 
 
 def test_a_line_that_cannot_be_read_is_no_visit_to_measure_again(tmp_path):
@@ -144,11 +153,11 @@ def test_a_line_that_cannot_be_read_is_no_visit_to_measure_again(tmp_path):
     with open(run.path / "points.csv", "a") as file:
         file.write("2,measure,x\n")
     with pytest.raises(FileFormatError, match=r"points\.csv"):
-        unfinished(run)
+        load_resume_state(run)
 
 
 def test_another_device_is_refused(tmp_path):
-    rest = unfinished(begun(tmp_path / "run"))
+    rest = load_resume_state(begun(tmp_path / "run"))
     identity = FakeBench().identity
     require_same_device(rest, identity)
     with pytest.raises(InputError, match="was begun on device 'fake-1', but fake:1 is 'other'"):

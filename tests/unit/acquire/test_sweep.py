@@ -7,31 +7,31 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.calibration import fit_calibration
-from benchtool.acquire.new_run import run_metadata
-from benchtool.acquire.order import visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml, plan_to_toml
 from benchtool.acquire.recalibrate import recalibrate
 from benchtool.acquire.record import RunProgress
-from benchtool.acquire.sweep import Summary, run_sweep
+from benchtool.acquire.run_creation import run_metadata
+from benchtool.acquire.sweep import SweepSummary, run_sweep
+from benchtool.acquire.visit_order import plan_visits
 from benchtool.bench.guard import GuardedBench
 from benchtool.bench.stage.stage import DeviceStage
 from benchtool.core.errors import (
     BenchError,
     LinkLost,
-    RunStopped,
-    StandstillNotSeen,
+    RunInterrupted,
+    StandstillNotConfirmed,
     WouldOverwrite,
 )
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.atomic import data_hash
-from benchtool.data.columns import KINDS, PHASES, code_of
+from benchtool.data.columns import KINDS, PHASES, word_to_code
 from benchtool.data.run.append import read_events
 from benchtool.data.run.points import Point
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 from tests.unit.acquire.fake_bench import FakeBench
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 PLAN = plan_from_toml(
     """
 repeats = 2
@@ -71,7 +71,7 @@ class Watcher(RunProgress):
 
 def sweep(
     bench: FakeBench, path: Path, plan: Plan = PLAN, watcher: Watcher | None = None, **more: object
-) -> tuple[Summary, Run]:
+) -> tuple[SweepSummary, Run]:
     resolved = plan.resolved(RIG)
     run = Run.create(
         path, plan_to_toml(resolved), run_metadata(resolved, RIG, bench.identity, operator="me")
@@ -85,7 +85,7 @@ def sweep(
 def test_a_sweep_measures_every_visit_once(tmp_path):
     bench, watcher = FakeBench(), Watcher()
     summary, run = sweep(bench, tmp_path / "run", watcher=watcher)
-    visits = visits_of(PLAN.resolved(RIG), RIG)
+    visits = plan_visits(PLAN.resolved(RIG), RIG)
     assert summary.measured == len(visits) == len(watcher.points)
     assert watcher.words[0] == f"{len(visits)} 0"
     assert max(watcher.left_s) == watcher.left_s[0]
@@ -118,7 +118,7 @@ def test_the_plate_moves_only_with_zero_commanded_and_the_end_ramps_down(tmp_pat
 def test_samples_of_points_are_those_of_the_phase(tmp_path):
     _, run = sweep(FakeBench(), tmp_path / "run")
     samples, points = read_samples(run.path), read_points(run.path)
-    taken = samples.column("phase") == code_of("phase", "sample")
+    taken = samples.column("phase") == word_to_code("phase", "sample")
     for row in range(len(points)):
         chosen = taken & (samples.column("point") == points.column("point")[row])
         assert chosen.sum() == 50
@@ -131,7 +131,7 @@ def test_samples_of_points_are_those_of_the_phase(tmp_path):
 
 @pytest.mark.parametrize(
     "error",
-    [LinkLost("the link is gone"), RunStopped("stopped by SIGTERM"), KeyboardInterrupt()],
+    [LinkLost("the link is gone"), RunInterrupted("stopped by SIGTERM"), KeyboardInterrupt()],
     ids=lambda error: type(error).__name__,
 )
 def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(tmp_path, error):
@@ -153,7 +153,7 @@ def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(tmp_path, erro
     assert (stopped.event, stopped.text) == ("stopped", reason)
     facts = Run.open(tmp_path / "run").metadata
     samples = read_samples(tmp_path / "run")
-    tail = samples.column("phase") == code_of("phase", "end")
+    tail = samples.column("phase") == word_to_code("phase", "end")
     # What waited in the link, then half a second at 100 Hz: nothing is missing.
     assert tail.sum() >= 50
     assert samples.column("pwm1_us")[-1] == 1000.0
@@ -173,7 +173,7 @@ def test_a_tare_that_leaves_too_much_is_refused(tmp_path):
 def test_a_rotor_that_turns_at_zero_is_refused(tmp_path):
     bench = FakeBench(idle_rpm=250.0)
     said = "MOTORS MAY STILL TURN: rpm1 250.*rpm1 still reads 250 rpm 10 s after zero"
-    with pytest.raises(StandstillNotSeen, match=said):
+    with pytest.raises(StandstillNotConfirmed, match=said):
         sweep(bench, tmp_path / "run")
     assert ("tare", None) not in bench.log
 
@@ -234,7 +234,7 @@ def test_a_hot_esc_rests_until_it_has_cooled(tmp_path):
     assert "80.0 degC, rest above 70 degC" in events["rest"].text
     assert 25.0 < events["rested"].time_s - events["rest"].time_s < 35.0
     samples = read_samples(run.path)
-    resting = samples.column("phase") == code_of("phase", "rest")
+    resting = samples.column("phase") == word_to_code("phase", "rest")
     assert samples.column("rpm1")[resting][-50:].max() == 0.0
 
 
@@ -305,7 +305,7 @@ def test_missed_counts_are_left_out_and_their_number_stands_beside(tmp_path):
     assert len(said) == summary.measured
     assert "1 of 50 samples of rpm1 (from " in said[0]
     assert "and are left out of its mean" in said[0]
-    taken = samples.column("rpm1")[samples.column("phase") == code_of("phase", "sample")]
+    taken = samples.column("rpm1")[samples.column("phase") == word_to_code("phase", "sample")]
     assert (taken < 2500.0).sum() == summary.measured  # raw samples stay
 
 
@@ -340,12 +340,12 @@ def test_a_speed_that_freezes_is_found_within_its_visit_and_measured_again(tmp_p
 def test_a_speed_that_stays_frozen_fails_its_visits_and_the_run_says_so(tmp_path):
     bench = FakeBench()
     bench.shown_rpm = lambda time_s, rpm: np.full(rpm.shape, 4001.0)
-    with pytest.raises(RunStopped, match="too few, late or frozen, 0 are measured"):
+    with pytest.raises(RunInterrupted, match="too few, late or frozen, 0 are measured"):
         sweep(bench, tmp_path / "run")
     failed = read_points(tmp_path / "run", ["failed"])
-    assert len(failed) == len(visits_of(PLAN.resolved(RIG), RIG))
+    assert len(failed) == len(plan_visits(PLAN.resolved(RIG), RIG))
     samples = read_samples(tmp_path / "run")
-    assert (samples.column("phase") == code_of("phase", "settle")).any()
+    assert (samples.column("phase") == word_to_code("phase", "settle")).any()
 
 
 def test_a_calibration_is_attached_and_raw_data_stay(tmp_path):

@@ -8,22 +8,22 @@ from typing import ClassVar
 
 import pytest
 
-from benchtool.acquire.new_run import run_metadata
 from benchtool.acquire.plan import plan_from_toml, plan_to_toml
-from benchtool.acquire.resume import unfinished
+from benchtool.acquire.resume import load_resume_state
+from benchtool.acquire.run_creation import run_metadata
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import IdleStage
+from benchtool.bench.stage.stage import FixedStage
 from benchtool.core.errors import BenchtoolError, StageError
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.append import read_events
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.simulated import SimulatedBench
+from benchtool.virtual.simulated_bench import SimulatedBench
 from tests.unit.acquire.fake_bench import FakeBench
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 STAGE = "grbl:/dev/ttyS9?axis=Z&zero_mm=1500&direction=1"
 
 
@@ -86,7 +86,7 @@ anchor_every = 0
     with GuardedBench(bench, RIG) as guarded:
         run = Run.create(path, plan_to_toml(plan), run_metadata(plan, RIG, guarded.identity))
         try:
-            run_sweep(guarded, IdleStage(stage, guarded), plan, RIG, run)
+            run_sweep(guarded, FixedStage(stage, guarded), plan, RIG, run)
         finally:
             stage.highest_us = float(guarded.pwm_us.max())
     return read_points(path).column("plate_z_m").tolist()
@@ -149,4 +149,4 @@ def test_a_resumed_run_names_the_stage_that_moved_the_plate(tmp_path):
         sweep(bench, Carries(bench, {1: 0.04}), "0.2, 0.6", tmp_path / "run")
     run = Run.open(tmp_path / "run")
     run.close()
-    assert unfinished(run).stage == STAGE
+    assert load_resume_state(run).stage == STAGE

@@ -10,7 +10,6 @@ import pytest
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
-from benchtool.acquire.order import expected_duration_s, visits_of
 from benchtool.acquire.plan import (
     THROTTLE_TESTS,
     OrderPart,
@@ -19,10 +18,11 @@ from benchtool.acquire.plan import (
     ThrottlePart,
     read_plan,
 )
-from benchtool.acquire.sweep_run import sweep_to_run
+from benchtool.acquire.sweep_run import run_sweep_to_folder
+from benchtool.acquire.visit_order import expected_duration_s, plan_visits
 from benchtool.core.errors import InputError
-from benchtool.core.own_code import refuse_code
-from benchtool.core.rig_file import rig_named, rig_names
+from benchtool.core.rig_file import load_rig_by_name, rig_names
+from benchtool.core.user_code import check_code_allowed
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run
 
@@ -37,7 +37,7 @@ SHORT = Plan(
 
 def swept(plan: Plan, out: Path, **inputs: object) -> Run:
     given = SweepInputs(address="sim:pquad_single", plan=plan, out=out, yes=True, **inputs)  # type: ignore[arg-type]
-    run = sweep_to_run(given, Unattended(), refuse_code)
+    run = run_sweep_to_folder(given, Unattended(), check_code_allowed)
     assert run is not None
     return run
 
@@ -45,23 +45,25 @@ def swept(plan: Plan, out: Path, **inputs: object) -> Run:
 @pytest.mark.parametrize("name", THROTTLE_TESTS)
 def test_a_shipped_test_keeps_the_limits_of_every_rig(name):
     for rig_name in rig_names():
-        rig = rig_named(rig_name)
+        rig = load_rig_by_name(rig_name)
         plan = read_plan(name).resolved(rig)
         check_plan(plan, rig)
-        visits = visits_of(plan, rig)
+        visits = plan_visits(plan, rig)
         assert {visit.kind for visit in visits} == {"reference"}
         assert all(visit.setting.place.parked for visit in visits)
 
 
 def test_steps_go_up_and_then_down_at_percentages_of_the_pulse_range():
-    rig = rig_named("pquad_single")  # pulses from 1050 to 1950 us
-    levels = [visit.setting.level_us for visit in visits_of(read_plan("steps").resolved(rig), rig)]
+    rig = load_rig_by_name("pquad_single")  # pulses from 1050 to 1950 us
+    levels = [
+        visit.setting.level_us for visit in plan_visits(read_plan("steps").resolved(rig), rig)
+    ]
     up = [1140.0, 1230.0, 1320.0, 1410.0, 1500.0, 1590.0, 1680.0, 1770.0]
     assert levels == up + up[::-1]
     plan = read_plan("endurance").resolved(rig)
-    hour_s = expected_duration_s(plan, rig, visits_of(plan, rig))
+    hour_s = expected_duration_s(plan, rig, plan_visits(plan, rig))
     assert hour_s == pytest.approx(3600.0, rel=0.05)
-    ramp = [visit.setting.level_us for visit in visits_of(read_plan("ramp").resolved(rig), rig)]
+    ramp = [visit.setting.level_us for visit in plan_visits(read_plan("ramp").resolved(rig), rig)]
     assert ramp == [1140.0, 1770.0] * 2
 
 

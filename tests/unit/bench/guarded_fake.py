@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from benchtool.bench.bench import Identity, Readings
+from benchtool.bench.bench import DeviceInfo, Readings
 from benchtool.core.channel import Channel
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 NAMES = ("thrust_N", "rpm1", "voltage_V", "current_A", "temperature_degC")
 UNITS = ("N", "rpm", "V", "A", "degC")
 K = RIG.propulsion.thrust_coefficient_N_s2
@@ -27,7 +27,7 @@ class FakeBench:
         self.tail_rpm = 0.0
         self.stopped_s = 0.0
 
-    identity = Identity(
+    identity = DeviceInfo(
         address="fake:",
         device_id="fake",
         firmware="",

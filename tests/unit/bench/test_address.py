@@ -6,7 +6,7 @@ import pytest
 
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
-from benchtool.acquire.sweep_run import sweep_to_run
+from benchtool.acquire.sweep_run import run_sweep_to_folder
 from benchtool.bench.addresses import (
     LOOPBACK,
     GrblAddress,
@@ -20,9 +20,9 @@ from benchtool.bench.addresses import (
 )
 from benchtool.bench.drivers import open_bench, parse_address
 from benchtool.core.errors import InputError
-from benchtool.core.inputs import make
-from benchtool.core.own_code import refuse_code
-from benchtool.virtual.simulated import SimulatedBench
+from benchtool.core.inputs import build_inputs
+from benchtool.core.user_code import check_code_allowed
+from benchtool.virtual.simulated_bench import SimulatedBench
 
 TRUTH = """
 [model]
@@ -123,9 +123,11 @@ def test_a_stage_is_parsed_into_typed_values():
 )
 def test_a_wrong_stage_is_refused_in_a_dry_run_too(option, said):
     given = {"address": "serial:/dev/none", "rig": "pquad_single", "stage": option, "dry_run": True}
-    inputs = make(SweepInputs, {**given, "z_over_r": "2", "pwm": "1500"}, base=SweepInputs())
+    inputs = build_inputs(
+        SweepInputs, {**given, "z_over_r": "2", "pwm": "1500"}, base=SweepInputs()
+    )
     with pytest.raises(InputError, match=said):
-        sweep_to_run(inputs, Unattended(), refuse_code)
+        run_sweep_to_folder(inputs, Unattended(), check_code_allowed)
 
 
 DIGITS = "1" * 5000

@@ -10,20 +10,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.bench.driven import FAILURES, LATER_S, SPIN_DOWN_S
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.serial.conversation import ANSWER_S as TRY_S
-from benchtool.bench.serial.conversation import TRIES
+from benchtool.bench.motor_state import FAILURES, SPIN_DOWN_S, STANDSTILL_TIMEOUT_S
+from benchtool.bench.serial.command_channel import MAX_ATTEMPTS
+from benchtool.bench.serial.command_channel import REPLY_TIMEOUT_S as TRY_S
 from benchtool.core.errors import (
     DeviceStopped,
-    HostPaused,
+    HostSuspended,
     InputError,
     LimitExceeded,
     LinkLost,
-    RunStopped,
-    StandstillNotSeen,
+    RunInterrupted,
+    StandstillNotConfirmed,
 )
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from tests.unit.bench.guarded_fake import RIG, check_zeroed_once_then_closed
 
 
@@ -70,7 +70,10 @@ def test_a_signal_commands_zero_at_once_and_handlers_come_back(fake, name):
     if signal.getsignal(number) is signal.SIG_IGN:  # as under nohup, where a run goes on
         signal.signal(number, signal.SIG_DFL)
     before = signal.getsignal(number)
-    with pytest.raises(RunStopped, match="zero was commanded"), GuardedBench(fake, RIG) as guard:
+    with (
+        pytest.raises(RunInterrupted, match="zero was commanded"),
+        GuardedBench(fake, RIG) as guard,
+    ):
         guard.set_pwm(np.array([1600.0]))
         signal.raise_signal(number)
         guard.read(60.0)
@@ -80,7 +83,7 @@ def test_a_signal_commands_zero_at_once_and_handlers_come_back(fake, name):
 
 
 def test_a_signal_that_somebody_swallows_ends_the_run_at_the_next_call(fake):
-    with pytest.raises(RunStopped), GuardedBench(fake, RIG) as guard:
+    with pytest.raises(RunInterrupted), GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1600.0]))
         try:
             os.kill(os.getpid(), signal.SIGTERM)
@@ -118,7 +121,7 @@ def test_a_signal_during_the_final_ramp_ends_it_at_zero(fake):
         return plain(timeout_s)
 
     fake.read = read
-    with pytest.raises(RunStopped), GuardedBench(fake, RIG) as guard:
+    with pytest.raises(RunInterrupted), GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1600.0]))
     assert fake.did == ["open", "pwm 1600", "pwm 1540", "pwm 1480", "stop", "close"]
     assert guard.reason == "stopped by SIGTERM"
@@ -137,7 +140,7 @@ def test_an_ignored_signal_stays_ignored(fake):
 def test_a_run_in_the_background_is_stopped_by_the_other_signals(fake):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell leaves it behind `&`
     try:
-        with pytest.raises(RunStopped, match="SIGTERM"), GuardedBench(fake, RIG) as guard:
+        with pytest.raises(RunInterrupted, match="SIGTERM"), GuardedBench(fake, RIG) as guard:
             guard.set_pwm(np.array([1600.0]))
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGTERM)
@@ -153,7 +156,7 @@ def test_a_motor_that_ignores_the_end_is_said_and_commanded_again(fake):
     def ignored(pwm_us=None):
         fake.did.append("ignored")
 
-    with pytest.raises(StandstillNotSeen) as ended, GuardedBench(fake, RIG) as guard:
+    with pytest.raises(StandstillNotConfirmed) as ended, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1600.0]))
         guard.read(1.0)
         fake.set_pwm = fake.stop = ignored
@@ -172,7 +175,9 @@ def test_whoever_reads_on_after_a_stop_hears_of_a_rotor_that_goes_on(fake):
     def ignored():
         fake.did.append("ignored")
 
-    turning = pytest.raises(StandstillNotSeen, match=r"MOTORS MAY STILL TURN: rpm1 55.* 4\.[01] s")
+    turning = pytest.raises(
+        StandstillNotConfirmed, match=r"MOTORS MAY STILL TURN: rpm1 55.* 4\.[01] s"
+    )
     with turning as ended, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1600.0]))
         guard.read(1.0)
@@ -196,7 +201,7 @@ def test_where_orders_may_come_late_rotors_are_watched_for_longer_than_that(fake
         guard.read(0.5)
         guard.stop()
         stopped_s = fake.clock_s
-    assert fake.clock_s - stopped_s == pytest.approx(delay_s + LATER_S, abs=0.01)
+    assert fake.clock_s - stopped_s == pytest.approx(delay_s + STANDSTILL_TIMEOUT_S, abs=0.01)
 
 
 def test_an_order_that_comes_after_the_stop_is_seen_and_stopped(fake):
@@ -229,7 +234,10 @@ def test_a_driver_that_breaks_while_it_is_looked_hides_no_reason(fake):
         return read(timeout_s)
 
     said = "no reading came after zero .* the run ended because: current_A read 500, limit"
-    with pytest.raises(StandstillNotSeen, match=said) as ended, GuardedBench(fake, RIG) as guard:
+    with (
+        pytest.raises(StandstillNotConfirmed, match=said) as ended,
+        GuardedBench(fake, RIG) as guard,
+    ):
         guard.set_pwm(np.array([1600.0]))
         guard.read(1.0)
         fake.read = breaking
@@ -241,7 +249,7 @@ def test_a_driver_that_breaks_while_it_is_looked_hides_no_reason(fake):
 
 def test_another_rig_than_the_device_has_is_refused(fake):
     with pytest.raises(InputError, match="has 4 rotors, but the bench fake: drives 1"):
-        GuardedBench(fake, rig_named("pquad")).__enter__()
+        GuardedBench(fake, load_rig_by_name("pquad")).__enter__()
     assert fake.did == ["open", "close"]
 
 
@@ -272,7 +280,7 @@ def test_what_a_pause_made_the_device_say_is_its_cause_and_no_more(fake):
         fake.read = read
         raise DeviceStopped("watchdog: no line")
 
-    with pytest.raises(HostPaused, match=SAID) as ended, GuardedBench(fake, RIG) as guard:
+    with pytest.raises(HostSuspended, match=SAID) as ended, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1500.0]))
         guard.read(1.0)
         fake.read = late
@@ -287,7 +295,7 @@ def test_late_readings_are_kept_and_blame_no_motor(fake):
         fake.clock_s += 2.0
         return read(timeout_s)
 
-    with pytest.raises(HostPaused, match=SAID), GuardedBench(fake, RIG) as guard:
+    with pytest.raises(HostSuspended, match=SAID), GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1500.0]))
         guard.read(1.0)
         fake.spoil = lambda time_s, row: row | {"rpm1": 0.0}
@@ -300,7 +308,7 @@ def test_late_readings_are_kept_and_blame_no_motor(fake):
     ("given", "lasts_s", "paused"),
     [
         # `where`, `arm` and `pwm`, each answered at its last try.
-        ({}, 3.0 * TRIES * TRY_S, False),
+        ({}, 3.0 * MAX_ATTEMPTS * TRY_S, False),
         ({}, 1.74, False),
         ({}, 1.76, True),
         ({"longest_delay_s": 0.1}, 6.24, False),
@@ -318,7 +326,7 @@ def test_a_command_may_take_as_long_as_its_answers(fake, given, lasts_s, paused)
         set_pwm(pwm_us)
 
     fake.set_pwm = slow
-    ends = pytest.raises(HostPaused) if paused else nullcontext()
+    ends = pytest.raises(HostSuspended) if paused else nullcontext()
     with ends, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1500.0]))
     assert fake.did[:3] == ["open", "pwm 1500", "stop" if paused else "pwm 1450"]
@@ -328,7 +336,7 @@ def test_a_command_may_take_as_long_as_its_answers(fake, given, lasts_s, paused)
 def test_a_host_with_an_early_answer_may_not_pause_for_the_rest(fake, reads):
     read = fake.read
     with (
-        pytest.raises(HostPaused, match=r"0\.3 s, limit 0\.25 s"),
+        pytest.raises(HostSuspended, match=r"0\.3 s, limit 0\.25 s"),
         GuardedBench(fake, RIG) as guard,
     ):
         guard.set_pwm(np.array([1500.0]))
@@ -365,7 +373,7 @@ def test_reads_that_fail_in_a_row_end_the_look_and_each_commands_zero(fake, good
         left[0] -= 1
         return read(timeout_s)
 
-    with pytest.raises(StandstillNotSeen), GuardedBench(fake, RIG) as guard:
+    with pytest.raises(StandstillNotConfirmed), GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1600.0]))
         guard.read(0.5)
         guard.stop()

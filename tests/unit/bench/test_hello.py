@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.bench.serial.frames import crc16, payload_of
+from benchtool.bench.serial.frames import crc16, parse_frame
 from benchtool.bench.serial.hello import (
-    MOST_LINES,
+    MAX_HELLO_LINES,
     Hello,
     HelloReader,
-    hello_from,
     hello_lines,
+    parse_hello,
 )
 from benchtool.core.errors import ProtocolError
 from tests.wire.still_plant import still_hello
@@ -21,8 +21,8 @@ LINES = hello_lines(still_hello())
 def test_a_hello_survives_its_text():
     hello = still_hello(speed=20.0, simulated=True, baud=115200, watchdog_s=0.1)
     lines = hello_lines(hello)
-    assert hello_from(lines) == hello
-    assert hello_from([*lines, ("novelty", "1", "2")]) == hello
+    assert parse_hello(lines) == hello
+    assert parse_hello([*lines, ("novelty", "1", "2")]) == hello
 
 
 def changed(key: str, *values: str) -> list[tuple[str, ...]]:
@@ -40,7 +40,7 @@ BAD_NUMBERS = ("nan", "inf", "-inf", "-1", "1e400", "9" * 400, "", "ten", "0x10"
 )
 def test_every_number_has_a_range(key, text):
     with pytest.raises(ProtocolError, match=rf"hello makes no sense: {key} is .*, not a number"):
-        hello_from(changed(key, text))
+        parse_hello(changed(key, text))
 
 
 @pytest.mark.parametrize(
@@ -61,11 +61,11 @@ def test_every_number_has_a_range(key, text):
 )
 def test_what_else_makes_no_sense(key, values, words):
     with pytest.raises(ProtocolError, match=words.replace("[", r"\[")):
-        hello_from(changed(key, *values))
+        parse_hello(changed(key, *values))
 
 
 INDEXED = [(str(index), *line) for index, line in enumerate(LINES)]
-WHOLE = crc16(b"".join(payload_of("H", line) + b"\n" for line in INDEXED))
+WHOLE = crc16(b"".join(parse_frame("H", line) + b"\n" for line in INDEXED))
 ANSWER = (str(len(LINES)), f"{WHOLE:04X}")
 
 
@@ -95,4 +95,4 @@ def test_a_hello_without_end_is_not_stored():
     reader = HelloReader()
     for index in range(10_000):
         reader.take((str(index), "fact", "a", "b"))
-    assert len(reader._indexed) == MOST_LINES
+    assert len(reader._indexed) == MAX_HELLO_LINES

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from benchtool.bench.identify import Kind, kind_of
+from benchtool.bench.identify import Kind, identify_device
 from benchtool.bench.mavlink.frames import MavlinkFrames
 from benchtool.bench.mavlink.messages import dialect
 from benchtool.bench.serial.frames import frame
@@ -29,7 +29,7 @@ HEARD: dict[Kind, bytes] = {
 
 @pytest.mark.parametrize("kind", HEARD)
 def test_what_speaks_is_known(kind):
-    assert kind_of(HEARD[kind]) == kind
+    assert identify_device(HEARD[kind]) == kind
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.core.errors import ReadingsLate, StandstillNotSeen
+from benchtool.core.errors import ReadingsLate, StandstillNotConfirmed
 from tests.unit.bench.guarded_fake import RIG
 
 
@@ -65,6 +65,6 @@ def test_a_dead_motor_behind_a_wrong_clock_ends_the_run_by_the_clock(fake):
     fake.spoil = lambda time_s, row: row | {"rpm1": 40.0, "thrust_N": 0.01 * (time_s % 0.02)}
     stamp(fake, lambda now_s: 5.0 if now_s > 1.95 else 0.0)
     said = "the run ended because: the newest reading is stamped 5.0 s ahead"
-    with pytest.raises(StandstillNotSeen, match=said):
+    with pytest.raises(StandstillNotConfirmed, match=said):
         drive(fake, (1500.0, 10.0))
     assert fake.stopped_s == pytest.approx(2.0, abs=0.11)

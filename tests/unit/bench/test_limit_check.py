@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchtool.bench.limit_check import LimitCheck, unwatched_limits
+from benchtool.bench.limit_check import LimitCheck, unmonitored_limits
 from benchtool.bench.plate_check import plate_tolerance_m
-from benchtool.bench.rpm_tracking import speeds_of
+from benchtool.bench.rpm_tracking import rotor_speeds
 from benchtool.core.channel import Channel
 from benchtool.core.errors import LimitExceeded
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 
 Array = NDArray[np.float64]
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 CHANNELS = (
     *(Channel(f"rpm{i + 1}", "rpm") for i in range(4)),
     Channel("thrust_N", "N"),
@@ -104,7 +104,7 @@ def loop_stopped_at_s(
     check.commanded(np.full(4, host_us), 0.0)
     time_s = (1.0 + np.arange(int(seconds * RATE_HZ))) / RATE_HZ
     told = pulses(time_s)
-    whole = np.hstack([rpm(time_s, speeds_of(RIG.propulsion, told)), told])
+    whole = np.hstack([rpm(time_s, rotor_speeds(RIG.propulsion, told)), told])
     values = whole[:, : len(channels)]
     block = max(1, round(block_s * RATE_HZ))
     for start in range(0, len(time_s), block):
@@ -136,7 +136,7 @@ def test_a_loop_that_takes_a_rotor_far_from_the_hosts_pulse_goes_on():
     by_host.commanded(np.full(4, HOVER_US), 0.0)
     time_s = np.linspace(3.1, 6.0, 290)
     told = saturated(time_s)
-    told_rpm = speeds_of(RIG.propulsion, told)
+    told_rpm = rotor_speeds(RIG.propulsion, told)
     error = by_host.breach(time_s, np.hstack([follows(time_s, told_rpm), told]))
     assert error is not None  # what the host commanded last would have stopped it
     assert error.channel == "rpm3"
@@ -211,7 +211,7 @@ def test_the_hosts_zero_ends_what_an_operator_began_too():
     check.expect_loop(0.0, armed_else=True)
     time_s = np.arange(1, 1501) / RATE_HZ
     told = hovering(time_s)
-    values = np.hstack([follows(time_s, speeds_of(RIG.propulsion, told)), told])
+    values = np.hstack([follows(time_s, rotor_speeds(RIG.propulsion, told)), told])
     check.commanded(np.full(4, HOVER_US), 0.0)
     assert check.breach(time_s[:200], values[:200]) is None
     check.commanded(np.full(4, RIG.propulsion.pwm_stop_us), 2.0)
@@ -249,7 +249,7 @@ def test_a_host_that_slept_does_not_stop_a_loop_for_it():
     for first in (0.0, 9.0):  # nine seconds in between that nobody read
         time_s = first + np.arange(1, 101) / RATE_HZ
         told = hovering(time_s)
-        rpm = follows(time_s, speeds_of(RIG.propulsion, told))
+        rpm = follows(time_s, rotor_speeds(RIG.propulsion, told))
         for start in range(0, 100, 5):
             rows = slice(start, start + 5)
             values = np.hstack([rpm[rows], told[rows]])
@@ -270,14 +270,14 @@ def test_the_newest_speed_is_held_against_the_hosts_zero(channels):
 
 
 def test_limits_without_a_channel_are_named():
-    told = unwatched_limits(LOOP_CHANNELS, RIG.n_rotors)
+    told = unmonitored_limits(LOOP_CHANNELS, RIG.n_rotors)
     missing = [name for name in ("voltage_V", "current_A", "temperature_degC")
                if name not in [channel.name for channel in LOOP_CHANNELS]]  # fmt: skip
     assert told.endswith(f"{', '.join(missing)}: the rig's limits on them are not watched")
     whole = [Channel(name, "N") for name in ("thrust_N", "voltage_V", "current_A",
                                              "temperature_degC", "rpm1")]  # fmt: skip
-    assert unwatched_limits(whole, 1) == ""
-    assert unwatched_limits(whole, 2).startswith("no channel brings rpm2: ")
+    assert unmonitored_limits(whole, 1) == ""
+    assert unmonitored_limits(whole, 2).startswith("no channel brings rpm2: ")
 
 
 @pytest.mark.parametrize(

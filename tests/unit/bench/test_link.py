@@ -20,9 +20,9 @@ from benchtool.bench.serial.frames import (
     frame,
     frame_command,
     frame_fields,
-    messages_in,
+    split_messages,
 )
-from benchtool.bench.serial.hello import check_rate, highest_rate_Hz
+from benchtool.bench.serial.hello import check_rate, max_rate_Hz
 from benchtool.core.errors import InputError
 
 
@@ -36,7 +36,7 @@ def test_lines_as_sent():
 def test_text_cannot_break_a_line():
     line = frame_fields("E", ("note", "5*3 $ \r\n ü"))
     assert line.count(b"$") == line.count(b"*") == line.count(b"\n") == 1
-    assert len(messages_in(line)) == 1
+    assert len(split_messages(line)) == 1
 
 
 def test_samples_come_back(rng):
@@ -139,7 +139,7 @@ def test_a_line_without_end_is_not_kept():
 @pytest.mark.parametrize("more", [0, 1])
 def test_the_longest_line_is_searched_for_frames(more):
     noise = b"x" * (MAX_LINE_BYTES - len(HEARTBEAT.rstrip()) + more)
-    assert len(messages_in(noise + HEARTBEAT)) == 1 - more
+    assert len(split_messages(noise + HEARTBEAT)) == 1 - more
 
 
 def _cut(data: bytes, cuts: list[int]) -> list[bytes]:
@@ -200,7 +200,7 @@ def test_whole_frames_are_found_in_any_garbage(pieces):
     # A line's end that got lost is made up for by the next frame's start.
     found = [
         message
-        for message in messages_in(data + b"$\n")
+        for message in split_messages(data + b"$\n")
         if message.letter == "E" and message.fields[:1] == ("note",)
     ]
     followed_by_dollar = [
@@ -223,7 +223,7 @@ def test_the_refusal_shows_the_arithmetic():
 def test_what_fits_passes():
     check_rate(912.0, 101, 921_600)
     check_rate(1e6, 101, 0)
-    assert highest_rate_Hz(100, 1_000_000) == 1000.0
+    assert max_rate_Hz(100, 1_000_000) == 1000.0
 
 
 @pytest.mark.parametrize("rate_Hz", [-1.0, float("nan")])

@@ -14,7 +14,7 @@ import serial
 
 from benchtool.bench.transport.serial_port import SerialPort
 from benchtool.bench.transport.sockets import TcpSocket
-from benchtool.bench.transport.transport import holders, opening_error
+from benchtool.bench.transport.transport import opening_error, port_owners
 from benchtool.core.errors import LinkLost, NoDevice, PortBusy, PortDenied
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are POSIX")
@@ -81,7 +81,7 @@ def test_a_second_opening_names_the_holder(terminal):
         second.open()
     if sys.platform == "linux":
         assert f"(pid {os.getpid()}, this program)" in str(caught.value)
-        assert [holder.pid for holder in holders(first.port)] == [os.getpid()]
+        assert [holder.pid for holder in port_owners(first.port)] == [os.getpid()]
     first.close()
     second.open()
     second.close()

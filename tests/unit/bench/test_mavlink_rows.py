@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 
 from benchtool.bench.clocks import DeviceClock
+from benchtool.bench.mavlink.auxiliary_load_cell import (
+    AuxiliaryLoadCell,
+    LoadCellDecoder,
+    merge_in_order,
+)
 from benchtool.bench.mavlink.messages import ESC_STATUS, dialect
 from benchtool.bench.mavlink.motor_test import OutputWatch
 from benchtool.bench.mavlink.rows import MavlinkRows, SpeedSources
-from benchtool.bench.mavlink.settings import ThrustSource, Wiring, channels_of
-from benchtool.bench.mavlink.side_cell import CellLines, SideCell, in_order
+from benchtool.bench.mavlink.settings import ChannelWiring, ThrustSource, channels_of
 from tests.doubles.scripted_link import Talker
 
 W = dialect()
@@ -22,7 +26,7 @@ def servo(time_us: int, *pulses: int) -> object:
 
 def rows_of(*messages: object, **given: object) -> dict[str, list[float]]:
     """Give what each channel got from messages, in order."""
-    rows = MavlinkRows(Wiring(**{**TWO, **given}), idle_us=1100.0)
+    rows = MavlinkRows(ChannelWiring(**{**TWO, **given}), idle_us=1100.0)
     for message in (*messages, servo(99_000_000, 1000, 1000, 1000)):
         rows.take(message)
     _, values = rows.take_rows()
@@ -32,7 +36,7 @@ def rows_of(*messages: object, **given: object) -> dict[str, list[float]]:
 
 @pytest.mark.parametrize("unknown", [np.nan, np.inf])
 def test_an_output_that_shows_no_number_shows_no_stop(unknown):
-    rows, watch = MavlinkRows(Wiring(**TWO), idle_us=1100.0), OutputWatch("mav", 1000.0)
+    rows, watch = MavlinkRows(ChannelWiring(**TWO), idle_us=1100.0), OutputWatch("mav", 1000.0)
     watch.command({1: (3, 1000.0), 2: (1, 1000.0)}, 0.0)
     for step, shown in enumerate([1000.0, 1200.0, *[unknown] * 20]):
         pulses = [0.0, 0.0, shown, *[0.0] * 29]
@@ -51,7 +55,7 @@ def test_an_output_that_shows_no_number_shows_no_stop(unknown):
 
 
 def test_messages_of_one_millisecond_are_one_row():
-    rows = MavlinkRows(Wiring(**TWO), idle_us=1100.0)
+    rows = MavlinkRows(ChannelWiring(**TWO), idle_us=1100.0)
     for step in range(3):
         rows.take(servo(20_000 * step + 7, 1000, 1000, 1000))
         rows.take(W.MAVLink_named_value_float_message(20 * step, b"thrust", 1.5))
@@ -124,7 +128,7 @@ def test_battery_attitude_and_distance():
 
 
 def test_a_rotor_changes_places_when_its_output_is_found():
-    rows = MavlinkRows(Wiring(motors=(1, 2), outputs=(0, 0), escs=(1, 2)), idle_us=1100.0)
+    rows = MavlinkRows(ChannelWiring(motors=(1, 2), outputs=(0, 0), escs=(1, 2)), idle_us=1100.0)
     rows.wire(1, 2)
     for message in (
         telemetry([0, 0, 0, 0], 2), servo(1000, 1000, 1500), telemetry([0, 4000, 0, 0], 3),
@@ -161,7 +165,7 @@ def test_a_constant_zero_while_driven_is_a_dead_channel():
 
 
 def test_hx711_examples_are_read_in_pieces():
-    lines = CellLines()
+    lines = LoadCellDecoder()
     text = b"ading: 1\r\nHX711 reading: 124006\r\none reading:\t16.1\t| average:\t4.2\r\n"
     text += b"ready\r\n-3.5\n"
     readings = [value for at in range(0, len(text), 5) for value in lines.feed(text[at : at + 5])]
@@ -170,7 +174,7 @@ def test_hx711_examples_are_read_in_pieces():
 
 def test_readings_stand_on_the_autopilots_clock():
     link = Talker(b"HX711 reading: 5\n")
-    cell = SideCell(link, "/dev/cell", link.clock)
+    cell = AuxiliaryLoadCell(link, "/dev/cell", link.clock)
     cell.open()
     clock = DeviceClock()
     # At 100 s of ours the autopilot had been up for 7 s.
@@ -184,6 +188,6 @@ def test_readings_stand_on_the_autopilots_clock():
 def test_rows_of_two_sources_come_in_order_and_never_twice_at_one_time():
     first = np.array([10, 20, 30]), np.full((3, 2), 1.0)
     second = np.array([5, 20, 31]), np.full((3, 2), 2.0)
-    times_us, values = in_order(first, second, after_us=7)
+    times_us, values = merge_in_order(first, second, after_us=7)
     assert times_us.tolist() == [8, 10, 20, 21, 30, 31]
     assert values[:, 0].tolist() == [2.0, 1.0, 1.0, 2.0, 1.0, 2.0]

@@ -6,15 +6,15 @@ import pytest
 
 from benchtool.bench.addresses import MavlinkAddress
 from benchtool.bench.mavlink.settings import (
+    parse_settings,
     read_key,
-    settings_of,
 )
 from benchtool.core.errors import InputError
 
 
 def test_listening_wider_than_this_computer_is_said_aloud():
     def warning(place: str) -> str:
-        return settings_of(MavlinkAddress.parse(f"mavlink:{place}")).warning
+        return parse_settings(MavlinkAddress.parse(f"mavlink:{place}")).warning
 
     assert warning("udpin:14550") == warning("udpin:localhost:14550") == ""
     assert warning("udpout:192.168.4.1:14550") == ""

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.bench.bench import Readings
-from benchtool.bench.driven import SPIN_DOWN_S
+from benchtool.bench.motor_state import SPIN_DOWN_S
 from benchtool.bench.plate_check import (
     PlateCheck,
     check_travel,
@@ -20,9 +20,9 @@ from benchtool.bench.plate_check import (
 from benchtool.core.channel import Channel
 from benchtool.core.errors import StageError
 from benchtool.core.rig import Sensor
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 CHANNELS = (Channel("plate_z_m", "m"), Channel("rpm1", "rpm"))
 TOLERANCE_M = PlateCheck(CHANNELS, RIG).tolerance_m
 LEAST_M = RIG.plate.z_min_m

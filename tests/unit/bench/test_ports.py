@@ -12,7 +12,7 @@ from benchtool.bench.ports import (
     network_findings,
     parse_serial_port,
 )
-from benchtool.bench.transport.transport import Holder
+from benchtool.bench.transport.transport import PortOwner
 from benchtool.core.errors import InputError
 
 FTDI = Port(name="/dev/ttyUSB0", vendor=0x0403, product=0x6001)
@@ -41,7 +41,7 @@ BASES = {
     "mac": MAC,
     "windows": WINDOWS,
     "bare": HostEnvironment(system="Linux"),
-    "terminal": replace(LINUX, holders=(Holder(99, "python", is_terminal=True),)),
+    "terminal": replace(LINUX, holders=(PortOwner(99, "python", is_terminal=True),)),
 }
 FOUND = """
 linux | port | ok | is there
@@ -66,7 +66,7 @@ windows port=\\\\.\\COM12 | port | ok | is there
 def value_of(key, text):
     if key == "holders":
         name, _, pid = text.partition(":")
-        return (Holder(int(pid), name),)
+        return (PortOwner(int(pid), name),)
     if key in ("groups", "groups_on_file"):
         return frozenset(filter(None, text.split(",")))
     return {"yes": True, "no": False}.get(text, text)

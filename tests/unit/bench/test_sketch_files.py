@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 from benchtool.bench.serial.sketch_files import sketch_files
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 
 
 def test_settings_are_those_of_the_rig():

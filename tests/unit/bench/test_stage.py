@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import HandStage, IdleStage, OneSidedStage
+from benchtool.bench.stage.stage import BacklashCompensatedStage, FixedStage, ManualStage
 from benchtool.core.errors import StageError
 from benchtool.core.rig import PlateDrive
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model_file import load_model
-from benchtool.virtual.simulated import SimulatedBench
+from benchtool.virtual.simulated_bench import SimulatedBench
 
 
 class Listed:
@@ -38,7 +38,7 @@ class Listed:
 
 
 def plate(backlash_m: float) -> PlateDrive:
-    return replace(rig_named("pquad").plate, backlash_m=backlash_m)
+    return replace(load_rig_by_name("pquad").plate, backlash_m=backlash_m)
 
 
 def pause(_seconds: float) -> None: ...
@@ -46,7 +46,7 @@ def pause(_seconds: float) -> None: ...
 
 def test_it_overshoots_only_where_it_moves_away():
     inner = Listed()
-    stage = OneSidedStage(inner, plate(0.001))
+    stage = BacklashCompensatedStage(inner, plate(0.001))
     for z_m in (0.2, 0.1, 0.3, 1.498):
         assert stage.move(z_m, 0.0, 0.0, pause) == z_m
     assert inner.sent == [0.205, 0.2, 0.1, 0.305, 0.3, 1.5, 1.498]
@@ -56,11 +56,11 @@ def test_it_overshoots_only_where_it_moves_away():
 
 
 def test_it_stays_above_idle_and_inside_the_gap():
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     bare = SimulatedBench("sim:pquad", rig, load_model("quad_body_lift").model)
     inner = Listed()
     with GuardedBench(bare, rig) as bench:
-        stage = IdleStage(inner, bench)
+        stage = FixedStage(inner, bench)
         bare.move_plate(0.3)
         assert stage.move(0.3, 0.0, 0.0, pause) == 0.3
         with pytest.raises(StageError, match=r"outside 0\.05 to 1\.5 m"):
@@ -73,7 +73,7 @@ def test_it_stays_above_idle_and_inside_the_gap():
     assert inner.sent == [0.3]
 
 
-PLATE = rig_named("pquad_single").plate
+PLATE = load_rig_by_name("pquad_single").plate
 
 
 def stage(*answers):
@@ -84,7 +84,7 @@ def stage(*answers):
         asked.append(question)
         return left.pop(0)
 
-    return HandStage(ask, PLATE), asked
+    return ManualStage(ask, PLATE), asked
 
 
 def move(hand, z_m=0.24, x_m=0.0, tilt_rad=0.0):

@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.bench.bench import Identity
-from benchtool.bench.standstill import StandstillWatch, standstill_rpm, unmeasured_rotors
+from benchtool.bench.bench import DeviceInfo
+from benchtool.bench.standstill import StandstillMonitor, standstill_rpm, unmeasured_rotors
 from benchtool.core.channel import Channel
-from benchtool.core.rig_file import rig_named, rig_names
+from benchtool.core.rig_file import load_rig_by_name, rig_names
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 STOP = np.full(4, 1000.0)
 RPM = tuple(f"rpm{rotor}" for rotor in range(1, 5))
 PWM = tuple(f"pwm{rotor}_us" for rotor in range(1, 5))
 
 
-def bench(names: tuple[str, ...], **more: object) -> Identity:
-    return Identity(
+def bench(names: tuple[str, ...], **more: object) -> DeviceInfo:
+    return DeviceInfo(
         address="fake:",
         device_id="fake",
         firmware="",
@@ -37,7 +37,7 @@ def bench(names: tuple[str, ...], **more: object) -> Identity:
 
 def test_the_threshold_comes_from_the_rig():
     for name in rig_names():
-        rig = rig_named(name)
+        rig = load_rig_by_name(name)
         tip_m_s = standstill_rpm(rig) * pi / 30.0 * rig.propulsion.radius_m
         assert tip_m_s == pytest.approx(1.0)
         assert standstill_rpm(rig) > 3.0 * rig.sensors["rpm"].noise
@@ -57,9 +57,9 @@ SEEN = Path(__file__).with_name("standstill_rows.txt").read_text("utf-8").splitl
 is seen of the rotors by then, and some words of it."""
 
 
-def watched(identity: Identity, text: str) -> StandstillWatch:
+def watched(identity: DeviceInfo, text: str) -> StandstillMonitor:
     """Return a watch after spans as they stand in `SEEN`."""
-    watch, now_s = StandstillWatch(identity, RIG, 0.0), 0.0
+    watch, now_s = StandstillMonitor(identity, RIG, 0.0), 0.0
     for span in text.split("; "):
         us, seconds, *words = span.split()
         pulses_us = np.broadcast_to(np.array(us.split(","), float), 4)

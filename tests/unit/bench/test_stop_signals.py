@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.signals import PATIENCE_S, ClosingSignals, StopSignals
-from benchtool.core.errors import RunStopped
+from benchtool.bench.signals import SHUTDOWN_TIMEOUT_S, ClosingSignals, StopSignals
+from benchtool.core.errors import RunInterrupted
 from tests.unit.bench.guarded_fake import RIG
 
 
@@ -27,7 +27,7 @@ def signals():
 def test_a_signal_is_noted_and_raised_when_asked_for(signals):
     signal.raise_signal(signal.SIGTERM)
     for _ in range(2):
-        with pytest.raises(RunStopped, match="stopped by SIGTERM; zero was commanded"):
+        with pytest.raises(RunInterrupted, match="stopped by SIGTERM; zero was commanded"):
             signals.raise_if_requested()
 
 
@@ -40,7 +40,7 @@ def test_a_signal_ends_one_scope_and_not_the_next(signals):
 
 def test_within_the_inner_scope_it_is_raised_at_once(signals):
     reached = []
-    with pytest.raises(RunStopped, match="stopped by Ctrl-C"), signals.interruptible():
+    with pytest.raises(RunInterrupted, match="stopped by Ctrl-C"), signals.interruptible():
         signal.raise_signal(signal.SIGINT)
         reached.append("after")
     assert reached == []
@@ -49,12 +49,12 @@ def test_within_the_inner_scope_it_is_raised_at_once(signals):
 
 def test_one_that_was_noted_before_is_raised_on_entering(signals):
     signal.raise_signal(signal.SIGTERM)
-    with pytest.raises(RunStopped), signals.interruptible():
+    with pytest.raises(RunInterrupted), signals.interruptible():
         pytest.fail("the body must not run")
 
 
 def test_only_the_first_is_raised_at_once(signals):
-    with pytest.raises(RunStopped), signals.interruptible():
+    with pytest.raises(RunInterrupted), signals.interruptible():
         try:
             signal.raise_signal(signal.SIGINT)
         finally:
@@ -73,7 +73,7 @@ def test_no_call_of_a_guarded_bench_is_cut_in_two(fake, call):
         return plain(*words)
 
     setattr(fake, "read" if call == "listen" else call, signalled)
-    stopped = pytest.raises(RunStopped, match="Ctrl-C")
+    stopped = pytest.raises(RunInterrupted, match="Ctrl-C")
     with stopped, GuardedBench(fake, RIG) as guard:
         guard.set_pwm(np.array([1500.0]))
         guard.listen(0.1)
@@ -81,7 +81,7 @@ def test_no_call_of_a_guarded_bench_is_cut_in_two(fake, call):
         guard.stop()
         guard.read(0.1)
         if call == "close":
-            raise RunStopped("Ctrl-C")
+            raise RunInterrupted("Ctrl-C")
     assert done[0] == call
     assert fake.did[-1] == "close"
 
@@ -92,7 +92,7 @@ def test_a_move_of_the_plate_is_interrupted(fake):
         pytest.fail("the move went on")
 
     fake.move_plate = move
-    with pytest.raises(RunStopped), GuardedBench(fake, RIG) as guard:
+    with pytest.raises(RunInterrupted), GuardedBench(fake, RIG) as guard:
         guard.move_plate(0.5)
     assert fake.did[-2:] == ["stop", "close"]
 
@@ -108,7 +108,7 @@ def test_signals_are_ignored_once_begun_and_told_once(capfd):
         closing.begin()
         for number in (signal.SIGINT, signal.SIGINT, signal.SIGTERM, signal.SIGINT):
             signal.raise_signal(number)
-        now_s += PATIENCE_S - 0.1
+        now_s += SHUTDOWN_TIMEOUT_S - 0.1
         signal.raise_signal(signal.SIGINT)
         now_s += 0.1
         with pytest.raises(KeyboardInterrupt):

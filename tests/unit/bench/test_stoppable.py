@@ -10,7 +10,7 @@ from benchtool.bench.guard import GuardedBench
 from benchtool.bench.serial.bench import SerialBench
 from benchtool.bench.wrappers import StoppableBench, StopRequested
 from benchtool.core.errors import LinkLost
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.virtual.firmware import Firmware
 from tests.doubles.loopback_link import LoopbackLink
 from tests.unit.acquire.fake_bench import FakeBench
@@ -110,7 +110,7 @@ def test_a_link_that_is_gone_does_not_hide_the_request():
 
 def test_a_request_does_not_end_a_guarded_bench_for_good():
     stoppable = StoppableBench(open_bench("sim:pquad_single"))
-    with GuardedBench(stoppable, rig_named("pquad_single")) as bench:
+    with GuardedBench(stoppable, load_rig_by_name("pquad_single")) as bench:
         bench.set_pwm(np.array([1400.0]))
         stoppable.request_stop("stopped")
         with pytest.raises(StopRequested):

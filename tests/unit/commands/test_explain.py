@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.commands.explain import spread
+from benchtool.commands.explain import expand_repeated
 from benchtool.data.run.recording_file import read_recording, write_recording
 from benchtool.physics.model_file import load_model
 from tests.system.served import COMMAND
@@ -111,7 +111,7 @@ def test_what_cannot_be_answered_ends_with_one_sentence(capsys, tmp_path, monkey
     ],
 )
 def test_every_word_behind_check_is_a_check_recording(words, meant):
-    assert spread(words.split()) == meant.split()
+    assert expand_repeated(words.split()) == meant.split()
 
 
 @pytest.mark.slow

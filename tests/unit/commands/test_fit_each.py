@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from benchtool.commands.terminal import each
+from benchtool.commands.terminal import batch
 from tests.proof.truth.budgets import budget_sweep
 from tests.unit.commands.command_line import said
 
@@ -56,4 +56,4 @@ def test_words_that_do_not_fit_are_refused(capsys, tables):
     assert (code, "add --each" in error) == (2, True)
     code, _, error = said(capsys, "fit", tables[0], tables[0], "--each", *WORDS)
     assert (code, "both be called bench0" in error) == (2, True)
-    assert each.each_by_name(tables) == {f"bench{k}": f"bench{k}.csv" for k in range(2)}
+    assert batch.index_by_name(tables) == {f"bench{k}": f"bench{k}.csv" for k in range(2)}

@@ -11,7 +11,7 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, WouldOverwrite
 from benchtool.core.recording import Recording
-from benchtool.data.columns import channel_called
+from benchtool.data.columns import find_channel
 from benchtool.data.formats.formats import import_file
 from benchtool.data.run.recording_file import read_recording, write_recording
 from tests.unit.commands import command_line
@@ -81,7 +81,7 @@ def test_a_foreign_file_gives_the_terminal_no_orders(log, capsys):
 
 def test_a_recording_that_changed_is_refused(log):
     recording = Recording(
-        (channel_called("thrust_N"), channel_called("rpm1")),
+        (find_channel("thrust_N"), find_channel("rpm1")),
         np.array([[1.5, np.nan], [np.nan, np.nan], [np.nan, 2.5]]),
     )
     target = log.with_name("mine.csv")

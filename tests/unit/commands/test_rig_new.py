@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from tests.unit.commands.command_line import said
 
 
@@ -26,7 +26,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_a_fit_needs_a_radius_alone(capsys):
     code, out, _ = said(capsys, *["rigs", "new", "mine", "--radius", "0.127"])
-    rig = rig_named("mine.toml")
+    rig = load_rig_by_name("mine.toml")
     assert (code, rig.propulsion.radius_m, len(rig.sources) - len(rig.not_stated)) == (0, 0.127, 1)
     assert "benchtool rigs mine.toml" in out
 
@@ -36,7 +36,7 @@ def test_what_is_missing_is_asked_on_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin", Terminal(typed))
     code, out, _ = said(capsys, *["rigs", "new", "mine.toml", "--for", "sweep"])
     assert code == 0
-    rig = rig_named("mine.toml")
+    rig = load_rig_by_name("mine.toml")
     assert (rig.limits.load_cell_rating_N, rig.limits.thrust_N) == (50.0, 40.0)
     assert (rig.plate.moved_by, rig.plate.z_min_m, rig.plate.z_max_m) == ("hand", 0.05, 0.6)
     assert rig.plate.z_park_m == 0.6
@@ -76,7 +76,7 @@ def test_the_next_propeller_of_a_motor_is_one_command(capsys):
     words = "rigs new b.toml --for motor --like a.toml --propeller 9x6"
     code, out, error = said(capsys, *words.split())
     assert code == 0, error
-    first, second = rig_named("a.toml"), rig_named("b.toml")
+    first, second = load_rig_by_name("a.toml"), load_rig_by_name("b.toml")
     assert first.propulsion.radius_m == pytest.approx(0.127)
     assert second.propulsion.radius_m == pytest.approx(0.1143)
     assert first.limits.load_cell_rating_N == pytest.approx(5.0 * 9.80665)

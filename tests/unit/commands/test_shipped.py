@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchtool.core.packaged import read_named
+from benchtool.core.library import read_named
 from tests.unit.commands.command_line import said as run
 
 

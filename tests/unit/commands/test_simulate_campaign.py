@@ -26,7 +26,7 @@ WORDS = ("simulate", "pitch", "--duration-s", "12", "--controllers", "pid,observ
 
 def short() -> PitchSetup:
     setup = pitch_setup(controllers=("pid",))
-    return replace(setup, schedule=setup.schedule.lasting(12.0))
+    return replace(setup, schedule=setup.schedule.with_duration(12.0))
 
 
 def test_every_point_sees_the_same_noise_and_stands_as_if_run_alone():

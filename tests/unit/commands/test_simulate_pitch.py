@@ -8,7 +8,7 @@ import pytest
 from benchtool.data.run.read import read_samples
 from benchtool.data.run.recording_file import read_recording
 from benchtool.report.flight.pitch_study import pitch_study
-from benchtool.simulate.pitch.setup import changed, pitch_setup
+from benchtool.simulate.pitch.setup import pitch_setup, with_changes
 from tests.unit.commands.command_line import said
 
 SHORT = ("--duration-s", "13")
@@ -53,7 +53,7 @@ def test_a_controller_of_ones_own_is_named_on_the_command_line(capsys, tmp_path,
 
 
 def test_numbers_are_set_by_name():
-    setup = changed(
+    setup = with_changes(
         pitch_setup(),
         {
             "K_b": 1.5,

@@ -11,7 +11,7 @@ import pytest
 from annotated_types import Ge, Gt, Le
 
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.inputs import Input, Inputs, make
+from benchtool.core.inputs import Input, Inputs, build_inputs
 from benchtool.core.toml_text import read_strict
 
 Positive = Annotated[float, Gt(0.0), Le(100.0)]
@@ -32,7 +32,7 @@ class Order(Inputs):
     kind: Annotated[Literal["random", "given"], Input("Order.", option="order")] = "random"
     offset_m: Annotated[tuple[float, float], Input("X,Y.", "m")] = (0.0, 0.0)
     only: Annotated[tuple[str, ...], Input("Names.")] = ()
-    names: Annotated[tuple[str, ...], Input("Names.", commas=True)] = ()
+    names: Annotated[tuple[str, ...], Input("Names.", comma_separated=True)] = ()
     set: Annotated[Mapping[str, float], Input("NAME=VALUE.")] = field(default_factory=dict)
     out: Annotated[Path | None, Input("Folder.")] = None
     quick: Annotated[bool, Input("Be quick.")] = False
@@ -40,15 +40,15 @@ class Order(Inputs):
 
 
 def order(**given: Any) -> Order:
-    return make(Order, {"device": "sim", **given})
+    return build_inputs(Order, {"device": "sim", **given})
 
 
 def by_option(**given: Any) -> Order:
-    return make(Order, {"device": "sim", **given}, source="option")
+    return build_inputs(Order, {"device": "sim", **given}, source="option")
 
 
 def by_label(**given: Any) -> Order:
-    return make(Order, {"device": "sim", **given}, source="label")
+    return build_inputs(Order, {"device": "sim", **given}, source="label")
 
 
 def by_field(**given: Any) -> Throttle:
@@ -118,11 +118,11 @@ def test_a_typed_number_may_carry_a_unit_of_its_dimension(text):
 
 def test_what_is_given_goes_over_the_base_and_no_default_does():
     base = order(pwm=[5.0], ramp_s=2.0, order="given")
-    after = make(Order, {"ratio": "1,2"}, base=base)
+    after = build_inputs(Order, {"ratio": "1,2"}, base=base)
     assert (after.kind, after.throttle.ramp_s) == ("given", 2.0)
     assert (after.throttle.pwm_us, after.throttle.ratio) == ((), (1.0, 2.0))
     with pytest.raises(UnknownChoice):  # a part's own field that is no input
-        make(Order, {"inner": 3.0}, base=base)
+        build_inputs(Order, {"inner": 3.0}, base=base)
     with pytest.raises(InputError, match="inner is 500, allowed is"):
         Throttle(inner=500.0)
     with pytest.raises(InputError, match=r"throttle is 3; make it with Throttle"):

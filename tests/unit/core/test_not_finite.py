@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import FileFormatError, InputError
-from benchtool.core.packaged import read_named
-from benchtool.core.schedule_file import schedule_named
+from benchtool.core.library import read_named
+from benchtool.core.schedule_file import load_schedule
 from benchtool.core.toml_text import read_strict
 from benchtool.data.column_map import read_column_map
 from benchtool.fit.recipe import read_recipe
@@ -37,7 +37,7 @@ def model(text: str, folder: Path) -> object:
 def schedule(text: str, folder: Path) -> object:
     path = folder / "mine.toml"
     path.write_text(text)
-    return schedule_named(path)
+    return load_schedule(path)
 
 
 def recipe(text: str, folder: Path) -> object:

@@ -49,7 +49,7 @@ def test_a_recording_gives_columns_and_refuses_unknown_ones():
             (Channel("thrust_N", "N"), np.array([1.0, np.nan, 3.0])),
         ]
     )
-    assert recording.si("rpm1") == pytest.approx([2 * np.pi, 4 * np.pi, 6 * np.pi])
+    assert recording.to_si("rpm1") == pytest.approx([2 * np.pi, 4 * np.pi, 6 * np.pi])
     assert len(recording.select(recording.column("rpm1") > 100.0)) == 2
     assert "thrust_N" in recording
     with pytest.raises(UnknownChoice, match="channel 'thrust'; did you mean 'thrust_N'"):
@@ -69,13 +69,13 @@ def test_parameters_pack_and_unpack_the_free_ones():
         )
     )
     assert parameters.free_names == ("a", "e.c")
-    moved = parameters.at(np.array([4.0, 6.0]))
+    moved = parameters.with_values(np.array([4.0, 6.0]))
     assert moved.values_array() == pytest.approx([4.0, 2.0, 6.0])
     assert moved.bounds()[1] == pytest.approx([5.0, np.inf])
     with pytest.raises(InputError, match="outside its bounds"):
-        parameters.at(np.array([7.0, 6.0]))
+        parameters.with_values(np.array([7.0, 6.0]))
     with pytest.raises(UnknownChoice, match=r"'e.d'"):
-        parameters.replaced("e.d", Parameter("d", "1", 0.0))
+        parameters.with_replaced("e.d", Parameter("d", "1", 0.0))
 
 
 def test_a_prior_without_width_is_refused():

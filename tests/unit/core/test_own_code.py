@@ -11,10 +11,10 @@ from benchtool.explain.answer import read_request
 from benchtool.fit.nominal import nominal_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.physics.catalogue import own_effects
+from benchtool.physics.catalogue import user_effects
 from benchtool.physics.model_file import load_model
-from benchtool.simulate.own_controller import controller_class
 from benchtool.simulate.pitch.setup import pitch_setup
+from benchtool.simulate.user_controller import controller_class
 
 MODEL = '[model]\nname = "m"\nrig = "pquad_single"\neffects_file = "evil.py"\n'
 
@@ -47,8 +47,8 @@ def here(tmp_path, monkeypatch):
 
 WAYS = {
     "a model": lambda: load_model("m.toml"),
-    "effects": lambda: own_effects("evil.py"),
-    "a module": lambda: own_effects("evil"),
+    "effects": lambda: user_effects("evil.py"),
+    "a module": lambda: user_effects("evil"),
     "a controller": lambda: controller_class("evil:Law", ()),
     "an address": lambda: open_bench("sim:pquad_single?truth=m.toml"),
     "a pitch address": lambda: open_bench("sim:pquad?mode=pitch&truth=m.toml"),

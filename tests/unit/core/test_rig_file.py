@@ -6,11 +6,17 @@ import math
 
 import pytest
 
-from benchtool.acquire.inputs import BENCH_KEYS, rig_for
+from benchtool.acquire.inputs import BENCH_KEYS, resolve_rig
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
-from benchtool.core.packaged import read_named
+from benchtool.core.library import read_named
 from benchtool.core.rig import Motor
-from benchtool.core.rig_file import require_stated, rig_from_toml, rig_named, rig_names, rig_to_toml
+from benchtool.core.rig_file import (
+    load_rig_by_name,
+    parse_rig,
+    require_values,
+    rig_names,
+    rig_to_toml,
+)
 from tests.unit.physics.blades import MOTOR, bladed
 
 
@@ -21,7 +27,7 @@ def text():
 
 @pytest.mark.parametrize("name", rig_names())
 def test_a_shipped_rig_has_a_source_for_every_number(name):
-    rig = rig_named(name)
+    rig = load_rig_by_name(name)
     assert rig.name == name
     assert all(rig.sources.values())
     assert len(rig.sources) > 30
@@ -30,7 +36,7 @@ def test_a_shipped_rig_has_a_source_for_every_number(name):
 
 
 def test_the_numbers_of_the_paper():
-    pquad, amuse = rig_named("pquad"), rig_named("amuse")
+    pquad, amuse = load_rig_by_name("pquad"), load_rig_by_name("amuse")
     assert (pquad.propulsion.radius_m, pquad.body.mass_kg, pquad.n_rotors) == (0.12, 1.4, 4)
     assert (amuse.propulsion.radius_m, amuse.body.mass_kg, amuse.n_rotors) == (0.205, 12.0, 8)
     assert (pquad.n_discs, amuse.n_discs) == (4, 4)
@@ -58,13 +64,13 @@ def test_the_numbers_of_the_paper():
 def test_what_is_wrong_is_said(text, old, new, error, words):
     assert old in text
     with pytest.raises(error, match=words):
-        rig_from_toml(text.replace(old, new, 1), "pquad.toml")
+        parse_rig(text.replace(old, new, 1), "pquad.toml")
 
 
 @pytest.mark.parametrize("motor", [MOTOR, Motor(governed=True), None])
 def test_blades_and_motors_are_read_back(motor):
     rig = bladed("pquad", motor)
-    again = rig_from_toml(rig_to_toml(rig), "again.toml")
+    again = parse_rig(rig_to_toml(rig), "again.toml")
     assert (again.blade, again.motor) == (rig.blade, motor)
 
 
@@ -77,7 +83,7 @@ radius_m = { value = 0.127, source = "ruler" }
 
 
 def test_a_rig_of_a_radius_alone_has_typical_numbers_that_say_so():
-    rig = rig_from_toml(LEAST, "mine.toml")
+    rig = parse_rig(LEAST, "mine.toml")
     assert (rig.n_rotors, rig.propulsion.radius_m, rig.limits.current_A) == (1, 0.127, 1000.0)
     # T = C_T rho n^2 D^4 at 100 turns a second, by hand.
     thrust = 0.11 * 1.225 * 100.0**2 * 0.254**4
@@ -85,21 +91,21 @@ def test_a_rig_of_a_radius_alone_has_typical_numbers_that_say_so():
     assert k * (2.0 * math.pi * 100.0) ** 2 == pytest.approx(thrust, rel=1e-12)
     assert set(rig.sources) - rig.not_stated == {"propulsion.radius_m"}
     assert rig.assumed == ()
-    assert rig_from_toml(rig_to_toml(rig), "copy") == rig
+    assert parse_rig(rig_to_toml(rig), "copy") == rig
     assert rig_to_toml(rig).count("value") == 1
 
 
 def test_a_bench_needs_numbers_that_only_its_owner_knows(tmp_path):
-    rig = rig_from_toml(LEAST, "mine.toml")
+    rig = parse_rig(LEAST, "mine.toml")
     with pytest.raises(InputError, match=r"does not state limits\.load_cell_rating_N, propulsion"):
-        require_stated(rig, BENCH_KEYS, "a bench")
+        require_values(rig, BENCH_KEYS, "a bench")
     (path := tmp_path / "mine.toml").write_text(LEAST)
     with pytest.raises(InputError, match="which a bench needs; add it to the rig's file"):
-        rig_for("tcp:127.0.0.1:1", str(path))
-    assert rig_for(f"sim:{path}", None) == rig
-    assert rig_for("tcp:127.0.0.1:1", "pquad_single").name == "pquad_single"
+        resolve_rig("tcp:127.0.0.1:1", str(path))
+    assert resolve_rig(f"sim:{path}", None) == rig
+    assert resolve_rig("tcp:127.0.0.1:1", "pquad_single").name == "pquad_single"
 
 
 def test_a_rig_without_a_radius_is_refused():
     with pytest.raises(FileFormatError, match=r"propulsion\.radius_m is missing"):
-        rig_from_toml('name = "mine"\n', "mine.toml")
+        parse_rig('name = "mine"\n', "mine.toml")

@@ -9,7 +9,7 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.schedule import PARKED_M, PlateVisit, Schedule, Signal, Switch
-from benchtool.core.schedule_file import schedule_named
+from benchtool.core.schedule_file import load_schedule
 
 T = np.arange(0.0, 10.0, 0.01)
 VISIT = PlateVisit(z_over_R=2.0, in_s=2.0, out_s=6.0, move_s=0.5)
@@ -65,15 +65,15 @@ def test_bad_schedules_are_refused(tmp_path):
     with pytest.raises(InputError, match="not in time"):
         Schedule(name="x", title="x", duration_s=1.0, switches=(Switch(at_s=1), Switch(at_s=0)))
     with pytest.raises(InputError, match="duration_s is nan"):
-        schedule_named("plate").lasting(float("nan"))
+        load_schedule("plate").with_duration(float("nan"))
     with pytest.raises(InputError, match=r"from_s 1\.5 to_s 1"):
         Signal(shape="step", from_s=1.5, to_s=1.0)
     path = tmp_path / "own.toml"
     path.write_text('name = "own"\ntitle = "own"\nduration_s = -1.0\n', encoding="utf-8")
     with pytest.raises(FileFormatError, match="duration_s"):
-        schedule_named(path)
+        load_schedule(path)
     with pytest.raises(UnknownChoice, match=r"known: .*plate"):
-        schedule_named("plat")
+        load_schedule("plat")
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from benchtool.core.schedule import Schedule
-from benchtool.core.schedule_file import schedule_named, schedule_names, schedule_to_toml
+from benchtool.core.schedule_file import load_schedule, schedule_names, schedule_to_toml
 from benchtool.core.toml_text import read_strict
 
 
 @pytest.mark.parametrize("name", schedule_names())
 def test_every_shipped_schedule_comes_back(name):
-    schedule = schedule_named(name)
+    schedule = load_schedule(name)
     assert read_strict(Schedule, schedule_to_toml(schedule), name) == schedule

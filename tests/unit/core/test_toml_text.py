@@ -10,7 +10,7 @@ import pytest
 from benchtool.core.errors import FileFormatError, UnknownChoice
 from benchtool.core.toml_text import (
     FileTable,
-    Sources,
+    ValueSources,
     parse_toml,
     read_strict,
     require_sources,
@@ -63,7 +63,7 @@ def test_a_wrong_value_is_said_with_its_key(text, words):
 
 
 def test_sources_are_found_at_the_number_or_its_table():
-    found = Sources()
+    found = ValueSources()
     data = unwrap_quantities(
         parse_toml(
             "[a]\nsource = 'assumed: all of it'\nx = 1\ny = { value = 2, source = 'measured' }\n"

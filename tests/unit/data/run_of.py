@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchtool.data.columns import channel_called
+from benchtool.data.columns import find_channel
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 
-CHANNELS = tuple(channel_called(name) for name in ("pwm1_us", "rpm1", "thrust_N"))
+CHANNELS = tuple(find_channel(name) for name in ("pwm1_us", "rpm1", "thrust_N"))
 
 
 def point(number: int, kind: str, setting: int, repeat: int, thrust_N: float) -> Point:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchtool.data.formats.formats import import_bytes
-from benchtool.data.repairs.imported import Finding, Imported, Options
+from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
 HEADER_1580 = (
     "Time (s),ESC signal (µs),Servo 1 (µs),Servo 2 (µs),Servo 3 (µs),AccX (g),AccY (g),AccZ (g),"
@@ -45,20 +45,20 @@ def log_text(columns: dict[str, np.ndarray], header: str = HEADER_1580) -> str:
     return "\n".join(lines) + "\n"
 
 
-def imported(text: str | bytes, where: str = "log.csv", **options: object) -> Imported:
+def imported(text: str | bytes, where: str = "log.csv", **options: object) -> ImportResult:
     """Import text; the account must balance."""
     data = text.encode() if isinstance(text, str) else text
-    read = import_bytes(data, where, Options(**options))  # type: ignore[arg-type]
+    read = import_bytes(data, where, ImportOptions(**options))  # type: ignore[arg-type]
     assert read.tally.balanced
     assert read.tally.kept == len(read.recording)
     return read
 
 
-def logged(changed: dict[str, np.ndarray], rows: int = 20, **options: object) -> Imported:
+def logged(changed: dict[str, np.ndarray], rows: int = 20, **options: object) -> ImportResult:
     """Import the log of steps with some of its columns changed."""
     return imported(log_text(steps_1580(rows, **changed)), **options)
 
 
-def found(read: Imported, what: str) -> list[Finding]:
+def found(read: ImportResult, what: str) -> list[Finding]:
     """Give the findings of one matter."""
     return [item for item in read.findings if item.what == what]

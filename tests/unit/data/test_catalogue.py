@@ -13,11 +13,11 @@ import pytest
 
 import benchtool as bt
 from benchtool.core.errors import InputError
-from benchtool.core.inputs import make
-from benchtool.data.catalogue.choice import ChoiceInputs, find_entries
+from benchtool.core.inputs import build_inputs
+from benchtool.data.catalogue.filters import ChoiceInputs, find_entries
 from benchtool.data.catalogue.index import catalogued, index_folder
 from benchtool.data.run import entry as run_list
-from benchtool.data.run.entry import Entry, entry_of
+from benchtool.data.run.entry import Entry, build_entry
 from benchtool.data.run.labels import label
 from benchtool.data.run.runs_folder import RunsFolder
 from tests.unit.commands.command_line import said
@@ -57,7 +57,7 @@ def root(tmp_path, monkeypatch):
 
 
 def names(root: Path, **by: Any) -> set[str]:
-    found = find_entries(make(ChoiceInputs, {"folder": (root,), **by}))
+    found = find_entries(build_inputs(ChoiceInputs, {"folder": (root,), **by}))
     return {entry.name for _, entry in found}
 
 
@@ -101,9 +101,9 @@ def test_only_what_changed_is_read_again(root, monkeypatch):
 
     def noted(folder: RunsFolder, name: str) -> Entry:
         read.append(name)
-        return entry_of(folder, name)
+        return build_entry(folder, name)
 
-    monkeypatch.setattr(run_list, "entry_of", noted)
+    monkeypatch.setattr(run_list, "build_entry", noted)
     assert catalogued(root) == first
     assert read == []
     label(root / "2026" / "one", add=["x"])

@@ -9,12 +9,12 @@ import pytest
 from benchtool.core.errors import FileFormatError, InputError, ResourceExhausted
 from benchtool.data.run.append import Event, read_events
 from benchtool.data.run.closing import (
-    DIED,
+    ENDED_UNEXPECTEDLY,
     has_rows,
-    remove_left_overs,
+    read_marker,
+    remove_leftovers,
     scan_samples,
-    take_marked,
-    write_marked,
+    write_marker,
 )
 from benchtool.data.run.read import read_samples
 from benchtool.data.run.run import Run
@@ -28,8 +28,8 @@ ALL = "closed afterwards; all is measured: 4 visits"
     [
         ("running", 4, None, "ended", ALL),
         ("stopped", 4, None, "ended", ALL),
-        ("running", 5, None, "stopped", f"closed afterwards; {DIED}"),
-        ("running", None, None, "stopped", f"closed afterwards; {DIED}"),
+        ("running", 5, None, "stopped", f"closed afterwards; {ENDED_UNEXPECTEDLY}"),
+        ("running", None, None, "stopped", f"closed afterwards; {ENDED_UNEXPECTEDLY}"),
         ("running", 5, 4, "ended", ALL),
         ("stopped", 5, None, "stopped", None),
         ("stopped", None, None, "stopped", None),
@@ -44,7 +44,7 @@ def test_how_a_run_ended_is_said_once(tmp_path, state, planned, visits, closed, 
     assert run.close(visits)
     assert run.metadata["state"] == closed
     died = (state, closed) == ("running", "stopped")
-    assert run.metadata.get("reason") == (DIED if died else None)
+    assert run.metadata.get("reason") == (ENDED_UNEXPECTEDLY if died else None)
     events = [(one.time_s, one.event, one.text) for one in read_events(run.path / "events.jsonl")]
     assert events[1:] == ([(7.5, "closed", said)] if said else [])
     before = {path.name: path.read_bytes() for path in run.path.iterdir()}
@@ -71,7 +71,7 @@ def test_left_overs_are_hidden_files_that_were_being_written(tmp_path):
     for name in (".metadata.json.7.new", ".x.new", "x.new", ".x.newer", ".x"):
         (tmp_path / name).touch()
     (tmp_path / ".folder.new").mkdir()
-    remove_left_overs(tmp_path)
+    remove_leftovers(tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {"x.new", ".x.newer", ".x", ".folder.new"}
 
 
@@ -177,12 +177,12 @@ def test_rows_of_visits_that_were_cut_short_are_found_and_marked(tmp_path):
     found = scan_samples(path, frozenset({1}))
     assert (found.rows, found.last_s) == (5, 9.0)
     assert found.from_byte == len(HEAD + ROWS[0] + ROWS[1])
-    write_marked(path, found)
+    write_marker(path, found)
     assert path.read_text() == HEAD + "".join(ROWS) + cut
-    take_marked(path)
+    read_marker(path)
     marked = ROWS[2].replace("settle", "interrupted")
     assert path.read_text() == HEAD + ROWS[0] + ROWS[1] + marked + ROWS[3] + ROWS[4] + cut
-    take_marked(path)  # nothing was written since
+    read_marker(path)  # nothing was written since
     assert scan_samples(path, frozenset({1})).from_byte is None
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import FileFormatError
-from benchtool.data.csv_text import lay_out, parse_csv
-from benchtool.data.repairs.foreign_units import head_of
-from benchtool.data.repairs.numbers import numbers_of
+from benchtool.data.csv_text import parse_csv, parse_rows
+from benchtool.data.repairs.foreign_units import parse_header_cell
+from benchtool.data.repairs.numbers import parse_numbers
 
 
 def test_spreadsheet_file_is_mended_with_words():
@@ -81,13 +81,13 @@ LEADS = {
 def test_what_stands_around_a_header_is_left_out(case):
     lead, header, rows = LEADS[case]
     data = f"{lead}{header}{rows}".encode()
-    table, laid = parse_csv(data, "x.csv"), lay_out(data, "x.csv")
-    assert [head_of(cell).name for cell in table.header[:2]] == ["z", "F"]
+    table, laid = parse_csv(data, "x.csv"), parse_rows(data, "x.csv")
+    assert [parse_header_cell(cell).name for cell in table.header[:2]] == ["z", "F"]
     if case != "blanks between":
-        assert [head_of(cell).unit for cell in table.header[:2]] == ["mm", "gf"]
+        assert [parse_header_cell(cell).unit for cell in table.header[:2]] == ["mm", "gf"]
     assert laid.header == table.header
     assert [row[:2] for row in table.rows] == [["10", "2.5"], ["20", "2.25"]]
-    numbers = numbers_of(laid, [0, 1])
+    numbers = parse_numbers(laid, [0, 1])
     assert numbers.columns.tolist() == [[10.0, 20.0], [2.5, 2.25]]
     assert numbers.lines.tolist() == table.lines
     lines = data.decode().replace("\r", "").split("\n")
@@ -106,7 +106,7 @@ OPEN_QUOTES = {
 
 
 @pytest.mark.parametrize("case", OPEN_QUOTES)
-@pytest.mark.parametrize("read", [parse_csv, lay_out])
+@pytest.mark.parametrize("read", [parse_csv, parse_rows])
 def test_a_quote_that_contains_rows_is_refused_with_its_line(case, read):
     text, line = OPEN_QUOTES[case]
     with pytest.raises(FileFormatError) as refused:
@@ -120,12 +120,15 @@ def test_text_in_quotes_is_one_cell(note):
     data = f'z,F,note\n1,2,"{quoted}"\n3,4,\n'.encode()
     table = parse_csv(data, "x.csv")
     assert table.rows == [["1", "2", note], ["3", "4", ""]]
-    assert numbers_of(lay_out(data, "x.csv"), [0, 1]).columns.tolist() == [[1.0, 3.0], [2.0, 4.0]]
+    assert parse_numbers(parse_rows(data, "x.csv"), [0, 1]).columns.tolist() == [
+        [1.0, 3.0],
+        [2.0, 4.0],
+    ]
 
 
 def test_impossible_numbers_of_a_foreign_file_are_blanked_and_counted():
-    table = lay_out(b"z,F\n1,2\n1e308,-9e99\n3,inf\n1e20,4\n", "x.csv")
-    numbers = numbers_of(table, [0, 1])
+    table = parse_rows(b"z,F\n1,2\n1e308,-9e99\n3,inf\n1e20,4\n", "x.csv")
+    numbers = parse_numbers(table, [0, 1])
     assert np.isnan(numbers.columns).tolist() == [
         [False, True, False, False],
         [False, True, True, False],

@@ -11,7 +11,7 @@ import pytest
 from pymavlink.DFReader import DFReader, DFReader_binary, DFReader_text
 
 from benchtool.data.formats.formats import import_bytes, import_file
-from benchtool.data.repairs.imported import Imported, Options
+from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 from tests.unit.data.flight_logs import LAYOUTS, dataflash, hop, record, text_log
 from tests.unit.data.stand_logs import found
 
@@ -35,7 +35,7 @@ def messages(reader: DFReader) -> Iterator[Any]:
     reader.filehandle.close()
 
 
-def check_against_dfreader(read: Imported, reader: DFReader) -> None:
+def check_against_dfreader(read: ImportResult, reader: DFReader) -> None:
     """Compare every value of `SCALES` with what DFReader iterates over."""
     wanted: dict[str, list[tuple[int, float]]] = {name: [] for name in SCALES}
     for message in messages(reader):
@@ -73,12 +73,12 @@ def test_a_text_log_holds_the_same(tmp_path):
     read = import_file(path)
     assert read.format == "ArduPilot DataFlash text"
     check_against_dfreader(read, DFReader_text(str(path)))
-    binary = import_bytes(dataflash(hop()), "hop.bin", Options()).recording
+    binary = import_bytes(dataflash(hop()), "hop.bin", ImportOptions()).recording
     np.testing.assert_allclose(read.recording.values, binary.values, rtol=1e-6)
 
 
 def test_motors_speeds_and_distance_find_their_channels():
-    recording = import_bytes(dataflash(hop()), "hop.bin", Options()).recording
+    recording = import_bytes(dataflash(hop()), "hop.bin", ImportOptions()).recording
     first = {name: recording.column(name) for name in recording.names}
     first = {name: values[np.isfinite(values)][0] for name, values in first.items()}
     # SERVO2 drives motor 4, and ESC 1 stands on that channel.
@@ -90,7 +90,7 @@ def test_motors_speeds_and_distance_find_their_channels():
 
 
 def test_windows_of_the_sensor_and_of_the_user():
-    read = import_bytes(dataflash(hop()), "hop.bin", Options(near_m=0.5))
+    read = import_bytes(dataflash(hop()), "hop.bin", ImportOptions(near_m=0.5))
     (window,) = read.windows
     assert (window.rotor, window.source) == (0, "distance sensor")
     assert window.start_s == pytest.approx(1.0, abs=0.02)
@@ -104,8 +104,8 @@ def test_windows_of_the_sensor_and_of_the_user():
 
 def test_a_cut_log_gives_what_is_whole():
     data = dataflash(hop())
-    whole = import_bytes(data, "hop.bin", Options())
-    cut = import_bytes(data[:-9], "hop.bin", Options())
+    whole = import_bytes(data, "hop.bin", ImportOptions())
+    cut = import_bytes(data[:-9], "hop.bin", ImportOptions())
     assert cut.tally.balanced
     assert cut.tally.refused == 1
     assert f"byte {len(data) - 9:,}" in found(cut, "cut off")[0].words
@@ -117,9 +117,9 @@ def test_corrupt_bytes_are_passed_over_and_counted():
     middle = len(dataflash(records[:200]))
     data = dataflash(records)
     hurt = data[:middle] + b"\x00" * 37 + data[middle:]
-    read = import_bytes(hurt, "hop.bin", Options())
+    read = import_bytes(hurt, "hop.bin", ImportOptions())
     np.testing.assert_array_equal(
-        read.recording.values, import_bytes(data, "hop.bin", Options()).recording.values
+        read.recording.values, import_bytes(data, "hop.bin", ImportOptions()).recording.values
     )
     (finding,) = found(read, "corrupt bytes")
     assert "37 bytes in 1 place" in finding.words
@@ -131,14 +131,14 @@ def test_a_records_head_inside_a_body_is_no_record():
     # These four floats hold 0xA3 0x95 and ATT's number.
     trap = np.frombuffer(b"\xa3\x95\x8c\x3f" * 4, "<f4").tolist()
     records.insert(50, ("RATE", (5_000_001, *trap, 0.0, 0.0)))
-    read = import_bytes(dataflash(records), "hop.bin", Options())
+    read = import_bytes(dataflash(records), "hop.bin", ImportOptions())
     assert read.tally.total == len(records) + 1 + len(LAYOUTS)
     assert found(read, "corrupt bytes") == []
 
 
 def test_a_stray_time_is_refused():
     data = dataflash(hop()) + record("ATT", (1 << 60, 0, 0, 0, 0, 0, 0))
-    read = import_bytes(data, "hop.bin", Options())
+    read = import_bytes(data, "hop.bin", ImportOptions())
     assert found(read, "stray time")[0].count == 1
     assert read.tally.balanced
     assert read.recording.column("time_s")[-1] < 10.0

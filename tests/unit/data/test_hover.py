@@ -11,7 +11,7 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.data.formats.formats import import_file
-from benchtool.data.repairs.imported import Options
+from benchtool.data.repairs.import_result import ImportOptions
 
 MAP = """[columns]
 time_s = "t"
@@ -22,13 +22,13 @@ rpm2 = "n2"
 RATE_HZ = 50
 
 
-def flight(path: Path, height_m: np.ndarray, speed: np.ndarray) -> Options:
+def flight(path: Path, height_m: np.ndarray, speed: np.ndarray) -> ImportOptions:
     """Write a flight as Parquet, and give the options that read it."""
     time_s = np.arange(len(height_m)) / RATE_HZ
     columns = {"t": time_s, "z": 1e3 * height_m, "n1": speed, "n2": 2.0 * speed}
     pq.write_table(pa.table(columns), path)
     (path.parent / "map.toml").write_text(MAP)
-    return Options(columns=path.parent / "map.toml", hover_kg=2.0)
+    return ImportOptions(columns=path.parent / "map.toml", hover_kg=2.0)
 
 
 def test_thrust_of_a_hover_is_mass_times_gravity_and_acceleration(tmp_path):
@@ -64,4 +64,4 @@ def test_only_steady_stays_with_turning_rotors_are_points(tmp_path, climb_m_s, s
 def test_a_table_without_heights_is_no_hover(tmp_path):
     (tmp_path / "a.csv").write_text("thrust_N,rpm1\n1,2000\n2,3000\n")
     with pytest.raises(InputError, match="--hover needs time_s, plate_z_m and rpm1"):
-        import_file(tmp_path / "a.csv", Options(hover_kg=1.0))
+        import_file(tmp_path / "a.csv", ImportOptions(hover_kg=1.0))

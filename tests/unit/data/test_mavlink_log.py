@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from benchtool.data.formats.formats import import_bytes
 from benchtool.data.formats.mavlink_log import AutopilotClock
-from benchtool.data.repairs.imported import Imported, Options
+from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 from tests.unit.data.stand_logs import found
 
 START_US = 1_700_000_000_000_000
@@ -51,7 +51,7 @@ def hop() -> list[tuple[int, Any]]:
     return items
 
 
-def known(read: Imported, name: str) -> np.ndarray:
+def known(read: ImportResult, name: str) -> np.ndarray:
     column = read.recording.column(name)
     return column[np.isfinite(column)]
 
@@ -59,7 +59,7 @@ def known(read: Imported, name: str) -> np.ndarray:
 @pytest.mark.parametrize("version", [1, 2])
 def test_messages_become_channels_on_the_autopilots_clock(version):
     items = [item for item in hop() if version == 2 or item[1].id < 256]
-    read = import_bytes(tlog(items, version=version), "hop.tlog", Options())
+    read = import_bytes(tlog(items, version=version), "hop.tlog", ImportOptions())
     assert read.tally.balanced
     assert read.tally.kept == len(items)
     recording = read.recording
@@ -80,12 +80,14 @@ def test_messages_become_channels_on_the_autopilots_clock(version):
 def test_a_cut_log_and_garbage_inside():
     items = hop()
     data = tlog(items)
-    cut = import_bytes(data[:-3], "hop.tlog", Options())
+    cut = import_bytes(data[:-3], "hop.tlog", ImportOptions())
     assert cut.tally.balanced
     assert (cut.tally.refused, cut.tally.kept) == (1, len(items) - 1)
     assert f"byte {len(data) - 3:,}" in found(cut, "cut off")[0].words
     middle = len(tlog(items[:40]))
-    hurt = import_bytes(data[:middle] + b"\xfd\x00garbage" * 5 + data[middle:], "x.tlog", Options())
+    hurt = import_bytes(
+        data[:middle] + b"\xfd\x00garbage" * 5 + data[middle:], "x.tlog", ImportOptions()
+    )
     assert hurt.tally.balanced
     assert hurt.tally.kept >= len(items) - 1
     assert found(hurt, "corrupt bytes")
@@ -95,7 +97,7 @@ def test_a_wrong_checksum_is_refused():
     items = hop()
     data = bytearray(tlog(items))
     data[len(tlog(items[:8])) - 1] ^= 0xFF  # checksum of the eighth frame
-    read = import_bytes(bytes(data), "hop.tlog", Options())
+    read = import_bytes(bytes(data), "hop.tlog", ImportOptions())
     assert read.tally.refused == 1
     assert read.tally.kept == len(items) - 1
     assert found(read, "corrupt frames")[0].count == 1
@@ -103,7 +105,7 @@ def test_a_wrong_checksum_is_refused():
 
 def test_the_vehicle_is_known_from_others():
     other = tlog([(6_000_000 + 1000 * i, attitude(6000 + i, 0.9)) for i in range(5)], system=9)
-    read = import_bytes(tlog(hop()) + other, "two.tlog", Options())
+    read = import_bytes(tlog(hop()) + other, "two.tlog", ImportOptions())
     assert read.recording.provenance["device"] == "MAVLink system 1, component 1"
     assert "9/1 left out" in found(read, "other systems")[0].words
     assert read.tally.not_needed == 5
@@ -112,7 +114,7 @@ def test_the_vehicle_is_known_from_others():
 def test_a_reboot_goes_on_in_time():
     items = [(1_000_000 * i, attitude(60_000 + 1000 * i)) for i in range(5)]
     items += [(10_000_000 + 1_000_000 * i, attitude(2_000 + 1000 * i)) for i in range(5)]
-    read = import_bytes(tlog(items), "boot.tlog", Options())
+    read = import_bytes(tlog(items), "boot.tlog", ImportOptions())
     np.testing.assert_allclose(
         read.recording.column("time_s"), [0, 1, 2, 3, 4, 10, 11, 12, 13, 14], atol=1e-9
     )

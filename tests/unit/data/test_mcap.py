@@ -14,7 +14,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError, FileFormatError
 from benchtool.core.recording import Recording
 from benchtool.data import mcap_file
-from benchtool.data.columns import PHASES, channel_called
+from benchtool.data.columns import PHASES, find_channel
 from benchtool.data.mcap_file import read_mcap, write_mcap
 
 
@@ -27,7 +27,7 @@ def recording(rows: int, extra: int = 0) -> Recording:
     values[:, 2] = np.arange(rows) % len(PHASES)
     values[::3, 3] = np.nan
     values[1::5, 4] = np.resize([0.0, -0.0, 1e-310, np.pi, -1e300], len(values[1::5]))
-    channels = (*map(channel_called, names[:5]), *(Channel(name, "V") for name in names[5:]))
+    channels = (*map(find_channel, names[:5]), *(Channel(name, "V") for name in names[5:]))
     return Recording(channels, values, {"rig": "lab", "sha256": "ab" * 32}, simulated=True)
 
 

@@ -9,7 +9,7 @@ import pytest
 from pyulog import ULog
 
 from benchtool.data.formats.formats import import_file
-from benchtool.data.repairs.imported import Imported
+from benchtool.data.repairs.import_result import ImportResult
 
 PLAIN = {
     "gyro_rad_s": ("vehicle_angular_velocity", "xyz[1]", -1.0),
@@ -26,7 +26,7 @@ def path(request, reference_data):
     return reference_data / "logs" / request.param
 
 
-def known(read: Imported, name: str) -> np.ndarray:
+def known(read: ImportResult, name: str) -> np.ndarray:
     column = read.recording.column(name)
     return column[np.isfinite(column)]
 

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from benchtool.core.air import relative_density_sd
-from benchtool.core.channel import Channel, unit_in_name
+from benchtool.core.channel import Channel, unit_from_name
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Motor, Propeller, Sensor
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.derived import (
     DATA_SHEET_SD,
     UNMEASURED_DENSITY_SD,
     QuantityValues,
-    circumstances,
-    derive,
+    derive_quantities,
+    measurement_context,
 )
 from benchtool.data.quantities import QUANTITIES
 from benchtool.data.run.read import read_points
@@ -56,7 +56,7 @@ BY_HAND = {
 def table(**columns: float | list[float]) -> Recording:
     """Return a recording of these columns."""
     return Recording.from_columns(
-        [(Channel(name, unit_in_name(name)), np.atleast_1d(v)) for name, v in columns.items()]
+        [(Channel(name, unit_from_name(name)), np.atleast_1d(v)) for name, v in columns.items()]
     )
 
 
@@ -72,8 +72,8 @@ ERRORS = {
 
 def found(recording: Recording, **known: object) -> dict[str, QuantityValues]:
     """Return what is derived, by name."""
-    facts = circumstances(PROPELLER, AIR) if not known else circumstances(**known)  # type: ignore[arg-type]
-    return {one.name: one for one in derive(recording, facts)}
+    facts = measurement_context(PROPELLER, AIR) if not known else measurement_context(**known)  # type: ignore[arg-type]
+    return {one.name: one for one in derive_quantities(recording, facts)}
 
 
 @pytest.mark.parametrize("name", BY_HAND)
@@ -204,20 +204,20 @@ def test_a_run_takes_diameter_air_and_chord_from_its_facts(tmp_path):
 def test_a_calibration_takes_the_place_of_the_rig_s_scale():
     known = {"id": "cal-1", "relative_sd": 0.004}
     cell = {"thrust_N": Sensor(scale_sd=0.05)}
-    rig = replace(rig_named("pquad_single"), sensors=cell)
+    rig = replace(load_rig_by_name("pquad_single"), sensors=cell)
     for calibration, sd in ((None, 0.05), (known, known["relative_sd"])):
-        got = circumstances(PROPELLER, AIR, rig=rig, calibration=calibration)
-        ct = next(one for one in derive(table(**ROW, **ERRORS), got) if one.name == "ct")
+        got = measurement_context(PROPELLER, AIR, rig=rig, calibration=calibration)
+        ct = next(one for one in derive_quantities(table(**ROW, **ERRORS), got) if one.name == "ct")
         scale = next(one for one in ct.error_sources if one.name == "thrust scale")
         assert abs(scale.columns[0, 0]) / ct.value[0] == pytest.approx(sd)
 
 
 def test_the_wander_of_the_zero_since_its_tare_is_in_the_error_of_thrust():
     cell = {"thrust_N": Sensor(walk=0.004)}
-    rig = replace(rig_named("pquad_single"), sensors=cell)
+    rig = replace(load_rig_by_name("pquad_single"), sensors=cell)
     row = {**ROW, **ERRORS, "elapsed_s": 100.0}
-    known = circumstances(PROPELLER, AIR, rig=rig)
-    ct = next(one for one in derive(table(**row), known) if one.name == "ct")
+    known = measurement_context(PROPELLER, AIR, rig=rig)
+    ct = next(one for one in derive_quantities(table(**row), known) if one.name == "ct")
     thrust = hypot(0.02, 0.004 * 10.0)  # a random walk of 4 mN after 1 s has 40 mN after 100 s
     expected = hypot(thrust / THRUST_N, 2.0 * 4.0 / RPM)
     assert ct.standard_error[0] / ct.value[0] == pytest.approx(expected, rel=1e-3)

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Motor, Sensor
-from benchtool.core.rig_file import rig_named
-from benchtool.data.columns import channel_called, code_of
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.columns import find_channel, word_to_code
 from benchtool.data.run.ratios import (
     RATIO_BASES,
     VOLTAGE_POWER_SD,
@@ -50,7 +50,7 @@ def visits(pulses: tuple[float, ...] = PULSES_US, seed: int | None = None) -> Re
         for name in columns:
             columns[name] = columns[name] + errors[name] * rng.standard_normal(len(rows))
     table = {
-        "kind": np.array([code_of("kind", kind) for kind in kinds]),
+        "kind": np.array([word_to_code("kind", kind) for kind in kinds]),
         "repeat": repeats,
         "pwm1_us": pwm,
         **columns,
@@ -61,7 +61,7 @@ def visits(pulses: tuple[float, ...] = PULSES_US, seed: int | None = None) -> Re
         "n_samples": np.full(len(rows), 100.0),
     }
     return Recording.from_columns(
-        [(channel_called(name), np.asarray(values, float)) for name, values in table.items()]
+        [(find_channel(name), np.asarray(values, float)) for name, values in table.items()]
     )
 
 
@@ -76,7 +76,7 @@ def covariance_of(found: Ratios) -> Array:
 @pytest.mark.parametrize("pulses", [PULSES_US, PULSES_US[:1]], ids=["two pulses", "one pulse"])
 def test_ratios_scatter_as_their_covariance_says(basis, pulses):
     exact = ratios(visits(pulses), basis)
-    near = np.flatnonzero(visits(pulses).column("kind") == code_of("kind", "measure"))
+    near = np.flatnonzero(visits(pulses).column("kind") == word_to_code("kind", "measure"))
     drawn = np.array([ratios(visits(pulses, seed), basis).value[near] for seed in range(1500)])
     # The exponent of one power is not fitted and does not scatter; its error is a guess.
     own = replace(exact, error_sources=exact.error_sources[:1])
@@ -104,7 +104,7 @@ def test_sensors_of_the_rig_stand_in_for_errors_that_points_lack():
     bare = Recording.from_columns(
         [(points.channels[points.index(name)], points.column(name)) for name in names]
     )
-    rig = rig_named("pquad_single")
+    rig = load_rig_by_name("pquad_single")
     without, having = ratios(bare, "equal_power"), ratios(bare, "equal_power", rig)
     assert np.all(having.standard_error > 1.005 * without.standard_error)
     # Rounding averages out where noise carries the reading over a step, and stays where not.
@@ -122,7 +122,7 @@ def test_a_pack_that_empties_is_no_ground_effect_at_equal_pulses():
     sagging = Recording.from_columns(
         [(channel, values * changed.get(channel.name, 1.0)) for channel, values in columns]
     )
-    rig = rig_named("pquad_single")
+    rig = load_rig_by_name("pquad_single")
     truth, found = ratios(points, "equal_pwm").value, ratios(sagging, "equal_pwm", rig)
     np.testing.assert_allclose(found.value, truth, rtol=1e-12)
     assert np.abs(ratios(sagging, "equal_pwm").value / truth - 1.0).max() > 0.005

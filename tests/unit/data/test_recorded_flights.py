@@ -12,7 +12,7 @@ import pytest
 
 from benchtool.data.formats.dataflash import read_dataflash
 from benchtool.data.formats.formats import import_bytes
-from benchtool.data.repairs.imported import Imported, Options
+from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 from tests.unit.data.flight_logs import dataflash, hop
 from tests.unit.data.stand_logs import found
 
@@ -34,13 +34,13 @@ def flights(reference_data):
     return folder
 
 
-def flown(folder: Path, name: str) -> tuple[bytes, Imported, dict[str, Any]]:
+def flown(folder: Path, name: str) -> tuple[bytes, ImportResult, dict[str, Any]]:
     data = gzip.decompress((folder / f"{name}.BIN.gz").read_bytes())
     truth: dict[str, Any] = json.loads((folder / "truth.json").read_text())["flights"][name]
-    return data, import_bytes(data, f"{name}.BIN", Options()), truth
+    return data, import_bytes(data, f"{name}.BIN", ImportOptions()), truth
 
 
-def known(read: Imported, channel: str) -> tuple[np.ndarray, np.ndarray]:
+def known(read: ImportResult, channel: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the times in seconds since boot and the values of a channel where it has any."""
     column = read.recording.column(channel)
     rows = np.isfinite(column)
@@ -84,7 +84,7 @@ def test_speeds_of_tachometers_come_from_each_sensor_in_good_health():
         at = 5_000_000 + 100_000 * tick
         items.append(("RPM", (at, 0, 5000.0 + tick, 0.9, int(tick != 4))))
         items.append(("RPM", (at, 1, 6000.0 + tick, 0.9, 1)))
-    read = import_bytes(dataflash(items), "log.bin", Options())
+    read = import_bytes(dataflash(items), "log.bin", ImportOptions())
     np.testing.assert_array_equal(
         known(read, "rpm1")[1], [5000.0 + tick for tick in range(10) if tick != 4]
     )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.data.formats.formats import import_file
-from benchtool.data.repairs.imported import Imported, Options
+from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 
 ROTOR_PAIRS = """
 [columns]
@@ -55,11 +55,11 @@ EXPECTED: dict[str, set[str]] = {
 NO_MEASUREMENTS = {"rcbenchmark_1520/NAME_RULE.csv", "SOURCES.md", "pitch_bench/bench.json"}
 
 
-def read_one(path: Path, folder: Path) -> Imported:
+def read_one(path: Path, folder: Path) -> ImportResult:
     if path.name != "rotor_pairs.csv":
         return import_file(path)
     (folder / "map.toml").write_text(ROTOR_PAIRS)
-    return import_file(path, Options(columns=folder / "map.toml"))
+    return import_file(path, ImportOptions(columns=folder / "map.toml"))
 
 
 def test_every_file_imports_and_nothing_is_lost(reference_data, tmp_path):

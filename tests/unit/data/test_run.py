@@ -10,9 +10,9 @@ import pytest
 
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice, WouldOverwrite
 from benchtool.data.atomic import data_hash, json_ready
-from benchtool.data.columns import KINDS, code_of, frame
+from benchtool.data.columns import KINDS, frame, word_to_code
 from benchtool.data.run.append import AppendFile, Event, EventLog, read_events
-from benchtool.data.run.closing import scan_samples, take_marked, write_marked
+from benchtool.data.run.closing import read_marker, scan_samples, write_marker
 from benchtool.data.run.read import read_points, read_samples
 from benchtool.data.run.run import Run, free_run_path, read_settings
 from tests.unit.data.run_of import CHANNELS, point, small_run
@@ -47,7 +47,10 @@ def test_samples_read_back_to_the_bit_with_empty_cells(tmp_path):
         False,
         True,
     ] * 2 + [False]
-    assert set(found.column("phase")) == {code_of("phase", "settle"), code_of("phase", "sample")}
+    assert set(found.column("phase")) == {
+        word_to_code("phase", "settle"),
+        word_to_code("phase", "sample"),
+    }
 
 
 def test_a_tare_is_no_point_unless_asked_for(tmp_path):
@@ -66,7 +69,7 @@ def test_settings_hold_means_over_repeats_and_paired_ratios(tmp_path):
     run.close()
     found = read_settings(run.path)
     assert found.column("n_repeats").tolist() == [2.0, 2.0]
-    measured = found.select(found.column("kind") == code_of("kind", "measure"))
+    measured = found.select(found.column("kind") == word_to_code("kind", "measure"))
     assert measured.column("thrust_N")[0] == pytest.approx(11.212)
     assert measured.column("thrust_sd_N")[0] == pytest.approx(0.424 / 2**0.5)
     assert measured.column("thrust_se_N")[0] == pytest.approx(0.212)
@@ -74,7 +77,7 @@ def test_settings_hold_means_over_repeats_and_paired_ratios(tmp_path):
     assert measured.column("ratio_equal_pwm")[0] == pytest.approx((1.1 + 1.12) / 2)
     assert measured.column("ratio_equal_pwm_sd")[0] == pytest.approx(0.02 / 2**0.5)
     assert measured.column("ratio_equal_rpm2")[0] == pytest.approx((1.1 + 1.12) / 2)
-    reference = found.select(found.column("kind") == code_of("kind", "reference"))
+    reference = found.select(found.column("kind") == word_to_code("kind", "reference"))
     assert np.isnan(reference.column("ratio_equal_pwm_sd")[0])
 
 
@@ -138,12 +141,12 @@ def test_interrupted_visits_keep_their_rows(tmp_path):
     before = read_samples(run.path)
     found = scan_samples(run.path / "samples.csv", frozenset())
     assert (found.rows, found.last_s) == (10, 0.045)
-    write_marked(run.path / "samples.csv", found)
+    write_marker(run.path / "samples.csv", found)
     assert scan_samples(run.path / "samples.csv", frozenset()) == found
-    take_marked(run.path / "samples.csv")
+    read_marker(run.path / "samples.csv")
     assert scan_samples(run.path / "samples.csv", frozenset()).from_byte is None
     after = read_samples(run.path)
-    assert set(after.column("phase")) == {code_of("phase", "interrupted")}
+    assert set(after.column("phase")) == {word_to_code("phase", "interrupted")}
     np.testing.assert_array_equal(after.column("thrust_N"), before.column("thrust_N"))
 
 

@@ -11,7 +11,7 @@ import pytest
 from benchtool.core.errors import FileFormatError
 from benchtool.data.atomic import make_folder, replace_text
 from benchtool.data.run.append import AppendFile, Event, EventLog
-from benchtool.data.run.closing import scan_samples, take_marked, write_marked
+from benchtool.data.run.closing import read_marker, scan_samples, write_marker
 from benchtool.data.run.run import Run
 from tests.unit.data.run_of import CHANNELS, small_run
 
@@ -20,8 +20,8 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="need
 
 def mark(run: Run) -> None:
     samples = run.path / "samples.csv"
-    write_marked(samples, scan_samples(samples, frozenset()))
-    take_marked(samples)
+    write_marker(samples, scan_samples(samples, frozenset()))
+    read_marker(samples)
 
 
 def log(run: Run) -> None:

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchtool.core.channel import unit_in_name
+from benchtool.core.channel import unit_from_name
 from benchtool.core.errors import InputError
 from benchtool.data.formats.formats import import_bytes
-from benchtool.data.repairs.imported import Imported, Options
+from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 from tests.unit.data.flight_logs import dataflash, hop, text_log
 from tests.unit.data.stand_logs import log_text, steps_1580
 from tests.unit.data.test_mavlink_log import hop as link_hop
@@ -32,11 +32,13 @@ CELLS = st.sampled_from(
 )
 
 
-def check_import(data: bytes, name: str) -> Imported | None:
+def check_import(data: bytes, name: str) -> ImportResult | None:
     """Import, or be refused in one clear line; a recording is whole and its account balances."""
-    read: Imported | None
+    read: ImportResult | None
     try:
-        read = import_bytes(data, name, Options(near_m=0.5) if name == "dataflash" else Options())
+        read = import_bytes(
+            data, name, ImportOptions(near_m=0.5) if name == "dataflash" else ImportOptions()
+        )
     except InputError as error:
         said = str(error)
         read = None
@@ -51,7 +53,7 @@ def check_import(data: bytes, name: str) -> Imported | None:
     if read.tally.unit == "row":
         assert read.tally.kept == len(read.recording)
     for channel in read.recording.channels:
-        assert channel.unit == unit_in_name(channel.name)
+        assert channel.unit == unit_from_name(channel.name)
     for item in read.findings:
         assert item.sentence
     return read

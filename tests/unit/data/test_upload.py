@@ -4,7 +4,7 @@ import pytest
 
 from benchtool.core.errors import FileFormatError
 from benchtool.data.run import runs_folder
-from benchtool.data.run.runs_folder import RunsFolder, keep_table
+from benchtool.data.run.runs_folder import RunsFolder, store_table
 
 GOOD = b"gap_mm;F_gf\n60;424,1\n"
 
@@ -25,7 +25,7 @@ GOOD = b"gap_mm;F_gf\n60;424,1\n"
 )
 def test_a_name_cannot_choose_the_place(tmp_path, name):
     folder = RunsFolder(tmp_path / "runs")
-    path = keep_table(folder, name, GOOD, "2026-01-02")
+    path = store_table(folder, name, GOOD, "2026-01-02")
     assert path.parent.parent == folder.root
     assert folder.path_of(folder.name_of(path)) == path
     assert [item.name for item in tmp_path.iterdir()] == ["runs"]
@@ -42,7 +42,7 @@ def test_a_name_cannot_choose_the_place(tmp_path, name):
 )
 def test_what_is_no_table_is_refused_and_not_written(tmp_path, monkeypatch, data, said):
     if data == b"x" * 1001:
-        monkeypatch.setattr(runs_folder, "MOST_BYTES", 1000)
+        monkeypatch.setattr(runs_folder, "MAX_UPLOAD_BYTES", 1000)
     with pytest.raises(FileFormatError, match=said):
-        keep_table(RunsFolder(tmp_path / "runs"), "t.csv", data, "2026-01-02")
+        store_table(RunsFolder(tmp_path / "runs"), "t.csv", data, "2026-01-02")
     assert not (tmp_path / "runs").exists()

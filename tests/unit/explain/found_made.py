@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.explain.found.law import DISTANCE, Form, Variable
-from benchtool.explain.found.search import FOLDS, Fold, Missed, Says
+from benchtool.explain.law_search.law import DISTANCE, LawForm, Variable
+from benchtool.explain.law_search.search import (
+    FOLDS,
+    CrossValidationFold,
+    QuadraticSummary,
+    ResidualSummary,
+)
 
 NOISE_N = 0.004
 
@@ -13,26 +18,28 @@ SPEED = "flow.speed_rad_s[i] / p.reference"
 PLACES = np.repeat(np.arange(30), 5)
 
 
-def shown(law: np.ndarray, rng: np.random.Generator, speed: np.ndarray) -> list[Missed]:
+def shown(law: np.ndarray, rng: np.random.Generator, speed: np.ndarray) -> list[ResidualSummary]:
     """Return 150 thrusts of 3 N that miss a law of rotor speed, which no nuisance takes up."""
     n = len(speed)
     thrust = np.full(n, 3.0)
     level, other = np.ones((n, 1)), rng.uniform(0.6, 4.0, n)
     covariance = np.diag(np.full(n, NOISE_N**2)) + 1.0 * level @ level.T
     precision = np.linalg.inv(covariance)
-    says = Says(precision, precision @ (thrust * law + NOISE_N * rng.standard_normal(n)), 0.0)
+    says = QuadraticSummary(
+        precision, precision @ (thrust * law + NOISE_N * rng.standard_normal(n)), 0.0
+    )
     outs = [fold == PLACES % FOLDS for fold in range(FOLDS)]
     rests = [says.without(out) for out in outs]
-    form = Form(
+    form = LawForm(
         name="factor", hook="factor", weights=thrust, formula="1 + {f}", code="1.0 + p.a * {f}",
         matters=0.015,
     )  # fmt: skip
     time = np.arange(n) / n
     return [
-        Missed(
+        ResidualSummary(
             variable=variable, form=form, says=says, bare=says,
             folds=[
-                Fold(rest=rest, bare_rest=rest, noise=float(out.sum()))
+                CrossValidationFold(rest=rest, bare_rest=rest, noise=float(out.sum()))
                 for rest, out in zip(rests, outs, strict=True)
             ],
         )

@@ -12,25 +12,25 @@ from benchtool.core.channel import Channel
 from benchtool.core.parameter import Parameters
 from benchtool.core.recording import Recording
 from benchtool.core.schedule import PlateVisit, Schedule, Signal
-from benchtool.explain.answer import Answer, Request
+from benchtool.explain.answer import ExplainResult, Request
 from benchtool.explain.engine.describe import Disagreement
+from benchtool.explain.engine.evidence import Evidence, Overlay
 from benchtool.explain.engine.explain import Explanation
 from benchtool.explain.engine.hypotheses import Hypothesis
-from benchtool.explain.engine.judgement import Rival
-from benchtool.explain.engine.subject import Evidence, Overlay
+from benchtool.explain.engine.judgement import CandidateEffect
 from benchtool.explain.engine.verdict import (
+    AlternativeEffects,
     ChannelGap,
+    EvidenceLocation,
     FoundParameter,
     Kind,
     NamedEffect,
-    Nearest,
+    NearestEffect,
     NextExperiment,
-    NotJudged,
-    Rivals,
+    UnjudgedEffect,
     Verdict,
-    WhereShown,
 )
-from benchtool.explain.recordings import Source
+from benchtool.explain.recordings import RecordingSource
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model_file import LoadedModel, load_model
 from benchtool.physics.tolerances import tolerances
@@ -71,7 +71,7 @@ OFFSET = NamedEffect(
 
 PROBABILITIES = {"coulomb_friction": 0.984, "cog_offset": 0.004, "none": 1e-40, "unknown": 0.012}
 
-SECOND = Rivals(
+SECOND = AlternativeEffects(
     effect="cog_offset",
     probabilities={"cog_offset": 0.6, "rotor_asymmetry": 0.387, "none": 1e-3, "unknown": 0.012},
 )
@@ -107,7 +107,7 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
     """Make a verdict of that kind about the pitch bench."""
     model = load_model(MODEL).model
     known = Parameters(
-        (name, item.at(0.0309) if name == "inertia_kgm2" else item)
+        (name, item.with_value(0.0309) if name == "inertia_kgm2" else item)
         for name, item in model.parameters.items()
     )
     before, turning = (0.0055, 0.025) if kind == "none" else (0.016, 0.071)
@@ -121,10 +121,10 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
         effects=effects,
         probabilities=PROBABILITIES,
         places=(
-            Rivals(effect="coulomb_friction", probabilities=PROBABILITIES),
+            AlternativeEffects(effect="coulomb_friction", probabilities=PROBABILITIES),
             *((SECOND,) if kind == "several" else ()),
         ),
-        where=None if kind == "none" else WhereShown(
+        where=None if kind == "none" else EvidenceLocation(
             stage="hinge", regime="slow reversals", size=3.4, share=0.71
         ),
         gaps=(
@@ -132,14 +132,14 @@ def verdict(kind: Kind = "effect", **changes: Any) -> Verdict:
             gap("gyro_rad_s", "rad/s", turning, 0.025 if named else turning, 0.023),
             gap("rpm", "rpm", 31.0, 30.0 if named else 31.0, 29.0),
         ),
-        nearest=Nearest(
+        nearest=NearestEffect(
             name="coulomb_friction", phrase="Coulomb friction", share_closed=0.61, effect=FRICTION,
             parameters=known, after={"theta_rad": 0.011, "gyro_rad_s": 0.045, "rpm": 31.0},
         ) if kind == "unknown" else None,
         tolerances=tolerances(model, "pitch"),
         unnamed=(),
         beside={},
-        not_judged={"partial_coverage": NotJudged(reason="too_weak", size=4.2)},
+        not_judged={"partial_coverage": UnjudgedEffect(reason="too_weak", size=4.2)},
         remarks=("learn.csv: 2 gaps in time, the first at 3.100 s; judged in parts",),
         next=NEXT if kind in ("class", "unknown") else None,
         parameters=known,
@@ -183,22 +183,26 @@ def explanation(kind: Kind = "effect") -> Explanation:
     )  # fmt: skip
 
 
-def far_off(evidence: Evidence, name: str, tolerances: float) -> Rival:
+def far_off(evidence: Evidence, name: str, tolerances: float) -> CandidateEffect:
     """Make a rival in which an effect's numbers are so many tolerances from neutral."""
     at = np.array([tolerances * (one.effect == name) for one in evidence.parameters])
-    fit = Hypothesis(opened=(name,), at=at, about=at, cost=0.0, converged=True, widened={})
-    return Rival(name=name, phrase=EFFECTS[name].phrase, fit=fit, probability=0.5)
+    fit = Hypothesis(
+        active=(name,), values=at, linearisation_point=at, cost=0.0, converged=True, amplitudes={}
+    )
+    return CandidateEffect(name=name, phrase=EFFECTS[name].phrase, fit=fit, probability=0.5)
 
 
-def source(path: str, sha256: str) -> Source:
+def source(path: str, sha256: str) -> RecordingSource:
     """Make a recording of three rows."""
     recording = Recording.from_columns(
         [(Channel("time_s", "s"), np.arange(3.0)), (Channel("theta_rad", "rad"), np.zeros(3))]
     )
-    return Source(path=path, name=path, recording=recording, sha256=sha256)
+    return RecordingSource(path=path, name=path, recording=recording, sha256=sha256)
 
 
-def answer(kind: Kind = "effect", loaded: LoadedModel | None = None, **changes: Any) -> Answer:
+def answer(
+    kind: Kind = "effect", loaded: LoadedModel | None = None, **changes: Any
+) -> ExplainResult:
     """Make an answer of that kind about the pitch bench."""
     assert all(name in EFFECTS for name in verdict(kind).names)
     request = Request(
@@ -213,7 +217,7 @@ def answer(kind: Kind = "effect", loaded: LoadedModel | None = None, **changes: 
         check=(source("check.csv", "2" * 64),),
     )
     asked = {name: changes.pop(name) for name in [*changes] if hasattr(request, name)}
-    given = Answer(
+    given = ExplainResult(
         explanation=explanation(kind),
         request=replace(request, **asked),
         seed=0,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.recording import Recording
-from benchtool.core.schedule_file import schedule_named
+from benchtool.core.schedule_file import load_schedule
 from benchtool.physics.model import Model
 from benchtool.simulate.controllers.pitch import PitchControl
 from benchtool.simulate.gain_file import gains_named
@@ -31,7 +31,7 @@ def recorded(
     """Return what a bench of that truth logs along a shipped schedule."""
     control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
     bench = replace(PitchBench.of(truth), inertia_kgm2=inertia)
-    sampled = schedule_named(schedule).lasting(seconds).sampled(
+    sampled = load_schedule(schedule).with_duration(seconds).sampled(
         RATE_HZ, truth.rig.propulsion.radius_m
     )  # fmt: skip
     return simulate_pitch(PitchJob(bench, control), sampled, seed).recording(truth.rig)

@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from benchtool.commands.app import build
+from benchtool.commands.app import build_app
 from benchtool.core.parameter import Parameters
-from benchtool.core.schedule_file import schedule_named
-from benchtool.explain.added_model import added_model
-from benchtool.explain.engine.verdict import KINDS, Kind, NotJudged
+from benchtool.core.schedule_file import load_schedule
+from benchtool.explain.engine.verdict import KINDS, Kind, UnjudgedEffect
 from benchtool.explain.next_steps import next_steps
+from benchtool.explain.updated_model import added_model
 from benchtool.physics.model_file import load_model, model_from_toml
-from benchtool.report.answer.folder import Written, answer_tables, write_folder
+from benchtool.report.answer.folder import WrittenFiles, answer_tables, write_folder
 from tests.unit.explain.hand_made import MODEL, NEXT, answer, gap, verdict
 
 PROMISED = (
@@ -26,9 +26,9 @@ PROMISED = (
 )  # fmt: skip
 
 
-def tables(kind: Kind, written: Written | None = None) -> dict[str, Any]:
+def tables(kind: Kind, written: WrittenFiles | None = None) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(
-        json.dumps(answer_tables(answer(kind), written or Written()), allow_nan=False)
+        json.dumps(answer_tables(answer(kind), written or WrittenFiles()), allow_nan=False)
     )
     return found
 
@@ -44,7 +44,7 @@ def test_every_promised_key_is_there_whatever_the_verdict(kind):
 
 
 def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path):
-    found = tables("class", Written(schedule="out/next_schedule.toml"))
+    found = tables("class", WrittenFiles(schedule="out/next_schedule.toml"))
     assert found["class"] == ["coulomb_friction", "cog_offset"]
     experiment = found["next_experiment"]
     assert experiment["kind"] == "schedule"
@@ -52,15 +52,17 @@ def test_a_class_has_its_members_and_the_experiment_that_separates_them(tmp_path
     assert experiment["expected"] == {"cog_offset": 40.0}
     path = tmp_path / "next.toml"
     path.write_text(experiment["text"], encoding="utf-8")
-    assert schedule_named(path) == NEXT.schedule
+    assert load_schedule(path) == NEXT.schedule
 
 
 def test_what_is_not_judged_is_numbers_with_a_sentence():
-    trace = {"motor_lag": NotJudged.below(5000.0), "plate_offset": NotJudged.below(4.2)}
+    trace = {"motor_lag": UnjudgedEffect.below(5000.0), "plate_offset": UnjudgedEffect.below(4.2)}
     told = replace(answer(), explanation=replace(
         answer().explanation, verdict=verdict(not_judged=trace)
     ))  # fmt: skip
-    found = json.loads(json.dumps(answer_tables(told, Written()), allow_nan=False))["not_judged"]
+    found = json.loads(json.dumps(answer_tables(told, WrittenFiles()), allow_nan=False))[
+        "not_judged"
+    ]
     assert found["motor_lag"] == {
         "reason": "no_trace", "tolerances_needed": None,
         "sentence": "leaves no trace in this data, however large it is",
@@ -73,7 +75,7 @@ def test_numbers_that_json_has_not_become_null():
     found = replace(
         answer(), explanation=replace(answer().explanation, verdict=broken)
     )  # fmt: skip
-    assert answer_tables(found, Written())["gap"]["theta_rad"]["before"] is None
+    assert answer_tables(found, WrittenFiles())["gap"]["theta_rad"]["before"] is None
 
 
 @pytest.mark.parametrize("folder", ["", "found"])
@@ -90,7 +92,7 @@ def known_options(name: str, first: str) -> set[str]:
     """Return the options of a command, or of the first word's where it has several."""
     from typer.main import get_command
 
-    found = get_command(build([name, first])).commands[name]  # type: ignore[attr-defined]
+    found = get_command(build_app([name, first])).commands[name]  # type: ignore[attr-defined]
     inner = getattr(found, "commands", {}).get(first, found)
     return {option for item in inner.params for option in item.opts}
 
@@ -118,7 +120,7 @@ def test_of_a_sweep_what_was_adjusted_stays_free_under_what_was_known_of_it():
     parent = load_model(MODEL).model.parameters
     moved = {"inertia_kgm2": 0.0309, "k": 1.01 * parent["k"].value}
     found = Parameters(
-        (name, item.at(moved.get(name, item.value))) for name, item in parent.items()
+        (name, item.with_value(moved.get(name, item.value))) for name, item in parent.items()
     )
     told = answer()
     swept = verdict("effect", bench="sweep", parameters=found)

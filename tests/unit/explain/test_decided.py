@@ -25,11 +25,11 @@ from benchtool.explain.engine.posterior import (
     _with_check,
     _with_law,
     prior,
-    searched,
+    search_models,
 )
 from benchtool.explain.engine.shared_errors import AMPLITUDES
-from benchtool.explain.engine.verdict import Unnamed
-from benchtool.fit.identifiability import CANNOT_TELL
+from benchtool.explain.engine.verdict import UnnamedEffect
+from benchtool.fit.identifiability import UNDETERMINED_HINT
 
 EFFECTS = {"slope": "rpm_to_thrust", "step": "rpm_to_thrust", "lag": "pwm_to_rpm"}
 """Effects and their stages."""
@@ -37,7 +37,9 @@ EFFECTS = {"slope": "rpm_to_thrust", "step": "rpm_to_thrust", "lag": "pwm_to_rpm
 
 def opening(*names: str) -> Hypothesis:
     at = np.zeros(1)
-    return Hypothesis(opened=names, at=at, about=at, cost=0.0, converged=True, widened={})
+    return Hypothesis(
+        active=names, values=at, linearisation_point=at, cost=0.0, converged=True, amplitudes={}
+    )
 
 
 def place(**odds: float) -> Trial:
@@ -80,7 +82,7 @@ class Made:
     def by_other_law(self, one: Hypothesis) -> float:
         return self.log_evidence(one) + self._other_law
 
-    def taken_up(self, one: Hypothesis, name: str) -> tuple[Any, Any]:
+    def estimate_discrepancy(self, one: Hypothesis, name: str) -> tuple[Any, Any]:
         return {
             "curve": (np.array([3.0, 4.0]), np.array([0.0, -3.6, 3.2])),
             "wave": (np.array([6.0]), np.array([2.8, 0.0, 0.0])),
@@ -90,12 +92,12 @@ class Made:
         return np.array([self._shown * len(names)])
 
     def evidence_against(self, truth: Hypothesis, name: str) -> float:
-        assert truth.opened[-1] == "slope"
+        assert truth.active[-1] == "slope"
         assert name in EFFECTS
         return self._against
 
     def log_evidence(self, one: Hypothesis) -> float:
-        return {"slope": 3.0, "step": 9.0}.get("".join(one.opened[:1]), 0.0) * len(one.opened)
+        return {"slope": 3.0, "step": 9.0}.get("".join(one.active[:1]), 0.0) * len(one.active)
 
     def settled(self, one: Hypothesis) -> Hypothesis:
         return one
@@ -104,11 +106,11 @@ class Made:
         return opening(*names)
 
     def without(self, one: Hypothesis, name: str) -> Hypothesis:
-        return opening(*(each for each in one.opened if each != name))
+        return opening(*(each for each in one.active if each != name))
 
 
-def unnamed(weight: float, stage: str = "rpm_to_thrust", tolerances: float = 2.0) -> Unnamed:
-    return Unnamed(
+def unnamed(weight: float, stage: str = "rpm_to_thrust", tolerances: float = 2.0) -> UnnamedEffect:
+    return UnnamedEffect(
         name="curve", stage=stage, phrase="a curve", probability=0.9, share=0.1,
         tolerances=tolerances, weight=weight,
     )  # fmt: skip
@@ -117,7 +119,7 @@ def unnamed(weight: float, stage: str = "rpm_to_thrust", tolerances: float = 2.0
 SURE = place(slope=1e6, step=1.0)
 RIVAL = place(slope=1e6, step=2e5)
 LAG = place(lag=1e9)
-BESIDE = replace(RIVAL, tried=tuple(opening("curve", *one.opened) for one in RIVAL.tried))
+BESIDE = replace(RIVAL, tried=tuple(opening("curve", *one.active) for one in RIVAL.tried))
 
 
 @pytest.mark.parametrize(
@@ -138,10 +140,10 @@ BESIDE = replace(RIVAL, tried=tuple(opening("curve", *one.opened) for one in RIV
          [(0, "slope")]),
         (search(SURE, LAG), [], 1e9, "several", [(1, "lag"), (0, "slope")]),
         # A class: likely, and such data could not be expected to tell them apart.
-        (search(RIVAL), [], CANNOT_TELL - 1.0, "class", [(0, "slope"), (0, "step")]),
-        (search(BESIDE), [], CANNOT_TELL - 1.0, "class", [(0, "slope"), (0, "step")]),
-        (search(RIVAL), [], CANNOT_TELL, "effect", [(0, "slope")]),
-        (search(SURE), [], CANNOT_TELL - 1.0, "effect", [(0, "slope")]),
+        (search(RIVAL), [], UNDETERMINED_HINT - 1.0, "class", [(0, "slope"), (0, "step")]),
+        (search(BESIDE), [], UNDETERMINED_HINT - 1.0, "class", [(0, "slope"), (0, "step")]),
+        (search(RIVAL), [], UNDETERMINED_HINT, "effect", [(0, "slope")]),
+        (search(SURE), [], UNDETERMINED_HINT - 1.0, "effect", [(0, "slope")]),
         (search(place(slope=1e6, curve=2e5)), [], 0.0, "effect", [(0, "slope")]),
         # A rival has a twentieth of what all effects of the place have together.
         (search(place(slope=6.0, curve=5.0, step=0.33)), [], 0.0, "class",
@@ -166,7 +168,7 @@ def test_the_kind_of_a_verdict(found, left, against, kind, members):
 )
 def test_an_effect_and_a_discrepancy_that_may_each_be_all_there_is(found, names):
     both = _inseparable(Made(), found)
-    assert (both and (both[1].opened[0], both[2].opened[0])) == names
+    assert (both and (both[1].active[0], both[2].active[0])) == names
 
 
 def test_what_has_no_name_is_described_where_it_acts():
@@ -209,13 +211,13 @@ MODEL = SimpleNamespace(
 def test_what_is_shown_of_a_search(monkeypatch, found, left, kind, members, shown, unknown, beside):
     held = SimpleNamespace(left=(left, left))
     monkeypatch.setattr(posterior, "Hypotheses", lambda evidence: None)
-    monkeypatch.setattr(posterior, "searched", lambda hypotheses, held_out, progress: found)
-    monkeypatch.setattr(posterior, "HeldOut", SimpleNamespace(of=lambda *given: held))
+    monkeypatch.setattr(posterior, "search_models", lambda hypotheses, held_out, progress: found)
+    monkeypatch.setattr(posterior, "ValidationScore", SimpleNamespace(of=lambda *given: held))
     subject = SimpleNamespace(evidence=MODEL, all_evidence=None, free_law="")
     shares: list[float] = []
-    said = posterior.judged(subject, Made(), None, 1, lambda what, share: shares.append(share))
+    said = posterior.judge(subject, Made(), None, 1, lambda what, share: shares.append(share))
     assert all(0.5 < share < 1.0 for share in shares)
-    assert (said.kind, said.members, said.shown.opened) == (kind, members, shown)
+    assert (said.kind, said.members, said.shown.active) == (kind, members, shown)
     assert said.unknown == pytest.approx(unknown, abs=1e-5)
     assert [name for name, _ in said.beside] == [name for name, _ in beside]
     assert dict(said.beside) == pytest.approx(dict(beside), abs=1e-5)
@@ -230,20 +232,20 @@ def test_effects_that_contend_are_tried_with_a_law_that_is_off():
     base = opening()
     evidence = {(): 2.0, ("slope",): 30.0, ("curve",): 29.0, ("lag",): 25.0, ("step",): 18.0}
     tried = [opening(*names) for names in list(evidence)[1:]]
-    tried[1] = replace(tried[1], widened={"curve": 3.0}, cost=5.0, at=np.ones(1))
-    tried[3] = replace(tried[3], cost=5.0, at=np.ones(1))
+    tried[1] = replace(tried[1], amplitudes={"curve": 3.0}, cost=5.0, values=np.ones(1))
+    tried[3] = replace(tried[3], cost=5.0, values=np.ones(1))
     with_law, secured = [], []
 
     def with_laws(likely: list[Hypothesis]) -> list[Hypothesis]:
-        with_law.extend(one.opened[-1] for one in likely)
-        return [replace(one, widened={"law": 1.0}) for one in likely]
+        with_law.extend(one.active[-1] for one in likely)
+        return [replace(one, amplitudes={"law": 1.0}) for one in likely]
 
     def refitted(base: Hypothesis, others: list[Hypothesis]) -> Hypothesis:
-        secured.extend(one.opened[-1] for one in others)
+        secured.extend(one.active[-1] for one in others)
         return base
 
     def gained(one: Hypothesis) -> float:
-        return {"slope": -1.0, "lag": 9.0}[one.opened[-1]] if "law" in one.widened else 0.0
+        return {"slope": -1.0, "lag": 9.0}[one.active[-1]] if "law" in one.amplitudes else 0.0
 
     made = SimpleNamespace(
         effects=EFFECTS, discrepancies=Made.discrepancies, with_one_more=lambda base: tried,
@@ -256,10 +258,10 @@ def test_effects_that_contend_are_tried_with_a_law_that_is_off():
         {name: by + prior(made, name) for name, by in
          {"slope": 28.0, "curve": 27.0, "lag": 32.0, "step": 16.0}.items()}
     )  # fmt: skip
-    assert [one.opened[-1] for one in trial.tried] == ["lag", "slope", "curve", "step"]
-    assert [one.widened for one in trial.tried] == [{"law": 1.0}, {}, {"curve": 3.0}, {}]
+    assert [one.active[-1] for one in trial.tried] == ["lag", "slope", "curve", "step"]
+    assert [one.amplitudes for one in trial.tried] == [{"law": 1.0}, {}, {"curve": 3.0}, {}]
     # A candidate above its base is the base; one beside a wider discrepancy may be above it.
-    assert [float(one.at[0]) for one in trial.tried] == [0.0, 0.0, 1.0, 0.0]
+    assert [float(one.values[0]) for one in trial.tried] == [0.0, 0.0, 1.0, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -299,7 +301,7 @@ def test_names_share_what_a_bench_is_expected_to_lack():
 )
 def test_the_nearest_is_the_likeliest_effect_of_that_side_of_the_speed(stage, trial, name):
     found = _nearest(SimpleNamespace(evidence=MODEL), search(trial), [unnamed(1.0, stage)])
-    assert (found and found.opened[-1]) == name
+    assert (found and found.active[-1]) == name
 
 
 @pytest.mark.parametrize(("more", "left"), [(-0.5, ("slope",)), (0.5, ("step", "slope"))])
@@ -307,8 +309,8 @@ def test_members_that_later_ones_made_unnecessary_go(more, left):
     made = Made()
     # The first gains less than its prior costs, the second as much and a little more or less.
     gain = more - prior(made, "step")
-    made.log_evidence = lambda one: gain * ("step" in one.opened)
-    assert _pruned(made, opening("lag", "step", "slope")).opened == left
+    made.log_evidence = lambda one: gain * ("step" in one.active)
+    assert _pruned(made, opening("lag", "step", "slope")).active == left
 
 
 @pytest.mark.parametrize(
@@ -334,7 +336,7 @@ def test_contenders_count_what_they_gain_on_the_check(before, counted):
     after = _with_check(made, held_out, trial)
     want = {name: odds + (name in counted) * (gains[name] - 2.0) for name, odds in before.items()}
     assert after.log_odds == pytest.approx(want)
-    assert [one.opened[0] for one in after.tried] == sorted(want, key=lambda name: -want[name])
+    assert [one.active[0] for one in after.tried] == sorted(want, key=lambda name: -want[name])
 
 
 @pytest.mark.parametrize(
@@ -351,13 +353,13 @@ def test_contenders_count_what_they_gain_on_the_check(before, counted):
 )  # fmt: skip
 def test_names_are_opened_while_they_are_likelier_than_not(monkeypatch, places, opened):
     def tried(hypotheses: Any, base: Hypothesis) -> Trial:
-        name, odds = places[base.opened]
-        return Trial(base=base, tried=(opening(*base.opened, name),), log_odds={name: odds})
+        name, odds = places[base.active]
+        return Trial(base=base, tried=(opening(*base.active, name),), log_odds={name: odds})
 
     made = Made()
     made.null, made.near_fit = opening, lambda one: one
     monkeypatch.setattr(posterior, "_trial", tried)
     shares: list[float] = []
-    assert searched(made, made, lambda what, share: shares.append(share)).best.opened == opened
+    assert search_models(made, made, lambda what, share: shares.append(share)).best.active == opened
     assert shares == sorted(shares)
     assert 0.0 <= shares[0] < shares[-1] < 1.0

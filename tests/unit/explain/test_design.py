@@ -6,17 +6,22 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from benchtool.core.array import Array
-from benchtool.explain.engine.design import CLEAR, Outlook, Prospect, chosen
+from benchtool.core.array_type import Array
+from benchtool.explain.engine.design import (
+    CLEAR,
+    CandidatePrediction,
+    ExpectedOutcome,
+    select_design,
+)
 
 ROWS, NUMBERS, BENCHES = 12, 4, 40
 FAR = np.full(NUMBERS - 1, 1e3)
 
 
-def outlook(rng: np.random.Generator, room: Array = FAR) -> Outlook:
+def outlook(rng: np.random.Generator, room: Array = FAR) -> CandidatePrediction:
     """Make a rival with some numbers that bounds may hold, and a discrepancy behind them."""
     root = rng.standard_normal((NUMBERS, NUMBERS))
-    return Outlook(
+    return CandidatePrediction(
         mean=rng.standard_normal(ROWS),
         slopes=0.5 * rng.standard_normal((ROWS, NUMBERS)),
         known=root @ root.T + np.eye(NUMBERS),
@@ -24,7 +29,7 @@ def outlook(rng: np.random.Generator, room: Array = FAR) -> Outlook:
     )
 
 
-def density(one: Outlook) -> multivariate_normal:
+def density(one: CandidatePrediction) -> multivariate_normal:
     """Return the same as a dense Gaussian."""
     spread = one.slopes @ np.linalg.inv(one.known) @ one.slopes.T
     return multivariate_normal(one.mean, np.eye(ROWS) + spread)
@@ -53,7 +58,9 @@ def test_a_rival_at_its_bound_cannot_follow():
     rng = np.random.default_rng(3)
     one = outlook(rng)
     free, held = (
-        Outlook(mean=one.mean + 3.0, slopes=one.slopes, known=one.known, room=(-room, room))
+        CandidatePrediction(
+            mean=one.mean + 3.0, slopes=one.slopes, known=one.known, room=(-room, room)
+        )
         for room in (FAR, 0.01 * np.ones(NUMBERS - 1))
     )
     assert one.over(held, rng) > one.over(free, rng) > 0.0
@@ -66,12 +73,12 @@ def test_a_design_grows_by_what_gains_most_for_its_time_and_stays_within_it():
     def more(design: str) -> dict[str, str]:
         return {name: design + name for name in worth if name not in design}
 
-    def weighed(design: str) -> Prospect:
-        return Prospect({}, float(np.exp(-0.25 * sum(worth[name] for name in design))))
+    def weighed(design: str) -> ExpectedOutcome:
+        return ExpectedOutcome({}, float(np.exp(-0.25 * sum(worth[name] for name in design))))
 
     def seconds(design: str) -> float:
         return sum(takes_s[name] for name in design)
 
-    assert chosen("", more, weighed, seconds, 100.0) == "ba"
-    assert set(chosen("", more, weighed, seconds, 1000.0)) == {"a", "b", "c"}
-    assert chosen("", more, lambda design: Prospect({}, CLEAR), seconds, 1000.0) == ""
+    assert select_design("", more, weighed, seconds, 100.0) == "ba"
+    assert set(select_design("", more, weighed, seconds, 1000.0)) == {"a", "b", "c"}
+    assert select_design("", more, lambda design: ExpectedOutcome({}, CLEAR), seconds, 1000.0) == ""

@@ -17,7 +17,7 @@ from tests.unit.explain.pitch_made import recorded
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
+    return load_model("pitch_beam").model.with_fixed("coulomb_friction.torque_Nm", 0.0)
 
 
 def log_of(truth: Model, seed: int) -> PitchLog:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchtool.explain.engine.describe import where_shown
+from benchtool.explain.engine.evidence import EARLY, LATE, RowGroups
 from benchtool.explain.engine.explain import explain
-from benchtool.explain.engine.subject import EARLY, LATE, RowGroups
 from benchtool.explain.engine.verdict import Verdict
 from benchtool.explain.pitch.log import PitchLog, pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
@@ -21,7 +21,7 @@ BEFORE_SPEED = ("motor_lag", "transport_delay", "battery_sag")  # effects betwee
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
+    return load_model("pitch_beam").model.with_fixed("coulomb_friction.torque_Nm", 0.0)
 
 
 def turned(truth: Model, seed: int) -> PitchLog:

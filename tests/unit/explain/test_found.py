@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
-from benchtool.explain.answer import Answer
-from benchtool.explain.found.draft import FOUND, draft
-from benchtool.explain.found.families import FAMILIES, Family
-from benchtool.explain.found.law import Dependence
-from benchtool.explain.found.search import dependence
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.explain.answer import ExplainResult
+from benchtool.explain.law_search.draft import FOUND, draft_effect
+from benchtool.explain.law_search.families import FAMILIES, LawFamily
+from benchtool.explain.law_search.law import FoundDependence
+from benchtool.explain.law_search.search import dependence
 from benchtool.explain.next_steps import next_steps
-from benchtool.physics.catalogue import EFFECTS, own_effects
+from benchtool.physics.catalogue import EFFECTS, user_effects
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.effect import BenchKind
 from benchtool.report.answer.folder import write_folder
@@ -57,7 +57,7 @@ def test_noise_depends_on_nothing(rng):
     assert found == [None] * 50
 
 
-def drafted(family: Family, rng: np.random.Generator) -> Dependence:
+def drafted(family: LawFamily, rng: np.random.Generator) -> FoundDependence:
     """Return a dependence whose law is of a family."""
     speed = rng.uniform(0.7, 1.3, 150)
     found = dependence(shown(LAWS["line"](speed), rng, speed), RADIUS_M)
@@ -91,11 +91,11 @@ def test_a_draft_keeps_the_contract_of_effects(family, hook, tmp_path, rng, monk
         form=replace(found.form, hook=hook, code=code, bench=bench),
     )
     path = tmp_path / f"{FOUND}.py"
-    path.write_text(draft(found), encoding="utf-8")
-    (effect,) = own_effects(str(path), lambda _: None)
+    path.write_text(draft_effect(found), encoding="utf-8")
+    (effect,) = user_effects(str(path), lambda _: None)
     monkeypatch.setitem(EFFECTS, FOUND, effect)
     monkeypatch.setitem(contract.TWO_SIDED, f"{FOUND}.a", "nobody knows its cause")
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     conditions = Conditions.of(
         rig, speed_rad_s=np.array([[460.0], [470.0], [480.0], [590.0]]),
         plate_z_m=np.array([0.1, 0.15, 0.2, 0.1, 0.3, 0.6]),
@@ -113,7 +113,7 @@ def test_a_draft_keeps_the_contract_of_effects(family, hook, tmp_path, rng, monk
     assert effect.phrase == "found effect"
 
 
-def unknown(found: Dependence) -> Answer:
+def unknown(found: FoundDependence) -> ExplainResult:
     """Return an answer that says unknown, and what it depends on."""
     made = answer("unknown")
     verdict = replace(made.verdict, depends=found)

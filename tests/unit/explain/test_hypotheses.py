@@ -9,29 +9,29 @@ from typing import cast
 import numpy as np
 import pytest
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.explain.engine.describe import found_parameters
+from benchtool.explain.engine.evidence import Discrepancy, RowGroups, Subject
 from benchtool.explain.engine.hypotheses import Bootstrap, Hypotheses, p_value
 from benchtool.explain.engine.judgement import Trial
 from benchtool.explain.engine.parameters import ScaledParameter
-from benchtool.explain.engine.posterior import Posterior, searched
-from benchtool.explain.engine.subject import Discrepancy, RowGroups, Subject
+from benchtool.explain.engine.posterior import Posterior, search_models
 
 
 def search(truth: list[float], seed: int = 1) -> Posterior:
     """Search 400 rows; 400 more are to check on."""
     learn, every = (Linear(np.array(truth), seed, rows) for rows in (400, 800))
-    return searched(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
+    return search_models(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
 
 
 def gain(trial: Trial, name: str) -> float:
     """Return what an effect gains in the sum of squares over the base."""
-    return trial.base.cost - next(one.cost for one in trial.tried if one.opened[-1] == name)
+    return trial.base.cost - next(one.cost for one in trial.tried if one.active[-1] == name)
 
 
 def test_two_effects_are_both_named():
     found = search([4.0, 5.0, 0.0, 0.0], 3)
-    assert set(found.best.opened) == {"a", "b"}
+    assert set(found.best.active) == {"a", "b"}
     assert {trial.name for trial in found.trials} == {"a", "b"}
     rivals = next(trial for trial in found.trials if trial.name == "b")
     assert 0.8 * gain(rivals, "b") < gain(rivals, "c") < gain(rivals, "b")
@@ -40,11 +40,11 @@ def test_two_effects_are_both_named():
 def test_the_spread_is_that_of_linear_regression():
     evidence = Linear(np.array([5.0, 0.0, 0.0, 0.0]), 2)
     hypotheses = Hypotheses(evidence)
-    best = hypotheses.fitted(("a",), hypotheses.null().at)
+    best = hypotheses.fitted(("a",), hypotheses.null().values)
     sd = float(np.sqrt(hypotheses.spread(best)[0, 0]))
     alone = 1.0 / np.sqrt(np.sum(evidence.design[:, 0] ** 2))
     assert sd == pytest.approx(alone, rel=0.15)
-    assert abs(best.at[0] - 5.0) < 4.0 * sd
+    assert abs(best.values[0] - 5.0) < 4.0 * sd
 
 
 def test_what_such_data_say_against_a_rival_is_what_they_say_on_average():
@@ -53,7 +53,7 @@ def test_what_such_data_say_against_a_rival_is_what_they_say_on_average():
     for seed in range(20):
         hypotheses = Hypotheses(Linear(np.array(truth), seed))
         trial = search(truth, seed).trials[0]
-        right = next(one for one in trial.tried if one.opened == ("b",))
+        right = next(one for one in trial.tried if one.active == ("b",))
         expected.append(hypotheses.evidence_against(right, "c"))
         found.append(gain(trial, "b") - gain(trial, "c"))
     assert np.mean(found) == pytest.approx(np.mean(expected), rel=0.25)
@@ -114,12 +114,12 @@ def test_p_values_of_nothing_are_spread_out_and_of_something_small():
     rng = np.random.default_rng(0)
     hypotheses = Hypotheses(Linear(np.array([3.0, 0.0, 0.0, 0.0]), 5))
     null = hypotheses.null()
-    best = hypotheses.with_one_more(null)[0]
+    best = hypotheses.add_candidates(null)[0]
     assert p_value(hypotheses, null, best, Bootstrap(), rng) < 1e-6
     assert p_value(hypotheses, null, best, Bootstrap(draws=60), rng) == pytest.approx(1.0 / 61.0)
     nothing = Hypotheses(Linear(np.zeros(4), 6))
     base = nothing.null()
-    assert p_value(nothing, base, nothing.with_one_more(base)[0], Bootstrap(draws=60), rng) > 0.1
+    assert p_value(nothing, base, nothing.add_candidates(base)[0], Bootstrap(draws=60), rng) > 0.1
 
 
 def parameter(name: str, effect: str, *, held: bool = False) -> ScaledParameter:

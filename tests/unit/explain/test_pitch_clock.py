@@ -7,7 +7,7 @@ import pytest
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.explain.pitch.clock import even_rows
+from benchtool.explain.pitch.resampling import resample_evenly
 
 UNITS = {"time_s": "s", "theta_rad": "rad", "gyro_rad_s": "rad/s", "pwm1_us": "pwm_us"}
 
@@ -24,7 +24,7 @@ def moving(time_s: np.ndarray) -> np.ndarray:
 
 def test_even_rows_are_left_exactly_alone():
     time_s = 5.0 + np.arange(200) / 250.0
-    rows = even_rows(recording(time_s=time_s, theta_rad=moving(time_s)), "a")
+    rows = resample_evenly(recording(time_s=time_s, theta_rad=moving(time_s)), "a")
     np.testing.assert_array_equal(rows.recording.column("theta_rad"), moving(time_s))
     assert rows.rate_Hz == pytest.approx(250.0)
     assert rows.remarks == ()
@@ -36,7 +36,7 @@ def test_messages_of_different_times_are_joined():
     time_s = np.sort(np.concatenate([at, at + 0.003]))
     of_attitude = np.arange(800) % 2 == 0
     pulses = np.where(of_attitude, np.nan, 1500.0 + np.floor(time_s))
-    rows = even_rows(
+    rows = resample_evenly(
         recording(
             time_s=time_s,
             theta_rad=np.where(of_attitude, moving(time_s), np.nan),
@@ -60,7 +60,7 @@ def test_messages_of_different_times_are_joined():
 def test_a_scattered_clock_is_straightened():
     rng = np.random.default_rng(4)
     time_s = np.arange(1000) / 200.0 + rng.uniform(-0.001, 0.001, 1000)
-    rows = even_rows(recording(time_s=time_s, theta_rad=moving(time_s)), "a")
+    rows = resample_evenly(recording(time_s=time_s, theta_rad=moving(time_s)), "a")
     clock, theta = rows.recording.column("time_s"), rows.recording.column("theta_rad")
     assert np.ptp(np.diff(clock)) < 1e-9
     seen = np.isfinite(theta)
@@ -72,7 +72,7 @@ def test_a_gap_is_left_open_and_a_filter_begins_anew():
     time_s = np.arange(1000) / 200.0
     time_s[500:] += 0.5
     time_s += np.where(np.arange(1000) % 2, 0.0015, 0.0)  # scattered as well
-    rows = even_rows(recording(time_s=time_s, theta_rad=moving(time_s)), "a")
+    rows = resample_evenly(recording(time_s=time_s, theta_rad=moving(time_s)), "a")
     steps = np.diff(rows.recording.column("time_s"))
     begun = np.flatnonzero(rows.mode == 2.0)
     assert len(begun) == 2

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchtool.explain.engine.hypotheses import Hypotheses
-from benchtool.explain.found.law import Dependence
-from benchtool.explain.found.search import dependence
+from benchtool.explain.law_search.law import FoundDependence
+from benchtool.explain.law_search.search import dependence
 from benchtool.explain.pitch.dependences import missed_torques
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
@@ -53,12 +53,12 @@ RUBBER = Effect(
 
 @pytest.fixture(scope="module")
 def model():
-    return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
+    return load_model("pitch_beam").model.with_fixed("coulomb_friction.torque_Nm", 0.0)
 
 
-def found_on(model: Model, truth: Model) -> Dependence | None:
+def found_on(model: Model, truth: Model) -> FoundDependence | None:
     evidence = PitchEvidence(model, [pitch_log(recorded(truth, 1), truth.rig).logged])
-    missed = missed_torques(evidence, Hypotheses(evidence).null().at, [])
+    missed = missed_torques(evidence, Hypotheses(evidence).null().values, [])
     return dependence(missed, model.rig.propulsion.radius_m)
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.explain.pitch import filter as filter_
-from benchtool.explain.pitch.discrepancies import Departing
+from benchtool.explain.pitch.discrepancies import DiscrepancySimulation
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
 from benchtool.physics.model_file import load_model
@@ -30,7 +30,7 @@ def rows_of(evidence: PitchEvidence, **moved: float) -> Array:
     return evidence.residuals(at)[:, 0]
 
 
-def departing(evidence: PitchEvidence) -> Departing:
+def departing(evidence: PitchEvidence) -> DiscrepancySimulation:
     return evidence.departing()[0]
 
 

@@ -8,7 +8,7 @@ import pytest
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.explain.pitch.log import pitch_log
 
 Array = np.ndarray
@@ -16,7 +16,7 @@ Array = np.ndarray
 
 @pytest.fixture
 def rig():
-    return rig_named("beam")
+    return load_rig_by_name("beam")
 
 
 def recording(**changed: Array | None) -> Recording:

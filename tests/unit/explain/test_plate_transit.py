@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.explain.pitch.clock import on_its_way
 from benchtool.explain.pitch.evidence import PitchEvidence
 from benchtool.explain.pitch.log import pitch_log
+from benchtool.explain.pitch.resampling import is_plate_moving
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import recorded, without
 
@@ -26,13 +26,13 @@ def visited(model):
 def test_rows_about_a_jump_are_on_the_way_and_a_missed_echo_is_none():
     plate_m = np.full(1000, 1.0)
     plate_m[500:] = 0.3
-    mask, times = on_its_way(plate_m, 100.0)
+    mask, times = is_plate_moving(plate_m, 100.0)
     assert times == 1
     assert np.flatnonzero(mask).tolist() == [*range(440, 560), *range(940, 1000)]
-    assert np.array_equal(on_its_way(plate_m[::-1], 100.0)[0], mask[::-1])
+    assert np.array_equal(is_plate_moving(plate_m[::-1], 100.0)[0], mask[::-1])
     plate_m[700:705] = 1.0
-    assert on_its_way(plate_m, 100.0)[1] == 1
-    assert not on_its_way(np.linspace(0.9, 0.1, 1000), 100.0)[0].any()
+    assert is_plate_moving(plate_m, 100.0)[1] == 1
+    assert not is_plate_moving(np.linspace(0.9, 0.1, 1000), 100.0)[0].any()
 
 
 def test_a_plate_that_slides_untold_is_left_out_and_one_that_is_told_is_not(model, visited):

@@ -6,25 +6,25 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
+from benchtool.explain.engine.evidence import Discrepancy, RowGroups
 from benchtool.explain.engine.hypotheses import Hypotheses
 from benchtool.explain.engine.parameters import ScaledParameter
-from benchtool.explain.engine.posterior import Posterior, searched
-from benchtool.explain.engine.subject import Discrepancy, RowGroups
+from benchtool.explain.engine.posterior import Posterior, search_models
 
 ROWS = 200
 AT = np.linspace(-1.0, 1.0, ROWS)
 
 
 def names_of(made: Callable[[Array], Array]) -> list[tuple[str, ...]]:
-    return [found(made, seed).best.opened for seed in range(12)]
+    return [found(made, seed).best.active for seed in range(12)]
 
 
 def found(made: Callable[[Array], Array], seed: int) -> Posterior:
     """Search one half of what was made; the other half is to check on."""
     every = Smooth(made, seed, np.arange(2 * ROWS) % ROWS)
     learn = Smooth(made, seed, np.arange(ROWS))
-    return searched(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
+    return search_models(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
 
 
 def test_a_small_departure_from_every_law_is_nothing():
@@ -37,7 +37,7 @@ def test_an_effect_beyond_tolerance_is_named_though_its_law_is_off():
 
 def test_of_two_effects_each_is_tried_beside_the_other():
     trials = found(lambda x: 6.0 * (x + np.sign(x)), 1).trials
-    places = [(trial.name, trial.base.opened) for trial in trials]
+    places = [(trial.name, trial.base.active) for trial in trials]
     assert places == [("step", ("slope",)), ("slope", ("step",))]
     assert [set(trial.log_odds) for trial in trials] == [{"step", "curve"}, {"slope", "curve"}]
 
@@ -54,11 +54,11 @@ def test_noise_beyond_the_stated_one_is_found_in_the_rows():
 def test_a_check_that_shows_nothing_of_it_takes_a_name_back():
     learn = Smooth(lambda x: 2.5 * x, 2, np.arange(ROWS))
     every = Smooth(lambda x: 2.5 * x, 2, np.arange(2 * ROWS) % ROWS)
-    found = searched(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
-    assert found.best.opened == ("slope",)
+    found = search_models(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
+    assert found.best.active == ("slope",)
     every.data[ROWS:] -= 2.5 * AT
-    found = searched(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
-    assert found.best.opened == ()
+    found = search_models(Hypotheses(learn), Hypotheses(every), lambda what, share: None)
+    assert found.best.active == ()
 
 
 def parameter(name: str) -> ScaledParameter:

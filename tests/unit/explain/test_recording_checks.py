@@ -16,7 +16,7 @@ from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
 from benchtool.explain.pitch.log import pitch_log
 from benchtool.explain.pitch.subject import PitchSubject
-from benchtool.explain.recording_checks import mended_readings
+from benchtool.explain.recording_checks import repair_readings
 from benchtool.explain.sweep.log import refuse_other_sweeps, sweep_log
 from benchtool.physics.model_file import load_model
 from tests.unit.explain.pitch_made import changed, recorded, without
@@ -209,7 +209,7 @@ def test_a_fault_in_a_sweep_is_mended_with_a_sentence(swept, fault):
 @pytest.mark.parametrize("name", ["quad", "single_rotor"])
 def test_of_good_sweeps_nothing_is_claimed(name):
     points = read_points(DATASETS / name / "run", KINDS)
-    repaired = mended_readings(
+    repaired = repair_readings(
         points, load_model("quad" if name == "quad" else "single").model.rig, name
     )
     assert repaired[1] == []

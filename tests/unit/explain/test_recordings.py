@@ -12,7 +12,7 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.recording import Recording
 from benchtool.data.run.recording_file import write_recording
-from benchtool.explain.recordings import bench_of, read_sources
+from benchtool.explain.recordings import bench_kind, read_sources
 from benchtool.physics.model_file import LoadedModel, load_model
 from tests.unit.explain.hand_made import MODEL
 
@@ -40,7 +40,7 @@ def test_a_csv_is_read_through_the_columns_of_the_model(tmp_path):
         [csv(tmp_path, "a.csv")], [csv(tmp_path, "b.csv", first=1.0)], loaded()
     )
     assert learn[0].name == "a.csv"
-    assert bench_of(learn[0]) == "pitch"
+    assert bench_kind(learn[0]) == "pitch"
     assert learn[0].recording.column("pwm1_us")[0] == 0.4
     assert len(learn[0].sha256) == 64
     assert learn[0].sha256 != check[0].sha256

@@ -12,14 +12,14 @@ from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
-from benchtool.data.columns import KINDS, channel_called
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.columns import KINDS, find_channel
 from benchtool.data.run.read import read_points
 from benchtool.explain.engine.parameters import parameters_at
 from benchtool.explain.sweep.evidence import SweepEvidence
 from benchtool.explain.sweep.log import sweep_log
 from benchtool.explain.sweep.next_experiment import as_read, speed_at
-from benchtool.explain.sweep.power import Power
+from benchtool.explain.sweep.power import SupplyModel
 from benchtool.fit.uncertainty.bench_errors import bench_errors
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
@@ -123,7 +123,7 @@ def test_blades_and_motor_predict_the_speed_at_a_pulse_against_the_plate():
     points = swept_at_one_pulse(rig)
     missed = {}
     for share in (1.0, 0.0):
-        model = load_model("single", rig).model.fixed("blade_inflow.share", share)
+        model = load_model("single", rig).model.with_fixed("blade_inflow.share", share)
         evidence = SweepEvidence(model, [sweep_log(points, rig)])
         scaled = np.zeros((1, len(evidence.parameters)))
         for name in ("supply.drop", "battery_sag.rate_per_s"):
@@ -139,7 +139,7 @@ def test_blades_and_motor_predict_the_speed_at_a_pulse_against_the_plate():
     assert 0.002 < missed[0.0].max() < 0.006
 
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 
 
 @pytest.fixture(scope="module")
@@ -149,9 +149,7 @@ def points():
 
 def only(recording: Recording, *names: str) -> Recording:
     """Return the recording with only those columns."""
-    return Recording.from_columns(
-        [(channel_called(name), recording.column(name)) for name in names]
-    )
+    return Recording.from_columns([(find_channel(name), recording.column(name)) for name in names])
 
 
 def test_rows_with_empty_cells_are_left_out_and_counted(points):
@@ -179,7 +177,7 @@ def power():
     return found
 
 
-def sagging(power: Power) -> np.ndarray:
+def sagging(power: SupplyModel) -> np.ndarray:
     """Return what a supply keeps that sags steadily (m, 1)."""
     return power.supply(np.array([1e-4]), np.array([0.0]), np.array([0.02]))
 

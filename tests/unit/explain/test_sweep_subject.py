@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from benchtool.acquire.check_plan import check_plan
-from benchtool.acquire.order import expected_duration_s, visits_of
 from benchtool.acquire.plan import Plan, plan_from_toml
+from benchtool.acquire.visit_order import expected_duration_s, plan_visits
 from benchtool.core.recording import Recording
 from benchtool.data.columns import KINDS
 from benchtool.data.run.read import read_points
 from benchtool.data.table import read_table
-from benchtool.explain.added_model import added_model
 from benchtool.explain.engine.explain import Explanation, explain
 from benchtool.explain.engine.verdict import NextExperiment
 from benchtool.explain.sweep.next_experiment import MINUTES
 from benchtool.explain.sweep.subject import SweepSubject
+from benchtool.explain.updated_model import added_model
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.physics.discrepancy import DiscrepancyTolerances
@@ -106,7 +106,7 @@ def test_the_next_sweep_is_one_that_a_bench_accepts_and_decides(first, second):
     chosen, plan = proposed("quad", first, second)
     rig = load_model("quad").model.rig
     check_plan(plan, rig)
-    minutes = expected_duration_s(plan, rig, visits_of(plan, rig)) / 60.0
+    minutes = expected_duration_s(plan, rig, plan_visits(plan, rig)) / 60.0
     assert minutes == pytest.approx(chosen.minutes, rel=0.4)
     assert chosen.minutes <= MINUTES
     assert chosen.candidates == (first, second)
@@ -197,7 +197,7 @@ def measured_sweep(curve: Path, path: Path, seed: int, *, sd_N: float) -> Record
 def test_a_measured_curve_of_two_rotors_is_no_sure_effect_of_one(reference_data, tmp_path):
     """With k and R free and no far point a different law looks like a stand in the wake."""
     curve = reference_data / "ground_effect" / "rotor_pairs.csv"
-    model, classes = load_model("single").model.freed("k", "R_m"), 0
+    model, classes = load_model("single").model.with_free("k", "R_m"), 0
     for seed in range(0, 12, 2):
         learn, check = (
             measured_sweep(curve, tmp_path / f"{number}.csv", number, sd_N=0.03)
@@ -210,7 +210,7 @@ def test_a_measured_curve_of_two_rotors_is_no_sure_effect_of_one(reference_data,
             assert "unknown" in verdict.class_members
             assert any("record points beyond 5 R" in remark for remark in verdict.remarks)
     assert classes >= 1
-    known = SweepSubject(model.fixed("R_m"), [learn], [check])
+    known = SweepSubject(model.with_fixed("R_m"), [learn], [check])
     assert known.free_law == ""
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchtool.explain.engine.verdict import NotJudged, Unnamed
+from benchtool.explain.engine.verdict import UnjudgedEffect, UnnamedEffect
 from tests.unit.explain.hand_made import FRICTION, NEXT, OFFSET, gap, verdict
 
 
@@ -32,7 +32,7 @@ def test_a_verdict_is_as_sure_as_its_probability(probability, said):
     assert found.is_sure == (probability > 0.9)
 
 
-CURVE = Unnamed(
+CURVE = UnnamedEffect(
     name="curve", stage="rpm_to_thrust", phrase="thrust that depends on distance", probability=0.7,
     share=0.052, tolerances=2.6, weight=1.0,
 )  # fmt: skip
@@ -70,13 +70,15 @@ def test_a_class_of_one_effect_says_what_may_be_instead():
 def test_nothing_missing_says_what_could_not_be_judged():
     seen = verdict("none", tolerances=BLIND, not_judged={})
     assert seen.sentence == "Nothing beyond the stated tolerances is missing from the model."
-    at_limit = {"cog_offset": NotJudged.below(3.0)}
+    at_limit = {"cog_offset": UnjudgedEffect.below(3.0)}
     assert verdict("none", tolerances=BLIND, not_judged=at_limit).sentence == seen.sentence
-    some = {"cog_offset": NotJudged.below(3.1), "no such effect": NotJudged.below(9.0)}
+    some = {"cog_offset": UnjudgedEffect.below(3.1), "no such effect": UnjudgedEffect.below(9.0)}
     assert verdict("none", tolerances=BLIND, not_judged=some).sentence.endswith(
         "from the model; 1 of 3 effects were not judged."
     )
-    most = verdict("none", tolerances=BLIND, not_judged=some | {"body_lift": NotJudged.below(1e3)})
+    most = verdict(
+        "none", tolerances=BLIND, not_judged=some | {"body_lift": UnjudgedEffect.below(1e3)}
+    )
     assert most.sentence.startswith("This data can show only 1 of 3 effects, and none of those")
     half = {name: 1.0 for name in BLIND if name[:4] != "body"}
     assert not verdict("none", tolerances=half, not_judged=some).mostly_blind
@@ -135,8 +137,11 @@ def test_numbers_of_a_verdict():
     assert replace(whole, after=0.04).share_closed == pytest.approx(9.0 / 16.0)
     assert replace(whole, before=0.03).share_closed == 0.0
     assert replace(whole, before=0.02).share_closed == 0.0
-    assert (NotJudged.below(100.0).reason, NotJudged.below(100.0).size) == ("too_weak", 100.0)
-    assert (NotJudged.below(101.0).reason, NotJudged.below(101.0).size) == (
+    assert (UnjudgedEffect.below(100.0).reason, UnjudgedEffect.below(100.0).size) == (
+        "too_weak",
+        100.0,
+    )
+    assert (UnjudgedEffect.below(101.0).reason, UnjudgedEffect.below(101.0).size) == (
         "no_trace",
         float("inf"),
     )

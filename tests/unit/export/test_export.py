@@ -19,9 +19,9 @@ from pymavlink.mavparm import MAVParmDict
 
 import benchtool as bt
 from benchtool.core.errors import InputError, WouldOverwrite
-from benchtool.export.autopilots import IDLE, ardupilot, betaflight
+from benchtool.export.autopilots import DEFAULT_IDLE_SHARE, ardupilot, betaflight
 from benchtool.export.targets import TARGETS
-from benchtool.export.vehicle import Vehicle, vehicle_of
+from benchtool.export.vehicle import Vehicle, build_vehicle
 from tests.unit.commands.command_line import run
 
 THROTTLES = np.linspace(0.05, 1.0, 20)
@@ -45,7 +45,7 @@ MOTOR_TEST = ("steps", "response")
 
 @pytest.fixture(scope="module")
 def vehicle(exported):
-    return vehicle_of(exported / "fit", tuple(exported / name for name in MOTOR_TEST))
+    return build_vehicle(exported / "fit", tuple(exported / name for name in MOTOR_TEST))
 
 
 def test_mujoco_gives_the_thrust_of_twenty_throttles(exported, vehicle):
@@ -142,7 +142,7 @@ def test_ardupilot_reads_its_parameters(exported, vehicle):
     assert vehicle.motor is not None
     full_us = float(vehicle.motor.points.pulse_us.max())  # 1950 us is too far beyond it
     assert found["MOT_SPIN_MAX"] == pytest.approx((full_us - 1000.0) / 950.0, rel=1e-4)
-    idle_us = 1050.0 + IDLE * (full_us - 1050.0)
+    idle_us = 1050.0 + DEFAULT_IDLE_SHARE * (full_us - 1050.0)
     assert found["MOT_SPIN_MIN"] == pytest.approx((idle_us - 1000.0) / 950.0, rel=1e-4)
     assert found["MOT_BAT_VOLT_MAX"] == pytest.approx(11.1)
     hover = 1.4 * 9.80665 / 4 / vehicle.thrust_max.value
@@ -168,8 +168,8 @@ def written_expo(vehicle: Vehicle) -> tuple[str, float]:
 @pytest.mark.parametrize("expo", [0.2, 0.59, 0.9])
 def test_a_parabola_is_inverted_exactly(vehicle, expo):
     """Over throttles from idle it is a parabola again, whose e has a closed form."""
-    span = 1.0 - IDLE
-    exact = expo * span / (1.0 - expo + 2.0 * expo * IDLE + expo * span)
+    span = 1.0 - DEFAULT_IDLE_SHARE
+    exact = expo * span / (1.0 - expo + 2.0 * expo * DEFAULT_IDLE_SHARE + expo * span)
     assert written_expo(with_expo(vehicle, expo))[1] == pytest.approx(exact, abs=0.0026)
 
 
@@ -217,7 +217,9 @@ def test_betaflight_makes_thrust_linear(exported, vehicle):
     for percent, law, share in ((before, of_4_3, 0.5), (now, of_2026_6, 0.4)):
 
         def scatter(percent: int, law: Callable[[int], np.ndarray] = law) -> float:
-            return gain_sd(vehicle.thrust_N(IDLE + (1.0 - IDLE) * law(percent)))
+            return gain_sd(
+                vehicle.thrust_N(DEFAULT_IDLE_SHARE + (1.0 - DEFAULT_IDLE_SHARE) * law(percent))
+            )
 
         assert scatter(percent) == min(map(scatter, range(151)))
         assert scatter(percent) < share * scatter(0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchtool.core.parameter import Parameter, Prior
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.prior import JointPrior
 from benchtool.fit.problem import Problem, function_problem, noise_parameter
@@ -103,15 +103,15 @@ def jointly_known_line(seed: int = 4) -> Problem:
 
 def quad_model(*more: str) -> Model:
     """Return a quadrotor with body lift, k, R and K_b free."""
-    model = Model.single(rig_named("pquad"), "quad").with_effect("neighbour_images")
-    return model.with_effect("body_lift").freed("k", "R_m", "body_lift.K_b", *more)
+    model = Model.single(load_rig_by_name("pquad"), "quad").with_effect("neighbour_images")
+    return model.with_effect("body_lift").with_free("k", "R_m", "body_lift.K_b", *more)
 
 
 def quad_conditions(
     distances: tuple[float, ...] = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0), speeds: int = 5
 ) -> Conditions:
     """Return settled conditions at every distance (z/R) and speed."""
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     z_m = np.repeat(np.array(distances) * 0.12, speeds)
     speed = np.tile(np.linspace(350.0, 700.0, speeds), len(distances))
     return Conditions.of(rig, speed_rad_s=np.tile(speed, (4, 1)), plate_z_m=z_m)
@@ -120,7 +120,7 @@ def quad_conditions(
 def quad_thrust(model: Model, conditions: Conditions) -> Array:
     """Return the true thrust (m,): N."""
     for name, value in QUAD_TRUTH.items():
-        model = model.fixed(name, value)
+        model = model.with_fixed(name, value)
     return np.asarray(model.thrust_N(conditions), float)
 
 

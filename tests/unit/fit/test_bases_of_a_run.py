@@ -29,7 +29,7 @@ def bare() -> Rig:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    truth = load_model("single", RIG).model.fixed("R_m", TRUE_M)
+    truth = load_model("single", RIG).model.with_fixed("R_m", TRUE_M)
     return swept(tmp_path_factory.mktemp("bases") / "run", RIG, 1, truth, QUIET)
 
 

@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
-from benchtool.data.columns import code_of
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.data.columns import word_to_code
 from benchtool.data.run.zero_noise import ZeroNoise, zero_covariance
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.problem import Problem
 from benchtool.fit.uncertainty.bench_errors import Visits, bench_errors, joined_visits
-from benchtool.fit.uncertainty.zero_walk import estimated_walk, still_means
+from benchtool.fit.uncertainty.zero_drift import estimate_zero_drift, standstill_means
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 
@@ -31,7 +31,7 @@ NEAR = np.array([0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 8.0])
 
 def rig(**more: Any) -> Rig:
     """Return the quadrotor's rig without errors of its own, some stated."""
-    plain = rig_named("pquad")
+    plain = load_rig_by_name("pquad")
     plate = replace(plain.plate, backlash_m=0.0, repeatability_m=more.pop("repeatability_m", 0.0))
     body = replace(plain.body, arm_sd=more.pop("arm_sd", 0.0))
     sensors = {name: replace(one, quantum=0.0, walk=0.0) for name, one in plain.sensors.items()}
@@ -42,7 +42,7 @@ def rig(**more: Any) -> Rig:
 
 def model(on: Rig) -> Model:
     lifted = Model.single(on).with_effect("neighbour_images").with_effect("body_lift", K_b=1.7)
-    return lifted.freed("k", "R_m", "body_lift.K_b")
+    return lifted.with_free("k", "R_m", "body_lift.K_b")
 
 
 def sweep(on: Rig, repeats: int = 3) -> tuple[Conditions, Visits]:
@@ -170,7 +170,7 @@ def drawn(on: Rig, seed: int, *, free_place: bool = False) -> Problem:
     thrust = truth.thrust_N(conditions) + 0.004 * rng.standard_normal(len(conditions))
     for source in errors:
         thrust = thrust + source.columns @ rng.standard_normal(source.columns.shape[1])
-    fitted = truth.freed("noise.place_m") if free_place else truth
+    fitted = truth.with_free("noise.place_m") if free_place else truth
     return problem_from_model(
         fitted, conditions, thrust, np.full(len(thrust), 0.004), error_sources=errors
     )
@@ -202,12 +202,12 @@ def test_a_place_that_nothing_feels_cannot_be_estimated():
     conditions = Conditions.of(on, speed_rad_s=np.full((4, 6), 500.0), plate_z_m=np.full(6, 1e6))
     with pytest.raises(InputError, match="no point feels where the plate stands"):
         problem_from_model(
-            model(on).freed("noise.place_m"), conditions, np.full(6, 10.0), np.full(6, 0.01)
+            model(on).with_free("noise.place_m"), conditions, np.full(6, 10.0), np.full(6, 0.01)
         )
 
 
 def test_play_is_an_offset_where_places_are_approached_from_one_side():
-    plain = rig_named("pquad")
+    plain = load_rig_by_name("pquad")
     assert plain.place_sd_m() == pytest.approx(plain.plate.backlash_m / 12.0**0.5)
     assert plain.place_sd_m(one_sided=True) == 0.0
     stated = replace(plain, plate=replace(plain.plate, repeatability_m=5e-5))
@@ -221,23 +221,26 @@ def still_samples(walk: float, seed: int) -> Recording:
     zero = 0.02 + 3e-5 * time + np.cumsum(walk * np.sqrt(0.05) * rng.standard_normal(len(time)))
     moving = time % 10.0 < 4.0
     names = ["time_s", "phase", "thrust_N", "rpm1"]
-    phase = np.where(moving, code_of("phase", "move"), code_of("phase", "sample"))
+    phase = np.where(moving, word_to_code("phase", "move"), word_to_code("phase", "sample"))
     thrust = zero + 0.01 * rng.standard_normal(len(time)) + np.where(moving, 0.0, 5.0)
     columns = [time, phase, thrust, np.where(moving, 0.0, 5000.0)]
     return Recording(tuple(Channel(name, "1") for name in names), np.column_stack(columns))
 
 
 def test_a_run_shows_the_walk_of_its_own_zero():
-    still = [still_means(still_samples(5e-4, seed)) for seed in range(12)]
+    still = [standstill_means(still_samples(5e-4, seed)) for seed in range(12)]
     assert all(60 < len(means) < 400 for means in still)
-    found = [estimated_walk(means, ZeroNoise()) for means in still]
+    found = [estimate_zero_drift(means, ZeroNoise()) for means in still]
     logs = np.log([one.walk / 5e-4 for one in found])
     assert abs(logs.mean()) < 0.2
     # Its degrees of freedom say how well it is known: 1 / sqrt(2 dof) of its value.
     expected = np.mean([1.0 / np.sqrt(2.0 * one.dof) for one in found])
     assert logs.std(ddof=1) == pytest.approx(expected, rel=0.6)
     # A stated walk is a prior: it pulls, and a run without still stretches leaves it as it is.
-    pulled = estimated_walk(still[0], ZeroNoise(5e-5))
+    pulled = estimate_zero_drift(still[0], ZeroNoise(5e-5))
     assert 5e-5 < pulled.walk < found[0].walk
-    none = [estimated_walk(still_means(still_samples(0.0, seed)), ZeroNoise()) for seed in range(6)]
+    none = [
+        estimate_zero_drift(standstill_means(still_samples(0.0, seed)), ZeroNoise())
+        for seed in range(6)
+    ]
     assert np.median([one.walk for one in none]) < 1e-5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from benchtool.fit.bounded import BoundedSearch, Region
+from benchtool.fit.bounded_least_squares import BoundedRegion, BoundedSearch
 
 Array = np.ndarray
 
@@ -23,8 +23,8 @@ def curved(sets: Array) -> Array:
 WIDE = (np.full(3, -10.0), np.full(3, 10.0))
 
 
-def region(lower: list[float], upper: list[float]) -> Region:
-    return Region(lower=np.array(lower), upper=np.array(upper), penalty=np.zeros(3))
+def region(lower: list[float], upper: list[float]) -> BoundedRegion:
+    return BoundedRegion(lower=np.array(lower), upper=np.array(upper), penalty=np.zeros(3))
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_a_penalty_is_a_prior():
     search = BoundedSearch.of(lambda sets: sets.T - 3.0, (np.array([-9.0]), np.array([9.0])))
     found = search.minimum(
         np.zeros(1),
-        Region(lower=np.array([-9.0]), upper=np.array([9.0]), penalty=np.array([2.0])),
+        BoundedRegion(lower=np.array([-9.0]), upper=np.array([9.0]), penalty=np.array([2.0])),
         enough=1e-12,
     )
     assert found.at[0] == pytest.approx(0.6, rel=1e-6)

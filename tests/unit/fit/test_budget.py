@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.air import Air, air_density_kg_m3
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.error_source import ErrorSource, effective_dof
 from benchtool.core.parameter import Prior
 from benchtool.fit.interval import with_derived
@@ -18,7 +18,7 @@ from benchtool.fit.problem import Problem, function_problem
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.fit.uncertainty.budget import MonteCarlo
-from benchtool.fit.uncertainty.held_sources import held_sources
+from benchtool.fit.uncertainty.fixed_parameters import fixed_parameter_sources
 from benchtool.fit.uncertainty.monte_carlo import drawn
 from benchtool.fit.uncertainty.propagation import Propagation, bounded, budget_of, propagation
 from benchtool.physics.conditions import Conditions
@@ -248,8 +248,8 @@ def level_bench(model: Model) -> Conditions:
 
 
 def test_what_a_model_holds_counts_by_its_prior_or_tolerance():
-    model = quad_model().fixed("k")
-    sources = {one.name: one for one in held_sources(model, level_bench(model))}
+    model = quad_model().with_fixed("k")
+    sources = {one.name: one for one in fixed_parameter_sources(model, level_bench(model))}
     tare = sources["tare_offset.thrust_N"]
     assert tare.columns[:, 0] == pytest.approx(np.full(8, tare.sd))
     assert tare.distribution == "uniform"
@@ -260,12 +260,12 @@ def test_what_a_model_holds_counts_by_its_prior_or_tolerance():
     # k is fixed, and nobody says how well it is known; R and K_b are fitted.
     assert not {"k", "R_m", "body_lift.K_b"} & set(sources)
     known = model.parameters["k"]
-    stated = model.at(
-        model.parameters.replaced(
+    stated = model.with_values(
+        model.parameters.with_replaced(
             "k", replace(known, prior=Prior("normal", known.value, 0.01 * known.value, "sheet"))
         )
     )
-    by_prior = {one.name: one for one in held_sources(stated, level_bench(model))}["k"]
+    by_prior = {one.name: one for one in fixed_parameter_sources(stated, level_bench(model))}["k"]
     thrust = model.thrust_N(level_bench(model))
     assert by_prior.columns[:, 0] == pytest.approx(0.01 * thrust)
     assert (by_prior.origin, by_prior.distribution) == ("sheet", "normal")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.fit.compare import compare, predicted
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
@@ -25,7 +25,7 @@ def candidates(truth: Model, seed: int = 1) -> list[Problem]:
     conditions = quad_conditions((0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0), speeds=6)
     observed = quad_thrust(truth, conditions)
     observed += SIGMA_N * np.random.default_rng(seed).standard_normal(len(observed))
-    single = Model.single(rig_named("pquad"), "single").freed("k", "R_m")
+    single = Model.single(load_rig_by_name("pquad"), "single").with_free("k", "R_m")
     quad = replace(single.with_effect("neighbour_images"), name="quad")
     full = replace(with_body_lift(), name="quad_body_lift")
     return [

@@ -7,7 +7,7 @@ import pytest
 
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.fit.compare_laws import compare_laws, distance_groups
 from benchtool.fit.law_scores import LawComparison
 from benchtool.fit.model_problem import problem_from_model
@@ -15,14 +15,14 @@ from benchtool.fit.problem import Problem
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 
-SINGLE = rig_named("pquad_single")
+SINGLE = load_rig_by_name("pquad_single")
 FROM_HALF = (0.5, 0.6, 0.75, 0.9, 1.1, 1.4, 1.8, 2.5, 4.0, 8.0)
 REPEATS = 3
 
 
 def asked(rig: Rig = SINGLE) -> Model:
     """Return eq. (2) with k and R free, as a user starts."""
-    return Model.single(rig, "asked").freed("k", "R_m")
+    return Model.single(rig, "asked").with_free("k", "R_m")
 
 
 def compared(
@@ -57,7 +57,7 @@ def compared(
         return problem_from_model(model, conditions, observed, error, nearest_z_over_R=None)
 
     model = asked(rig)
-    return compare_laws(model.freed("noise.scale") if scatter else model, problem_of, z_over_R)
+    return compare_laws(model.with_free("noise.scale") if scatter else model, problem_of, z_over_R)
 
 
 @pytest.mark.parametrize(

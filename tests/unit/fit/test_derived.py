@@ -12,7 +12,7 @@ from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.interval import with_derived
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import function_problem
-from benchtool.fit.profile import with_profile
+from benchtool.fit.profile import add_profile_intervals
 from benchtool.physics.effects.effect import Derived
 from benchtool.physics.effects.partial_coverage import derived, factors
 from tests.unit.fit.cases import X, free, line_problem, noise
@@ -46,7 +46,7 @@ def test_a_quantity_without_a_value_is_refused():
 def test_the_profile_of_a_line_is_its_covariance():
     problem = line_problem()
     plain = fit_least_squares(problem)
-    profiled = with_profile(problem, plain)
+    profiled = add_profile_intervals(problem, plain)
     for name in ("a", "b"):
         np.testing.assert_allclose(profiled[name].interval_95, plain[name].interval_95, rtol=1e-4)
         np.testing.assert_allclose(profiled[name].interval_68, plain[name].interval_68, rtol=1e-4)
@@ -59,12 +59,12 @@ def test_a_profile_follows_the_bend_of_the_model():
 
     observed = 1.0 + 0.5 * noise(1)
     problem = function_problem("exp", {"a": free("a", 0.1)}, root, observed, np.full(len(X), 2.0))
-    result = with_profile(problem, fit_least_squares(problem))
+    result = add_profile_intervals(problem, fit_least_squares(problem))
     mean, sd = observed.mean(), 2.0 / np.sqrt(len(X))
     low, high = result["a"].interval_68
     assert high == pytest.approx(np.log(mean + sd), rel=1e-3)
     assert low == pytest.approx(np.log(mean - sd), rel=1e-3)
-    one_sided = with_profile(problem, fit_least_squares(problem), ["a"])["a"].interval_95
+    one_sided = add_profile_intervals(problem, fit_least_squares(problem), ["a"])["a"].interval_95
     assert one_sided[1] == pytest.approx(np.log(mean + 1.959964 * sd), rel=1e-3)
 
 
@@ -72,4 +72,4 @@ def test_only_a_plain_least_squares_result_is_profiled():
     problem = line_problem()
     for result in (fit_least_squares(problem, loss="huber"), fit_ensemble(problem)):
         with pytest.raises(EstimationError, match="least-squares result with linear loss"):
-            with_profile(problem, result)
+            add_profile_intervals(problem, result)

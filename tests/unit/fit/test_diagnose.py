@@ -53,7 +53,7 @@ def test_a_good_fit_is_left_in_peace():
 
 
 def test_one_distance_cannot_tell_radius_body_lift_and_offset_apart():
-    model = quad_model().with_effect("plate_offset").freed("plate_offset.dz_m")
+    model = quad_model().with_effect("plate_offset").with_free("plate_offset.dz_m")
     problem = sweep(model, (1.0,))
     found = diagnose(problem, fit_least_squares(problem)).confusions
     assert len(found) == 1
@@ -62,7 +62,7 @@ def test_one_distance_cannot_tell_radius_body_lift_and_offset_apart():
 
 
 def test_a_parameter_that_does_nothing_is_named():
-    model = quad_model().with_effect("load_cell_drift").freed("load_cell_drift.rate_N_per_s")
+    model = quad_model().with_effect("load_cell_drift").with_free("load_cell_drift.rate_N_per_s")
     said = sentences(sweep(model, (0.5, 1.0, 2.0, 4.0)))
     assert "say nothing about load_cell_drift.rate_N_per_s" in said
 

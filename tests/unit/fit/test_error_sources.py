@@ -13,7 +13,7 @@ from benchtool.core.errors import InputError
 from benchtool.fit.compare import compare, predicted
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
-from benchtool.fit.profile import with_profile
+from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.sampling import log_probability
 from benchtool.fit.uncertainty.propagation import propagation
 from tests.unit.fit.cases import (
@@ -94,7 +94,7 @@ def test_least_squares_is_the_generalised_one():
     assert result.chi2 == pytest.approx(left @ np.linalg.solve(v, left))
     density = multivariate_normal(DESIGN @ values, v).logpdf(problem.observed)
     assert result.log_likelihood == pytest.approx(density)
-    profiled = with_profile(problem, result)
+    profiled = add_profile_intervals(problem, result)
     np.testing.assert_allclose(
         profiled["a"].interval_95, result["a"].interval_95, atol=1e-4 * result["a"].sd
     )

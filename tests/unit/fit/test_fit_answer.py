@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.commands.app import main
-from benchtool.data.run.entry import entry_of
+from benchtool.data.run.entry import build_entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.physics.model_file import load_model
 
@@ -39,7 +39,7 @@ def test_no_answer_is_exit_6_and_no_model(tmp_path, capsys):
     result = json.loads((tmp_path / "fit" / "result.json").read_text())
     assert result["answer"] == "none"
     assert result["problem"].startswith("least_squares: these data do not determine R_m")
-    assert entry_of(RunsFolder(tmp_path), "fit").state == "stopped early"
+    assert build_entry(RunsFolder(tmp_path), "fit").state == "stopped early"
 
 
 def test_a_rejected_model_is_exit_9_and_says_so_in_every_file(tmp_path, capsys):
@@ -51,7 +51,7 @@ def test_a_rejected_model_is_exit_9_and_says_so_in_every_file(tmp_path, capsys):
     model = load_model(tmp_path / "fit" / "model.toml").model
     assert model.provenance["rejected"].startswith("the data reject model 'single'")
     assert "The model is rejected" in (tmp_path / "fit" / "report.html").read_text()
-    assert entry_of(RunsFolder(tmp_path), "fit").state == "model rejected"
+    assert build_entry(RunsFolder(tmp_path), "fit").state == "model rejected"
 
 
 def test_a_good_fit_is_exit_0(tmp_path):

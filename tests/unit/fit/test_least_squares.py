@@ -10,7 +10,7 @@ import pytest
 
 from benchtool.core.errors import EstimationError
 from benchtool.core.fit_result import FitResult
-from benchtool.fit.jacobian import central_differences, complex_step, way_for
+from benchtool.fit.jacobian import central_differences, complex_step, select_method
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
 from tests.unit.fit.cases import (
@@ -50,7 +50,7 @@ def test_a_function_without_complex_arithmetic_is_noticed():
 
     values = np.array([2.0, 1.0])
     for function in (absolute, refuses):
-        assert way_for(function, values, len(X), -FREE, FREE) == "central_differences"
+        assert select_method(function, values, len(X), -FREE, FREE) == "central_differences"
         observed = 5.0 * np.exp(-3.0 * X)
         problem = function_problem(
             "f", {"a": free("a", 2.0), "b": free("b", 1.0)}, function, observed, np.ones(len(X))

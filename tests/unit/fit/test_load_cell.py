@@ -16,10 +16,10 @@ from benchtool.core.parameter import Parameter
 from benchtool.fit.ensemble import fit_ensemble
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.problem import Problem, function_problem
-from benchtool.fit.profile import with_profile
+from benchtool.fit.profile import add_profile_intervals
 from benchtool.fit.recipe import read_recipe
 from benchtool.fit.run_recipe import run_recipe
-from benchtool.fit.uncertainty.load_cell import ScaleError, pooled, with_scale_errors
+from benchtool.fit.uncertainty.load_cell import ScaleError, pool_calibrations, with_scale_errors
 from benchtool.fit.uncertainty.monte_carlo import monte_carlo
 from benchtool.fit.uncertainty.propagation import budget_of, propagation
 from benchtool.fit.uncertainty.run_budget import run_budget
@@ -101,7 +101,7 @@ def competing(seed: int, cells: int, *, se: float = 1e-5) -> Problem:
         known.append({**CALIBRATION, **facts})
     errors = [
         ScaleError(known=one, rows=np.arange(3 * cells) // 3 == cell)
-        for cell, one in enumerate(pooled(known))
+        for cell, one in enumerate(pool_calibrations(known))
     ]
     return with_scale_errors(problem, errors)
 
@@ -135,7 +135,7 @@ def test_both_estimators_and_the_profile_give_students_t():
     k = result["k"]
     for p, (low, high) in ((0.6827, k.interval_68), (0.95, k.interval_95)):
         assert (high - low) / (2.0 * k.sd) == pytest.approx(t.ppf(0.5 + 0.5 * p, 3.0), rel=0.01)
-    profiled = with_profile(problem, result, ["k"])["k"]
+    profiled = add_profile_intervals(problem, result, ["k"])["k"]
     np.testing.assert_allclose(profiled.interval_95, k.interval_95, rtol=2e-4)
     drawn = fit_ensemble(problem, walkers=16, max_steps=4000, seed=3)["k"]
     half = [0.5 * (high - low) for low, high in (drawn.interval_95, k.interval_95)]
@@ -185,7 +185,7 @@ def calibrated(scatter_N: float, dof: int = 3) -> dict[str, object]:
 
 
 def test_a_line_that_came_out_straight_by_luck_weighs_no_more():
-    found = pooled([calibrated(0.0001), calibrated(0.03), calibrated(0.04)])
+    found = pool_calibrations([calibrated(0.0001), calibrated(0.03), calibrated(0.04)])
     repeats = [one["components"][0] for one in found]
     assert [one["dof"] for one in repeats] == [9.0] * 3
     together = np.sqrt((0.0001**2 + 0.03**2 + 0.04**2) / 3.0)
@@ -195,7 +195,9 @@ def test_a_line_that_came_out_straight_by_luck_weighs_no_more():
 
 
 def test_a_cell_that_scatters_clearly_more_keeps_its_own():
-    *alike, loose = pooled([calibrated(0.03, 9), calibrated(0.04, 9), calibrated(0.4, 9)])
+    *alike, loose = pool_calibrations(
+        [calibrated(0.03, 9), calibrated(0.04, 9), calibrated(0.4, 9)]
+    )
     assert loose == calibrated(0.4, 9)
     assert {one["components"][0]["dof"] for one in alike} == {18.0}
 

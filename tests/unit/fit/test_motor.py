@@ -11,15 +11,15 @@ import pytest
 from benchtool.acquire.inputs import SweepInputs
 from benchtool.acquire.operator import Unattended
 from benchtool.acquire.plan import read_plan
-from benchtool.acquire.sweep_run import sweep_to_run
+from benchtool.acquire.sweep_run import run_sweep_to_folder
 from benchtool.core.channel import Channel
-from benchtool.core.own_code import refuse_code
 from benchtool.core.recording import Recording
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.user_code import check_code_allowed
 from benchtool.fit.motor.constants import fit_motor
 from benchtool.fit.motor.response import step_responses
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 TRUTH = {
     "k": 1.02e-5,  # virtual_pquad_single
     "n": 2.0,
@@ -39,7 +39,7 @@ TRUTH = {
 def swept(name: str, seed: int, out: Path) -> Path:
     address = f"sim:pquad_single?truth=virtual_pquad_single&seed={seed}"
     given = SweepInputs(address=address, plan=read_plan(name), out=out, yes=True)
-    run = sweep_to_run(given, Unattended(), refuse_code)
+    run = run_sweep_to_folder(given, Unattended(), check_code_allowed)
     assert run is not None
     return run.path
 

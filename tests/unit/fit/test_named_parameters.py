@@ -8,7 +8,7 @@ import pytest
 
 from benchtool import results
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.parameter import full_name
+from benchtool.core.parameter import resolve_name
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.recipe import Recipe
 
@@ -30,9 +30,9 @@ def test_a_last_part_serves_where_it_is_unique():
 
 def test_a_last_part_of_several_names_is_refused_with_them():
     known = ["tare_offset.thrust_N", "other.thrust_N", "k"]
-    assert full_name("k", known) == "k"
+    assert resolve_name("k", known) == "k"
     with pytest.raises(UnknownChoice, match=r"known: other\.thrust_N, tare_offset\.thrust_N$"):
-        full_name("thrust_N", known)
+        resolve_name("thrust_N", known)
     with pytest.raises(UnknownChoice, match=r"'K_c'; did you mean 'body_lift\.K_b'"):
         recipe_model(quad(free=("K_c",)))
 

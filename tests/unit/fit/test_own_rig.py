@@ -18,10 +18,10 @@ from benchtool.acquire.plan import (
 )
 from benchtool.acquire.sweep import run_sweep
 from benchtool.bench.guard import GuardedBench
-from benchtool.bench.stage.stage import DeviceStage, OneSidedStage
+from benchtool.bench.stage.stage import BacklashCompensatedStage, DeviceStage
 from benchtool.core.errors import FileFormatError, InputError
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named, rig_to_toml
+from benchtool.core.rig_file import load_rig_by_name, rig_to_toml
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 from benchtool.explain.answer import read_request
@@ -32,14 +32,14 @@ from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
 from benchtool.report.fit.page import write_fit
 from benchtool.simulate.imperfections import Imperfections
-from benchtool.virtual.simulated import SimulatedBench
+from benchtool.virtual.simulated_bench import SimulatedBench
 
 K_B = 2.0
 
 
 def five_inch() -> Rig:
     """Return a quadrotor with other arms, rotors and motors than pquad."""
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     propulsion = replace(
         rig.propulsion,
         radius_m=0.0635,
@@ -85,7 +85,9 @@ def swept(
         "sim:own", rig, truth, seed=seed, rate_Hz=80.0, imperfections=flaws or Imperfections()
     )
     with GuardedBench(bench, rig) as guarded:
-        run_sweep(guarded, OneSidedStage(DeviceStage(guarded), rig.plate), plan, rig, run)
+        run_sweep(
+            guarded, BacklashCompensatedStage(DeviceStage(guarded), rig.plate), plan, rig, run
+        )
     return str(path)
 
 
@@ -117,11 +119,11 @@ def test_a_fit_holds_the_truth_of_an_own_vehicle(runs, tmp_path):
     assert again.parameters["body_lift.K_b"].value == output.results[0]["body_lift.K_b"].value
     assert nominal_model(str(written), five_inch()).draws
     with pytest.raises(InputError, match="another rig than the run's"):
-        nominal_model(str(written), rig_named("pquad"))
+        nominal_model(str(written), load_rig_by_name("pquad"))
 
 
 def test_runs_of_two_vehicles_are_no_data_of_one_model(runs, tmp_path):
-    other = Run.create(tmp_path / "pquad", "", {"rig": asdict(rig_named("pquad"))}).path
+    other = Run.create(tmp_path / "pquad", "", {"rig": asdict(load_rig_by_name("pquad"))}).path
     for read in (
         lambda: run_recipe(recipe(runs[0], str(other))),
         lambda: read_request([runs[0]], [str(other)], "quad_bench"),
@@ -165,7 +167,7 @@ def test_numbers_of_another_vehicle_give_way_or_are_refused(radius, said, tmp_pa
     items = load_model(file, five_inch()).model.parameters
     assert (items["k"].value, items["k"].lower, items["k"].free) == (1.6e-6, 0.0, True)
     assert (items["R_m"].value, items["R_m"].upper) == (0.0635, pytest.approx(3 * 0.0635))
-    same = load_model(file, rig_named("pquad")).model.parameters
+    same = load_model(file, load_rig_by_name("pquad")).model.parameters
     assert (same["k"].value, same["k"].lower) == (1.1e-5, 1e-6)
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import norm
 
 import benchtool.api as bt
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.fit.pool.hierarchy import RigValues, pool_rigs
 from benchtool.fit.result_file import write_result

@@ -44,7 +44,7 @@ def test_lengths_must_agree_and_something_must_be_free():
     with pytest.raises(InputError, match="25 points were observed, but groups has 3"):
         replace(problem, groups=np.arange(3))
     with pytest.raises(InputError, match="no free parameter that moves its prediction"):
-        function_problem("line", {"a": free("a", 1.0).fixed()}, line, problem.observed)
+        function_problem("line", {"a": free("a", 1.0).as_fixed()}, line, problem.observed)
 
 
 def test_two_free_noise_parameters_are_refused():
@@ -88,12 +88,12 @@ def test_a_model_predicts_what_it_predicts_by_itself(more):
         model = quad_model()
         for effect in ("plate_offset", "plate_tilt", "partial_coverage", "tare_offset"):
             model = model.with_effect(effect)
-        model = model.freed(*more)
+        model = model.with_free(*more)
         problem = problem_from_model(
             model, conditions, quad_thrust(model, conditions), np.full(len(conditions), 0.1)
         )
         values = problem.start * 1.03 + 0.001 * np.arange(len(problem.start)) * (len(more) > 0)
-        own = model.at(model.parameters.at(values))
+        own = model.with_values(model.parameters.with_values(values))
         expected = own.thrust_N(conditions)
         np.testing.assert_allclose(problem.predict(values), expected, rtol=1e-12)
         many = np.stack([problem.start, values], axis=1)[:, :, None]
@@ -102,15 +102,15 @@ def test_a_model_predicts_what_it_predicts_by_itself(more):
 
 def test_a_tare_error_and_a_drift_move_a_ratio_and_its_reference():
     model = quad_model().with_effect("tare_offset").with_effect("load_cell_drift")
-    model = model.freed("tare_offset.thrust_N", "load_cell_drift.rate_N_per_s")
+    model = model.with_free("tare_offset.thrust_N", "load_cell_drift.rate_N_per_s")
     near = replace(quad_conditions(), elapsed_s=np.linspace(0.0, 300.0, 35))
     parked = replace(near.out_of_ground_effect(), elapsed_s=near.elapsed_s + 20.0)
     truth = {**QUAD_TRUTH, "tare_offset.thrust_N": 0.02, "load_cell_drift.rate_N_per_s": 1e-4}
-    made = model.at(model.parameters.at(np.array([*truth.values()])))
+    made = model.with_values(model.parameters.with_values(np.array([*truth.values()])))
     ratio = made.thrust_N(near) / made.thrust_N(parked)
     bare = made.without("tare_offset").without("load_cell_drift")
     assert np.ptp(ratio / factor_at(bare, "equal_rpm2", near)) > 1e-3
-    at = model.fixed("k", QUAD_TRUTH["k"])
+    at = model.with_fixed("k", QUAD_TRUTH["k"])
     problem = problem_from_model(
         at, near, ratio, np.full(35, 0.01), basis="equal_rpm2", reference=parked
     )
@@ -122,7 +122,7 @@ def test_a_tare_error_and_a_drift_move_a_ratio_and_its_reference():
 
 def test_ratios_hold_the_thrust_coefficient():
     model, conditions = quad_model(), quad_conditions()
-    made = model.at(model.parameters.at(np.array([*QUAD_TRUTH.values()])))
+    made = model.with_values(model.parameters.with_values(np.array([*QUAD_TRUTH.values()])))
     truth = factor_at(made, "equal_rpm2", conditions)
     problem = problem_from_model(
         model, conditions, truth, np.full(len(truth), 0.01), basis="equal_rpm2"

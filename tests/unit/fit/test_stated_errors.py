@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.ratios import thrust_error
 from benchtool.data.table import read_table
 from benchtool.explain.sweep.log import sweep_log
 from benchtool.fit.recipe import Recipe
 from benchtool.fit.run_recipe import FitOutput, run_recipe
 from benchtool.report.fit.page import write_fit
-from benchtool.report.fit.stored_fit import read_stored, stored
+from benchtool.report.fit.stored_fit import read_stored, to_stored_fit
 
 
 def table(folder: Path, columns: str, *errors: str) -> str:
@@ -56,7 +56,7 @@ def test_a_scatter_of_samples_is_not_the_error_of_their_mean(
     np.testing.assert_allclose(output.data.standard_error, expected)
     # Samples within a visit know nothing of what differs between visits, as in a run.
     assert ("noise.scale" in output.problem.free_names) == of_samples
-    log = sweep_log(points, rig_named("pquad_single"))
+    log = sweep_log(points, load_rig_by_name("pquad_single"))
     np.testing.assert_allclose(log.se_N, expected)
 
 
@@ -72,4 +72,4 @@ def test_what_data_do_not_determine_is_said_with_why(tmp_path):
     assert numbers["value"] == found.value
     assert numbers["sd"] == found.sd
     assert numbers["interval_95"] == list(found.interval_95)
-    assert read_stored(tmp_path / "fit").blocks == stored(output).blocks
+    assert read_stored(tmp_path / "fit").blocks == to_stored_fit(output).blocks

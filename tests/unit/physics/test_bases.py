@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.fit.least_squares import fit_least_squares
 from benchtool.fit.model_problem import problem_from_model
 from benchtool.fit.recipe import Basis
@@ -87,14 +87,14 @@ def at(rig: Rig, z_m: Any, **more: Any) -> Conditions:
 @pytest.mark.parametrize("basis", RATIOS)
 def test_a_ratio_at_any_basis_gives_the_same_radius(basis):
     rig, true_m, parked_m = bladed("pquad_single"), 0.128, 1.0
-    model = with_blades_of_rig(Model.single(rig)).freed("R_m")
+    model = with_blades_of_rig(Model.single(rig)).with_free("R_m")
     observed = measured(basis, true_m, parked_m, rig)
     problem = problem_from_model(
         model, at(rig, Z_M), observed, np.full(6, 1e-4), basis=basis, reference=at(rig, parked_m)
     )
     assert fit_least_squares(problem)["R_m"].value == pytest.approx(true_m, rel=1e-9)
     printed = problem_from_model(
-        Model.single(rig).freed("R_m"), at(rig, Z_M), observed, np.full(6, 1e-4), basis=basis,
+        Model.single(rig).with_free("R_m"), at(rig, Z_M), observed, np.full(6, 1e-4), basis=basis,
         reference=at(rig, parked_m),
     )  # fmt: skip
     assert fit_least_squares(printed)["R_m"].value < 0.99 * true_m
@@ -120,7 +120,7 @@ def test_speeds_from_pulses_are_those_near_the_plate():
 
 
 def test_without_blades_every_basis_is_the_papers():
-    rig = rig_named("pquad_single")
+    rig = load_rig_by_name("pquad_single")
     assert with_blades_of_rig(Model.single(rig)).effects == Model.single(rig).effects
     model = Model.single(bladed("pquad_single"))
     values = model.parameters.values_array()
@@ -133,7 +133,7 @@ def test_without_blades_every_basis_is_the_papers():
 
 def test_equal_pulse_without_a_motor_is_refused():
     rig = bladed("pquad_single", None)
-    model = with_blades_of_rig(Model.single(rig)).freed("R_m")
+    model = with_blades_of_rig(Model.single(rig)).with_free("R_m")
     with pytest.raises(InputError, match=r"no \[motor\] that .*governed = true"):
         problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_pwm")
     power = problem_from_model(model, at(rig, Z_M), np.ones(6), basis="equal_power")

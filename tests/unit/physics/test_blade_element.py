@@ -16,7 +16,7 @@ from benchtool.physics.blade_element import (
     torque_at_equal_speed,
     torque_coefficient,
 )
-from benchtool.physics.motor import held_by_pulse_Nm, speed_near_plate, torque_per_speed
+from benchtool.physics.motor import speed_near_plate, torque_at_pulse_Nm, torque_per_speed
 from tests.unit.physics.blades import BLADE, MOTOR
 from tests.unit.physics.closed_forms import single_rotor_factor
 
@@ -93,8 +93,8 @@ def test_a_pulse_holds_what_the_motor_equation_says():
     factor = coefficients(kappa)[1] / coefficients(1.0)[1]
     w = speed_near_plate(free, drag_Nm_s2(1.0), factor, slope)
     assert w == pytest.approx(speed_at_voltage(kappa), rel=1e-10)
-    held = [held_by_pulse_Nm(w, drag_Nm_s2(kappa), slope)]
-    assert held[0] == pytest.approx(held_by_pulse_Nm(free, drag_Nm_s2(1.0), slope), rel=1e-13)
+    held = [torque_at_pulse_Nm(w, drag_Nm_s2(kappa), slope)]
+    assert held[0] == pytest.approx(torque_at_pulse_Nm(free, drag_Nm_s2(1.0), slope), rel=1e-13)
     assert torque_per_speed(Motor(governed=True)) is None
     assert torque_per_speed(None) is None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.bases import factor_at
 from benchtool.physics.conditions import Conditions, moves, past_means
 from benchtool.physics.effects.effect import PAST_S
@@ -46,7 +46,7 @@ def test_motors_stand_still_while_the_plate_moves():
     assert means[0, 3] == pytest.approx(expected)
 
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 RADIUS_M = RIG.propulsion.radius_m
 
 
@@ -77,7 +77,7 @@ def test_beside_the_plate_nothing_is_recovered():
 
 
 def test_neighbours_far_from_every_surface_take_thrust_only_while_they_turn():
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     model = Model.single(rig).with_effect("rotor_interaction", share=0.02, reach=0.3)
     k = model.parameters["k"].value
     far = {"plate_z_m": [1e6], "coverage": np.zeros((4, 1))}
@@ -90,7 +90,7 @@ def test_neighbours_far_from_every_surface_take_thrust_only_while_they_turn():
 
 
 def test_a_room_takes_seven_per_cent_at_two_and_a_half_radii_and_none_far_away():
-    rig = rig_named("pquad_single")
+    rig = load_rig_by_name("pquad_single")
     bare, model = Model.single(rig), Model.single(rig).with_effect("recirculation", share=0.07)
     z_m = np.array([0.5, 1.5, 2.5, 4.0, 60.0]) * rig.propulsion.radius_m
     at = Conditions.of(rig, speed_rad_s=[500.0], plate_z_m=z_m, coverage=np.ones((1, 5)))
@@ -101,7 +101,7 @@ def test_a_room_takes_seven_per_cent_at_two_and_a_half_radii_and_none_far_away()
 
 
 def test_forward_speed_washes_the_ground_effect_out_as_the_source_prints_it():
-    rig = rig_named("pquad_single")
+    rig = load_rig_by_name("pquad_single")
     model = Model.single(rig).with_effect("forward_speed", strength=1.0, hover_inflow_m_s=5.0)
     speeds = np.array([0.0, 2.0, 5.0, 20.0])
     z_m = np.full(4, rig.propulsion.radius_m)

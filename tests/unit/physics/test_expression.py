@@ -16,15 +16,15 @@ import benchtool.physics
 from benchtool.physics.body_lift import body_term
 from benchtool.physics.coverage import half_plane_coverage, rectangle_coverage
 from benchtool.physics.expression import (
-    borrowed,
     compile_expressions,
     expression,
     recorded_expressions,
+    shared_view,
 )
 from benchtool.physics.images import image_velocity, partial_factor, self_image, thrust_factor
 from benchtool.physics.rotor import ground_effect_thrust_N, speed_from_pwm
 from benchtool.physics.wake_rules import notes_weight
-from benchtool.simulate.layout import lent
+from benchtool.simulate.layout import lend_rows
 
 X = np.array([0.225, 0.0, -0.225, 0.0])
 Y = np.array([0.0, 0.225, 0.0, -0.225])
@@ -118,18 +118,18 @@ def test_a_compiled_loop_writes_to_borrowed_arrays_without_counting_references()
 
     @numba.njit
     def fill(table):
-        first, second = borrowed(table, like)
+        first, second = shared_view(table, like)
         for i in range(len(first)):
             first[i] = second.plane[i, 1] + second.counts[i]
         second.plane[2, 0] = 9.0
         return first[0]
 
     arrays = Lent(np.zeros(3), Two(np.arange(3) * 10, np.arange(1.0, 7.0).reshape(3, 2)))
-    assert fill(lent(fill, arrays)) == 2.0
+    assert fill(lend_rows(fill, arrays)) == 2.0
     np.testing.assert_array_equal(arrays.line, [2.0, 14.0, 26.0])
     assert arrays.two.plane[2, 0] == 9.0
     assert "call void @NRT_incref" not in fill.inspect_llvm(fill.signatures[0])
-    assert borrowed(arrays, like) is lent(fill.py_func, arrays) is arrays
+    assert shared_view(arrays, like) is lend_rows(fill.py_func, arrays) is arrays
     for other in (np.zeros((3, 1)), np.arange(3), np.zeros(6)[::2]):
         with pytest.raises(TypeError, match="with 1 axes"):
-            lent(fill, arrays._replace(line=other))
+            lend_rows(fill, arrays._replace(line=other))

@@ -13,7 +13,7 @@ import pytest
 
 from benchtool.physics import expression as compiling
 from benchtool.physics.expression import compiled_closure, expression
-from benchtool.physics.fold import Own, chained, each, multiplied, summed
+from benchtool.physics.fold import BoundHook, chained, multiplied, summed, unrolled
 
 
 class Two(NamedTuple):
@@ -40,8 +40,8 @@ def change(p: Two, i: int, flow: Any, quantity: Any) -> Any:
     return p.gain * quantity + p.offset * flow[i]
 
 
-TERMS = (Own(term, Two, 0, 2), Own(other_term, One, 2, 3), Own(term, Two, 3, 5))
-CHANGES = (Own(change, Two, 0, 2), Own(change, Two, 3, 5))
+TERMS = (BoundHook(term, Two, 0, 2), BoundHook(other_term, One, 2, 3), BoundHook(term, Two, 3, 5))
+CHANGES = (BoundHook(change, Two, 0, 2), BoundHook(change, Two, 3, 5))
 P = (2.0, 0.25, 3.0, -1.5, 0.5)
 FLOW = (0.3, 0.7, 1.1)
 
@@ -79,7 +79,7 @@ def test_joined_hooks_equal_the_written_out_expression(name):
 def test_a_compiled_loop_gives_the_same_numbers():
     numba = pytest.importorskip("numba")
     compiling.compile_expressions()
-    total = each(3, expression(lambda i, flow, p: summed(TERMS)(i, flow, p)))
+    total = unrolled(3, expression(lambda i, flow, p: summed(TERMS)(i, flow, p)))
     fold, change_all = summed(TERMS), chained(CHANGES)
 
     @numba.njit(error_model="numpy")

@@ -7,11 +7,11 @@ import pytest
 
 from benchtool.core.channel import Channel
 from benchtool.core.recording import Recording
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.conditions import Conditions, load_directions
 from benchtool.physics.model import Model
 
-RIG = rig_named("pquad_single")
+RIG = load_rig_by_name("pquad_single")
 K = RIG.propulsion.thrust_coefficient_N_s2
 
 
@@ -64,7 +64,7 @@ def test_the_way_down_reads_twice_the_half_width_more_and_a_tare_row_zero():
     )
     thrust = K * 400.0**2
     assert model.thrust_N(conditions) == pytest.approx([thrust - 0.2, thrust, 0.0], abs=1e-12)
-    fresh = model.fixed("load_cell_hysteresis.tare_direction", 0.0)
+    fresh = model.with_fixed("load_cell_hysteresis.tare_direction", 0.0)
     assert fresh.thrust_N(conditions) == pytest.approx([thrust - 0.1, thrust + 0.1, 0.1])
 
 

@@ -8,7 +8,7 @@ import pytest
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.bases import factor_at
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.effects.partial_coverage import factors
@@ -21,7 +21,7 @@ SPEEDS = np.full((4, 1), 576.0)
 
 
 def test_it_is_eq_2_3_and_4_for_the_quadrotor():
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     radius, spacing = rig.propulsion.radius_m, rig.disc_distances_m[0, 1]
     conditions = Conditions.of(rig, speed_rad_s=SPEEDS, plate_z_m=Z_M)
     single = Model.single(rig)
@@ -39,7 +39,7 @@ def test_it_is_eq_2_3_and_4_for_the_quadrotor():
 
 
 def test_coaxial_rotors_count_as_one_disc():
-    rig = rig_named("amuse")
+    rig = load_rig_by_name("amuse")
     z = np.array([1.0, 2.0]) * rig.propulsion.radius_m
     conditions = Conditions.of(rig, speed_rad_s=np.full((8, 1), 400.0), plate_z_m=z)
     model = Model.single(rig).with_effect("neighbour_images")
@@ -56,7 +56,7 @@ def test_area_factors_follow_their_shares():
     radius = model.rig.propulsion.radius_m
     shares = {f"partial_coverage.share_{k + 1}": v for k, v in enumerate((0.5, 0.2, 0.5))}
     for name, value in shares.items():
-        model = model.fixed(name, value)
+        model = model.with_fixed(name, value)
     conditions = Conditions.of(
         model.rig,
         speed_rad_s=np.array([576.0]),
@@ -69,7 +69,7 @@ def test_area_factors_follow_their_shares():
 
 
 def test_effects_before_the_speed_act_only_on_speeds_that_were_not_measured():
-    rig = rig_named("pquad")
+    rig = load_rig_by_name("pquad")
     model = Model.single(rig).with_effect("battery_sag", rate_per_s=0.001)
     common = {"speed_rad_s": SPEEDS, "plate_z_m": Z_M, "time_s": 100.0}
     measured = Conditions.of(rig, **common)
@@ -80,7 +80,7 @@ def test_effects_before_the_speed_act_only_on_speeds_that_were_not_measured():
 
 
 def test_conditions_come_from_rpm_or_else_from_pulses():
-    rig = rig_named("pquad_single")
+    rig = load_rig_by_name("pquad_single")
     pulse = Channel("pwm1_us", "pwm_us")
     rpm = Channel("rpm1", "rpm")
     z = (Channel("plate_z_m", "m"), np.array([0.12, 0.24]))

@@ -48,7 +48,10 @@ def test_a_prior_bounds_and_tolerance_survive_the_file():
         tolerance=0.1,
     )
     changed = replace(
-        loaded, model=loaded.model.at(loaded.model.parameters.replaced("body_lift.K_b", item))
+        loaded,
+        model=loaded.model.with_values(
+            loaded.model.parameters.with_replaced("body_lift.K_b", item)
+        ),
     )
     again = model_from_toml(model_to_toml(changed), "again.toml")
     assert again.model.parameters["body_lift.K_b"] == item

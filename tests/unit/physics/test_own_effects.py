@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.physics.catalogue import own_effects
+from benchtool.physics.catalogue import user_effects
 from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
 
 GOOD = """
@@ -76,7 +76,7 @@ def written(folder: Path, text: str, name: str = "mine.py") -> str:
 )
 def test_what_cannot_be_used_is_refused_with_its_reason(tmp_path, text, said):
     with pytest.raises(InputError, match=said) as refused:
-        own_effects(written(tmp_path, text), allow)
+        user_effects(written(tmp_path, text), allow)
     assert "\n" not in str(refused.value)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.coverage import rectangle_coverage
 from benchtool.physics.images import partial_factor
 from benchtool.physics.mixer import pitch_moment_Nm
@@ -130,7 +130,9 @@ def test_moment_at_the_edge_of_an_obstacle(row):
 def restoring_mNm(rig_name: str, z_over_R: float, tilt_deg: float, reading: str) -> float:
     """Return the moment against a nose-down tilt, for T = m g/4 of each disc."""
     tilts = np.radians([tilt_deg])
-    found = ATTITUDE.restoring_moment_Nm(rig_named(rig_name), np.array([z_over_R]), tilts, reading)
+    found = ATTITUDE.restoring_moment_Nm(
+        load_rig_by_name(rig_name), np.array([z_over_R]), tilts, reading
+    )
     return float(1e3 * found[0, 0])
 
 
@@ -175,13 +177,13 @@ def test_restoring_moment_of_amuse(row):
 def test_restoring_moment_of_amuse_by_rotors_only():
     values = [restoring_mNm("amuse", 2.0, tilt, "rotors_only") for tilt in (5, 10)]
     check_row(values, ["139", "286"])
-    authority = 1e3 * ATTITUDE.hover_authority_Nm(rig_named("amuse"))
+    authority = 1e3 * ATTITUDE.hover_authority_Nm(load_rig_by_name("amuse"))
     check_row([100.0 * value / authority for value in values], ["0.5", "1.1"])
 
 
 @pytest.mark.parametrize("row", rows(tables.AUTHORITY_PERCENT), ids=lambda r: r[0])
 def test_restoring_moment_against_control_authority(row):
-    authority = 1e3 * ATTITUDE.hover_authority_Nm(rig_named("pquad"))
+    authority = 1e3 * ATTITUDE.hover_authority_Nm(load_rig_by_name("pquad"))
     check_row([authority], ["1545"])
     for tilt, printed in zip((5, 10), row[1:], strict=True):
         if printed != "-":
@@ -193,7 +195,7 @@ def test_restoring_moment_against_control_authority(row):
     ("tilt_deg", "percent", "least"), [(5.0, 5.0, 1.01), (10.0, 5.0, 1.27), (10.0, 8.0, 1.12)]
 )
 def test_from_which_height_on_a_tilt_is_not_considerable(tilt_deg, percent, least):
-    limit = 10.0 * percent * ATTITUDE.hover_authority_Nm(rig_named("pquad"))
+    limit = 10.0 * percent * ATTITUDE.hover_authority_Nm(load_rig_by_name("pquad"))
     moments = [restoring_mNm("pquad", z, tilt_deg, "images") for z in (least - 0.01, least)]
     assert moments[0] > limit > moments[1]
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics import VALIDITY_Z_OVER_R
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import clamped_height
@@ -38,7 +38,7 @@ def factors(model: Model, **place: float) -> np.ndarray:
 def test_a_single_rotor_sees_tilt_through_the_plates_lateral_position_and_its_cosine(plate_x_m):
     height_m = 0.2 * np.cos(0.1) + plate_x_m * np.sin(0.1)
     expected = 1.0 / (1.0 - np.cos(0.1) * (0.12 / (4.0 * height_m)) ** 2)
-    model = Model.single(rig_named("pquad_single")).with_effect("plate_tilt", angle_rad=0.1)
+    model = Model.single(load_rig_by_name("pquad_single")).with_effect("plate_tilt", angle_rad=0.1)
     assert factors(model, plate_x_m=plate_x_m) == pytest.approx([expected])
 
 
@@ -69,7 +69,7 @@ def test_a_plate_pivots_about_its_own_centre(x, y, plate_x, tilt):
 def test_heights_below_the_limit_are_clamped():
     z = np.array([0.01, 0.0599, 0.06, 0.5])
     np.testing.assert_array_equal(clamped_height(z, 0.5 * 0.12), [0.06, 0.06, 0.06, 0.5])
-    assert Model.single(rig_named("pquad")).nearest_z_over_R == VALIDITY_Z_OVER_R == 0.5
+    assert Model.single(load_rig_by_name("pquad")).nearest_z_over_R == VALIDITY_Z_OVER_R == 0.5
 
 
 @pytest.mark.parametrize("name", sorted(WAKE_RULES))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.mixer import WRENCH, mixer_matrix, pitch_moment_Nm
 from benchtool.physics.rotor import (
     drag_torque_Nm,
@@ -76,7 +76,7 @@ def test_moments_are_arm_times_force(rng):
 @pytest.mark.parametrize(("rig_name", "ring"), [("pquad", ""), ("amuse", "_upper")])
 def test_every_row_of_the_paper_s_vehicles_is_equation_9(rig_name, ring, row, signs):
     """Axes x forward, y left, z up, rotor 1 in front; of coaxial pairs the upper rotors."""
-    rig = rig_named(rig_name)
+    rig = load_rig_by_name(rig_name)
     rotors = [place for place in rig.rotors if place.name.endswith(ring)]
     assert [place.name.removesuffix(ring) for place in rotors] == list(signs)
     x, y, spin = (

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import UnknownChoice
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.bases import factor_at
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.images import partial_factor
 from benchtool.physics.model import OWN_IMAGES, Model
 from benchtool.physics.model_file import load_model, model_from_toml, model_to_toml
-from benchtool.physics.prepared import Prepared
+from benchtool.physics.precomputed import Prepared
 from benchtool.physics.tilt import TILT_RULES
 from tests.unit.physics.general_sum import multirotor_factors
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 PLACES, SPACING_M = RIG.disc_positions_m, float(RIG.disc_distances_m[0, 1])
 TILTED = np.radians(10.0)
 
@@ -75,7 +75,7 @@ def test_it_is_the_method_of_images_with_vectors(rule, reading, covered):
 @pytest.mark.parametrize("free", [("plate_offset.dz_m",), ("plate_tilt.angle_rad",)])
 def test_a_prepared_model_gives_what_the_model_gives_under_tilt(rule, free):
     model = quad(rule).with_effect("plate_offset", dz_m=0.004)
-    model = model.with_effect("plate_tilt", angle_rad=0.02).freed(*free)
+    model = model.with_effect("plate_tilt", angle_rad=0.02).with_free(*free)
     m = 12
     speeds = np.where(np.arange(m) % 3 == 0, np.array([[1.0], [1.0], [0.0], [1.0]]), 1.0) * 550.0
     conditions = Conditions.of(
@@ -94,15 +94,15 @@ def test_a_prepared_model_gives_what_the_model_gives_under_tilt(rule, free):
 
 
 def test_a_rotor_at_rest_has_no_thrust_over_a_plate_of_free_height():
-    model = Model.single(rig_named("pquad_single")).with_effect("plate_offset")
+    model = Model.single(load_rig_by_name("pquad_single")).with_effect("plate_offset")
     rest = Conditions.of(model.rig, speed_rad_s=np.zeros((1, 2)), plate_z_m=np.array([0.1, 0.2]))
-    prepared = Prepared(model.freed("plate_offset.dz_m"), rest, merge=False)
+    prepared = Prepared(model.with_free("plate_offset.dz_m"), rest, merge=False)
     assert not prepared.thrust_N(model.parameters.values_array()).any()
 
 
 def test_every_law_of_distance_counts_along_the_rotor_axis():
     """For one rotor the denominator's term is the law's own, times the cosine."""
-    bare = Model.single(rig_named("pquad_single")).without(OWN_IMAGES)
+    bare = Model.single(load_rig_by_name("pquad_single")).without(OWN_IMAGES)
     for name, effect in EFFECTS.items():
         if effect.distance_law is None or effect.distance_law.surface != "below":
             continue

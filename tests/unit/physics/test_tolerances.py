@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import model_from_toml
@@ -35,7 +35,7 @@ def with_all(rig: Rig) -> Model:
 
 
 def test_on_the_beam_they_are_what_its_owner_named():
-    known = tolerances(with_all(rig_named("beam")), "pitch")
+    known = tolerances(with_all(load_rig_by_name("beam")), "pitch")
     assert {name: known[name] for name in ON_THE_BEAM} == pytest.approx(ON_THE_BEAM, rel=1e-12)
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchtool.core.channel import Channel, error_name, unit_in_name
+from benchtool.core.channel import Channel, error_channel_name, unit_from_name
 from benchtool.core.errors import FileFormatError, InputError, UnknownChoice
 from benchtool.core.recording import Recording
-from benchtool.data.levels import levels_of
+from benchtool.data.levels import split_levels
 from benchtool.data.run.recording_file import write_recording
-from benchtool.report.compare.page import best_table, compared
+from benchtool.report.compare.page import best_table, compare_runs
 from benchtool.report.compare.runs import ComparedRun, at_thrust, read_compared
 
 GF = 9.80665e-3
@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[3]
 def table(**columns: object) -> Recording:
     """Return a recording of these columns."""
     return Recording.from_columns(
-        [(Channel(name, unit_in_name(name)), np.asarray(v, float)) for name, v in columns.items()]
+        [(Channel(name, unit_from_name(name)), np.asarray(v, float)) for name, v in columns.items()]
     )
 
 
@@ -69,9 +69,9 @@ def test_the_error_is_what_the_scatter_makes_over_fixed_seeds(tmp_path):
 
 def read_quantities(recording: Recording) -> tuple[object, ...]:
     """Return the quantities of a recording without propeller, in standard air."""
-    from benchtool.data.derived import circumstances, derive
+    from benchtool.data.derived import derive_quantities, measurement_context
 
-    return derive(recording, circumstances(None, None))
+    return derive_quantities(recording, measurement_context(None, None))
 
 
 def test_stated_errors_of_thrust_and_power_pass_into_the_efficiency(tmp_path):
@@ -79,7 +79,9 @@ def test_stated_errors_of_thrust_and_power_pass_into_the_efficiency(tmp_path):
     recording = stand(6.0, levels)
     for name, share in (("thrust_N", 0.01), ("current_A", 0.02), ("voltage_V", 0.0)):
         own = share * recording.column(name) + 1e-12
-        recording = recording.with_column(Channel(error_name(name), unit_in_name(name)), own)
+        recording = recording.with_column(
+            Channel(error_channel_name(name), unit_from_name(name)), own
+        )
     run = read_compared(written(tmp_path, "one", recording))
     value, sd = at_thrust(run, 5.0).values["efficiency_gf_W"]
     # Three rows, symmetric in the logarithm: the mean of ln P - 1.5 ln T.
@@ -94,7 +96,7 @@ def test_runs_are_ranked_and_those_that_do_not_reach_the_thrust_are_named(tmp_pa
             [("thirsty", 7.0, levels), ("frugal", 6.0, levels), ("small", 5.0, levels / 3.0)]
         )
     ]
-    one = compared(paths, thrust_N=5.0)
+    one = compare_runs(paths, thrust_N=5.0)
     assert [found.run for found in one.found] == ["frugal", "thirsty", "small"]
     assert one.found[2].remark == "reaches 0.167 to 3 N"
     table = best_table(one)
@@ -106,23 +108,23 @@ def test_runs_are_ranked_and_those_that_do_not_reach_the_thrust_are_named(tmp_pa
 def test_what_cannot_be_compared_is_refused_with_the_axes_that_can(tmp_path):
     path = written(tmp_path, "one", stand(6.0, (1.0, 2.0)))
     with pytest.raises(InputError, match="choose --over thrust or rpm or power or throttle"):
-        compared([path], "distance")
+        compare_runs([path], "distance")
     with pytest.raises(UnknownChoice, match="volts"):
-        compared([path], "volts")  # type: ignore[arg-type]
+        compare_runs([path], "volts")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="nothing to compare"):
-        compared([])
+        compare_runs([])
     with pytest.raises(FileFormatError, match="there is no such file or run folder"):
-        compared([tmp_path / "nothing"])
+        compare_runs([tmp_path / "nothing"])
     bare = written(tmp_path, "bare", table(rpm1=[1.0, 2.0]))
     with pytest.raises(FileFormatError, match="holds no thrust"):
-        compared([bare])
+        compare_runs([bare])
 
 
 def test_levels_are_the_steady_half_of_each_step_with_errors_of_their_means():
     pulse = np.repeat([1100.0, 1300.0, 1100.0], 8)
     thrust = np.tile([9.0, 9.0, 9.0, 9.0, 1.0, 2.0, 3.0, 4.0], 3)
     thrust[12:16] += 10.0
-    found = levels_of(table(time_s=np.arange(24.0), pwm1_us=pulse, thrust_N=thrust))
+    found = split_levels(table(time_s=np.arange(24.0), pwm1_us=pulse, thrust_N=thrust))
     assert found.column("pwm1_us").tolist() == [1100.0, 1300.0, 1100.0]
     assert found.column("thrust_N").tolist() == [2.5, 12.5, 2.5]
     assert found.column("thrust_se_N") == pytest.approx(np.sqrt(5.0 / 3.0 / 4.0))
@@ -131,7 +133,7 @@ def test_levels_are_the_steady_half_of_each_step_with_errors_of_their_means():
 def test_a_ramp_that_moves_all_the_time_is_cut_into_means_of_half_a_second():
     time = np.arange(0.0, 4.0, 0.01)
     pulse = 1100.0 + 50.0 * np.floor(time / 0.05)
-    found = levels_of(table(time_s=time, pwm1_us=pulse, thrust_N=pulse / 1000.0))
+    found = split_levels(table(time_s=time, pwm1_us=pulse, thrust_N=pulse / 1000.0))
     assert len(found) == 8
     assert found.column("thrust_N") == pytest.approx(found.column("pwm1_us") / 1000.0)
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
 from benchtool.core.errors import WouldOverwrite
-from benchtool.report.figure import drawn
+from benchtool.report.figure import render_figures
 from benchtool.report.files import figure_bytes, save_figure
 from benchtool.report.fit.residuals import expected_runs, judge_runs, runs_of_sign
 from benchtool.report.panels import broken_line, envelope
@@ -39,7 +39,7 @@ def test_the_expected_runs_are_those_of_independent_signs(rng):
 
 def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise():
     given = answer()
-    (axes,) = drawn("answer", given, ["gap"])["gap"].figure.axes
+    (axes,) = render_figures("answer", given, ["gap"])["gap"].figure.axes
     gaps = given.verdict.gaps
     widths = [size / gap.floor for gap in gaps for size in (gap.before, gap.after)]
     assert_allclose([patch.get_width() for patch in axes.patches], widths)  # type: ignore[attr-defined]
@@ -51,7 +51,7 @@ def test_gaps_are_drawn_in_noise_floors_with_the_band_of_pure_noise():
 
 def test_parameters_stand_beside_the_band_that_would_not_matter():
     given = answer("several")
-    (axes,) = drawn("answer", given, ["parameters"])["parameters"].figure.axes
+    (axes,) = render_figures("answer", given, ["parameters"])["parameters"].figure.axes
     assert axes.patches[0].get_gid() == "tolerance"
     points = [np.asarray(bars.lines[0].get_xdata()).item() for bars in axes.containers]  # type: ignore[attr-defined]
     found = [item for effect in given.verdict.effects for item in effect.parameters]

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from benchtool.core.errors import UnknownChoice
 from benchtool.report import figure as registry
-from benchtool.report.figure import captions, drawn, figure
+from benchtool.report.figure import captions, figure, render_figures
 from benchtool.report.style import SIMULATED_GID
 
 
@@ -22,7 +22,7 @@ class Subject:
 @pytest.fixture(autouse=True)
 def own_page(monkeypatch):
     """Register on the page "fit", whose own figures are loaded and put aside."""
-    registry.every_figure()
+    registry.all_figures()
     monkeypatch.setattr(registry, "_FIGURES", {})
     monkeypatch.setattr(registry, "PAGES", {})
 
@@ -33,11 +33,11 @@ def line(figure: Figure, subject: Subject) -> None:
 
 def test_texts_name_the_subject_and_the_stamp_is_its_own():
     figure(page="fit", name="line", title="Line: {0.name}", caption="Of {0.name}.")(line)
-    block = drawn("fit", Subject())["line"]
+    block = render_figures("fit", Subject())["line"]
     assert block.figure.get_suptitle() == "Line: lab"
     assert block.caption == "Of lab."
     assert [text.get_gid() for text in block.figure.texts].count(SIMULATED_GID) == 1
-    measured = drawn("fit", Subject(simulated=False))["line"]
+    measured = render_figures("fit", Subject(simulated=False))["line"]
     assert SIMULATED_GID not in [text.get_gid() for text in measured.figure.texts]
 
 
@@ -47,5 +47,5 @@ def test_a_name_is_taken_once_and_an_unknown_one_refused():
     with pytest.raises(ValueError, match="page fit has a figure line already"):
         register(line)
     with pytest.raises(UnknownChoice, match="figure of the page fit 'lime'; did you mean 'line'"):
-        drawn("fit", Subject(), ["lime"])
+        render_figures("fit", Subject(), ["lime"])
     assert captions("fit") == {"line": "A line."}

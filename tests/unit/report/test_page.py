@@ -13,7 +13,7 @@ from benchtool.report.html import render_report
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.page import (
     Commands,
-    Facts,
+    FactTable,
     FigureBlock,
     Paragraph,
     Report,
@@ -38,7 +38,9 @@ def report() -> Report:
         "The answer.",
         [
             Section("What was done", [Paragraph("Thrust < 30 N & more."), figure_block("First.")]),
-            Section("Conditions", [Facts({"air density": "1.19 kg/m³"}), figure_block("Second.")]),
+            Section(
+                "Conditions", [FactTable({"air density": "1.19 kg/m³"}), figure_block("Second.")]
+            ),
             Section("Conditions", [Warnings(["Mind <this>."]), Warnings([])]),
             Section("How", [Commands(["benchtool fit 'a b' --model x"])]),
             Section("Numbers", [Table("Some.", ("name", "value"), [("a", "1")])]),

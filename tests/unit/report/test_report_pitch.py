@@ -15,8 +15,8 @@ from benchtool.core.schedule import PlateVisit, Schedule, Signal
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.run.read import read_pitch
 from benchtool.data.run.recording_file import read_recording
-from benchtool.explain.pitch.replay_track import LEAST_RAD, mismatch, pitch_track
-from benchtool.explain.pitch.replayed import Beside, known_control, replayed
+from benchtool.explain.pitch.replay import ReplayInputs, controller_of_run, run_replay
+from benchtool.explain.pitch.replay_track import LEAST_RAD, pitch_track, tracking_error
 from benchtool.physics.model_file import load_model
 from benchtool.report.replay.page import errors_deg
 from benchtool.report.report_file import kind_of, page_text
@@ -89,7 +89,7 @@ def test_a_track_holds_the_flight_on_an_even_clock(flown, log):
 
 def test_logged_pulses_drive_the_plant_to_what_was_recorded(log):
     track = pitch_track(read_recording(log))
-    run, warned = replayed(track, Beside(model=MODEL, plate_z_m=0.12), {})
+    run, warned = run_replay(track, ReplayInputs(model=MODEL, plate_z_m=0.12), {})
     assert run is not None
     assert run.by == "pulses"
     assert warned == []
@@ -99,7 +99,7 @@ def test_logged_pulses_drive_the_plant_to_what_was_recorded(log):
     # the start of a window only to a hundredth of a radian per second: 0.2 to 0.4 degrees a window.
     assert np.ptp(recorded) > 5.0
     assert apart < 0.5
-    without, _ = replayed(track, Beside(model="pitch_pquad", plate_z_m=0.99), {})
+    without, _ = run_replay(track, ReplayInputs(model="pitch_pquad", plate_z_m=0.99), {})
     assert without is not None
     inside = track.any_over > 0.0
     far = errors_deg(track, without)[1]
@@ -110,7 +110,7 @@ def test_logged_pulses_drive_the_plant_to_what_was_recorded(log):
 
 def test_a_known_controller_flies_the_same_reference_and_windows(flown):
     track = pitch_track(flown)
-    run, _ = replayed(track, Beside(model=MODEL), KNOWN)
+    run, _ = run_replay(track, ReplayInputs(model=MODEL), KNOWN)
     assert run is not None
     assert run.by == "controller"
     assert "controller pid with gains s3" in run.words
@@ -124,12 +124,12 @@ def test_a_known_controller_flies_the_same_reference_and_windows(flown):
 
 def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log):
     assert kind_of(log) == "recording"
-    page = page_text([log], Beside(model=MODEL, rig="pquad", plate_z_m=0.12))
+    page = page_text([log], ReplayInputs(model=MODEL, rig="pquad", plate_z_m=0.12))
     check_self_contained(page)
     text, facts = words_of(page), facts_of(page)
     assert "open loop: the plant under the logged pulses" in text
     track = pitch_track(read_recording(log))
-    run, _ = replayed(track, Beside(model=MODEL, plate_z_m=0.12), {})
+    run, _ = run_replay(track, ReplayInputs(model=MODEL, plate_z_m=0.12), {})
     recorded, simulated = errors_deg(track, run)
     inside = track.any_over > 0.0
     rows = rows_of(page, "Pitch minus reference")
@@ -146,22 +146,24 @@ def test_the_page_of_an_imported_log_has_its_numbers_repairs_and_hashes(log):
 
 def test_what_is_missing_is_said_and_the_log_is_drawn_all_the_same(log):
     with pytest.raises(InputError, match=r"does not say which rig .* name it with --rig"):
-        page_text([log], Beside(model=MODEL, plate_z_m=0.12))
-    text = words_of(page_text([log], Beside(model=MODEL, rig="pquad")))
+        page_text([log], ReplayInputs(model=MODEL, plate_z_m=0.12))
+    text = words_of(page_text([log], ReplayInputs(model=MODEL, rig="pquad")))
     assert "Nothing tells how far below the rotors the surface was" in text
     with pytest.raises(InputError, match="4 rotors, but rig 'beam'"):
-        page_text([log], Beside(model="pitch_beam", rig="beam", plate_z_m=0.12))
+        page_text([log], ReplayInputs(model="pitch_beam", rig="beam", plate_z_m=0.12))
     with pytest.raises(InputError, match="the recording has: 1, 2, 3, 4"):
-        page_text([log], Beside(model=MODEL, rig="pquad", motors=(1, 2, 3, 7)))
+        page_text([log], ReplayInputs(model=MODEL, rig="pquad", motors=(1, 2, 3, 7)))
     with pytest.raises(InputError, match="give --gains"):
-        page_text([log], Beside(model=MODEL, rig="pquad", controller="pid", plate_z_m=0.12))
+        page_text([log], ReplayInputs(model=MODEL, rig="pquad", controller="pid", plate_z_m=0.12))
 
 
 def test_a_run_that_does_not_follow_is_not_shown_as_a_result(log):
-    good = page_text([log], Beside(model=MODEL, rig="pquad", plate_z_m=0.12))
+    good = page_text([log], ReplayInputs(model=MODEL, rig="pquad", plate_z_m=0.12))
     assert "does not follow" not in words_of(good)
     assert "simulated RMS error, over it" in facts_of(good)
-    page = page_text([log], Beside(model=MODEL, rig="pquad", plate_z_m=0.12, motors=(3, 2, 1, 4)))
+    page = page_text(
+        [log], ReplayInputs(model=MODEL, rig="pquad", plate_z_m=0.12, motors=(3, 2, 1, 4))
+    )
     facts = facts_of(page)
     assert facts["simulated run"] == "does not follow the log"
     assert not [name for name in facts if "RMS" in name and "simulated" in name]
@@ -171,26 +173,30 @@ def test_how_far_a_run_may_be_from_its_log(flown):
     track = pitch_track(flown)
     swing = np.nanstd(track.theta_rad)
     mean = np.full(len(track), np.nanmean(track.theta_rad))
-    assert mismatch(track, track.time_s, track.theta_rad, "pulses") == ""
-    assert mismatch(track, track.time_s, mean + 0.5 * (track.theta_rad - mean), "pulses") == ""
+    assert tracking_error(track, track.time_s, track.theta_rad, "pulses") == ""
+    assert (
+        tracking_error(track, track.time_s, mean + 0.5 * (track.theta_rad - mean), "pulses") == ""
+    )
     away = 2.0 * mean - track.theta_rad  # the same swing the opposite way: two swings away
     assert swing > LEAST_RAD
-    assert "a line at its mean is nearer" in mismatch(track, track.time_s, away, "pulses")
+    assert "a line at its mean is nearer" in tracking_error(track, track.time_s, away, "pulses")
     farther = mean + 1.2 * (away - mean)
-    assert "the opposite way" in mismatch(track, track.time_s, farther, "controller")
+    assert "the opposite way" in tracking_error(track, track.time_s, farther, "controller")
     # A log that stands still: noise alone parts a run from it.
     still = replace(track, theta_rad=np.zeros(len(track)))
-    assert mismatch(still, track.time_s, np.full(len(track), 0.9 * LEAST_RAD), "pulses") == ""
-    assert "42.0°" in mismatch(still, track.time_s, np.full(len(track), np.radians(42.0)), "pulses")
+    assert tracking_error(still, track.time_s, np.full(len(track), 0.9 * LEAST_RAD), "pulses") == ""
+    assert "42.0°" in tracking_error(
+        still, track.time_s, np.full(len(track), np.radians(42.0)), "pulses"
+    )
     # One that keeps near on the whole, and goes for a moment where the vehicle never was.
     jump = np.zeros(len(track))
     jump[100:103] = np.radians(12.0)
     never = replace(still, reference_rad=np.zeros(len(track)))
-    assert "goes over 12°" in mismatch(never, track.time_s, jump, "pulses")
+    assert "goes over 12°" in tracking_error(never, track.time_s, jump, "pulses")
     # A miss over the surface counts, however long the rest is.
     long = replace(track, over=np.where(track.time_s < 6.2, track.over, 0.0))
     bad = np.where(long.any_over > 0.0, track.theta_rad + np.radians(42.0), track.theta_rad)
-    assert "42.0° RMS over the surface" in mismatch(long, track.time_s, bad, "controller")
+    assert "42.0° RMS over the surface" in tracking_error(long, track.time_s, bad, "controller")
 
 
 def test_gaps_stay_blank_and_nothing_is_simulated_across_them(flown):
@@ -199,7 +205,7 @@ def test_gaps_stay_blank_and_nothing_is_simulated_across_them(flown):
     track = pitch_track(kept)
     blank = (track.time_s > 3.1) & (track.time_s < 5.4)
     assert np.isnan(track.theta_rad[blank]).all()
-    run, _ = replayed(track, Beside(model=MODEL), {})
+    run, _ = run_replay(track, ReplayInputs(model=MODEL), {})
     assert run is not None
     assert np.isnan(run.theta_rad[blank]).all()
     assert np.isfinite(run.theta_rad[~blank]).any()
@@ -210,7 +216,7 @@ def test_a_log_of_speeds_only_and_one_of_shares_are_driven_too(flown):
     names = [name for name in flown.names if not name.startswith("pwm")]
     pairs = [(flown.channels[flown.index(name)], flown.column(name)) for name in names]
     speeds = Recording.from_columns(pairs)
-    run, _ = replayed(pitch_track(speeds), Beside(model=MODEL), {})
+    run, _ = run_replay(pitch_track(speeds), ReplayInputs(model=MODEL), {})
     assert run is not None
     shares = [
         (Channel(f"motor{k}_share", "1"), (flown.column(f"pwm{k}_us") - 1000.0) / 1000.0)
@@ -222,14 +228,14 @@ def test_a_log_of_speeds_only_and_one_of_shares_are_driven_too(flown):
 
 
 def test_the_controller_is_taken_from_the_recording_only_where_benchtool_has_it():
-    assert known_control({}, Beside()) is None
-    assert known_control({"controller": "pid"}, Beside()) is None
-    assert known_control({"controller": "mine.py:Own", "gains": "s3"}, Beside()) is None
-    found = known_control({"controller": "observer", "gains": "s3"}, Beside())
+    assert controller_of_run({}, ReplayInputs()) is None
+    assert controller_of_run({"controller": "pid"}, ReplayInputs()) is None
+    assert controller_of_run({"controller": "mine.py:Own", "gains": "s3"}, ReplayInputs()) is None
+    found = controller_of_run({"controller": "observer", "gains": "s3"}, ReplayInputs())
     assert found is not None
     assert found.observer
     with pytest.raises(InputError, match="pdi"):
-        known_control({}, Beside(controller="pdi", gains="s3"))
+        controller_of_run({}, ReplayInputs(controller="pdi", gains="s3"))
 
 
 def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(tmp_path, capsys):
@@ -238,7 +244,7 @@ def test_a_recorded_bench_is_replayed_by_the_controller_that_it_names(tmp_path, 
     assert call("record", *words) == 0
     assert call("fit", str(run), "--model", MODEL) == 2
     assert "this is a pitch run, from which nothing is fitted" in capsys.readouterr().err
-    page = page_text([run], Beside(model=MODEL))
+    page = page_text([run], ReplayInputs(model=MODEL))
     facts = facts_of(page)
     assert facts["sha256 of the run's data (points and samples)"] == data_hash(run)
     track = pitch_track(read_pitch(run))

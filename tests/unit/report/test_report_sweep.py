@@ -12,7 +12,7 @@ from benchtool.core.errors import FileFormatError, InputError, WouldOverwrite
 from benchtool.data.atomic import data_hash, file_hash
 from benchtool.data.run.read import read_points
 from benchtool.data.run.run import read_settings
-from benchtool.explain.pitch.replayed import Beside
+from benchtool.explain.pitch.replay import ReplayInputs
 from benchtool.report.numbers import value_with_sd
 from benchtool.report.report_file import page_text, write_report
 from benchtool.report.sweep.page import common_table
@@ -98,7 +98,7 @@ def test_a_stopped_run_and_a_changed_file_are_warned_of(run, tmp_path):
 def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run, tmp_path):
     fit = tmp_path / "fit"
     assert call("fit", str(run), "--model", "single_bench", "--out", str(fit)) == 0
-    page = page_text([run], Beside(model=str(fit)))
+    page = page_text([run], ReplayInputs(model=str(fit)))
     assert 'id="f0-1-band-95"' in page
     assert "fitted to one. Its bands: covariance of the fit in fit." in words_of(page)
     own = (fit / "report.html").read_text()
@@ -106,7 +106,7 @@ def test_a_model_stands_beside_the_data_with_the_band_of_its_fit(run, tmp_path):
     assert facts_of(own)["device"] == facts_of(page)["device"]
     assert write_report([fit]) == fit / "report.html"
     with pytest.raises(InputError, match="was written when it was made"):
-        write_report([fit], beside=Beside(model="single"))
+        write_report([fit], beside=ReplayInputs(model="single"))
     (fit / "report.html").unlink()
     with pytest.raises(FileFormatError, match="make it again"):
         write_report([fit])

@@ -7,7 +7,7 @@ from math import acos, cos, exp, pi, radians, sin, sqrt
 
 import numpy as np
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.expression import read_record
 from benchtool.simulate.flight.cases import flight_case
 from benchtool.simulate.flight.environment import Environment
@@ -19,7 +19,7 @@ from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 from tests.unit.simulate.euler_lagrange import from_euler
 
-PQUAD = FlightVehicle.of_rig(rig_named("pquad"))
+PQUAD = FlightVehicle.of_rig(load_rig_by_name("pquad"))
 
 
 def case(name: str = "over", gains: str = "s3", **numbers: object) -> FlightCase:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit, SampledSchedule, Schedule, Signal
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
@@ -17,7 +17,7 @@ from benchtool.simulate.pitch.run import PitchJob
 
 def quiet_bench(rig: str = "beam", **effects: dict[str, float]) -> PitchBench:
     """Return a bench without noise, rounding or friction, with these effects alone."""
-    model = Model.single(rig_named(rig))
+    model = Model.single(load_rig_by_name(rig))
     for name, values in effects.items():
         model = model.with_effect(name, **values)
     return PitchBench.of(model, sensors={}, pwm_quantum_us=0.0)

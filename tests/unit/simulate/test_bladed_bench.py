@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.blade_element import (
     inflow_at_equal_thrust,
     inflow_response,
@@ -79,14 +79,16 @@ def test_speed_torque_and_current_are_what_the_motor_and_the_blades_give(z_over_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rig", [rig_named("pquad"), bladed("pquad")], ids=["printed", "blades"])
+@pytest.mark.parametrize(
+    "rig", [load_rig_by_name("pquad"), bladed("pquad")], ids=["printed", "blades"]
+)
 def test_in_flight_the_torque_turns_the_vehicle_where_blades_answer(rig):
     """Over an edge under the front rotor alone, whose reaction torque is not balanced any more."""
     edge = Environment(blocks=(Block(x_m=(0.1, 3.0), top_m=0.0),))
     vehicle = FlightVehicle.of_rig(rig)
     below = look_below(vehicle, edge, (0.0, 0.0, 0.12))
     m, share = inflow_response(BLADE), profile_share(BLADE)
-    law = look_below(FlightVehicle.of_rig(rig_named("pquad")), edge, (0.0, 0.0, 0.12)).factor
+    law = look_below(FlightVehicle.of_rig(load_rig_by_name("pquad")), edge, (0.0, 0.0, 0.12)).factor
     kappa = inflow_at_equal_thrust(np.array(law))
     expected = torque_at_equal_speed(kappa, m, share) if rig.blade else np.ones(4)
     np.testing.assert_allclose(below.drag, expected, rtol=1e-13)

@@ -8,20 +8,20 @@ import pandas as pd
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.simulate.campaign import Campaign
 from benchtool.simulate.campaign_flight import OGE, flight_campaign
-from benchtool.simulate.design import Design, Vary
+from benchtool.simulate.design import Design, VariedParameter
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import fly
 from benchtool.simulate.flight.measures import measure
-from benchtool.simulate.flight.setup import FlightSetup, changed
+from benchtool.simulate.flight.setup import FlightSetup, with_changes
 from benchtool.simulate.flight.vehicle import FlightVehicle
 from benchtool.simulate.gain_file import gains_named
 
 SETUP = FlightSetup(
     case="over",
-    vehicle=FlightVehicle.of_rig(rig_named("pquad")),
+    vehicle=FlightVehicle.of_rig(load_rig_by_name("pquad")),
     gains=gains_named("s3"),
     gyro_noise_rad_s=0.015,
 )
@@ -42,7 +42,7 @@ def test_every_row_is_the_flight_as_flown_alone():
     ]
     again = list(campaign(OGE, "pid").rows(design, threads=1))
     pd.testing.assert_frame_equal(pd.DataFrame(again), pd.DataFrame(rows))
-    slow = changed(SETUP, {"speed_m_s": 0.2}).flown("pid", 6)
+    slow = with_changes(SETUP, {"speed_m_s": 0.2}).flown("pid", 6)
     for row, case in ((rows[5], slow), (rows[1], replace(slow, below=Environment()))):
         found = measure(fly(case))
         assert row["rms_pitch_deg"] == found.rms_pitch_deg
@@ -74,4 +74,4 @@ def test_a_grid_and_random_points():
 )
 def test_text_that_is_no_range_is_refused(text):
     with pytest.raises(InputError, match="write NAME=FROM:TO:COUNT"):
-        Vary.read(text)
+        VariedParameter.read(text)

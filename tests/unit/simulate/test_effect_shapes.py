@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.simulate.hooks import joined_hooks, loop_effects, loop_numbers
 from benchtool.simulate.imperfections import Imperfections
-from benchtool.simulate.motors import lagged, motion_of
+from benchtool.simulate.motors import first_order_lag, motion_of
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, PitchBench
 from benchtool.simulate.pitch.filter_log import LoggedPitch, predict_windows
 from benchtool.simulate.plate_bench import PlateBench
-from benchtool.simulate.truth import Play
+from benchtool.simulate.true_thrust import BacklashState
 
 TAU_S, DT_S, REFERENCE = 0.025, 0.002, 600.0
-RIG = rig_named("beam")
+RIG = load_rig_by_name("beam")
 
 
 def shaped(with_speed: float, rising: float) -> Model:
@@ -34,7 +34,7 @@ def followed(model: Model, start: float, wanted: float, steps: int) -> float:
     speeds, both = (start, start), (wanted, wanted)
     for _ in range(steps):
         for half in (motion.first, motion.second):
-            speeds = hooks.followed(speeds, lagged(half, speeds, both, both), p)
+            speeds = hooks.followed(speeds, first_order_lag(half, speeds, both, both), p)
     return float(speeds[0])
 
 
@@ -47,11 +47,11 @@ def test_a_rotor_follows_with_the_lag_of_its_speed(speed, step):
     assert reached == pytest.approx(speed + step * (1.0 - np.exp(-rate * 10 * DT_S)), abs=0.15)
 
 
-RIG_PLAY = rig_named("pquad_single")
+RIG_PLAY = load_rig_by_name("pquad_single")
 
 
 def test_a_play_takes_up_its_width_before_it_turns():
-    play = Play(0.5)
+    play = BacklashState(0.5)
     assert play.follow(np.array([1.0, 2.0])).tolist() == [1.0, 1.0]
     assert play.follow(np.array([1.75, 1.5, 1.0, 0.0])).tolist() == [0.5, 0.0, -1.0, -1.0]
 
@@ -76,7 +76,7 @@ def test_levels_visited_up_and_down_read_as_the_settled_model_says():
     assert bench.advance(10)[-1, thrust] == pytest.approx(0.0, abs=1e-9)
 
 
-RIG, ROWS = rig_named("beam"), 1500
+RIG, ROWS = load_rig_by_name("beam"), 1500
 HOLDS_NM, GIVE_RAD = 0.02, 0.01
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.core.schedule_file import schedule_named
+from benchtool.core.schedule_file import load_schedule
 from benchtool.explain.pitch.filter import pitch_filter
 from benchtool.physics.model import Model
 from benchtool.physics.model_file import load_model
@@ -25,7 +25,7 @@ def bench_of(model: Model) -> PitchBench:
 
 def logged_from(model: Model, seed: int) -> LoggedPitch:
     control = PitchControl(name="pid", gains=gains_named("s3"), rate_Hz=RATE_HZ)
-    schedule = schedule_named("identify").sampled(RATE_HZ, model.rig.propulsion.radius_m)
+    schedule = load_schedule("identify").sampled(RATE_HZ, model.rig.propulsion.radius_m)
     run = simulate_pitch(PitchJob(bench_of(model), control), schedule, seed)
     return LoggedPitch(
         rate_Hz=RATE_HZ,
@@ -52,7 +52,7 @@ def whitened(model: Model, logged: LoggedPitch) -> tuple[np.ndarray, np.ndarray]
 
 @pytest.fixture(scope="module")
 def true_model():
-    return load_model("pitch_beam").model.fixed("coulomb_friction.torque_Nm", 0.0)
+    return load_model("pitch_beam").model.with_fixed("coulomb_friction.torque_Nm", 0.0)
 
 
 def test_the_true_plant_leaves_white_noise_of_unit_size(true_model):

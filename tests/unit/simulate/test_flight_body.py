@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 from benchtool.simulate.flight.rigid_body import (
     GRAVITY_M_S2,
     FreeBody,
+    apply_impulse,
     drift,
-    kicked,
-    kicked_rates,
     pitch_of,
+    rates_after_impulse,
     roll_of,
     upward,
     yaw_of,
@@ -29,8 +29,8 @@ def step(state: np.ndarray, dt_s: float, torque: np.ndarray, lift_N: float) -> N
     body = drift(FreeBody(*state), 0.5 * dt_s)
     force = lift_N * np.array(upward(body)) / MASS - np.array([0.0, 0.0, GRAVITY_M_S2])
     velocity = np.array([body.vx_m_s, body.vy_m_s, body.vz_m_s]) + dt_s * force
-    rates = kicked_rates(body, tuple(torque), tuple(INERTIA), dt_s)
-    state[:] = drift(kicked(body, tuple(velocity), rates, 0.0), 0.5 * dt_s)[:13]
+    rates = rates_after_impulse(body, tuple(torque), tuple(INERTIA), dt_s)
+    state[:] = drift(apply_impulse(body, tuple(velocity), rates, 0.0), 0.5 * dt_s)[:13]
 
 
 def at_start(z_m: float, attitude: tuple[float, ...], *rates: float) -> np.ndarray:

@@ -17,9 +17,9 @@ from benchtool.simulate.controllers.controller import (
 )
 from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import Goal, fly
-from benchtool.simulate.flight.own import fly_own
+from benchtool.simulate.flight.user_controller import fly_user_controller
 from benchtool.simulate.gain_file import gains_named
-from benchtool.simulate.own_controller import made
+from benchtool.simulate.user_controller import make_controllers
 from tests.unit.simulate.flying import PQUAD, case
 
 SHORT = case(duration_s=0.4)
@@ -72,7 +72,7 @@ class Hover:
 
 def test_the_same_law_in_python_gives_the_same_flight():
     flown = case(duration_s=25.0, log_Hz=250.0)
-    own, built_in = fly_own(flown, Cascade(), "tests:Cascade"), fly(flown)
+    own, built_in = fly_user_controller(flown, Cascade(), "tests:Cascade"), fly(flown)
     assert own.own == "tests:Cascade"
     assert built_in.own == ""
     for name in ("x_m", "z_m", "pitch_rad", "speed1_rad_s", "coverage1", "pitch_ground_Nm"):
@@ -84,9 +84,9 @@ def test_the_same_law_in_python_gives_the_same_flight():
 def test_it_sees_the_map_with_its_errors_and_the_gyro_with_its_noise():
     over = replace(SHORT, start_m=(2.8, 0.0, 0.24), goals=(Goal(x_m=2.8, z_m=0.24),))
     true, wrong, noisy = Hover(), Hover(), Hover()
-    fly_own(over, true, "h")
-    fly_own(replace(over, map_offset_m=(-0.9, 0.0, -0.01)), wrong, "h")
-    fly_own(replace(over, gyro_noise_rad_s=0.015), noisy, "h")
+    fly_user_controller(over, true, "h")
+    fly_user_controller(replace(over, map_offset_m=(-0.9, 0.0, -0.01)), wrong, "h")
+    fly_user_controller(replace(over, gyro_noise_rad_s=0.015), noisy, "h")
     first, want = true.seen[0]
     assert first.coverage == pytest.approx((0.63, 0.0, 0.0, 0.0), abs=0.01)
     assert first.height_m == (pytest.approx(0.24), inf, inf, inf)
@@ -105,9 +105,9 @@ def test_what_it_divides_by_takes_the_ground_effect_away():
             return FlightCommand(want.hover_N, 0.0, 0.0, 0.0, (1.25,) * 4)
 
     free = replace(SHORT, below=Environment())
-    lighter = fly_own(free, Divides(), "d")
+    lighter = fly_user_controller(free, Divides(), "d")
     np.testing.assert_allclose(lighter["vz_m_s"][-1], -0.2 * 9.81 * 0.38, rtol=1e-6)
-    np.testing.assert_allclose(fly_own(free, Hover(), "h")["vz_m_s"], 0.0, atol=1e-12)
+    np.testing.assert_allclose(fly_user_controller(free, Hover(), "h")["vz_m_s"], 0.0, atol=1e-12)
 
 
 class Returns:
@@ -137,7 +137,7 @@ class Returns:
 )
 def test_what_is_no_command_is_refused_with_file_and_line(what, says):
     with pytest.raises(InputError) as caught:
-        fly_own(SHORT, Returns(what), "r")
+        fly_user_controller(SHORT, Returns(what), "r")
     message = str(caught.value)
     assert says in message
     assert "test_flight_own.py line" in message
@@ -146,4 +146,4 @@ def test_what_is_no_command_is_refused_with_file_and_line(what, says):
 
 def test_a_class_that_needs_arguments_is_refused():
     with pytest.raises(InputError, match=r"without arguments.*test_flight_own\.py line"):
-        made(Returns, "tests:Returns")
+        make_controllers(Returns, "tests:Returns")

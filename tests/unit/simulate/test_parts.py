@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
-from benchtool.core.schedule import due
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.schedule import due_ticks
 from benchtool.simulate.imperfections import Axis
 from benchtool.simulate.powertrain import Battery, Powertrain
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 PULSE = RIG.propulsion
 
 
@@ -56,10 +56,10 @@ def test_terminal_voltage_solves_its_own_equation():
 def test_a_slow_sensor_has_its_own_rate_however_ticks_are_split(rate_Hz, stream_Hz):
     seconds = 7
     ticks = int(seconds * stream_Hz)
-    whole = due(1, ticks, rate_Hz, stream_Hz)
+    whole = due_ticks(1, ticks, rate_Hz, stream_Hz)
     assert whole.sum() == seconds * rate_Hz
     split = np.concatenate(
-        [due(1, 33, rate_Hz, stream_Hz), due(34, ticks - 33, rate_Hz, stream_Hz)]
+        [due_ticks(1, 33, rate_Hz, stream_Hz), due_ticks(34, ticks - 33, rate_Hz, stream_Hz)]
     )
     assert np.array_equal(whole, split)
 

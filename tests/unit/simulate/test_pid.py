@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchtool.simulate.controllers.limits import limited, slewed, unwound
+from benchtool.simulate.controllers.limits import clip, limit_slew_rate, unwrap_integral
 from benchtool.simulate.controllers.pid import (
     AttitudePid,
     PidState,
@@ -60,9 +60,9 @@ def test_an_integral_removes_what_is_left_over():
 
 
 def test_limits():
-    np.testing.assert_array_equal(limited(np.array([-3.0, 0.5, 3.0]), 1.0), [-1.0, 0.5, 1.0])
-    assert slewed(1.0, 0.0, 0.65, 0.004) == pytest.approx(0.0026)
-    assert slewed(1e-4, 0.0, 0.65, 0.004) == 1e-4
-    assert unwound(2.0, 1.0, 0.5) == 0.0
-    assert unwound(2.0, 1.0, -0.5) == -0.5
-    assert unwound(0.7, 0.7, 0.5) == 0.5
+    np.testing.assert_array_equal(clip(np.array([-3.0, 0.5, 3.0]), 1.0), [-1.0, 0.5, 1.0])
+    assert limit_slew_rate(1.0, 0.0, 0.65, 0.004) == pytest.approx(0.0026)
+    assert limit_slew_rate(1e-4, 0.0, 0.65, 0.004) == 1e-4
+    assert unwrap_integral(2.0, 1.0, 0.5) == 0.0
+    assert unwrap_integral(2.0, 1.0, -0.5) == -0.5
+    assert unwrap_integral(0.7, 0.7, 0.5) == 0.5

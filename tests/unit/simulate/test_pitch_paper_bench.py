@@ -14,7 +14,7 @@ import pytest
 
 from benchtool.report.flight.pitch_study import pitch_study, visit_numbers
 from benchtool.simulate.pitch.result import PlateNumbers
-from benchtool.simulate.pitch.setup import changed, pitch_setup
+from benchtool.simulate.pitch.setup import pitch_setup, with_changes
 
 SETS = {
     "soft": ("s3", {}),
@@ -27,10 +27,10 @@ SETS = {
 def numbers(rig: str, gains: str, controller: str, friction: float = 1.0) -> PlateNumbers:
     """Return the medians over five seeds."""
     name, values = SETS[gains]
-    setup = changed(pitch_setup(rig=rig, gains=name, controllers=(controller,)), values)
+    setup = with_changes(pitch_setup(rig=rig, gains=name, controllers=(controller,)), values)
     if friction != 1.0:
         held = setup.bench.model.parameters["coulomb_friction.torque_Nm"].value
-        setup = changed(setup, {"coulomb_friction.torque_Nm": friction * held})
+        setup = with_changes(setup, {"coulomb_friction.torque_Nm": friction * held})
     found = []
     for seed in range(5):
         run = pitch_study(setup, seed).runs[0]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.model import Model
 from benchtool.simulate.pitch.bench import PitchBench
 from benchtool.simulate.pitch.filter_log import PARKED_FROM_M, LoggedPitch, predict_windows
@@ -26,7 +26,7 @@ def test_logged_pulses_predict_the_encoder(reference_data):
         reference_data / "pitch_bench" / "nothing_hidden.csv", delimiter=",", names=True
     )
     bench = PitchBench.of(
-        Model.single(rig_named("beam")), sensors={}, inertia_kgm2=0.03096, pwm_quantum_us=0.0
+        Model.single(load_rig_by_name("beam")), sensors={}, inertia_kgm2=0.03096, pwm_quantum_us=0.0
     )
     rate, theta = table["gyro"], table["theta"]
     speed = np.array([table["rpm1"], table["rpm2"]]) * np.pi / 30.0

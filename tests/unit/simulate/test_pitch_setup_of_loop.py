@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.core.schedule import PlateVisit
 from benchtool.physics.catalogue import EFFECTS
 from benchtool.physics.effects.effect import Effect
@@ -27,7 +27,7 @@ VISIT = (PlateVisit(z_over_R=1.0, in_s=1.0, out_s=1e6, move_s=0.5),)
 
 
 def with_effect(effect: Effect, **values: float) -> PitchBench:
-    model = Model.single(rig_named("beam")).with_effect("viscous_friction", damping_Nms=0.5)
+    model = Model.single(load_rig_by_name("beam")).with_effect("viscous_friction", damping_Nms=0.5)
     return PitchBench.of(model.with_effect(effect, **values), sensors={})
 
 

@@ -5,13 +5,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.physics.conditions import Conditions
 from benchtool.physics.model_file import load_model
 from benchtool.simulate.imperfections import Imperfections
 from benchtool.simulate.plate_bench import PlateBench
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 TRUTH = load_model("quad_body_lift", RIG).model
 NONE = Imperfections.none()
 

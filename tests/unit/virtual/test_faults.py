@@ -10,7 +10,7 @@ from benchtool.virtual.faults import (
     Fault,
     FaultyPlant,
     LinkFaults,
-    fault_from,
+    parse_fault,
 )
 from tests.wire.still_plant import StillPlant
 
@@ -29,34 +29,34 @@ LINE = b"0123456789" * 1000
     ],
 )
 def test_faults_by_name(text, fault):
-    assert fault_from(text) == fault
+    assert parse_fault(text) == fault
 
 
 def test_bytes_are_lost_and_turned_with_their_probability():
-    dropped = LinkFaults([fault_from("drop:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
+    dropped = LinkFaults([parse_fault("drop:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
     assert 850 * 10 < len(dropped) < 950 * 10
-    turned = LinkFaults([fault_from("corrupt:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
+    turned = LinkFaults([parse_fault("corrupt:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
     differing = sum(a != b for a, b in zip(LINE, turned, strict=True))
     assert 850 < differing < 1150
-    again = LinkFaults([fault_from("corrupt:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
+    again = LinkFaults([parse_fault("corrupt:p=0.1")], np.random.default_rng(1)).carry(LINE, 0.0)
     assert again == turned
 
 
 def test_silence_swallows_and_delay_delivers_late():
-    silent = LinkFaults([fault_from("silence:at_s=1,for_s=0.5")])
+    silent = LinkFaults([parse_fault("silence:at_s=1,for_s=0.5")])
     assert [silent.carry(b"x", t) for t in (0.9, 1.0, 1.4, 1.5)] == [b"x", b"", b"", b"x"]
-    late = LinkFaults([fault_from("delay:at_s=1,for_s=0.5")])
+    late = LinkFaults([parse_fault("delay:at_s=1,for_s=0.5")])
     assert [late.carry(b"%d" % i, 0.9 + 0.3 * i) for i in range(3)] == [b"0", b"", b"12"]
 
 
 def test_the_cable_is_pulled_once_and_put_back():
-    faults = LinkFaults([fault_from("unplug:at_s=1,for_s=2")])
+    faults = LinkFaults([parse_fault("unplug:at_s=1,for_s=2")])
     seen = [faults.plugged(t) for t in (0.5, 1.0, 1.5, 3.0, 3.5, 0.0, 1.0)]
     assert seen == [None, False, None, True, None, None, None]
 
 
 def test_a_stuck_channel_repeats_its_value_and_adds_none():
-    plant = FaultyPlant(StillPlant(), [fault_from("stuck:at_s=0.02,for_s=0.06")])
+    plant = FaultyPlant(StillPlant(), [parse_fault("stuck:at_s=0.02,for_s=0.06")])
     plant.advance(2)
     plant.command_pwm(np.array([1100.0, 1100.0]))
     first = plant.advance(3)[:, 2]
@@ -65,4 +65,4 @@ def test_a_stuck_channel_repeats_its_value_and_adds_none():
     np.testing.assert_array_equal(first, [2.0, np.nan, 2.0])
     np.testing.assert_array_equal(second, [np.nan, 2.0, np.nan, 10.0, np.nan])
     with pytest.raises(UnknownChoice, match="known: plate_z_m, pwm1_us"):
-        FaultyPlant(StillPlant(), [fault_from("stuck:channel=rpm9")])
+        FaultyPlant(StillPlant(), [parse_fault("stuck:channel=rpm9")])

@@ -10,14 +10,14 @@ from benchtool.bench.serial import commands as wire
 from benchtool.core.errors import (
     InputError,
 )
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.simulate.controllers.controller import PitchCommand, PitchMeasurement, PitchReference
 from benchtool.simulate.pitch.simulate import simulate_pitch
 from benchtool.virtual.devices import pitch_hello, pitch_plant
 from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.pitch_plant import PitchBenchPlant
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 NAMES = [channel.name for channel in pitch_plant(RIG).channels]
 
 

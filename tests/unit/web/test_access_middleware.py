@@ -5,9 +5,9 @@ from typing import Any
 
 from benchtool.web.access import Access
 from benchtool.web.access_middleware import (
-    MOST_BODY_BYTES,
-    MOST_WAITING,
-    WRONG_TOKEN_S,
+    MAX_BODY_BYTES,
+    MAX_WAITING,
+    WRONG_TOKEN_DELAY_S,
     AccessMiddleware,
 )
 
@@ -149,7 +149,7 @@ def test_wrong_tokens_wait_for_each_other_and_the_right_one_for_nobody():
         guarded = AccessMiddleware(app, Access(token="right"), "benchtool-1", sleep)
         wrong = [
             guarded(http("/", b"", (b"cookie", b"benchtool-1=guess%d" % i)), receive, send)
-            for i in range(MOST_WAITING + 5)
+            for i in range(MAX_WAITING + 5)
         ]
         right = guarded(http("/", b"", (b"cookie", b"benchtool-1=right")), receive, send)
         await asyncio.gather(*wrong, right)
@@ -158,7 +158,7 @@ def test_wrong_tokens_wait_for_each_other_and_the_right_one_for_nobody():
     assert [at for status, at in answered if status == 200] == [0.0]
     assert [at for status, at in answered if status == 429] == 5 * [0.0]
     late = [at for status, at in answered if status == 403]
-    assert late == [WRONG_TOKEN_S * (i + 1) for i in range(MOST_WAITING)]
+    assert late == [WRONG_TOKEN_DELAY_S * (i + 1) for i in range(MAX_WAITING)]
 
 
 def test_a_body_is_refused_while_it_arrives():
@@ -186,4 +186,4 @@ def test_a_body_is_refused_while_it_arrives():
     asyncio.run(AccessMiddleware(app, Access(), "benchtool-1")(scope, receive, send))
     assert [message.get("status") for message in sent] == [413, None]
     assert b"were sent; send less" in sent[1]["body"]
-    assert taken <= MOST_BODY_BYTES + len(part)
+    assert taken <= MAX_BODY_BYTES + len(part)

@@ -7,14 +7,14 @@ import pytest
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Command, HoldThrottle, ReleaseThrottle
 from benchtool.web.context import (
-    GRACE_S,
     MAX_BEAT_SILENCE_S,
     MAX_BLOCKED_S,
+    RECONNECT_TIMEOUT_S,
     ControlLock,
     PageWatch,
     ServerState,
 )
-from benchtool.web.control_line import forward
+from benchtool.web.control_socket import forward
 
 
 class RecordingClient(BenchClient):
@@ -63,7 +63,7 @@ def test_a_page_that_is_loaded_again_keeps_the_controls():
     lock.arrive("a")
     lock.arrive("b")
     lock.leave("a", 10.0)
-    assert not lock.take("b", 10.0 + 0.5 * GRACE_S)
+    assert not lock.take("b", 10.0 + 0.5 * RECONNECT_TIMEOUT_S)
     lock.arrive("a")
     assert lock.held_by("a")
     assert not lock.take("b", 100.0)
@@ -123,6 +123,6 @@ def test_a_page_that_is_closed_is_lost_and_another_takes_over_the_watch():
     watch.leave("a")
     lock.leave("a", 10.0)
     assert watch.problem(lock.holder, 10.0)
-    assert lock.take("b", 10.0 + GRACE_S)
-    watch.beat("b", 0.0, 10.0 + GRACE_S)
-    assert watch.problem(lock.holder, 10.0 + GRACE_S) == ""
+    assert lock.take("b", 10.0 + RECONNECT_TIMEOUT_S)
+    watch.beat("b", 0.0, 10.0 + RECONNECT_TIMEOUT_S)
+    assert watch.problem(lock.holder, 10.0 + RECONNECT_TIMEOUT_S) == ""

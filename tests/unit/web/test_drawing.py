@@ -6,7 +6,7 @@ import pytest
 
 from benchtool.report.page import (
     Commands,
-    Facts,
+    FactTable,
     Listing,
     Paragraph,
     Table,
@@ -21,7 +21,7 @@ EVIL = "<script>alert('x')</script><img src=x onerror=y>\"'&"
     "block",
     [
         Paragraph(EVIL),
-        Facts({EVIL: EVIL}),
+        FactTable({EVIL: EVIL}),
         Warnings([EVIL]),
         Commands([EVIL]),
         Listing(EVIL, EVIL),

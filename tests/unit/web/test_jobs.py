@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchtool.core.errors import BenchtoolError, InputError, RunStopped
+from benchtool.core.errors import BenchtoolError, InputError, RunInterrupted
 from benchtool.data.atomic import partial_folder
 from benchtool.web.context import ServerState
 from benchtool.web.jobs import Job, WorkerProcess
@@ -38,7 +38,7 @@ def test_short_work_follows_each_other_and_an_error_of_ours_is_its_sentence(work
 
 def test_a_worker_that_ends_is_reported_and_replaced(worker):
     async def run() -> int:
-        with pytest.raises(RunStopped, match="the process for sums ended before it was done"):
+        with pytest.raises(RunInterrupted, match="the process for sums ended before it was done"):
             await worker.run(os._exit, 3)
         found: int = await worker.run(int, "7")
         return found
@@ -52,7 +52,7 @@ def test_a_worker_ends_at_once_when_it_is_closed(worker):
         lingering = asyncio.ensure_future(worker.run(job_functions.linger))
         await asyncio.sleep(0)
         worker.close()
-        with pytest.raises((RunStopped, asyncio.CancelledError)):
+        with pytest.raises((RunInterrupted, asyncio.CancelledError)):
             await asyncio.wait_for(lingering, LONG_S)
 
     asyncio.run(run())

@@ -12,7 +12,7 @@ from benchtool.data.catalogue.index import list_entries
 from benchtool.data.formats.formats import import_file
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.report.compare.page import compared
+from benchtool.report.compare.page import compare_runs
 from benchtool.report.page import Table
 from benchtool.web.tabs.fit.model_choice import FitRequest, recipe_for
 from benchtool.web.tabs.fit.work import store_radius
@@ -49,7 +49,7 @@ def test_a_stands_table_is_mapped_fitted_and_compared_without_a_word(tmp_path, r
     assert (recipe.columns, tuple(recipe.hold)) == (None, ("R_m",))
     with pytest.raises(WouldOverwrite):
         store_radius(runs, name, 0.2)
-    (run,) = compared([runs / name]).runs
+    (run,) = compare_runs([runs / name]).runs
     assert run.values("efficiency_N_W") is not None
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchtool.core.errors import InputError
 from benchtool.core.parameter import Parameter
-from benchtool.physics.distance_law import DistanceLaw, term_of
+from benchtool.physics.distance_law import DistanceLaw, denominator_term
 from benchtool.physics.effects.effect import (
     Effect,
     Flow,
@@ -171,7 +171,7 @@ def hayden(p: Any, i: int, flow: Flow) -> Quantity:
     """
     x = z_over_R(i, flow)
     power = np.maximum(0.9926 + 0.15176 / (x * x), 1.0)
-    return p.strength * term_of(power ** (2.0 / 3.0))
+    return p.strength * denominator_term(power ** (2.0 / 3.0))
 
 
 @law(
@@ -186,7 +186,7 @@ def hayden(p: Any, i: int, flow: Flow) -> Quantity:
 )  # fmt: skip
 def exponential_law(p: Any, i: int, flow: Flow) -> Quantity:
     """The increment of thrust falls off exponentially and is finite at contact."""
-    return term_of(1.0 + p.Ca * np.exp(-p.Cb * z_over_R(i, flow)))
+    return denominator_term(1.0 + p.Ca * np.exp(-p.Cb * z_over_R(i, flow)))
 
 
 @law(
@@ -227,7 +227,7 @@ def inflow_exponential(p: Any, i: int, flow: Flow) -> Quantity:
 )  # fmt: skip
 def power_law(p: Any, i: int, flow: Flow) -> Quantity:
     """An increment like a power of the distance, which is free. A form of ours."""
-    return term_of(1.0 + p.a * np.exp(-p.p * np.log(z_over_R(i, flow))))
+    return denominator_term(1.0 + p.a * np.exp(-p.p * np.log(z_over_R(i, flow))))
 
 
 @law(
@@ -254,7 +254,7 @@ def rational_law(p: Any, i: int, flow: Flow) -> Quantity:
     fraction alone as the effect's force; the 1 + before it is ours, unverified.
     """
     x = z_over_R(i, flow)
-    return term_of(1.0 + p.g2 / (x * x + p.g1))
+    return denominator_term(1.0 + p.g2 / (x * x + p.g1))
 
 
 @law(
@@ -286,7 +286,7 @@ def ceiling_momentum(p: Any, i: int, flow: Flow) -> Quantity:
     neighbours nor the body have a term beside it.
     """
     x = z_over_R(i, flow)
-    return p.strength * term_of(0.5 + 0.5 * np.sqrt(1.0 + 0.125 / (x * x)))
+    return p.strength * denominator_term(0.5 + 0.5 * np.sqrt(1.0 + 0.125 / (x * x)))
 
 
 @law(
@@ -312,7 +312,7 @@ def wall(p: Any, i: int, flow: Flow) -> Quantity:
     """A wall changes a rotor's thrust little, up or down. The form is a guess, both its numbers are
     free. The pull toward the wall and the moment are not in it.
     """
-    return term_of(1.0 + p.Ca * np.exp(-p.Cb * z_over_R(i, flow)))
+    return denominator_term(1.0 + p.Ca * np.exp(-p.Cb * z_over_R(i, flow)))
 
 
 @expression
@@ -330,7 +330,7 @@ def monotone_table(p: tuple[Quantity, ...], i: int, flow: Flow) -> Quantity:
         falls = (width * width - (high - within) ** 2) / (high - p[n + max(k - 1, 0)])
         rises = (within - low) ** 2 / (p[n + min(k + 2, n - 1)] - low)
         ratio = ratio - (p[k] * falls + p[k + 1] * rises) / width
-    return term_of(ratio)
+    return denominator_term(ratio)
 
 
 def with_knots(knots: Sequence[float]) -> Effect:

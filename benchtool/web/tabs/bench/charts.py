@@ -13,7 +13,7 @@ from benchtool.core.channel import CHANNELS, Channel
 from benchtool.web.bench_process.messages import Annotate
 from benchtool.web.context import PageContext
 from benchtool.web.theme import STATIC, cycle
-from benchtool.web.widgets import shows_errors
+from benchtool.web.widgets import show_errors
 
 STRIPS = (
     ("Thrust", "thrust_N", "N", 1.0, 3),
@@ -32,10 +32,10 @@ STRIPS = (
 streams can be chosen."""
 
 
-USUAL = tuple(title for title, *_ in STRIPS)
+DEFAULT_STRIPS = tuple(title for title, *_ in STRIPS)
 
 
-def panels_of(channels: Sequence[Channel]) -> list[dict[str, Any]]:
+def chart_panels(channels: Sequence[Channel]) -> list[dict[str, Any]]:
     """Return the panels of a bench's channels as the charts take them."""
     patterns = [re.sub(r"\d+", "#", channel.name) for channel in channels]
     known = {pattern: (title, unit, factor, n) for title, pattern, unit, factor, n in STRIPS}
@@ -75,7 +75,7 @@ class StripChart(Element, component=STATIC / "strip_chart.js"):
         self, session: int, channels: Sequence[Channel], usual: Sequence[str], *, tools: bool = True
     ) -> None:
         super().__init__()
-        panels = panels_of(channels)
+        panels = chart_panels(channels)
         titles = [panel["title"] for panel in panels]
         self._props["session"] = session
         self._props["panels"] = panels
@@ -97,7 +97,7 @@ class ChartCard:
     def __init__(
         self,
         context: PageContext,
-        usual: Sequence[str] = USUAL,
+        usual: Sequence[str] = DEFAULT_STRIPS,
         *,
         tools: bool = True,
     ) -> None:
@@ -126,7 +126,7 @@ class ChartCard:
         if self._chart is not None:
             self._chart.show_marks(bench.marks)
 
-    @shows_errors
+    @show_errors
     def _annotate(self) -> None:
         self._context.send(Annotate(self._text.value.strip()))
         self._text.value = ""

@@ -6,12 +6,12 @@ from nicegui import run, ui
 
 from benchtool.bench.drivers import DRIVERS
 from benchtool.core.errors import BenchtoolError
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.bench_process.messages import Connect, Disconnect, SetClockSpeed
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.fit.model_choice import rig_choices
-from benchtool.web.widgets import CommandRow, shows_errors, titled_card
+from benchtool.web.widgets import CommandRow, show_errors, titled_card
 
 SPEEDS = {1: "real time", 5: "5 times faster", 20: "20 times faster", 100: "100 times faster"}
 """Speeds of a virtual clock that are offered."""
@@ -70,17 +70,17 @@ class ConnectCard:
             if rig in self._rig.options and not connection.address.startswith("sim:"):
                 self._rig.set_value(rig)
 
-    @shows_errors
+    @show_errors
     def _connect(self) -> None:
         self._context.require_control()
         self._speed.value = 1
         self._context.send(Connect(address=self._address.value.strip(), rig=self._rig.value))
 
-    @shows_errors
+    @show_errors
     def _disconnect(self) -> None:
         self._context.send(Disconnect())
 
-    @shows_errors
+    @show_errors
     def _set_speed(self) -> None:
         if self._context.bench.live.speed > 0.0 and self._context.in_control():
             self._context.bench.send(SetClockSpeed(float(self._speed.value)))
@@ -107,7 +107,7 @@ class ConnectCard:
             for rig in rig_choices(RunsFolder(self._context.runs)):
                 self._offer(f"sim:{rig}", "simulated, no motor turns")
                 self._offer(f"sim:{rig}?rate=1000", "simulated at 1 kHz")
-                if any(rotor.x_m for rotor in rig_named(rig).rotors):
+                if any(rotor.x_m for rotor in load_rig_by_name(rig).rotors):
                     self._offer(f"sim:{rig}?{PITCH}", "simulated on a pitch hinge")
             for name, driver in DRIVERS.items():
                 if name not in ("sim", "serial"):

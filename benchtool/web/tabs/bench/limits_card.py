@@ -10,7 +10,7 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Limits
 from benchtool.web.bench_process.messages import TightenLimits
 from benchtool.web.context import PageContext
-from benchtool.web.widgets import open_dialog, shows_errors, titled_card
+from benchtool.web.widgets import open_dialog, show_errors, titled_card
 
 CLOSE = 0.9  # Share of a limit from which on its bar warns; a choice
 
@@ -74,7 +74,7 @@ class LimitsCard:
                 if field.name != "load_cell_rating_N"
             }
 
-            @shows_errors
+            @show_errors
             def send() -> None:
                 numbers = {name: each.value for name, each in given.items()}
                 missing = [name for name, number in numbers.items() if not number]

@@ -6,14 +6,14 @@ from nicegui import ui
 
 from benchtool.acquire.arming import CONFIRMATION
 from benchtool.acquire.bench_check import low_throttle_us
-from benchtool.acquire.inputs import Weighing
+from benchtool.acquire.inputs import WeighingInputs
 from benchtool.core.errors import InputError
 from benchtool.core.inputs import items
 from benchtool.core.rig import Limits, Rig
 from benchtool.web.bench_process import messages
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
-from benchtool.web.widgets import CommandRow, LocalSlider, show_warnings, shows_errors, titled_card
+from benchtool.web.widgets import CommandRow, LocalSlider, show_errors, show_warnings, titled_card
 
 
 class ThrottleCard:
@@ -85,7 +85,7 @@ class ThrottleCard:
         pulse_us = self._pulse.value or 0.0
         self._hold.props(f"data-pulse={pulse_us:.0f} data-rotors={','.join(rotors) or 0}")
 
-    @shows_errors
+    @show_errors
     def _arm(self) -> None:
         self._context.send(messages.ArmMotors(self._typed.value))
         self._typed.value = ""
@@ -96,7 +96,7 @@ class LoadCellCard:
 
     def __init__(self, context: PageContext) -> None:
         self._context = context
-        send = shows_errors(context.send)
+        send = show_errors(context.send)
         with titled_card("Load cell and plate") as self._card:
             self._scale = ui.label().classes("soft")
             with ui.column().classes("w-full") as self._guarded:
@@ -121,8 +121,8 @@ class LoadCellCard:
                 self._weighed = ui.label().classes("number").style("white-space: pre-line")
                 more = ui.expansion("Who calibrates, with which masses, how well they are known")
                 with more.classes("w-full").props("dense"), ui.element("div").classes("field-grid"):
-                    self._known = InputForm(Weighing, lambda: None)
-                    self._known.add(*(item.name for item in items(Weighing)))
+                    self._known = InputForm(WeighingInputs, lambda: None)
+                    self._known.add(*(item.name for item in items(WeighingInputs)))
                 with ui.row():
                     ui.button(
                         "Store the calibration",
@@ -161,13 +161,13 @@ class LoadCellCard:
         known = self._known.words({})
         self._command.show(["calibrate", connection.address, "--masses", masses, *known])
 
-    @shows_errors
+    @show_errors
     def _move(self) -> None:
         if self._z_mm.value is None:
             raise InputError("no plate distance was given; type one in mm")
         self._context.send(messages.MovePlateTo(1e-3 * float(self._z_mm.value)))
 
-    @shows_errors
+    @show_errors
     def _reconnect(self, *, weighs: bool) -> None:
         connection = self._context.bench.connection
         rig = connection.rig.name if connection.rig else ""

@@ -8,17 +8,22 @@ from pathlib import Path
 
 from nicegui import ui
 
-from benchtool.acquire.order import minutes
-from benchtool.acquire.pitch_experiment import NEEDED, arming_text, expected_on, hover_pulse_us
+from benchtool.acquire.pitch_experiment import (
+    REQUIRED_CHANNELS,
+    arming_text,
+    expected_extremes,
+    hover_pulse_us,
+)
+from benchtool.acquire.visit_order import minutes
 from benchtool.commands.record import RecordInputs, experiment_of
-from benchtool.core.counted import counted
 from benchtool.core.errors import InputError
-from benchtool.core.input_text import text_of
-from benchtool.core.inputs import changed, words
+from benchtool.core.input_text import format_value
+from benchtool.core.inputs import to_arguments, with_changes
+from benchtool.core.plural import pluralize
 from benchtool.web.bench_process.messages import EndRecording, StartLiveRecording, StartRecording
 from benchtool.web.context import PageContext
 from benchtool.web.form import InputForm
-from benchtool.web.widgets import CommandRow, confirm_arming, open_tab, shows_errors, titled_card
+from benchtool.web.widgets import CommandRow, confirm_arming, open_tab, show_errors, titled_card
 
 HOW_LIVE = (
     "Every sample goes into a run. It begins with a tare; each throttle that is held until it has "
@@ -49,16 +54,16 @@ class LiveRecordCard:
         self._start.set_visibility(not sweep.active)
         self._end.set_visibility(live and sweep.status == "running")
         self._show.set_visibility(live and not sweep.active)
-        points = counted(sweep.done, "point")
+        points = pluralize(sweep.done, "point")
         text = f"{sweep.status}: {Path(sweep.run).name}, {sweep.reason or points}"
         self._status.set_text(text if live else HOW_LIVE)
 
-    @shows_errors
+    @show_errors
     def _record(self) -> None:
         name = self._name.value.strip()
         self._context.send(StartLiveRecording(runs=self._context.runs, name=name))
 
-    @shows_errors
+    @show_errors
     def _finish(self) -> None:
         self._context.send(EndRecording())
 
@@ -90,7 +95,7 @@ class RecordCard:
         connection, sweep = self._context.bench.connection, self._context.bench.sweep
         identity, rig = connection.identity, connection.rig
         names = {channel.name for channel in identity.channels} if identity else set()
-        self._card.set_visibility(names.issuperset(NEEDED) and not connection.weighs)
+        self._card.set_visibility(names.issuperset(REQUIRED_CHANNELS) and not connection.weighs)
         if identity is not None and rig is not None and connection.session != self._session:
             self._session = connection.session
             length_s = float(identity.facts.get("schedule_s") or self._base.seconds)
@@ -98,7 +103,7 @@ class RecordCard:
             self._base = replace(
                 self._base, address=connection.address, rig=named, seconds=length_s
             )
-            usual = {"seconds": text_of(length_s), "collective": f"{hover_pulse_us(rig):.6g}"}
+            usual = {"seconds": format_value(length_s), "collective": f"{hover_pulse_us(rig):.6g}"}
             self._form.show_empty(usual)
             self._show()
         self._start.set_enabled(not sweep.active)
@@ -112,10 +117,10 @@ class RecordCard:
 
     def _show(self) -> None:
         with suppress(InputError):  # shown when the recording is started
-            given = changed(self._form.make(self._base))
-            self._command.show(["record", *words(RecordInputs, given)])
+            given = with_changes(self._form.make(self._base))
+            self._command.show(["record", *to_arguments(RecordInputs, given)])
 
-    @shows_errors
+    @show_errors
     def _arm(self) -> None:
         self._context.require_control()
         connection = self._context.bench.connection
@@ -124,7 +129,7 @@ class RecordCard:
             raise InputError("no bench is connected; connect one first")
         inputs = self._form.make(self._base)
         experiment = experiment_of(inputs, rig)
-        text = arming_text(experiment, rig, expected_on(identity, experiment, rig))
+        text = arming_text(experiment, rig, expected_extremes(identity, experiment, rig))
 
         def begin(typed: str, needs_page: bool) -> None:
             recording = StartRecording(

@@ -9,29 +9,29 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchtool.core.errors import BenchtoolError, InputError
-from benchtool.core.inputs import changed, words
+from benchtool.core.inputs import to_arguments, with_changes
 from benchtool.core.parsed_text import parse_toml
-from benchtool.core.user_file import MOST_TEXT_BYTES, read_text
+from benchtool.core.user_file import MAX_TEXT_BYTES, read_text
 from benchtool.data.catalogue.index import list_entries
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.run.entry import SWEEPS, Entry
-from benchtool.data.run.facts import read_recording_facts
 from benchtool.data.run.read import sample_names
-from benchtool.data.run.recording_file import FORMAT, beside
-from benchtool.data.run.run_rig import rig_of_data
+from benchtool.data.run.recording_file import FORMAT, metadata_path
+from benchtool.data.run.run_metadata import read_recording_facts
+from benchtool.data.run.run_rig import load_rig_for_data
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.physics.model_file import model_names
-from benchtool.web.tabs.fit.model_choice import model_choices, model_path, offered_rig
+from benchtool.web.tabs.fit.model_choice import model_choices, model_path, suggested_rig
 
 
 def command_words(inputs: ExplainInputs, out: Path) -> list[str]:
     """Return the words behind `benchtool` that explain the same and write the same folder."""
-    return ["explain", *words(ExplainInputs, changed(replace(inputs, out=out)))]
+    return ["explain", *to_arguments(ExplainInputs, with_changes(replace(inputs, out=out)))]
 
 
-def inputs_of(
+def explain_inputs(
     sources: RecordingSources,
     learn: Sequence[str],
     check: Sequence[str],
@@ -65,7 +65,7 @@ def inputs_of(
         recordings=tuple(str(sources.path_of(name)) for name in learn),
         check=tuple(str(sources.path_of(name)) for name in check),
         model=sources.model_of(model),
-        rig=offered_rig(rig, sources.runs),
+        rig=suggested_rig(rig, sources.runs),
     )
     rig_for_data((*inputs.recordings, *inputs.check), inputs.model, inputs.rig)
     return inputs
@@ -94,7 +94,7 @@ def examples_folder() -> Path | None:
     return folder.relative_to(here) if folder.is_relative_to(here) else folder
 
 
-class Choices(NamedTuple):
+class RecordingChoices(NamedTuple):
     """Hold recordings and models by their choice, with words for people."""
 
     recordings: dict[str, str]
@@ -112,7 +112,7 @@ class RecordingSources(NamedTuple):
         examples = examples_folder()
         return cls(RunsFolder(root), RunsFolder(examples) if examples else None)
 
-    def choices(self) -> Choices:
+    def choices(self) -> RecordingChoices:
         """Read what can be chosen; the newest run first, the examples last. It reads files."""
         entries = list_entries(self.runs)
         recordings = _recordings(entries)
@@ -122,7 +122,7 @@ class RecordingSources(NamedTuple):
             examples = sorted(list_entries(self.examples), key=lambda entry: entry.name)
             recordings |= {EXAMPLE + k: EXAMPLE + text for k, text in _recordings(examples).items()}
             models |= {EXAMPLE + name: EXAMPLE + name for name in _model_files(self.examples)}
-        return Choices(recordings=recordings, models=models)
+        return RecordingChoices(recordings=recordings, models=models)
 
     def path_of(self, choice: str) -> Path:
         """Return the path of a recording.
@@ -141,7 +141,7 @@ class RecordingSources(NamedTuple):
         table without a rig eq. (2).
         """
         path = self.path_of(choice)
-        rig = rig_of_data([str(path)])
+        rig = load_rig_for_data([str(path)])
         hinge = "theta_rad" in (sample_names(path) if path.is_dir() else _names_of(path))
         if hinge:
             own = f"pitch_{rig.name}" if rig is not None else ""
@@ -162,8 +162,8 @@ class RecordingSources(NamedTuple):
 
 def _names_of(file: Path) -> tuple[str, ...]:
     """Return the channels of a recording's file, or the columns of a table."""
-    if beside(file).is_file():
-        channels = read_recording_facts(beside(file), FORMAT)["channels"]
+    if metadata_path(file).is_file():
+        channels = read_recording_facts(metadata_path(file), FORMAT)["channels"]
         return tuple(str(one["name"]) for one in channels)
     return read_csv_header(file)
 
@@ -187,7 +187,7 @@ def _model_files(folder: RunsFolder) -> list[str]:
 
 
 def _is_model(file: Path) -> bool:
-    if file.stat().st_size > MOST_TEXT_BYTES:
+    if file.stat().st_size > MAX_TEXT_BYTES:
         return False
     try:
         head = parse_toml(read_text(file), file.name).get("model")

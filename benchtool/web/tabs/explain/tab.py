@@ -17,7 +17,7 @@ from benchtool.web.progress import JobProgress
 from benchtool.web.tabs.explain.sources import (
     RecordingSources,
     command_words,
-    inputs_of,
+    explain_inputs,
     suggested_folder,
 )
 from benchtool.web.tabs.explain.work import ExplainJob, ExplanationResult, explain
@@ -28,9 +28,9 @@ from benchtool.web.widgets import (
     TableUpload,
     multiple_choice,
     notify,
+    show_errors,
     show_section,
     show_stamp,
-    shows_errors,
     today,
 )
 
@@ -91,7 +91,7 @@ class AnswerView:
             button = ui.button(words if found.named else "Save this answer", icon="check")
             status = ui.html(self._status(job, found), sanitize=False).props("role=status")
 
-        @shows_errors
+        @show_errors
         async def accept() -> None:
             self._context.claim_control()
             button.disable()
@@ -159,7 +159,7 @@ class ExplainTab:
         names = [query.getlist(key) for key in ("learn", "check", "model")]
         ui.timer(0.0, lambda: self._begin(*names), once=True)
 
-    @shows_errors
+    @show_errors
     async def _begin(self, learn: list[str], check: list[str], model: list[str]) -> None:
         """Offer what is there, and choose what the address names of it."""
         await self._look()
@@ -173,7 +173,7 @@ class ExplainTab:
             field = getattr(self, f"_{key}")
             self._context.remember(f"explain.{key}", field, restore=not named)
 
-    @shows_errors
+    @show_errors
     async def _look(self) -> None:
         found = await asyncio.to_thread(self._sources.choices)
         for choice in (self._learn, self._check):
@@ -184,7 +184,7 @@ class ExplainTab:
             value = self._model.value if self._model.value in found.models else None
             self._model.set_options(found.models, value=value)
 
-    @shows_errors
+    @show_errors
     async def _uploaded(self, name: str) -> None:
         """Choose what was uploaded: first to learn from, then to check on."""
         await self._look()
@@ -193,7 +193,7 @@ class ExplainTab:
         where = "to check on" if choice is self._check else "to learn from"
         notify(f"saved as {name} and chosen {where}")
 
-    @shows_errors
+    @show_errors
     def _propose(self) -> None:
         """Choose the model that suits the first recording, unless somebody has chosen one."""
         if self._model.value in (None, self._proposed) and self._learn.value:
@@ -205,7 +205,7 @@ class ExplainTab:
     def _changed(self) -> None:
         """Show the command that the form stands for, or what it lacks."""
         try:
-            inputs = inputs_of(self._sources, *self._chosen())
+            inputs = explain_inputs(self._sources, *self._chosen())
         except BenchtoolError as error:
             self._hint.set_text(str(error))
             self._explain.disable()
@@ -223,17 +223,17 @@ class ExplainTab:
     def _folder(self) -> Path:
         return suggested_folder(self._sources, self._learn.value or [], today())
 
-    @shows_errors
+    @show_errors
     def _start(self) -> None:
         self._context.claim_control()
-        inputs, out = inputs_of(self._sources, *self._chosen()), self._folder()
+        inputs, out = explain_inputs(self._sources, *self._chosen()), self._folder()
         self._answer.clear()
         out.parent.mkdir(parents=True, exist_ok=True)
         words = command_words(inputs, out)
         self._stages.start(lambda: ExplainJob(out, words, explain, inputs))
         self._changed()
 
-    @shows_errors
+    @show_errors
     def _done(self, job: ExplainJob) -> None:
         self._answer.show(job)
 

@@ -15,7 +15,7 @@ from benchtool.data.atomic import complete_folder, partial_folder
 from benchtool.explain.inputs import ExplainInputs
 from benchtool.web.jobs import Job, PageSection, ReportProgress
 
-DRAWN_FROM = 0.85  # share of progress at which figures are drawn; assumed
+FIGURE_SOURCE = 0.85  # share of progress at which figures are drawn; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ class ExplainJob(Job[ExplanationResult]):
             InputError: there is no answer, or it is accepted already.
             WouldOverwrite: something of that name exists.
         """
-        from benchtool.explain.added_model import MODEL
+        from benchtool.explain.updated_model import MODEL
         from benchtool.physics.model_file import load_model
 
         if self.state.status != "done":
@@ -72,27 +72,27 @@ def explain(
     Raises:
         BenchtoolError: recordings or model that no verdict can stand on.
     """
-    from benchtool.explain.added_model import added_effects
     from benchtool.explain.next_steps import next_file
+    from benchtool.explain.updated_model import added_effects
     from benchtool.report.answer.folder import write_folder
     from benchtool.report.answer.page import added_sentence, answer_page
-    from benchtool.report.figure import drawn
-    from benchtool.report.files import axes_of
-    from benchtool.report.page import Block, Facts, FigureBlock, Paragraph
+    from benchtool.report.figure import render_figures
+    from benchtool.report.files import figure_axes
+    from benchtool.report.page import Block, FactTable, FigureBlock, Paragraph
     from benchtool.results import explain_result
     from benchtool.web.drawing import FigureImage, blocks_html
 
     def progress(what: str, share: float) -> None:
         if share < 1.0:
-            report(what, DRAWN_FROM * share)
+            report(what, FIGURE_SOURCE * share)
 
     report("reading the recordings", 0.0)
     answer = explain_result(inputs, progress, commands=[shlex.join(["benchtool", *words])]).found
-    report("drawing the figures", DRAWN_FROM)
+    report("drawing the figures", FIGURE_SOURCE)
     aside = partial_folder(out)
     shutil.rmtree(aside, ignore_errors=True)
-    write_folder(aside, answer, called=out)
-    figures = drawn("answer", answer)
+    write_folder(aside, answer, display_path=out)
+    figures = render_figures("answer", answer)
     page = answer_page(answer, figures, next_file(answer)[0])
     # Whether it is written changes while the page is open; the page shows it beside its button.
     left_out = [Paragraph(added_sentence(answer))] if answer.has_model else []
@@ -101,7 +101,7 @@ def explain(
     def shown(block: Block) -> Block | FigureImage:
         if isinstance(block, FigureBlock):
             return FigureImage(
-                files[id(block.figure)].read_bytes(), block.caption, axes_of(block.figure)
+                files[id(block.figure)].read_bytes(), block.caption, figure_axes(block.figure)
             )
         return block
 
@@ -113,7 +113,7 @@ def explain(
         sentence=page.summary,
         named=tuple(effect.name for effect in added_effects(answer)),
         parts=tuple(PageSection(title=title, html=html) for title, html in parts.items()),
-        highlights=blocks_html([Facts(page.highlights)]) if page.highlights else "",
+        highlights=blocks_html([FactTable(page.highlights)]) if page.highlights else "",
         simulated=answer.simulated,
         seconds=answer.seconds,
     )

@@ -8,18 +8,18 @@ from pathlib import Path
 
 from nicegui import ui
 
-from benchtool.core.channel import unit_in_name
+from benchtool.core.channel import unit_from_name
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError
-from benchtool.core.units import UNITS, unit_named
+from benchtool.core.units import UNITS, find_unit
 from benchtool.data.column_map import guess_columns, read_column_map
 from benchtool.data.csv_text import read_csv_header
 from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import columns_file
 from benchtool.web.context import PageContext, RunsListing
-from benchtool.web.tabs.fit.work import stand_html, store_columns, store_radius
-from benchtool.web.widgets import TableUpload, multiple_choice, notify, notify_error, shows_errors
+from benchtool.web.tabs.fit.work import stand_summary_html, store_columns, store_radius
+from benchtool.web.widgets import TableUpload, multiple_choice, notify, notify_error, show_errors
 
 FIT_CHANNELS = {
     "thrust_N": "thrust_N (needed)",
@@ -46,8 +46,8 @@ NONE, CONSTANT = "", "\0constant"  # Choices of a column that are no column
 
 def units_for(channel: str) -> tuple[str, ...]:
     """Return the units that a column of a channel may have, ours first."""
-    own = unit_in_name(channel)
-    dimension = unit_named(own).dimension
+    own = unit_from_name(channel)
+    dimension = find_unit(own).dimension
     others = (symbol for symbol, unit in UNITS.items() if unit.dimension == dimension)
     return (own, *(symbol for symbol in others if symbol != own))
 
@@ -110,7 +110,7 @@ class DataCard:
                 notify(f"{name} is not fitted: it is neither a sweep nor a readable table")
         self.choice.set_value([name for name in names if name in self.entries])
 
-    @shows_errors
+    @show_errors
     async def look(self) -> None:
         if await self._listing.look():
             self._offer()
@@ -139,7 +139,7 @@ class DataCard:
                         notify_error(error)
         self._changed()
 
-    @shows_errors
+    @show_errors
     async def _uploaded(self, name: str) -> None:
         await self.look()
         notify(f"saved as {name}")
@@ -150,12 +150,12 @@ class DataCard:
         with ui.expansion(f"Import of {name}").classes("w-full bordered") as shown:
             place = ui.column().classes("w-full")
 
-        @shows_errors
+        @show_errors
         async def fill() -> None:
             if not shown.value or place.default_slot.children:
                 return
             worker = self._context.worker("tables")
-            html = await worker.run(stand_html, self._context.runs, name)
+            html = await worker.run(stand_summary_html, self._context.runs, name)
             with place:
                 ui.html(html, sanitize=False).classes("shown-body")
 
@@ -168,7 +168,7 @@ class DataCard:
             radius.props("dense stack-label step=any").classes("grow")
             make = ui.button("Make a rig of it").props("outline dense")
 
-        @shows_errors
+        @show_errors
         async def store() -> None:
             self._context.claim_control()
             worker = self._context.worker("tables")
@@ -202,7 +202,7 @@ class DataCard:
             use = ui.button("Use these columns").props("outline no-caps")
             result = ui.column().classes("w-full")
 
-        @shows_errors
+        @show_errors
         async def store() -> None:
             self._context.claim_control()
             result.clear()
@@ -220,7 +220,7 @@ def _column_fields(
     channel: str, source: ColumnSource | None, header: tuple[str, ...]
 ) -> Callable[[], ColumnSource | None]:
     """Make the fields of one channel, and return what reads them."""
-    own = unit_in_name(channel)
+    own = unit_from_name(channel)
     choices = {NONE: "–", CONSTANT: "one number for all rows"}
     choices |= {cell: cell for cell in header if cell}
     value = NONE if source is None else source.column or CONSTANT

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError, UnknownChoice
-from benchtool.core.inputs import changed, make, words
-from benchtool.core.own_code import refuse_code
+from benchtool.core.inputs import build_inputs, to_arguments, with_changes
 from benchtool.core.parameter import Parameter
 from benchtool.core.parsed_text import parse_toml
 from benchtool.core.rig import Rig
-from benchtool.core.rig_file import rig_named, rig_names
+from benchtool.core.rig_file import load_rig_by_name, rig_names
+from benchtool.core.user_code import check_code_allowed
 from benchtool.core.user_file import read_text
 from benchtool.data.column_map import read_column_map
 from benchtool.data.csv_text import read_csv_header
@@ -24,7 +24,7 @@ from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.run import free_path
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
-from benchtool.data.run.state import remembered
+from benchtool.data.run.state import recall_state
 from benchtool.fit.data_rig import rig_for_data
 from benchtool.fit.fit_data import RATIO_BASIS
 from benchtool.fit.recipe import FitInputs, Recipe
@@ -87,7 +87,7 @@ def model_path(folder: RunsFolder, chosen: str) -> str:
     head = head if isinstance(head, dict) else {}
     beside = PurePosixPath(chosen).parent
     if head.get("effects_file"):
-        refuse_code(f"{beside}/{head['effects_file']}")
+        check_code_allowed(f"{beside}/{head['effects_file']}")
     rig = str(head.get("rig", ""))
     if rig and rig not in rig_names():
         if PurePosixPath(rig).name != rig:
@@ -99,16 +99,16 @@ def model_path(folder: RunsFolder, chosen: str) -> str:
     return str(path)
 
 
-def numbers_of(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
+def form_numbers(model: str, rig: Rig | None = None) -> dict[str, Parameter]:
     """Return a model's numbers by full name, on the rig of the data where that is another.
 
     Those of the noise are left out: an option sets them.
     """
-    found = loaded(model, rig).model.parameters
+    found = load_choice(model, rig).model.parameters
     return {name: item for name, item in found.items() if not name.startswith("noise.")}
 
 
-def loaded(model: str, rig: Rig | None = None) -> LoadedModel:
+def load_choice(model: str, rig: Rig | None = None) -> LoadedModel:
     """Return a model on a rig, by default its own; read anew only where its file has changed."""
     path = Path(model)
     return _read(model, path.stat().st_mtime_ns if path.is_file() else 0, _ByValue(rig))
@@ -171,7 +171,7 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
         )
     model = model_path(folder, request.model)
     columns = read_column_map(stored[0]) if stored else {}
-    if tables and not stored and not loaded(model).columns:
+    if tables and not stored and not load_choice(model).columns:
         for name in tables:
             path = folder.file_of(name)
             if "thrust_N" not in read_csv_header(path) and not is_stand_table(path):
@@ -185,7 +185,7 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
         model=model,
         columns=str(stored[0]) if stored else None,
     )
-    numbers = numbers_of(model, data_rig(request, folder))
+    numbers = form_numbers(model, data_rig(request, folder))
     options = {name: each for name, each in request.options.items() if name not in OF_COMMAND}
     choices: dict[str, Any] = choice_options(numbers, request.choices)
     if "R_m" in numbers and tables and _without_plate(tables, columns, folder):
@@ -195,10 +195,10 @@ def recipe_for(request: FitRequest, folder: RunsFolder, entries: Mapping[str, En
         options["basis"] = RATIO_BASIS
     if {"thrust_sd_N", "thrust_ratio_sd"} & columns.keys() and not options.get("noise"):
         options["noise"] = "scale"
-    stored_ones = remembered("calibration")  # the page opens no other calibration files
+    stored_ones = recall_state("calibration")  # the page opens no other calibration files
     if (chosen := options.get("calibration")) is not None and chosen not in stored_ones:
         raise UnknownChoice("calibration", str(chosen), stored_ones)
-    return make(Recipe, {**choices, **options}, source="label", base=base)
+    return build_inputs(Recipe, {**choices, **options}, source="label", base=base)
 
 
 def _without_plate(
@@ -216,7 +216,7 @@ def data_rig(request: FitRequest, folder: RunsFolder) -> Rig | None:
     Raises:
         InputError: data of two rigs or of none, or a rig that benchtool does not ship.
     """
-    named = offered_rig(request.options.get("rig"), folder)
+    named = suggested_rig(request.options.get("rig"), folder)
     return rig_for_data([str(folder.path_of(name)) for name in request.data], request.model, named)
 
 
@@ -229,13 +229,13 @@ def rig_choices(folder: RunsFolder) -> dict[str, str]:
     for path in sorted(folder.root.glob("*.toml")):
         try:
             own = folder.file_of(path.name)
-            found[str(own)] = f"{rig_named(own).name} ({path.name})"
+            found[str(own)] = f"{load_rig_by_name(own).name} ({path.name})"
         except InputError:
             continue  # a model, a plan, or a rig that the command line says more of
     return found
 
 
-def offered_rig(name: str | None, folder: RunsFolder) -> str | None:
+def suggested_rig(name: str | None, folder: RunsFolder) -> str | None:
     """Return a rig that the page offers.
 
     Raises:
@@ -246,12 +246,12 @@ def offered_rig(name: str | None, folder: RunsFolder) -> str | None:
     return name
 
 
-def words_for(recipe: Recipe, request: FitRequest, folder: RunsFolder) -> list[str]:
+def command_arguments(recipe: Recipe, request: FitRequest, folder: RunsFolder) -> list[str]:
     """Return the words behind `benchtool` that do the same."""
     out = str(folder.root / request.name) if request.name else ""
     of_command = {name: request.options.get(name) or None for name in OF_COMMAND}
-    given = changed(recipe) | of_command | {"out": out}
-    return ["fit", *words(FitInputs, given)]
+    given = with_changes(recipe) | of_command | {"out": out}
+    return ["fit", *to_arguments(FitInputs, given)]
 
 
 def suggested_name(folder: RunsFolder, data: Sequence[str]) -> str:

@@ -13,17 +13,17 @@ from benchtool.commands.terminal.table_fit import MODEL
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.parameter import Parameter
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.state import remembered
+from benchtool.data.run.state import recall_state
 from benchtool.fit.recipe import LAWS, Basis, FitInputs, Noise, Recipe
-from benchtool.report.numbers import unit_for_people
+from benchtool.report.numbers import display_unit
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.form import InputForm
 from benchtool.web.jobs import Job
 from benchtool.web.progress import JobProgress
 from benchtool.web.tabs.fit import model_choice
 from benchtool.web.tabs.fit.data import DataCard
-from benchtool.web.tabs.fit.work import fit_into, view_fit
-from benchtool.web.widgets import STYLE, CommandRow, show_section, show_waiting, shows_errors
+from benchtool.web.tabs.fit.work import fit_to_folder, view_fit
+from benchtool.web.widgets import STYLE, CommandRow, show_errors, show_section, show_waiting
 
 USUAL_MODEL = "quad_bench"
 
@@ -95,7 +95,7 @@ class ParameterTable:
             with ui.element("th").props("scope=row"):
                 ui.label(name)
             with ui.element("td"):
-                ui.label(unit_for_people(number.unit))
+                ui.label(display_unit(number.unit))
             with ui.element("td"):
                 free = ui.checkbox(value=choice.free).props(f'dense aria-label="{name} is free"')
             with ui.element("td"):
@@ -146,7 +146,7 @@ class MethodCard:
             self._form.add("basis", options=BASES)
             self._form.add("noise", options=NOISES)
             self._form.add("rig", options=rigs)
-            self._form.add("calibration", options=remembered("calibration"))
+            self._form.add("calibration", options=recall_state("calibration"))
         more = ui.expansion("More options").classes("w-full")
         with more, ui.element("div").classes("field-grid"):
             self._form.add("compare", options={LAWS: "all laws of distance", **models})
@@ -239,28 +239,28 @@ class FitTab:
             request = self._request()
             self._parameters.show(
                 self._model.value,
-                model_choice.numbers_of(model, model_choice.data_rig(request, self._folder)),
+                model_choice.form_numbers(model, model_choice.data_rig(request, self._folder)),
             )
             request = self._request()
             recipe = model_choice.recipe_for(request, self._folder, self.data.entries)
-            self._command.show(model_choice.words_for(recipe, request, self._folder))
+            self._command.show(model_choice.command_arguments(recipe, request, self._folder))
             self._hint.set_text("")
             self._fit.enable()
         except BenchtoolError as error:
             self._hint.set_text(str(error))
             self._fit.disable()
 
-    @shows_errors
+    @show_errors
     def _start(self) -> None:
         self._context.claim_control()
         request = self._request()
         out = self._folder.new_path(request.name)
         recipe = model_choice.recipe_for(request, self._folder, self.data.entries)
-        words = model_choice.words_for(recipe, request, self._folder)
+        words = model_choice.command_arguments(recipe, request, self._folder)
         self._answer.clear()
         profile = bool(request.options["profile"])
         budget = request.options["budget"] or "propagation"
-        self._progress.start(lambda: Job(out, words, fit_into, recipe, profile, budget))
+        self._progress.start(lambda: Job(out, words, fit_to_folder, recipe, profile, budget))
 
     async def show_answer(self, name: str, words: tuple[str, ...] = ()) -> None:
         """Show a fit that was written."""
@@ -269,7 +269,7 @@ class FitTab:
         with self._answer, ui.card().classes("w-full"):
             show_section(replace(section, command=words or section.command))
 
-    @shows_errors
+    @show_errors
     async def _done(self, job: Job[str]) -> None:
         name = self._folder.name_of(job.out)
         self._context.server.forms.note(self._context.tab, ANSWER, name)
@@ -287,7 +287,7 @@ def build(context: PageContext) -> None:
     with place:
         show_waiting("reading models and runs")
 
-    @shows_errors
+    @show_errors
     async def fill() -> None:
         # What takes long to load is loaded beside the loop, so that Stop never waits for it.
         listing = RunsListing(RunsFolder(context.runs))
@@ -307,5 +307,5 @@ def build(context: PageContext) -> None:
 
 
 def _load() -> None:
-    model_choice.numbers_of(USUAL_MODEL)
+    model_choice.form_numbers(USUAL_MODEL)
     Recipe(name="any", data=("any",), model=USUAL_MODEL)

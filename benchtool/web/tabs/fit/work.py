@@ -10,7 +10,7 @@ import numpy as np
 
 from benchtool.core.column_source import ColumnSource
 from benchtool.core.errors import InputError
-from benchtool.data.atomic import replace_text, written_whole
+from benchtool.data.atomic import replace_text, write_atomically
 from benchtool.data.column_map import column_map_to_toml
 from benchtool.data.formats.formats import is_stand_table
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
@@ -21,7 +21,7 @@ from benchtool.web.jobs import PageSection, ReportProgress
 from benchtool.web.uploads import stand_blocks
 
 
-def fit_into(
+def fit_to_folder(
     report: ReportProgress,
     out: Path,
     words: tuple[str, ...],
@@ -45,7 +45,7 @@ def fit_into(
 
     output = run_recipe(recipe, progress, profile=profile, budget=budget)
     report("drawing", 0.0)
-    with written_whole(out) as part:
+    with write_atomically(out) as part:
         write_fit(part, output, [shlex.join(["benchtool", *words])])
     return out.name
 
@@ -73,7 +73,7 @@ def view_fit(root: Path, name: str) -> PageSection:
     )
 
 
-def stand_html(root: Path, name: str) -> str:
+def stand_summary_html(root: Path, name: str) -> str:
     """Return what an import finds in a stand's table as HTML; empty for any other table."""
     from benchtool.web.drawing import blocks_html
 
@@ -88,14 +88,14 @@ def store_radius(root: Path, name: str, radius_m: float | None) -> Path:
         WouldOverwrite: there is one already.
     """
     from benchtool.commands.terminal.table_fit import radius_rig
-    from benchtool.core.rig_file import rig_from_toml
+    from benchtool.core.rig_file import parse_rig
 
     folder = RunsFolder(root)
     table = folder.file_of(name)
     text = radius_rig(str(table), radius_m, known=is_stand_table(table))
     if not text:
         raise InputError(f"{name} does not say how large the rotor is; type its radius")
-    rig_from_toml(text, f"rig of {name}")
+    parse_rig(text, f"rig of {name}")
     path = folder.new_path(f"{table.stem}.rig.toml")
     replace_text(path, text)
     return path

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from nicegui import ui
 
-from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, SWEEPS, Entry, entry_of
+from benchtool.data.run.entry import ANSWER_FILE, FIT_FILE, SWEEPS, Entry, build_entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.data.run.settings import TABLES
 from benchtool.export.targets import TARGETS
@@ -28,16 +28,16 @@ from benchtool.web.tabs.runs.view import (
 from benchtool.web.widgets import (
     CommandRow,
     open_tab,
+    show_errors,
     show_section,
     show_stamp,
     show_waiting,
-    shows_errors,
 )
 
 EXPORTED = ("fit", *SWEEPS)  # kinds with values to export
 DRAWER = "figures"  # The process that reads runs and draws
 
-WRITER = "reports"  # process that writes downloads
+EXPORT_WRITER = "reports"  # process that writes downloads
 
 
 class Download(NamedTuple):
@@ -99,7 +99,7 @@ class RunDetail:
         Raises:
             BenchtoolError: no such name, or it cannot be read.
         """
-        entry = entry_of(self._folder, name)
+        entry = build_entry(self._folder, name)
         found = await self._read(f"reading {name}", view_entry, name)
         if found is None:
             return
@@ -173,7 +173,7 @@ class RunDetail:
         button = ui.button(download.label, icon="download").props("outline dense")
         page = self._place.client
 
-        @shows_errors
+        @show_errors
         async def take() -> None:
             button.props("loading")
             try:
@@ -194,11 +194,11 @@ class RunDetail:
             button = ui.button("Export", icon="flight").props("outline dense")
         page = self._place.client
 
-        @shows_errors
+        @show_errors
         async def take() -> None:
             button.props("loading")
             try:
-                file, content = await self._work(WRITER, export_file, name, to.value)
+                file, content = await self._work(EXPORT_WRITER, export_file, name, to.value)
             finally:
                 button.props(remove="loading")
             with page:
@@ -210,16 +210,16 @@ class RunDetail:
         if download.path:
             return self._folder.file_of(download.path)
         if not download.table:
-            return bytes(await self._work(WRITER, report_bytes, names))
+            return bytes(await self._work(EXPORT_WRITER, report_bytes, names))
         suffix = Path(download.file).suffix
-        return bytes(await self._work(WRITER, table_bytes, names[0], download.table, suffix))
+        return bytes(await self._work(EXPORT_WRITER, table_bytes, names[0], download.table, suffix))
 
     def _expansion(self, name: str, part: str) -> None:
         with ui.expansion(part).classes("w-full") as more:
             place = ui.column().classes("w-full")
         filled = False
 
-        @shows_errors
+        @show_errors
         async def fill() -> None:
             nonlocal filled
             if filled or not more.value:

@@ -11,13 +11,13 @@ from nicegui import ui
 from benchtool.commands.import_file import ImportInputs
 from benchtool.commands.report import ReportInputs
 from benchtool.core.inputs import items
-from benchtool.data.catalogue.choice import ChoiceInputs, chosen
+from benchtool.data.catalogue.filters import ChoiceInputs, filter_entries
 from benchtool.data.run.entry import ENTRY_KINDS, SWEEPS, Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.context import PageContext, RunsListing
 from benchtool.web.form import InputForm
 from benchtool.web.tabs.runs.detail import RunDetail
-from benchtool.web.widgets import STYLE, TableUpload, notify, shows_errors
+from benchtool.web.widgets import STYLE, TableUpload, notify, show_errors
 
 ROWS = 10
 NOTHING = (
@@ -109,13 +109,13 @@ class RunsTab:
         table.on("open", lambda event: self.open(str(event.args)))
         return table
 
-    @shows_errors
+    @show_errors
     async def open(self, name: str) -> None:
         await self._detail.open(name)
         address = json.dumps("?" + urlencode({"tab": "runs", "run": name}))
         ui.run_javascript(f"history.replaceState(null, '', {address})")
 
-    @shows_errors
+    @show_errors
     async def _put(self) -> None:
         await self._detail.compare(self._comparable(), self._over.value, self._thrust.value or None)
 
@@ -131,7 +131,7 @@ class RunsTab:
         notify(f"saved as {name}")
         await self.open(name)
 
-    @shows_errors
+    @show_errors
     async def _look(self) -> None:
         if await self._listing.look():
             known = sorted({tag for entry in self._listing.entries for tag in entry.tags})
@@ -146,7 +146,7 @@ class RunsTab:
             kind=self._kind.value or None,
             tag=tuple(self._tags.value or ()),
         )
-        found = chosen(self._listing.entries, by)
+        found = filter_entries(self._listing.entries, by)
         self._table.update_rows([_row(entry) for entry in found], clear_selection=False)
         whole = len(self._listing.entries)
         broken = sum(bool(entry.problem) for entry in found)

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
 from benchtool.data.atomic import read_json
 from benchtool.data.csv_text import read_csv_text
-from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, entry_of
+from benchtool.data.run.entry import ANSWER_FILE, SWEEPS, Entry, build_entry
 from benchtool.data.run.runs_folder import RunsFolder
-from benchtool.data.run.settings import exported
+from benchtool.data.run.settings import export_table
 from benchtool.web.jobs import PageSection
 from benchtool.web.tabs.fit.work import view_fit
 from benchtool.web.uploads import stand_blocks
@@ -35,7 +35,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
         BenchtoolError: it cannot be read, for the reason in the list.
     """
     folder = RunsFolder(root)
-    entry = entry_of(folder, name)
+    entry = build_entry(folder, name)
     path = folder.path_of(name)
     if entry.problem:
         known = entry.problem.startswith(name)
@@ -48,7 +48,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
         return _table(path, name), _motor_parts(path)
     if entry.summary == "no point yet":
         raise FileFormatError(name, "the sweep has measured no point yet; look again later")
-    from benchtool.report.page import Facts, Paragraph
+    from benchtool.report.page import FactTable, Paragraph
     from benchtool.web.drawing import blocks_html
 
     report = _report(path, entry)
@@ -56,7 +56,7 @@ def view_entry(root: Path, name: str) -> tuple[PageSection, tuple[str, ...]]:
     if entry.kind in SWEEPS:
         from benchtool.report.run_facts import simple_facts
 
-        blocks.append(Facts(simple_facts(read_json(path / "metadata.json"))))
+        blocks.append(FactTable(simple_facts(read_json(path / "metadata.json"))))
     section = PageSection(
         title=name,
         html=blocks_html([*blocks, *report.sections[0].blocks]),
@@ -74,7 +74,7 @@ def view_part(root: Path, name: str, part: str) -> PageSection:
     folder = RunsFolder(root)
     if part == MOTOR_PART:
         return _motor(folder.path_of(name))
-    report = _report(folder.path_of(name), entry_of(folder, name))
+    report = _report(folder.path_of(name), build_entry(folder, name))
     for section in report.sections:
         if section.title == part:
             return PageSection(
@@ -120,9 +120,9 @@ def export_file(root: Path, name: str, to: str) -> tuple[str, bytes]:
         InputError: it was rejected by its own data, or a log does not say what it needs.
     """
     from benchtool.export.targets import file_for
-    from benchtool.export.vehicle import vehicle_of
+    from benchtool.export.vehicle import build_vehicle
 
-    file, text = file_for(vehicle_of(RunsFolder(root).path_of(name)), to)
+    file, text = file_for(build_vehicle(RunsFolder(root).path_of(name)), to)
     return file, text.encode("utf-8")
 
 
@@ -132,12 +132,12 @@ def view_over(root: Path, names: Sequence[str], over: Over, thrust_N: float | No
     Args:
         thrust_N: at which they are ranked; not at all when None.
     """
-    from benchtool.report.compare.page import COMPARISON, compared, comparison_sentence
+    from benchtool.report.compare.page import COMPARISON, compare_runs, comparison_sentence
     from benchtool.report.page import Paragraph
     from benchtool.web.drawing import blocks_html
 
     paths = [RunsFolder(root).path_of(name) for name in names]
-    one = compared(paths, over, thrust_N)
+    one = compare_runs(paths, over, thrust_N)
     blocks = [block for part in COMPARISON.sections(one) for block in part.blocks]
     at = () if thrust_N is None else ("--at-thrust", f"{thrust_N:g}")
     return PageSection(
@@ -194,17 +194,17 @@ def _made(path: Path, kind: str, stamp: int) -> Report:
         from benchtool.report.sweep.run import read_sweep_run
 
         return SWEEP.report(read_sweep_run(path))
-    from benchtool.explain.pitch.replayed import Beside
+    from benchtool.explain.pitch.replay import ReplayInputs
     from benchtool.report.replay.page import recording_page
 
-    return recording_page(path, Beside())
+    return recording_page(path, ReplayInputs())
 
 
 def _answer(path: Path, name: str) -> PageSection:
     from benchtool.report.answer.figures import WHICH, WHICH_OF_SEVERAL
     from benchtool.report.answer.overlay import overlay_caption
     from benchtool.report.figure import captions
-    from benchtool.report.page import Facts, Paragraph
+    from benchtool.report.page import FactTable, Paragraph
     from benchtool.web.drawing import FigureImage, blocks_html
 
     facts = read_json(path / ANSWER_FILE)
@@ -225,7 +225,7 @@ def _answer(path: Path, name: str) -> PageSection:
         shown["next experiment"] = str(following)
     return PageSection(
         title=name,
-        html=blocks_html([Paragraph(str(facts["sentence"])), Facts(shown), *figures]),
+        html=blocks_html([Paragraph(str(facts["sentence"])), FactTable(shown), *figures]),
         simulated=bool(facts["simulated"]),
         command=("report", str(path)),
     )
@@ -254,4 +254,4 @@ def report_bytes(root: Path, names: Sequence[str]) -> bytes:
 
 def table_bytes(root: Path, name: str, table: str, suffix: str) -> bytes:
     """Return one table of a run as a CSV or Parquet file."""
-    return exported(RunsFolder(root).path_of(name), table, suffix)
+    return export_table(RunsFolder(root).path_of(name), table, suffix)

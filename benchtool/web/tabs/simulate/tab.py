@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from nicegui import ui
 
 from benchtool.core.errors import BenchtoolError
-from benchtool.core.inputs import make
-from benchtool.core.rig_file import rig_named, rig_names
+from benchtool.core.inputs import build_inputs
+from benchtool.core.rig_file import load_rig_by_name, rig_names
 from benchtool.core.schedule_file import schedule_names
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.controllers.laws import FLIGHT_CONTROLLERS, PITCH_CONTROLLERS
@@ -25,8 +25,8 @@ from benchtool.web.widgets import (
     STYLE,
     CommandRow,
     open_tab,
+    show_errors,
     show_section,
-    shows_errors,
     titled_card,
     today,
 )
@@ -40,7 +40,9 @@ ALWAYS = ("duration_s", "seed", "set", "out")  # Fields of every simulation
 
 def _pitch_choices() -> dict[str, Mapping[str, str] | None]:
     """Return the fields of the pitch bench, with what is offered in each; None for typed ones."""
-    rigs = [name for name in rig_names() if any(rotor.x_m for rotor in rig_named(name).rotors)]
+    rigs = [
+        name for name in rig_names() if any(rotor.x_m for rotor in load_rig_by_name(name).rotors)
+    ]
     return {
         "rig": {name: name for name in rigs},
         "schedule": {name: name for name in schedule_names()},
@@ -52,7 +54,7 @@ def _pitch_choices() -> dict[str, Mapping[str, str] | None]:
 def _flight_choices() -> dict[str, Mapping[str, str] | None]:
     """Return the fields of a flight, as above."""
     # Fewer than four rotors cannot make thrust and three torques.
-    rigs = [name for name in rig_names() if rig_named(name).n_rotors >= 4]
+    rigs = [name for name in rig_names() if load_rig_by_name(name).n_rotors >= 4]
     return {
         "case": {name: flight.title for name, flight in FLIGHTS.items()},
         "rig": {name: name for name in rigs},
@@ -108,7 +110,7 @@ class SimulateTab:
         out = self._folder.new_path(given["out"]) if given["out"] else free
         numbers = (given["set"] or "").replace(",", " ").split()
         given |= {"out": str(out), "set": numbers or None}
-        return make(KINDS[self._kind.value], given, source="label")
+        return build_inputs(KINDS[self._kind.value], given, source="label")
 
     def _changed(self) -> None:
         """Show the command of the form, or what it lacks."""
@@ -123,7 +125,7 @@ class SimulateTab:
         self._hint.set_text("")
         self._simulate.set_enabled(not self._progress.watching)
 
-    @shows_errors
+    @show_errors
     def _start(self) -> None:
         self._context.claim_control()
         inputs = self._inputs()

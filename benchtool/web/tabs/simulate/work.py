@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchtool.core.inputs import changed, words
-from benchtool.data.atomic import written_whole
+from benchtool.core.inputs import to_arguments, with_changes
+from benchtool.data.atomic import write_atomically
 from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.pitch.inputs import PitchInputs
 from benchtool.web.jobs import PageSection, ReportProgress
@@ -22,7 +22,7 @@ DRAWN_FROM = 0.8  # share of a job at which the runs are done; assumed
 def command_words(inputs: Simulation) -> list[str]:
     """Return the words behind `benchtool` that simulate the same."""
     kind = "pitch" if isinstance(inputs, PitchInputs) else "flight"
-    return ["simulate", kind, *words(type(inputs), changed(inputs))]
+    return ["simulate", kind, *to_arguments(type(inputs), with_changes(inputs))]
 
 
 def simulate_into(
@@ -47,7 +47,7 @@ def simulate_into(
     else:
         result, page = flight_result(inputs), FLIGHT
     report("drawing", DRAWN_FROM)
-    with written_whole(out) as part:
+    with write_atomically(out) as part:
         recording, *_ = result.save(part)
     head, *lines = result.summary().splitlines()
     blocks = [block for section in page.sections(result.found) for block in section.blocks]

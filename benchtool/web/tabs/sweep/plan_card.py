@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 from nicegui import events, run, ui
 
-from benchtool.acquire.arming import arming_text
+from benchtool.acquire.arming import arming_prompt
 from benchtool.acquire.check_plan import check_plan
 from benchtool.acquire.inputs import SweepInputs
-from benchtool.acquire.order import expected_duration_s, minutes, settings_of, visits_of
 from benchtool.acquire.plan import THROTTLE_TESTS, Plan, PlatePart, plan_from_toml, read_plan
+from benchtool.acquire.visit_order import expected_duration_s, minutes, plan_settings, plan_visits
 from benchtool.core.air import Air
 from benchtool.core.errors import BenchtoolError, FileFormatError, InputError
-from benchtool.core.input_text import text_of
-from benchtool.core.inputs import items, values_of
+from benchtool.core.input_text import format_value
+from benchtool.core.inputs import input_values, items
 from benchtool.core.rig import Rig
 from benchtool.data.atomic import read_json
 from benchtool.data.run.runs_folder import RunsFolder
@@ -29,8 +29,8 @@ from benchtool.web.widgets import (
     confirm_arming,
     file_upload,
     open_dialog,
+    show_errors,
     show_facts,
-    shows_errors,
     titled_card,
 )
 
@@ -38,7 +38,7 @@ SHOWN_VISITS = 400  # Rows of the order that are shown; a choice
 
 COLUMNS = ("visit", "kind", "z/R", "us", "repeat")
 
-LARGEST_BYTES = 100_000  # A plan file that is longer is none
+MAX_BYTES = 100_000  # A plan file that is longer is none
 
 FIRST = (
     "z_over_r", "pwm", "repeats", "rotors", "tilt", "lateral", "sample_s", "anchor_every", "seed",
@@ -47,7 +47,7 @@ FIRST = (
 """Inputs of a plan that are always shown; the others can be opened."""
 
 FIELDS = tuple(item.name for item in items(Plan))
-OF_A_PLATE = (*(item.name for item in items(PlatePart)), "anchor_every")  # inputs of a plate
+PLATE_FIELDS = (*(item.name for item in items(PlatePart)), "anchor_every")  # inputs of a plate
 AIR = tuple(item.name for item in items(Air))
 
 
@@ -64,14 +64,14 @@ class PlanPreview(NamedTuple):
     order: Sequence[dict[str, str]]
 
 
-def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) -> PlanPreview:
+def build_preview(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) -> PlanPreview:
     """Return the preview of a resolved plan.
 
     Raises:
         PlanError: the limits of rig or device do not allow it.
     """
     expected = check_plan(plan, rig, device_limits)
-    visits = visits_of(plan, rig)
+    visits = plan_visits(plan, rig)
     radius_m = rig.propulsion.radius_m
     kinds = [visit.kind for visit in visits]
     apart = f", {kinds.count('reference')} references, {kinds.count('anchor')} anchors"
@@ -83,7 +83,7 @@ def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) 
         or "no plate: throttle alone",
         "pulses": f"{pulses} us",
         "visits": (
-            f"{len(visits)}, of {len(settings_of(plan, rig))} settings: "
+            f"{len(visits)}, of {len(plan_settings(plan, rig))} settings: "
             f"{plan.repeats} repeats{apart}"
         ),
         "duration": f"about {minutes(expected_duration_s(plan, rig, visits))}",
@@ -103,15 +103,17 @@ def preview_of(plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None) 
             distance = "parked"
         row = (str(visit.point), kind, distance, level, str(visit.repeat))
         rows.append(dict(zip(COLUMNS, row, strict=True)))
-    return PlanPreview(facts, arming_text(plan, rig, expected), rows)
+    return PlanPreview(facts, arming_prompt(plan, rig, expected), rows)
 
 
 def plan_texts(plan: Plan, rig: Rig) -> dict[str, str]:
     """Return what a plan, resolved for a rig, runs with, by field, as it would be typed."""
     ratios = tuple(distance_m / rig.propulsion.radius_m for distance_m in plan.plate.distances_m)
-    values = values_of(plan) | {"z_over_r": ratios}
+    values = input_values(plan) | {"z_over_r": ratios}
     return {
-        item.name: ",".join(f"{each:g}" for each in value) if item.many else text_of(value)
+        item.name: ",".join(f"{each:g}" for each in value)
+        if item.is_sequence
+        else format_value(value)
         for item in items(Plan)
         if item.name not in ("z_m", "throttle") and (value := values[item.name]) is not None
     }
@@ -158,9 +160,7 @@ class PlanCard:
             ui.select(
                 {"": "plate sweep"} | tests, value="", label="Test", on_change=self._choose_test
             ).classes("w-40")
-            upload = file_upload(
-                "Plan file (TOML)", max_file_size=LARGEST_BYTES, on_upload=self._load
-            )
+            upload = file_upload("Plan file (TOML)", max_file_size=MAX_BYTES, on_upload=self._load)
             upload.props("accept=.toml flat bordered dense").classes("w-72")
             self._loaded = ui.label().classes("soft")
 
@@ -171,7 +171,7 @@ class PlanCard:
         self._base, self._file = SweepInputs(plan=plan), name
         self._look()
 
-    @shows_errors
+    @show_errors
     async def _load(self, event: events.UploadEventArguments) -> None:
         """Take a plan file as what runs where nothing is typed."""
         name = event.file.name
@@ -202,9 +202,9 @@ class PlanCard:
                 raise InputError("no bench is connected, so there is no rig; connect one first")
             plan = self._form.make(self._base).plan.resolved(rig)
             self._form.show_empty(plan_texts(plan, rig))
-            self._form.show_fields(OF_A_PLATE, plan.plate.used)
+            self._form.show_fields(PLATE_FIELDS, plan.plate.used)
             limits = connection.identity.limits if connection.identity else None
-            self._preview = preview_of(plan, rig, limits)
+            self._preview = build_preview(plan, rig, limits)
         except BenchtoolError as error:
             problem = str(error)
         self._problem.set_text(problem)
@@ -220,7 +220,7 @@ class PlanCard:
         }
         self._command.show(["sweep", *self._form.words(given)])
 
-    @shows_errors
+    @show_errors
     def _arm(self) -> None:
         self._context.require_control()
         self._look()
@@ -238,7 +238,7 @@ class PlanCard:
 
         confirm_arming(self._context, self._card, text, begin)
 
-    @shows_errors
+    @show_errors
     async def _choose(self) -> None:
         self._context.require_control()
         names = await run.io_bound(stopped_runs, self._context.runs)
@@ -247,7 +247,7 @@ class PlanCard:
         with open_dialog("Resume a run") as dialog:
             chosen = ui.select(list(names), value=names[0]).classes("w-full")
 
-            @shows_errors
+            @show_errors
             def resume() -> None:
                 path = RunsFolder(self._context.runs).path_of(chosen.value)
                 with self._card:

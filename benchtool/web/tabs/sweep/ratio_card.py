@@ -12,7 +12,7 @@ from nicegui import ui
 from benchtool.core.errors import BenchtoolError
 from benchtool.data.run.ratios import RATIO_BASES
 from benchtool.physics.model_file import model_names
-from benchtool.report.palette import GREY, LOOKS, VERMILION
+from benchtool.report.palette import GREY, SERIES_STYLES, VERMILION
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.sweep.work import MeasuredRatios, Trace, measured_ratios, model_curves
@@ -57,7 +57,7 @@ class RatioCard:
                 models = {"": "no model", **{name: name for name in model_names()}}
                 self._model = ui.select(models, value="", label="Model and its band")
                 self._model.classes("w-52")
-            figure = ratio_figure(MeasuredRatios(), (), nothing_yet(context.bench), GREY)
+            figure = ratio_figure(MeasuredRatios(), (), empty_figure(context.bench), GREY)
             self._plot = ui.plotly(figure).classes("w-full ratio-plot")
             self._why = ui.label().classes("soft")
 
@@ -70,11 +70,11 @@ class RatioCard:
     async def _refresh(self) -> None:
         bench = self._context.bench
         rig, sweep = bench.connection.rig, bench.sweep
-        ink = LIGHT_INK if self._context.dark else LOOKS["measurement"].color
+        ink = LIGHT_INK if self._context.dark else SERIES_STYLES["measurement"].color
         if rig is not None and rig.name != self._rig_name:
             self._rig_name = rig.name
             self._model.value = STANDARD.get(rig.n_discs, "")
-        model, basis, empty = self._model.value, self._basis.value, nothing_yet(bench)
+        model, basis, empty = self._model.value, self._basis.value, empty_figure(bench)
         wanted = (sweep.run, sweep.done, rig.name if rig else "", model, basis, ink, empty)
         if wanted == self._shown:
             return
@@ -95,7 +95,7 @@ class RatioCard:
         self._why.set_visibility(bool(points.why))
 
 
-def nothing_yet(bench: BenchClient) -> str:
+def empty_figure(bench: BenchClient) -> str:
     """Return the text of an empty plot."""
     if bench.sweep.active and bench.sweep.kind == "sweep":
         return "The sweep runs; its points come here as they are measured."

@@ -6,14 +6,14 @@ from pathlib import Path
 
 from nicegui import ui
 
-from benchtool.acquire.order import minutes
+from benchtool.acquire.visit_order import minutes
 from benchtool.web.bench_process.messages import AnswerQuestion, PauseSweep
 from benchtool.web.context import PageContext
 from benchtool.web.tabs.bench.charts import ChartCard
 from benchtool.web.tabs.bench.limits_card import LimitsCard
 from benchtool.web.tabs.sweep.plan_card import PlanCard
 from benchtool.web.tabs.sweep.ratio_card import RatioCard
-from benchtool.web.widgets import open_tab, shows_errors
+from benchtool.web.widgets import open_tab, show_errors
 
 LOOK_S = 0.5  # How often points are looked for: the plot changes at most twice a second
 HIDDEN_EVENTS = frozenset({"device"})  # Events that the run folder has and the page does not show
@@ -78,11 +78,11 @@ class RunCard:
     def _go_fit(self) -> None:
         open_tab("fit", data=Path(self._context.bench.sweep.run).name)
 
-    @shows_errors
+    @show_errors
     def _set_pause(self, *, on: bool) -> None:
         self._context.send(PauseSweep(on))
 
-    @shows_errors
+    @show_errors
     def _send(self) -> None:
         self._context.send(AnswerQuestion(self._answer.value))
         self._answer.value = ""

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.core.array import Array
+from benchtool.core.array_type import Array
 from benchtool.core.errors import BenchtoolError
 from benchtool.core.rig import Rig
-from benchtool.report.palette import BLUE, LOOKS, VERMILION
+from benchtool.report.palette import BLUE, SERIES_STYLES, VERMILION
 
 CURVE_POINTS = 80
 
@@ -35,7 +35,7 @@ class MeasuredRatios(NamedTuple):
 
 def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
     """Return the ratios of a run as far as it is; thrust over pulse where it has none."""
-    from benchtool.data.columns import code_of
+    from benchtool.data.columns import word_to_code
     from benchtool.data.run.ratios import ratios
     from benchtool.data.run.read import read_points
     from benchtool.data.run.run import Run
@@ -54,7 +54,7 @@ def measured_ratios(run: Path, basis: str) -> MeasuredRatios:
         measured, why = None, str(error)
     kinds, simulated = points.column("kind"), bool(facts.get("simulated"))
     if measured is not None:
-        near = (kinds == code_of("kind", "measure")) & np.isfinite(measured.value)
+        near = (kinds == word_to_code("kind", "measure")) & np.isfinite(measured.value)
         z_over_R = points.column("plate_z_m") / rig.propulsion.radius_m
         table = (z_over_R, measured.value, np.nan_to_num(measured.total_error))
         if near.any():
@@ -83,7 +83,7 @@ def model_curves(
     """
     from benchtool.fit.nominal import nominal_model
     from benchtool.physics import VALIDITY_Z_OVER_R
-    from benchtool.report.ratio import bands_over, factor_over, formula_curves
+    from benchtool.report.ratio import factor_at_distance, formula_curves, uncertainty_bands
 
     low, high = z_over_R
     nominal = nominal_model(model, rig) if model else None
@@ -92,14 +92,14 @@ def model_curves(
     speeds = np.full((rig.n_rotors, 1), 500.0)
     found = []
     for curve in formula_curves(rig, speeds, x[x >= VALIDITY_Z_OVER_R]):
-        color = LOOKS["quad"].color if curve.role == "quad" else ink
+        color = SERIES_STYLES["quad"].color if curve.role == "quad" else ink
         line = {"color": color, "dash": "dash", "width": 1.5}
         found.append(_line(curve.label, curve.z_over_R, curve.ratio, line))
     if nominal is None:
         return tuple(found)
-    middle = np.asarray(factor_over(nominal.model, speeds, x, basis=basis), float)
+    middle = np.asarray(factor_at_distance(nominal.model, speeds, x, basis=basis), float)
     middle = np.broadcast_to(middle, x.shape)
-    bands = bands_over(nominal.model, speeds, x, nominal.draws, basis)
+    bands = uncertainty_bands(nominal.model, speeds, x, nominal.draws, basis)
     name = nominal.model.name
     if bands:
         edge = {"width": 0, "color": VERMILION}

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from benchtool.core.channel import Channel
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.derived import rig_circumstances
 from benchtool.web.bench_process.publisher import HEAD, Decimator, merged, split
 from benchtool.web.bench_process.telemetry import limit_shares, live_values
@@ -56,7 +56,7 @@ def test_frames_of_two_sessions_are_not_joined():
     assert merged(old.take(50.0), newer) == newer
 
 
-LIMITS = rig_named("pquad").limits
+LIMITS = load_rig_by_name("pquad").limits
 NAMES = ("pwm1_us", "rpm1", "rpm2", "thrust_N", "voltage_V", "current_A")
 
 
@@ -84,7 +84,7 @@ def test_power_and_efficiency_follow_from_means_while_motors_turn():
     )  # fmt: skip
     nan = float("nan")
     samples = np.array([[6000.0, 3.0, 0.05, 11.0, 5.0], [6000.0, 5.0, 0.07, nan, 7.0]])
-    known = rig_circumstances(rig_named("pquad_single"))
+    known = rig_circumstances(load_rig_by_name("pquad_single"))
     found = live_values(channels, samples, known, turning=True)
     values = {one.name: (one.value, one.unit) for one in found}
     assert values["thrust"] == (4.0, "N")

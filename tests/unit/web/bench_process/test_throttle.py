@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.web.bench_process.messages import HoldThrottle, ReleaseThrottle
 from benchtool.web.bench_process.throttle import (
-    SILENCE_S,
+    RELEASE_TIMEOUT_S,
     STEP_S,
     DeadManSwitch,
     SLEW_us_s,
@@ -31,17 +31,17 @@ def test_silence_lets_go_and_a_late_beat_of_that_press_does_not_come_back():
     ended: list[tuple[str, str]] = []
     switch = DeadManSwitch(lambda tab, reason: ended.append((tab, reason)))
     switch.hold(FIRST, 0.0)
-    assert switch.wanted(0.99 * SILENCE_S) is FIRST
+    assert switch.wanted(0.99 * RELEASE_TIMEOUT_S) is FIRST
     assert ended == []
-    assert switch.wanted(1.5 * SILENCE_S) is None
-    switch.hold(FIRST, 2.0 * SILENCE_S)
-    assert switch.wanted(2.0 * SILENCE_S) is None
+    assert switch.wanted(1.5 * RELEASE_TIMEOUT_S) is None
+    switch.hold(FIRST, 2.0 * RELEASE_TIMEOUT_S)
+    assert switch.wanted(2.0 * RELEASE_TIMEOUT_S) is None
     ((tab, reason),) = ended
     assert tab == "a"
-    assert f"for {1500.0 * SILENCE_S:.0f} ms" in reason
+    assert f"for {1500.0 * RELEASE_TIMEOUT_S:.0f} ms" in reason
     assert "no beat came from the browser" in reason
-    switch.hold(SECOND, 3.0 * SILENCE_S)
-    assert switch.wanted(3.0 * SILENCE_S) is SECOND
+    switch.hold(SECOND, 3.0 * RELEASE_TIMEOUT_S)
+    assert switch.wanted(3.0 * RELEASE_TIMEOUT_S) is SECOND
 
 
 def test_a_stop_ends_the_press_that_is_still_held():
@@ -100,7 +100,7 @@ def test_a_page_that_is_gone_ends_its_own_press_only():
     assert switch.wanted(0.1) is None
 
 
-RIG = rig_named("pquad")
+RIG = load_rig_by_name("pquad")
 STOP_US = RIG.propulsion.pwm_stop_us
 
 

@@ -7,13 +7,13 @@ from multiprocessing import Pipe
 
 import pytest
 
-from benchtool.core.errors import LinkLost, StandstillNotSeen
+from benchtool.core.errors import LinkLost, StandstillNotConfirmed
 from benchtool.web.bench_process import process
 from benchtool.web.bench_process.client import BenchClient
 from benchtool.web.bench_process.messages import Connect, ConnectionStatus
 from benchtool.web.header import status_parts
 
-TURNING = StandstillNotSeen("MOTORS MAY STILL TURN: rpm1 4479, cut the power", 4479.0)
+TURNING = StandstillNotConfirmed("MOTORS MAY STILL TURN: rpm1 4479, cut the power", 4479.0)
 
 
 @pytest.mark.parametrize(("error", "unseen"), [(TURNING, str(TURNING)), (LinkLost("gone"), "")])

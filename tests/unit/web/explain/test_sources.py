@@ -13,14 +13,14 @@ import pytest
 from benchtool.core.channel import Channel
 from benchtool.core.errors import InputError
 from benchtool.core.recording import Recording
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.run.recording_file import write_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.web.tabs.explain.sources import (
     EXAMPLE,
     RecordingSources,
     command_words,
-    inputs_of,
+    explain_inputs,
     suggested_folder,
 )
 
@@ -64,7 +64,7 @@ def test_recordings_of_the_runs_folder_come_before_the_examples(sources):
 def test_a_recording_proposes_the_model_of_its_bench(sources, recording, model):
     (sources.runs.root / "lab.csv").write_text("plate_z_m,thrust_N\n0.1,4\n")
     hinge = Recording.from_columns([(Channel("theta_rad", "rad"), np.zeros(2))])
-    facts = {"rig": json.loads(json.dumps(asdict(rig_named("pquad"))))}
+    facts = {"rig": json.loads(json.dumps(asdict(load_rig_by_name("pquad"))))}
     write_recording(sources.runs.root / "hinge.csv", hinge, facts)
     assert sources.proposed_model(recording) == model
 
@@ -81,11 +81,11 @@ def test_a_choice_that_leads_elsewhere_is_refused(sources, choice):
 
 def test_the_command_names_everything(sources):
     chosen = ["mine/learn.parquet"], [f"{EXAMPLE}pitch_friction/check.parquet"], "pitch_pquad"
-    inputs = inputs_of(sources, *chosen, "pquad")
+    inputs = explain_inputs(sources, *chosen, "pquad")
     with pytest.raises(InputError, match="does not say which rig it was measured on"):
-        inputs_of(sources, *chosen)
+        explain_inputs(sources, *chosen)
     with pytest.raises(InputError, match=r"unknown rig 'mine\.toml'"):
-        inputs_of(sources, *chosen, "mine.toml")
+        explain_inputs(sources, *chosen, "mine.toml")
     out = suggested_folder(sources, ["mine/learn.parquet"], "2024-05-06")
     assert out == sources.runs.root / "2024-05-06-explain-learn"
     assert command_words(inputs, out) == [

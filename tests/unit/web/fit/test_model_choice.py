@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchtool.core.errors import InputError
-from benchtool.core.inputs import make
+from benchtool.core.inputs import build_inputs
 from benchtool.data.run.entry import Entry
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.fit.fit_data import recipe_model
@@ -14,9 +14,9 @@ from benchtool.physics.model_file import load_model, model_to_toml
 from benchtool.web.tabs.fit.model_choice import (
     ParameterChoice,
     choice_options,
+    form_numbers,
     model_choices,
     model_path,
-    numbers_of,
 )
 
 
@@ -62,14 +62,14 @@ def test_a_model_may_not_lead_out_either(folder, line):
 
 
 def test_what_the_form_leaves_alone_needs_no_option():
-    numbers = numbers_of("quad_bench")
+    numbers = form_numbers("quad_bench")
     assert not any(name.startswith("noise.") for name in numbers)
     same = {name: ParameterChoice(number.free, number.value) for name, number in numbers.items()}
     assert choice_options(numbers, same) == {"free": [], "hold": [], "fix": {}}
 
 
 def test_the_form_frees_holds_and_fixes():
-    numbers = numbers_of("quad_bench")
+    numbers = form_numbers("quad_bench")
     fixed = next(name for name, number in numbers.items() if not number.free)
     choices = {
         "body_lift.K_b": ParameterChoice(False, 2.5),
@@ -78,7 +78,7 @@ def test_the_form_frees_holds_and_fixes():
     }
     options = choice_options(numbers, choices)
     assert options == {"free": [fixed], "hold": ["R_m"], "fix": {"body_lift.K_b": 2.5}}
-    recipe = make(
+    recipe = build_inputs(
         Recipe, options, base=Recipe(name="x", data=("a",), model="quad_bench", rig="pquad")
     )
     parameters = recipe_model(recipe).model.parameters

@@ -9,23 +9,23 @@ from pathlib import Path
 import pytest
 
 from benchtool.core.errors import InputError, UnknownChoice, WouldOverwrite
-from benchtool.core.rig_file import rig_named
+from benchtool.core.rig_file import load_rig_by_name
 from benchtool.data.atomic import partial_folder
 from benchtool.data.catalogue.index import list_entries
 from benchtool.data.run.runs_folder import RunsFolder, columns_file
-from benchtool.data.run.state import remember
+from benchtool.data.run.state import store_state
 from benchtool.fit.fit_data import recipe_model
 from benchtool.fit.run_recipe import run_recipe
 from benchtool.report.fit.stored_fit import read_stored
 from benchtool.web.tabs.fit.model_choice import (
     FitRequest,
     ParameterChoice,
+    command_arguments,
     data_rig,
-    numbers_of,
+    form_numbers,
     recipe_for,
-    words_for,
 )
-from benchtool.web.tabs.fit.work import fit_into
+from benchtool.web.tabs.fit.work import fit_to_folder
 
 RUN = Path(__file__).parents[4] / "datasets/single_rotor/run"
 
@@ -54,7 +54,7 @@ def test_the_form_gives_a_recipe_and_its_words(folder, entries):
     form = request(choices=fixed, options=options)
     recipe = recipe_for(form, folder, entries)
     assert recipe.data == (str(folder.root / "one"),)
-    words = words_for(recipe, form, folder)
+    words = command_arguments(recipe, form, folder)
     assert words[:4] == ["fit", str(folder.root / "one"), "--model", "single_bench"]
     assert words[4:] == [
         *("--method", "least_squares", "--method", "emcee", "--fix", "R_m=0.13"),
@@ -70,7 +70,7 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(folder, entries):
     metadata.write_text(json.dumps(facts), "utf-8")
     rig = data_rig(request(data=["one", "lab.csv"]), folder)
     assert rig is not None
-    numbers, own = numbers_of("single_bench", rig), numbers_of("single_bench")
+    numbers, own = form_numbers("single_bench", rig), form_numbers("single_bench")
     assert numbers["R_m"].value == 0.2 != own["R_m"].value
     # What is shown needs no option; the model file's own number is another here, and does.
     for value, fix in ((0.2, {}), (own["R_m"].value, {"R_m": own["R_m"].value})):
@@ -82,7 +82,7 @@ def test_the_numbers_shown_are_those_of_the_runs_rig(folder, entries):
     with pytest.raises(InputError, match=r"lab\.csv does not say which rig it was measured on"):
         data_rig(request(data=["lab.csv"]), folder)
     named = data_rig(request(data=["lab.csv"], options={"rig": "amuse_single"}), folder)
-    assert named == rig_named("amuse_single")
+    assert named == load_rig_by_name("amuse_single")
 
 
 def test_a_tables_own_map_goes_with_it(folder, entries):
@@ -106,8 +106,8 @@ def test_the_work_writes_what_the_command_would(folder, entries):
         stages.append(what)
 
     out = folder.new_path("fit-one")
-    words = words_for(recipe, form, folder)
-    assert fit_into(report, out, tuple(words), recipe, False) == "fit-one"
+    words = command_arguments(recipe, form, folder)
+    assert fit_to_folder(report, out, tuple(words), recipe, False) == "fit-one"
     assert stages == ["reading", "least squares", "drawing"]
     expected = run_recipe(recipe).results[0]
     found = read_stored(out).results[0]
@@ -115,14 +115,14 @@ def test_the_work_writes_what_the_command_would(folder, entries):
     assert f"benchtool {' '.join(words)}" in (out / "report.html").read_text("utf-8")
     assert not partial_folder(out).exists()
     with pytest.raises(WouldOverwrite):
-        fit_into(report, out, tuple(words), recipe, False)
+        fit_to_folder(report, out, tuple(words), recipe, False)
 
 
 def test_a_table_takes_only_calibrations_that_this_machine_stored(
     folder, entries, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("BENCHTOOL_STATE", str(tmp_path / "state"))
-    stored = str(remember("calibration", "bench-01", {}))
+    stored = str(store_state("calibration", "bench-01", {}))
     table = {"data": ["one"], "options": {"calibration": stored}}
     assert recipe_for(request(**table), folder, entries).calibration == stored
     other = {**table, "options": {"calibration": "/etc/hostname"}}

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from benchtool.core.errors import WouldOverwrite
-from benchtool.core.inputs import make
-from benchtool.data.run.entry import entry_of
+from benchtool.core.inputs import build_inputs
+from benchtool.data.run.entry import build_entry
 from benchtool.data.run.recording_file import read_recording
 from benchtool.data.run.runs_folder import RunsFolder
 from benchtool.simulate.flight.inputs import FlightInputs
@@ -35,7 +35,11 @@ HIDES: dict[str, Any] = {
 EDGE: dict[str, Any] = {
     "case": "edge", "controllers": ("pid", "both"), "z_over_r": 1.5, "speed_m_s": 0.5,
 }  # fmt: skip
-SIMULATIONS = [make(PitchInputs, BEAM), make(PitchInputs, HIDES), make(FlightInputs, EDGE)]
+SIMULATIONS = [
+    build_inputs(PitchInputs, BEAM),
+    build_inputs(PitchInputs, HIDES),
+    build_inputs(FlightInputs, EDGE),
+]
 
 
 def simulate(inputs: Simulation, out: Path) -> tuple[PageSection, str]:
@@ -59,11 +63,11 @@ def test_the_command_prints_and_writes_what_the_page_does(inputs, tmp_path, caps
     if isinstance(inputs, PitchInputs):
         assert recording == "saved/pid.csv"
         assert read_recording(tmp_path / recording).simulated
-        assert entry_of(RunsFolder(tmp_path), recording).kind == "recording"
+        assert build_entry(RunsFolder(tmp_path), recording).kind == "recording"
 
 
 def test_nothing_that_is_there_is_written_over(tmp_path):
     (tmp_path / "saved").mkdir()
     with pytest.raises(WouldOverwrite):
-        simulate(make(PitchInputs, HIDES), tmp_path / "saved")
+        simulate(build_inputs(PitchInputs, HIDES), tmp_path / "saved")
     assert not list((tmp_path / "saved").iterdir())

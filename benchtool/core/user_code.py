@@ -1,0 +1,93 @@
+"""Python of the user's own, run only by permit, and its faults with file and line."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+from benchtool.core.errors import InputError
+
+CodePermit = Callable[[str], None]  # called with a file before it runs; raises to forbid it
+
+
+def check_code_allowed(file: str) -> None:
+    """Refuse to run a file: the permit of everything that no person named on the command line."""
+    raise InputError(
+        f"{file} is Python code; a run folder, a recipe, an address inside data and the page start "
+        f"none: name its model file on the command line, for example with --model"
+    )
+
+
+def load_user_module(
+    file_or_module: str, what: str, otherwise: str, permit: CodePermit
+) -> ModuleType:
+    """Return a Python file, or a module found from the present folder too, imported.
+
+    Args:
+        what: is imported, for messages ("effects of cubic.py").
+        otherwise: what to do where there is no such thing.
+
+    Raises:
+        InputError: it may not be run, there is none, or it raised while it was imported.
+    """
+    path = Path(file_or_module)
+    is_file = path.suffix == ".py"
+    if is_file and not path.is_file():
+        raise InputError(f"{what}: there is no such file; check the path")
+    permit(str(path) if is_file else _origin(file_or_module))
+    try:
+        return _file(path) if is_file else _module(file_or_module)
+    except ImportError as error:
+        raise InputError(f"{what}: {error}; {otherwise}") from error
+    except (Exception, SystemExit) as error:
+        raise InputError(
+            f"{what}: it raised {type(error).__name__}: "
+            f"{' '.join(str(error).split()) or 'no message'} while it was imported{_where(error)}; "
+            f"mend that line"
+        ) from error
+
+
+def _file(path: Path) -> ModuleType:
+    name = f"benchtool_own_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # hooks are looked up there when they are compiled
+    spec.loader.exec_module(module)
+    return module
+
+
+def _module(name: str) -> ModuleType:
+    _search_here()
+    return importlib.import_module(name)
+
+
+def _origin(name: str) -> str:
+    """Return the file of a module, or its name where nothing is found; nothing is run."""
+    _search_here()
+    try:
+        spec = importlib.util.find_spec(name.partition(".")[0])
+    except (ImportError, ValueError):
+        return name
+    return spec.origin or name if spec is not None else name
+
+
+def _search_here() -> None:
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+
+
+def _where(error: BaseException) -> str:
+    """Return file and line of the last frame that stands in a file, as text."""
+    if isinstance(error, SyntaxError):  # names file and line itself
+        return ""
+    frames = traceback.extract_tb(error.__traceback__)
+    written = [frame for frame in frames if not frame.filename.startswith("<")]
+    return f", in {written[-1].filename} line {written[-1].lineno}" if written else ""

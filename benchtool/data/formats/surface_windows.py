@@ -1,0 +1,114 @@
+"""Mark when a rotor is over a surface: by the user's windows, by a distance sensor."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isfinite
+
+import numpy as np
+
+from benchtool.core.array_type import Array
+from benchtool.core.channel import Channel
+from benchtool.core.errors import InputError
+from benchtool.core.plural import pluralize
+from benchtool.data.repairs.import_result import Finding, ImportResult, Window
+
+_ROTOR = re.compile(r"(?:pwm|rpm|motor)(\d+)(?:_us|_share)?")
+
+MAX_GAP_S = 1.0  # longer silence of a sensor ends a window (10 Hz is usual); assumed
+
+
+def parse_window(text: str) -> Window:
+    """Read `12.5:18:1`, a window that the user gives; rotor `all` or 0 means each."""
+    parts = text.split(":")
+    wrong = ""
+    try:
+        start_s, end_s = (float(part) for part in parts[:2])
+        rotor = 0 if parts[2].strip().lower() == "all" else int(parts[2])
+    except (ValueError, IndexError):
+        start_s = end_s = rotor = -1
+    if len(parts) != 3 or rotor < 0 or not (isfinite(start_s) and isfinite(end_s)):
+        wrong = "write it as START:END:ROTOR in seconds"
+    elif start_s < 0.0:
+        wrong = f"START is {start_s:g} s, but a recording begins at 0 s; write START:END:ROTOR"
+    elif end_s <= start_s:
+        wrong = f"END ({end_s:g} s) is not after START ({start_s:g} s); write START:END:ROTOR"
+    if wrong:
+        raise InputError(f"--over {text!r}: {wrong}, for example 12.5:18:1")
+    return Window(start_s=start_s, end_s=end_s, rotor=rotor, source="user")
+
+
+def mark_windows(read: ImportResult, given: Sequence[Window], near_m: float | None) -> ImportResult:
+    """Return the import with its windows, and with channels coverage1, ... that hold them.
+
+    coverage is 1 where the rotor is over the surface and 0 elsewhere; how much of its disc is over
+    it, neither the user's window nor a sensor says.
+    """
+    recording = read.recording
+    if not given and near_m is None:
+        return read
+    if "time_s" not in recording:
+        raise InputError(
+            f"{recording.provenance.get('file', 'the file')} has no time, so --over and --near-m "
+            f"mark nothing in it; leave them out"
+        )
+    windows, findings = list(given), []
+    if near_m is not None:
+        if "distance_m" not in recording:
+            words = "--near-m was given, but no distance sensor stands in the file"
+            findings.append(Finding("lacks", "distance sensor", words))
+        else:
+            seen = _near(recording.column("time_s"), recording.column("distance_m"), near_m)
+            windows += seen
+            words = (
+                f"{pluralize(len(seen), 'window')} where it reads below {near_m:g} m; it looks "
+                f"down from the body, which stands for all rotors"
+            )
+            findings.append(Finding("read as", "over a surface", words, "distance_m", len(seen)))
+    rotors = sorted(
+        {int(found[1]) for name in recording.names if (found := _ROTOR.fullmatch(name))}
+    )
+    time_s = recording.column("time_s")
+    end_s = float(np.nanmax(time_s))
+    for window in windows:
+        if window.rotor and rotors and window.rotor not in rotors:
+            raise InputError(
+                f"--over names rotor {window.rotor}, but the file has rotors "
+                f"{', '.join(map(str, rotors))}"
+            )
+        if window.start_s > end_s:
+            raise InputError(
+                f"--over begins at {window.start_s:g} s, but the recording ends at {end_s:.6g} s"
+            )
+    for rotor in rotors or [1]:
+        covered = np.zeros(len(recording))
+        for window in windows:
+            if window.rotor in (0, rotor):
+                covered[(time_s >= window.start_s) & (time_s <= window.end_s)] = 1.0
+        if any(window.rotor in (0, rotor) for window in windows):
+            name = f"coverage{rotor}"
+            if name not in recording:
+                recording = recording.with_column(Channel(name, "1"), covered)
+    return replace(
+        read,
+        recording=recording,
+        windows=tuple(sorted(windows, key=lambda item: (item.start_s, item.rotor))),
+        findings=(*read.findings, *findings),
+    )
+
+
+def _near(time_s: Array, distance_m: Array, near_m: float) -> list[Window]:
+    rows = np.flatnonzero(np.isfinite(distance_m) & np.isfinite(time_s))
+    if not rows.size:
+        return []
+    at, near = time_s[rows], distance_m[rows] < near_m
+    breaks = np.flatnonzero(np.diff(near) | (np.diff(at) > MAX_GAP_S)) + 1
+    return [
+        Window(
+            start_s=float(at[part[0]]), end_s=float(at[part[-1]]), rotor=0, source="distance sensor"
+        )
+        for part in np.split(np.arange(rows.size), breaks)
+        if near[part[0]]
+    ]

@@ -1,0 +1,219 @@
+"""Turn a laid-out table into a recording: which columns are which channels, and their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+
+import numpy as np
+
+from benchtool.core.array_type import Array
+from benchtool.core.channel import Channel, unit_from_name
+from benchtool.core.errors import FileFormatError, InputError
+from benchtool.core.plural import pluralize
+from benchtool.core.recording import Recording
+from benchtool.data.column_map import (
+    IDENTITY,
+    MappedColumn,
+    map_column,
+    match_channel,
+    read_column_map,
+)
+from benchtool.data.csv_header import data_rows, find_header, most_frequent_delimiter
+from benchtool.data.csv_text import TextTable, parse_rows
+from benchtool.data.repairs.foreign_units import conversion, parse_header_cell
+from benchtool.data.repairs.import_result import Finding, ImportCount, ImportOptions, ImportResult
+from benchtool.data.repairs.numbers import parse_numbers
+
+
+def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], bool]:
+    """Return what recognizes a file by the columns of its first line, units in brackets aside.
+
+    Args:
+        names: columns that must all be there.
+        any_of: columns of which one must be there; empty where none must.
+    """
+
+    def recognizes(head: bytes) -> bool:
+        first = find_header(data_rows(head.replace(b"\r", b""), []), []).text
+        found = {
+            parse_header_cell(cell).name for cell in first.split(most_frequent_delimiter(first))
+        }
+        return found.issuperset(names) and (not any_of or not found.isdisjoint(any_of))
+
+    return recognizes
+
+
+def map_header(
+    table: TextTable,
+    channel_of: Callable[[str], str | None],
+    *,
+    units: Mapping[str, str] | None = None,
+    refuse: bool = True,
+    hint: str = "",
+) -> tuple[list[MappedColumn], list[Finding]]:
+    """Return the columns of a table that are known, and findings about units and the others.
+
+    Args:
+        channel_of: our channel by the column's name without its unit; None where it is unknown.
+        units: the unit by channel that a column without one has; our own where it is not here.
+        refuse: a unit that measures something else is an error; otherwise it is doubted.
+        hint: what to do about unknown columns, for people.
+    """
+    columns: list[MappedColumn] = []
+    findings: list[Finding] = []
+    unitless: dict[str, str] = {}
+    others: list[str] = []
+    for position, cell in enumerate(table.header):
+        head = parse_header_cell(cell)
+        name = channel_of(head.name)
+        if name is None or any(column.name == name for column in columns):
+            if head.name:
+                others.append(cell)
+            continue
+        ours = unit_from_name(name)
+        theirs = head.unit if head.unit is not None else (units or {}).get(name, ours)
+        try:
+            scale = conversion(theirs, ours)
+        except InputError as error:
+            if refuse:
+                raise FileFormatError(f"{table.where}, column {cell!r}", str(error)) from error
+            findings.append(Finding("doubt", "unit", f"{error}; read as {ours}", name))
+            scale = IDENTITY
+        if head.unit is None and head.name != name and ours not in ("1", "count", "rpm"):
+            unitless[name] = f"{cell} as {theirs}"
+        columns.append(MappedColumn(name=name, position=position, conversion=scale, source=cell))
+    if unitless:
+        many, words = len(unitless), f"the header names none; read {', '.join(unitless.values())}"
+        what, channel = ("units", "") if many > 1 else ("unit", *unitless)
+        findings.append(Finding("doubt", what, words, channel, many))
+    if others:
+        words = f"unknown: {', '.join(others)}{hint}"
+        findings.append(Finding("left out", "columns", words, count=len(others)))
+    return columns, findings
+
+
+Choose = Callable[  # (columns, numbers by channel, findings to add to) -> the columns that stay
+    [Sequence[MappedColumn], Mapping[str, Array], list[Finding]], Sequence[MappedColumn]
+]
+
+
+def read_columns(
+    table: TextTable,
+    columns: Sequence[MappedColumn],
+    format_name: str,
+    provenance: Mapping[str, str],
+    findings: Sequence[Finding] = (),
+    choose: Choose | None = None,
+) -> ImportResult:
+    """Return the mapped columns of a table as an import.
+
+    Columns whose cells are all blank are reported and left out.
+
+    Args:
+        findings: what the reader of the header found.
+        choose: looks at the numbers that were read and returns which columns stay.
+    """
+    positions = [column.position for column in columns if column.position is not None]
+    numbers = parse_numbers(table, positions)
+    table, rows = numbers.table, len(numbers.lines)
+    found = [*table.findings, *findings, *numbers.findings]
+    read = dict(zip(positions, numbers.columns, strict=True))
+    if choose is not None:
+        named = {c.name: read[c.position] for c in columns if c.position is not None}
+        columns = choose(columns, named, found)
+    stored: list[tuple[MappedColumn, Array]] = []
+    empty: list[str] = []
+    for column in columns:
+        constant = np.broadcast_to(column.constant, rows)
+        values = constant if column.position is None else read[column.position]
+        blank = int(np.count_nonzero(np.isnan(values)))
+        if blank == rows and column.position is not None:
+            empty.append(column.source)
+            continue
+        if blank:
+            words = (
+                f"{blank:,} of {pluralize(rows, 'row')} are blank, as a slower channel leaves "
+                f"them: no new value, nothing is filled in"
+            )
+            found.append(Finding("read as", "blank cells", words, column.name, blank))
+        stored.append((column, values))
+    if empty:
+        words = f"{', '.join(empty)}: blank in every row"
+        found.append(Finding("lacks", "blank columns", words, count=len(empty)))
+    if not rows or not stored:
+        heads = ", ".join(name for name in table.header if name)
+        raise FileFormatError(
+            table.where, f"no row holds numbers in the columns that are read ({heads})"
+        )
+    # Memory for a second table of a million rows takes as long as reading: where every channel has
+    # a column of its own, rows move up in the memory that they were read into.
+    own = len(set(positions)) == len(positions) and all(c.position is not None for c, _ in stored)
+    out = numbers.columns[: len(stored)] if own else np.empty((len(stored), rows))
+    for row, (column, values) in zip(out, stored, strict=True):
+        scale = column.conversion
+        if scale.factor != 1.0 or not np.shares_memory(values, row):
+            np.multiply(values, scale.factor, out=row)
+        if scale.offset:  # added to -0.0, a zero would change it
+            row += scale.offset
+    channels = tuple(Channel(column.name, unit_from_name(column.name)) for column, _ in stored)
+    return ImportResult(
+        recording=Recording(channels, out.T, {**provenance, "rows": str(rows)}),
+        format=format_name,
+        findings=tuple(found),
+        tally=ImportCount(
+            unit="row",
+            total=table.rows_in_file,
+            kept=rows,
+            refused=sum(item.count for item in found if item.kind == "refused"),
+        ),
+        sources={column.name: column.source for column, _ in stored},
+        lines=numbers.lines,
+    )
+
+
+def read_by_map(
+    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+) -> ImportResult:
+    """Return the columns of a CSV file that the user's map names."""
+    map_path = options.columns
+    assert map_path is not None
+    table = parse_rows(data, where)
+    try:
+        columns = [
+            map_column(table.header, table.where, *each)
+            for each in read_column_map(map_path).items()
+        ]
+    except InputError as error:
+        if isinstance(error, FileFormatError):
+            raise
+        raise FileFormatError(str(map_path), str(error)) from error
+    if any(column.reference for column in columns):
+        raise InputError(f"kind of {map_path} names reference rows, which benchtool fit reads")
+    used = {column.position for column in columns}
+    rest = [head for at, head in enumerate(table.header) if head and at not in used]
+    findings = []
+    if rest:
+        words = f"the map does not name {', '.join(rest)}"
+        findings.append(Finding("left out", "columns", words, count=len(rest)))
+    return read_columns(
+        table, columns, "column map", {**provenance, "columns": str(map_path)}, findings
+    )
+
+
+def read_named(
+    data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
+) -> ImportResult:
+    """Return the columns of a CSV whose names and units are understood.
+
+    A column that names no unit is taken in ours, and a doubt says so.
+    """
+    table = parse_rows(data, where)
+    hint = "; --columns MAP.toml says what they are"
+    columns, findings = map_header(table, match_channel, hint=hint)
+    if not columns:
+        unknown = ", ".join(list(filter(None, table.header))[:12])
+        raise FileFormatError(
+            where,
+            f"none of its columns is known ({unknown}); say which is which with --columns MAP.toml",
+        )
+    return read_columns(table, columns, "named columns", provenance, findings)

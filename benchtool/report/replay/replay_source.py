@@ -1,0 +1,171 @@
+"""A recording with the files beside it, and the sections of a page on where it comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchtool import __version__
+from benchtool.core.errors import FileFormatError
+from benchtool.core.recording import Recording
+from benchtool.data.atomic import data_hash, file_hash
+from benchtool.data.derived import add_shared_errors, recording_circumstances
+from benchtool.data.formats.formats import import_file
+from benchtool.data.repairs.import_result import ImportOptions, import_metadata
+from benchtool.data.run.read import read_pitch
+from benchtool.data.run.recording_file import FORMAT, read_recording
+from benchtool.data.run.recording_file import metadata_path as facts_beside
+from benchtool.data.run.run import Run
+from benchtool.data.run.run_metadata import read_recording_facts
+from benchtool.explain.pitch.replay import provenance_of_run
+from benchtool.report.page import Block, FactTable, Listing, Paragraph, Section, Table
+from benchtool.report.run_facts import (
+    MISSING_VALUE,
+    air_facts,
+    calibration_facts,
+    device_facts,
+    rig_facts,
+    run_state_table,
+    version_facts,
+)
+
+PLAN = "The plan of the experiment (plan.toml)."
+MODELLED = ("model", "controller", "gains", "schedule", "seed", "truth", "rig", "device")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ReplaySource:
+    """Hold a recording with all that is written beside it."""
+
+    path: Path
+    recording: Recording
+    facts: Mapping[str, Any]  # metadata of a run, or the JSON beside a file
+    provenance: Mapping[str, str]  # controller, gains and so on
+    plan_text: str  # empty for a file
+    sha256: str
+
+    @property
+    def name(self) -> str:
+        return self.path.resolve().name
+
+    @property
+    def simulated(self) -> bool:
+        return self.recording.simulated
+
+    def with_quantities(self) -> Recording:
+        """Return the recording with what follows from it; a pitch run as it is."""
+        if self.is_run:
+            return self.recording
+        return add_shared_errors(
+            self.recording, recording_circumstances(self.facts, str(self.path))
+        )
+
+    @property
+    def is_run(self) -> bool:
+        return self.path.is_dir()
+
+
+def read_recorded(path: Path) -> ReplaySource:
+    """Return a pitch run, a recording file with what stands beside it, or another maker's log."""
+    if path.is_dir():
+        run = Run.open(path)
+        facts, recording, plan_text = run.metadata, read_pitch(path), run.plan_text
+        provenance: Mapping[str, str] = provenance_of_run(facts)
+        sha256 = data_hash(path)
+    else:
+        if not path.exists():
+            raise FileFormatError(str(path), "there is no such file or run folder; check the path")
+        own = path.suffix.lower() == ".mcap"  # it says itself what stands beside others
+        if own or facts_beside(path).exists():
+            facts = {} if own else read_recording_facts(facts_beside(path), FORMAT)
+            recording = read_recording(path)
+        else:
+            read = import_file(path)
+            facts, recording = import_metadata(read, ImportOptions()), read.recording
+        provenance, plan_text, sha256 = recording.provenance, "", file_hash(path)
+    return ReplaySource(
+        path=path,
+        recording=recording,
+        facts=facts,
+        provenance=provenance,
+        plan_text=plan_text,
+        sha256=sha256,
+    )
+
+
+def sections_behind(recorded: ReplaySource) -> list[Section]:
+    """Return the sections on what stands behind a recording: rig, air, repairs, hashes."""
+    facts, recording = recorded.facts, recorded.recording
+    if recorded.is_run:
+        conditions = run_state_table(facts) | air_facts(facts) | calibration_facts(facts)
+        hashes = version_facts(facts) | {
+            "reported with": f"benchtool {__version__}",
+            "sha256 of the run's data (points and samples)": recorded.sha256,
+            "sha256 of samples.csv": file_hash(recorded.path / "samples.csv"),
+        }
+        return [
+            Section("Rig and device", [FactTable(rig_facts(facts) | device_facts(facts))]),
+            Section("Conditions and calibration", [FactTable(conditions)]),
+            Section("Experiment", [Listing(PLAN, recorded.plan_text)]),
+            Section("Software and data", [FactTable(hashes)]),
+        ]
+    stated = {key: value for key, value in recording.provenance.items() if value}
+    if "file" in stated:
+        stated["file"] = Path(stated["file"]).name
+    listed = {key: stated[key] for key in MODELLED if key in stated} | stated
+    listed |= {
+        "read as": str(facts.get("imported_as", "a recording of benchtool")),
+        "rows": str(len(recording)),
+        "channels": ", ".join(f"{item.name} [{item.unit}]" for item in recording.channels),
+    }
+    software = _made_with(recorded) | {
+        "reported with": f"benchtool {__version__}",
+        f"sha256 of {recorded.name}": recorded.sha256,
+    }
+    findings = facts.get("findings")
+    return [
+        *([Section("Repairs and doubts", _findings(findings, facts))] if findings else []),
+        Section("Where it comes from", [FactTable(listed | _windows(facts))]),
+        Section("Software and data", [FactTable(software)]),
+    ]
+
+
+def _made_with(recorded: ReplaySource) -> dict[str, str]:
+    """Return what recorded a file, and what benchtool did: import it, or make it."""
+    facts = recorded.facts
+    (listed,) = version_facts(facts).values()
+    if listed == MISSING_VALUE and "software" in facts:
+        listed = str(facts["software"])
+    if "imported_as" in facts:
+        device = recorded.recording.provenance.get("device") or MISSING_VALUE
+        return {"recorded with": device, "imported with": listed}
+    return {"simulated with" if recorded.simulated else "written with": listed}
+
+
+def _windows(facts: Mapping[str, Any]) -> dict[str, str]:
+    listed = [
+        f"{item['start_s']:g} to {item['end_s']:g} s, "
+        f"{'all rotors' if not item['rotor'] else 'rotor ' + str(item['rotor'])} ({item['source']})"
+        for item in facts.get("windows") or []
+    ]
+    return {"over a surface": "; ".join(listed)} if listed else {}
+
+
+def _findings(findings: Sequence[Mapping[str, Any]], facts: Mapping[str, Any]) -> list[Block]:
+    blocks: list[Block] = []
+    if tally := facts.get("tally"):
+        blocks.append(
+            Paragraph(
+                f"{tally['total']} {tally['unit']}s in the file: {tally['kept']} kept, "
+                f"{tally['refused']} refused, {tally['not_needed']} of kinds that no recording "
+                f"needs."
+            )
+        )
+    rows = [
+        (item["kind"], item["what"], item.get("channel") or "–", item["words"]) for item in findings
+    ]
+    caption = "What was repaired, doubted, refused or found missing while importing."
+    heads = ("kind", "what", "channel", "words")
+    return [*blocks, Table(caption, heads, rows, text_columns=4)]

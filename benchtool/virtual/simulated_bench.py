@@ -1,0 +1,247 @@
+"""The virtual bench in the same process, on a virtual clock: `sim:` addresses.
+
+Nothing waits: `read(10.0)` returns ten seconds of samples at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from benchtool.bench.addresses import SimAddress
+from benchtool.bench.bench import ContextBench, DeviceInfo, Readings
+from benchtool.bench.serial import commands as wire
+from benchtool.bench.serial.hello import Hello
+from benchtool.core.array_type import Array
+from benchtool.core.errors import CommandRefused, DeviceStopped, InputError, LinkLost, StageError
+from benchtool.core.rig import Rig
+from benchtool.core.rig_file import load_rig_by_name
+from benchtool.core.toml_text import build_dataclass
+from benchtool.physics.model import Model
+from benchtool.physics.model_file import load_model
+from benchtool.simulate.imperfections import Imperfections
+from benchtool.simulate.plate_bench import PlateBench
+from benchtool.virtual.devices import (
+    build_hello,
+    pitch_hello,
+    pitch_plant,
+    standard_truth,
+    virtual_plant,
+)
+from benchtool.virtual.firmware import Firmware, TickRows
+from benchtool.virtual.pitch_plant import PitchBenchPlant
+
+MOVE_STEP_S = 0.1  # time step while the plate moves
+MOVE_LIMIT_S = 600.0  # longest move of the plate
+
+
+class SimulatedBench(ContextBench):
+    """Answer as a rotor bench does, from simulated physics, without waiting."""
+
+    _max_step_s = 10.0  # longest time between two limit checks
+
+    def __init__(
+        self,
+        address: str,
+        rig: Rig,
+        truth: Model,
+        seed: int = 0,
+        rate_Hz: float = 200.0,
+        imperfections: Imperfections | None = None,
+    ) -> None:
+        plant = virtual_plant(rig, truth, seed, imperfections, rate_Hz)
+        self._power_up(address, plant, build_hello(plant, truth, seed))
+
+    def _power_up(self, address: str, plant: PlateBench | PitchBenchPlant, hello: Hello) -> None:
+        self._address = address
+        self._plant = plant
+        self._hello = hello
+        self._firmware = Firmware(self._plant, self._hello)
+        self._rate_Hz = plant.rate_Hz
+        self._now_s = 0.0
+        self._next_tick_s = 1.0 / plant.rate_Hz
+        self._waiting: list[tuple[Array, TickRows]] = []
+        self._messages: list[str] = []
+        self._stopped: wire.DeviceEvent | None = None
+        self._reported = False
+        self._clamped = False
+        self._open = False
+
+    @property
+    def identity(self) -> DeviceInfo:
+        return self._hello.identity(self._address, self._rate_Hz)
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def open(self) -> None:
+        self._open = True
+        self._firmware.execute(wire.RequestHello(), self._now_s)
+        self.clear()
+        self._command("rate", wire.SetRate(self._rate_Hz))
+
+    def close(self) -> None:
+        if self._open:
+            self.stop()
+            self._open = False
+
+    def set_pwm(self, pwm_us: Array) -> None:
+        self._raise_if_stopped()
+        pulses = np.asarray(pwm_us, float)
+        if not np.all(np.isfinite(pulses)):
+            raise InputError(f"pulses {pulses.tolist()} are not all finite; give numbers in us")
+        self._command("pwm", wire.SetPwm(tuple(pulses.tolist())))
+
+    def stop(self) -> None:
+        if self._open:
+            self._firmware.execute(wire.StopDevice(), self._now_s)
+
+    def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
+        self._raise_if_stopped()
+        try:
+            self._command("plate", wire.SendPlate(z_m, x_m, tilt_rad))
+        except CommandRefused as error:
+            raise StageError(f"the plate stays where it is: {error.reason}") from error
+        deadline_s = self._now_s + MOVE_LIMIT_S
+        while self._plant.plate_moving:
+            if self._now_s >= deadline_s:
+                raise StageError(
+                    f"the plate did not reach {z_m:g} m within {MOVE_LIMIT_S:g} s; check the "
+                    f"rig's plate.speed_m_s"
+                )
+            self._pass(MOVE_STEP_S)
+            self._note_events()
+            self._raise_if_stopped()
+
+    def tare(self) -> None:
+        self._command("tare", wire.TareDevice())
+
+    def set_rate(self, rate_Hz: float) -> None:
+        if not rate_Hz > 0.0:
+            raise InputError(f"a stream rate of {rate_Hz:g} Hz is no stream; ask for 1 to 5000")
+        try:
+            self._command("rate", wire.SetRate(rate_Hz))
+        except CommandRefused as error:
+            raise InputError(f"the device cannot stream that fast: {error.reason}") from error
+        self._rate_Hz = rate_Hz
+        self._next_tick_s = self._now_s + 1.0 / rate_Hz
+
+    def set_limit(self, name: str, value: float) -> None:
+        """Make one device-side limit narrower; the device refuses a wider one."""
+        self._command("limit", wire.SetLimit(name, value))
+
+    def clear(self) -> None:
+        """Lift the latch of a device that stopped by itself; its motors stay at zero."""
+        self._command("clear", wire.Clear())
+        self._note_events()
+        self._stopped, self._reported = None, False
+
+    def read(self, timeout_s: float) -> Readings:
+        self._need_open("read")
+        # What was read before a stop is handed out first: no sample is lost to the report of it.
+        if not self._waiting and not self._reported:
+            self._raise_if_stopped()
+        if self._stopped is None or self._reported:
+            self._pass(timeout_s)
+        self._note_events()
+        self._note_clamp()
+        times = [time_s for time_s, _ in self._waiting]
+        rows = [row for _, row in self._waiting]
+        self._waiting = []
+        messages, self._messages = tuple(self._messages), []
+        if not rows:
+            return Readings(
+                np.empty(0), np.empty(0), np.empty((0, len(self._hello.channels))), 0, 0, messages
+            )
+        return Readings(
+            time_s=np.concatenate(times),
+            device_time_us=np.concatenate([row.device_time_us for row in rows]).astype(float),
+            values=np.concatenate([row.values for row in rows]),
+            messages=messages,
+        )
+
+    def _pass(self, duration_s: float) -> None:
+        """Let time pass and hold the samples that fall into it."""
+        until_s = self._now_s + duration_s
+        while True:
+            # A tick that falls on the end of the span belongs to it, rounding or not.
+            left = int(np.floor((until_s - self._next_tick_s) * self._rate_Hz + 1e-6)) + 1
+            if left <= 0:
+                break
+            n = min(left, max(1, round(self._max_step_s * self._rate_Hz)))
+            time_s = self._next_tick_s + np.arange(n) / self._rate_Hz
+            self._now_s = float(time_s[-1])
+            self._firmware.note_host(self._now_s)
+            self._waiting.append((time_s, self._firmware.advance(n, self._now_s)))
+            self._next_tick_s = self._now_s + 1.0 / self._rate_Hz
+        self._now_s = max(until_s, self._now_s)
+
+    def _command(self, name: str, command: wire.Command) -> None:
+        self._need_open(name)
+        reply = self._firmware.execute(command, self._now_s)
+        if not reply.ok:
+            raise CommandRefused(name, reply.reason)
+
+    def _note_events(self) -> None:
+        for event in self._firmware.take_events():
+            self._messages.append(f"{event.kind}: {event.text}")
+            if event.stops_motors:
+                self._stopped = event
+
+    def _note_clamp(self) -> None:
+        """Say once that the plate came nearer than the physics reaches."""
+        if self._plant.clamped_readings and not self._clamped:
+            self._clamped = True
+            nearest = f"z/R = {self._plant.nearest_z_over_R:g}"
+            self._messages.append(
+                f"clamped: the plate is nearer than {nearest}, where the truth's law ends; thrust "
+                f"is that of {nearest}"
+            )
+
+    def _raise_if_stopped(self) -> None:
+        if self._stopped is not None:
+            self._reported = True
+            raise DeviceStopped(
+                f"the device stopped its motors by itself ({self._stopped.kind}: "
+                f"{self._stopped.text}); remove the cause and start again"
+            )
+
+    def _need_open(self, what: str) -> None:
+        if not self._open:
+            raise LinkLost(f"{what} was requested of a bench that is not open; open it first")
+
+
+class SimulatedPitch(SimulatedBench):
+    """Answer as a pitch bench does, without waiting."""
+
+    _max_step_s = 0.02  # five ticks, because a beam turns quickly; assumed
+
+    def __init__(self, address: str, plant: PitchBenchPlant, seed: int = 0) -> None:
+        self._power_up(address, plant, pitch_hello(plant, seed))
+
+
+def open_simulated(address: SimAddress) -> SimulatedBench:
+    """Return the virtual bench of an address, not opened yet."""
+    rig, seed = load_rig_by_name(address.rig), address.seed
+    if address.mode == "pitch":
+        # A plus sign in an address reads as a space.
+        names = ("truth", "schedule", "controller", "gains", "hidden")
+        named: dict[str, Any] = {
+            name: text.replace(" ", "+") for name in names if (text := getattr(address, name))
+        }
+        rate_Hz = address.rate_Hz
+        plant = pitch_plant(rig, seed=seed, rate_Hz=rate_Hz, permit=address.permit, **named)
+        return SimulatedPitch(address.text, plant, seed)
+    truth = address.truth or standard_truth(rig)
+    loaded = load_model(truth, rig, address.permit)
+    return SimulatedBench(
+        address.text,
+        rig,
+        loaded.model,
+        seed=seed,
+        rate_Hz=address.rate_Hz or 200.0,
+        imperfections=build_dataclass(
+            Imperfections, dict(loaded.imperfections), f"{truth}: [imperfections]"
+        ),
+    )
