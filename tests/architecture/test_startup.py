@@ -77,14 +77,14 @@ def test_no_extra_is_a_dependency():
     assert [name for name in optional if name in needed] == []
 
 
-def test_the_numbers_of_a_table_are_read_without_pandas():
+def test_the_parse_numbers_a_table_are_read_without_pandas():
     """Arrow's conversion to NumPy imports it where a cell is blank, and for no use."""
     program = """
 import sys
 from benchtool.data.csv_text import parse_rows
-from benchtool.data.repairs.numbers import numbers_of
+from benchtool.data.repairs.numbers import parse_numbers
 table = parse_rows(b"a,b\\n1,2.5\\n,3\\n4,5\\n", "x.csv")
-print(numbers_of(table, (0, 1)).columns.tolist(), "pandas" in sys.modules)
+print(parse_numbers(table, (0, 1)).columns.tolist(), "pandas" in sys.modules)
 """
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert answer.stdout == "[[1.0, nan, 4.0], [2.5, 3.0, 5.0]] False\n", answer.stderr

@@ -61,6 +61,7 @@ def _regimes(answer: ExplainResult, item: Disagreement) -> list[str]:
 
 
 @figure(
+    name="where",
     title="Where the model disagrees",
     caption="Size of the residuals in each part of the recordings, over the noise that the model "
     "states, where they stand above it; first those that the addition made smaller by most. Bold: "
@@ -127,6 +128,7 @@ def percentage(value: float) -> str:
 
 
 @figure(
+    name="which",
     title=lambda answer, place: (
         f"What may stand in the place of: {answer.title_of(place.effect)}"
         if answer.verdict.kind == "several"

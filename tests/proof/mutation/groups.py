@@ -31,7 +31,7 @@ STORED = (
 
 GROUPS = {
     "guard": Group(
-        (f"{BENCH}/guard.py", f"{BENCH}/driven.py", f"{BENCH}/signals.py"),
+        (f"{BENCH}/guard.py", f"{BENCH}/motor_state.py", f"{BENCH}/signals.py"),
         (
             f"{UNIT_BENCH}/test_guard.py",
             f"{UNIT_BENCH}/test_guard_talks.py",
@@ -68,7 +68,7 @@ GROUPS = {
             "tests/wire/test_conversations.py",
             "tests/wire/test_mavlink_bench.py",
         ),
-        beside=(f"{BENCH}/serial/conversation.py",),
+        beside=(f"{BENCH}/serial/command_channel.py",),
     ),
     "images": Group(
         ("benchtool/physics/images.py",),
@@ -77,7 +77,6 @@ GROUPS = {
     "verdict": Group(
         ("benchtool/explain/engine/posterior.py", "benchtool/explain/engine/verdict.py"),
         (
-            "tests/unit/explain/test_decided.py",
             "tests/unit/explain/test_verdict_words.py",
             "tests/unit/explain/test_posterior.py",
         ),

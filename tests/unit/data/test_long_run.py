@@ -52,7 +52,7 @@ def long_runs(tmp_path_factory):
     ("statement", "limit_MB"),
     [
         ("run.close()", 60.0),
-        ("write_marked(s := run.path / 'samples.csv', scan_samples(s, frozenset()))", 3.0),
+        ("write_marker(s := run.path / 'samples.csv', scan_samples(s, frozenset()))", 3.0),
         ("read_samples(run.path / 'samples.csv', ['thrust_N'])", WHOLE_MB / 7 + 60.0),
     ],
     ids=["close", "resume", "one channel"],

@@ -31,7 +31,7 @@ def explained(model: Model, truth: Model) -> Explanation:
 
 @pytest.fixture(scope="module")
 def friction(model):
-    return explained(model, model.fixed("coulomb_friction.torque_Nm", 0.011))
+    return explained(model, model.with_fixed("coulomb_friction.torque_Nm", 0.011))
 
 
 @pytest.mark.slow
@@ -50,7 +50,7 @@ def test_hidden_friction_is_named_with_its_size(friction):
 
 def test_small_imperfections_are_nothing(model):
     truth = (
-        model.fixed("coulomb_friction.torque_Nm", 0.0006)
+        model.with_fixed("coulomb_friction.torque_Nm", 0.0006)
         .with_effect("cog_offset", x_m=0.0002)
         .with_effect("gyro_bias", bias_rad_s=0.001)
         .with_effect("rotor_asymmetry", ratio=1.004)

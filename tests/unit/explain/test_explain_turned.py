@@ -34,14 +34,14 @@ def judged(model: Model, truth: Model) -> Verdict:
 
 
 def test_what_lies_before_the_speeds_is_never_named(model):
-    truth = model.with_effect("battery_sag", rate_per_s=0.004).fixed("motor_lag.tau_s", 0.04)
+    truth = model.with_effect("battery_sag", rate_per_s=0.004).with_fixed("motor_lag.tau_s", 0.04)
     verdict = judged(model, truth)
     assert verdict.kind == "none"
     assert set(BEFORE_SPEED) <= set(verdict.not_judged)
 
 
 def test_rotors_pass_through_every_measured_speed(model):
-    log = turned(model.fixed("motor_lag.tau_s", 0.035), 3).logged
+    log = turned(model.with_fixed("motor_lag.tau_s", 0.035), 3).logged
     assert log.from_speeds
     subject = PitchSubject(model, [turned(model, 1)], [turned(model, 2)])
     bench = subject.evidence.bench(np.zeros(len(subject.evidence.parameters)), log.rate_Hz)

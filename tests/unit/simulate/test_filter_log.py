@@ -71,7 +71,7 @@ def test_the_true_plant_leaves_white_noise_of_unit_size(true_model):
 def test_windows_of_a_log_are_what_its_parts_are_alone(true_model):
     model = true_model.with_effect("transport_delay", delay_s=0.006)
     logged = logged_from(model, 3)
-    benches = [PitchBench.of(model.fixed("k", k), plant_rate_Hz=500.0) for k in (1e-5, 1.1e-5)]
+    benches = [PitchBench.of(model.with_fixed("k", k), plant_rate_Hz=500.0) for k in (1e-5, 1.1e-5)]
     states = [np.full((5, 2), 0.01 * k) for k in (1, 2)]
     for state in states:
         state[3:] = 600.0
