@@ -157,7 +157,7 @@ def _plate(
             Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]"
         ),
         faults=faults,
-        speak=speak,
+        protocol=speak,
     )
     return server, f"bench of {rig.name}, truth {loaded.model.name}"
 
@@ -178,7 +178,7 @@ def _pitch(
         inputs.gains,
         inputs.seed,
         inputs.rate,
-        own=(
+        user_controller=(
             None
             if controller in PITCH_CONTROLLERS
             else controller_class(controller, PITCH_CONTROLLERS, announce_code)
@@ -193,7 +193,7 @@ def _pitch(
         seed=inputs.seed,
         speed=inputs.speed,
         faults=faults,
-        speak=speak,
+        protocol=speak,
     )
     return server, (
         f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "

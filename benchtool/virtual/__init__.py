@@ -1,1 +1,1 @@
-"""Devices that answer like real ones: bench, autopilot, stage, stand."""
+"""Virtual devices: rotor bench, pitch bench and autopilot."""

@@ -1,7 +1,7 @@
-"""A virtual autopilot: what ArduPilot or PX4 answers, in front of simulated physics. Pure.
+"""Virtual ArduPilot or PX4 in front of simulated physics, without port or clock.
 
-Time-outs run on the wall time handed in, readings on device time. `plate_z`, `plate_x` and
-`plate_tilt` sent to it move the plate of the virtual world, `plate_mov` reports how that goes.
+Timeouts use the wall time passed in, readings the device time. NAMED_VALUE_FLOAT `plate_z`,
+`plate_x` and `plate_tilt` move the virtual plate; `plate_mov` reports the state of the move.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from benchtool.virtual.server import ServedDevice
 HEARTBEAT_INTERVAL_S = 1.0
 SET_INTERVAL, REQUEST_MESSAGE, REBOOT = 511, 512, 246  # MAV_CMD_* numbers
 SILENT_S, READY_S = 1.0, 2.4  # first heartbeat, first motor test after a restart; recorded
-FASTEST_HZ = 400.0  # rate of the main loop, which bounds that of streams (SCHED_LOOP_RATE)
+MAX_RATE_HZ = 400.0  # main loop rate, upper bound of stream rates (SCHED_LOOP_RATE)
 PLATE_US = 50_000  # interval of the plate's distance reports; assumed
-TEXT = 50  # letters in one STATUSTEXT
+TEXT_LENGTH = 50  # characters in one STATUSTEXT
 HOST_TIMEOUT_S = 5.0  # lost ground station ends an armed flight (FS_GCS_TIMEOUT)
 
 
 class VirtualAutopilot(ServedDevice):
-    """Speak MAVLink for a virtual bench."""
+    """MAVLink device in front of a virtual bench."""
 
     def __init__(
         self,
@@ -40,22 +40,22 @@ class VirtualAutopilot(ServedDevice):
         system: int = 1,
         key: bytes | None = None,  # 32 bytes that sign every frame
         now_s: float = 0.0,  # since 1970, for signatures
-        hover_us: float | None = None,  # pulse of the pilot of an armed pitch bench
+        hover_us: float | None = None,  # hover pulse of an armed pitch bench
     ) -> None:
         super().__init__(firmware)
         self.kind, hello = kind, firmware.hello
         self._beat_s, self._plate_us = -HEARTBEAT_INTERVAL_S, 0
-        self._words = words = dialect()
+        self._dialect = mavlink = dialect()
         self._system = system
         self._key, self._since_1970_s, self._hover_us = key, now_s, hover_us
         self._booted_s: float | None = None
         self._boot_us = 0
         self._forget()
-        silent = (words.MAVLINK_MSG_ID_RPM,)
+        silent = (mavlink.MAVLINK_MSG_ID_RPM,)
         self._streams = Streams(hello.channels, self._orders.outputs, silent)
         self._shows_armed = False
         self._host_s = 0.0
-        self._aside = {"plate_x": 0.0, "plate_tilt": 0.0}
+        self._plate_pose = {"plate_x": 0.0, "plate_tilt": 0.0}
         names = [channel.name for channel in hello.channels]
         self._thrust = names.index("thrust_N") if "thrust_N" in names else None
         self._texts = 0
@@ -75,7 +75,7 @@ class VirtualAutopilot(ServedDevice):
         return b"".join(map(self._frames.pack, answers))
 
     def tick(self, n: int, now_s: float) -> tuple[bytes, list[bytes]]:
-        # The time-outs of motor tests take the place of a host's heartbeat.
+        # The timeouts of motor tests replace the heartbeat of a host.
         self.firmware.note_host(now_s)
         self._drive(now_s)
         rows = self.firmware.advance(n, now_s)
@@ -106,23 +106,23 @@ class VirtualAutopilot(ServedDevice):
         return tuple(self._streams.outputs_us)
 
     def _sample(self, time_us: int, row: list[float]) -> list[bytes]:
-        streams, made = self._streams, []
-        streams.hold(row)
+        streams, messages = self._streams, []
+        streams.update(row)
         time_us -= self._boot_us
         for number, due_us in self._due_us.items():
             if time_us >= due_us:
                 every_us = self._every_us[number]
                 self._due_us[number] = max(due_us + every_us, time_us - every_us)
                 if (message := streams.message(number, time_us)) is not None:
-                    made.append(message)
+                    messages.append(message)
         thrust_N = row[self._thrust] if self._thrust is not None else np.nan
         if isfinite(thrust_N):
-            made.append(streams.named("thrust", thrust_N, time_us))
+            messages.append(streams.named("thrust", thrust_N, time_us))
         plate_z_m = streams.value("plate_z_m")
         if isfinite(plate_z_m) and time_us - self._plate_us >= PLATE_US:
             self._plate_us = time_us
-            made.append(streams.named("plate_z", plate_z_m, time_us))
-        return [self._frames.pack(message) for message in made]
+            messages.append(streams.named("plate_z", plate_z_m, time_us))
+        return [self._frames.pack(message) for message in messages]
 
     def _answer(self, message: Message, now_s: float) -> list[Message]:
         if self.host_since_s is None:
@@ -133,18 +133,18 @@ class VirtualAutopilot(ServedDevice):
             return []
         if name == "COMMAND_LONG":
             result, messages = self._command(message, now_s)
-            ack = self._words.MAVLink_command_ack_message(
+            ack = self._dialect.MAVLink_command_ack_message(
                 message.command, result, 0, 0, message.get_srcSystem(), message.get_srcComponent()
             )
             return [ack, *messages]
         if name == "PARAM_REQUEST_READ":
             return self._parameter(str(message.param_id))
         if name == "NAMED_VALUE_FLOAT":
-            self._place(str(message.name), float(message.value), now_s)
+            self._move_plate(str(message.name), float(message.value), now_s)
         return self._take_pending()
 
     def _command(self, message: Message, now_s: float) -> tuple[int, list[Message]]:
-        given = tuple(getattr(message, f"param{number}") for number in range(1, 8))
+        params = tuple(getattr(message, f"param{number}") for number in range(1, 8))
         command = message.command
         if command == REBOOT:
             if self._orders.running or self._armed:
@@ -152,23 +152,23 @@ class VirtualAutopilot(ServedDevice):
             self.restart(now_s)
             return orders.ACCEPTED, []
         if command == SET_INTERVAL:
-            return self._set_interval(int(given[0]), given[1])
+            return self._set_interval(int(params[0]), params[1])
         if command == REQUEST_MESSAGE:
-            version = int(given[0]) == self._words.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+            version = int(params[0]) == self._dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION
             return (orders.ACCEPTED, [self._version()]) if version else (orders.UNSUPPORTED, [])
         if command == ARM_DISARM:
-            return self._arm(given[0] > 0.5, now_s)
+            return self._arm(params[0] > 0.5, now_s)
         if command == MOTOR_TEST and self._booted_s is not None:
             return orders.FAILED, self._text("Motor Test: Board initialising", orders.CRITICAL)
-        before = self._orders.running
-        result = self._orders.order(command, given, now_s)
-        self._shows_armed = self._shows_armed or (self._orders.running and not before)
+        was_running = self._orders.running
+        result = self._orders.order(command, params, now_s)
+        self._shows_armed = self._shows_armed or (self._orders.running and not was_running)
         texts = self._take_texts()
         self._drive(now_s)
         return result, texts
 
     def restart(self, now_s: float) -> None:
-        """Begin anew as after a loss of power: no earlier command is known any more."""
+        """Restart as after a loss of power: all earlier commands are forgotten."""
         self._forget()
         self._booted_s, self._boot_us = now_s, self.firmware.device_time_us
         self.firmware.execute(StopDevice(), now_s)
@@ -193,7 +193,7 @@ class VirtualAutopilot(ServedDevice):
         if number not in self._streams.known or number in self._orders.lacks:
             text = f"No ap_message for mavlink id ({number})"
             return orders.DENIED, self._text(text, orders.INFO) if self.kind == "ardupilot" else []
-        if 0.0 < every_us < 1e6 / FASTEST_HZ:
+        if 0.0 < every_us < 1e6 / MAX_RATE_HZ:
             text = f"Requested rate for message ID {number} too fast. Increase SCHED_LOOP_RATE"
             return orders.DENIED, self._text(text, orders.INFO)
         self._every_us.pop(number, None)
@@ -203,19 +203,19 @@ class VirtualAutopilot(ServedDevice):
             self._due_us[number] = float(self.firmware.device_time_us - self._boot_us)
         return orders.ACCEPTED, []
 
-    def _arm(self, wanted: bool, now_s: float) -> tuple[int, list[Message]]:
-        if wanted and self._orders.running:
-            return orders.ACCEPTED, []  # A motor test has armed it.
-        if wanted and self._hover_us is None:
+    def _arm(self, arm: bool, now_s: float) -> tuple[int, list[Message]]:
+        if arm and self._orders.running:
+            return orders.ACCEPTED, []  # a motor test has armed it
+        if arm and self._hover_us is None:
             return orders.FAILED, self._text("Arm: Throttle too high", orders.CRITICAL)
-        if wanted and self._hover_us is not None:
+        if arm and self._hover_us is not None:
             hover = np.full(self.firmware.hello.n_rotors, self._hover_us)
             reply = self.firmware.execute(SetPwm(tuple(hover.tolist())), now_s)
             if not reply.ok:
                 return orders.FAILED, self._text(f"Arm: {reply.reason}", orders.CRITICAL)
             self._armed = True
         else:
-            # Disarming ends no motor test.
+            # Disarming does not end a motor test.
             if self._armed:
                 self.firmware.execute(StopDevice(), now_s)
             self._armed, self._shows_armed = False, False
@@ -223,7 +223,7 @@ class VirtualAutopilot(ServedDevice):
         return orders.ACCEPTED, []
 
     def _drive(self, now_s: float) -> None:
-        """Let the motors follow the tests, as long as these last."""
+        """Set the motor pulses of the active motor tests."""
         if self._armed:
             if now_s - self._host_s > HOST_TIMEOUT_S:
                 self._arm(False, now_s)
@@ -232,11 +232,11 @@ class VirtualAutopilot(ServedDevice):
         hello = self.firmware.hello
         pulses = self._orders.pulses_us(now_s)
         self._pending += self._take_texts()
-        # What reaches an output is not what the bench behind it can do.
-        within = np.clip(pulses, hello.pwm_stop_us, hello.limits.get("pwm_us", np.inf))
-        within = np.where(self._orders.safe, hello.pwm_stop_us, within)
-        if not np.array_equal(within, self.firmware.pwm_us):
-            reply = self.firmware.execute(SetPwm(tuple(within.tolist())), now_s)
+        # The outputs may carry pulses that the bench behind them does not accept.
+        clipped = np.clip(pulses, hello.pwm_stop_us, hello.limits.get("pwm_us", np.inf))
+        clipped = np.where(self._orders.safe, hello.pwm_stop_us, clipped)
+        if not np.array_equal(clipped, self.firmware.pwm_us):
+            reply = self.firmware.execute(SetPwm(tuple(clipped.tolist())), now_s)
             if not reply.ok:
                 self._orders.end()
                 self._pending += self._text(f"Motor Test: {reply.reason}", orders.CRITICAL)
@@ -245,23 +245,23 @@ class VirtualAutopilot(ServedDevice):
         self._show()
 
     def _show(self) -> None:
-        """Put pulses on the outputs that drive them; those of a frame's other motors stand."""
-        shown = self._streams.outputs_us
+        """Write the reported outputs; outputs of a frame's other motors have the stop pulse."""
+        outputs_us = self._streams.outputs_us
         if self._booted_s is not None or self._orders.safe:
-            shown[:] = [0] * 16
+            outputs_us[:] = [0] * 16
             return
         stop_us = round(self.firmware.hello.pwm_stop_us)
-        shown[: self._orders.n_outputs] = [stop_us] * self._orders.n_outputs
+        outputs_us[: self._orders.n_outputs] = [stop_us] * self._orders.n_outputs
         pulses = self.firmware.pwm_us if self._armed else self._pulses
         for output, pulse_us in zip(self._orders.outputs, pulses, strict=True):
-            shown[output - 1] = round(float(pulse_us))
+            outputs_us[output - 1] = round(float(pulse_us))
 
     def _take_texts(self) -> list[Message]:
         texts, self._orders.texts = self._orders.texts, []
         return [message for severity, text in texts for message in self._text(text, severity)]
 
     def _events(self) -> list[Message]:
-        """Return in an autopilot's words what the bench behind it reports."""
+        """Return the events of the bench as MAVLink messages."""
         messages: list[Message] = []
         for event in self.firmware.take_events():
             if event.stops_motors:
@@ -274,11 +274,11 @@ class VirtualAutopilot(ServedDevice):
                 messages.append(self._plate(0.0))
         return messages
 
-    def _place(self, name: str, value: float, now_s: float) -> None:
-        if name in self._aside:
-            self._aside[name] = value
+    def _move_plate(self, name: str, value: float, now_s: float) -> None:
+        if name in self._plate_pose:
+            self._plate_pose[name] = value
         elif name == "plate_z":
-            move = SendPlate(value, self._aside["plate_x"], self._aside["plate_tilt"])
+            move = SendPlate(value, self._plate_pose["plate_x"], self._plate_pose["plate_tilt"])
             reply = self.firmware.execute(move, now_s)
             if not reply.ok:
                 self._pending += self._text(f"plate: {reply.reason}", orders.WARNING)
@@ -291,43 +291,46 @@ class VirtualAutopilot(ServedDevice):
         return pending
 
     def _plate(self, state: float) -> Message:
-        """Return how the plate's move goes: 1 on its way, 0 there, -1 refused."""
+        """Return the state of the plate's move: 1 moving, 0 arrived, -1 rejected."""
         time_us = self.firmware.device_time_us - self._boot_us
         return self._streams.named("plate_mov", state, time_us)
 
     def _text(self, text: str, severity: int = orders.WARNING) -> list[Message]:
-        """Return a text as one message, or as several under one number where it is longer."""
-        made = self._words.MAVLink_statustext_message
-        if len(text) <= TEXT:
-            return [made(severity, text.encode("ascii", "replace"), 0, 0)]
+        """Return a text as STATUSTEXT messages, split with one id if it is too long."""
+        build = self._dialect.MAVLink_statustext_message
+        if len(text) <= TEXT_LENGTH:
+            return [build(severity, text.encode("ascii", "replace"), 0, 0)]
         self._texts = self._texts % 65535 + 1
-        parts = [text[at : at + TEXT] for at in range(0, len(text) + 1, TEXT)]
+        starts = range(0, len(text) + 1, TEXT_LENGTH)
+        parts = [text[start : start + TEXT_LENGTH] for start in starts]
         return [
-            made(severity, part.encode("ascii", "replace"), self._texts, number)
+            build(severity, part.encode("ascii", "replace"), self._texts, number)
             for number, part in enumerate(parts)
         ]
 
     def _heartbeat(self) -> Message:
-        # A quadrotor (2), or whatever has as few rotors; custom modes (1) as both autopilots have.
+        # Quadrotor (2), also for fewer rotors; custom modes (1) as both autopilots have.
         testing = self.kind == "ardupilot" and self._orders.running
         self._shows_armed = self._shows_armed and testing
         armed = self._armed or self._shows_armed
         mode = 1 | HIL | (ARMED if armed else 0)
-        return self._words.MAVLink_heartbeat_message(2, orders.AUTOPILOTS[self.kind], mode, 0, 3, 3)
+        return self._dialect.MAVLink_heartbeat_message(
+            2, orders.AUTOPILOTS[self.kind], mode, 0, 3, 3
+        )
 
     def _version(self) -> Message:
         digest = hashlib.sha256(self.firmware.hello.device_id.encode()).digest()
         release = 4 << 24 | 7 << 16 if self.kind == "ardupilot" else 1 << 24 | 16 << 16
-        return self._words.MAVLink_autopilot_version_message(
+        return self._dialect.MAVLink_autopilot_version_message(
             0, release, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0,
             int.from_bytes(digest[:7], "little"), list(digest[:18]),
         )  # fmt: skip
 
     def _parameter(self, name: str) -> list[Message]:
-        """Answer for a parameter; for an unknown one not at all."""
-        known = {**self._orders.parameters, "SIM_SPEEDUP": self.speed}
-        if name not in known:
+        """Return the value of a parameter; unknown parameters are not answered."""
+        parameters = {**self._orders.parameters, "SIM_SPEEDUP": self.speed}
+        if name not in parameters:
             return []
-        # As a float (9), and with the index of a parameter that was requested by name.
-        made = self._words.MAVLink_param_value_message
-        return [made(name.encode(), known[name], 9, len(known), 65535)]
+        # A float (9), with the index of a parameter requested by name.
+        build = self._dialect.MAVLink_param_value_message
+        return [build(name.encode(), parameters[name], 9, len(parameters), 65535)]

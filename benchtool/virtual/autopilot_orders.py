@@ -1,4 +1,4 @@
-"""What the virtual ArduPilot and PX4 do with orders: acknowledge, perhaps turn a motor. Pure."""
+"""Motor commands of the virtual ArduPilot and PX4: acknowledgement and output pulses."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from benchtool.bench.mavlink.messages import ACTUATOR_TEST, ESC_STATUS, MOTOR_TE
 from benchtool.bench.serial.hello import Hello
 from benchtool.core.array_type import Array
 
-AUTOPILOTS = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT of what can be imitated, by name
-LONGEST_S = 600.0
-PX4_LONGEST_S = 3.0  # longest time-out (ACTUATOR_TEST)
+AUTOPILOTS = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT by name
+MAX_TEST_S = 600.0
+PX4_MAX_TEST_S = 3.0  # maximum timeout (ACTUATOR_TEST)
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4  # MAV_RESULT
 CRITICAL, WARNING, INFO = 2, 4, 6  # MAV_SEVERITY
 SET_SERVO, TERMINATE, AUX_FUNCTION, SAFETY_SWITCH = 183, 185, 218, 5300
@@ -23,19 +23,19 @@ SET_MODE, CAMERA = 176, 206
 EMERGENCY_STOP = 31.0  # ArduPilot's DO_AUX_FUNCTION that stops motors
 PLUS_ORDER = (3, 1, 4, 2, 5, 6, 7, 8, 9, 10, 11, 12)  # ArduCopter motor test
 STRAIGHT_ORDER = tuple(range(1, 13))
-StatusText = tuple[int, str]  # severity and words
+StatusText = tuple[int, str]  # severity and text
 
 
 class MotorOrders(ABC):
-    """Be how one kind of autopilot takes orders and turns motors by them."""
+    """Base class of an autopilot's reaction to motor commands."""
 
     outputs: tuple[int, ...]  # (n_rotors,) from 1
     n_outputs: int
-    lacks: frozenset[int]  # numbers of messages that it does not have
+    lacks: frozenset[int]  # ids of messages that it does not have
     parameters: dict[str, float]
 
     def __init__(self, hello: Hello) -> None:
-        self.safe = False  # a safety switch holds every output without a pulse
+        self.safe = False  # safety switch: no output has a pulse
         self.texts: list[StatusText] = []
         self._n_rotors = hello.n_rotors
         self._stopped: Array = np.full(hello.n_rotors, hello.pwm_stop_us)
@@ -43,11 +43,11 @@ class MotorOrders(ABC):
     @property
     @abstractmethod
     def running(self) -> bool:
-        """Whether a motor test runs."""
+        """True while a motor test runs."""
 
     @abstractmethod
-    def order(self, command: int, given: tuple[float, ...], now_s: float) -> int:
-        """Take an order; return its MAV_RESULT."""
+    def order(self, command: int, params: tuple[float, ...], now_s: float) -> int:
+        """Execute a command; return its MAV_RESULT."""
 
     @abstractmethod
     def pulses_us(self, now_s: float) -> Array:
@@ -55,7 +55,7 @@ class MotorOrders(ABC):
 
     @abstractmethod
     def end(self) -> None:
-        """End every test, as when the bench behind it stops the motors."""
+        """End every test, for example when the bench stops the motors."""
 
 
 @dataclass(slots=True)
@@ -69,11 +69,11 @@ class _Test:
 
 
 class ArduPilotOrders(MotorOrders):
-    """Do with motor tests what ArduCopter 4.6.2 was recorded to do.
+    """Motor tests as recorded from ArduCopter 4.6.2.
 
-    One test runs at a time, but its outputs stay as they were written until it ends: an order for
-    another motor leaves the first one turning. Neither disarming nor a failsafe ends it, a time-out
-    below 0 never does, and pulses outside of MOT_PWM_MIN to MOT_PWM_MAX reach the output.
+    One test runs at a time, but its outputs keep their values until it ends: a command for another
+    motor leaves the first one turning. Neither disarming nor a failsafe ends it, a timeout below 0
+    never does, and pulses outside MOT_PWM_MIN to MOT_PWM_MAX reach the output.
     """
 
     def __init__(self, hello: Hello) -> None:
@@ -98,33 +98,33 @@ class ArduPilotOrders(MotorOrders):
     def running(self) -> bool:
         return self._test is not None
 
-    def order(self, command: int, given: tuple[float, ...], now_s: float) -> int:
+    def order(self, command: int, params: tuple[float, ...], now_s: float) -> int:
         if command == MOTOR_TEST:
-            return self._start(given, now_s)
+            return self._start(params, now_s)
         if command == SAFETY_SWITCH:
-            self.safe = given[0] == 0.0
+            self.safe = params[0] == 0.0
             return ACCEPTED
-        if command == AUX_FUNCTION and given[0] == EMERGENCY_STOP:
-            self._emergency = given[1] == 2.0
+        if command == AUX_FUNCTION and params[0] == EMERGENCY_STOP:
+            self._emergency = params[1] == 2.0
             return ACCEPTED
         if command == SET_SERVO:
-            text = f"ServoRelayEvent: Channel {int(given[0])} is already in use"
+            text = f"ServoRelayEvent: Channel {int(params[0])} is already in use"
             self.texts.append((INFO, text))
             return FAILED
-        # Accepted, and no motor test ends by them.
+        # Accepted, but they do not end a motor test.
         return ACCEPTED if command in (CAMERA, TERMINATE, SET_MODE) else UNSUPPORTED
 
-    def _start(self, given: tuple[float, ...], now_s: float) -> int:
-        motor, kind, value, timeout_s, count = given[:5]
+    def _start(self, params: tuple[float, ...], now_s: float) -> int:
+        motor, kind, value, timeout_s, count = params[:5]
         if self._test is None:
-            why = "Safety switch" if self.safe else "Motor Emergency Stopped"
+            reason = "Safety switch" if self.safe else "Motor Emergency Stopped"
             if self.safe or self._emergency:
-                self.texts.append((CRITICAL, f"Motor Test: {why}"))
+                self.texts.append((CRITICAL, f"Motor Test: {reason}"))
                 return FAILED
             self.texts.append((INFO, "starting motor test"))
-        lasts_s = inf if timeout_s < 0.0 else min(timeout_s, LONGEST_S)
-        self._test = _Test(int(motor), kind, value, lasts_s, max(int(count), 1), now_s)
-        if lasts_s == 0.0 or self._pulse_us(self._test) is None:
+        duration_s = inf if timeout_s < 0.0 else min(timeout_s, MAX_TEST_S)
+        self._test = _Test(int(motor), kind, value, duration_s, max(int(count), 1), now_s)
+        if duration_s == 0.0 or self._pulse_us(self._test) is None:
             self.end()
         return ACCEPTED
 
@@ -141,7 +141,7 @@ class ArduPilotOrders(MotorOrders):
         elif test.count <= 1:
             self.end()
         else:
-            # The next motor, after a pause of half the time-out.
+            # The next motor, after a pause of half the timeout.
             self._pulses = self._stopped
             if since_s >= 1.5 * test.timeout_s:
                 test.motor, test.count, test.since_s = test.motor + 1, test.count - 1, now_s
@@ -154,19 +154,19 @@ class ArduPilotOrders(MotorOrders):
         self._pulses = self._stopped
 
     def _pulse_us(self, test: _Test) -> float | None:
-        """Return the pulse that a test gives, None where it makes no sense."""
-        least_us, most_us = self.parameters["MOT_PWM_MIN"], self.parameters["MOT_PWM_MAX"]
+        """Return the pulse of a test, None if its value is invalid."""
+        min_us, max_us = self.parameters["MOT_PWM_MIN"], self.parameters["MOT_PWM_MAX"]
         if test.kind == 0.0:
-            pulse_us = least_us + 0.01 * test.value * (most_us - least_us)
+            pulse_us = min_us + 0.01 * test.value * (max_us - min_us)
             return float(round(pulse_us)) if 0.0 <= test.value <= 100.0 else None
         if test.kind == 2.0:
-            return least_us  # the pilot's throttle, which is down
+            return min_us  # the pilot's throttle, at minimum
         whole_us = float(int(test.value)) if isfinite(test.value) else 0.0
         return whole_us if test.kind == 1.0 and LEAST_US <= whole_us <= LONGEST_US else None
 
 
 class Px4Orders(MotorOrders):
-    """Turn any number of motors by actuator tests."""
+    """Actuator tests as in PX4; several motors may run at once."""
 
     def __init__(self, hello: Hello) -> None:
         super().__init__(hello)
@@ -185,11 +185,11 @@ class Px4Orders(MotorOrders):
     def running(self) -> bool:
         return bool(self._running)
 
-    def order(self, command: int, given: tuple[float, ...], now_s: float) -> int:
+    def order(self, command: int, params: tuple[float, ...], now_s: float) -> int:
         if command != ACTUATOR_TEST:
             return UNSUPPORTED
-        value, timeout_s, motor = given[0], given[1], int(given[4])
-        if not 1 <= motor <= 12 or timeout_s > PX4_LONGEST_S:
+        value, timeout_s, motor = params[0], params[1], int(params[4])
+        if not 1 <= motor <= 12 or timeout_s > PX4_MAX_TEST_S:
             return DENIED
         if not isfinite(value):
             self._running.pop(motor, None)

@@ -1,4 +1,4 @@
-"""What the virtual autopilot streams: messages from the newest readings of a bench. Pure."""
+"""Message streams of the virtual autopilot, built from the newest readings of a bench."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from benchtool.core.channel import Channel
 
 
 class Streams:
-    """Hold what a bench last reported, and make messages of it."""
+    """Newest readings of a bench and the messages built from them."""
 
     def __init__(
         self, channels: Sequence[Channel], order: Sequence[int], silent: Sequence[int] = ()
     ) -> None:
-        self._words = w = dialect()
+        self._dialect = w = dialect()
         self._index = {channel.name: index for index, channel in enumerate(channels)}
         self._last = [nan] * len(channels)
         self._order = tuple(order)
@@ -36,7 +36,7 @@ class Streams:
             w.MAVLINK_MSG_ID_ESC_TELEMETRY_5_TO_8: lambda us: self._telemetry(
                 4, w.MAVLink_esc_telemetry_5_to_8_message
             ),
-            # A laser (0) that looks down (25).
+            # Laser (0), pointing down (25).
             w.MAVLINK_MSG_ID_DISTANCE_SENSOR: lambda us: w.MAVLink_distance_sensor_message(
                 _ms(us), 2, 400, min(round(100.0 * read("plate_z_m")), 65535), 0, 0, 25, 0
             ),
@@ -52,21 +52,21 @@ class Streams:
         }
         self.known = frozenset(self._makers)
 
-    def hold(self, row: Sequence[float]) -> None:
-        """Take a row of readings (c,); nan where a channel has no new value."""
+    def update(self, row: Sequence[float]) -> None:
+        """Store a row of readings (c,); nan where a channel has no new value."""
         self._last = [old if isnan(new) else new for old, new in zip(self._last, row, strict=True)]
 
     def message(self, number: int, time_us: int) -> Message | None:
-        """Return a message at a time since boot; None when nothing is connected there."""
+        """Return a message at a time since boot; None for a sensor that is not connected."""
         return None if number in self._silent else self._makers[number](time_us)
 
     def value(self, name: str) -> float:
-        """Return what a channel last read, nan when it has read nothing."""
+        """Return the last reading of a channel, nan before the first."""
         return self._last[self._index[name]] if name in self._index else nan
 
     def named(self, name: str, value: float, time_us: int) -> Message:
-        """Return a value under a name, as a companion or a script sends it."""
-        return self._words.MAVLink_named_value_float_message(_ms(time_us), name.encode(), value)
+        """Return a NAMED_VALUE_FLOAT message, as a companion or script sends it."""
+        return self._dialect.MAVLink_named_value_float_message(_ms(time_us), name.encode(), value)
 
     def _reading(self, name: str) -> float:
         value = self.value(name)
@@ -81,14 +81,14 @@ class Streams:
     def _servo(self, time_us: int) -> Message:
         outputs = list(self.outputs_us)
         for rotor, output in enumerate(self._order if "theta_rad" in self._index else ()):
-            pulse_us = self.value(f"pwm{rotor + 1}_us")  # of the loop on board, not of the host
+            pulse_us = self.value(f"pwm{rotor + 1}_us")  # of the control loop on board
             outputs[output - 1] = outputs[output - 1] if isnan(pulse_us) else round(pulse_us)
-        return self._words.MAVLink_servo_output_raw_message(
+        return self._dialect.MAVLink_servo_output_raw_message(
             time_us % MODULUS, 0, *outputs[:8], *outputs[8:]
         )
 
     def _speeds(self) -> dict[int, float]:
-        """Return the speed of the rotor at every output that has one."""
+        """Return the rotor speed of every output with a rotor: rpm."""
         return {
             output: self._reading(f"rpm{rotor + 1}") for rotor, output in enumerate(self._order)
         }
@@ -97,25 +97,25 @@ class Streams:
         self._count = self._count % 65535 + 1
         speeds = self._speeds()
         outputs = range(first + 1, first + 5)
-        there = [output in speeds for output in outputs]
+        is_present = [output in speeds for output in outputs]
         return make(
-            [round(self._reading("temperature_degC")) * here for here in there],
-            [round(100.0 * self._reading("voltage_V")) * here for here in there],
+            [round(self._reading("temperature_degC")) * present for present in is_present],
+            [round(100.0 * self._reading("voltage_V")) * present for present in is_present],
             [0] * 4,
             [0] * 4,
             [min(round(speeds.get(output, 0.0)), 65535) for output in outputs],
-            [self._count * here for here in there],
+            [self._count * present for present in is_present],
         )
 
     def _esc_status(self, time_us: int) -> Message:
         speeds = self._speeds()
         rpm = [round(speeds.get(output, 0.0)) for output in (1, 2, 3, 4)]
         volts = self._reading("voltage_V")
-        return self._words.mavlink_map[ESC_STATUS](0, time_us, rpm, [volts] * 4, [0.0] * 4)
+        return self._dialect.mavlink_map[ESC_STATUS](0, time_us, rpm, [volts] * 4, [0.0] * 4)
 
     def _target(self, time_us: int) -> Message:
         half = -0.5 * self._reading("theta_ref_rad")
-        return self._words.MAVLink_attitude_target_message(
+        return self._dialect.MAVLink_attitude_target_message(
             _ms(time_us), 0, [cos(half), 0.0, sin(half), 0.0], 0.0, 0.0, 0.0, 0.0
         )
 

@@ -1,4 +1,4 @@
-"""The virtual benches as devices: simulated physics, what each reports about itself, its server."""
+"""Virtual benches as devices: simulated physics, device information, server."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _hello(
         rate_Hz=plant.rate_Hz,
         pwm_stop_us=rig.propulsion.pwm_stop_us,
         pwm_idle_us=idle_us,
-        # Whatever moves the plate of the real rig, nobody else can move that of a virtual one.
+        # The virtual device moves the plate, for every stage the rig file names.
         moves_plate=True,
         simulated=True,
         **more,
@@ -65,7 +65,7 @@ def _hello(
 
 
 def build_hello(plant: PlateBench, truth: Model, seed: int) -> Hello:
-    """Return what the virtual device of that plant reports about itself."""
+    """Return the device information of the virtual bench of a plant."""
     rig = plant.rig
     facts = {
         "rig": rig.name,
@@ -77,7 +77,7 @@ def build_hello(plant: PlateBench, truth: Model, seed: int) -> Hello:
 
 
 def device_limits(rig: Rig) -> dict[str, float]:
-    """Return the limits that a device of this rig guards by itself, by name."""
+    """Return the limits that a device of this rig checks, by name."""
     limits = rig.limits
     return {
         "pwm_us": limits.pwm_us,
@@ -92,22 +92,22 @@ def device_limits(rig: Rig) -> dict[str, float]:
     }
 
 
-EXAMPLE = "coulomb_friction.torque_Nm:0.012"
+HIDDEN_EXAMPLE = "coulomb_friction.torque_Nm:0.012"
 
 
 def with_hidden_effects(model: Model, text: str) -> Model:
-    """Return a model with EFFECT.PARAMETER:VALUE[,...] in SI units applied."""
-    for each in text.split(","):
-        name, _, value = each.partition(":")
+    """Return the model with EFFECT.PARAMETER:VALUE[,...] applied, in SI units."""
+    for item in text.split(","):
+        name, _, value = item.partition(":")
         effect, _, parameter = name.partition(".")
-        known = [item.name for item in find_effect(effect).parameters]
-        if parameter not in known:
-            raise UnknownChoice(f"parameter of effect {effect!r}", parameter, known)
+        names = [entry.name for entry in find_effect(effect).parameters]
+        if parameter not in names:
+            raise UnknownChoice(f"parameter of effect {effect!r}", parameter, names)
         try:
             number = float(value)
         except ValueError:
             raise InputError(
-                f"hidden is {each!r}, which ends in no number; write for example hidden={EXAMPLE}"
+                f"option hidden={item!r} does not end in a number; example: hidden={HIDDEN_EXAMPLE}"
             ) from None
         if name not in model.parameters:
             model = model.with_effect(effect)
@@ -127,28 +127,28 @@ def pitch_plant(
     gains: str = "s3",
     seed: int = 0,
     rate_Hz: float | None = None,  # stream rate; default: control rate
-    own: type[PitchController] | None = None,  # user's controller at the rate of the gains
+    user_controller: type[PitchController] | None = None,  # runs at the rate of the gains
     hidden: str = "",
     change: Callable[[PitchJob], PitchJob] = lambda job: job,
     permit: CodePermit = check_code_allowed,
 ) -> PitchBenchPlant:
-    """Return the simulated pitch bench of these names."""
-    usual = f"pitch_{rig.name}"
+    """Return the simulated pitch bench for a model, schedule, controller and gains by name."""
+    default = f"pitch_{rig.name}"
     if truth is not None:
         model = load_model(truth, rig, permit).model
-    elif usual in model_names():
-        model = load_model(usual, rig).model
+    elif default in model_names():
+        model = load_model(default, rig).model
     else:
         model = Model.single(rig)
     if hidden:
         model = with_hidden_effects(model, hidden)
-    control = pitch_controller("pid" if own else controller, gains_named(gains))
+    control = pitch_controller("pid" if user_controller else controller, gains_named(gains))
     job = change(PitchJob(PitchBench.of(model), replace(control, name=controller)))
-    return PitchBenchPlant(job, load_schedule(schedule), seed, rate_Hz, own)
+    return PitchBenchPlant(job, load_schedule(schedule), seed, rate_Hz, user_controller)
 
 
 def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
-    """Return what the virtual pitch bench of that plant reports about itself."""
+    """Return the device information of the virtual pitch bench of a plant."""
     rig, job = plant.rig, plant.job
     gains = job.control.gains
     families = ("pwm", "rpm", "plate_z")
@@ -172,7 +172,7 @@ def pitch_hello(plant: PitchBenchPlant, seed: int) -> Hello:
 
 
 def standard_truth(rig: Rig) -> str:
-    """Return the name of the model that a virtual bench of this rig obeys by default."""
+    """Return the name of the default true model of a virtual bench of this rig."""
     return "single" if rig.n_discs == 1 else "quad_body_lift"
 
 
@@ -201,18 +201,18 @@ def device_server(
     seed: int = 0,
     speed: float = 1.0,
     faults: Iterable[Fault] = (),
-    speak: Callable[[Firmware], ServedDevice] = DeviceLink,
+    protocol: Callable[[Firmware], ServedDevice] = DeviceLink,
     clock: Callable[[], float] = time.monotonic,
 ) -> BenchServer:
-    """Return a server of a device; `speak` is its protocol."""
+    """Return a server for a device; `protocol` builds its protocol handler."""
     if not 0.0 < speed <= MAX_SPEED:
         raise InputError(f"speed {speed:g} is outside 0 to {MAX_SPEED:g}; 1 is real time")
     faults = tuple(faults)
     plant = FaultyPlant(physics, faults)
-    # A stream of random numbers of its own, apart from that of the physics.
+    # Link faults use a separate random stream, so that the physics stays reproducible.
     link_rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
     return BenchServer(
-        speak(Firmware(plant, replace(hello, speed=speed), clock())),
+        protocol(Firmware(plant, replace(hello, speed=speed), clock())),
         link,
         lambda: plant.rate_Hz,
         LinkFaults(faults, link_rng),

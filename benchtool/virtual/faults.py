@@ -1,7 +1,7 @@
-"""Faults on demand for a virtual bench, each named on the command line: `corrupt:p=0.001`.
+"""Injected faults of a virtual bench, given on the command line: `corrupt:p=0.001`.
 
-Faults of the link count wall seconds since the host's hello, faults of the bench count device
-seconds since it. All default numbers are choices, not measurements.
+Times of link faults are wall seconds since the host's hello, those of bench faults device seconds
+since it. All default numbers are assumed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from benchtool.virtual.firmware import Plant
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault by its name, with the numbers that `FAULTS` lists for it."""
+    """Fault by name, with the parameters that `FAULTS` lists for it."""
 
     name: str
     p: float = 0.0
@@ -29,20 +29,20 @@ class Fault:
     channel: str = ""
     thrust_N: float = 0.0
 
-    def acts(self, since_s: float) -> bool:
-        """Whether it acts at a time."""
+    def is_active(self, since_s: float) -> bool:
+        """Return True while the fault is active."""
         return self.at_s <= since_s < self.at_s + self.for_s
 
 
 FAULTS: dict[str, dict[str, float | str]] = {  # defaults of each fault
-    # Of the link: lose every byte, or flip one bit of it, with probability p; hold all bytes back
-    # and deliver them at once; send nothing; pull the cable.
+    # Link: drop each byte, or flip one bit of it, with probability p; delay all bytes and deliver
+    # them together; send nothing; pull the cable.
     "drop": {"p": 0.001},
     "corrupt": {"p": 0.001},
     "delay": {"at_s": 5.0, "for_s": 0.3},
     "silence": {"at_s": 5.0, "for_s": 1.0},
     "unplug": {"at_s": 5.0, "for_s": inf},
-    # Of the bench: repeat a channel's last value; add to the thrust; refuse every move.
+    # Bench: repeat a channel's last value; add to the thrust; reject every move.
     "stuck": {"channel": "thrust_N", "at_s": 5.0, "for_s": inf},
     "over_thrust": {"at_s": 5.0, "for_s": 1.0, "thrust_N": 1000.0},
     "refuse_move": {"at_s": 0.0},
@@ -50,48 +50,50 @@ FAULTS: dict[str, dict[str, float | str]] = {  # defaults of each fault
 
 
 def parse_fault(text: str) -> Fault:
-    """Read a fault: `silence`, `silence:at_s=12,for_s=1`."""
-    name, _, rest = text.partition(":")
+    """Parse a fault: `silence`, `silence:at_s=12,for_s=1`."""
+    name, _, settings = text.partition(":")
     if name not in FAULTS:
         raise UnknownChoice("fault", name, FAULTS)
-    given = dict(FAULTS[name])
-    for part in filter(None, rest.split(",")):
+    parameters = dict(FAULTS[name])
+    for part in filter(None, settings.split(",")):
         key, equals, value = part.partition("=")
-        if key not in given:
-            raise UnknownChoice(f"key of fault {name}", key, given)
+        if key not in parameters:
+            raise UnknownChoice(f"key of fault {name}", key, parameters)
         if not equals:
-            raise InputError(f"fault key {key!r} in {text!r} has no value; write {key}=NUMBER")
-        given[key] = value if key == "channel" else _number(text, key, value)
-    return Fault(name, **given)  # type: ignore[arg-type]
+            raise InputError(f"fault {text!r}: {key!r} has no value; write {key}=NUMBER")
+        parameters[key] = value if key == "channel" else _number(text, key, value)
+    return Fault(name, **parameters)  # type: ignore[arg-type]
 
 
 def _number(text: str, key: str, value: str) -> float:
     try:
         number = float(value)
     except ValueError:
-        raise InputError(f"{key}={value!r} in fault {text!r} is not a number; give one") from None
+        raise InputError(f"fault {text!r}: {key}={value!r} is not a number") from None
     if not number >= 0.0:
-        raise InputError(f"{key}={number:g} in fault {text!r} is below 0; give 0 or more")
+        raise InputError(f"fault {text!r}: {key}={number:g} is out of range; allowed: 0 or more")
     if key == "p" and number > 1.0:
-        raise InputError(f"p={number:g} in fault {text!r} is outside 0 to 1; give a probability")
+        raise InputError(
+            f"fault {text!r}: probability p={number:g} is out of range; allowed: 0 to 1"
+        )
     return number
 
 
 class LinkFaults:
-    """Apply the faults of the link among `faults` to a device's bytes."""
+    """Link faults, applied to the bytes of a device."""
 
     def __init__(
         self, faults: Iterable[Fault] = (), rng: np.random.Generator | None = None
     ) -> None:
         self._faults = tuple(faults)
         self._rng = rng if rng is not None else np.random.default_rng(0)
-        self._held = bytearray()
+        self._delayed = bytearray()
         self._unplugged = False
-        self._spent: set[Fault] = set()
+        self._finished: set[Fault] = set()
 
     def carry(self, data: bytes, since_s: float) -> bytes:
-        """Return what of `data` goes out at so many seconds after the hello."""
-        hold = False
+        """Return the bytes to send, `since_s` seconds after the hello."""
+        is_delayed = False
         for fault in self._faults:
             if fault.name == "drop" and data:
                 passes = self._rng.random(len(data)) >= fault.p
@@ -100,34 +102,34 @@ class LinkFaults:
                 hit = self._rng.random(len(data)) < fault.p
                 bits = 1 << self._rng.integers(0, 8, len(data))
                 data = (np.frombuffer(data, np.uint8) ^ (hit * bits).astype(np.uint8)).tobytes()
-            elif fault.name == "silence" and fault.acts(since_s):
+            elif fault.name == "silence" and fault.is_active(since_s):
                 data = b""
-            elif fault.name == "delay" and fault.acts(since_s):
-                hold = True
-        self._held += data
-        if hold:
+            elif fault.name == "delay" and fault.is_active(since_s):
+                is_delayed = True
+        self._delayed += data
+        if is_delayed:
             return b""
-        data = bytes(self._held)
-        self._held.clear()
+        data = bytes(self._delayed)
+        self._delayed.clear()
         return data
 
     def plugged(self, since_s: float) -> bool | None:
-        """Return False when the cable is pulled now, True when it is put back, None otherwise."""
+        """Return False when the cable is pulled now, True when it is reconnected, else None."""
         for fault in self._faults:
             if fault.name != "unplug":
                 continue
-            if fault.acts(since_s) and not self._unplugged and fault not in self._spent:
+            if fault.is_active(since_s) and not self._unplugged and fault not in self._finished:
                 self._unplugged = True
                 return False
             if self._unplugged and since_s >= fault.at_s + fault.for_s:
                 self._unplugged = False
-                self._spent.add(fault)
+                self._finished.add(fault)
                 return True
         return None
 
 
 class FaultyPlant:
-    """Plant with faults of the bench that begin so many device seconds after `begin`."""
+    """Wrapper that adds bench faults to a plant, timed in device seconds since `begin`."""
 
     def __init__(self, plant: Plant, faults: Iterable[Fault]) -> None:
         self._plant = plant
@@ -154,13 +156,13 @@ class FaultyPlant:
         return self._plant.plate_moving
 
     def begin(self) -> None:
-        """Start the faults' time anew."""
+        """Restart the clock of the faults."""
         self._time_s = 0.0
         self._stuck = {}
 
     def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
-        if any(one.name == "refuse_move" and one.acts(self._time_s) for one in self._faults):
-            raise StageError("stage alarm; look for what blocks it, then home it")
+        if any(f.name == "refuse_move" and f.is_active(self._time_s) for f in self._faults):
+            raise StageError("stage alarm; remove the obstruction, then home the stage")
         self._plant.command_plate(z_m, x_m, tilt_rad)
 
     def advance(self, n: int) -> Array:

@@ -1,7 +1,6 @@
-"""The device's side without any wire or clock: limits on every tick, the latch, the watchdog.
+"""Device firmware without link or clock: limits on every tick, latch, watchdog.
 
-Device time counts ticks and runs faster than the wall at speed 20; wall time (`now_s`) is handed in
-and feeds only the watchdog.
+Device time counts ticks and is scaled by the speed; only the watchdog uses wall time (`now_s`).
 """
 
 from __future__ import annotations
@@ -24,11 +23,11 @@ REPEAT_INTERVAL_S = 1.0  # interval at which a stopped device repeats its reason
 
 
 class Plant(Protocol):
-    """Be the physical bench that a device measures and drives; knows no protocol and no clock."""
+    """Plant interface: physics behind the device, without protocol or clock."""
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """What a row of `advance` holds, in order."""
+        """Channels of a row of `advance`, in order."""
 
     @property
     def rate_Hz(self) -> float:
@@ -36,22 +35,22 @@ class Plant(Protocol):
 
     @property
     def plate_moving(self) -> bool:
-        """Whether the plate is still on its way."""
+        """True while the plate moves."""
 
     def set_rate(self, rate_Hz: float) -> None:
-        """Take this many ticks per second from now on."""
+        """Set the ticks per second of device time."""
 
     def command_pwm(self, pwm_us: Array) -> None:
         """Apply pulses (n_rotors,): us."""
 
     def command_plate(self, z_m: float, x_m: float, tilt_rad: float) -> None:
-        """Start moving the plate at stage speed; StageError is answered as nak with its message."""
+        """Start moving the plate at stage speed; a StageError is sent as nak with its message."""
 
     def halt_plate(self) -> None:
         """Stop the plate where it is."""
 
     def tare(self) -> None:
-        """Take the present load-cell reading as zero thrust."""
+        """Set the present load-cell reading as zero thrust."""
 
     def advance(self, n: int) -> Array:
         """Return the next n ticks (n, c), nan where a channel has no new value."""
@@ -59,14 +58,14 @@ class Plant(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TickRows:
-    """Hold consecutive ticks: device time (n,): us, not wrapped; values (n, c)."""
+    """Consecutive ticks: device time (n,): us, not wrapped; values (n, c)."""
 
     device_time_us: NDArray[np.int64]
     values: Array
 
 
 class Firmware:
-    """Guard a plant: accept commands, check limits on every tick, stop when the host is silent."""
+    """Guarded plant: executes commands, checks limits on every tick, stops without a host."""
 
     def __init__(self, plant: Plant, hello: Hello, now_s: float = 0.0) -> None:
         self.hello = hello
@@ -77,7 +76,7 @@ class Firmware:
         self._plant = plant
         self._events: list[wire.DeviceEvent] = []
         self._host_s = now_s
-        self._reminded_s = now_s
+        self._repeated_s = now_s
         self._device_us = 0.0
         self._target: tuple[float, float, float] | None = None
         self._moving = False
@@ -91,20 +90,20 @@ class Firmware:
 
     @property
     def idle(self) -> bool:
-        """Whether every pulse is at or below idle, so that the plate may move."""
+        """True if every pulse is at or below idle, so that the plate may move."""
         return bool(np.all(self.pwm_us <= self.hello.pwm_idle_us))
 
     def note_host(self, now_s: float) -> None:
-        """Note that a valid line (a heartbeat or anything else) came at wall time `now_s`."""
+        """Record that a valid line (any command or heartbeat) arrived at wall time `now_s`."""
         self._host_s = now_s
 
     def take_events(self) -> tuple[wire.DeviceEvent, ...]:
-        """Return what happened since the last call, oldest first."""
+        """Return and clear the events since the last call, oldest first."""
         events, self._events = tuple(self._events), []
         return events
 
     def execute(self, command: wire.Command, now_s: float) -> wire.Reply:
-        """Carry out one command that arrived at wall time `now_s`."""
+        """Execute one command that arrived at wall time `now_s`."""
         self.note_host(now_s)
         match command:
             case wire.RequestHello():
@@ -118,8 +117,8 @@ class Firmware:
             case wire.SendPlate(z_m, x_m, tilt_rad):
                 return self._move(z_m, x_m, tilt_rad)
             case wire.RequestPlate():
-                at = self._target or (np.nan, np.nan, np.nan)
-                fields = ("" if np.isnan(value) else wire.encode_command(value) for value in at)
+                target = self._target or (np.nan, np.nan, np.nan)
+                fields = ("" if np.isnan(v) else wire.encode_command(v) for v in target)
                 return wire.Reply(True, fields=(str(int(self._plant.plate_moving)), *fields))
             case wire.TareDevice():
                 self._plant.tare()
@@ -139,8 +138,8 @@ class Firmware:
     def advance(self, n: int, now_s: float) -> TickRows:
         """Run n ticks that end at wall time `now_s`, with watchdog and limits.
 
-        Limits are checked over the whole block: n is the device's time to react, 0 checks the
-        watchdog alone. A BenchtoolError of the plant is raised after the motors have been stopped.
+        Limits are checked over the whole block, so n is the reaction time; 0 checks only the
+        watchdog. A BenchtoolError of the plant is raised after the motors are stopped.
         """
         self._check_watchdog(now_s)
         if n == 0:
@@ -148,7 +147,7 @@ class Firmware:
         try:
             values = self._plant.advance(n)
         except BenchtoolError as error:
-            # The plant's own program failed: nothing may turn, and the host learns why.
+            # The plant failed: stop the motors and report the reason to the host.
             self._latch(
                 wire.DeviceEvent("limit", f"{str(error)[:MAX_REASON_LENGTH]}; motors stopped"),
                 now_s,
@@ -175,7 +174,7 @@ class Firmware:
     def _latch(self, event: wire.DeviceEvent, now_s: float) -> None:
         self._zero()
         self.latched = event
-        self._reminded_s = now_s
+        self._repeated_s = now_s
         self._events.append(event)
 
     def _check_watchdog(self, now_s: float) -> None:
@@ -184,8 +183,8 @@ class Firmware:
         if running and silent_s >= self.hello.watchdog_s:
             text = f"no line for {1000.0 * silent_s:.0f} ms; motors stopped"
             self._latch(wire.DeviceEvent("watchdog", text), now_s)
-        elif self.latched is not None and now_s - self._reminded_s >= REPEAT_INTERVAL_S:
-            self._reminded_s = now_s
+        elif self.latched is not None and now_s - self._repeated_s >= REPEAT_INTERVAL_S:
+            self._repeated_s = now_s
             self._events.append(self.latched)
 
     def _check_limits(self, values: Array, now_s: float) -> None:
@@ -221,8 +220,8 @@ class Firmware:
     def _refuse_latched(self) -> wire.Reply | None:
         if self.latched is None:
             return None
-        why = f"{self.latched.kind}: {self.latched.text}"
-        return wire.Reply(False, f"stopped by {why}; send clear first")
+        reason = f"{self.latched.kind}: {self.latched.text}"
+        return wire.Reply(False, f"stopped by {reason}; send clear first")
 
     def _move(self, z_m: float, x_m: float, tilt_rad: float) -> wire.Reply:
         if not self.hello.moves_plate:
@@ -275,7 +274,7 @@ def _is_lower_bound(name: str) -> bool:
 
 
 def _columns(name: str, channels: tuple[Channel, ...]) -> tuple[int, ...]:
-    """Return channels that a limit guards (`rpm`: rpm1, rpm2 ...); none for a command's limit."""
+    """Return the channels under a limit (`rpm`: rpm1, rpm2 ...); none for a command's limit."""
     if name == "pwm_us" or name.startswith("plate_"):
         return ()
     family = name.replace("_min_", "_").replace("_max_", "_")

@@ -1,4 +1,4 @@
-"""Where virtual devices listen: a pseudo-terminal, a TCP port, UDP. Never blocks."""
+"""Links of virtual devices: pseudo-terminal, TCP port, UDP. Calls never block."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ def event_line(event: DeviceEvent) -> bytes:
 
 
 class ServerLink(ABC):
-    """Carry bytes to whoever is connected at the moment."""
+    """Byte transport to the connected client."""
 
     @property
     @abstractmethod
     def address(self) -> str:
-        """What a host writes to reach this bench."""
+        """Address that a host uses to connect to this bench."""
 
     @abstractmethod
     def read(self) -> bytes:
-        """Return what has arrived, perhaps nothing; never waits."""
+        """Return the received bytes, possibly none, without waiting."""
 
     @abstractmethod
     def write(self, data: bytes) -> int:
-        """Send what fits at the moment and return how many bytes that were."""
+        """Write as many bytes as fit and return their number."""
 
     @abstractmethod
     def unplug(self) -> None:
-        """Vanish as a pulled cable does."""
+        """Disconnect like a pulled cable."""
 
     @abstractmethod
     def replug(self) -> None:
-        """Come back, where possible under the same address."""
+        """Reconnect, under the same address if possible."""
 
     def close(self) -> None:
         """Stop listening."""
@@ -51,16 +51,18 @@ class ServerLink(ABC):
 
 
 class PtyLink(ServerLink):
-    """Listen on a pseudo-terminal; the symlink leads to the present one, also after a replug."""
+    """Pseudo-terminal link; the symlink follows the current terminal, also after a replug."""
 
     def __init__(self, symlink: Path | None = None) -> None:
         if os.name != "posix":
-            raise InputError("this system has no pseudo-terminals; serve with --link tcp:5555")
+            raise InputError(
+                "pseudo-terminals are not available on this system; use --link tcp:5555"
+            )
         self._symlink = symlink
         self._ends: tuple[int, int] | None = None
         self._path = ""
         if symlink is not None and symlink.exists() and not symlink.is_symlink():
-            raise InputError(f"{symlink} exists and is no link; choose another --symlink")
+            raise InputError(f"{symlink} is not a symbolic link; choose another --symlink")
         self.replug()
 
     @property
@@ -72,7 +74,7 @@ class PtyLink(ServerLink):
             return b""
         try:
             return os.read(self._ends[0], 65536)
-        except OSError:  # nothing there, or nobody
+        except OSError:  # no data or no client
             return b""
 
     def write(self, data: bytes) -> int:
@@ -94,7 +96,7 @@ class PtyLink(ServerLink):
         import pty
         import tty
 
-        # The far end stays open here: otherwise its settings and its bytes go with every client.
+        # The far end stays open, else its settings and its bytes are lost with every client.
         near, far = pty.openpty()
         tty.setraw(far)
         os.set_blocking(near, False)
@@ -108,30 +110,30 @@ class PtyLink(ServerLink):
             symlink, self._symlink = self._symlink, None
             self.unplug()
             raise InputError(
-                f"--symlink {symlink} cannot be made ({error.strerror}); choose a path in a folder "
-                f"that exists and may be written"
+                f"--symlink {symlink} cannot be created ({error.strerror}); choose a path in an "
+                f"existing, writable folder"
             ) from error
 
 
 @contextmanager
-def _opened(kind: socket.SocketKind, host: str, port: int) -> Iterator[socket.socket]:
-    """Give a new socket to bind, which does not block afterwards; close it where that fails."""
+def _new_socket(kind: socket.SocketKind, host: str, port: int) -> Iterator[socket.socket]:
+    """Yield a new socket to bind, then make it non-blocking; close it on failure."""
     name = "TCP" if kind is socket.SOCK_STREAM else "UDP"
-    opened = socket.socket(socket.AF_INET, kind)
+    sock = socket.socket(socket.AF_INET, kind)
     try:
-        yield opened
-        opened.setblocking(False)
+        yield sock
+        sock.setblocking(False)
     except (OSError, UnicodeError) as error:
-        opened.close()
+        sock.close()
         where = f"{name} {host}:{port}"
         if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
-            busy = f"another program listens on {where}; choose another port"
-            raise PortBusy(busy) from error
+            message = f"another program listens on {where}; choose another port"
+            raise PortBusy(message) from error
         raise NoDevice(f"cannot use {where} ({error}); choose another host or port") from error
 
 
 class TcpLink(ServerLink):
-    """Listen on a TCP port for one client at a time; a second one learns who holds the bench."""
+    """TCP link for one client at a time; a second client receives the name of the first."""
 
     def __init__(self, host: str, port: int) -> None:
         self._host = host
@@ -146,7 +148,7 @@ class TcpLink(ServerLink):
         return f"tcp:{self._host}:{self._port}"
 
     def read(self) -> bytes:
-        # The old client first, up to its end: one that comes back at once must not find it here.
+        # Read the old client to its end first: one that reconnects at once must not find itself.
         received = b""
         while self._client is not None:
             try:
@@ -179,7 +181,7 @@ class TcpLink(ServerLink):
             self._listener = None
 
     def replug(self) -> None:
-        with _opened(socket.SOCK_STREAM, self._host, self._port) as listener:
+        with _new_socket(socket.SOCK_STREAM, self._host, self._port) as listener:
             if os.name == "posix":
                 listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.bind((self._host, self._port))
@@ -201,7 +203,7 @@ class TcpLink(ServerLink):
         try:
             client.setblocking(False)
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        except OSError:  # it went away again at once
+        except OSError:  # it disconnected at once
             client.close()
             return
         self._client, self._client_name = client, f"{peer[0]}:{peer[1]}"
@@ -218,21 +220,21 @@ DATAGRAM_BYTES = 1400  # maximum of whole frames, below 1500 of a network packet
 
 
 def whole_frames(data: bytes, start: int) -> int:
-    """Return how many bytes from `start` make whole MAVLink frames that fit one datagram."""
-    at = start
-    while at < len(data):
+    """Return the number of bytes from `start` that are whole MAVLink frames in one datagram."""
+    end = start
+    while end < len(data):
         size = 1
-        if data[at] == FRAME_START and at + 2 < len(data):
-            signed = data[at + 2] & 1
-            size = HEADER_BYTES + data[at + 1] + SIGNATURE_BYTES * signed
-        if at > start and at + size - start > DATAGRAM_BYTES:
+        if data[end] == FRAME_START and end + 2 < len(data):
+            signed = data[end + 2] & 1
+            size = HEADER_BYTES + data[end + 1] + SIGNATURE_BYTES * signed
+        if end > start and end + size - start > DATAGRAM_BYTES:
             break
-        at += size
-    return min(at, len(data)) - start
+        end += size
+    return min(end, len(data)) - start
 
 
 class UdpLink(ServerLink):
-    """Carry whole frames in datagrams; unless it listens, it sends to the host from the start."""
+    """UDP link with whole frames per datagram; unless it listens, it sends from the start."""
 
     def __init__(self, host: str, port: int, listen: bool) -> None:
         self._host, self._port, self._listen = host, port, listen
@@ -242,7 +244,7 @@ class UdpLink(ServerLink):
 
     @property
     def address(self) -> str:
-        """What follows `mavlink:` in the address of a host."""
+        """Part after `mavlink:` of the address that a host uses."""
         return f"{'udpout' if self._listen else 'udpin'}:{self._host}:{self._port}"
 
     def read(self) -> bytes:
@@ -250,7 +252,7 @@ class UdpLink(ServerLink):
         while self._socket is not None:
             try:
                 data, peer = self._socket.recvfrom(65536)
-            except OSError:  # nothing there, or nobody
+            except OSError:  # no data or no peer
                 break
             parts.append(data)
             if self._listen:
@@ -268,39 +270,39 @@ class UdpLink(ServerLink):
             except BlockingIOError:
                 return sent
             except OSError:
-                pass  # Nobody listens: datagrams get lost.
+                pass  # no listener: the datagram is lost
             sent += size
         return sent
 
     def unplug(self) -> None:
-        opened, self._socket = self._socket, None
-        if opened is not None:
-            opened.close()
+        old, self._socket = self._socket, None
+        if old is not None:
+            old.close()
 
     def replug(self) -> None:
-        with _opened(socket.SOCK_DGRAM, self._host, self._port) as opened:
+        with _new_socket(socket.SOCK_DGRAM, self._host, self._port) as sock:
             if self._listen:
-                opened.bind((self._host, self._port))
-                self._port = opened.getsockname()[1]
+                sock.bind((self._host, self._port))
+                self._port = sock.getsockname()[1]
             else:
                 self._peer = (socket.gethostbyname(self._host), self._port)
-        self._socket = opened
+        self._socket = sock
 
 
 def open_link(text: str, symlink: Path | None = None) -> ServerLink:
-    """Return the link that `--link` names, opened; see `ServedLink.parse`."""
+    """Open and return the link of `--link`; see `ServedLink.parse`."""
     link = ServedLink.parse(text)
     if link.kind == "pty":
         return PtyLink(symlink)
     if symlink is not None:
         only = "mavlink:pty" if link.protocol == "mavlink" else "pty"
-        raise InputError(f"--symlink goes with --link {only} only; leave it out")
+        raise InputError(f"--symlink needs --link {only}; leave it out")
     if link.kind == "tcp":
         return TcpLink(link.host, link.port)
     return UdpLink(link.host, link.port, listen=link.kind == "udpin")
 
 
 def host_address(link: ServerLink, n_rotors: int, options: str = "") -> str:
-    """Return the address that a host opens: link, and how many rotors hang on the autopilot."""
-    place = link.address + (f":{TELEMETRY_BAUD}" if link.address.startswith("serial:") else "")
-    return f"mavlink:{place}?rotors={n_rotors}{options}"
+    """Return the address for a host: link and number of rotors of the autopilot."""
+    path = link.address + (f":{TELEMETRY_BAUD}" if link.address.startswith("serial:") else "")
+    return f"mavlink:{path}?rotors={n_rotors}{options}"

@@ -1,4 +1,4 @@
-"""The device's end of the wire: bytes in, bytes out, around a `Firmware`. Pure, without a clock."""
+"""Bench protocol of a virtual device: bytes in, bytes out, around a `Firmware`; no clock."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from benchtool.virtual.firmware import Firmware
 from benchtool.virtual.links import event_line
 from benchtool.virtual.server import ServedDevice
 
-LAST_NUMBER = frames.TIME_MODULUS_US - 1  # largest order number
+MAX_NUMBER = frames.TIME_MODULUS_US - 1  # largest command number
 
 
 class OrderCheck:
-    """Know which orders are late: by number, and by age on the device's own clock."""
+    """Check for late commands, by number and by age in device time."""
 
     def __init__(self, speed: float = 1.0) -> None:
         self.armed = False
-        self.number = 0  # of the last order carried out
+        self.number = 0  # of the last executed command
         self._speed = speed
         self._stopped_us = -inf
 
     def stop(self, now_us: int) -> None:
-        """Note a stop: what was ordered before it is refused from now on."""
+        """Record a stop; commands issued before it are rejected from now on."""
         self.armed = False
         self._stopped_us = now_us
 
     def refusal(self, number: int, time: str, now_us: int) -> str:
-        """Return why an order is refused as late, nothing when it may be carried out."""
+        """Return the reason to reject a late command, "" if it may be executed."""
         if number <= self.number:
             return f"{wire.LATE_REASON}number {number} comes after {self.number}"
         if not (time.isdecimal() and len(time) <= 10 and int(time) < frames.TIME_MODULUS_US):
@@ -47,7 +47,7 @@ class OrderCheck:
 
 
 class DeviceLink(ServedDevice):
-    """Speak the bench protocol for one device."""
+    """Bench protocol handler of one device."""
 
     def __init__(self, firmware: Firmware) -> None:
         super().__init__(firmware)
@@ -78,10 +78,10 @@ class DeviceLink(ServedDevice):
         if message.letter != "C" or len(fields) < 2 or not fields[0].isdecimal():
             return b""
         number, name = int(fields[0]), fields[1]
-        if number > LAST_NUMBER:
+        if number > MAX_NUMBER:
             return b""
         try:
-            # A hello has its version where other commands have the time.
+            # A hello carries its version in the place of the time.
             command = wire.decode_command((name, *fields[2 if name == "hello" else 3 :]))
         except BenchtoolError as error:
             return self._refuse(number, str(error))
@@ -96,7 +96,7 @@ class DeviceLink(ServedDevice):
         if late := self.orders.refusal(number, time, self.firmware.device_time_us):
             return self._refuse(number, late)
         self.orders.number = number
-        # An armed device only turns or moves anything.
+        # Only an armed device turns motors or moves the plate.
         moves = isinstance(command, wire.SendPlate)
         if isinstance(command, wire.SetPwm):
             moves = any(us > self.firmware.hello.pwm_stop_us for us in command.pwm_us)
@@ -119,7 +119,7 @@ class DeviceLink(ServedDevice):
         return self._acknowledge(number, reply.fields)
 
     def _greet(self, number: int, version: int, now_s: float) -> bytes:
-        """Answer a hello with its lines, their count, and the CRC over them."""
+        """Return the hello lines, their count and the CRC over them."""
         if version < wire.PROTOCOL_VERSION:
             reason = (
                 f"this device speaks protocol version {wire.PROTOCOL_VERSION}; update benchtool"

@@ -1,6 +1,6 @@
-"""The virtual bench in the same process, on a virtual clock: `sim:` addresses.
+"""Virtual bench in the same process, on a virtual clock: `sim:` addresses.
 
-Nothing waits: `read(10.0)` returns ten seconds of samples at once.
+No call waits: `read(10.0)` returns ten seconds of samples at once.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from benchtool.virtual.firmware import Firmware, TickRows
 from benchtool.virtual.pitch_plant import PitchBenchPlant
 
 MOVE_STEP_S = 0.1  # time step while the plate moves
-MOVE_LIMIT_S = 600.0  # longest move of the plate
+MOVE_TIMEOUT_S = 600.0  # longest move of the plate
 
 
 class SimulatedBench(ContextBench):
-    """Answer as a rotor bench does, from simulated physics, without waiting."""
+    """Rotor bench from simulated physics, without waiting."""
 
     _max_step_s = 10.0  # longest time between two limit checks
 
@@ -61,7 +61,7 @@ class SimulatedBench(ContextBench):
         self._rate_Hz = plant.rate_Hz
         self._now_s = 0.0
         self._next_tick_s = 1.0 / plant.rate_Hz
-        self._waiting: list[tuple[Array, TickRows]] = []
+        self._unread: list[tuple[Array, TickRows]] = []
         self._messages: list[str] = []
         self._stopped: wire.DeviceEvent | None = None
         self._reported = False
@@ -102,15 +102,15 @@ class SimulatedBench(ContextBench):
         try:
             self._command("plate", wire.SendPlate(z_m, x_m, tilt_rad))
         except CommandRefused as error:
-            raise StageError(f"the plate stays where it is: {error.reason}") from error
-        deadline_s = self._now_s + MOVE_LIMIT_S
+            raise StageError(f"the plate was not moved: {error.reason}") from error
+        deadline_s = self._now_s + MOVE_TIMEOUT_S
         while self._plant.plate_moving:
             if self._now_s >= deadline_s:
                 raise StageError(
-                    f"the plate did not reach {z_m:g} m within {MOVE_LIMIT_S:g} s; check the "
+                    f"the plate did not reach {z_m:g} m within {MOVE_TIMEOUT_S:g} s; check the "
                     f"rig's plate.speed_m_s"
                 )
-            self._pass(MOVE_STEP_S)
+            self._advance(MOVE_STEP_S)
             self._note_events()
             self._raise_if_stopped()
 
@@ -119,36 +119,38 @@ class SimulatedBench(ContextBench):
 
     def set_rate(self, rate_Hz: float) -> None:
         if not rate_Hz > 0.0:
-            raise InputError(f"a stream rate of {rate_Hz:g} Hz is no stream; ask for 1 to 5000")
+            raise InputError(f"stream rate {rate_Hz:g} Hz is out of range; allowed: 1 to 5000 Hz")
         try:
             self._command("rate", wire.SetRate(rate_Hz))
         except CommandRefused as error:
-            raise InputError(f"the device cannot stream that fast: {error.reason}") from error
+            raise InputError(
+                f"stream rate {rate_Hz:g} Hz rejected by the device: {error.reason}"
+            ) from error
         self._rate_Hz = rate_Hz
         self._next_tick_s = self._now_s + 1.0 / rate_Hz
 
     def set_limit(self, name: str, value: float) -> None:
-        """Make one device-side limit narrower; the device refuses a wider one."""
+        """Tighten a limit of the device; the device rejects a wider one."""
         self._command("limit", wire.SetLimit(name, value))
 
     def clear(self) -> None:
-        """Lift the latch of a device that stopped by itself; its motors stay at zero."""
+        """Clear the latch of a stopped device; its motors stay at zero."""
         self._command("clear", wire.Clear())
         self._note_events()
         self._stopped, self._reported = None, False
 
     def read(self, timeout_s: float) -> Readings:
-        self._need_open("read")
-        # What was read before a stop is handed out first: no sample is lost to the report of it.
-        if not self._waiting and not self._reported:
+        self._check_open("read")
+        # Samples before a stop are returned before the stop is raised, so that none is lost.
+        if not self._unread and not self._reported:
             self._raise_if_stopped()
         if self._stopped is None or self._reported:
-            self._pass(timeout_s)
+            self._advance(timeout_s)
         self._note_events()
         self._note_clamp()
-        times = [time_s for time_s, _ in self._waiting]
-        rows = [row for _, row in self._waiting]
-        self._waiting = []
+        times = [time_s for time_s, _ in self._unread]
+        rows = [row for _, row in self._unread]
+        self._unread = []
         messages, self._messages = tuple(self._messages), []
         if not rows:
             return Readings(
@@ -161,24 +163,24 @@ class SimulatedBench(ContextBench):
             messages=messages,
         )
 
-    def _pass(self, duration_s: float) -> None:
-        """Let time pass and hold the samples that fall into it."""
+    def _advance(self, duration_s: float) -> None:
+        """Advance the clock and buffer the samples of that time."""
         until_s = self._now_s + duration_s
         while True:
-            # A tick that falls on the end of the span belongs to it, rounding or not.
-            left = int(np.floor((until_s - self._next_tick_s) * self._rate_Hz + 1e-6)) + 1
-            if left <= 0:
+            # A tick at the end of the interval belongs to it, despite rounding.
+            remaining = int(np.floor((until_s - self._next_tick_s) * self._rate_Hz + 1e-6)) + 1
+            if remaining <= 0:
                 break
-            n = min(left, max(1, round(self._max_step_s * self._rate_Hz)))
+            n = min(remaining, max(1, round(self._max_step_s * self._rate_Hz)))
             time_s = self._next_tick_s + np.arange(n) / self._rate_Hz
             self._now_s = float(time_s[-1])
             self._firmware.note_host(self._now_s)
-            self._waiting.append((time_s, self._firmware.advance(n, self._now_s)))
+            self._unread.append((time_s, self._firmware.advance(n, self._now_s)))
             self._next_tick_s = self._now_s + 1.0 / self._rate_Hz
         self._now_s = max(until_s, self._now_s)
 
     def _command(self, name: str, command: wire.Command) -> None:
-        self._need_open(name)
+        self._check_open(name)
         reply = self._firmware.execute(command, self._now_s)
         if not reply.ok:
             raise CommandRefused(name, reply.reason)
@@ -190,48 +192,48 @@ class SimulatedBench(ContextBench):
                 self._stopped = event
 
     def _note_clamp(self) -> None:
-        """Say once that the plate came nearer than the physics reaches."""
+        """Report once that the plate is nearer than the range of the model."""
         if self._plant.clamped_readings and not self._clamped:
             self._clamped = True
-            nearest = f"z/R = {self._plant.nearest_z_over_R:g}"
+            limit = f"z/R = {self._plant.nearest_z_over_R:g}"
             self._messages.append(
-                f"clamped: the plate is nearer than {nearest}, where the truth's law ends; thrust "
-                f"is that of {nearest}"
+                f"clamped: the plate is nearer than {limit}, the end of the true law; thrust is "
+                f"that at {limit}"
             )
 
     def _raise_if_stopped(self) -> None:
         if self._stopped is not None:
             self._reported = True
             raise DeviceStopped(
-                f"the device stopped its motors by itself ({self._stopped.kind}: "
+                f"the device stopped its motors ({self._stopped.kind}: "
                 f"{self._stopped.text}); remove the cause and start again"
             )
 
-    def _need_open(self, what: str) -> None:
+    def _check_open(self, what: str) -> None:
         if not self._open:
-            raise LinkLost(f"{what} was requested of a bench that is not open; open it first")
+            raise LinkLost(f"{what} needs an open bench; call open() first")
 
 
 class SimulatedPitch(SimulatedBench):
-    """Answer as a pitch bench does, without waiting."""
+    """Pitch bench from simulated physics, without waiting."""
 
-    _max_step_s = 0.02  # five ticks, because a beam turns quickly; assumed
+    _max_step_s = 0.02  # five ticks, since a beam turns quickly; assumed
 
     def __init__(self, address: str, plant: PitchBenchPlant, seed: int = 0) -> None:
         self._power_up(address, plant, pitch_hello(plant, seed))
 
 
 def open_simulated(address: SimAddress) -> SimulatedBench:
-    """Return the virtual bench of an address, not opened yet."""
+    """Return the virtual bench of an address, not yet open."""
     rig, seed = load_rig_by_name(address.rig), address.seed
     if address.mode == "pitch":
         # A plus sign in an address reads as a space.
         names = ("truth", "schedule", "controller", "gains", "hidden")
-        named: dict[str, Any] = {
+        options: dict[str, Any] = {
             name: text.replace(" ", "+") for name in names if (text := getattr(address, name))
         }
         rate_Hz = address.rate_Hz
-        plant = pitch_plant(rig, seed=seed, rate_Hz=rate_Hz, permit=address.permit, **named)
+        plant = pitch_plant(rig, seed=seed, rate_Hz=rate_Hz, permit=address.permit, **options)
         return SimulatedPitch(address.text, plant, seed)
     truth = address.truth or standard_truth(rig)
     loaded = load_model(truth, rig, address.permit)

@@ -178,7 +178,7 @@ def main(rig_name: str, speed: str, rate_Hz: str, warning: str, mode: str) -> No
     link = PtyLink()
     if mode == "pitch":
         plant = pitch_plant(rig, schedule="identify")
-        serve(device_server(plant, pitch_hello(plant, 0), link, speak=PrintingLink), link)
+        serve(device_server(plant, pitch_hello(plant, 0), link, protocol=PrintingLink), link)
         return
 
     def speak(firmware: Firmware) -> PrintingLink:
@@ -189,7 +189,7 @@ def main(rig_name: str, speed: str, rate_Hz: str, warning: str, mode: str) -> No
 
     truth = load_model(standard_truth(rig), rig).model
     options = {"speed": float(speed), "rate_Hz": float(rate_Hz)}
-    serve(virtual_server(rig, truth, link, speak=speak, **options), link)
+    serve(virtual_server(rig, truth, link, protocol=speak, **options), link)
 
 
 def serve(server: BenchServer, link: PtyLink) -> None:

@@ -99,8 +99,8 @@ def test_every_importer_is_registered():
     """A reader that nobody registered reads nothing: each is in `FORMATS` or a fallback."""
     folder = Path(__file__).parents[2] / "benchtool" / "data" / "formats"
     signature = re.compile(
-        r"^def (\w+)\(\s*data: bytes, where: str, provenance: Mapping\[str, str\], options: ImportOptions"
-        r",?\s*\) -> ImportResult:", re.M,
+        r"^def (\w+)\(\s*data: bytes, where: str, provenance: Mapping\[str, str\], "
+        r"options: ImportOptions,?\s*\) -> ImportResult:", re.M,
     )  # fmt: skip
     written = {
         f"benchtool.data.formats.{path.stem}:{name}"

@@ -181,7 +181,7 @@ class Link:
     """One link: its port (None is memory), the device's protocol and the proxy's, the address."""
 
     port: Callable[[], ServerLink] | None = _tcp
-    speak: Callable[[Firmware], ServedDevice] = DeviceLink
+    protocol: Callable[[Firmware], ServedDevice] = DeviceLink
     dialect: type[Dialect] = BenchLines
     address: Callable[[ServerLink], str] = lambda port: port.address
     has_stage: bool = False
@@ -192,7 +192,7 @@ LINKS = {
     "tcp": Link(),
     "pty": Link(port=PtyLink),
     "mavlink": Link(
-        speak=VirtualAutopilot,
+        protocol=VirtualAutopilot,
         dialect=MavlinkFrames,
         address=lambda port: f"mavlink:{port.address}?rotors=1",
     ),

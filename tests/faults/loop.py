@@ -108,7 +108,7 @@ class World:
             self.more = stage_words(self.ports[1].link, rig)
 
         def keep(firmware: Firmware) -> ServedDevice:
-            self.device = how.speak(firmware)
+            self.device = how.protocol(firmware)
             self.channels = [channel.name for channel in firmware.hello.channels]
             self._note_rows(firmware)
             if how.has_stage:
@@ -125,7 +125,7 @@ class World:
             seed=seed,
             speed=speed,
             faults=[parse_fault(text) for text in device_faults],
-            speak=keep,
+            protocol=keep,
             clock=self.clock,
         )
 

@@ -18,7 +18,7 @@ SMALL = ["--rig", "pquad_single", "--repeats", "2", "--z-over-r", "0.5,1", "--sa
     ("fault", "code", "told"),
     [
         ("over_thrust:at_s=25", 4, "limit 12"),
-        ("refuse_move:at_s=0", 3, "stage alarm; look for what blocks it, then home it"),
+        ("refuse_move:at_s=0", 3, "stage alarm; remove the obstruction, then home the stage"),
         ("stuck:channel=thrust_N,at_s=20,for_s=99", 4, "all the time"),
         # While the plate makes its first move of 13 s.
         ("over_thrust:at_s=8", 4, "limit 12"),

@@ -38,7 +38,7 @@ def serving_staged(bench: Path, stage: Path) -> Iterator[str]:
         load_model("single", rig).model,
         links[0],
         speed=10.0,
-        speak=lambda firmware: CarriedPlate(DeviceLink(firmware), firmware, links[1], rig.plate),
+        protocol=lambda firmware: CarriedPlate(DeviceLink(firmware), firmware, links[1], rig.plate),
     )
     ended = threading.Event()
     thread = threading.Thread(target=server.run, args=(lambda: not ended.is_set(),))

@@ -64,7 +64,9 @@ def test_predictions_are_those_of_the_model(evidence):
     scaled = np.zeros(len(evidence.parameters))
     scaled[parameter(evidence, "body_lift.K_b")] = 8.0
     scaled[parameter(evidence, "plate_offset.dz_m")] = 1.0
-    model = evidence.model.with_values(parameters_at(evidence.model.parameters, evidence.parameters, scaled))
+    model = evidence.model.with_values(
+        parameters_at(evidence.model.parameters, evidence.parameters, scaled)
+    )
     assert model.parameters["body_lift.K_b"].value == pytest.approx(2.0)
     expected = model.thrust_N(evidence.logs[0].conditions)
     found = evidence.thrusts(evidence.logs[0].conditions, scaled[None, :])[:, 0]

@@ -149,7 +149,7 @@ class FailsLater(Own):
 
 
 def with_own(own: type[Own]) -> tuple[PitchBenchPlant, Firmware]:
-    plant = pitch_plant(RIG, seed=3, controller="mine:Own", own=own)
+    plant = pitch_plant(RIG, seed=3, controller="mine:Own", user_controller=own)
     return plant, Firmware(plant, pitch_hello(plant, 3))
 
 
