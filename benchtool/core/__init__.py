@@ -1,1 +1,1 @@
-"""What every other package uses: units, channels, recordings, errors, inputs."""
+"""Base types of all packages: units, channels, recordings, errors, inputs."""

@@ -1,4 +1,4 @@
-"""The air around the bench, and the density of moist air."""
+"""Ambient air and the density of moist air."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ STANDARD_DENSITY_KG_M3 = 1.225  # of dry air at those (ISO 2533)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Air(Inputs):
-    """The air as people measure it; standard and dry where nothing is given.
-
-    The ranges are choices, wide enough for any laboratory.
-    """
+    """Ambient conditions; default: standard dry air. The ranges are assumed, for any laboratory."""
 
     TITLE = "Air"
 
@@ -44,7 +41,7 @@ class Air(Inputs):
     ] = None
 
     def facts(self) -> dict[str, Any]:
-        """Return it for metadata.json, in SI units, with its density."""
+        """Return the conditions for metadata.json, in SI units, with the density."""
         degC = STANDARD_DEGC if self.temperature is None else self.temperature
         pressure_Pa = STANDARD_PA if self.pressure is None else 100.0 * self.pressure
         humidity = 0.01 * (self.humidity or 0.0)
@@ -59,10 +56,10 @@ class Air(Inputs):
 
 
 def relative_density_sd(temperature_degC: float, pressure_Pa: float, humidity: float) -> float:
-    """Return the standard uncertainty of a density over it, by what air is usually measured with.
+    """Return the relative standard uncertainty of the air density for typical instruments.
 
-    Uniform within a kelvin (a room thermometer in a room with a rotor), 2 hPa (a barometer or the
-    nearest weather station) and 20 % of relative humidity; guesses.
+    Uniform within 1 K (room thermometer), 2 hPa (barometer or weather station) and 20 % relative
+    humidity; assumed.
     """
     here = temperature_degC, pressure_Pa, humidity
     density = air_density_kg_m3(*here)
@@ -77,8 +74,8 @@ def air_density_kg_m3(temperature_degC: float, pressure_Pa: float, humidity: flo
     """Return the density of moist air: kg/m3; humidity is relative, 0 to 1.
 
     CIPM-2007 (Picard, Davis, Glaeser, Fujii, Metrologia 45 (2008) 149, eq. 1 to 3 and annex) at
-    its reference of 400 ppm carbon dioxide, good to 22e-6 from 15 to 27 degC and 600 to 1100 hPa,
-    and far better than thrust is measured outside of that.
+    its reference of 400 ppm carbon dioxide; relative uncertainty 22e-6 from 15 to 27 degC and 600
+    to 1100 hPa, and outside of it still far below that of thrust.
     """
     t, p = temperature_degC, pressure_Pa
     kelvin = t + 273.15

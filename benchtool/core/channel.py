@@ -1,4 +1,9 @@
-"""A channel: one named column of a recording or of a bench's stream."""
+"""Channel names and units of recordings and of bench streams.
+
+Plate distance has three names, in m along the axis: `target_z_m` is commanded,
+`plate_stage_z_m` reported by the stage, `plate_read_z_m` read by a distance sensor. Models use
+`plate_z_m`, corrected for offset and tilt.
+"""
 
 from __future__ import annotations
 
@@ -8,36 +13,36 @@ from dataclasses import dataclass
 from benchtool.core.errors import UnknownChoice
 from benchtool.core.units import find_unit
 
-CHANNELS: dict[str, str] = {  # every channel that a table can be mapped to; # is a rotor's number
-    "time_s": "time since the recording began",
-    "device_time_us": "the device's own counter",
+CHANNELS: dict[str, str] = {  # channels that a table can be mapped to; # is a rotor's number
+    "time_s": "time since the start of the recording",
+    "device_time_us": "device time",
     "elapsed_s": "time since the last tare",
-    "point": "number of the visit",
+    "point": "number of the point",
     "kind": "measure, reference, anchor, tare or failed",
-    "setting": "number of the setting that a visit repeats",
+    "setting": "number of the setting that a point repeats",
     "repeat": "number of the repeat",
     "phase": "tare, move, rest, ramp, settle, sample, end or interrupted",
     "thrust_N": "thrust of all rotors, up positive",
-    "thrust_sd_N": "scatter of the samples behind a mean",
+    "thrust_sd_N": "standard deviation of the samples of a mean",
     "thrust_se_N": "standard error of a mean",
     "thrust_raw": "counts of the load cell's converter",
-    "n_samples": "samples behind a mean",
+    "n_samples": "number of samples of a mean",
     "torque_Nm": "torque about the rotor axis",
     "thrust_ratio": "thrust over that without a plate, where no thrust is given",
-    "thrust_ratio_sd": "scatter of that ratio",
+    "thrust_ratio_sd": "standard deviation of that ratio",
     "thrust_ratio_se": "standard error of that ratio",
     "pwm#_us": "pulse width of a rotor's ESC",
     "rpm#": "speed of a rotor",
-    "rpm#_sd": "scatter of that speed",
+    "rpm#_sd": "standard deviation of that speed",
     "rpm#_se": "standard error of that speed",
-    "coverage#": "part of a rotor's disc that is over the plate",
-    "plate_z_m": "rotor plane to the plate's centre, along the axis",
+    "coverage#": "fraction of a rotor disc over the plate",
+    "plate_z_m": "plate distance: rotor plane to plate centre, along the axis",
     "plate_x_m": "lateral position of the plate's centre",
     "plate_tilt_deg": "tilt of the plate about the y axis",
     "voltage_V": "supply voltage",
     "current_A": "supply current",
-    "temperature_degC": "of motor, ESC or air, as the bench measures it",
-    "load_direction": "1 where the load was approached from below, -1 from above",
+    "temperature_degC": "temperature of motor, ESC or air",
+    "load_direction": "1: load approached from below, -1: from above",
     "theta_rad": "pitch angle, nose down positive",
     "theta_ref_rad": "commanded pitch angle",
     "gyro_rad_s": "pitch rate",
@@ -51,16 +56,16 @@ CHANNELS: dict[str, str] = {  # every channel that a table can be mapped to; # i
     "yaw_rate_rad_s": "yaw rate",
     "roll_rate_ref_rad_s": "commanded roll rate",
     "yaw_rate_ref_rad_s": "commanded yaw rate",
-    "pitch_command_share": "what the rate controller commands, -1 to 1, nose down positive",
-    "roll_command_share": "the same of roll",
-    "yaw_command_share": "the same of yaw",
+    "pitch_command_share": "rate controller output, -1 to 1, nose down positive",
+    "roll_command_share": "rate controller output for roll",
+    "yaw_command_share": "rate controller output for yaw",
     "throttle_command_share": "commanded throttle, 0 to 1",
     "airspeed_m_s": "speed of the air along the plate",
-    "rpm#_optical": "speed by an optical probe",
-    "pwm_raw": "commanded throttle in the device's own numbers",
-    "battery_V": "voltage at the pack",
+    "rpm#_optical": "speed from an optical probe",
+    "pwm_raw": "commanded throttle in device units",
+    "battery_V": "battery voltage",
     "power_W": "electrical power",
-    "mechanical_power_W": "power of the shaft",
+    "mechanical_power_W": "shaft power",
     "ct": "thrust coefficient C_T of a propeller",
     "cp": "power coefficient C_P of a propeller",
     "motor_efficiency": "mechanical over electrical power",
@@ -69,7 +74,7 @@ CHANNELS: dict[str, str] = {  # every channel that a table can be mapped to; # i
     "acc_x_m_s2": "acceleration forward",
     "acc_y_m_s2": "acceleration to the left",
     "acc_z_m_s2": "acceleration up",
-    "vibration_m_s2": "vibration as the bench states it",
+    "vibration_m_s2": "vibration, as reported by the bench",
     "servo#_us": "pulse width of a servo",
     "motor#_share": "commanded throttle of a motor, 0 to 1",
 }
@@ -89,18 +94,18 @@ _PWM = re.compile(r"pwm\d+_us")
 
 
 def require_known_channel(name: str) -> None:
-    """Refuse a channel name that nothing reads, with the known ones."""
+    """Raise UnknownChoice for a channel name that is not in `CHANNELS`."""
     if re.sub(r"\d+", "#", name) not in CHANNELS:
         raise UnknownChoice("channel", name, (item.replace("#", "1") for item in CHANNELS))
 
 
 def channel_family(name: str) -> str:
-    """Return the kind of a channel: its name without a rotor's number at the end."""
+    """Return a channel name without the rotor number at the end."""
     return name.rstrip("0123456789")
 
 
 def unit_from_name(name: str) -> str:
-    """Return the unit that a column name of ours carries; "1" when it carries none."""
+    """Return the unit suffix of a column name; "1" without one."""
     if _RPM.fullmatch(name):
         return "rpm"
     if _PWM.fullmatch(name):
@@ -113,20 +118,19 @@ def unit_from_name(name: str) -> str:
 
 
 def error_channel_name(name: str) -> str:
-    """Return the name of the column of a channel's standard error: "se" before its unit."""
+    """Return the column name of a channel's standard error: "se" before the unit."""
     endings = (*_LONG_SUFFIXES, *(f"_{suffix}" for suffix in _SUFFIXES))
-    ending = next((one for one in endings if name.endswith(one)), "")
+    ending = next((text for text in endings if name.endswith(text)), "")
     return f"{name.removesuffix(ending)}_se{ending}"
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """Name one measured or commanded quantity.
+    """Measured or commanded quantity.
 
     Attributes:
-        name: identifier whose suffix is the unit as it stands in files (`thrust_N`, `pwm1_us`).
-            Rotor speed in revolutions per minute is the one habit of the field that files keep:
-            `rpm1`, unit "rpm".
+        name: identifier whose suffix is the unit in files (`thrust_N`, `pwm1_us`). Exception: rotor
+            speed in revolutions per minute, `rpm1`, unit "rpm".
         unit: unit of the stored numbers, one of `core.units.UNITS`.
     """
 

@@ -1,4 +1,4 @@
-"""Where one of our channels stands in somebody's table."""
+"""Source of a channel in a foreign table."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from benchtool.core.toml_text import FiniteTable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnSource(FiniteTable):
-    """Say where one of our columns comes from.
+    """Source of one channel: a column or a constant.
 
     Attributes:
         column: the file's column; None for a constant.
         constant: one number for all rows, in `unit`.
-        unit: unit of the file's numbers; when left out that in the column's own name, else ours.
-        sign: -1 where the file counts the other way round.
-        factor: multiplies the file's numbers (0.1651 turns z/R into metres for that R; 1/6 mends
+        unit: unit of the file's numbers; default: that in the column name, else the channel's.
+        sign: -1 if the file uses the opposite sign.
+        factor: factor on the file's numbers (0.1651 converts z/R to metres for that R; 1/6 corrects
             a wrong pole count).
-        reference: of `kind` only: the cell of rows that are references, far from any plate.
+        reference: for `kind` only: cell text of reference rows, far from any plate.
     """
 
     column: str | None = None
@@ -41,11 +41,7 @@ class ColumnSource(FiniteTable):
 
 
 def check_channels(names: Iterable[str], where: str) -> None:
-    """Refuse a map of a channel that nothing reads.
-
-    Raises:
-        FileFormatError: with the known ones.
-    """
+    """Raise FileFormatError for a map with an unknown channel."""
     for name in names:
         try:
             require_known_channel(name)

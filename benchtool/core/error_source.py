@@ -1,4 +1,4 @@
-"""Errors that several observations share, and the whitening of residuals by all errors together."""
+"""Error sources shared by observations, and whitening of residuals with the full covariance."""
 
 from __future__ import annotations
 
@@ -13,29 +13,28 @@ from scipy.linalg import block_diag
 from benchtool.core.array_type import Array
 
 Distribution = Literal["normal", "uniform", "triangular", "student_t"]
-"""Of one draw, with standard deviation 1 (JCGM 101:2008, 6.4); "student_t" takes the `dof`."""
+# of one draw, with standard deviation 1 (JCGM 101:2008, 6.4); "student_t" uses `dof`
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ErrorSource:
-    """State one cause of error that moves several observations by the same draws.
+    """Error source shared by several observations (fully correlated draws).
 
-    The observations' covariance gains `columns @ columns.T`. A reference shared by ratios has one
-    column for each reference, a place error one for each stay, a scale error one altogether, a
-    wandering zero the columns of a root of its covariance.
+    It adds `columns @ columns.T` to the covariance of the observations. Reference points of ratios
+    have one column each, position errors one per plate position, a scale error one in all, and
+    zero drift the columns of a square root of its covariance.
 
     Attributes:
-        kind: how it was evaluated (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise.
-        sd: standard deviation of one draw, in `unit`; typical where draws differ.
-        dof: degrees of freedom that `sd` was evaluated with.
+        kind: type of evaluation (JCGM 100:2008, 3.3): "A" from scatter, "B" otherwise.
+        sd: standard deviation of one draw, in `unit`; typical value if draws differ.
+        dof: degrees of freedom of `sd`.
         columns: (m, r) change of each observation by one standard deviation of each of r
-            independent draws, in the unit of what was observed.
-        scaled: whether `noise.scale` multiplies it as it does the points' own standard errors:
+            independent draws, in the unit of the observations.
+        scaled: whether `noise.scale` multiplies it, as it does standard errors of points; true for
             scatter of the same kind, such as that of reference points.
-        origin: who states or assumes it, for an uncertainty budget.
-        parameter: the noise parameter that stands for `sd` where it is free; empty without.
-        scatter: name of the scatter that `sd` was estimated from, where other sources have theirs
-            from the same; empty where it is the source's own.
+        origin: source of the value, for the uncertainty budget.
+        parameter: noise parameter that replaces `sd` if it is free; else empty.
+        scatter: name of the scatter from which several sources estimate `sd`; else empty.
     """
 
     name: str
@@ -51,38 +50,38 @@ class ErrorSource:
     scatter: str = ""
 
     def of(self, rows: NDArray[np.intp]) -> ErrorSource:
-        """Return the source of only those observations."""
+        """Return the source for a subset of the observations."""
         return replace(self, columns=self.columns[rows])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UncertainValues:
-    """Hold numbers with their own errors and those that they share."""
+    """Values with independent and shared errors."""
 
     value: Array  # (n,)
-    standard_error: Array  # (n,) what a row's own errors make; nan where none are stated
-    error_sources: tuple[ErrorSource, ...]  # what rows share
+    standard_error: Array  # (n,) of independent errors; nan where not stated
+    error_sources: tuple[ErrorSource, ...]  # shared by rows
 
     @property
     def total_error(self) -> Array:
-        """Standard error of each row by itself (n,): its own part and the shared ones."""
+        """Total standard error of each row (n,), independent and shared parts."""
         shared = [np.sum(source.columns**2, axis=1) for source in self.error_sources]
-        out: Array = np.sqrt(self.standard_error**2 + sum(shared))
-        return out
+        total: Array = np.sqrt(self.standard_error**2 + sum(shared))
+        return total
 
 
 def concatenate_sources(parts: Sequence[Sequence[ErrorSource]]) -> tuple[ErrorSource, ...]:
-    """Return the sources of parts laid one after the other, each part with draws of its own.
+    """Return the sources of concatenated parts, with independent draws for each part.
 
     Every part has the same sources in the same order.
     """
     return tuple(
         replace(
-            each[0],
-            sd=float(np.sqrt(np.mean([one.sd**2 for one in each]))),
-            columns=block_diag(*(one.columns for one in each)),
+            sources[0],
+            sd=float(np.sqrt(np.mean([source.sd**2 for source in sources]))),
+            columns=block_diag(*(source.columns for source in sources)),
         )
-        for each in zip(*parts, strict=True)
+        for sources in zip(*parts, strict=True)
     )
 
 
@@ -91,32 +90,31 @@ def effective_dof(contributions: Array, dof: Array, scatters: Sequence[str] = ()
 
     Args:
         contributions: (s,) of independent sources.
-        dof: (s,) of each; inf where its uncertainty is stated.
-        scatters: (s,) names of the scatters that they were estimated from: those of one name
-            share its degrees of freedom, and are too small or too large together; empty where
-            each has its own.
+        dof: (s,) of each; inf for a stated uncertainty.
+        scatters: (s,) names of the scatters that they were estimated from; sources of one name
+            share its degrees of freedom and are fully correlated; empty if all are independent.
     """
     variances, same = contributions**2, np.eye(len(contributions))
-    for place, name in enumerate(scatters):
+    for index, name in enumerate(scatters):
         if name:
-            same[place] = [other == name for other in scatters]
-    spent = float(variances @ same @ (variances / dof))
-    return float(variances.sum()) ** 2 / spent if spent > 0.0 else np.inf
+            same[index] = [other == name for other in scatters]
+    denominator = float(variances @ same @ (variances / dof))
+    return float(variances.sum()) ** 2 / denominator if denominator > 0.0 else np.inf
 
 
 class Whitening:
-    """Make residuals independent and of variance 1: rows (m, ...) -> V^(-1/2) rows (m, ...).
+    """Whitening of residuals to independent unit variance: rows (m, ...) -> V^(-1/2) rows.
 
     V = diag(sigma^2) + columns @ columns.T. Rows are divided by `sigma` and then multiplied by the
-    symmetric root of the inverse of what is left, the root that leaves each row nearest to its own
-    point (Kessy, Lewin and Strimmer, Am. Stat. 72, 2018, "ZCA-cor"): an outlier stays one.
-    Without columns it is the division alone.
+    symmetric inverse square root of the remaining matrix, which keeps each row closest to its own
+    point (Kessy, Lewin and Strimmer, Am. Stat. 72, 2018, "ZCA-cor"), so outliers stay outliers.
+    Without columns, only the division is done.
 
     Attributes:
         sigma: (m,) the independent errors.
-        log_root_excess: log of the root of det V less the sum of log sigma; 0 without columns.
-        shared: (m, r) change of rows divided by `sigma` by independent standard normal draws, as
-            few as make the covariance of `columns`.
+        log_root_excess: 0.5 log det V minus the sum of log sigma; 0 without columns.
+        shared: (m, r) columns of the normalised shared covariance, with the smallest number of
+            independent draws.
     """
 
     def __init__(self, sigma: Array, columns: Array) -> None:
@@ -124,13 +122,13 @@ class Whitening:
         self.log_root_excess = 0.0
         self._directions, size = columns / sigma[:, None], np.zeros(columns.shape[1])
         if columns.size:
-            # By the smaller of the two products: draws are fewer than points, mostly.
+            # Use the smaller of the two products; usually there are fewer draws than points.
             if columns.shape[1] < columns.shape[0]:
                 square, axes = np.linalg.eigh(self._directions.T @ self._directions)
                 size = np.sqrt(np.maximum(square, 0.0))
-                shown = size > 1e-7 * max(float(size[-1]), 1e-300)
-                size = size[shown]
-                self._directions = self._directions @ (axes[:, shown] / size)
+                is_significant = size > 1e-7 * max(float(size[-1]), 1e-300)
+                size = size[is_significant]
+                self._directions = self._directions @ (axes[:, is_significant] / size)
             else:
                 self._directions, size, _ = np.linalg.svd(self._directions, full_matrices=False)
             self._change = 1.0 / np.sqrt(1.0 + size**2) - 1.0
@@ -139,14 +137,14 @@ class Whitening:
 
     @property
     def own(self) -> Whitening:
-        """Division by the independent errors alone."""
+        """Whitening with the independent errors only."""
         return Whitening(self.sigma, np.empty((len(self.sigma), 0)))
 
     def __call__(self, rows: Array) -> Array:
         """Return whitened rows (m,) or (m, n)."""
-        own = (rows.T / self.sigma).T
+        scaled = (rows.T / self.sigma).T
         if not self._directions.size:
-            return own
-        shared = self._directions.T @ own
-        out: Array = own + self._directions @ (self._change * shared.T).T
-        return out
+            return scaled
+        shared = self._directions.T @ scaled
+        whitened: Array = scaled + self._directions @ (self._change * shared.T).T
+        return whitened

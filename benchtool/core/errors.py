@@ -1,35 +1,35 @@
-"""Every error that benchtool raises on purpose.
+"""Exception hierarchy with exit codes.
 
     BenchtoolError                 exit code 1
-    ├── InputError                 2   something the user gave cannot be used
-    │   ├── UnknownChoice          2   a name outside a known list (driver, key, unit, effect)
-    │   ├── FileFormatError        2   a file that does not say what it must
-    │   ├── PlanError              2   a plan the bench or its limits do not allow
-    │   ├── CalibrationError       2   a calibration that does not hold
-    │   └── WouldOverwrite         2   the target exists already
-    ├── BenchError                 3   the bench or its link
-    │   ├── LinkError              3   the port or socket
-    │   │   ├── PortBusy           3   somebody else holds it
+    ├── InputError                 2   invalid user input
+    │   ├── UnknownChoice          2   name outside a known list (driver, key, unit, effect)
+    │   ├── FileFormatError        2   invalid content of a file
+    │   ├── PlanError              2   plan that exceeds the bench or its limits
+    │   ├── CalibrationError       2   invalid calibration
+    │   └── WouldOverwrite         2   target exists
+    ├── BenchError                 3   bench or link failure
+    │   ├── LinkError              3   port or socket failure
+    │   │   ├── PortBusy           3   another process uses the port
     │   │   ├── PortDenied         3   no permission
-    │   │   ├── NoDevice           3   nothing there, or nothing that answers
-    │   │   ├── LinkLost           3   it answered and went silent
-    │   │   └── ReadingsLate       3   what it sends is read too late, or its clock runs apart
-    │   ├── ProtocolError          3   an answer that makes no sense
-    │   ├── CommandRefused         3   the device refused
-    │   ├── LimitExceeded          4   a reading beyond its limit
-    │   ├── StageError             3   the plate's stage
-    │   ├── DeviceStopped          4   the device stopped its motors by itself
-    │   └── StandstillNotSeen      8   motors may still turn: no measurement shows that they stand
-    ├── RunStopped                 5   a run ended early, safely, for a stated reason
-    │   └── HostPaused             5   the host did not run for longer than an order may be old
-    ├── EstimationError            6   no estimate can be given
-    │   └── NotConverged           6   a sampler that has not converged
-    ├── MissingLibrary             7   an optional package is not installed
-    ├── ModelRejected              9   an estimate exists, but the data reject the model
-    └── ResourceExhausted         10   the disk, memory, descriptors or output are full or closed
+    │   │   ├── NoDevice           3   no device, or no reply
+    │   │   ├── LinkLost           3   device stopped replying
+    │   │   └── ReadingsLate       3   readings arrive late, or the device clock deviates
+    │   ├── ProtocolError          3   invalid reply
+    │   ├── CommandRefused         3   device rejected the command
+    │   ├── LimitExceeded          4   reading beyond its limit
+    │   ├── StageError             3   plate stage failure
+    │   ├── DeviceStopped          4   device stopped its motors
+    │   └── StandstillNotConfirmed 8   motors may still turn: standstill was not measured
+    ├── RunInterrupted             5   run ended early and safely, with a reason
+    │   └── HostSuspended          5   host was suspended longer than the maximum command age
+    ├── EstimationError            6   no estimate possible
+    │   └── NotConverged           6   sampler did not converge
+    ├── MissingLibrary             7   optional package not installed
+    ├── ModelRejected              9   estimate exists, but the data reject the model
+    └── ResourceExhausted         10   disk, memory, file descriptors or output full or closed
 
-A message is one sentence: what happened, the value against the limit or the known choices, and
-what to do next. The numbers are attributes too, so that no caller parses text.
+A message is one sentence: problem, value with limit or known choices, remedy. Numbers are also
+attributes, so that callers need not parse text.
 """
 
 from __future__ import annotations
@@ -41,37 +41,33 @@ from collections.abc import Iterable, Sequence
 from math import inf
 from typing import Any
 
-MAX_LISTED = 60  # most names in a message, and most letters of a repeated name; assumed
+MAX_LISTED = 60  # maximum names in a message, and characters of a name; assumed
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Return names with commas; of many only the first."""
-    rest = f" and {len(names) - MAX_LISTED:,} more" if len(names) > MAX_LISTED else ""
-    return (", ".join(names[:MAX_LISTED]) or "none") + rest
+    """Return names separated by commas, at most `MAX_LISTED`."""
+    more = f" and {len(names) - MAX_LISTED:,} more" if len(names) > MAX_LISTED else ""
+    return (", ".join(names[:MAX_LISTED]) or "none") + more
 
 
 class BenchtoolError(Exception):
-    """Root of everything benchtool raises on purpose."""
+    """Base class of all benchtool errors."""
 
     exit_code = 1
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Many subclasses take more than a text: a pickled error is made without them.
+        # Subclasses take more arguments than a text; unpickle without calling __init__.
         return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 class InputError(BenchtoolError):
-    """Refuse something the user gave."""
+    """Invalid user input."""
 
     exit_code = 2
 
 
 def check_number(what: str, value: object, unit: str) -> None:
-    """Refuse what is no number above 0, where no input of a command has checked it.
-
-    Raises:
-        InputError: with the value and the unit it should have.
-    """
+    """Raise InputError for a value that is not a finite number above 0."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < inf:
         raise InputError(f"{what} is {value!r}; give a number above 0, in {unit}")
 
@@ -89,12 +85,12 @@ def check_name(kind: str, name: str, *, max_length: int = 255, ascii_only: bool 
 
 
 class UnknownChoice(InputError):
-    """Refuse a name outside a known list.
+    """Name outside a known list.
 
     Args:
-        kind: what was named, in the singular ("unit", "key in [limits] of plan.toml").
+        kind: noun in the singular ("unit", "key in [limits] of plan.toml").
         name: the name as given.
-        known: the names that would have been accepted.
+        known: accepted names.
     """
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
@@ -104,24 +100,24 @@ class UnknownChoice(InputError):
         self.name = name
         self.known = tuple(sorted(known))
         name = name[: 4 * MAX_LISTED]
-        # A parameter is also known by what stands behind the dot.
-        parts = {each.rpartition(".")[2].casefold(): each for each in self.known if "." in each}
-        folded = parts | {each.casefold(): each for each in self.known}
-        folded = {each: full for each, full in folded.items() if len(each) > 1}
+        # A parameter may also be given by the part after its dot.
+        parts = {full.rpartition(".")[2].casefold(): full for full in self.known if "." in full}
+        folded = parts | {full.casefold(): full for full in self.known}
+        folded = {short: full for short, full in folded.items() if len(short) > 1}
         close = get_close_matches(name.casefold(), folded, n=1)
-        begun = [each for each in sorted(folded, key=len) if each.startswith(name.casefold())]
-        close = close or begun[: len(name) > 1]
+        longer = [text for text in sorted(folded, key=len) if text.startswith(name.casefold())]
+        close = close or longer[: len(name) > 1]
         hint = f"did you mean {folded[close[0]]!r}? " if close else ""
-        shown = name if len(name) <= MAX_LISTED else f"{name[:MAX_LISTED]}..."
-        super().__init__(f"unknown {kind} {shown!r}; {hint}known: {_listed(self.known)}")
+        label = name if len(name) <= MAX_LISTED else f"{name[:MAX_LISTED]}..."
+        super().__init__(f"unknown {kind} {label!r}; {hint}known: {_listed(self.known)}")
 
 
 class FileFormatError(InputError):
-    """Refuse a file that does not say what it must.
+    """Refuse invalid content of a file.
 
     Args:
-        where: the file, with the line or key when there is one.
-        problem: what is wrong and what to do next.
+        where: file, with line or key if available.
+        problem: problem and remedy.
     """
 
     def __init__(self, where: str, problem: str) -> None:
@@ -131,16 +127,15 @@ class FileFormatError(InputError):
 
 
 class MissingColumn(InputError):
-    """Refuse a file without a column that a map names.
+    """File without a column of the map.
 
-    No other column is proposed: one that is merely spelt alike (a reference for an angle) would be
-    read for it without a word.
+    No similar column is proposed: a similar name may be another quantity (reference and angle).
 
     Args:
         where: the file.
-        column: its name in the map.
-        known: the columns that the file has.
-        mapped_by: the file that holds the map, where that is known.
+        column: name in the map.
+        known: columns of the file.
+        mapped_by: file of the map, if known.
     """
 
     def __init__(self, where: str, column: str, known: Iterable[str], mapped_by: str = "") -> None:
@@ -154,69 +149,69 @@ class MissingColumn(InputError):
         )
 
     def of(self, mapped_by: str) -> MissingColumn:
-        """Return the same with the file that holds the map."""
+        """Return the error with the file of the map."""
         return MissingColumn(self.where, self.column, self.known, mapped_by)
 
 
 class DataWarning(UserWarning):
-    """Defect of data that can still be read."""
+    """Repairable defect of data."""
 
 
 class PlanError(InputError):
-    """Refuse a plan that the bench or its limits do not allow."""
+    """Plan that exceeds the bench or its limits."""
 
 
 class CalibrationError(InputError):
-    """Refuse a calibration that does not hold."""
+    """Refuse invalid calibration."""
 
 
 class WouldOverwrite(InputError):
-    """Refuse to write over what exists.
+    """Target that exists already.
 
     Args:
-        path: what is there.
-        option: the option that replaces it; empty where nothing does.
+        path: of the target.
+        option: option that replaces it; empty if there is none.
     """
 
     def __init__(self, path: str, option: str = "") -> None:
         self.path = path
-        way = f", or replace it with {option}" if option else ""
-        super().__init__(f"{path} exists already and was left as it is; choose another name{way}")
+        remedy = f", or replace it with {option}" if option else ""
+        super().__init__(f"{path} exists already and was not changed; choose another name{remedy}")
 
 
 class BenchError(BenchtoolError):
-    """The bench or its link failed."""
+    """Bench or link failure."""
 
     exit_code = 3
 
 
 class LinkError(BenchError):
-    """The port or socket failed."""
+    """Port or socket failure."""
 
 
 class PortBusy(LinkError):
-    """Somebody else holds the port."""
+    """Port in use by another process."""
 
 
 class PortDenied(LinkError):
-    """The port may not be opened by this user."""
+    """No permission to open the port."""
 
 
 class NoDevice(LinkError):
-    """Nothing is there, or nothing that answers."""
+    """No device, or no reply."""
 
 
 class LinkLost(LinkError):
-    """The device answered before and went silent."""
+    """Device stopped replying."""
 
 
 class ReadingsLate(LinkError):
-    """Readings are old when they are read, or stamped ahead of time; no rotor is judged by them.
+    """Readings that are old or stamped in the future, unusable for a standstill check.
 
     Args:
-        age_s: of the newest reading, wall time; below 0 where it is stamped ahead.
-        limit_s: the largest difference that is none.
-        speed: of the bench's clock, as it states it.
+        age_s: of the newest reading, wall time; below 0 if it is in the future.
+        limit_s: maximum difference.
+        speed: of the bench's clock, as reported.
     """
 
     def __init__(self, age_s: float, limit_s: float, speed: float) -> None:
@@ -224,30 +219,30 @@ class ReadingsLate(LinkError):
         self.limit_s = limit_s
         if age_s > 0.0:
             super().__init__(
-                f"the newest reading was {age_s:.1f} s old when it was read, limit {limit_s:g} s: "
-                f"this computer reads more slowly than the bench sends, or the bench runs more "
-                f"slowly than {speed:g} times life; zero was commanded; free the computer, ask for "
-                f"a lower rate, or serve a virtual bench with a lower --speed"
+                f"the newest reading is {age_s:.1f} s old, limit {limit_s:g} s: this computer is "
+                f"too slow for the stream, or the bench slower than {speed:g} times real time; "
+                f"zero was commanded; close other programs, use a lower rate, or serve a virtual "
+                f"bench with a lower --speed"
             )
         else:
             super().__init__(
-                f"the newest reading is stamped {-age_s:.1f} s ahead of this computer's clock, "
-                f"limit {limit_s:g} s: the bench's clock runs faster than {speed:g} times life, "
-                f"which is what it states; zero was commanded; connect again, and check the "
-                f"bench's clock if that stays"
+                f"the newest reading is {-age_s:.1f} s ahead of this computer's clock, limit "
+                f"{limit_s:g} s: the bench's clock runs faster than the reported {speed:g} times "
+                f"real time; zero was commanded; reconnect, and check the bench's clock if this "
+                f"repeats"
             )
 
 
 class ProtocolError(BenchError):
-    """The device answered something that makes no sense."""
+    """Invalid reply of the device."""
 
 
 class CommandRefused(BenchError):
-    """The device refused a command.
+    """Command rejected by the device.
 
     Args:
         command: the command as sent.
-        reason: the device's own words.
+        reason: message of the device.
     """
 
     def __init__(self, command: str, reason: str) -> None:
@@ -257,13 +252,13 @@ class CommandRefused(BenchError):
 
 
 class LimitExceeded(BenchError):
-    """A reading went beyond its limit; zero was commanded to the motors.
+    """Reading beyond its limit; zero was commanded to the motors.
 
     Args:
         channel: channel name with its unit suffix.
-        value: what was read.
-        limit: the limit that it broke.
-        advice: what to do next.
+        value: reading.
+        limit: exceeded limit.
+        advice: remedy.
     """
 
     exit_code = 4
@@ -278,21 +273,21 @@ class LimitExceeded(BenchError):
 
 
 class StageError(BenchError):
-    """The stage that moves the plate failed or refused."""
+    """Failure or rejection of the plate stage."""
 
 
 class DeviceStopped(BenchError):
-    """The device stopped its motors by itself and gave the reason."""
+    """Device stopped its motors and reported the reason."""
 
     exit_code = 4
 
 
 class StandstillNotConfirmed(BenchError):
-    """Motors may still turn after a stop: no measurement shows that they stand.
+    """Motors may still turn after a stop: standstill was not measured.
 
     Args:
-        message: what was seen, and that the power must be cut.
-        rpm: the fastest speed that was measured last; nan where nothing measures speed.
+        message: readings, and the request to cut the power.
+        rpm: highest speed in the last readings; nan without speed sensor.
     """
 
     exit_code = 8
@@ -303,65 +298,65 @@ class StandstillNotConfirmed(BenchError):
 
 
 class RunInterrupted(BenchtoolError):
-    """A run ended early, safely, for a stated reason."""
+    """Run ended early and safely, with a reason."""
 
     exit_code = 5
 
 
 class HostSuspended(RunInterrupted):
-    """The host did not run for longer than an order may be old.
+    """Host suspended longer than the maximum age of a command.
 
     Args:
-        paused_s: how long it did not run.
-        limit_s: the longest pause after which a run goes on.
+        paused_s: duration of the pause.
+        limit_s: longest pause after which a run continues.
     """
 
     def __init__(self, paused_s: float, limit_s: float) -> None:
         self.paused_s = paused_s
         self.limit_s = limit_s
         super().__init__(
-            f"this computer did not run benchtool for {paused_s:.1f} s, limit {limit_s:g} s "
-            f"(suspended, or busy with other work); zero was commanded to the motors; keep the "
-            f"computer awake and free for the run"
+            f"benchtool was not running for {paused_s:.1f} s, limit {limit_s:g} s (computer "
+            f"suspended or busy); zero was commanded to the motors; keep the computer awake and "
+            f"free during a run"
         )
 
 
 class EstimationError(BenchtoolError):
-    """No estimate can be given."""
+    """No estimate possible."""
 
     exit_code = 6
 
 
 class NotConverged(EstimationError):
-    """A sampler has not converged; the message says what to change."""
+    """Sampler did not converge; the message has the remedy."""
 
 
 class MissingLibrary(BenchtoolError):
-    """An optional package or system library is not installed.
+    """Optional package or system library not installed.
 
     Args:
-        package: what is missing.
-        purpose: what needs it.
-        extra: of benchtool's own that brings it.
-        install: how to install it where no extra does.
+        package: missing package.
+        purpose: feature that needs it.
+        extra: benchtool extra that installs it.
+        install: installation hint if there is no extra.
     """
 
     exit_code = 7
 
     def __init__(self, package: str, purpose: str, extra: str = "", install: str = "") -> None:
         self.package = package
-        how = install or f"install it with: pip install benchtool[{extra}]"
-        super().__init__(f"{purpose} needs {package}; {how}")
+        hint = install or f"install it with: pip install benchtool[{extra}]"
+        super().__init__(f"{purpose} needs {package}; {hint}")
 
 
 class ModelRejected(BenchtoolError):
-    """An estimate exists, but the data reject the model."""
+    """Estimate exists, but the data reject the model."""
 
     exit_code = 9
 
 
 class ResourceExhausted(BenchtoolError):
-    """The disk, the memory, the descriptors or the output of the process are full or closed."""
+    """Disk, memory, file descriptors or output full or closed."""
 
     exit_code = 10
 
@@ -372,14 +367,14 @@ _CONTROLS = re.compile(
 
 
 def show_controls(text: str) -> str:
-    r"""Return a text with control and bidi characters but line ends and tabs as `\u202e`."""
+    r"""Return a text with control and bidi characters (not newline, tab) escaped as `\u202e`."""
     return _CONTROLS.sub(
-        lambda found: f"\\x{ord(found[0]):02x}" if found[0] < "\x80" else f"\\u{ord(found[0]):04x}",
+        lambda match: f"\\x{ord(match[0]):02x}" if match[0] < "\x80" else f"\\u{ord(match[0]):04x}",
         text,
     )
 
 
 def show_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-    """Print a `DataWarning` as one line; warnings of Python itself are not shown."""
+    """Print a `DataWarning` as one line; other warnings are suppressed."""
     if issubclass(category, DataWarning):
         sys.stderr.write(f"benchtool: warning: {show_controls(str(message))}\n")

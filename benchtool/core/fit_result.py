@@ -1,4 +1,4 @@
-"""What an estimator returns: values with their uncertainty, and how it ended."""
+"""Result of a fit: estimates with uncertainty, and its outcome."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Status = Literal["converged", "stopped_early", "not_converged"]
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Say how an estimate ended; a fit that stopped early still has one.
+    """Outcome of a fit.
 
     Attributes:
-        status: converged, stopped_early (a result to look at) or not_converged (do not use).
-        message: one sentence that says what happened and what to do next.
-        evaluations: how often the model was evaluated.
+        status: converged, stopped_early (check before use) or not_converged (do not use).
+        message: one sentence with result and remedy.
+        evaluations: number of model evaluations.
     """
 
     status: Status
@@ -32,14 +32,14 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One fitted parameter: value, standard deviation and intervals in its own unit.
+    """Fitted parameter: value, standard deviation and intervals, in its unit.
 
     Attributes:
-        sd, interval_68, interval_95: statistical, as the fit alone has them.
-        combined_sd, combined_95: with every source of the uncertainty budget; nan without one.
-        bound: "at its upper bound", or where a motor constant holds, printed wherever the value is;
-            empty inside.
-        open: why the data do not determine it, printed in place of the value; empty where they do.
+        sd, interval_68, interval_95: statistical part only.
+        combined_sd, combined_95: with all sources of the uncertainty budget; nan without budget.
+        bound: "at its upper bound", or validity range of a motor constant, printed with the value;
+            else empty.
+        open: reason why the data do not determine it, printed in place of the value; else empty.
     """
 
     name: str
@@ -56,13 +56,13 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitResult:
-    """Carry one fit across packages.
+    """Result of one fit.
 
     Attributes:
         method: "least_squares" or "emcee".
-        basis: what is held equal when thrust is compared ("equal_rpm2", "equal_pwm",
+        basis: quantity held equal when thrust is compared ("equal_rpm2", "equal_pwm",
             "equal_power") or "joint" for thrust fitted in newtons.
-        model: name of the model; the model file is stored beside the result.
+        model: name of the model; its file is stored with the result.
         estimates: (n_free,) in the order of `covariance`.
         derived: quantities computed from the estimates, with the same fields.
         covariance: (n_free, n_free), units of the estimates.
@@ -70,7 +70,7 @@ class FitResult:
         log_likelihood: at the best point.
         warnings: sentences for the user.
         samples: (n_samples, n_free) posterior draws, empty for least squares.
-        facts: data hash, seed, versions, counts: text and numbers for result.json.
+        facts: data hash, seed, versions, counts: texts and numbers for result.json.
     """
 
     method: Literal["least_squares", "emcee"]
@@ -88,8 +88,8 @@ class FitResult:
     facts: Mapping[str, str | int | float | bool | None] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Estimate:
-        known = {estimate.name: estimate for estimate in (*self.estimates, *self.derived)}
-        return known[resolve_name(name, known, "fitted parameter")]
+        by_name = {estimate.name: estimate for estimate in (*self.estimates, *self.derived)}
+        return by_name[resolve_name(name, by_name, "fitted parameter")]
 
     @property
     def values(self) -> Array:
@@ -98,5 +98,5 @@ class FitResult:
 
     @property
     def chi2_per_dof(self) -> float:
-        """Reduced chi-square; nan when no degree of freedom is left."""
+        """Reduced chi-square; nan without degrees of freedom."""
         return self.chi2 / self.dof if self.dof > 0 else float("nan")

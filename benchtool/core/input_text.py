@@ -1,4 +1,4 @@
-"""Read the text that somebody typed for an input, and write a value as it would be typed."""
+"""Conversion between input values and the text of command line and forms."""
 
 from __future__ import annotations
 
@@ -15,100 +15,100 @@ _WITH_UNIT = re.compile(
 
 
 def is_string_sequence(value: Any) -> bool:
-    """Return whether a value is a list of texts."""
-    return isinstance(value, list | tuple) and all(isinstance(word, str) for word in value)
+    """Return True for a list or tuple of texts."""
+    return isinstance(value, list | tuple) and all(isinstance(item, str) for item in value)
 
 
 def read_texts(value: str | Sequence[Any], *, commas: bool) -> list[Any]:
-    """Return the texts of one word or several; commas may part a word."""
-    words = [value] if isinstance(value, str) else list(value)
-    if not (commas and is_string_sequence(words)):
-        return words
-    return [part.strip() for word in words for part in word.split(",") if part.strip()]
+    """Return the texts of one argument or several; commas may separate texts in one argument."""
+    arguments = [value] if isinstance(value, str) else list(value)
+    if not (commas and is_string_sequence(arguments)):
+        return arguments
+    return [part.strip() for word in arguments for part in word.split(",") if part.strip()]
 
 
-def read_number(text: str, called: str, kind: type[Any], unit: str = "") -> float:
-    """Return the number of a text, whole where `kind` is int.
+def read_number(text: str, name: str, kind: type[Any], unit: str = "") -> float:
+    """Return the number of a text, an integer if `kind` is int.
 
     Args:
         text: a number, with or without a unit: ``0.127``, ``127mm``, ``5 in``.
-        called: the input, for a refusal.
+        name: of the input, for error messages.
         kind: int or float.
-        unit: of the number returned, and of a text without one.
+        unit: of the result, and of a text without unit.
 
     Raises:
-        InputError: no number, or a unit of another dimension.
+        InputError: not a number, or a unit of another dimension.
     """
     try:
         number: float = kind(text)
     except ValueError:
-        wanted, parts = "a whole number", None
+        expected, parts = "a whole number", None
         if kind is float:
-            wanted, parts = "a number", _WITH_UNIT.fullmatch(text)
+            expected, parts = "a number", _WITH_UNIT.fullmatch(text)
         if parts and unit:
-            return _converted(float(parts[1]), parts[2], unit, f"{called} is {text!r}")
-        raise InputError(f"{called} is {text!r}; type {wanted}") from None
+            return _convert(float(parts[1]), parts[2], unit, f"{name} is {text!r}")
+        raise InputError(f"{name} is {text!r}; type {expected}") from None
     return number
 
 
-def _converted(number: float, given: str, unit: str, words: str) -> float:
-    """Return a number in another unit of its dimension."""
-    from benchtool.core.units import UNITS, from_si, to_si  # imports numpy, which help does without
+def _convert(number: float, from_unit: str, unit: str, problem: str) -> float:
+    """Return a number converted to another unit of its dimension."""
+    from benchtool.core.units import UNITS, from_si, to_si  # imports numpy, not needed for help
 
-    known = UNITS.get(unit)
-    same = [one.symbol for one in UNITS.values() if known and one.dimension == known.dimension]
-    if given in same:
-        return from_si(to_si(number, given), unit)
-    raise InputError(f"{words}; type a number, with a unit of {', '.join(same) or unit} or none")
+    target = UNITS.get(unit)
+    same = [u.symbol for u in UNITS.values() if target and u.dimension == target.dimension]
+    if from_unit in same:
+        return from_si(to_si(number, from_unit), unit)
+    raise InputError(f"{problem}; type a number, with a unit of {', '.join(same) or unit} or none")
 
 
 def read_numbers(
-    value: str | Sequence[str], called: str, kind: type[Any], count: int | None, unit: str = ""
+    value: str | Sequence[str], name: str, kind: type[Any], count: int | None, unit: str = ""
 ) -> list[float]:
-    """Return the numbers between commas, whole where `kind` is int.
+    """Return comma-separated numbers, integers if `kind` is int.
 
     Args:
-        value: the text, or several that mean the same as one with commas between them.
-        called: the input, for a refusal.
+        value: the text, or several texts.
+        name: of the input, for error messages.
         kind: int or float.
-        count: how many there must be; None for one or more.
-        unit: of the numbers returned, and of a text without one.
+        count: required number of values; None for one or more.
+        unit: of the result, and of a text without unit.
     """
     text = value if isinstance(value, str) else ",".join(value)
-    wanted = "whole numbers" if kind is int else "numbers"
+    expected = "whole numbers" if kind is int else "numbers"
     try:
         parts = [part for part in text.split(",") if part.strip()]
-        found = [read_number(part, called, kind, unit) for part in parts]
+        numbers = [read_number(part, name, kind, unit) for part in parts]
     except InputError:
-        found = []
-    if count not in (None, len(found)):
-        raise InputError(f"{called} is {text!r}; give {count} numbers with commas between")
-    if not found and text.replace(",", "").strip():
+        numbers = []
+    if count not in (None, len(numbers)):
+        raise InputError(f"{name} is {text!r}; give {count} numbers separated by commas")
+    if not numbers and text.replace(",", "").strip():
         example = "1,2,3" if kind is int else "0.5,1,2 (decimals take a point)"
         raise InputError(
-            f"{called} is {text!r}, but {wanted} between commas are needed, like {example}"
+            f"{name} is {text!r}; give {expected} separated by commas, for example {example}"
         )
-    if not found:
-        raise InputError(f"{called} names no number; write it like 0.5,1,2")
-    return found
+    if not numbers:
+        raise InputError(f"{name} is empty; give numbers, for example 0.5,1,2")
+    return numbers
 
 
-def read_pairs(value: str | Sequence[str], called: str) -> dict[str, float]:
-    """Return names and numbers of `NAME=NUMBER` words."""
-    found = {}
+def read_pairs(value: str | Sequence[str], input_name: str) -> dict[str, float]:
+    """Return names and numbers of `NAME=NUMBER` arguments."""
+    pairs = {}
     for word in [value] if isinstance(value, str) else value:
         name, _, number = word.partition("=")
         try:
-            found[name.strip()] = float(number)
+            pairs[name.strip()] = float(number)
         except ValueError:
             name = ""
-        if not name.strip() or not isfinite(found[name.strip()]):
-            raise InputError(f"{called} got {word!r}; write NAME=NUMBER, as K_b=1.8")
-    return found
+        if not name.strip() or not isfinite(pairs[name.strip()]):
+            raise InputError(f"{input_name} got {word!r}; write NAME=NUMBER, as K_b=1.8")
+    return pairs
 
 
 def format_value(value: Any) -> str:
-    """Return a value as it would be typed; "" for none."""
+    """Return the command-line text of a value; "" for None."""
     if isinstance(value, Mapping):
         return ", ".join(format_arguments(value, commas=False))
     if isinstance(value, list | tuple):
@@ -119,9 +119,9 @@ def format_value(value: Any) -> str:
 
 
 def format_arguments(value: Any, *, commas: bool) -> list[str]:
-    """Return the words that give a value: several where it is a mapping, or a list of texts."""
+    """Return the arguments of a value: several for a mapping or a list of texts."""
     if isinstance(value, Mapping):
         return [f"{name}={format_value(number)}" for name, number in value.items()]
     if isinstance(value, list | tuple) and not commas:
-        return [format_value(each) for each in value]
+        return [format_value(item) for item in value]
     return [format_value(value)]

@@ -1,9 +1,8 @@
-"""Declare what a command takes: a frozen dataclass whose fields carry type, unit, range and help.
+"""Input declarations: frozen dataclasses whose fields have type, unit, range and help.
 
-Everything that hands values in reads the declaration: the command line, a form of the page, the
-command shown there, a plan file, and a call from Python. A range holds whichever of them a value
-comes from, and the refusal names it as that source does: ``--ramp-s``, the label of the form,
-``throttle.ramp_s`` in a file, ``ramp_s`` in a call. One input is one field::
+The command line, the forms of the page, plan files and calls from Python use the same declaration.
+An error names an input as its source does: ``--ramp-s``, the label of the form, ``throttle.ramp_s``
+in a file, ``ramp_s`` in a call. One input is one field::
 
     ramp_s: Annotated[float, Ge(0.0), Le(10.0), Input("Time from a level to the next.", "s")] = 0.3
 """
@@ -42,7 +41,7 @@ from benchtool.core.toml_text import FiniteTable, RefusedValue, check_value
 T = TypeVar("T")
 
 Source = Literal["option", "keyword", "label"]  # command line, a call from Python, a form
-MAX_NUMBER = 1e300  # beyond it a whole number cannot be written as others are
+MAX_NUMBER = 1e300  # integers beyond it cannot be formatted as floats
 
 _OF_RANGE = (
     "greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number",
@@ -51,19 +50,18 @@ _OF_RANGE = (
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """Say what people read of an input, beyond its type, range and default.
+    """Display metadata of an input field.
 
     Attributes:
-        option: name of option and keyword where it is not the field's.
-        label: in a form; the help and the unit when left out.
-        default_text: what runs where nothing is given, if the default does not say it.
-        argument: what usage calls it where the command line takes it without an option.
+        option: name of option and keyword, if it differs from the field's.
+        label: in a form; default: help and unit.
+        default_text: text of the default, if the value does not explain it.
+        argument: metavar of a positional argument.
         alias: a second spelling of the option.
-        comma_separated: whether several texts may stand in one word, with commas between.
-        instead_of: field beside it that it replaces.
-        hidden: whether help and forms leave it out.
-        group: heading of help under which it stands, and those of its part after it; the title of
-            its dataclass when left out (`Inputs.TITLE`).
+        comma_separated: whether one argument may contain several texts, separated by commas.
+        instead_of: field of the same dataclass that it replaces.
+        hidden: whether help and forms omit it.
+        group: heading in the help, also for the fields after it; default: `Inputs.TITLE`.
     """
 
     help: str
@@ -80,24 +78,24 @@ class Input:
     group: str = ""
 
 
-FILE_ONLY = Input("")  # of a field that only a file may give
+FILE_ONLY = Input("")  # field that only a file can set
 
 
 class Inputs(FiniteTable):
-    """Mark a dataclass of inputs: what it is made with is checked against the fields' types.
+    """Base class of input dataclasses; values are checked against the field types.
 
     Raises:
-        InputError: a value of the wrong type or range, by the name of the field.
+        InputError: a value of the wrong type or range.
     """
 
     __slots__ = ()
 
-    TITLE: ClassVar[str] = ""  # heading of help over the inputs of this dataclass
+    TITLE: ClassVar[str] = ""  # heading in the help
 
     def __post_init__(self) -> None:
-        own: Any = type(self)
-        for item in _fields_of(own):
-            # Defaults are not checked here: that would import pydantic before anything is needed.
+        cls: Any = type(self)
+        for item in _input_fields(cls):
+            # Defaults are not checked: that would import pydantic early.
             value = getattr(self, item.key)
             if value is not item.default and value != {}:
                 object.__setattr__(self, item.key, item.read(value, item.key))
@@ -105,15 +103,15 @@ class Inputs(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InputField:
-    """Describe one input of a dataclass, the parts of parts included.
+    """Input field of a dataclass, including nested ones.
 
     Attributes:
-        key: where it stands in a file, with dots between tables.
+        key: dotted key in a file.
         declared: its type, without None.
-        is_sequence, count: whether it holds several, and how many where that is fixed.
+        is_sequence, count: whether it has several values, and their number if fixed.
         choices: known values; empty for any.
-        range: what numbers are taken, in words; "" for any.
-        group: heading of help under which it stands; "" for the first, which has none of its own.
+        range: text of the allowed range; "" for any.
+        group: heading in the help; "" for the first group.
     """
 
     key: str
@@ -129,42 +127,42 @@ class InputField:
 
     @property
     def is_nested(self) -> bool:
-        """Whether it is a dataclass of inputs itself."""
+        """True for a nested dataclass of inputs."""
         return isinstance(self.kind, type) and issubclass(self.kind, Inputs)
 
     @property
     def name(self) -> str:
-        """Name as option (with hyphens) and as keyword."""
+        """Name of option (with hyphens) and keyword."""
         return (self.metadata.option or self.key.rpartition(".")[2]).replace("-", "_")
 
     @property
     def required(self) -> bool:
-        """Whether it must be given."""
+        """True if there is no default."""
         return self.default is MISSING
 
     @property
     def option(self) -> str:
-        """Word of the command line that a value follows."""
+        """Option or metavar on the command line."""
         name = self.metadata.option or self.name
         return self.metadata.argument or f"--{name.replace('_', '-')}"
 
     @property
     def label(self) -> str:
-        """Words beside its field in a form."""
+        """Label in a form."""
         if self.metadata.label:
             return self.metadata.label
         unit = f", {self.metadata.unit}" if self.metadata.unit else ""
         return f"{self.metadata.help.rstrip('.')}{unit}"
 
     def display_name(self, source: Source) -> str:
-        """Return what a source calls this input."""
+        """Return the name of this input for a source."""
         return {"option": self.option, "keyword": self.name, "label": self.label}[source]
 
     def read(self, value: Any, display_name: str) -> Any:
-        """Return a value, or the text typed for it, as the declared type has it.
+        """Return a value, or its text, converted to the declared type.
 
         Raises:
-            InputError: it has the wrong type, or is out of range.
+            InputError: wrong type or out of range.
         """
         if value is None and self.default is None:
             return None
@@ -189,52 +187,52 @@ class InputField:
         except RefusedValue as refused:
             raise self._refusal(refused, display_name) from None
 
-    def _refusal(self, refused: RefusedValue, called: str) -> InputError:
+    def _refusal(self, refused: RefusedValue, name: str) -> InputError:
         value, unit = refused.value, f" {self.metadata.unit}" if self.metadata.unit else ""
         if self.choices and isinstance(value, str):
-            return UnknownChoice(called, value, self.choices)
+            return UnknownChoice(name, value, self.choices)
         if refused.kind == "too_short":
-            return InputError(f"{called} names nothing; give one or more")
+            return InputError(f"{name} is empty; give one or more")
         if refused.kind not in _OF_RANGE:
-            return InputError(f"{called} is {value!r:.80}: {refused.reason}; correct it")
+            return InputError(f"{name} is {value!r:.80}: {refused.reason}; correct it")
         allowed = f"{self.range}{unit}" if self.range else "a finite number"
         point = (
             " (decimals take a point: 0.5, not 0,5)"
             if self.is_sequence and self.kind is float
             else ""
         )
-        huge = isinstance(value, int) and abs(value) > MAX_NUMBER  # no float is that large
-        given = f"beyond {MAX_NUMBER:g}" if huge else f"{value:g}"
+        is_huge = isinstance(value, int) and abs(value) > MAX_NUMBER  # beyond any float
+        number = f"beyond {MAX_NUMBER:g}" if is_huge else f"{value:g}"
         return InputError(
-            f"{called} {'names' if self.is_sequence else 'is'} {given}{unit}, allowed is "
+            f"{name} {'names' if self.is_sequence else 'is'} {number}{unit}, allowed is "
             f"{allowed}; correct it{point}"
         )
 
 
 @cache
-def _fields_of(cls: Any) -> tuple[InputField, ...]:
-    """Return every field of one dataclass, described; parts are not entered."""
+def _input_fields(cls: Any) -> tuple[InputField, ...]:
+    """Return the input fields of one dataclass, without those of nested ones."""
     hints = get_type_hints(cls, include_extras=True)
-    return tuple(_item(one, hints[one.name]) for one in fields(cls))
+    return tuple(_item(field, hints[field.name]) for field in fields(cls))
 
 
 def _item(field: Any, hint: Any) -> InputField:
     metadata: list[Any] = []
 
     def plain(hint: Any) -> Any:
-        """Return a type without None and without what is noted on it, which is collected."""
+        """Return a type without None and without its annotations, which are collected."""
         if get_origin(hint) is Annotated:
             metadata.extend(hint.__metadata__)
             return plain(get_args(hint)[0])
         if get_origin(hint) in (Union, types.UnionType):
-            return plain(next(each for each in get_args(hint) if each is not type(None)))
+            return plain(next(arg for arg in get_args(hint) if arg is not type(None)))
         return hint
 
     kind = plain(hint)
     declared = Annotated[(kind, *metadata)] if metadata else kind
-    about = next((each for each in metadata if isinstance(each, Input)), FILE_ONLY)
-    many, count = get_origin(kind) is tuple, None
-    if many:
+    input_metadata = next((entry for entry in metadata if isinstance(entry, Input)), FILE_ONLY)
+    is_sequence, count = get_origin(kind) is tuple, None
+    if is_sequence:
         parts = get_args(kind)
         count = None if Ellipsis in parts else len(parts)
         kind = plain(parts[0])
@@ -246,19 +244,19 @@ def _item(field: Any, hint: Any) -> InputField:
         key=field.name,
         declared=declared,
         kind=str if choices else kind,
-        is_sequence=many,
+        is_sequence=is_sequence,
         count=count,
         choices=choices,
         range=describe_range(metadata),
         default=field.default if factory is MISSING else factory(),
-        metadata=about,
+        metadata=input_metadata,
     )
 
 
 def describe_range(metadata: Sequence[Any]) -> str:
-    """Return what numbers are taken, in words."""
+    """Return the allowed range as text."""
     low, above, high = (
-        next((getattr(each, name) for each in metadata if isinstance(each, bound)), None)
+        next((getattr(entry, name) for entry in metadata if isinstance(entry, bound)), None)
         for bound, name in ((Ge, "ge"), (Gt, "gt"), (Le, "le"))
     )
     lowest = "" if low is above is None else f"{low if above is None else above:,.10g}"
@@ -271,9 +269,9 @@ def describe_range(metadata: Sequence[Any]) -> str:
 
 
 def items(cls: Any) -> tuple[InputField, ...]:
-    """Return every input of a dataclass, in order, those of its parts included.
+    """Return the inputs of a dataclass in order, including nested ones.
 
-    A field without an `Input` is no input: a file may say it, nothing else can.
+    A field without an `Input` can only be set in a file.
     """
     return _items(cls)
 
@@ -283,9 +281,9 @@ def _items(cls: Any) -> tuple[InputField, ...]:
     return tuple(_walk(cls, ""))
 
 
-def _walk(cls: Any, prefix: str, above: str = "") -> Iterator[InputField]:
-    group = cls.TITLE or above
-    for item in _fields_of(cls):
+def _walk(cls: Any, prefix: str, parent_group: str = "") -> Iterator[InputField]:
+    group = cls.TITLE or parent_group
+    for item in _input_fields(cls):
         if item.is_nested:
             yield from _walk(item.kind, f"{prefix}{item.key}.", group)
         elif item.metadata is not FILE_ONLY:
@@ -296,50 +294,52 @@ def _walk(cls: Any, prefix: str, above: str = "") -> Iterator[InputField]:
 def build_inputs(
     cls: type[T], given: Mapping[str, Any], *, source: Source = "keyword", base: T | None = None
 ) -> T:
-    """Return the dataclass with what was given, by name, in place of what `base` or defaults say.
+    """Return the dataclass with the given values, by name; other values from `base` or defaults.
 
     Args:
-        source: decides what a refusal calls an input.
-        base: from a file; the defaults when left out.
+        source: decides how an error names an input.
+        base: values from a file; default: the defaults.
 
     Raises:
-        UnknownChoice: a name that no input has, or a value outside the known choices.
-        InputError: a value of the wrong type or range, two that exclude each other, or none for
-            an input that must be given.
+        UnknownChoice: an unknown name, or a value outside the known choices.
+        InputError: a value of the wrong type or range, two exclusive inputs, or a missing one.
     """
-    known = {item.name: item for item in items(cls)}
-    if unknown := [name for name in given if name not in known]:
-        raise UnknownChoice("input", unknown[0], known)
-    present = {known[name]: value for name, value in given.items() if value is not None}
+    by_name = {item.name: item for item in items(cls)}
+    if unknown := [name for name in given if name not in by_name]:
+        raise UnknownChoice("input", unknown[0], by_name)
+    present = {by_name[name]: value for name, value in given.items() if value is not None}
     values: dict[str, Any] = {}
     for item, value in present.items():
         if other := item.metadata.instead_of:
-            rival = next(one for one in known.values() if one.key == _beside(item.key, other))
-            if rival in present:
-                both = " and ".join(sorted((item.display_name(source), rival.display_name(source))))
+            key = _sibling_key(item.key, other)
+            replaced = next(field for field in by_name.values() if field.key == key)
+            if replaced in present:
+                both = " and ".join(
+                    sorted((item.display_name(source), replaced.display_name(source)))
+                )
                 raise InputError(f"{both} are both given; give one of them")
-            values[rival.key] = rival.default
+            values[replaced.key] = replaced.default
         values[item.key] = item.read(value, item.display_name(source))
-    for item in known.values():
+    for item in by_name.values():
         if base is None and item.default is MISSING and item.key not in values:
             raise InputError(f"{item.display_name(source)} is missing; give it")
-    made: T = _assemble(cls, base, values, "")
-    return made
+    inputs: T = _assemble(cls, base, values, "")
+    return inputs
 
 
-def _beside(key: str, name: str) -> str:
+def _sibling_key(key: str, name: str) -> str:
     table, dot, _ = key.rpartition(".")
     return f"{table}{dot}{name}"
 
 
 def _assemble(cls: Any, base: Any, values: Mapping[str, Any], prefix: str) -> Any:
-    """Return a dataclass, or one of its parts, from values by key."""
+    """Return a dataclass, or a nested one, from values by key."""
     changes = {}
-    for item in _fields_of(cls):
+    for item in _input_fields(cls):
         key = f"{prefix}{item.key}"
         if key in values:
             changes[item.key] = values[key]
-        elif item.is_nested and any(each.startswith(f"{key}.") for each in values):
+        elif item.is_nested and any(name.startswith(f"{key}.") for name in values):
             part = item.default if base is None else getattr(base, item.key)
             part = None if part is MISSING else part
             changes[item.key] = _assemble(item.kind, part, values, f"{key}.")
@@ -350,38 +350,38 @@ def input_values(inputs: Any) -> dict[str, Any]:
     """Return the value of every input of a dataclass, by name."""
 
     def value(key: str) -> Any:
-        found = inputs
+        result = inputs
         for part in key.split("."):
-            found = getattr(found, part)
-        return found
+            result = getattr(result, part)
+        return result
 
     return {item.name: value(item.key) for item in items(type(inputs))}
 
 
 def with_changes(inputs: Any) -> dict[str, Any]:
-    """Return the inputs whose values are not the defaults, by name."""
-    found = input_values(inputs)
+    """Return the inputs that differ from their defaults, by name."""
+    values = input_values(inputs)
     return {
-        item.name: found[item.name]
+        item.name: values[item.name]
         for item in items(type(inputs))
-        if found[item.name] != item.default
+        if values[item.name] != item.default
     }
 
 
 def to_arguments(cls: type[Any], given: Mapping[str, Any]) -> list[str]:
-    """Return the words of the command line that give these values, arguments first.
+    """Return the command-line arguments of these values, positional ones first.
 
     Args:
         cls: a dataclass of inputs.
-        given: values, or the texts typed for them; what is None or empty is left out.
+        given: values or their texts; None and empty ones are omitted.
     """
-    first: list[str] = []
-    rest: list[str] = []
+    positional: list[str] = []
+    options: list[str] = []
     for item in items(cls):
         value = given.get(item.name)
         if isinstance(value, bool):
             if value != item.default:
-                rest.append(item.option if value else item.option.replace("--", "--no-", 1))
+                options.append(item.option if value else item.option.replace("--", "--no-", 1))
             continue
         if value is None or value in ("", (), [], {}):
             continue
@@ -389,7 +389,7 @@ def to_arguments(cls: type[Any], given: Mapping[str, Any]) -> list[str]:
             value, commas=item.metadata.comma_separated or item.kind is not str
         )
         if item.metadata.argument:
-            first += texts
+            positional += texts
         else:
-            rest += [word for text in texts for word in (item.option, text)]
-    return first + rest
+            options += [word for text in texts for word in (item.option, text)]
+    return positional + options

@@ -1,4 +1,4 @@
-"""Parameters: a value with its unit, bounds, prior, tolerance, and whether it is free."""
+"""Model parameters: value, unit, bounds, prior, tolerance, free or fixed."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from benchtool.core.units import find_unit
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """State what is known of a parameter before the data.
+    """Prior distribution of a parameter.
 
     Attributes:
-        kind: "uniform" within the bounds, or "normal" cut off at the bounds.
+        kind: "uniform" within the bounds, or "normal" truncated at the bounds.
         mean, sd: of the normal prior, in the parameter's unit; unused for "uniform".
-        source: where the numbers come from (data sheet, calibration, a guess).
+        source: origin of the numbers (data sheet, calibration, assumed).
     """
 
     kind: Literal["uniform", "normal"] = "uniform"
@@ -38,15 +38,15 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """Hold one number of a model.
+    """Parameter of a model.
 
     Attributes:
-        name: without its owner ("K_b"); a model's full name for it is "body_lift.K_b".
+        name: without its effect ("K_b"); the full name in a model is "body_lift.K_b".
         unit: one of `core.units.UNITS`.
-        neutral: value at which the owner is exactly absent; None for baseline parameters.
-        lower, upper: bounds, infinite when there are none.
-        tolerance: a change smaller than this does not matter on the bench; None when not stated.
-        free: whether a fit may move it.
+        neutral: value at which the effect is exactly absent; None for baseline parameters.
+        lower, upper: bounds, infinite if there are none.
+        tolerance: smallest change that matters on the bench; None if not stated.
+        free: whether a fit estimates it.
     """
 
     name: str
@@ -75,43 +75,43 @@ class Parameter:
         return replace(self, value=float(value))
 
     def as_free(self) -> Parameter:
-        """Return the parameter as one that a fit may move."""
+        """Return the parameter as free in a fit."""
         return replace(self, free=True)
 
     def as_fixed(self, value: float | None = None) -> Parameter:
-        """Return the parameter as one that a fit leaves alone."""
+        """Return the parameter as fixed in a fit."""
         return replace(self, free=False, value=self.value if value is None else float(value))
 
     @property
     def is_neutral(self) -> bool:
-        """Whether the owner is exactly absent at this value."""
+        """True if the effect is exactly absent at this value."""
         return self.neutral is not None and self.value == self.neutral
 
 
 def resolve_name(
-    name: str, known: Iterable[str], kind: str = "parameter", others: Iterable[str] = ()
+    name: str, names: Iterable[str], kind: str = "parameter", others: Iterable[str] = ()
 ) -> str:
-    """Return the full name that somebody means who typed one, or its last part alone.
+    """Return the full name for a name or for its unique last part.
 
     Args:
-        name: as typed: "body_lift.K_b", or "K_b" where no other name ends so.
-        kind: what is named, for the refusal.
-        others: names of another sort that would have been taken, for the refusal.
+        name: "body_lift.K_b", or "K_b" if no other name ends with it.
+        kind: noun for the error message.
+        others: further valid names, for the error message.
 
     Raises:
-        UnknownChoice: no such name, or a last part that several names share.
+        UnknownChoice: no such name, or an ambiguous last part.
     """
-    names = list(known)
+    names = list(names)
     if name in names:
         return name
-    alike = [each for each in names if each.rpartition(".")[2] == name]
-    if len(alike) == 1:
-        return alike[0]
-    raise UnknownChoice(kind, name, alike or [*names, *others])
+    matches = [full for full in names if full.rpartition(".")[2] == name]
+    if len(matches) == 1:
+        return matches[0]
+    raise UnknownChoice(kind, name, matches or [*names, *others])
 
 
 class Parameters(Mapping[str, Parameter]):
-    """Hold parameters by their full names, in a fixed order, and pack the free ones."""
+    """Parameters by full name, in fixed order; packs the free ones."""
 
     __slots__ = ("_by_name",)
 

@@ -1,4 +1,4 @@
-"""Parse TOML and JSON text from outside, within bounds on depth and on numbers."""
+"""TOML and JSON parsers with bounds on nesting depth and numbers."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from typing import Any
 
 from benchtool.core.errors import FileFormatError
 
-MAX_DEPTH = 32  # deepest nesting of tables and lists; the deepest of our own files has six levels
-MAX_INTEGER = 2**63 - 1  # largest whole number, as TOML has it
+MAX_DEPTH = 32  # nesting of tables and lists; files of benchtool have up to six levels
+MAX_INTEGER = 2**63 - 1  # largest integer of TOML
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """Return the tables of TOML text, or say where it breaks."""
+    """Return the tables of TOML text; raise FileFormatError with the line of an error."""
     import tomllib
 
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        problem = f"this is not valid TOML: {error}; mend that line"
+        problem = f"this is not valid TOML: {error}; correct that line"
         raise FileFormatError(where, problem) from error
     except RecursionError as error:
         raise _too_deep(where) from error
-    except ValueError as error:  # a number with thousands of digits
+    except ValueError as error:  # number with thousands of digits
         raise _too_large(where) from error
     _check_bounds(data, where)
     return data
 
 
 def parse_json(text: str | bytes, where: str) -> Any:
-    """Return what JSON text holds, or say where it breaks; nan and infinity are not JSON."""
+    """Return the content of JSON text; raise FileFormatError for errors, nan and infinity."""
     try:
         data = json.loads(text, parse_constant=_no_constant)
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
@@ -48,7 +48,7 @@ def parse_json(text: str | bytes, where: str) -> Any:
 
 
 class _NoNumber(Exception):
-    """A word that JavaScript has for a number and JSON has not."""
+    """Number of JavaScript that JSON does not have, such as NaN."""
 
 
 def _no_constant(word: str) -> None:
@@ -56,7 +56,7 @@ def _no_constant(word: str) -> None:
 
 
 def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
-    """Refuse what is nested too deeply, and numbers and texts that no file of ours holds."""
+    """Raise FileFormatError for deep nesting, and for invalid numbers and texts."""
     level, depth = [data], 0
     while level:
         depth += 1
@@ -71,7 +71,9 @@ def _check_bounds(data: Any, where: str, *, finite: bool = False) -> None:
                 below.extend(item)
             elif isinstance(item, str):
                 if not item.isascii() and any("\ud800" <= letter <= "\udfff" for letter in item):
-                    raise FileFormatError(where, f"{item!r:.60} is no text; restore it from a copy")
+                    raise FileFormatError(
+                        where, f"{item!r:.60} is not valid text; restore it from a copy"
+                    )
             elif isinstance(item, int) and abs(item) > MAX_INTEGER:
                 raise _too_large(where)
             elif finite and isinstance(item, float) and not isfinite(item):

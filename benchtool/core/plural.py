@@ -1,4 +1,4 @@
-"""A count with its noun, as people say it: 1 row, 2,000 rows."""
+"""Plural form of a count with its noun: 1 row, 2,000 rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording: n instants by c channels, with provenance."""
+"""Recording: n rows by c channels, with provenance."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from benchtool.core.units import to_si
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """Hold one table of numbers and say where it comes from.
+    """Table of channels with units and provenance.
 
     Attributes:
-        channels: (c,) what each column is.
-        values: (n, c) float64 in each channel's own unit; nan where a channel had no new value.
-        provenance: facts about the source, as text (device, file, hash, repairs, simulated).
-        simulated: True for data that no physical bench produced; figures and tables say so.
+        channels: (c,) of the columns.
+        values: (n, c) float64 in each channel's unit; nan where a channel had no new value.
+        provenance: metadata of the source, as text (device, file, hash, repairs, simulated).
+        simulated: True for simulated data; figures and tables are marked.
     """
 
     channels: tuple[Channel, ...]
@@ -40,7 +40,7 @@ class Recording:
         names = [channel.name for channel in self.channels]
         if len(set(names)) < len(names):
             twice = min(name for name, count in Counter(names).items() if count > 1)
-            raise InputError(f"channel {twice!r} stands twice in one recording; rename one")
+            raise InputError(f"duplicate channel {twice!r} in a recording; rename one")
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
@@ -54,14 +54,14 @@ class Recording:
         return name in self.names
 
     def index(self, name: str) -> int:
-        """Return the column of a channel, or refuse the name with the known ones."""
+        """Return the column index of a channel; raise UnknownChoice if there is none."""
         try:
             return self.names.index(name)
         except ValueError:
             raise UnknownChoice("channel", name, self.names) from None
 
     def column(self, name: str) -> Array:
-        """Return one channel (n,) in the unit it is stored in."""
+        """Return one channel (n,) in its stored unit."""
         return self.values[:, self.index(name)]
 
     def to_si(self, name: str) -> Array:
@@ -82,10 +82,10 @@ class Recording:
         )
 
     def drop(self, names: Collection[str]) -> Recording:
-        """Return the recording without these channels, whether it has them or not."""
-        left = [place for place, name in enumerate(self.names) if name not in names]
-        channels = tuple(self.channels[place] for place in left)
-        return replace(self, channels=channels, values=self.values[:, left])
+        """Return the recording without these channels; names that it lacks are ignored."""
+        columns = [index for index, name in enumerate(self.names) if name not in names]
+        channels = tuple(self.channels[index] for index in columns)
+        return replace(self, channels=channels, values=self.values[:, columns])
 
     @classmethod
     def from_columns(

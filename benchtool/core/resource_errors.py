@@ -1,4 +1,4 @@
-"""Errors of the system for want of room, memory, descriptors or permission, in its own words."""
+"""System errors for lack of disk space, memory, file descriptors or permission."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ _NUMBERS = frozenset(
 
 
 def is_exhaustion(error: OSError | MemoryError) -> bool:
-    """Return whether something is used up or refused, not merely wrong (a folder for a file)."""
+    """Return True for a lack of resources or permission, not for a wrong path."""
     return isinstance(error, MemoryError) or error.errno in _NUMBERS
 
 
 def resource_error(error: OSError | MemoryError, subject: str, then: str = "") -> ResourceExhausted:
-    """Return the error for people.
+    """Return the error with a message for the user.
 
     Args:
         error: of the system.
-        subject: what could not be done ("run cannot be closed").
-        then: what to do after its cause is removed.
+        subject: failed operation ("run cannot be closed").
+        then: next step after its cause is removed.
     """
     if isinstance(error, MemoryError):
         what = os.strerror(errno.ENOMEM)
     else:
         name = f" ({error.filename})" if error.filename else ""
         what = f"{error.strerror or str(error) or type(error).__name__}{name}"
-    said = f"{subject}: {what[:1].lower()}{what[1:]}"
-    return ResourceExhausted(f"{said}; {then}" if then else said)
+    message = f"{subject}: {what[:1].lower()}{what[1:]}"
+    return ResourceExhausted(f"{message}; {then}" if then else message)

@@ -1,4 +1,4 @@
-"""Rigs as TOML files: strict, with a source for every number."""
+"""Rig files in TOML, with a source for every number."""
 
 from __future__ import annotations
 
@@ -26,154 +26,161 @@ from benchtool.core.units import STANDARD_GRAVITY_M_S2
 
 
 def rig_names() -> tuple[str, ...]:
-    """Return the names of the rigs that benchtool ships."""
+    """Return the names of the bundled rigs."""
     return list_names("rigs")
 
 
 @lru_cache(maxsize=32)
-def _packaged_rig(name: str) -> Rig:
+def _library_rig(name: str) -> Rig:
     return parse_rig(*read_named("rig", "rigs", name))
 
 
 def load_rig_by_name(name_or_path: str | Path) -> Rig:
-    """Return a rig by name, shipped or in the user's library, or by the path of its TOML file."""
+    """Return a rig by name (bundled or user-defined) or by the path of its TOML file."""
     if str(name_or_path) in set(rig_names()).difference(user_names("rigs")):
-        return _packaged_rig(str(name_or_path))
+        return _library_rig(str(name_or_path))
     return parse_rig(*read_named("rig", "rigs", name_or_path))
 
 
 def parse_rig(text: str, where: str) -> Rig:
-    """Return the rig that TOML text describes.
+    """Return the rig of TOML text.
 
     Raises:
-        UnknownChoice: a key that a rig has not.
-        FileFormatError: a number without a source, of the wrong type, or out of range.
+        UnknownChoice: unknown key.
+        FileFormatError: number without source, of the wrong type, or out of range.
     """
-    found = ValueSources()
-    data = unwrap_quantities(parse_toml(text, where), found)
-    require_sources(found, where)
-    _complete(data, found)
+    value_sources = ValueSources()
+    data = unwrap_quantities(parse_toml(text, where), value_sources)
+    require_sources(value_sources, where)
+    _fill_missing(data, value_sources)
     rig = build_dataclass(Rig, data, where)
-    rig = replace(rig, sources=found.by_key, assumed=tuple(found.assumed))
+    rig = replace(rig, sources=value_sources.by_key, assumed=tuple(value_sources.assumed))
     _check(rig, where)
     return rig
 
 
-SAME_DIAMETER = 0.01  # relative; a propeller so close to the rig's is the same (rounded names)
-Typical = Callable[[float, int, Mapping[str, Any]], Any]
-"""A typical number by the rotors' radius (m), how many they are, and the tables so far."""
+MAX_DIAMETER_DIFFERENCE = 0.01  # relative, propeller to rig (rounded names)
+Typical = Callable[[float, int, Mapping[str, Any]], Any]  # radius (m), rotors, tables so far
 
 
-def _pulse(at: Mapping[str, Any], name: str) -> float:
-    return float(at["propulsion"][name])
+def _pulse(tables: Mapping[str, Any], name: str) -> float:
+    return float(tables["propulsion"][name])
 
 
-def _fastest_rad_s(at: Mapping[str, Any]) -> float:
-    range_us = _pulse(at, "pwm_max_us") - _pulse(at, "pwm_start_us")
-    return range_us * _pulse(at, "speed_per_us_rad_s")
+def _max_speed_rad_s(tables: Mapping[str, Any]) -> float:
+    range_us = _pulse(tables, "pwm_max_us") - _pulse(tables, "pwm_start_us")
+    return range_us * _pulse(tables, "speed_per_us_rad_s")
 
 
-def _thrust_N(at: Mapping[str, Any], n: int, share: float) -> float:
-    """Return the thrust of all rotors at a share of the fastest speed."""
-    each = _pulse(at, "thrust_coefficient_N_s2") * (share * _fastest_rad_s(at)) ** 2
-    return float(n * each)
+def _thrust_N(tables: Mapping[str, Any], n: int, fraction: float) -> float:
+    """Return the thrust of all rotors at a fraction of the maximum speed."""
+    speed_rad_s = fraction * _max_speed_rad_s(tables)
+    return float(n * (_pulse(tables, "thrust_coefficient_N_s2") * speed_rad_s**2))
 
 
-TYPICAL: dict[str, tuple[Typical, str]] = {
+TYPICAL: dict[str, tuple[Typical, str]] = {  # of missing keys, in order; assumed
     "propulsion.thrust_coefficient_N_s2": (
-        lambda R, n, at: 0.11 * STANDARD_DENSITY_KG_M3 * (2.0 * R) ** 4 / (2.0 * pi) ** 2,
-        "C_T 0.11 in air of 1.225 kg/m3, amid the static runs of the UIUC Propeller Database",
+        lambda R, n, tables: 0.11 * STANDARD_DENSITY_KG_M3 * (2.0 * R) ** 4 / (2.0 * pi) ** 2,
+        "C_T 0.11 in air of 1.225 kg/m3, typical static run of the UIUC Propeller Database",
     ),
     "propulsion.drag_coefficient_Nm_s2": (
-        lambda R, n, at: 0.045 * STANDARD_DENSITY_KG_M3 * (2.0 * R) ** 5 / (2.0 * pi) ** 3,
-        "C_P 0.045 in air of 1.225 kg/m3, amid the static runs of the UIUC Propeller Database",
+        lambda R, n, tables: 0.045 * STANDARD_DENSITY_KG_M3 * (2.0 * R) ** 5 / (2.0 * pi) ** 3,
+        "C_P 0.045 in air of 1.225 kg/m3, typical static run of the UIUC Propeller Database",
     ),
-    "propulsion.pwm_stop_us": (lambda R, n, at: 1000.0, "1000 us, the convention of hobby ESCs"),
+    "propulsion.pwm_stop_us": (
+        lambda R, n, tables: 1000.0,
+        "1000 us, the convention of hobby ESCs",
+    ),
     "propulsion.pwm_start_us": (
-        lambda R, n, at: _pulse(at, "pwm_stop_us") + 50.0,
+        lambda R, n, tables: _pulse(tables, "pwm_stop_us") + 50.0,
         "50 us above the stop pulse",
     ),
-    "propulsion.pwm_max_us": (lambda R, n, at: 1950.0, "1950 us, the convention of hobby ESCs"),
+    "propulsion.pwm_max_us": (lambda R, n, tables: 1950.0, "1950 us, the convention of hobby ESCs"),
     "propulsion.speed_per_us_rad_s": (
-        lambda R, n, at: 110.0 / R / (_pulse(at, "pwm_max_us") - _pulse(at, "pwm_start_us")),
-        "blade tips at 110 m/s at the longest pulse",
+        lambda R, n, tables: (
+            110.0 / R / (_pulse(tables, "pwm_max_us") - _pulse(tables, "pwm_start_us"))
+        ),
+        "tip speed 110 m/s at the maximum pulse",
     ),
-    "propulsion.voltage_nominal_V": (lambda R, n, at: 11.1, "11.1 V, 3S lithium polymer"),
-    "propulsion.lag_s": (lambda R, n, at: 0.05, "0.05 s, as motors of 10 to 30 cm rotors"),
-    "propulsion.efficiency": (lambda R, n, at: 0.75, "0.75, as brushless motors at hover"),
+    "propulsion.voltage_nominal_V": (lambda R, n, tables: 11.1, "11.1 V, 3S lithium polymer"),
+    "propulsion.lag_s": (lambda R, n, tables: 0.05, "0.05 s, typical for rotors of 10 to 30 cm"),
+    "propulsion.efficiency": (
+        lambda R, n, tables: 0.75,
+        "0.75, typical for brushless motors at hover",
+    ),
     "body.mass_kg": (
-        lambda R, n, at: _thrust_N(at, n, 0.6) / STANDARD_GRAVITY_M_S2,
-        "hovers at 0.6 of the fastest speed",
+        lambda R, n, tables: _thrust_N(tables, n, 0.6) / STANDARD_GRAVITY_M_S2,
+        "hover at 0.6 of the maximum speed",
     ),
     "body.inertia_xx_kgm2": (
-        lambda R, n, at: at["body"]["mass_kg"] * R**2 * (1.0 if n > 1 else 0.5),
+        lambda R, n, tables: tables["body"]["mass_kg"] * R**2 * (1.0 if n > 1 else 0.5),
         "mass at the scale of the rotor radius",
     ),
-    "body.inertia_yy_kgm2": (lambda R, n, at: at["body"]["inertia_xx_kgm2"], "as xx"),
-    "body.inertia_zz_kgm2": (lambda R, n, at: 2.0 * at["body"]["inertia_xx_kgm2"], "twice xx"),
-    "plate.moved_by": (lambda R, n, at: "device", "the bench itself"),
-    "plate.z_min_m": (lambda R, n, at: 0.4 * R, "0.4 rotor radii"),
+    "body.inertia_yy_kgm2": (lambda R, n, tables: tables["body"]["inertia_xx_kgm2"], "as xx"),
+    "body.inertia_zz_kgm2": (
+        lambda R, n, tables: 2.0 * tables["body"]["inertia_xx_kgm2"],
+        "twice xx",
+    ),
+    "plate.moved_by": (lambda R, n, tables: "device", "the bench"),
+    "plate.z_min_m": (lambda R, n, tables: 0.4 * R, "0.4 rotor radii"),
     "plate.z_max_m": (
-        lambda R, n, at: 1.1 * at["plate"].get("z_park_m", 11.5 * R),
-        "a tenth beyond the parked plate",
+        lambda R, n, tables: 1.1 * tables["plate"].get("z_park_m", 11.5 * R),
+        "10 % beyond the park position",
     ),
     "plate.z_park_m": (
-        lambda R, n, at: min(11.5 * R, at["plate"]["z_max_m"]),
-        "11.5 rotor radii, where eq. (4) leaves below 0.3 %, or the end of the travel",
+        lambda R, n, tables: min(11.5 * R, tables["plate"]["z_max_m"]),
+        "11.5 rotor radii (eq. (4) below 0.3 %), or the end of the travel",
     ),
-    "plate.speed_m_s": (lambda R, n, at: 0.1, "0.1 m/s, as a belt-driven stage"),
-    "plate.backlash_m": (lambda R, n, at: 0.0, "none"),
-    "plate.size_x_m": (lambda R, n, at: 10.0 * R, "ten rotor radii"),
-    "plate.size_y_m": (lambda R, n, at: 10.0 * R, "ten rotor radii"),
+    "plate.speed_m_s": (lambda R, n, tables: 0.1, "0.1 m/s, typical for a belt-driven stage"),
+    "plate.backlash_m": (lambda R, n, tables: 0.0, "none"),
+    "plate.size_x_m": (lambda R, n, tables: 10.0 * R, "ten rotor radii"),
+    "plate.size_y_m": (lambda R, n, tables: 10.0 * R, "ten rotor radii"),
     "limits.load_cell_rating_N": (
-        lambda R, n, at: 2.0 * _thrust_N(at, n, 1.0),
-        "twice the largest thrust",
+        lambda R, n, tables: 2.0 * _thrust_N(tables, n, 1.0),
+        "twice the maximum thrust",
     ),
     "limits.thrust_N": (
-        lambda R, n, at: 0.8 * at["limits"]["load_cell_rating_N"],
+        lambda R, n, tables: 0.8 * tables["limits"]["load_cell_rating_N"],
         "0.8 of the load cell's rating",
     ),
-    "limits.rpm": (lambda R, n, at: 0.7 * 340.0 / R * 30.0 / pi, "blade tips at Mach 0.7"),
-    "limits.current_A": (lambda R, n, at: 1000.0, "no limit"),
-    "limits.voltage_min_V": (lambda R, n, at: 0.0, "no limit"),
+    "limits.rpm": (lambda R, n, tables: 0.7 * 340.0 / R * 30.0 / pi, "tip speed Mach 0.7"),
+    "limits.current_A": (lambda R, n, tables: 1000.0, "no limit"),
+    "limits.voltage_min_V": (lambda R, n, tables: 0.0, "no limit"),
     "limits.temperature_degC": (
-        lambda R, n, at: 90.0,
+        lambda R, n, tables: 90.0,
         "90 degC, for magnets and windings of small motors",
     ),
-    "limits.pwm_us": (lambda R, n, at: _pulse(at, "pwm_max_us"), "the longest pulse"),
+    "limits.pwm_us": (lambda R, n, tables: _pulse(tables, "pwm_max_us"), "the maximum pulse"),
 }
-"""What stands in for a number that a rig file leaves out, in the order of working out: guesses."""
 
 
-def _complete(data: dict[str, Any], found: ValueSources) -> None:
-    """Add what a rig file leaves out to its tables, each number with its source."""
+def _fill_missing(data: dict[str, Any], value_sources: ValueSources) -> None:
+    """Add typical values for those missing in a rig file, each with its source."""
     propulsion = data.setdefault("propulsion", {})
     radius_m = propulsion.get("radius_m") if isinstance(propulsion, dict) else None
     if not isinstance(radius_m, int | float) or not 0.0 < radius_m < inf:
-        radius_m = 0.1  # the check of the whole rig says what is wrong with it
+        radius_m = 0.1  # reported by the later check of the whole rig
     data.setdefault("title", data.get("name"))
     data.setdefault("sensors", {})
     if "rotors" not in data:
         data["rotors"] = [{"name": "rotor", "x_m": 0.0, "y_m": 0.0, "spin": 1}]
-        found.by_key |= {f"rotors[0].{key}": f"{UNSPECIFIED}: one rotor" for key in ("x_m", "y_m")}
-        found.by_key["rotors[0].spin"] = f"{UNSPECIFIED}: one rotor"
-    for key, (typical, why) in TYPICAL.items():
+        value_sources.by_key |= {
+            f"rotors[0].{key}": f"{UNSPECIFIED}: one rotor" for key in ("x_m", "y_m")
+        }
+        value_sources.by_key["rotors[0].spin"] = f"{UNSPECIFIED}: one rotor"
+    for key, (typical, reason) in TYPICAL.items():
         table, _, name = key.partition(".")
         if not isinstance(data.setdefault(table, {}), dict) or name in data[table]:
             continue
         try:
             data[table][name] = typical(float(radius_m), len(data["rotors"]), data)
         except (TypeError, ValueError, KeyError, ZeroDivisionError, OverflowError):
-            return  # a wrong number or table, which the check of the whole rig names
-        found.by_key[key] = f"{UNSPECIFIED}: {why}"
+            return  # reported by the later check of the whole rig
+        value_sources.by_key[key] = f"{UNSPECIFIED}: {reason}"
 
 
 def require_values(rig: Rig, keys: Sequence[str], purpose: str) -> None:
-    """Refuse a rig that leaves out what a purpose cannot do without.
-
-    Raises:
-        InputError: with what is missing and how it is written.
-    """
+    """Raise InputError if a rig does not state values that a purpose needs."""
     missing = [key for key in keys if rig.sources.get(key, "").startswith(UNSPECIFIED)]
     if missing:
         raise InputError(
@@ -205,7 +212,7 @@ def _check(rig: Rig, where: str) -> None:
             f"{propulsion.pwm_stop_us:g}, {propulsion.pwm_start_us:g}, {propulsion.pwm_max_us:g}",
         )
     propeller, diameter_m = rig.propeller, 2.0 * propulsion.radius_m
-    if propeller and abs(propeller.diameter_m / diameter_m - 1.0) > SAME_DIAMETER:
+    if propeller and abs(propeller.diameter_m / diameter_m - 1.0) > MAX_DIAMETER_DIFFERENCE:
         raise FileFormatError(
             where,
             f"propeller.diameter_m is {propeller.diameter_m:g} m, but propulsion.radius_m makes "
@@ -215,28 +222,28 @@ def _check(rig: Rig, where: str) -> None:
     if motor and not motor.governed and not motor.has_curve:
         raise FileFormatError(
             where,
-            "motor needs Kv_rpm_V and resistance_ohm, or governed = true where the ESC holds "
-            "the speed; add them, or take the table out",
+            "motor needs Kv_rpm_V and resistance_ohm, or governed = true if the ESC controls "
+            "the speed; add them, or remove the table",
         )
 
 
-RIG_FILE = "rig.toml"  # name of a rig's file beside the model that names it
+RIG_FILE = "rig.toml"  # name of the rig file in the folder of the model that uses it
 
 
 def export_rig_reference(rig: Rig) -> tuple[str, str]:
-    """Return how a new model file names a rig, and the text of the file `RIG_FILE` beside it.
+    """Return the rig reference of a new model file, and the text of the file `RIG_FILE`.
 
-    The text is empty for a rig that benchtool ships with these very numbers.
+    The text is empty for a bundled rig with the same values.
     """
     if rig.name in rig_names():
-        shipped = replace(_packaged_rig(rig.name), sources=rig.sources, assumed=rig.assumed)
-        if shipped == rig:
+        bundled = replace(_library_rig(rig.name), sources=rig.sources, assumed=rig.assumed)
+        if bundled == rig:
             return rig.name, ""
     return RIG_FILE, rig_to_toml(rig)
 
 
 def rig_to_toml(rig: Rig) -> str:
-    """Return a rig as TOML text that reads back to the same rig; it leaves out what that does."""
+    """Return a rig as TOML text without typical values; parsing it gives the same rig."""
     tables = asdict(rig)
     del tables["sources"], tables["assumed"]
     written = {key: _with_source(value, key, rig) for key, value in tables.items()}
@@ -244,10 +251,7 @@ def rig_to_toml(rig: Rig) -> str:
 
 
 def _with_source(value: Any, key: str, rig: Rig) -> Any:
-    """Return a value of a rig with its numbers written as quantities, by its dotted key.
-
-    Empty for a table or a list of which nothing is stated.
-    """
+    """Return a value of a rig with numbers as quantities; empty if nothing in it is stated."""
     if isinstance(value, dict):
         return {
             name: _with_source(item, f"{key}.{name}", rig)
@@ -257,7 +261,7 @@ def _with_source(value: Any, key: str, rig: Rig) -> Any:
     if isinstance(value, list | tuple):
         if f"{key}[0].x_m" in rig.not_stated:
             return []
-        return [_with_source(item, f"{key}[{place}]", rig) for place, item in enumerate(value)]
+        return [_with_source(item, f"{key}[{index}]", rig) for index, item in enumerate(value)]
     if value is None or isinstance(value, str):
         return value
     source = rig.sources.get(key) or "the rig of the run"
@@ -273,7 +277,7 @@ _DEFAULTS = {
 
 
 def _is_stated(value: Any, key: str, rig: Rig) -> bool:
-    """Return whether a value of a rig's table is written: no default, and not typical."""
+    """Return True for a value that is neither a default nor typical."""
     default = _DEFAULTS.get(key.rpartition(".")[2], MISSING)
     if key in rig.not_stated or value is None:
         return False

@@ -1,4 +1,4 @@
-"""Count the rotors of a recording, and refuse a model that has another number."""
+"""Number of rotors in a recording, checked against the model."""
 
 from __future__ import annotations
 
@@ -14,18 +14,14 @@ ROTOR = re.compile(r"(?:rpm|pwm)(\d+)(?:_us)?")
 
 
 def check_rotor_count(recording: Recording, rig: Rig, name: str, *, lacking: bool = False) -> None:
-    """Refuse a recording in which more rotors turn than a rig has, or fewer with `lacking`.
-
-    Raises:
-        InputError: another number, with both.
-    """
+    """Raise InputError for more active rotors than in the rig, or fewer with `lacking`."""
     present = count_rotors(recording)
     if not present:
         return
-    known, more = len(rig.rotors), max(present)
-    if more > known or (lacking and more < known):
+    rig_count, count = len(rig.rotors), max(present)
+    if count > rig_count or (lacking and count < rig_count):
         raise InputError(
-            f"{name} has pulses or speeds of {_rotors(more)}, and the model {known} (rig "
+            f"{name} has pulses or speeds of {_rotors(count)}, and the model {rig_count} (rig "
             f"{rig.name!r}); name the model of this bench with --model, or map the rotors' columns "
             f"in its [columns]"
         )
@@ -34,18 +30,18 @@ def check_rotor_count(recording: Recording, rig: Rig, name: str, *, lacking: boo
 def count_rotors(recording: Recording) -> tuple[int, ...]:
     """Return the numbers (from 1) of the rotors whose pulse or speed changes, in order.
 
-    A channel that stands still may be one that nobody connected.
+    A constant channel may be unconnected.
     """
-    found = set()
+    numbers = set()
     for name in recording.names:
         number = ROTOR.fullmatch(name)
         if number is None:
             continue
         values = recording.column(name)
-        known = values[np.isfinite(values)]
-        if len(known) and np.ptp(known) > 0.0:
-            found.add(int(number[1]))
-    return tuple(sorted(found))
+        finite = values[np.isfinite(values)]
+        if len(finite) and np.ptp(finite) > 0.0:
+            numbers.add(int(number[1]))
+    return tuple(sorted(numbers))
 
 
 def _rotors(count: int) -> str:

@@ -1,4 +1,4 @@
-"""Schedules: the commands of a pitch experiment, as values and as samples in time."""
+"""Schedules of pitch experiments, as signals and as samples in time."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from benchtool.core.toml_text import FiniteTable
 NotNegative = Annotated[float, Ge(0.0)]
 Positive = Annotated[float, Gt(0.0)]
 
-MAX_DURATION_S = 3600.0  # of a run; its recording has some hundred megabytes; assumed
-MAX_PLATE_Z_OVER_R = (
-    100.0  # in rotor radii; a plate farther away does nothing that anybody could see
-)
-MIN_BIT_S = 1e-4  # a tenth of a plant step; a typing error fills no memory; assumed
+MAX_DURATION_S = 3600.0  # of a run; its recording has several 100 MB; assumed
+MAX_PLATE_Z_OVER_R = 100.0  # the effect of a plate is negligible far below that
+MIN_BIT_S = 1e-4  # a tenth of a plant step; bounds the memory after a typing error; assumed
 
-MAX_LEVEL = {"reference_deg": (-90.0, 90.0), "collective": (0.0, 10.0), "dither_us": (-1e3, 1e3)}
-"""What tracks may come to: a hinge's half turn, thrusts of hover that no motor exceeds (a guess),
-the range of a servo pulse."""
+MAX_LEVEL = {  # hinge range, thrusts of hover (assumed), servo pulse range
+    "reference_deg": (-90.0, 90.0),
+    "collective": (0.0, 10.0),
+    "dither_us": (-1e3, 1e3),
+}
 
 PARKED_M = 1.0  # plate distance of a parked plate, as in pitch recordings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signal(FiniteTable):
-    """Add one shape to a track; shapes of a track add up.
+    """Signal shape added to a track; the shapes of a track are summed.
 
     Attributes:
         shape: "step" (level from `from_s` to `to_s`), "ramp" (from 0 at `from_s` to level at
             `to_s`, held), "triangle" (amplitude level, period_s), "chirp" (amplitude level, from
-            start_Hz to end_Hz, linear), "prbs" (level or minus level, drawn anew every bit_s from
-            seed), "steps" (levels one after the other, every_s each).
-        from_s, to_s: when it acts; to the end of the schedule where `to_s` is left out.
+            start_Hz to end_Hz, linear), "prbs" (level or minus level, random with seed every
+            bit_s), "steps" (levels in order, every_s each).
+        from_s, to_s: active interval; default of `to_s`: end of the schedule.
         level: in the track's unit.
     """
 
@@ -58,7 +58,7 @@ class Signal(FiniteTable):
     def __post_init__(self) -> None:
         if self.to_s is not None and self.to_s <= self.from_s:
             raise InputError(
-                f"a {self.shape} acts from_s {self.from_s:g} to_s {self.to_s:g}; let it end later"
+                f"{self.shape} has from_s {self.from_s:g} and to_s {self.to_s:g}; increase to_s"
             )
 
     def sampled(self, time_s: Array, duration_s: float) -> Array:
@@ -66,7 +66,7 @@ class Signal(FiniteTable):
         end_s = duration_s if self.to_s is None else self.to_s
         t = time_s - self.from_s
         length_s = max(end_s - self.from_s, 1e-12)
-        acting = (t >= -1e-9) & (time_s < end_s - 1e-9)
+        is_active = (t >= -1e-9) & (time_s < end_s - 1e-9)
         if self.shape == "ramp":
             ramp: Array = self.level * np.clip(t / length_s, 0.0, 1.0)
             return ramp
@@ -85,16 +85,16 @@ class Signal(FiniteTable):
             values = levels[_index(t, self.every_s, len(levels))]
         else:
             values = np.full_like(time_s, self.level)
-        return np.where(acting, values, 0.0)
+        return np.where(is_active, values, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlateVisit(FiniteTable):
-    """Move the plate in at one time and out at another.
+    """Visit of the plate: it moves in and later out.
 
     Attributes:
         z_over_R: distance with the beam level, in rotor radii.
-        move_s: how long either takes; the covered share grows evenly.
+        move_s: duration of each move; the covered fraction changes linearly.
     """
 
     z_over_R: Annotated[float, Gt(0.0), Le(MAX_PLATE_Z_OVER_R)]
@@ -103,7 +103,7 @@ class PlateVisit(FiniteTable):
     move_s: NotNegative = 0.5
 
     def share(self, time_s: Array) -> Array:
-        """Return how far the plate is in (m,), 0 to 1."""
+        """Return the fraction of the visit (m,), 0 (out) to 1 (in)."""
         if self.move_s == 0.0:
             return ((time_s >= self.in_s - 1e-9) & (time_s < self.out_s - 1e-9)).astype(float)
         arriving = np.clip((time_s - self.in_s) / self.move_s, 0.0, 1.0)
@@ -114,7 +114,7 @@ class PlateVisit(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch(FiniteTable):
-    """Turn parts of the controller on or off from one time on; None leaves a part as it was."""
+    """Switch for parts of the controller at a time; None: unchanged."""
 
     at_s: NotNegative
     observer: bool | None = None
@@ -123,13 +123,13 @@ class Switch(FiniteTable):
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule(FiniteTable):
-    """Hold the timed commands of one pitch run.
+    """Timed commands of one pitch run.
 
     Attributes:
         reference_deg: attitude, signals in degrees, positive nose down.
-        collective: signals added to 1, in thrusts of hover.
-        dither_us: signals added to the pulses of the rotors that push nose down, taken from others.
-        plate: visits of the plate, one after the other.
+        collective: signals added to 1, in units of hover thrust.
+        dither_us: signals added to the pulses of nose-down rotors and subtracted from the others.
+        plate: visits of the plate, in order of time.
     """
 
     name: str
@@ -147,24 +147,26 @@ class Schedule(FiniteTable):
             ("switches", [switch.at_s for switch in self.switches]),
         ):
             if starts != sorted(starts):
-                raise InputError(f"{kind} of schedule {self.name!r} are not in time; sort them")
+                raise InputError(
+                    f"{kind} of schedule {self.name!r} are not in order of time; sort them"
+                )
         for visit in self.plate:
             if visit.out_s < visit.in_s + visit.move_s:
                 raise InputError(
-                    f"the plate of schedule {self.name!r} leaves at {visit.out_s:g} s, before it "
-                    f"is in at {visit.in_s + visit.move_s:g} s; let it leave later"
+                    f"the plate of schedule {self.name!r} moves out at {visit.out_s:g} s, before "
+                    f"it is in at {visit.in_s + visit.move_s:g} s; increase out_s"
                 )
         for visit, later in pairwise(self.plate):
             if later.in_s < visit.out_s:
                 raise InputError(
-                    f"the plate of schedule {self.name!r} comes again at {later.in_s:g} s, before "
-                    f"it leaves at {visit.out_s:g} s; let it come later"
+                    f"the plate of schedule {self.name!r} moves in at {later.in_s:g} s, before it "
+                    f"moves out at {visit.out_s:g} s; increase in_s"
                 )
 
     def with_duration(self, duration_s: float) -> Schedule:
-        """Return the schedule cut short or held on to another duration."""
+        """Return the schedule shortened or extended to another duration."""
         if not (np.isfinite(duration_s) and duration_s > 0.0):
-            raise InputError(f"duration_s is {duration_s:g}; give a finite time above 0")
+            raise InputError(f"duration_s is {duration_s:g}; give a finite value above 0")
         if duration_s > MAX_DURATION_S:
             raise InputError(f"duration_s is {duration_s:g}; give at most {MAX_DURATION_S:g} s")
         return replace(self, duration_s=duration_s)
@@ -173,7 +175,7 @@ class Schedule(FiniteTable):
         """Return the commands at every control tick.
 
         Raises:
-            InputError: it lasts too long, or a track goes beyond `MAX_LEVEL`.
+            InputError: too long, or a track exceeds `MAX_LEVEL`.
         """
         if self.duration_s > MAX_DURATION_S:
             raise InputError(
@@ -193,9 +195,9 @@ class Schedule(FiniteTable):
         reference_deg = _sum(self.reference_deg, t, self.duration_s)
         collective = 1.0 + _sum(self.collective, t, self.duration_s)
         dither_us = _sum(self.dither_us, t, self.duration_s)
-        self._refuse_beyond("reference_deg", reference_deg)
-        self._refuse_beyond("collective", collective)
-        self._refuse_beyond("dither_us", dither_us)
+        self._check_level("reference_deg", reference_deg)
+        self._check_level("collective", collective)
+        self._check_level("dither_us", dither_us)
         return SampledSchedule(
             rate_Hz=rate_Hz,
             time_s=t,
@@ -208,34 +210,33 @@ class Schedule(FiniteTable):
             feedforward=feedforward,
         )
 
-    def _refuse_beyond(self, track: str, values: Array) -> None:
+    def _check_level(self, track: str, values: Array) -> None:
         low, high = MAX_LEVEL[track]
         worst = float(values[np.argmax(np.maximum(values - high, low - values))])
         if not low <= worst <= high:
             raise InputError(
-                f"{track} of schedule {self.name!r} comes to {worst:g}; keep it between {low:g} "
-                f"and {high:g}"
+                f"{track} of schedule {self.name!r} is {worst:g}; allowed: {low:g} to {high:g}"
             )
 
     def plate_at(self, time_s: Array, radius_m: float) -> tuple[Array, Array]:
-        """Return plate distance (m,) and how far it is in (m,), parked between visits."""
+        """Return plate distance (m,) and visit fraction (m,), parked between visits."""
         plate_z, share = np.full(time_s.shape, PARKED_M), np.zeros(time_s.shape)
         for visit in self.plate:
-            own = visit.share(time_s)
-            plate_z = np.where(own > 0.0, visit.z_over_R * radius_m, plate_z)
-            share = np.maximum(share, own)
+            fraction = visit.share(time_s)
+            plate_z = np.where(fraction > 0.0, visit.z_over_R * radius_m, plate_z)
+            share = np.maximum(share, fraction)
         return plate_z, share
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SampledSchedule:
-    """Hold the commands of a run at every control tick, (m,) each.
+    """Commands of a run at every control tick, (m,) each.
 
     Attributes:
-        collective: in thrusts of hover.
-        plate_z_m: distance with the beam level; `PARKED_M` while the plate is away.
-        plate_share: how far the plate is in, 0 to 1.
-        observer, feedforward: 1 where that part of the controller may act.
+        collective: in units of hover thrust.
+        plate_z_m: distance at level beam; `PARKED_M` between visits.
+        plate_share: visit fraction, 0 to 1.
+        observer, feedforward: 1 while that part of the controller is on.
     """
 
     rate_Hz: float
@@ -265,14 +266,14 @@ def _index(time_s: Array, every_s: float, count: int) -> NDArray[np.intp]:
 
 
 def due_ticks(first_tick: int, ticks: int, rate_Hz: float, stream_Hz: float) -> NDArray[np.bool_]:
-    """Return at which stream ticks a sensor of its own rate has a new reading (ticks,).
+    """Return a mask of the stream ticks with a new reading of a sensor (ticks,).
 
-    Tick k shows the conversion that ended in (k - 1, k] / stream_Hz. A sensor as fast as the
-    stream, or of rate 0, has one at every tick.
+    Tick k has the conversion that ended in (k - 1, k] / stream_Hz. A sensor as fast as the stream,
+    or of rate 0, has one at every tick.
     """
     if not rate_Hz or rate_Hz >= stream_Hz:
         return np.ones(ticks, bool)
-    # The small addition keeps a conversion that ends exactly on a tick on that tick.
+    # The small offset assigns a conversion that ends exactly on a tick to that tick.
     edges = np.arange(first_tick - 1, first_tick + ticks, dtype=float) * (rate_Hz / stream_Hz)
     whole = np.floor(edges + 1e-9)
     fresh: NDArray[np.bool_] = whole[1:] > whole[:-1]

@@ -1,4 +1,4 @@
-"""Schedules as TOML files: presets that ship, and a user's own."""
+"""Schedules as TOML files, bundled or user-defined."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from benchtool.core.toml_text import read_strict
 
 
 def schedule_names() -> tuple[str, ...]:
-    """Return the names of the schedules that benchtool ships."""
+    """Return the names of the bundled schedules."""
     return list_names("schedules")
 
 
 def load_schedule(name_or_path: str | Path) -> Schedule:
-    """Return a shipped schedule by name, or a user's own by the path of its TOML file."""
+    """Return a bundled schedule by name, or a user-defined one by the path of its TOML file."""
     return read_strict(Schedule, *read_named("schedule", "schedules", name_or_path))
 
 
 def schedule_to_toml(schedule: Schedule) -> str:
-    """Return a schedule as TOML text that reads back to the same schedule."""
-    return tomli_w.dumps(_stated(schedule))
+    """Return a schedule as TOML text; parsing it gives the same schedule."""
+    return tomli_w.dumps(_non_default_values(schedule))
 
 
-def _stated(item: Any) -> dict[str, Any]:
-    """Return a table of what is not at its default; parts of a schedule become tables."""
+def _non_default_values(item: Any) -> dict[str, Any]:
+    """Return a table of the values that differ from their defaults; nested parts become tables."""
     table: dict[str, Any] = {}
-    for own in fields(item):
-        value = getattr(item, own.name)
-        if value == own.default:
+    for field in fields(item):
+        value = getattr(item, field.name)
+        if value == field.default:
             continue
         if isinstance(value, tuple):
-            value = [_stated(part) if is_dataclass(part) else part for part in value]
-        table[own.name] = value
+            value = [_non_default_values(part) if is_dataclass(part) else part for part in value]
+        table[field.name] = value
     return table

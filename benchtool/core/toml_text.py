@@ -1,6 +1,6 @@
-"""Read TOML text into frozen dataclasses, strictly: unknown keys are refused, numbers have sources.
+"""Strict conversion of TOML text to frozen dataclasses; unknown keys are errors.
 
-A number may stand plain, under its table's `source`, or as `{ value = 0.225, source = "...",
+A number is plain, with the `source` of its table, or written as `{ value = 0.225, source = "...",
 assumed = true }`. Types and ranges come from the dataclass annotations and are checked by pydantic.
 """
 
@@ -36,14 +36,14 @@ _UNKNOWN_KEY = {"extra_forbidden", "unexpected_keyword_argument"}  # pydantic's 
 
 
 class FileTable:
-    """Mark a dataclass that is read from a file: keys that it has not are refused."""
+    """Base class of dataclasses read from files; unknown keys are errors."""
 
     __slots__ = ()
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
 
 class FiniteTable(FileTable):
-    """Mark a dataclass whose numbers reach a bench: nan and inf are refused in every field, too."""
+    """Base class of dataclasses without nan and inf."""
 
     __slots__ = ()
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "allow_inf_nan": False}
@@ -51,75 +51,77 @@ class FiniteTable(FileTable):
 
 @dataclass(slots=True)
 class ValueSources:
-    """Collect where each number of a file comes from, by its dotted key."""
+    """Sources of the numbers of a file, by dotted key."""
 
     by_key: dict[str, str] = field(default_factory=dict)
     assumed: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
 
 
-def unwrap_quantities(data: Mapping[str, Any], found: ValueSources) -> dict[str, Any]:
-    """Return `data` with every `{value, source}` replaced by its value, noting the sources."""
+def unwrap_quantities(data: Mapping[str, Any], sources: ValueSources) -> dict[str, Any]:
+    """Return `data` with every `{value, source}` replaced by its value; collect the sources."""
     return {
-        key: _unwrap(value, key, data.get("source", ""), found)
+        key: _unwrap(value, key, data.get("source", ""), sources)
         for key, value in data.items()
         if key != "source"
     }
 
 
-def _unwrap(value: Any, key: str, source: Any, found: ValueSources) -> Any:
+def _unwrap(value: Any, key: str, source: Any, sources: ValueSources) -> Any:
     if isinstance(value, dict):
         if "value" in value and set(value) <= _QUANTITY_KEYS:
             return _note(
-                value["value"], key, value.get("source", source), value.get("assumed"), found
+                value["value"], key, value.get("source", source), value.get("assumed"), sources
             )
         return {
-            name: _unwrap(item, f"{key}.{name}", value.get("source", source), found)
+            name: _unwrap(item, f"{key}.{name}", value.get("source", source), sources)
             for name, item in value.items()
             if name != "source"
         }
     if isinstance(value, list):
-        return [_unwrap(item, f"{key}[{index}]", source, found) for index, item in enumerate(value)]
+        return [
+            _unwrap(item, f"{key}[{index}]", source, sources) for index, item in enumerate(value)
+        ]
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return _note(value, key, source, None, found)
+        return _note(value, key, source, None, sources)
     return value
 
 
-def _note(value: Any, key: str, source: Any, assumed: bool | None, found: ValueSources) -> Any:
+def _note(value: Any, key: str, source: Any, assumed: bool | None, sources: ValueSources) -> Any:
     source = source if isinstance(source, str) else ""
     if not source:
-        found.missing.append(key)
-    found.by_key[key] = source
+        sources.missing.append(key)
+    sources.by_key[key] = source
     if assumed if assumed is not None else source.lower().startswith("assumed"):
-        found.assumed.append(key)
+        sources.assumed.append(key)
     return value
 
 
-def require_sources(found: ValueSources, where: str) -> None:
-    """Refuse a file in which some number has no source."""
-    if found.missing:
+def require_sources(sources: ValueSources, where: str) -> None:
+    """Raise FileFormatError if a number has no source."""
+    if sources.missing:
         raise FileFormatError(
             where,
-            f"{found.missing[0]} has no source; write it as {{ value = ..., source = '...' }} or "
-            f"give its table a source (a guess says that it is one: source = 'assumed: ...')",
+            f"{sources.missing[0]} has no source; write it as {{ value = ..., source = '...' }} or "
+            f"give its table a source (for a guess: source = 'assumed: ...')",
         )
 
 
 def build_dataclass(cls: type[T], data: Mapping[str, Any], where: str) -> T:
-    """Return `data` as an instance of the dataclass `cls`, checked key by key.
+    """Return `data` as an instance of the dataclass `cls`, with all keys and values checked.
 
     Raises:
-        UnknownChoice: a key that `cls` has not, with the known ones.
-        FileFormatError: a value of the wrong type or range, a missing key.
+        UnknownChoice: unknown key.
+        FileFormatError: wrong type or range, or missing key.
     """
     from pydantic import ValidationError
 
     text = json.dumps(data, default=str)
-    hashable: Any = cls  # mypy does not see that a class is
+    hashable: Any = cls  # mypy does not know that classes are hashable
     try:
         built: T = _checker(hashable).validate_json(text, strict=True)
         return built
-    except InputError as error:  # from a dataclass's own check
+    except InputError as error:  # from __post_init__
         raise FileFormatError(where, str(error)) from error
     except ValidationError as error:
         first = min(error.errors(), key=lambda item: item["type"] not in _UNKNOWN_KEY)
@@ -127,24 +129,24 @@ def build_dataclass(cls: type[T], data: Mapping[str, Any], where: str) -> T:
         dotted = _dotted(location)
         if first["type"] in _UNKNOWN_KEY:
             table = _dotted(location[:-1])
-            place = f"[{table}] of {where}" if table else where
+            location_text = f"[{table}] of {where}" if table else where
             raise UnknownChoice(
-                f"key in {place}", str(location[-1]), _known_keys(cls, location[:-1])
+                f"key in {location_text}", str(location[-1]), _known_keys(cls, location[:-1])
             ) from error
         if first["type"] == "missing":
             raise FileFormatError(where, f"{dotted} is missing; add it") from error
-        shown = json.dumps(first["input"], default=str)
+        value = json.dumps(first["input"], default=str)
         reason = first["msg"].lower().replace("an object", "a table")
-        problem = f"{dotted} is {shown[:80]}: {reason}; correct the value"
+        problem = f"{dotted} is {value[:80]}: {reason}; correct the value"
         raise FileFormatError(where, problem) from error
 
 
 class RefusedValue(ValueError):
-    """What is wrong with one value.
+    """Invalid value.
 
     Args:
-        kind: pydantic's name for it.
-        reason: what was expected, in words.
+        kind: error type of pydantic.
+        reason: expectation as text.
     """
 
     def __init__(self, kind: str, value: Any, reason: str) -> None:
@@ -155,10 +157,10 @@ class RefusedValue(ValueError):
 
 
 def check_value(declared: Any, value: Any) -> Any:
-    """Return a value as a declared type has it: a tuple for a list; nan and inf are refused.
+    """Return a value converted to a declared type (lists become tuples).
 
     Raises:
-        RefusedValue: it has another type, or is out of range.
+        RefusedValue: wrong type, out of range, nan or inf.
     """
     from pydantic import ValidationError
 
@@ -171,7 +173,7 @@ def check_value(declared: Any, value: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON takes for a value of NumPy, or for a path."""
+    """Return a NumPy value or path in a form that JSON accepts."""
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
@@ -184,7 +186,7 @@ def _value_checker(declared: Any) -> TypeAdapter[Any]:
 
 @cache
 def _checker(cls: type[Any]) -> TypeAdapter[Any]:
-    """Return what checks a class; pydantic takes some 10 ms to make one."""
+    """Return the validator of a class, cached because pydantic needs about 10 ms to build it."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(cls)

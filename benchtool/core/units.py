@@ -1,6 +1,6 @@
-"""The closed set of units that files and columns may carry, each with its factor to SI.
+"""Units of files and columns, with their factors to SI.
 
-Inside benchtool everything is SI; other units exist only where a file is read or a number printed.
+All internal quantities are SI; other units are used only when files are read or numbers printed.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ UNITS: dict[str, Unit] = {unit.symbol: unit for unit in _ALL}  # pulse widths st
 
 
 def find_unit(symbol: str) -> Unit:
-    """Return the unit of that symbol, or refuse it with the list of known ones."""
+    """Return the unit of a symbol; raise UnknownChoice for an unknown one."""
     try:
         return UNITS[symbol]
     except KeyError:
@@ -90,12 +90,12 @@ def find_unit(symbol: str) -> Unit:
 
 
 def to_si(value: Number, symbol: str) -> Number:
-    """Return `value`, given in `symbol`, in the SI unit of its dimension."""
+    """Return `value` in unit `symbol`, converted to the SI unit of its dimension."""
     unit = find_unit(symbol)
     return value * unit.factor + unit.offset
 
 
 def from_si(value: Number, symbol: str) -> Number:
-    """Return `value`, given in SI, in the unit `symbol`."""
+    """Return `value` in SI, converted to the unit `symbol`."""
     unit = find_unit(symbol)
     return (value - unit.offset) / unit.factor

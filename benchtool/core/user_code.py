@@ -1,4 +1,4 @@
-"""Python of the user's own, run only by permit, and its faults with file and line."""
+"""User code, run only with permission; its errors are reported with file and line."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from types import ModuleType
 
 from benchtool.core.errors import InputError
 
-CodePermit = Callable[[str], None]  # called with a file before it runs; raises to forbid it
+CodePermit = Callable[[str], None]  # called with a file before it is run; raises to prevent it
 
 
 def check_code_allowed(file: str) -> None:
-    """Refuse to run a file: the permit of everything that no person named on the command line."""
+    """Raise InputError: permit for all files that were not named on the command line."""
     raise InputError(
-        f"{file} is Python code; a run folder, a recipe, an address inside data and the page start "
-        f"none: name its model file on the command line, for example with --model"
+        f"{file} is user code and is not run from run folders, recipes, addresses in data or the "
+        f"page; name its model file on the command line, for example with --model"
     )
 
 
 def load_user_module(
     file_or_module: str, what: str, otherwise: str, permit: CodePermit
 ) -> ModuleType:
-    """Return a Python file, or a module found from the present folder too, imported.
+    """Import and return a Python file, or a module, also from the current folder.
 
     Args:
-        what: is imported, for messages ("effects of cubic.py").
-        otherwise: what to do where there is no such thing.
+        what: subject of messages ("effects of cubic.py").
+        otherwise: remedy if it does not exist.
 
     Raises:
-        InputError: it may not be run, there is none, or it raised while it was imported.
+        InputError: not permitted, not found, or raised during import.
     """
     path = Path(file_or_module)
     is_file = path.suffix == ".py"
@@ -48,7 +48,7 @@ def load_user_module(
         raise InputError(
             f"{what}: it raised {type(error).__name__}: "
             f"{' '.join(str(error).split()) or 'no message'} while it was imported{_where(error)}; "
-            f"mend that line"
+            f"correct that line"
         ) from error
 
 
@@ -58,7 +58,7 @@ def _file(path: Path) -> ModuleType:
     if spec is None or spec.loader is None:
         raise ImportError(f"{path} is no Python file")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # hooks are looked up there when they are compiled
+    sys.modules[name] = module  # compiled hooks are looked up there
     spec.loader.exec_module(module)
     return module
 
@@ -69,7 +69,7 @@ def _module(name: str) -> ModuleType:
 
 
 def _origin(name: str) -> str:
-    """Return the file of a module, or its name where nothing is found; nothing is run."""
+    """Return the file of a module without running it; its name if it is not found."""
     _search_here()
     try:
         spec = importlib.util.find_spec(name.partition(".")[0])
@@ -85,9 +85,9 @@ def _search_here() -> None:
 
 
 def _where(error: BaseException) -> str:
-    """Return file and line of the last frame that stands in a file, as text."""
-    if isinstance(error, SyntaxError):  # names file and line itself
+    """Return file and line of the last frame in a file, as text."""
+    if isinstance(error, SyntaxError):  # has file and line in its message
         return ""
     frames = traceback.extract_tb(error.__traceback__)
-    written = [frame for frame in frames if not frame.filename.startswith("<")]
-    return f", in {written[-1].filename} line {written[-1].lineno}" if written else ""
+    in_files = [frame for frame in frames if not frame.filename.startswith("<")]
+    return f", in {in_files[-1].filename} line {in_files[-1].lineno}" if in_files else ""

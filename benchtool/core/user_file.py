@@ -1,7 +1,7 @@
-"""Open a file that somebody named: a regular file of bounded size, or a sentence that refuses it.
+"""Reading of user-supplied files: regular files of limited size only.
 
-Every path that stands in a command, an address, a file or a run folder is opened here. A FIFO, a
-device or a socket in place of a file would hang the program or fill its memory.
+Every path from a command, an address, a file or a run folder is opened here. A FIFO, a device or a
+socket would block the program or fill its memory.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from benchtool.core.errors import FileFormatError
 
 MAX_TEXT_BYTES = 1 << 20  # of a plan, rig, model or map: hundreds of times the library; assumed
-MAX_METADATA_BYTES = 1 << 26  # of a JSON file: ten times a result with every draw; assumed
+MAX_METADATA_BYTES = 1 << 26  # of a JSON file: ten times a result with all draws; assumed
 MAX_DATA_BYTES = 1 << 32  # largest file of data: a day of flight logs; assumed
 
 _PIECE_BYTES = 1 << 20
@@ -31,14 +31,14 @@ _KINDS = (
 
 
 def user_folder(variable: str, unix: str, mac: str = "Application Support") -> Path:
-    """Return the folder of one kind of this user's files, where the system has it.
+    """Return the user's folder for one kind of files.
 
-    LOCALAPPDATA on Windows, ~/Library on macOS; elsewhere as the XDG Base Directory Specification
-    0.8 says.
+    LOCALAPPDATA on Windows, ~/Library on macOS; elsewhere by the XDG Base Directory Specification
+    0.8.
 
     Args:
         variable: of that specification, such as XDG_STATE_HOME.
-        unix: below the home folder where it is not set.
+        unix: below the home folder if the variable is not set.
         mac: below ~/Library.
     """
     home = Path.home()
@@ -52,14 +52,14 @@ def user_folder(variable: str, unix: str, mac: str = "Application Support") -> P
 
 
 def open_file(path: str | Path, *, follow: bool = True) -> BufferedReader:
-    """Open a regular file for reading bytes; nothing else blocks or is read.
+    """Open a regular file for reading bytes.
 
     Args:
-        path: as somebody named it.
-        follow: whether a symbolic link in place of the file is followed.
+        path: of the file.
+        follow: whether to follow a symbolic link.
 
     Raises:
-        FileFormatError: it cannot be opened, or is no regular file.
+        FileFormatError: cannot be opened, or not a regular file.
     """
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     if not follow:
@@ -71,42 +71,42 @@ def open_file(path: str | Path, *, follow: bool = True) -> BufferedReader:
     mode = os.fstat(handle).st_mode
     if not stat.S_ISREG(mode):
         os.close(handle)
-        kind = next((words for is_kind, words in _KINDS if is_kind(mode)), "this is no file")
+        kind = next((text for is_kind, text in _KINDS if is_kind(mode)), "this is not a file")
         raise FileFormatError(display_path(path), f"{kind}; name a regular file")
     return os.fdopen(handle, "rb")
 
 
-def read_file(path: str | Path, most_bytes: int = MAX_DATA_BYTES, *, follow: bool = True) -> bytes:
+def read_file(path: str | Path, max_bytes: int = MAX_DATA_BYTES, *, follow: bool = True) -> bytes:
     """Return the bytes of a regular file.
 
     Raises:
-        FileFormatError: it cannot be opened or read, is no regular file, or is too large.
+        FileFormatError: cannot be opened or read, not a regular file, or too large.
     """
     with open_file(path, follow=follow) as file:
         size = os.fstat(file.fileno()).st_size
         try:
-            # One byte more than is stated: a file that grows, or of /proc, states too little.
-            data = file.read(min(size, most_bytes) + 1)
-            while len(data) <= most_bytes and (more := file.read(_PIECE_BYTES)):
+            # One byte more than the stated size: files that grow, or of /proc, are larger.
+            data = file.read(min(size, max_bytes) + 1)
+            while len(data) <= max_bytes and (more := file.read(_PIECE_BYTES)):
                 data += more
         except OSError as error:
             raise FileFormatError(display_path(path), _reason(error, path)) from error
-    if len(data) <= most_bytes:
+    if len(data) <= max_bytes:
         return data
     raise FileFormatError(
         display_path(path),
-        f"it has {max(size, len(data)):,} bytes, limit {most_bytes:,}; name a smaller file of "
+        f"it has {max(size, len(data)):,} bytes, limit {max_bytes:,}; name a smaller file of "
         f"this kind",
     )
 
 
-def read_text(path: str | Path, most_bytes: int = MAX_TEXT_BYTES, *, follow: bool = True) -> str:
+def read_text(path: str | Path, max_bytes: int = MAX_TEXT_BYTES, *, follow: bool = True) -> str:
     """Return the text of a regular UTF-8 file, without a byte order mark.
 
     Raises:
         FileFormatError: as `read_file`, or the bytes are not UTF-8.
     """
-    data = read_file(path, most_bytes, follow=follow)
+    data = read_file(path, max_bytes, follow=follow)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -118,17 +118,17 @@ def read_text(path: str | Path, most_bytes: int = MAX_TEXT_BYTES, *, follow: boo
 
 
 def display_path(path: str | Path) -> str:
-    """Return a path for a message: whole, but for a name that no system has."""
+    """Return a path for a message; shortened beyond 300 characters, invalid characters escaped."""
     text = str(path)
     text = text if len(text) <= 300 else f"{text[:60]}... ({len(text)} characters)"
     return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")
 
 
 def _reason(error: OSError | ValueError, path: str | Path) -> str:
-    if not isinstance(error, OSError):  # a NUL, or a letter that no file name has
-        return "no file can have this name; name another"
+    if not isinstance(error, OSError):  # NUL or invalid character
+        return "this is not a valid file name; use another"
     if error.errno == errno.ELOOP:
         is_link = os.path.islink(path)
         link = "this is a symbolic link, which is not followed here"
-        return f"{link if is_link else 'its links lead in a circle'}; name the file itself"
+        return f"{link if is_link else 'its links are circular'}; name the file itself"
     return f"{(error.strerror or 'it cannot be read').lower()}; check the path"

@@ -58,7 +58,7 @@ class Carries:
         self.moves += 1
         self._bench._firmware._plant.command_plate(z_m + self._off_m, 0.0, 0.0)
         while self._bench._plant.plate_moving:
-            self._bench._pass(0.1)
+            self._bench._advance(0.1)
         return z_m
 
     def hold(self) -> None: ...

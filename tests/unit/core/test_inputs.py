@@ -80,14 +80,14 @@ def test_a_range_holds_and_is_named_as_the_source_names_it(source, called):
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ({"pwm": "5,x"}, "--pwm is '5,x', but numbers between commas are needed, like 0.5,1,2"),
-        ({"pwm": ","}, "--pwm names no number; write it like 0.5,1,2"),
+        ({"pwm": "5,x"}, "--pwm is '5,x'; give numbers separated by commas, for example 0.5,1,2"),
+        ({"pwm": ","}, "--pwm is empty; give numbers, for example 0.5,1,2"),
         ({"pwm": "5,0"}, "--pwm names 0 us, allowed is above 0, at most 100 us; correct it (dec"),
         ({"pwm": "nan"}, "--pwm names nan us, allowed is above 0, at most 100 us; correct it"),
         ({"ramp_s": float("nan")}, "--ramp-s is nan s, allowed is 0 to 10 s; correct it"),
         ({"ramp_s": True}, "--ramp-s is True: input should be a valid number; correct it"),
         ({"offset_m": "1,inf"}, "--offset-m names inf m, allowed is a finite number; correct it"),
-        ({"offset_m": "1"}, "--offset-m is '1'; give 2 numbers with commas between"),
+        ({"offset_m": "1"}, "--offset-m is '1'; give 2 numbers separated by commas"),
         ({"ramp_s": "1kg"}, "--ramp-s is '1kg'; type a number, with a unit of s, ms, us or none"),
         ({"ramp_s": "fast"}, "--ramp-s is 'fast'; type a number"),
         ({"ramp_s": "..s"}, "--ramp-s is '..s'; type a number"),

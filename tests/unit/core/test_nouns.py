@@ -54,7 +54,7 @@ def test_a_recording_gives_columns_and_refuses_unknown_ones():
     assert "thrust_N" in recording
     with pytest.raises(UnknownChoice, match="channel 'thrust'; did you mean 'thrust_N'"):
         recording.column("thrust")
-    with pytest.raises(InputError, match="stands twice"):
+    with pytest.raises(InputError, match="duplicate channel"):
         recording.with_column(Channel("rpm1", "rpm"), np.zeros(3))
     with pytest.raises(InputError, match="2 channels needs a table"):
         Recording(recording.channels, np.zeros((3, 5)))

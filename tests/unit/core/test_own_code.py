@@ -64,7 +64,7 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS)
 def test_nothing_runs_without_a_permit(here, way):
-    with pytest.raises(InputError, match=r"evil\.py is Python code"):
+    with pytest.raises(InputError, match=r"evil\.py is user code"):
         WAYS[way]()
     assert not (here / "EXECUTED").exists()
 
@@ -85,5 +85,5 @@ def test_what_data_name_does_not_run(here, capsys, words):
     with pytest.raises(SystemExit) as ended:
         main(words)
     assert ended.value.code == 2
-    assert "evil.py is Python code" in capsys.readouterr().err
+    assert "evil.py is user code" in capsys.readouterr().err
     assert not (here / "EXECUTED").exists()

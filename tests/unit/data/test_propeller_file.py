@@ -69,8 +69,8 @@ def test_a_size_that_no_propeller_has_is_refused(text):
 
 def test_a_file_of_one_s_own_by_a_shipped_name_is_refused(library):
     shutil.copy(LIBRARY / "propellers" / "apc_10x7sf.toml", library / "propellers")
-    with pytest.raises(FileFormatError, match="rename yours"):
+    with pytest.raises(FileFormatError, match="rename your file"):
         load_propeller("apc_10x7sf")
     (library / "rigs" / "pquad.toml").write_text(rig_to_toml(load_rig_by_name("beam")))
-    with pytest.raises(FileFormatError, match="rename yours"):
+    with pytest.raises(FileFormatError, match="rename your file"):
         load_rig_by_name("pquad")

@@ -67,7 +67,7 @@ def written(folder: Path, text: str, name: str = "mine.py") -> str:
         (GOOD.replace("subsystem=", "stage="), r"'stage'.*docs/how-to/write-an-effect\.md"),
         ("def broken(:\n", "SyntaxError"),
         ("1 / 0\n", "ZeroDivisionError"),
-        ("\nexit(1)\n", r"SystemExit: 1 while it was imported, in .*mine\.py line 2; mend"),
+        ("\nexit(1)\n", r"SystemExit: 1 while it was imported, in .*mine\.py line 2; correct"),
         (GOOD.replace('"cubic_damping"', '"coulomb_friction"'), "name of a shipped one"),
         (GOOD + "EFFECTS = [EFFECT]\n", "two effects named"),
         (GOOD.replace('frozenset({"pitch"})', "frozenset()"), "candidate on any bench"),
