@@ -65,12 +65,12 @@ __all__ = [
 
 
 def load_rig(rig: str | Path) -> Rig:
-    """Return a rig: a shipped name (`benchtool rigs`) or the path of a rig file."""
+    """Return a rig: a shipped name (`benchtool library rigs`) or the path of a rig file."""
     return load_rig_by_name(rig)
 
 
 def load_model(model: str | Path, permit: CodePermit = check_code_allowed) -> Model:
-    """Return a model: a shipped name (`benchtool models`) or the path of a model file.
+    """Return a model: a shipped name (`benchtool library models`) or the path of a model file.
 
     Args:
         permit: called with the file of own effects before it is run; refused when left out.

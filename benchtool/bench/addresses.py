@@ -35,7 +35,7 @@ MavlinkKind = Literal["udpin", "udpout", "tcp", "serial"]
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """One end of a link, for `benchtool doctor`.
+    """One end of a link, for `benchtool ports PORT`.
 
     Attributes:
         kind: "serial" (`place` is its port), "listens" (a UDP port of ours), "sends" (a UDP port of

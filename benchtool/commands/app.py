@@ -36,69 +36,68 @@ from benchtool.core.errors import (
 from benchtool.core.inputs import items
 from benchtool.core.user_file import display_path
 
-COMMANDS: dict[str, tuple[str, str]] = {
-    "demo": ("demo:demo", "Sweep a virtual bench, fit, and write a report"),
-    "sweep": ("sweep:sweep", "Sweep plate distance and throttle into a run folder"),
-    "record": ("record:record", "Record a pitch experiment from a bench into a run folder"),
-    "runs": ("", "Find, tag, query, merge and verify runs"),
-    "runs list": ("runs:list_",
-        "List runs, fits and recordings, chosen by rig, date, distance, tag and more"),
-    "runs search": ("runs:search",
-        "Find runs by words that stand anywhere in name, rig, date, tags, notes"),
-    "runs query": ("runs:query",
-        "Query points, samples and fits of all that is chosen with SQL (DuckDB)"),
-    "runs show": ("runs:show",
-        "Show what the catalogue knows of runs and fits, with their tags and notes"),
-    "runs compare": ("runs:compare",
-        "Set runs side by side: what they are, and T_IGE/T_OGE by z/R; report draws them"),
-    "runs tag": ("runs:tag",
-        "Give runs and fits tags, or take some away; without --add and --remove, show them"),
-    "runs note": ("runs:note", "Write a note about a run or fit, with the date and who wrote it"),
-    "runs verify": ("runs:verify",
-        "Check runs against the hashes that they state; exit code 2 where one differs"),
-    "runs export": ("runs:export",
-        "Write samples, points or settings of a run as MCAP, Parquet or CSV"),
-    "runs merge": ("runs:merge",
-        "Merge several runs of one rig and propeller into a new run folder"),
-    "runs close": ("runs:close",
-        "Mend what a killed program left of runs and write their tables; safe to repeat"),
-    "calibrate": ("calibrate:calibrate", "Calibrate a load cell with known masses"),
-    "recalibrate": ("runs:recalibrate_run", "Apply a calibration to a run, its raw data untouched"),
-    "import": ("import_file:import_", "Import flight logs and other makers' files, repairs listed"),
-    "fit": ("fit:fit", "Fit a ground-effect model to run folders or any CSV"),
-    "pool": ("pool:pool", "Pool fits of rigs: mean, spread, and which rigs differ"),
-    "motor": ("motor:motor", "Fit thrust curve and motor constants to tests without a plate"),
-    "export": ("export:export", "Write a fitted model for simulators, autopilots and firmware"),
-    "explain": ("explain:explain", "Name the effect that a model lacks, and show the gap shrink"),
-    "report": ("report:report", "Write a report page of a run, fit or recording"),
-    "simulate": ("", "Simulate benches and flights near surfaces in closed loop"),
-    "simulate pitch": ("simulate_pitch:pitch", "Simulate the pitch bench under each controller"),
-    "simulate flight": ("simulate_flight:flight",
-        "Simulate flights over an obstacle under each controller"),
-    "stop": ("stop:stop",
-        "Stop the motors of every bench of this user"),
-    "web": ("web:web", "Serve a page to watch, sweep, fit and explain in a browser"),
-    "bench": ("", "Serve a virtual bench; check a bench before motors spin"),
+COMMANDS: dict[str, tuple[str, str]] = {  # by name, in the order of the help:
+    # "module:function" in this package ("" for a group), and the first line of its docstring
+    "ports": ("ports:ports", "List serial ports and diagnose connection problems"),
+    "bench": ("", "Check a bench, map its motors, or serve a virtual bench"),
     "bench check": ("bench_check:check",
         "Check standstill, ESC arming, channel map, thrust sign and rpm at low throttle"),
     "bench map": ("bench_check:map_motors",
-        "Turn each motor of a flight controller alone, slowly, and write down what it drives"),
+        "Turn each motor of a flight controller at low throttle and write the motor map"),
     "bench serve": ("bench:serve",
-        "Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C"),
-    "firmware": ("firmware:firmware", "Write the firmware that makes an Arduino a rotor bench"),
-    "ports": ("ports:ports", "List serial ports and, with --probe, what answers on them"),
-    "doctor": ("ports:doctor", "Explain what keeps a serial port from working"),
-    "rigs": ("library_commands:rigs", "List rigs, or show one with the source of every number"),
-    "rigs new": ("rig_new:new_rig", "Write a rig file of your own, asking what its use needs"),
-    "propellers": ("library_commands:propellers",
-        "List propellers, or show one with the source of every number"),
-    "models": ("library_commands:models",
+        "Serve a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C"),
+    "firmware": ("firmware:firmware", "Generate bench firmware for an Arduino"),
+    "calibrate": ("calibrate:calibrate", "Calibrate a load cell, or apply a calibration to a run"),
+    "stop": ("stop:stop", "Stop the motors of every bench that this user runs"),
+    "sweep": ("sweep:sweep", "Sweep plate distance and throttle"),
+    "record": ("record:record", "Record a pitch experiment"),
+    "import": ("import_file:import_", "Import flight logs and files of other test stands"),
+    "runs": ("", "List, query, tag, merge, close and verify runs"),
+    "runs list": ("runs:list_", "List runs, fits and recordings"),
+    "runs search": ("runs:search", "Search runs by name, rig, date, tags and notes"),
+    "runs query": ("runs:query", "Query points, samples and fits with SQL (DuckDB)"),
+    "runs show": ("runs:show", "Show the catalogue entries of runs and fits"),
+    "runs compare": ("runs:compare", "Compare runs: metadata, and T_IGE/T_OGE by z/R"),
+    "runs tag": ("runs:tag", "Add, remove or show tags of runs and fits"),
+    "runs note": ("runs:note", "Add a note with date and author to a run or fit"),
+    "runs verify": ("runs:verify", "Verify the file hashes of runs; exit code 2 on a mismatch"),
+    "runs export": ("runs:export",
+        "Export samples, points or settings of a run as MCAP, Parquet or CSV"),
+    "runs merge": ("runs:merge", "Merge runs of one rig and propeller into a new run folder"),
+    "runs close": ("runs:close", "Repair interrupted runs and write their tables; can be repeated"),
+    "fit": ("fit:fit", "Fit a ground-effect model to runs or CSV files"),
+    "motor": ("motor:motor", "Fit thrust curve and motor constants to runs without a plate"),
+    "pool": ("pool:pool", "Combine fits of several rigs in a hierarchical model"),
+    "explain": ("explain:explain", "Identify effects that a model lacks"),
+    "report": ("report:report", "Write an HTML report of a run, fit or recording"),
+    "simulate": ("", "Simulate pitch benches and flights in closed loop"),
+    "simulate pitch": ("simulate_pitch:pitch", "Simulate a pitch bench with each controller"),
+    "simulate flight": ("simulate_flight:flight",
+        "Simulate flights over an obstacle with each controller"),
+    "export": ("export:export", "Export a model for simulators, autopilots and firmware"),
+    "demo": ("demo:demo", "Sweep two virtual benches, fit and write a report"),
+    "library": ("", "List or show rigs, propellers, models and effects"),
+    "library rigs": ("library_commands:rigs", "List rigs, or show one with all values and sources"),
+    "library rigs new": ("rig_new:new_rig", "Create a rig file; asks for missing values"),
+    "library propellers": ("library_commands:propellers",
+        "List propellers, or show one with all values and sources"),
+    "library models": ("library_commands:models",
         "List models, or show one with its effects and parameters"),
-    "effects": ("library_commands:effects",
+    "library effects": ("library_commands:effects",
         "List physical effects, or show one with law and parameters"),
+    "web": ("web:web", "Start the browser interface"),
 }  # fmt: skip
-"""Each command, in the order of the help: "module:function" in this package ("" for a group of
-subcommands) and its line there, which is also the first line of the command's docstring."""
+
+HEADINGS = {  # of `benchtool --help`, by the first command of a section
+    "ports": "Set up a bench", "stop": "Measure", "fit": "Analyse", "simulate": "Use a model",
+    "demo": "Other",
+}  # fmt: skip
+
+HELP = "Control rotor test benches near surfaces and fit ground-effect models."
+EPILOG = """
+Run `benchtool COMMAND --help` for the options of a command.
+Run `benchtool --install-completion` to enable tab completion.
+"""
 
 _OF_A_NAME = {  # system errors of a path that cannot be one, wherever it was typed
     *(errno.ENOENT, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP)
@@ -163,13 +162,16 @@ def _run(words: list[str]) -> None:
 
 
 def _words_to_complete() -> list[str]:
-    """Return the command of the line that a shell wants completed, as far as it is written."""
+    """Return the command in the line that a shell asks to complete."""
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
-    words = [word for word in line.split()[1:] if not word.startswith("-")]
-    for most in (2, 1):
-        if " ".join(words[:most]) in COMMANDS:
-            return words[:most]
-    return []
+    return _find_command(line.split()[1:]).split()
+
+
+def _find_command(arguments: Sequence[str]) -> str:
+    """Return the command that the arguments begin with, options skipped; "" for none."""
+    words = [argument for argument in arguments if not argument.startswith("-")]
+    names = (" ".join(words[:depth]) for depth in (3, 2, 1))
+    return next((name for name in names if name in COMMANDS), "")
 
 
 def _check_text(words: Sequence[str]) -> None:
@@ -182,57 +184,73 @@ def _check_text(words: Sequence[str]) -> None:
             raise InputError(f"the word {shown} is not UTF-8 text; write it otherwise") from None
 
 
-def build_app(words: Sequence[str]) -> typer.Typer:
-    """Assemble the application for one invocation, importing at most one command."""
-    sets_up = words[:1] in (["--install-completion"], ["--show-completion"])
+def build_app(arguments: Sequence[str]) -> typer.Typer:
+    """Return the application for one call; imports at most one command."""
+    is_completion_setup = arguments[:1] in (["--install-completion"], ["--show-completion"])
     app = typer.Typer(
         cls=_Group,
-        help="Drive rotor test benches near surfaces and fit ground-effect models.",
-        epilog="benchtool --install-completion sets up completion with Tab.",
-        # Its options are added where they are given: with them, every call would import pydantic.
-        add_completion=sets_up or COMPLETING in os.environ,
+        help=HELP,
+        # Completion options are added only on request: they import pydantic.
+        add_completion=is_completion_setup or COMPLETING in os.environ,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
     )
     app.callback()(_options)
-    named = [] if sets_up else [word for word in words if not word.startswith("-")]
-    if named and named[0] not in COMMANDS:
-        raise UnknownChoice("command", named[0], [name for name in COMMANDS if " " not in name])
+    words = [] if is_completion_setup else [word for word in arguments if not word.startswith("-")]
+    if words and words[0] not in COMMANDS:
+        raise UnknownChoice("command", words[0], [name for name in COMMANDS if " " not in name])
+    requested = _find_command(words)
     groups: dict[str, typer.Typer] = {"": app}
-    for name, (where, line) in COMMANDS.items():
-        group, _, last = name.rpartition(" ")
-        if not where or (len(named) > 1 and f"{name} {named[1]}" in COMMANDS):
+    for name, (location, line) in COMMANDS.items():
+        parent, _, last = name.rpartition(" ")
+        if parent not in groups:
+            continue  # the parent is a command
+        is_requested = f"{requested} ".startswith(f"{name} ")
+        if not location or (is_requested and name != requested):
             groups[name] = typer.Typer(cls=_Group, rich_markup_mode=None, add_completion=False)
             groups[name].callback()(_unloaded)
-            app.add_typer(
-                groups[name], name=name, cls=_Group, help=f"{line}." if name in named else line
-            )
-        elif group and group not in groups:
-            continue  # a command of that name takes the words
-        elif name.split() == named[: 1 + bool(group)]:
+            text = f"{line}." if is_requested else line
+            groups[parent].add_typer(groups[name], name=last, cls=_Group, help=text)
+        elif is_requested:
             module = import_module(command_module(name))
-            called = getattr(module, where.partition(":")[2])
-            groups[group].command(last, cls=getattr(module, "Parser", GroupedCommand))(called)
+            function = getattr(module, location.partition(":")[2])
+            command_class = getattr(module, "Parser", GroupedCommand)
+            groups[parent].command(last, cls=command_class)(function)
         else:
-            groups[group].command(last, help=f"{line}." if group else line)(_unloaded)
+            groups[parent].command(last, help=line)(_unloaded)
     return app
 
 
 class _Group(TyperGroup):
-    """A group that shows its help without a word and converts no value on the way to a command.
+    """Group of commands with help under headings, in the order of `COMMANDS`.
 
-    A help option that was not given has no value, and to convert that one typer imports pydantic;
-    False needs no conversion.
+    Without arguments it prints its help. typer imports pydantic to convert the missing value of
+    a help option; False needs no conversion.
     """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         return super().parse_args(ctx, args or ["--help"])
 
     def list_commands(self, ctx: Any) -> list[str]:
-        known = list(COMMANDS)  # typer lists groups behind commands
-        return sorted(
-            super().list_commands(ctx), key=lambda name: known.index(name) if name in known else -1
-        )
+        names = super().list_commands(ctx)  # typer lists groups after commands
+        order = list(COMMANDS)
+        path = ctx.command_path.split()[1:]
+        return sorted(names, key=lambda name: order.index(" ".join([*path, name])))
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        is_root = ctx.parent is None
+        sections: dict[str, list[tuple[str, str]]] = {}
+        heading, names = "Commands", self.list_commands(ctx)
+        width = max(map(len, names), default=0)
+        for name in names:
+            heading = HEADINGS.get(name, heading) if is_root else heading
+            text = self.commands[name].get_short_help_str(formatter.width)
+            sections.setdefault(heading, []).append((name.ljust(width), text))
+        for heading, rows in sections.items():
+            with formatter.section(heading):
+                formatter.write_dl(rows)
+        if is_root:
+            formatter.write(EPILOG)
 
     def get_help_option(self, ctx: Any) -> Any:
         option = super().get_help_option(ctx)
@@ -275,10 +293,8 @@ def _describe_misuse(error: typer.TyperException, words: Sequence[str]) -> str:
     context = getattr(error, "ctx", None)
     if context is not None:
         return f"{problem}{given}; see {context.command_path} --help"
-    # The parser of words knows neither the command nor what an option without a value takes.
-    named = [word for word in words if not word.startswith("-")]
-    known = [one for one in COMMANDS if one.split() == named[: one.count(" ") + 1]]
-    name = max(known, key=len, default="")
+    # typer's parser reports neither the command nor what an option without a value takes.
+    name = _find_command(words)
     option = getattr(error, "option_name", "")
     if "requires an argument" in problem and COMMANDS.get(name, ("",))[0]:
         called = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])

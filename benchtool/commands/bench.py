@@ -72,7 +72,7 @@ class ServeInputs(Inputs):
 
 @command_from_inputs(ServeInputs)
 def serve(inputs: ServeInputs) -> None:
-    """Run a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C."""
+    """Serve a virtual bench on a pseudo-terminal, TCP port or MAVLink until Ctrl-C."""
     import signal
     import sys
 

@@ -41,7 +41,7 @@ class MapInputs(Inputs):
 
 @command_from_inputs(MapInputs)
 def map_motors(inputs: MapInputs) -> None:
-    """Turn each motor of a flight controller alone, slowly, and write down what it drives."""
+    """Turn each motor of a flight controller at low throttle and write the motor map."""
     from benchtool.acquire.bench_check import detect_motor_map, low_throttle_us
     from benchtool.acquire.inputs import resolve_rig
     from benchtool.acquire.operator import confirm_arming, describe_bench, describe_end

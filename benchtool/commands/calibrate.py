@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -13,14 +14,15 @@ from benchtool.acquire.inputs import WeighingInputs
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.sweep_operator import LOOK_S, TERMINAL
-from benchtool.core.errors import InputError, MissingColumn
-from benchtool.core.inputs import Input, Inputs
+from benchtool.core.errors import CalibrationError, InputError, MissingColumn
+from benchtool.core.inputs import Input, Inputs, items
 
 if TYPE_CHECKING:
     from benchtool.core.array_type import Array
     from benchtool.data.calibration import Calibration
 
 FIGURES: Final = ("svg", "png")
+APPLY_OPTIONS: Final = ("--apply", "--calibration", "--other-device")
 
 LONGEST_S = 600.0  # longest average of one mass; assumed, above which drift outweighs noise
 
@@ -52,14 +54,71 @@ class CalibrateInputs(Inputs):
     out: Annotated[
         Path | None, Input("Write the calibration to this new file, too, and its figure beside it.")
     ] = None
+    apply: Annotated[
+        Path | None,
+        Input("Run folder; writes its points with another calibration.", group="Apply to a run"),
+    ] = None
+    calibration: Annotated[
+        Path | None, Input("Calibration file for --apply.", default_text="latest of the device")
+    ] = None
+    other_device: Annotated[
+        bool, Input("Accept a calibration of another device; recorded in the run.")
+    ] = False
 
 
 @command_from_inputs(CalibrateInputs)
 def calibrate(inputs: CalibrateInputs) -> None:
-    """Calibrate a load cell with known masses.
+    """Calibrate a load cell, or apply a calibration to a run.
 
-    The calibration is stored and used by every run that follows on that device.
+    The calibration is stored and used by all later runs of that device. With --apply, no bench
+    is opened and the raw data of the run do not change.
     """
+    options = _find_given_options(inputs)
+    apply_options = [option for option in options if option in APPLY_OPTIONS]
+    if inputs.apply is not None:
+        if others := [option for option in options if option not in APPLY_OPTIONS]:
+            raise InputError(
+                f"--apply cannot be combined with {', '.join(others)}; allowed with it: "
+                f"--calibration, --other-device"
+            )
+        _apply_to_run(inputs.apply, inputs.calibration, inputs.other_device)
+    elif apply_options:
+        raise InputError(f"{' and '.join(apply_options)} needs a run; add --apply RUN")
+    else:
+        _calibrate(inputs)
+
+
+def _find_given_options(inputs: CalibrateInputs) -> list[str]:
+    """Return the options whose values differ from the defaults."""
+    return [
+        item.option
+        for item in items(CalibrateInputs)
+        if attrgetter(item.key)(inputs) != item.default
+    ]
+
+
+def _apply_to_run(path: Path, file: Path | None, other_device: bool) -> None:
+    from benchtool.acquire.recalibrate import recalibrate
+    from benchtool.data.calibration import parse_calibration, read_calibration
+    from benchtool.data.run.run import Run
+    from benchtool.data.run.state import recall_latest
+
+    run = Run.open(path)
+    if file is not None:
+        calibration = read_calibration(file)
+    else:
+        device_id = str(run.metadata.get("device_id", ""))
+        latest = recall_latest("calibration", device_id)
+        if latest is None:
+            raise CalibrationError(
+                f"no stored calibration for device {device_id!r}; add --calibration FILE"
+            )
+        calibration = parse_calibration(latest, f"the latest calibration of {device_id}")
+    folder = recalibrate(run, calibration, other_device=other_device)
+    print(f"points with calibration {calibration.id}: {folder}")
+
+
+def _calibrate(inputs: CalibrateInputs) -> None:
     from dataclasses import asdict
 
     from benchtool.acquire.calibration import (

@@ -60,7 +60,7 @@ class ExplainArguments(ExplainInputs):
 
 @command_from_inputs(ExplainArguments)
 def explain(inputs: ExplainArguments) -> None:
-    """Name the effect that a model lacks, and show the gap shrink
+    """Identify effects that a model lacks.
 
     The first line printed is the verdict: an effect, several, a class that this data cannot
     separate, none, or unknown. The last lines say what was added to which file and what to type

@@ -45,7 +45,7 @@ class ExportInputs(Inputs):
 
 @command_from_inputs(ExportInputs)
 def export(inputs: ExportInputs) -> None:
-    """Write a fitted model for simulators, autopilots and firmware."""
+    """Export a model for simulators, autopilots and firmware."""
     from benchtool.api import export as export_model
 
     for path in export_model(

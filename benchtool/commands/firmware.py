@@ -25,7 +25,7 @@ class FirmwareInputs(Inputs):
 
 @command_from_inputs(FirmwareInputs)
 def firmware(inputs: FirmwareInputs) -> None:
-    """Write the firmware that makes an Arduino a rotor bench."""
+    """Generate bench firmware for an Arduino."""
     from secrets import token_hex
 
     from benchtool.bench.serial.sketch_files import BOARDS, sketch_files

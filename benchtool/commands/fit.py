@@ -53,7 +53,7 @@ def _completed(given: dict[str, Any]) -> FitArguments:
 
 @command_from_inputs(FitArguments, _completed)
 def fit(inputs: FitArguments) -> None:
-    """Fit a ground-effect model to run folders or any CSV."""
+    """Fit a ground-effect model to runs or CSV files."""
     import sys
 
     from benchtool.commands.terminal.show_fit import print_fit, progress_status

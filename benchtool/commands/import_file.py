@@ -40,9 +40,7 @@ class ImportInputs(Inputs):
     ] = None
     propeller: Annotated[
         str,
-        Input(
-            "Propeller on the stand: name (benchtool propellers), file, or size in inches: 10x4.5."
-        ),
+        Input("Propeller: name (benchtool library propellers), file, or size in inches: 10x4.5."),
     ] = ""
     hover: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
@@ -81,7 +79,7 @@ class ImportInputs(Inputs):
 
 @command_from_inputs(ImportInputs)
 def import_(inputs: ImportInputs) -> None:
-    """Import flight logs and other makers' files, repairs listed"""
+    """Import flight logs and files of other test stands."""
     from benchtool.commands.terminal.show_import import print_import
     from benchtool.data.formats.formats import import_files
     from benchtool.data.repairs.import_result import import_metadata

@@ -1,4 +1,4 @@
-"""`benchtool rigs`, `models` and `effects`: what ships, or one of them in words."""
+"""`benchtool library rigs`, `models` and `effects`: what ships, or one of them in words."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from benchtool.core.inputs import Input, Inputs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShippedInputs(Inputs):
-    """What `benchtool rigs` and `benchtool models` take."""
+    """What `benchtool library rigs` and `benchtool library models` take."""
 
     name: Annotated[
         str, Input("A shipped one or the path of a file; all are listed without.", argument="NAME")
@@ -29,16 +29,16 @@ def models(inputs: ShippedInputs) -> None:
 
 @command_from_inputs(ShippedInputs)
 def rigs(inputs: ShippedInputs) -> None:
-    """List rigs, or show one with the source of every number.
+    """List rigs, or show one with all values and sources.
 
-    `benchtool rigs new` writes one of your own.
+    `benchtool library rigs new` writes one of your own.
     """
     _show("rig", inputs, listed=_listed_rigs, described=_described_rig)
 
 
 @command_from_inputs(ShippedInputs)
 def propellers(inputs: ShippedInputs) -> None:
-    """List propellers, or show one with the source of every number."""
+    """List propellers, or show one with all values and sources."""
     _show("propeller", inputs, listed=_listed_propellers, described=_described_propeller)
 
 
@@ -166,7 +166,7 @@ def _value(rig: object, key: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectsInputs(Inputs):
-    """What `benchtool effects` takes."""
+    """What `benchtool library effects` takes."""
 
     name: Annotated[str, Input("An effect; all are listed without.", argument="NAME")] = ""
     rig: Annotated[str, Input("Whose tolerances to show: shipped rig or TOML file.")] = "beam"

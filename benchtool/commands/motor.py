@@ -27,7 +27,7 @@ class MotorInputs(Inputs):
 
 @command_from_inputs(MotorInputs)
 def motor(inputs: MotorInputs) -> None:
-    """Fit thrust curve and motor constants to tests without a plate."""
+    """Fit thrust curve and motor constants to runs without a plate."""
     import sys
 
     from benchtool.api import motor as motor_of

@@ -36,7 +36,7 @@ class PoolInputs(Inputs):
 
 @command_from_inputs(PoolInputs)
 def pool(inputs: PoolInputs) -> None:
-    """Pool fits of rigs: mean, spread, and which rigs differ"""
+    """Combine fits of several rigs in a hierarchical model."""
     import sys
 
     from benchtool.commands.terminal.tables import Output, print_table

@@ -1,4 +1,4 @@
-"""`benchtool ports` and `doctor`: serial ports, and what keeps one from working."""
+"""Command `benchtool ports`: list of serial ports, or diagnosis of one."""
 
 from __future__ import annotations
 
@@ -9,62 +9,71 @@ import typer
 from annotated_types import Ge, Le
 
 from benchtool.commands.input_commands import command_from_inputs
+from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
+
+DEFAULT_BAUD = 2_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PortsInputs(Inputs):
-    """What `benchtool ports` takes."""
+    """Options of `benchtool ports`."""
 
-    probe: Annotated[bool, Input("Open every port and ask who is there; resets boards.")] = False
-    baud: Annotated[int, Ge(1), Le(100_000_000), Input("Bits per second for --probe.")] = 2_000_000
+    port: Annotated[
+        str,
+        Input("Port to diagnose: /dev/ttyUSB0, COM12, or a bench address.", argument="PORT"),
+    ] = ""
+    probe: Annotated[bool, Input("Open each port and identify the device; resets boards.")] = False
+    baud: Annotated[int, Ge(1), Le(100_000_000), Input("Baud rate for --probe.")] = DEFAULT_BAUD
 
 
 @command_from_inputs(PortsInputs)
 def ports(inputs: PortsInputs) -> None:
-    """List serial ports and, with --probe, what answers on them."""
+    """List serial ports and diagnose connection problems.
+
+    Without PORT, all serial ports are listed. With PORT, the exit code is 3 if there is a problem.
+    """
+    if not inputs.port:
+        _list_ports(inputs)
+    elif inputs.probe or inputs.baud != DEFAULT_BAUD:
+        raise InputError("--probe and --baud are for the list of all ports; remove them or PORT")
+    else:
+        _diagnose_port(inputs.port)
+
+
+def _list_ports(inputs: PortsInputs) -> None:
     from benchtool.bench.ports import identify_port, serial_ports
     from benchtool.bench.transport.serial_port import SerialPort
 
-    found = serial_ports()
-    if not found:
-        print("no serial ports; plug a bench in, or try: benchtool bench serve")
-    for port in found:
-        number = f"serial number {port.serial_number}" if port.serial_number else ""
-        words = [word for word in (port.description, port.usb, number) if word]
-        print(f"serial:{port.name}  {', '.join(words)}")
+    found_ports = serial_ports()
+    if not found_ports:
+        print("no serial ports; connect a bench, or try: benchtool bench serve")
+    for port in found_ports:
+        serial_number = f"serial number {port.serial_number}" if port.serial_number else ""
+        details = [text for text in (port.description, port.usb, serial_number) if text]
+        print(f"serial:{port.name}  {', '.join(details)}")
         if port.by_id:
-            print(f"    lasting name: serial:{port.by_id}")
+            print(f"    persistent name: serial:{port.by_id}")
         if inputs.probe:
             answer = identify_port(SerialPort(port.name, inputs.baud), port.name)
             print(f"    {answer.kind}: {answer.text}")
-    if found and not inputs.probe:
-        print("--probe asks each who is there; opening a port resets many boards")
+    if found_ports and not inputs.probe:
+        print("--probe identifies the devices; opening a port resets many boards")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DoctorInputs(Inputs):
-    """What `benchtool doctor` takes."""
-
-    port: Annotated[
-        str, Input("What to look at: /dev/ttyUSB0, COM12, or a bench's address.", argument="PORT")
-    ] = ""
-
-
-@command_from_inputs(DoctorInputs)
-def doctor(inputs: DoctorInputs) -> None:
-    """Explain what keeps a serial port from working."""
-    from benchtool.bench import ports
-
-    place = ports.parse_serial_port(inputs.port)
-    found = (
-        ports.network_findings(inputs.port)
-        if place is None
-        else ports.findings(ports.probe_environment(place))
+def _diagnose_port(address: str) -> None:
+    from benchtool.bench.ports import (
+        findings,
+        network_findings,
+        parse_serial_port,
+        probe_environment,
     )
-    for finding in found:
+
+    port = parse_serial_port(address)
+    diagnosis = network_findings(address) if port is None else findings(probe_environment(port))
+    for finding in diagnosis:
         print(f"{finding.verdict:11}  {finding.name}: {finding.sentence}")
         if finding.fix:
             print(f"{'':11}  -> {finding.fix}")
-    if any(finding.verdict == "problem" for finding in found):
+    if any(finding.verdict == "problem" for finding in diagnosis):
         raise typer.Exit(3)

@@ -64,7 +64,7 @@ class RecordInputs(Inputs):
 
 @command_from_inputs(RecordInputs)
 def record(inputs: RecordInputs) -> None:
-    """Record a pitch experiment from a bench into a run folder."""
+    """Record a pitch experiment."""
     from benchtool.acquire.inputs import resolve_rig
 
     record_experiment(inputs, resolve_rig(inputs.address, inputs.rig))

@@ -69,7 +69,7 @@ class ReportInputs(Inputs):
 
 @command_from_inputs(ReportInputs)
 def report(inputs: ReportInputs) -> None:
-    """Write a report page of a run, fit or recording"""
+    """Write an HTML report of a run, fit or recording."""
     import sys
 
     from benchtool.explain.pitch.replay import ReplayInputs

@@ -1,4 +1,4 @@
-"""`benchtool rigs new`: a rig file with what its use needs, and nothing assumed."""
+"""`benchtool library rigs new`: a rig file with what its use needs, and nothing assumed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Pulse = Annotated[float, Gt(0.0), Le(20_000.0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NewRigInputs(Inputs):
-    """What `benchtool rigs new` takes; what is left out is asked, as far as the use needs it."""
+    """Options of `benchtool library rigs new`; required values that are missing are asked."""
 
     file: Annotated[Path, Input("File to write, such as mine.toml.", argument="FILE")]
     purpose: Annotated[
@@ -41,7 +41,7 @@ class NewRigInputs(Inputs):
         Length | None, Input("Rotor radius.", "m", default_text="the propeller's, or asked")
     ] = None
     propeller: Annotated[
-        str, Input("Propeller: name (benchtool propellers), file, or size in inches: 10x4.5.")
+        str, Input("Propeller: name (benchtool library propellers), file, or inches: 10x4.5.")
     ] = ""
     rotors: Annotated[int, Ge(1), Le(16), Input("How many rotors, evenly around the centre.")] = 1
     arm: Annotated[
@@ -82,7 +82,7 @@ class NewRigInputs(Inputs):
 
 @command_from_inputs(NewRigInputs)
 def new_rig(inputs: NewRigInputs) -> None:
-    """Write a rig file of your own, asking what its use needs."""
+    """Create a rig file; asks for missing values."""
     from benchtool.commands.terminal.messages import write_new
     from benchtool.core.errors import WouldOverwrite
     from benchtool.core.rig_file import parse_rig
@@ -99,7 +99,7 @@ def new_rig(inputs: NewRigInputs) -> None:
         f"something needs them"
     )
     name = shlex.quote(str(file))
-    print(f"# see them\nbenchtool rigs {name}")
+    print(f"# see them\nbenchtool library rigs {name}")
     if inputs.purpose == "pitch":
         print(f"# simulate it\nbenchtool simulate pitch --rig {name} --model pitch_beam")
         return

@@ -1,4 +1,4 @@
-"""`benchtool runs ...` and `recalibrate`: find, label, query and mend runs that are on disk."""
+"""Commands `benchtool runs ...`: list, label, query and repair runs on disk."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge
 
 from benchtool.commands.input_commands import command_from_inputs
-from benchtool.core.errors import CalibrationError, InputError
+from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs
 from benchtool.data.catalogue.entry import Entry
 from benchtool.data.catalogue.filters import ChoiceInputs
@@ -27,7 +27,7 @@ class ListInputs(ChoiceInputs):
 
 @command_from_inputs(ListInputs)
 def list_(inputs: ListInputs) -> None:
-    """List runs, fits and recordings, chosen by rig, date, distance, tag and more"""
+    """List runs, fits and recordings."""
     _list(inputs)
 
 
@@ -42,7 +42,7 @@ class SearchInputs(ListInputs):
 
 @command_from_inputs(SearchInputs)
 def search(inputs: SearchInputs) -> None:
-    """Find runs by words that stand anywhere in name, rig, date, tags, notes"""
+    """Search runs by name, rig, date, tags and notes."""
     _list(inputs)
 
 
@@ -93,7 +93,7 @@ class QueryInputs(ChoiceInputs):
 
 @command_from_inputs(QueryInputs)
 def query(inputs: QueryInputs) -> None:
-    """Query points, samples and fits of all that is chosen with SQL (DuckDB)"""
+    """Query points, samples and fits with SQL (DuckDB)."""
     from benchtool.data.catalogue.filters import find_entries
     from benchtool.data.catalogue.query import run_query, write_result
 
@@ -125,7 +125,7 @@ class TagInputs(Inputs):
 
 @command_from_inputs(TagInputs)
 def tag(inputs: TagInputs) -> None:
-    """Give runs and fits tags, or take some away; without --add and --remove, show them"""
+    """Add, remove or show tags of runs and fits."""
     from benchtool.data.run.labels import check_labels, label
 
     check_labels(inputs.runs, inputs.add, inputs.remove)
@@ -144,7 +144,7 @@ class NoteInputs(Inputs):
 
 @command_from_inputs(NoteInputs)
 def note(inputs: NoteInputs) -> None:
-    """Write a note about a run or fit, with the date and who wrote it"""
+    """Add a note with date and author to a run or fit."""
     import getpass
     from datetime import datetime
 
@@ -164,7 +164,7 @@ class ShowInputs(Inputs):
 
 @command_from_inputs(ShowInputs)
 def show(inputs: ShowInputs) -> None:
-    """Show what the catalogue knows of runs and fits, with their tags and notes"""
+    """Show the catalogue entries of runs and fits."""
     for facts in [_facts(path) for path in inputs.runs]:
         for name, value in facts.items():
             print(f"{name:<12} {value}".rstrip())
@@ -172,7 +172,7 @@ def show(inputs: ShowInputs) -> None:
 
 @command_from_inputs(ShowInputs)
 def compare(inputs: ShowInputs) -> None:
-    """Set runs side by side: what they are, and T_IGE/T_OGE by z/R; report draws them"""
+    """Compare runs: metadata, and T_IGE/T_OGE by z/R."""
     from benchtool.core.plural import pluralize
     from benchtool.data.run.settings import ratios_by_distance
 
@@ -208,7 +208,7 @@ def _facts(path: Path) -> dict[str, str]:
 
 @command_from_inputs(ShowInputs)
 def verify(inputs: ShowInputs) -> None:
-    """Check runs against the hashes that they state; exit code 2 where one differs"""
+    """Verify the file hashes of runs; exit code 2 on a mismatch."""
     from benchtool.data.run.entry import verify_run
 
     wrong = 0
@@ -233,7 +233,7 @@ class RunExportInputs(Inputs):
 
 @command_from_inputs(RunExportInputs)
 def export(inputs: RunExportInputs) -> None:
-    """Write samples, points or settings of a run as MCAP, Parquet or CSV"""
+    """Export samples, points or settings of a run as MCAP, Parquet or CSV."""
     from benchtool.core.errors import WouldOverwrite
     from benchtool.data.atomic import replace_bytes
     from benchtool.data.run.run import Run
@@ -256,7 +256,7 @@ class MergeInputs(Inputs):
 
 @command_from_inputs(MergeInputs)
 def merge(inputs: MergeInputs) -> None:
-    """Merge several runs of one rig and propeller into a new run folder"""
+    """Merge runs of one rig and propeller into a new run folder."""
     from benchtool.core.plural import pluralize
     from benchtool.data.run.merge import merge_runs
     from benchtool.data.run.read import parts_of
@@ -274,7 +274,7 @@ class CloseInputs(Inputs):
 
 @command_from_inputs(CloseInputs)
 def close(inputs: CloseInputs) -> None:
-    """Mend what a killed program left of runs and write their tables; safe to repeat."""
+    """Repair interrupted runs and write their tables; can be repeated."""
     from benchtool.acquire.resume import close_run
     from benchtool.data.run.run import Run
 
@@ -284,37 +284,3 @@ def close(inputs: CloseInputs) -> None:
         reason = f" ({facts['reason']})" if facts.get("reason") else ""
         done = "closed" if written else "it was closed already"
         print(f"{run.path}: {done}; {facts.get('state', '')}{reason}")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecalibrateInputs(Inputs):
-    """What `benchtool recalibrate` takes."""
-
-    run: Annotated[Path, Input("The run folder.", argument="RUN")]
-    calibration: Annotated[
-        Path | None, Input("Calibration file.", default_text="the device's latest")
-    ] = None
-    other_device: Annotated[bool, Input("Take one of another device; noted in the run.")] = False
-
-
-@command_from_inputs(RecalibrateInputs)
-def recalibrate_run(inputs: RecalibrateInputs) -> None:
-    """Apply a calibration to a run, its raw data untouched."""
-    from benchtool.acquire.recalibrate import recalibrate
-    from benchtool.data.calibration import parse_calibration, read_calibration
-    from benchtool.data.run.run import Run
-    from benchtool.data.run.state import recall_latest
-
-    opened = Run.open(inputs.run)
-    if inputs.calibration is not None:
-        chosen = read_calibration(inputs.calibration)
-    else:
-        device_id = str(opened.metadata.get("device_id", ""))
-        latest = recall_latest("calibration", device_id)
-        if latest is None:
-            raise CalibrationError(
-                f"no calibration of device {device_id!r} is known here; give --calibration FILE"
-            )
-        chosen = parse_calibration(latest, f"the latest calibration of {device_id}")
-    folder = recalibrate(opened, chosen, other_device=inputs.other_device)
-    print(f"points through calibration {chosen.id}: {folder}")

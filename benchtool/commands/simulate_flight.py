@@ -10,7 +10,7 @@ from benchtool.simulate.flight.inputs import FlightInputs
 
 @command_from_inputs(FlightInputs)
 def flight(inputs: FlightInputs) -> None:
-    """Simulate flights over an obstacle under each controller.
+    """Simulate flights over an obstacle with each controller.
 
     Numbers, recordings, a figure; or a campaign of many flights.
     """

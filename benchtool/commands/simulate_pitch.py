@@ -10,7 +10,7 @@ from benchtool.simulate.pitch.inputs import PitchInputs
 
 @command_from_inputs(PitchInputs)
 def pitch(inputs: PitchInputs) -> None:
-    """Simulate the pitch bench under each controller.
+    """Simulate a pitch bench with each controller.
 
     Numbers, recordings, a figure; or a campaign of many runs.
     """

@@ -21,7 +21,7 @@ class StopInputs(Inputs):
 
 @command_from_inputs(StopInputs)
 def stop(inputs: StopInputs) -> None:
-    """Stop the motors of every bench of this user."""
+    """Stop the motors of every bench that this user runs."""
     from concurrent.futures import ThreadPoolExecutor
 
     from benchtool.acquire.stop_listener import find_benches, stop_folder

@@ -18,7 +18,7 @@ def _base(given: dict[str, Any]) -> SweepInputs:
 
 @command_from_inputs(SweepInputs, _base)
 def sweep(inputs: SweepInputs) -> None:
-    """Sweep plate distance and throttle into a run folder."""
+    """Sweep plate distance and throttle."""
     from benchtool.acquire.sweep_run import run_sweep_to_folder
 
     run_sweep_to_folder(inputs, TERMINAL, announce_code)

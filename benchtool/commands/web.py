@@ -34,7 +34,7 @@ class WebInputs(Inputs):
 
 @command_from_inputs(WebInputs)
 def web(inputs: WebInputs) -> None:
-    """Serve a page to watch, sweep, fit and explain in a browser."""
+    """Start the browser interface."""
     page = import_module(PAGE)
     opened: list[Path | None] = []
 

@@ -149,5 +149,5 @@ def age_text(metadata: Mapping[str, Any]) -> str:
     return (
         f"calibration {known['id']} was {age_days:.0f} days old when the run began, limit "
         f"{limit_days:g} (sensors.thrust_N.valid_days of the rig); calibrate again, then "
-        f"benchtool recalibrate"
+        f"benchtool calibrate --apply RUN"
     )

@@ -23,7 +23,7 @@ class ExplainInputs(Inputs):
         ),
     ] = ()
     model: Annotated[
-        str, Input("Shipped model (benchtool models) or the path of a model file.")
+        str, Input("Model name (benchtool library models) or path of a model file.")
     ] = ""
     rig: Annotated[str | None, Input("Rig of a CSV: shipped name or path; runs carry theirs.")] = (
         None

@@ -47,7 +47,7 @@ class Recipe(Inputs):
         Input("Run folders or CSV files; none with --recipe.", argument="DATA"),
     ]
     model: Annotated[
-        str, Input("Shipped model (benchtool models) or the path of a model file.", label="Model")
+        str, Input("Model name (benchtool library models) or path of a model file.", label="Model")
     ]
     description: str = ""  # what question it answers
     rig: Annotated[

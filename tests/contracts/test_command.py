@@ -19,6 +19,7 @@ from tests.unit.commands.command_line import run
 
 WRITTEN = Path(__file__).parents[2] / "docs" / "reference" / "commands.md"
 
+REMOVED = ("doctor", "recalibrate", "rigs", "propellers", "models", "effects")
 RUNNABLE = [name for name, (where, _) in COMMANDS.items() if where]
 
 REFUSED: dict[str, list[tuple[str, str]]] = {
@@ -48,8 +49,13 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("nowhere other --out x", "nowhere: this is no run folder"),
     ],
     "runs close": [("nowhere", "nowhere")],
-    "calibrate": [("--gravity 1", "--gravity is 1 m/s2, allowed is 9.76 to 9.84 m/s2")],
-    "recalibrate": [("nowhere", "nowhere")],
+    "calibrate": [
+        ("--gravity 1", "--gravity is 1 m/s2, allowed is 9.76 to 9.84 m/s2"),
+        ("--apply nowhere", "nowhere"),
+        ("sim:pquad --apply nowhere", "--apply cannot be combined with ADDRESS"),
+        ("--apply nowhere --mass-u 0.1 --add x", "combined with --mass-u, --add; allowed with it"),
+        ("sim:pquad --masses 0,1 --other-device", "--other-device needs a run; add --apply RUN"),
+    ],
     "import": [("a.csv --near-m -1", "--near-m is -1 m, allowed is 0 to 100,000 m")],
     "export": [
         ("single --to unity", "unknown --to 'unity'; known: all, ardupilot"),
@@ -166,7 +172,12 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("--out taken/file/bench", "cannot be written"),
         ("", "Missing option '--out'"),
     ],
-    "ports": [("--baud 0", "--baud is 0, allowed is 1 to 100,000,000")],
+    "ports": [
+        ("--baud 0", "--baud is 0, allowed is 1 to 100,000,000"),
+        ("--udevrule", "--udevrule"),
+        ("serial:/dev/x --probe", "are for the list of all ports; remove them or PORT"),
+        ("sim:pquad", "has no port to look at"),
+    ],
     "pool": [
         ("", "0 fits given; pooling needs folders of 2 or more fits"),
         ("a b --seed -1", "--seed is -1, allowed is 0 or more"),
@@ -177,12 +188,11 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("", "nothing is given; name runs without a plate, or logs of a stand"),
         ("nowhere.csv", "nowhere.csv: there is no such file or run folder; check the path"),
     ],
-    "doctor": [("--udevrule", "--udevrule")],
-    "rigs": [("pqad", "did you mean 'pquad'")],
-    "propellers": [("apc_10x7s", "did you mean 'apc_10x7sf'")],
-    "rigs new": [("mine --radius -1", "--radius is -1 m, allowed is above 0")],
-    "models": [("sngle", "did you mean 'single'")],
-    "effects": [("body_lft", "did you mean 'body_lift'")],
+    "library rigs": [("pqad", "did you mean 'pquad'")],
+    "library rigs new": [("mine --radius -1", "--radius is -1 m, allowed is above 0")],
+    "library propellers": [("apc_10x7s", "did you mean 'apc_10x7sf'")],
+    "library models": [("sngle", "did you mean 'single'")],
+    "library effects": [("body_lft", "did you mean 'body_lift'")],
 }
 """Words that a command refuses, and what its sentence says; `taken` and `taken.js` are there."""
 
@@ -214,6 +224,12 @@ def test_it_is_refused_in_one_sentence_and_leaves_nothing(
     sentences = [line for line in error.splitlines() if not line.startswith("runs Python code of")]
     assert len(sentences) == 1
     assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("name", REMOVED)
+def test_a_removed_command_is_unknown(name, capsys):
+    assert run(name, "x") == 2
+    assert f"unknown command '{name}'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", RUNNABLE)

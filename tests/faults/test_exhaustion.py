@@ -53,7 +53,7 @@ def benchtool(
     return done.returncode, done.stderr.strip().splitlines()[-1] if done.stderr.strip() else ""
 
 
-@pytest.mark.parametrize("words", [("rigs",), (*SWEEP, "run")], ids=["list", "sweep"])
+@pytest.mark.parametrize("words", [("library", "rigs"), (*SWEEP, "run")], ids=["list", "sweep"])
 def test_a_full_output(tmp_path, words):
     code, said = benchtool(tmp_path, *words, output="/dev/full")
     assert said == ("benchtool: standard output cannot be written: no space left on device")

@@ -50,10 +50,10 @@ def said(tmp_path, monkeypatch, capsys):
         (["import", "t.csv", "--out", "t.csv/o.csv"], "t.csv"),
         (["import", "fifo", "--dry-run"], "this is a pipe"),
         (["import", "/dev/zero", "--dry-run"], "this is a device"),
-        (["rigs", "fifo"], "this is a pipe"),
-        (["rigs", LONG], "unknown rig"),
-        (["rigs", f"{LONG}.toml"], "file name too long"),
-        (["models", "/dev/zero"], "this is a device"),
+        (["library", "rigs", "fifo"], "this is a pipe"),
+        (["library", "rigs", LONG], "unknown rig"),
+        (["library", "rigs", f"{LONG}.toml"], "file name too long"),
+        (["library", "models", "/dev/zero"], "this is a device"),
         (["sweep", "sim:pquad_single", "--plan", "fifo", "--dry-run"], "this is a pipe"),
         (["sweep", "sim:pquad_single", "--plan", "/dev/zero", "--dry-run"], "this is a device"),
         (["fit", "fifo", "--model", "single"], "this is a pipe"),
@@ -93,11 +93,11 @@ def test_words_and_paths(said, tmp_path, words, says):
     ],
     ids=lambda address: address[:45].replace("\0", "NUL"),
 )
-@pytest.mark.parametrize("command", ["sweep", "doctor"])
+@pytest.mark.parametrize("command", ["sweep", "ports"])
 def test_addresses(said, command, address):
     words = [*SWEEP[2:], "--rig", "pquad_single", "--yes"] if command == "sweep" else []
     code, err = said(command, address, *words)
-    assert code in (2, 3) or command == "doctor"
+    assert code in (2, 3) or command == "ports"
     assert err.count("\n") <= 1
 
 
@@ -106,8 +106,8 @@ def test_addresses(said, command, address):
     "words",
     [
         ["sweep", "sim:pquad_single", "--plan", "x.toml", "--dry-run"],
-        ["rigs", "x.toml"],
-        ["models", "x.toml"],
+        ["library", "rigs", "x.toml"],
+        ["library", "models", "x.toml"],
         ["simulate", "pitch", "--gains", "x.toml", "--duration-s", "1"],
         ["simulate", "pitch", "--schedule", "x.toml", "--duration-s", "1"],
         ["simulate", "flight", "--map", "x.toml", "--duration-s", "1"],

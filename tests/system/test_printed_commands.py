@@ -80,12 +80,12 @@ def names(session: Session) -> list[str]:
 
 
 def test_what_rigs_new_prints_runs(session):
-    session.run("rigs", "new", "mine", "--radius", "0.12", deep=1)
-    assert names(session) == ["rigs", "rigs", "sweep"]
+    session.run("library", "rigs", "new", "mine", "--radius", "0.12", deep=1)
+    assert names(session) == ["library", "library", "sweep"]
 
 
 def test_what_explain_prints_runs_on_a_rig_of_ones_own(session):
-    session.run("rigs", "new", "mine", "--radius", "0.12")
+    session.run("library", "rigs", "new", "mine", "--radius", "0.12")
     Path("model.toml").write_text(MODEL)
     Path("truth.toml").write_text(MODEL + "[effects.plate_offset]\ndz_m = 0.012\n")
     options = ["--pwm", "1500,1600", "--repeats", "2", "--yes"]
@@ -98,7 +98,7 @@ def test_what_explain_prints_runs_on_a_rig_of_ones_own(session):
         ["report", "fitted", "--out", "page.html"],
         ["fit", "check", "--model", "fitted/model.toml", "--noise", "scale"],
         ["sweep", "sim:fitted/rig.toml?truth=fitted/model.toml", "--dry-run"],
-        ["models", "fitted/model.toml"],
+        ["library", "models", "fitted/model.toml"],
     ):
         session.run(*words)
     words = ["explain", "learn", "--model", "fitted/model.toml", "--check", "check"]

@@ -229,12 +229,13 @@ def test_a_calibration_follows_every_run(capsys):
     other = json.loads(Path("c.json").read_text()) | {"device_id": "bench-7", "id": "other"}
     Path("other.json").write_text(json.dumps(other))
     capsys.readouterr()
-    assert call("recalibrate", "plain", "--calibration", "other.json") == 2
+    assert call("calibrate", "--apply", "plain", "--calibration", "other.json") == 2
     assert "made on device 'bench-7', but run plain is 'virtual" in capsys.readouterr().err
-    assert call("recalibrate", "plain", "--calibration", "other.json", "--other-device") == 0
+    words = ["plain", "--calibration", "other.json", "--other-device"]
+    assert call("calibrate", "--apply", *words) == 0
     facts = json.loads(Path("plain/recalibrated-other/metadata.json").read_text())
     assert facts["calibration_of_other_device"] is True
-    assert call("recalibrate", "plain", "--calibration", "c.json") == 0
+    assert call("calibrate", "--apply", "plain", "--calibration", "c.json") == 0
     again = next(Path("plain").glob("recalibrated-2*"))
     np.testing.assert_allclose(
         read_points(again, KINDS).column("thrust_N")[1:],

@@ -99,7 +99,7 @@ def opening_error(error: Exception, where: str, windows: bool = False) -> LinkEr
         )
     if _denied(number, text):
         return PortDenied(
-            f"{where} may not be opened by this user; `benchtool doctor` names the missing group"
+            f"{where} may not be opened by this user; `benchtool ports PORT` names its group"
         )
     if isinstance(error, socket.gaierror | UnicodeError):
         return NoDevice(f"the host of {where} is not known; correct its name in the address")

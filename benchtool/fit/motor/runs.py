@@ -135,8 +135,8 @@ def _rig_of(logs: Sequence[_Log], propeller: Propeller | None) -> Rig:
     if diameter_m is None:
         raise InputError(
             f"{first} does not say which propeller turned; name it when the log is imported, or "
-            f"add --propeller with its size in inches, as 5x4.5, its name (benchtool propellers), "
-            f"or --rig with a rig file"
+            f"add --propeller with its size in inches, as 5x4.5, its name (benchtool library "
+            f"propellers), or --rig with a rig file"
         )
 
     def joined(name: str, turning: bool = True) -> Array:

@@ -1,4 +1,4 @@
-"""`benchtool rigs new` asks for what a use needs and leaves the rest out."""
+"""`benchtool library rigs new` asks for what a use needs and leaves the rest out."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_a_fit_needs_a_radius_alone(capsys):
-    code, out, _ = said(capsys, *["rigs", "new", "mine", "--radius", "0.127"])
+    code, out, _ = said(capsys, *["library", "rigs", "new", "mine", "--radius", "0.127"])
     rig = load_rig_by_name("mine.toml")
     assert (code, rig.propulsion.radius_m, len(rig.sources) - len(rig.not_stated)) == (0, 0.127, 1)
-    assert "benchtool rigs mine.toml" in out
+    assert "benchtool library rigs mine.toml" in out
 
 
 def test_what_is_missing_is_asked_on_a_terminal(monkeypatch, capsys):
     typed = "0.12\n50\n\nhnad\nhand\n0.05,0.6\n"
     monkeypatch.setattr("sys.stdin", Terminal(typed))
-    code, out, _ = said(capsys, *["rigs", "new", "mine.toml", "--for", "sweep"])
+    code, out, _ = said(capsys, *["library", "rigs", "new", "mine.toml", "--for", "sweep"])
     assert code == 0
     rig = load_rig_by_name("mine.toml")
     assert (rig.limits.load_cell_rating_N, rig.limits.thrust_N) == (50.0, 40.0)
@@ -58,22 +58,23 @@ def test_what_is_missing_is_asked_on_a_terminal(monkeypatch, capsys):
 )
 def test_what_is_missing_or_wrong_is_refused_without_a_terminal(words, reason, monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
-    code, _, error = said(capsys, *f"rigs new mine.toml {words}".split())
+    code, _, error = said(capsys, *f"library rigs new mine.toml {words}".split())
     assert (code, reason in error) == (2, True), error
     assert not Path("mine.toml").exists()
 
 
 def test_a_file_that_is_there_stays(capsys):
     Path("mine.toml").write_text("mine")
-    code, _, error = said(capsys, *["rigs", "new", "mine.toml", "--radius", "0.1"])
+    code, _, error = said(capsys, *["library", "rigs", "new", "mine.toml", "--radius", "0.1"])
     assert (code, "exists already" in error) == (2, True), error
     assert Path("mine.toml").read_text() == "mine"
 
 
 def test_the_next_propeller_of_a_motor_is_one_command(capsys):
-    words = "rigs new a.toml --for motor --propeller 10x4.5 --cell 5kgf --pulses 1000,1050,1950"
-    assert said(capsys, *words.split(), "--current", "30")[0] == 0
-    words = "rigs new b.toml --for motor --like a.toml --propeller 9x6"
+    words = "library rigs new a.toml --for motor --propeller 10x4.5 --cell 5kgf"
+    words += " --pulses 1000,1050,1950 --current 30"
+    assert said(capsys, *words.split())[0] == 0
+    words = "library rigs new b.toml --for motor --like a.toml --propeller 9x6"
     code, out, error = said(capsys, *words.split())
     assert code == 0, error
     first, second = load_rig_by_name("a.toml"), load_rig_by_name("b.toml")

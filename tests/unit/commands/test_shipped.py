@@ -1,4 +1,4 @@
-"""`benchtool rigs` and `benchtool models`: the list, one of them, the file itself, refusals."""
+"""Commands `benchtool library rigs` and `models`: list, details, file text, errors."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from tests.unit.commands.command_line import said as run
     ],
 )
 def test_one_of_them_is_shown_in_words_or_as_its_file(capsys, tmp_path, command, name, line):
-    assert line in run(capsys, command, name)[1]
-    text = run(capsys, command, name, "--toml")[1]
+    assert line in run(capsys, "library", command, name)[1]
+    text = run(capsys, "library", command, name, "--toml")[1]
     assert text == read_named(command[:-1], command, name)[0]
     own = tmp_path / "own.toml"
     own.write_text(text, encoding="utf-8")
-    assert line in run(capsys, command, str(own))[1]
+    assert line in run(capsys, "library", command, str(own))[1]
 
 
 @pytest.mark.parametrize("toml", [[], ["--toml"]])
 def test_what_is_no_rig_and_no_model_is_refused(capsys, tmp_path, toml):
-    code, _, err = run(capsys, "rigs", "pqad", *toml)
+    code, _, err = run(capsys, "library", "rigs", "pqad", *toml)
     assert code == 2
     assert "did you mean 'pquad'" in err
     torn = tmp_path / "torn.toml"
     torn.write_text("name = ", encoding="utf-8")
     for command in ("rigs", "models"):
-        code, out, err = run(capsys, command, str(torn), *toml)
+        code, out, err = run(capsys, "library", command, str(torn), *toml)
         assert (code, out) == (2, "")
         assert "torn.toml" in err
