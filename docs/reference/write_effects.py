@@ -15,15 +15,15 @@ PAGE = Path(__file__).with_name("effects.md")
 HEAD = """# Effects
 
 Every physical effect that benchtool knows, made from the catalogue by
-`docs/reference/write_effects.py`. `benchtool effects NAME` prints the same. At its neutral value an
-effect is exactly absent. An explanation names an effect only on the benches given here; those that
+`docs/reference/write_effects.py`. `benchtool library effects NAME` prints the same. At its neutral
+value an effect is exactly absent. An explanation names an effect only on the benches given here; those that
 are no candidates exist for simulation only.
 
 A change within its tolerance does not matter. A model file may state tolerances of its own. Where
 it states none, they go with the vehicle: torques with m g L, forces with m g, the centre of gravity
 with the arm, the plate's distance with the rotor radius. The tables give them for a pitch bench of
-the rig `beam` and for a plate sweep of the rig `pquad`; `benchtool effects NAME --rig RIG` prints
-them for another.
+the rig `beam` and for a plate sweep of the rig `pquad`; `benchtool library effects NAME --rig RIG`
+prints them for another.
 
 ## Laws of thrust against distance
 
