@@ -16,8 +16,8 @@ HEAD = """# Effects
 
 Every physical effect that benchtool knows, made from the catalogue by
 `docs/reference/write_effects.py`. `benchtool library effects NAME` prints the same. At its neutral
-value an effect is exactly absent. An explanation names an effect only on the benches given here; those that
-are no candidates exist for simulation only.
+value an effect is exactly absent. An explanation names an effect only on the benches given here;
+those that are no candidates exist for simulation only.
 
 A change within its tolerance does not matter. A model file may state tolerances of its own. Where
 it states none, they go with the vehicle: torques with m g L, forces with m g, the centre of gravity
