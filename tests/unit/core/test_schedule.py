@@ -66,7 +66,7 @@ def test_bad_schedules_are_refused(tmp_path):
         Schedule(name="x", title="x", duration_s=1.0, switches=(Switch(at_s=1), Switch(at_s=0)))
     with pytest.raises(InputError, match="duration_s is nan"):
         load_schedule("plate").with_duration(float("nan"))
-    with pytest.raises(InputError, match=r"from_s 1\.5 to_s 1"):
+    with pytest.raises(InputError, match=r"from_s 1\.5 and to_s 1"):
         Signal(shape="step", from_s=1.5, to_s=1.0)
     path = tmp_path / "own.toml"
     path.write_text('name = "own"\ntitle = "own"\nduration_s = -1.0\n', encoding="utf-8")
