@@ -11,40 +11,40 @@ PAGE = Path(__file__).with_name("architecture.md")
 
 HEAD = """# Architecture
 
-Written by `python docs/explanation/write_architecture.py` (tested) from the layers contract in
-`pyproject.toml` and the first line of every package.
+This page lists the packages, the types that carry data, and the registries. It is written by
+`python docs/explanation/write_architecture.py` (tested).
 
 ## Layers
 
-A package imports only from packages on lines below its own; packages on one line do not see each
-other. `make lint` checks it.
+A package imports only from packages on lower lines, never from its own line (`make lint`).
 
 ```text
 """
 
+# File, class and meaning of the types that carry data, from byte to figure.
 CARRIERS = (
-    ("benchtool/bench/bench.py", "Readings", "what a driver has received, on the bench's clock"),
+    ("benchtool/bench/bench.py", "Readings", "samples from a driver, in bench time"),
     (
         "benchtool/core/recording.py",
         "Recording",
-        "channels with units over rows: samples, points, imports",
+        "table of channels with units and provenance",
     ),
-    ("benchtool/physics/conditions.py", "Conditions", "what a model needs to predict rows"),
-    ("benchtool/physics/effects/effect.py", "Flow", "what a hook of an effect sees"),
+    ("benchtool/physics/conditions.py", "Conditions", "inputs of a model's prediction, by row"),
+    ("benchtool/physics/effects/effect.py", "Flow", "flow state passed to the hooks of effects"),
     ("benchtool/core/fit_result.py", "FitResult", "estimates, covariance and diagnosis of a fit"),
     (
         "benchtool/explain/engine/verdict.py",
         "Verdict",
-        "which effect is missing, how probable, and its rivals",
+        "missing effects with probabilities and alternatives",
     ),
     (
         "benchtool/report/figure.py",
         "FigureEntry",
-        "a drawing function with its page, caption and condition",
+        "drawing function with page, caption and condition",
     ),
 )
-"""File, class and meaning of the types that carry data from byte to figure, in that order."""
 
+# Extension, registry and how-to page.
 REGISTRIES = (
     ("an effect", "one file in `benchtool/physics/effects/`", "write-an-effect"),
     ("a driver", "`DRIVERS` in `benchtool/bench/drivers.py`", "write-a-driver"),
@@ -54,11 +54,10 @@ REGISTRIES = (
     ("a command", "`COMMANDS` in `benchtool/commands/app.py`", "write-an-option"),
     ("an option", "a field of the command's inputs", "write-an-option"),
 )
-"""What can be added, where it registers, and the page that shows how."""
 
 
 def layers() -> list[list[str]]:
-    """Return the floors from the top down, each a list of packages."""
+    """Return the layers from the top down, each a list of packages."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     contract = project["tool"]["importlinter"]["contracts"][0]
     return [[name.strip(" ()") for name in line.split("|")] for line in contract["layers"]]
@@ -73,9 +72,11 @@ def first_line(package: str) -> str:
 
 def page() -> str:
     """Return the page."""
-    floors = layers()
-    picture = "\n     |\n     v\n".join("  |  ".join(floor) for floor in floors)
-    rooms = "\n".join(f"| `{room}` | {first_line(room)} |" for floor in floors for room in floor)
+    layer_list = layers()
+    diagram = "\n     |\n     v\n".join("  |  ".join(layer) for layer in layer_list)
+    packages = "\n".join(
+        f"| `{name}` | {first_line(name)} |" for layer in layer_list for name in layer
+    )
     for file, name, _ in CARRIERS:
         assert f"class {name}" in (ROOT / file).read_text("utf-8"), f"{name} is not in {file}"
     data = "\n".join(
@@ -83,15 +84,15 @@ def page() -> str:
         f".{name}) in `{file}`: {meaning}."
         for number, (file, name, meaning) in enumerate(CARRIERS, 1)
     )
-    members = "\n".join(
-        f"| {what} | {where} | [{listed}](../how-to/{listed}.md) |"
-        for what, where, listed in REGISTRIES
+    registries = "\n".join(
+        f"| {extension} | {registry} | [{how_to}](../how-to/{how_to}.md) |"
+        for extension, registry, how_to in REGISTRIES
     )
     return (
-        f"{HEAD}{picture}\n```\n\n| package | holds |\n|---|---|\n{rooms}\n"
-        f"| `library` | Rigs, models, gains, plans, the Arduino sketch: no Python. |\n\n"
-        f"## The data's way\n\nData passes from byte to figure through few types:\n\n{data}\n\n"
-        f"## What can be added\n\n| what | registers in | how |\n|---|---|---|\n{members}\n"
+        f"{HEAD}{diagram}\n```\n\n| package | contents |\n|---|---|\n{packages}\n"
+        f"| `library` | Rigs, models, gains, plans and the Arduino sketch; no Python. |\n\n"
+        f"## Data types\n\nFrom byte to figure:\n\n{data}\n\n"
+        f"## Registries\n\n| extension | registry | how |\n|---|---|---|\n{registries}\n"
     )
 
 
