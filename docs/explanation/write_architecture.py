@@ -46,13 +46,13 @@ CARRIERS = (
 
 # Extension, registry and how-to page.
 REGISTRIES = (
-    ("an effect", "one file in `benchtool/physics/effects/`", "write-an-effect"),
-    ("a driver", "`DRIVERS` in `benchtool/bench/drivers.py`", "write-a-driver"),
-    ("an importer", "`FORMATS` in `benchtool/data/formats/formats.py`", "write-an-importer"),
-    ("a control law", "`LAWS` in `benchtool/simulate/controllers/laws.py`", "write-a-controller"),
-    ("a figure", "`@figure` in `benchtool/report/`, and its page", "write-a-figure"),
-    ("a command", "`COMMANDS` in `benchtool/commands/app.py`", "write-an-option"),
-    ("an option", "a field of the command's inputs", "write-an-option"),
+    ("effect", "one file in `benchtool/physics/effects/`", "write-an-effect"),
+    ("driver", "`DRIVERS` in `benchtool/bench/drivers.py`", "write-a-driver"),
+    ("importer", "`FORMATS` in `benchtool/data/formats/formats.py`", "write-an-importer"),
+    ("control law", "`LAWS` in `benchtool/simulate/controllers/laws.py`", "write-a-controller"),
+    ("figure", "`@figure` in `benchtool/report/`, and its page", "write-a-figure"),
+    ("command", "`COMMANDS` in `benchtool/commands/app.py`", "write-an-option"),
+    ("option", "a field of the command's inputs", "write-an-option"),
 )
 
 
@@ -73,7 +73,7 @@ def first_line(package: str) -> str:
 def page() -> str:
     """Return the page."""
     layer_list = layers()
-    diagram = "\n     |\n     v\n".join("  |  ".join(layer) for layer in layer_list)
+    diagram = "\n".join("  |  ".join(layer) for layer in layer_list)
     packages = "\n".join(
         f"| `{name}` | {first_line(name)} |" for layer in layer_list for name in layer
     )
@@ -85,14 +85,14 @@ def page() -> str:
         for number, (file, name, meaning) in enumerate(CARRIERS, 1)
     )
     registries = "\n".join(
-        f"| {extension} | {registry} | [{how_to}](../how-to/{how_to}.md) |"
+        f"| [{extension}](../how-to/{how_to}.md) | {registry} |"
         for extension, registry, how_to in REGISTRIES
     )
     return (
         f"{HEAD}{diagram}\n```\n\n| package | contents |\n|---|---|\n{packages}\n"
         f"| `library` | Rigs, models, gains, plans and the Arduino sketch; no Python. |\n\n"
         f"## Data types\n\nFrom byte to figure:\n\n{data}\n\n"
-        f"## Registries\n\n| extension | registry | how |\n|---|---|---|\n{registries}\n"
+        f"## Registries\n\n| extension | registry |\n|---|---|\n{registries}\n"
     )
 
 
