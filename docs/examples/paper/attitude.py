@@ -4,7 +4,7 @@ Run: python docs/examples/paper/attitude.py [FOLDER]
 
 The lower rotors of a tilted vehicle gain more. The moment is about the body's centre, which stays
 at its height, for rotors that each give T = m g / n along their axis out of ground effect, n the
-number of rotors, whatever the tilt. Thrusts that also keep the height, m g / (n cos(tilt)), give a
+number of rotors, at any tilt. Thrusts that also keep the height, m g / (n cos(tilt)), give a
 moment greater by 1/cos(tilt).
 """
 

@@ -45,11 +45,11 @@ class Claim(NamedTuple):
     where: str
     says: str
     verdict: str
-    found: str
+    result: str
 
 
-def numbers_of(flown: Any) -> SimpleNamespace:
-    """Return the measures of a flight with what the texts state of them."""
+def collect_measures(flown: Any) -> SimpleNamespace:
+    """Return the measures of a flight that the results quote."""
     measures, x_m = flown.measures, flown.flight["x_m"]
     pitch_deg = np.degrees(flown.flight["pitch_rad"])[(x_m > 2.5) & (x_m < 4.5)]
     names = ("arrives", "arrives_s", "ending", "max_x_m", "push_backs", "max_pitch_deg")
@@ -88,7 +88,7 @@ def flight_numbers() -> dict[str, SimpleNamespace]:
         "soft_15": fly("edge", "feedforward", gains="s1a", map_offset_m=early_m),
         "stiff_15": fly("edge", "feedforward", gains="stiff", map_offset_m=early_m),
     }
-    return {name: numbers_of(flown) for name, flown in flights.items()}
+    return {name: collect_measures(flown) for name, flown in flights.items()}
 
 
 def noise_numbers() -> SimpleNamespace:
@@ -146,6 +146,7 @@ def bench_numbers(
     return SimpleNamespace(**{visit.controller: visit for visit in visits.itertuples()})
 
 
+# Section, claim, gains, condition (or function of the verdict), result.
 CLAIMS: tuple[tuple[str, str, str, Callable[[Any], Any], str], ...] = (
     (
         "3.2, Fig. 12",
@@ -349,11 +350,10 @@ CLAIMS: tuple[tuple[str, str, str, Callable[[Any], Any], str], ...] = (
         "{bench_slow.pid.rebound_deg:+.2f} deg, observer {bench.observer.rebound_deg:+.2f} deg",
     ),
 )
-"""Section, what the paper says, gains, when it comes out (or another verdict), what comes out."""
 
 
 def paper_claims() -> list[Claim]:
-    """Return what comes out of each claim of sections 2.4, 3.2 to 3.5 and 4."""
+    """Return the verdict on each claim of sections 2.4, 3.2 to 3.5 and 4."""
     numbers: dict[str, Any] = {
         **flight_numbers(),
         "noise": noise_numbers(),
@@ -367,11 +367,11 @@ def paper_claims() -> list[Claim]:
     }
     numbers["more_cm"] = 100 * (numbers["early_5"].max_x_m - numbers["edge_free"].max_x_m)
     claims = []
-    for where, says, gain_set, comes_out, found in CLAIMS:
+    for where, says, gain_set, comes_out, result in CLAIMS:
         answer = comes_out(SimpleNamespace(**numbers))
         verdict = answer if isinstance(answer, str) else HOLDS if answer else FAILS
         suffix = f" ({gain_set})" if gain_set in ("stiff", "s1a") else ""
-        claims.append(Claim(where, says, verdict, found.format(**numbers) + suffix))
+        claims.append(Claim(where, says, verdict, result.format(**numbers) + suffix))
     return claims
 
 
@@ -416,6 +416,7 @@ def with_arm(arm_m: float) -> Callable[[Any], Any]:
     return change
 
 
+# Change of s3; expected outcome ("": PID crosses); function that changes the case.
 CHANGES: tuple[tuple[str, str, Callable[[Any], Any]], ...] = (
     ("attitude loop stiffer x1.5", "", stiffer(1.5)),
     ("attitude loop stiffer x2", "", stiffer(2.0)),
@@ -443,7 +444,6 @@ CHANGES: tuple[tuple[str, str, Callable[[Any], Any]], ...] = (
     ("arm 0.2 m", "wall", with_arm(0.2)),
     ("arm 0.255 m", "wall", with_arm(0.255)),
 )
-"""One change of S3 at a time: its name; what is expected, "" where PID crosses; the change."""
 
 
 def changed_flights(change: Callable[[Any], Any], *flights: tuple[str, str, float]) -> list[Any]:
@@ -463,13 +463,13 @@ def sensitivity_claims(changes: Sequence[Any] = CHANGES, sets: int = SETS) -> li
         )
         crossing = f"{over.arrives_s:.1f}" if over.arrives else "never"
         rescue = f"{helped.arrives_s:.1f}" if helped.arrives else "never"
-        found = f"{crossing} ({over.push_backs}), {edge.swing_m:.2f}, {rescue}"
+        result = f"{crossing} ({over.push_backs}), {edge.swing_m:.2f}, {rescue}"
         same = over.arrives != bool(expects) and (helped.arrives or not expects)
         expected = expects or "PID crosses"
         if expects == "wall":
             expected = "wall"
         says = f"{name}: {expected}"
-        claims.append(Claim("sensitivity", says, HOLDS if same else FAILS, found))
+        claims.append(Claim("sensitivity", says, HOLDS if same else FAILS, result))
     return [*claims, joint_claim(sets)]
 
 
@@ -499,17 +499,19 @@ def joint_claim(sets: int) -> Claim:
 def table(claims: Sequence[Claim]) -> str:
     """Return the claims as a table in Markdown, without columns in which all rows are equal."""
     table_rows = [Claim("section", "claim", "verdict", "result"), *claims]
-    kept = [index for index, column in enumerate(zip(*claims, strict=True)) if len({*column}) > 1]
-    rows = [f"| {' | '.join(row[index] for index in kept)} |" for row in table_rows]
-    return "\n".join([rows[0], f"{'|---' * len(kept)}|", *rows[1:]])
+    varying = [
+        index for index, column in enumerate(zip(*claims, strict=True)) if len({*column}) > 1
+    ]
+    rows = [f"| {' | '.join(row[index] for index in varying)} |" for row in table_rows]
+    return "\n".join([rows[0], f"{'|---' * len(varying)}|", *rows[1:]])
 
 
 def with_tables(page: str, tables: Sequence[str]) -> str:
     """Return the page with its tables, each between two comments, replaced."""
     for number, text in enumerate(tables, 1):
         begin, end = f"<!-- table {number} -->", f"<!-- end of table {number} -->"
-        head, _, rest = page.partition(begin)
-        page = f"{head}{begin}\n\n{text}\n\n{end}{rest.partition(end)[2]}"
+        head, _, tail = page.partition(begin)
+        page = f"{head}{begin}\n\n{text}\n\n{end}{tail.partition(end)[2]}"
     return page
 
 

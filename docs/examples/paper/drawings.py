@@ -64,8 +64,8 @@ def environment_map() -> Figure:
     )  # fmt: skip
     path_m = (0.0, 7.0)
     above.plot(path_m, (0.0, 0.0), color=VERMILION, linewidth=2.0)
-    for place, name in zip(path_m, "AB", strict=True):
-        above.text(place, 0.12, name, color="white", fontweight="bold")
+    for x, name in zip(path_m, "AB", strict=True):
+        above.text(x, 0.12, name, color="white", fontweight="bold")
     above.set_ylabel("$y$ [m]")
     above.grid(False)
     figure.colorbar(shading, ax=above, label="height over the obstacle [m]", pad=0.01)
@@ -87,8 +87,8 @@ def cases() -> Figure:
         vehicle(axes, RIG, 0.0, Z_M, alpha=0.35)
         vehicle(axes, RIG, goal, Z_M)
         arrow(axes, (0.35, Z_M + 0.28), (goal - 0.35, Z_M + 0.28), color=BLUE)
-        for place, letter in ((0.0, "A"), (goal, "B")):
-            axes.text(place, Z_M + 0.26, letter, ha="center", fontweight="bold")
+        for x, letter in ((0.0, "A"), (goal, "B")):
+            axes.text(x, Z_M + 0.26, letter, ha="center", fontweight="bold")
         axes.set(title=name, xlim=(-0.6, 7.6), ylim=(-DEPTH_M, Z_M + 0.6), ylabel="height [m]")
         axes.set_aspect("equal")
     panels[-1].set_xlabel("$x$ [m]")
@@ -107,8 +107,8 @@ def plate_set_up() -> Figure:
     thick = 0.03
     for shift, face, line in ((away_m, "none", "--"), (0.0, SOLID, "-")):
         for axes, low, high in ((above, -half_width_m, 2.0 * half_width_m), (side, -thick, thick)):
-            place = (near + shift, low)
-            axes.add_patch(Rectangle(place, end - near, high, fc=face, ec=GREY, linestyle=line))
+            corner = (near + shift, low)
+            axes.add_patch(Rectangle(corner, end - near, high, fc=face, ec=GREY, linestyle=line))
     rotors(above, 0.0, near, half_width_m)
     vehicle(side, RIG, 0.0, Z_M)
     measure(side, (FRONT_M + 0.06, 0.0), (FRONT_M + 0.06, Z_M), "$z$")

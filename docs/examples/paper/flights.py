@@ -167,11 +167,11 @@ def bench(title: str, *controllers: str, **options: Any) -> Figure:
     return figure
 
 
-def draw_pitch(axes: Axes, title: str, time_s: Any, pitch: Any, wanted: Any, over: Any) -> None:
-    """Draw pitch and the pitch that is wanted (rad) while a plate comes and goes."""
-    shown = {"color": OVER, "lw": 0, "transform": axes.get_xaxis_transform()}
-    axes.fill_between(time_s, 0, 1, where=over, **shown)
-    axes.plot(time_s, np.degrees(wanted), color=GREY, lw=1.0, ls="--", label="wanted")
+def draw_pitch(axes: Axes, title: str, time_s: Any, pitch: Any, reference: Any, over: Any) -> None:
+    """Draw pitch and its reference (rad) while a plate comes and goes."""
+    style = {"color": OVER, "lw": 0, "transform": axes.get_xaxis_transform()}
+    axes.fill_between(time_s, 0, 1, where=over, **style)
+    axes.plot(time_s, np.degrees(reference), color=GREY, lw=1.0, ls="--", label="reference")
     axes.plot(time_s, np.degrees(pitch), color=VERMILION, lw=1.2, label="pitch")
     axes.set(title=title, ylabel="pitch [deg]\n(nose down +)")
 
@@ -183,16 +183,16 @@ def plate_in_flight() -> Figure:
     for axes, control in zip(panels, ("pid", "observer"), strict=False):
         hover, title = fly("plate", control).flight, f"free hover, {CONTROLLERS[control]}"
         over = hover["coverage1"] > 1e-3
-        pitch, wanted = hover["pitch_rad"], hover["pitch_ref_rad"]
-        draw_pitch(axes, f"{title}: the vehicle may drift", hover["time_s"], pitch, wanted, over)
+        pitch, reference = hover["pitch_rad"], hover["pitch_ref_rad"]
+        draw_pitch(axes, f"{title}: the vehicle may drift", hover["time_s"], pitch, reference, over)
     for axes, title, settings in (
         (panels[2], "PID", {}),
         (panels[3], "PID with a slow integral", SLOW_INTEGRAL),
     ):
         (run,) = bt.simulate_pitch(("pid",), gains=("s3",), set=settings).found.runs
-        pitch, wanted = run.column("true_theta_rad"), run.column("reference_rad")
+        pitch, reference = run.column("true_theta_rad"), run.column("reference_rad")
         title, over = f"on the hinge with its friction, {title}", run.column("plate_share") > 0.0
-        draw_pitch(axes, title, run.time_s, pitch, wanted, over)
+        draw_pitch(axes, title, run.time_s, pitch, reference, over)
     panels[0].legend(loc="upper right", ncols=2)
     panels[-1].set_xlabel(f"time [s]    (green: a rotor is over the plate)\n{STICTION}")
     return figure
