@@ -40,7 +40,7 @@ from benchtool.simulate.pitch.run import PitchJob, torque_limit_Nm
 from benchtool.simulate.pitch.simulate import simulate_controller, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, noisy_bench, sampled
 
-PAGE = Path(__file__).parents[2] / "docs/how-to/write-a-controller.md"
+PAGE = Path(__file__).parents[2] / "docs/how-to/extend.md"
 
 EACH = pytest.mark.parametrize("name", PITCH_CONTROLLERS)
 SETS = pytest.mark.parametrize("gains", gain_names())

@@ -1,8 +1,8 @@
-"""The device of docs/how-to/write-a-driver.md: lines of text in front of simulated physics."""
+"""Virtual device for docs/examples/text_stand.py: text protocol over simulated physics."""
 
 from __future__ import annotations
 
-import re
+import importlib.util
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -12,15 +12,17 @@ import numpy as np
 from benchtool.bench.serial import commands as wire
 from benchtool.virtual.firmware import Firmware
 
-PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "write-a-driver.md"
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "text_stand.py"
 
 
 def driver_of_the_page() -> ModuleType:
-    """Return the driver that the page writes, as a module."""
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
-    made = ModuleType("text_stand")
-    exec(compile(code, str(PAGE), "exec"), made.__dict__)
-    return made
+    """Return the example driver as a module."""
+    spec = importlib.util.spec_from_file_location("text_stand", EXAMPLE)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 class TextStandDevice:
