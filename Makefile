@@ -16,7 +16,7 @@ PROJECT := pyproject.toml benchtool/__init__.py
 demo: $(RUNTIME)
 	$(BIN)/benchtool demo
 
-# docs/how-to/run-tests.md says what each of these runs and how long it takes.
+# CONTRIBUTING.md lists content and duration of each target.
 PYTEST := $(BIN)/python -m pytest
 PARALLEL := -n logical --dist worksteal
 RESULTS := build/tests
@@ -66,7 +66,7 @@ faults: $(TESTING)
 
 # How to run real firmware beside the tests; builds nothing.
 peers:
-	@sed -n '/^## Beside real firmware/,$$p' docs/how-to/run-tests.md | sed -E \
+	@sed -n '/^## Tests with real firmware/,$$p' CONTRIBUTING.md | sed -E \
 	  -e '/^(<!--|```)/d' -e 's/^## //' -e 's/\[([^]]*)\]\([^)]*\)/\1/g' -e 's/`//g' | cat -s
 
 # How often the intervals hold the truth over 400 simulated sweeps of each kind: every basis, both
