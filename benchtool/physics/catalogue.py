@@ -24,7 +24,7 @@ def _found() -> list[Effect]:
     return sorted(found, key=lambda one: (SUBSYSTEMS.index(one.subsystem), one.order, one.name))
 
 
-HOW_TO = "the form of an effect file is in docs/how-to/write-an-effect.md"
+HOW_TO = "the form of an effect file is in docs/how-to/extend.md#effects"
 EFFECTS: dict[str, Effect] = {effect.name: effect for effect in _found()}
 
 

@@ -46,14 +46,15 @@ CARRIERS = (
 
 # Extension, registry and how-to page.
 REGISTRIES = (
-    ("effect", "one file in `benchtool/physics/effects/`", "write-an-effect"),
-    ("driver", "`DRIVERS` in `benchtool/bench/drivers.py`", "write-a-driver"),
-    ("importer", "`FORMATS` in `benchtool/data/formats/formats.py`", "write-an-importer"),
-    ("control law", "`LAWS` in `benchtool/simulate/controllers/laws.py`", "write-a-controller"),
-    ("figure", "`@figure` in `benchtool/report/`, and its page", "write-a-figure"),
-    ("command", "`COMMANDS` in `benchtool/commands/app.py`", "write-an-option"),
-    ("option", "a field of the command's inputs", "write-an-option"),
+    ("an effect", "one file in `benchtool/physics/effects/`", "effects"),
+    ("a driver", "`DRIVERS` in `benchtool/bench/drivers.py`", "drivers"),
+    ("an importer", "`FORMATS` in `benchtool/data/formats/formats.py`", "importers"),
+    ("a control law", "`LAWS` in `benchtool/simulate/controllers/laws.py`", "control-laws"),
+    ("a figure", "`@figure` in `benchtool/report/`, and its page", "figures"),
+    ("a command", "`COMMANDS` in `benchtool/commands/app.py`", "options"),
+    ("an option", "a field of the command's inputs", "options"),
 )
+"""What can be added, where it registers, and the section of extend.md that shows how."""
 
 
 def layers() -> list[list[str]]:
@@ -84,9 +85,9 @@ def page() -> str:
         f".{name}) in `{file}`: {meaning}."
         for number, (file, name, meaning) in enumerate(CARRIERS, 1)
     )
-    registries = "\n".join(
-        f"| [{extension}](../how-to/{how_to}.md) | {registry} |"
-        for extension, registry, how_to in REGISTRIES
+    members = "\n".join(
+        f"| {what} | {where} | [extend](../how-to/extend.md#{listed}) |"
+        for what, where, listed in REGISTRIES
     )
     return (
         f"{HEAD}{diagram}\n```\n\n| package | contents |\n|---|---|\n{packages}\n"

@@ -13,7 +13,7 @@ HEAD = """# Figures
 
 Every figure that benchtool draws, by the page that shows it, made from the registry by
 `docs/reference/write_figures.py`. The name is also that of its file. How to add one:
-[write a figure](../how-to/write-a-figure.md).
+[write a figure](../how-to/extend.md#figures).
 """
 
 

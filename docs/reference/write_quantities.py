@@ -16,11 +16,12 @@ HEAD = """# Quantities
 What benchtool works out from what a bench measures, made from its table by
 `docs/reference/write_quantities.py`. The report page of a sweep draws and lists them, and
 `settings.csv` and every exported table of points or settings holds them, and so do the data frames
-of [Python](python.md) and the page on which runs are [compared](../how-to/compare.md).
+of [Python](python.md) and the page on which runs are
+[compared](../how-to/fit.md#motors-and-propellers).
 
 - Only what the bench allows appears: without a torque cell there is no C_P, without current no
   efficiency, without a blade's chord no Reynolds number. Chord and diameter come from a
-  [propeller](../how-to/compare.md#propellers), the diameter of a run from its rig.
+  [propeller](../how-to/fit.md#propellers), the diameter of a run from its rig.
 - Each states its origin: measured, from which channels, by the motor's data sheet (`[motor]` of
   the [rig](rig-file.md)), or as the file of another maker states it. A column that a stand wrote
   goes before our own computation of it.

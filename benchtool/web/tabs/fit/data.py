@@ -38,7 +38,7 @@ FIT_CHANNELS = {
     "voltage_V": "",
     "time_s": "",
 }
-"""Channels that a fit uses, as docs/how-to/fit-your-csv.md lists them; those with words for people
+"""Channels that a fit uses, as docs/how-to/fit.md#csv-files lists them; those with words for people
 stand first, the others in a list that can be opened."""
 
 NONE, CONSTANT = "", "\0constant"  # Choices of a column that are no column
