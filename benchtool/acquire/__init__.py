@@ -1,1 +1,1 @@
-"""Plan, arm, sweep, record, tare and calibrate."""
+"""Plans, arming, sweeps, recordings, tare and calibration."""

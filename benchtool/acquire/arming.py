@@ -1,4 +1,4 @@
-"""Arming: what is about to spin, and who may go on without typing a confirmation."""
+"""Arming of motors: prompt, warnings, and conditions for unattended runs."""
 
 from __future__ import annotations
 
@@ -16,40 +16,37 @@ from benchtool.core.errors import InputError
 from benchtool.core.rig import Rig
 from benchtool.data.run.state import recall_latest, store_state
 
-CONFIRMATION = "ARM"  # what the operator types
+CONFIRMATION = "ARM"  # typed by the operator
 
 
 def arming_prompt(plan: Plan, rig: Rig, expected: PlanExtremes) -> str:
-    """Return what the operator must know before confirming."""
+    """Return the prompt with rotors, pulses and expected thrust, shown before arming."""
     names = [f"{number} ({rig.rotors[number - 1].name})" for number in plan.throttle.rotors_on]
-    near = f"near the plate {expected.thrust_N:.1f} N, " if plan.plate.used else ""
+    in_ground_effect = f"near the plate {expected.thrust_N:.1f} N, " if plan.plate.used else ""
     return (
         f"rotors that will turn: {', '.join(names)}\n"
         f"highest pulse: {expected.pwm_us:g} us of {rig.limits.pwm_us:g} us, "
         f"about {expected.rpm:.0f} rpm\n"
-        f"expected thrust: about {expected.thrust_oge_N:.1f} N, {near}"
+        f"expected thrust: about {expected.thrust_oge_N:.1f} N, {in_ground_effect}"
         f"limit {rig.limits.thrust_N:g} N"
     )
 
 
 def arming_warnings(identity: DeviceInfo, rig: Rig) -> tuple[str, ...]:
-    """Return what makes a bench more dangerous than others, a sentence each."""
-    found = (
+    """Return warnings about missing measurements and limits of a bench."""
+    texts = (
         identity.facts.get("warning"),
         unmeasured_rotors(identity, rig),
         "" if identity.simulated else unmonitored_limits(identity.channels, rig.n_rotors),
     )
-    return tuple(warning for warning in found if warning)
+    return tuple(warning for warning in texts if warning)
 
 
 def require_unattended(identity: DeviceInfo, rig: Rig, today: date) -> None:
-    """Refuse to go on without a typed confirmation unless that is safe.
+    """Raise InputError unless a run without confirmation is allowed.
 
-    Safe is a simulated bench, or a bench whose `bench check` passed on the same day with this very
-    rig: limits of another one were not looked at.
-
-    Raises:
-        InputError: neither holds.
+    Allowed are simulated benches, and benches whose `bench check` passed on the same day with the
+    same rig, since limits of another rig were not checked.
     """
     if identity.simulated:
         return
@@ -59,17 +56,19 @@ def require_unattended(identity: DeviceInfo, rig: Rig, today: date) -> None:
     if checked is not None and checked.get("date") == today.isoformat():
         if checked.get("rig_sha256") == _rig_hash(rig):
             return
-        when = f"today's was made with rig {checked['rig']!r}, which is not this one any more"
+        status = f"today's check used another or changed rig {checked['rig']!r}"
     else:
-        when = f"its last check passed on {checked['date']}" if checked else "it was never checked"
+        status = (
+            f"the last check passed on {checked['date']}" if checked else "it was never checked"
+        )
     raise InputError(
-        f"--yes needs a bench check of today on device {identity.device_id!r}, but {when}; run "
-        f"benchtool bench check {identity.address}, or leave --yes out and type the confirmation"
+        f"--yes needs a bench check of today on device {identity.device_id!r}, but {status}; run "
+        f"benchtool bench check {identity.address}, or omit --yes and type the confirmation"
     )
 
 
 def store_check_result(identity: DeviceInfo, rig: Rig, findings: list[str], today: date) -> None:
-    """Keep that a bench check passed today."""
+    """Store that a bench check passed today."""
     facts: dict[str, Any] = {
         "date": today.isoformat(),
         "device_id": identity.device_id,

@@ -1,4 +1,4 @@
-"""Check a bench before it is trusted; learn which motor, output and ESC belongs to each rotor."""
+"""Bench check, and mapping of motors, outputs and ESCs to rotors."""
 
 from __future__ import annotations
 
@@ -17,25 +17,24 @@ from benchtool.bench.mavlink.settings import MotorMap
 from benchtool.core.errors import BenchError, InputError
 from benchtool.core.rig import Rig
 
-ARMING_S = 2.0  # hold of the stop pulse that hobby ESCs take as arming: 1 to 2 s by their manuals
-LOW_THROTTLE_SHARE = 0.15  # of the pulse range: above the start, a fiftieth of full thrust; assumed
+ARMING_S = 2.0  # stop pulse that arms hobby ESCs: 1 to 2 s by their manuals
+LOW_THROTTLE_SHARE = 0.15  # of the pulse range: above the start, 1/50 of full thrust; assumed
 
 SPIN_S = 1.5
 POLL_INTERVAL_S = 1.0
 
 SPEED_BAND = (0.65, 1.5)  # measured over expected; a wrong pole count is a factor of 2; assumed
 
+# Maximum measured over expected thrust, or its inverse, at the measured speed: static thrust
+# coefficients differ by up to 1.5 (UIUC Propeller Database); wrong units exceed it. Assumed.
 THRUST_FACTOR = 2.0
-"""Measured over expected thrust, or its inverse, that passes at the speed that was read: static
-thrust coefficients lie within 1.5 of each other (UIUC Propeller Database), and a cell in grams for
-newtons, or a rotor of another size, is beyond. A choice."""
 
 PULSE_TOLERANCE_US = 3.0  # rounding of pulses on their way to an output; assumed
 
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """Say what was checked, whether it passed, and the numbers in one sentence."""
+    """Result of one check, with a sentence that has the numbers."""
 
     name: str
     passed: bool
@@ -43,29 +42,29 @@ class CheckResult:
 
 
 def check_bench(bench: Bench, rig: Rig) -> Iterator[CheckResult]:
-    """Give the findings of a bench check as they are made; motors are at zero between and after.
+    """Yield the results of a bench check; motors are at zero between and after checks.
 
     Raises:
-        BenchError: a rotor turns at zero command: nothing else is tried.
+        BenchError: a rotor turns at zero throttle; nothing else is tried.
     """
     stop_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
     names = [channel.name for channel in bench.identity.channels]
     bench.set_pwm(stop_us)
-    still = _means(bench, names, POLL_INTERVAL_S)
+    at_rest = _means(bench, names, POLL_INTERVAL_S)
     turning = {
         name: value
-        for name, value in still.items()
+        for name, value in at_rest.items()
         if _is_rpm(name) and not abs(value) < STANDSTILL_RPM
     }
     if turning:
         name, value = next(iter(turning.items()))
-        reading = f"reads {value:.0f} rpm" if value == value else "brings no value"
+        reading = f"reads {value:.0f} rpm" if value == value else "has no value"
         raise BenchError(
-            f"{name} {reading} at zero command, limit {STANDSTILL_RPM:g} rpm; stop that rotor or "
-            f"mend its tachometer before anything is armed"
+            f"{name} {reading} at zero throttle, limit {STANDSTILL_RPM:g} rpm; stop that rotor or "
+            f"repair its tachometer before arming"
         )
-    silent = [rotor for rotor in range(rig.n_rotors) if f"rpm{rotor + 1}" not in names]
-    yield CheckResult("standstill", True, _standstill_text(silent, rig.n_rotors))
+    without_speed = [rotor for rotor in range(rig.n_rotors) if f"rpm{rotor + 1}" not in names]
+    yield CheckResult("standstill", True, _standstill_text(without_speed, rig.n_rotors))
     read_span(bench, ARMING_S)
     yield CheckResult("arming", True, f"stop pulse of {stop_us[0]:g} us held for {ARMING_S:g} s")
     low_us = low_throttle_us(rig)
@@ -74,91 +73,91 @@ def check_bench(bench: Bench, rig: Rig) -> Iterator[CheckResult]:
         pulses[rotor] = low_us
         bench.set_pwm(pulses)
         read_span(bench, SPIN_S)
-        seen = _means(bench, names, POLL_INTERVAL_S)
+        means = _means(bench, names, POLL_INTERVAL_S)
         bench.set_pwm(stop_us)
-        if rotor in silent and bench.identity.outputs_measured:
-            yield _judge_output(rotor, low_us, seen)
+        if rotor in without_speed and bench.identity.outputs_measured:
+            yield _judge_output(rotor, low_us, means)
         else:
-            yield from _judge_speed(rotor, low_us, seen, rig)
-        yield from _judge_thrust(rotor, low_us, seen, still, rig)
+            yield from _judge_speed(rotor, low_us, means, rig)
+        yield from _judge_thrust(rotor, low_us, means, at_rest, rig)
         read_span(bench, SPIN_S)
     bench.stop()
 
 
-def _standstill_text(silent: list[int], n_rotors: int) -> str:
-    if not silent:
-        return "no rotor turns at zero command"
-    listed = ", ".join(str(rotor + 1) for rotor in silent)
-    rest = "" if len(silent) == n_rotors else "no other rotor turns at zero command, but "
-    return f"{rest}no channel measures the speed of rotors {listed}: see that they stand"
+def _standstill_text(without_speed: list[int], n_rotors: int) -> str:
+    if not without_speed:
+        return "no rotor turns at zero throttle"
+    listed = ", ".join(str(rotor + 1) for rotor in without_speed)
+    prefix = ""
+    if len(without_speed) < n_rotors:
+        prefix = "no other rotor turns at zero throttle, but "
+    return f"{prefix}no speed channel for rotors {listed}: check that they are still"
 
 
-def _judge_output(rotor: int, low_us: float, seen: dict[str, float]) -> CheckResult:
-    """Judge a rotor without a speed by the outputs that were read back."""
-    own = f"pwm{rotor + 1}_us"
+def _judge_output(rotor: int, low_us: float, means: dict[str, float]) -> CheckResult:
+    """Check a rotor without speed channel by its output readback."""
+    channel = f"pwm{rotor + 1}_us"
     others = [
         name
-        for name, value in seen.items()
-        if name.startswith("pwm") and name != own and abs(value - low_us) <= PULSE_TOLERANCE_US
+        for name, value in means.items()
+        if name.startswith("pwm") and name != channel and abs(value - low_us) <= PULSE_TOLERANCE_US
     ]
-    text = f"{own} reads {seen.get(own, nan):.0f} us of {low_us:g} us; its speed is not measured"
+    pulse_us = means.get(channel, nan)
+    text = f"{channel} reads {pulse_us:.0f} us of {low_us:g} us; its speed is not measured"
     if others:
-        text = (
-            f"{others[0]} shows the pulse of motor {rotor + 1} as well; look at the map of outputs"
-        )
-    shown = abs(seen.get(own, nan) - low_us) <= PULSE_TOLERANCE_US
-    return CheckResult(f"rotor {rotor + 1} output", bool(shown and not others), text)
+        text = f"{others[0]} also has the pulse of motor {rotor + 1}; check the output mapping"
+    is_driven = abs(pulse_us - low_us) <= PULSE_TOLERANCE_US
+    return CheckResult(f"rotor {rotor + 1} output", bool(is_driven and not others), text)
 
 
 def _judge_speed(
-    rotor: int, low_us: float, seen: dict[str, float], rig: Rig
+    rotor: int, low_us: float, means: dict[str, float], rig: Rig
 ) -> Iterator[CheckResult]:
-    own = f"rpm{rotor + 1}"
+    channel = f"rpm{rotor + 1}"
     expected_rpm = _expected_rpm(low_us, rig)
     others = {
         name: value
-        for name, value in seen.items()
-        if _is_rpm(name) and name != own and abs(value) >= STANDSTILL_RPM
+        for name, value in means.items()
+        if _is_rpm(name) and name != channel and abs(value) >= STANDSTILL_RPM
     }
-    rpm = seen.get(own, nan)
-    low, high = (share * expected_rpm for share in SPEED_BAND)
+    rpm = means.get(channel, nan)
+    low, high = (factor * expected_rpm for factor in SPEED_BAND)
     yield CheckResult(
         f"rotor {rotor + 1} speed",
         bool(low <= rpm <= high),
-        f"{own} reads {rpm:.0f} at {low_us:g} us, expected {low:.0f} to {high:.0f}",
+        f"{channel} reads {rpm:.0f} at {low_us:g} us, expected {low:.0f} to {high:.0f}",
     )
     if others:
         name, value = next(iter(others.items()))
         text = f"{name} reads {value:.0f} while only motor {rotor + 1} is commanded; swap channels"
     else:
-        text = f"only {own} answers to pwm{rotor + 1}_us"
+        text = f"only {channel} responds to pwm{rotor + 1}_us"
     yield CheckResult(f"rotor {rotor + 1} channel", not others and rpm >= STANDSTILL_RPM, text)
 
 
 def _judge_thrust(
-    rotor: int, low_us: float, seen: dict[str, float], still: dict[str, float], rig: Rig
+    rotor: int, low_us: float, means: dict[str, float], at_rest: dict[str, float], rig: Rig
 ) -> Iterator[CheckResult]:
-    if "thrust_N" not in still:
-        # A pitch bench has no load cell.
-        return
-    thrust_N = seen.get("thrust_N", nan) - still["thrust_N"]
-    rpm = seen.get(f"rpm{rotor + 1}", nan)
+    if "thrust_N" not in at_rest:
+        return  # a pitch bench has no load cell
+    thrust_N = means.get("thrust_N", nan) - at_rest["thrust_N"]
+    rpm = means.get(f"rpm{rotor + 1}", nan)
     nominal_rpm = _expected_rpm(low_us, rig)
     if not SPEED_BAND[0] <= rpm / nominal_rpm <= SPEED_BAND[1]:
-        rpm = nominal_rpm  # a wrong speed has been reported by itself
+        rpm = nominal_rpm  # a wrong speed has been reported already
     expected_N = rig.propulsion.thrust_coefficient_N_s2 * (rpm * pi / 30.0) ** 2
     ratio = thrust_N / expected_N
     text = f"thrust rose by {thrust_N:+.3f} N, expected {expected_N:+.3f} N at {rpm:.0f} rpm"
     passed = bool(1.0 / THRUST_FACTOR <= ratio <= THRUST_FACTOR)
     if not passed:
-        mend = (
-            "the motor turns the wrong way, the propeller is upside down, or the cell's sign is "
-            "reversed"
+        remedy = (
+            "the motor turns the wrong way, the propeller is upside down, or the load cell's sign "
+            "is reversed"
             if ratio < 0.0
-            else "look at the propeller, calibrate the load cell (benchtool calibrate), and see "
-            "that radius_m and thrust_coefficient_N_s2 of the rig are its own"
+            else "check the propeller, calibrate the load cell (benchtool calibrate), and check "
+            "radius_m and thrust_coefficient_N_s2 of the rig"
         )
-        text += f": {ratio:.2g} times, allowed 1/{THRUST_FACTOR:g} to {THRUST_FACTOR:g}; {mend}"
+        text += f": {ratio:.2g} times, allowed 1/{THRUST_FACTOR:g} to {THRUST_FACTOR:g}; {remedy}"
     yield CheckResult(f"rotor {rotor + 1} thrust", passed, text)
 
 
@@ -184,44 +183,44 @@ def _is_rpm(name: str) -> bool:
     return name.rstrip("0123456789") == "rpm"
 
 
-TURN_S = 1.2  # time of a motor's turn: rotors have started, no dead speed channel ended it
-PAUSE_S = 1.0  # between two motors: the one before must stand, so that only one ESC reports a speed
+TURN_S = 1.2  # duration of a motor test: rotors have started, below the dead channel timeout
+PAUSE_S = 1.0  # between motors, until the last is at rest and only one ESC reports a speed
 
 STEP_S = 0.05
 
 
 @runtime_checkable
 class ReportsOutputs(Protocol):
-    """Be a bench that reports what every output shows and every ESC reads."""
+    """Bench that reports the pulse of every output and the speed of every ESC."""
 
     def outputs_us(self) -> tuple[float, ...]:
-        """Return the pulse of every output, 0 where there is none."""
+        """Return the pulse of every output; 0 without pulse."""
         ...
 
     def speeds_rpm(self) -> dict[int, float]:
-        """Return the speed that each ESC last reported, by its place from 1."""
+        """Return the last speed of each ESC, by number from 1."""
         ...
 
 
 def detect_motor_map(
     bench: Bench, rig: Rig, rotor_of: Callable[[int], int], report: Callable[[str], None]
 ) -> MotorMap:
-    """Turn each motor alone at low throttle and note its output and its ESC.
+    """Turn each motor alone at low throttle and detect its output and ESC.
 
     Args:
-        rotor_of: gives the rotor (from 0) that a motor test (from 1) has turned; called when
-            the motor stands again, each rotor once.
+        rotor_of: returns the rotor (from 0) that a motor (from 1) turned; called at standstill,
+            once per rotor.
 
     Raises:
-        InputError: a bench that has no outputs to look at.
-        BenchError: several outputs or none follow a motor.
+        InputError: a bench without output readback.
+        BenchError: not exactly one output responds to a motor.
     """
     device = bench.bench if isinstance(bench, GuardedBench) else bench
     if not isinstance(device, ReportsOutputs):
         raise InputError("only a flight controller has motors to map; name a mavlink: address")
     low_us = low_throttle_us(rig)
     stop_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
-    found = MotorMap(
+    motor_map = MotorMap(
         rig=rig.name,
         autopilot=bench.identity.facts["autopilot"],
         motors=tuple(range(1, rig.n_rotors + 1)),
@@ -233,41 +232,40 @@ def detect_motor_map(
         pulses_us[motor - 1] = low_us
         bench.set_pwm(pulses_us)
         read_span(bench, TURN_S, STEP_S)
-        output, esc = _driven(device, motor, low_us), _turning(device)
+        output, esc = _find_output(device, motor, low_us), _find_esc(device)
         bench.set_pwm(stop_us)
         read_span(bench, PAUSE_S, STEP_S)
         rotor = rotor_of(motor)
         name = f"rotor {rotor + 1} ({rig.rotors[rotor].name})"
         esc_text = f"ESC {esc} reports its speed" if esc else "no ESC reports its speed"
         report(f"motor {motor} drives output {output}, {name}; " + esc_text)
-        found = replace(
-            found,
-            motors=_with(found.motors, rotor, motor),
-            outputs=_with(found.outputs, rotor, output),
-            escs=_with(found.escs, rotor, esc),
+        motor_map = replace(
+            motor_map,
+            motors=_with(motor_map.motors, rotor, motor),
+            outputs=_with(motor_map.outputs, rotor, output),
+            escs=_with(motor_map.escs, rotor, esc),
         )
     bench.stop()
-    return found
+    return motor_map
 
 
-def _driven(device: ReportsOutputs, motor: int, low_us: float) -> int:
-    shown = device.outputs_us()
-    # What shows the low pulse is driven; idle outputs show the stop pulse, servos what they like.
-    driven = [output for output, us in enumerate(shown, 1) if abs(us - low_us) <= 3.0]
+def _find_output(device: ReportsOutputs, motor: int, low_us: float) -> int:
+    # Driven outputs have the low pulse, idle ones the stop pulse, servos any pulse.
+    driven = [output for output, us in enumerate(device.outputs_us(), 1) if abs(us - low_us) <= 3.0]
     if len(driven) != 1:
         listed = ", ".join(map(str, driven)) or "none"
         raise BenchError(
-            f"motor {motor} was turned at {low_us:g} us, and outputs that show it are: {listed}; "
-            f"exactly one must; look at the autopilot's output functions"
+            f"motor {motor} was commanded to {low_us:g} us, and outputs with that pulse are: "
+            f"{listed}; exactly one is needed; check the autopilot's output functions"
         )
     return driven[0]
 
 
-def _turning(device: ReportsOutputs) -> int:
-    """Return the place of the one ESC that reports a speed, 0 where none or several do."""
-    turning = [place for place, rpm in device.speeds_rpm().items() if rpm > 0.0]
+def _find_esc(device: ReportsOutputs) -> int:
+    """Return the number of the only ESC with a speed; 0 for none or several."""
+    turning = [esc for esc, rpm in device.speeds_rpm().items() if rpm > 0.0]
     return turning[0] if len(turning) == 1 else 0
 
 
-def _with(places: tuple[int, ...], rotor: int, place: int) -> tuple[int, ...]:
-    return (*places[:rotor], place, *places[rotor + 1 :])
+def _with(numbers: tuple[int, ...], rotor: int, number: int) -> tuple[int, ...]:
+    return (*numbers[:rotor], number, *numbers[rotor + 1 :])

@@ -1,4 +1,4 @@
-"""Calibrate a load cell: read counts of known masses, fit the line, find its file again."""
+"""Load cell calibration: raw counts of known masses, line fit, stored calibration."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ MAX_NONLINEARITY = 0.02  # residual over full scale; cells are rated 0.0005; ass
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """Hold the line of counts over force of one day, and what it leaves over."""
+    """Line of counts over force for one day, with residuals."""
 
     gain: float  # counts per N
     level: float  # counts
-    spread: float  # sum of the squared deviations of force, N2
+    squares_N2: float  # sum of squared deviations of force
     residual_counts: Array
 
 
@@ -51,45 +51,45 @@ def fit_calibration(
     calibrated_by: str = "",
     certificate: str = "",
 ) -> Calibration:
-    """Fit the line through counts (n,) of masses (n,) in the order in which they hung.
+    """Fit a line through counts (n,) of masses (n,), in the order of loading.
 
-    Counts carry the noise, so they are regressed on force, and the line is inverted; its
-    covariance follows by the derivative. Each day has its own line; the slope is the mean of
-    theirs, and what they differ by beyond their own errors is a component of its own, for the day
-    of a run is another one.
+    Counts carry the noise, so they are regressed on force and the line is inverted; its covariance
+    follows by the derivative. Each day has its own line. The slope is the mean over days, and the
+    scatter between days beyond their errors is a separate component, since a run is made on
+    another day.
 
     Args:
-        counts: mean raw reading of each.
+        counts: mean raw reading of each mass.
         date: of the last reading, ISO 8601.
-        lever_ratio: force on the cell over force where the rotor pulls; 1 for a straight mount.
-        days: (n,) day of each reading; all of the same one when left out.
-        uncertainty: of masses, gravity and lever; taken as exact when left out.
+        lever_ratio: force on the cell over force at the rotor; 1 for a straight mount.
+        days: (n,) day of each reading; default: one day.
+        uncertainty: of masses, gravity and lever; default: exact.
 
     Raises:
-        CalibrationError: too few masses, a reading that does not follow them, a line that bends.
+        CalibrationError: too few masses, counts that do not depend on them, nonlinear readings.
     """
     force = _checked_forces(masses_kg, counts, lever_ratio, gravity_m_s2)
     labels = np.array(list(days) or [date[:10]] * len(force))
     if len(labels) != len(force):
         raise CalibrationError(f"{len(force)} readings, but {len(labels)} days; name one for each")
-    each = {str(day): labels == day for day in dict.fromkeys(labels.tolist())}
-    for day, rows in each.items():
-        _check_masses(masses_kg[rows], f" on {day}" if len(each) > 1 else "")
-    lines = [_line(force[rows], counts[rows]) for rows in each.values()]
+    by_day = {str(day): labels == day for day in dict.fromkeys(labels.tolist())}
+    for day, rows in by_day.items():
+        _check_masses(masses_kg[rows], f" on {day}" if len(by_day) > 1 else "")
+    lines = [_fit_line(force[rows], counts[rows]) for rows in by_day.values()]
     dof = len(force) - 2 * len(lines)
     squares = sum(float(line.residual_counts @ line.residual_counts) for line in lines)
     gains = np.array([line.gain for line in lines])
     gain = float(gains.mean())
     sd_counts = sqrt(squares / dof)
-    within = sd_counts**2 * float(np.mean([1.0 / line.spread for line in lines]))
+    within = sd_counts**2 * float(np.mean([1.0 / line.squares_N2 for line in lines]))
     gain_sd = sqrt(within / len(lines))
     if abs(gain) <= 5.0 * gain_sd or gain == 0.0:
         raise CalibrationError(
-            f"the counts do not follow the masses ({gain:.3g} +- {gain_sd:.2g} counts per N); "
+            f"load cell gain {gain:.3g} +- {gain_sd:.2g} counts/N is not significant; "
             f"check that the masses hang on the load cell and that its channel is connected"
         )
     residual_N = np.empty(len(force))
-    for line, rows in zip(lines, each.values(), strict=True):
+    for line, rows in zip(lines, by_day.values(), strict=True):
         residual_N[rows] = line.residual_counts / line.gain
     full_scale_N = float(np.ptp(force))
     straightness = float(np.abs(residual_N).max()) / full_scale_N
@@ -98,7 +98,7 @@ def fit_calibration(
         raise CalibrationError(
             f"{masses_kg[worst]:g} kg is {residual_N[worst]:+.3g} N off the line, "
             f"{100.0 * straightness:.1f} % of full scale, limit {100.0 * MAX_NONLINEARITY:g} %; "
-            f"check that mass and how it hangs, then calibrate again"
+            f"check that mass and its suspension, then calibrate again"
         )
     slope, last = 1.0 / gain, lines[-1]
     repeat = CalibrationComponent(
@@ -112,7 +112,7 @@ def fit_calibration(
     )
     components = [repeat]
     if len(lines) > 1:
-        # Scatter of the days' gains holds that of their readings already. A run is on another day.
+        # The scatter between days includes that of readings. A run is on another day.
         scatter = float(gains.var(ddof=1))
         between = max(0.0, scatter - within)
         sd = sqrt(scatter * (1.0 + 1.0 / len(lines))) / abs(gain)
@@ -127,14 +127,14 @@ def fit_calibration(
                 dof=len(lines) - 1,
             )
         )
-    known = uncertainty or MassUncertainty()
-    per_kg = _slope_per_kg([masses_kg[rows] for rows in each.values()], dof)
-    components += _stated(known, per_kg, lever_ratio, gravity_m_s2)
+    mass_uncertainty = uncertainty or MassUncertainty()
+    per_kg = _slope_per_kg([masses_kg[rows] for rows in by_day.values()], dof)
+    components += _uncertainty_components(mass_uncertainty, per_kg, lever_ratio, gravity_m_s2)
     by_gain = np.array([[-(slope**2), 0.0], [last.level * slope**2, -slope]])
-    last_force = force[list(each.values())[-1]]
+    last_force = force[list(by_day.values())[-1]]
     design = np.column_stack([last_force, np.ones_like(last_force)])
     covariance = by_gain @ (sd_counts**2 * np.linalg.inv(design.T @ design)) @ by_gain.T
-    hysteresis = [_hysteresis(force[rows], residual_N[rows]) for rows in each.values()]
+    hysteresis = [_hysteresis(force[rows], residual_N[rows]) for rows in by_day.values()]
     return Calibration(
         id=f"{date}-{device_id}",
         date=date,
@@ -142,7 +142,7 @@ def fit_calibration(
         slope_N_per_count=slope,
         offset_N=-last.level * slope,
         covariance=tuple(tuple(row) for row in covariance.tolist()),  # type: ignore[arg-type]
-        relative_sd=sqrt(sum(one.relative_sd**2 for one in components)),
+        relative_sd=sqrt(sum(component.relative_sd**2 for component in components)),
         straightness=straightness,
         hysteresis=max((gap for gap in hysteresis if gap is not None), default=None),
         residual_sd_N=abs(slope) * sd_counts,
@@ -159,7 +159,7 @@ def fit_calibration(
 
 
 def current_date() -> str:
-    """Return date and time as a calibration holds them."""
+    """Return date and time in the format of a calibration."""
     return datetime.now().astimezone().strftime("%Y-%m-%dT%H%M%S")
 
 
@@ -168,40 +168,40 @@ def apply_calibration(
     counts: Array,
     device_id: str,
     date: str,
-    known: WeighingInputs,
+    weighing: WeighingInputs,
     days: Sequence[str] = (),
 ) -> Calibration:
-    """Return the calibration of masses (n,) and counts (n,) with what is known of them."""
+    """Return the calibration of masses (n,) and counts (n,) with their metadata."""
     return fit_calibration(
         masses_kg,
         counts,
         date=date,
         device_id=device_id,
-        lever_ratio=known.lever_ratio,
-        gravity_m_s2=known.gravity,
+        lever_ratio=weighing.lever_ratio,
+        gravity_m_s2=weighing.gravity,
         days=days,
-        uncertainty=known.uncertainty,
-        calibrated_by=known.operator or user_name(),
-        certificate=known.certificate,
+        uncertainty=weighing.uncertainty,
+        calibrated_by=weighing.operator or user_name(),
+        certificate=weighing.certificate,
     )
 
 
-def _line(force: Array, counts: Array) -> _Line:
+def _fit_line(force: Array, counts: Array) -> _Line:
     centred = force - force.mean()
-    spread = float(centred @ centred)
-    gain = float(centred @ counts) / spread
+    squares = float(centred @ centred)
+    gain = float(centred @ counts) / squares
     level = float(counts.mean() - gain * force.mean())
-    return _Line(gain, level, spread, counts - level - gain * force)
+    return _Line(gain, level, squares, counts - level - gain * force)
 
 
 def _slope_per_kg(days_kg: Sequence[Array], dof: int) -> float:
-    """Return what errors of 1 kg of every mass by itself make of the slope, over the slope: 1/kg.
+    """Return the relative slope error from independent errors of 1 kg of every mass: 1/kg.
 
-    A mass that hung several times had the same error each time; nothing hung at 0 kg. What such
-    errors leave over of the lines is in the scatter of the readings already, and is taken off.
+    A mass that is used several times has the same error each time; 0 kg has none. The residuals of
+    such errors are already in the scatter of the readings and are subtracted.
     """
-    moved: dict[float, float] = {}
-    left, spread = 0.0, 0.0
+    change: dict[float, float] = {}
+    residual2, slope_variance = 0.0, 0.0
     for masses_kg in days_kg:
         different = np.unique(masses_kg[masses_kg > 0.0])
         errors = (masses_kg[:, None] == different).astype(float)
@@ -209,25 +209,26 @@ def _slope_per_kg(days_kg: Sequence[Array], dof: int) -> float:
         squares = float(centred @ centred)
         slopes = centred @ errors / squares
         for mass, slope in zip(different.tolist(), slopes.tolist(), strict=True):
-            moved[mass] = moved.get(mass, 0.0) + slope / len(days_kg)
-        left += float(np.sum((errors - errors.mean(axis=0) - np.outer(centred, slopes)) ** 2))
-        spread += 1.0 / squares / len(days_kg) ** 2
-    return sqrt(max(sum(slope**2 for slope in moved.values()) - left / dof * spread, 0.0))
+            change[mass] = change.get(mass, 0.0) + slope / len(days_kg)
+        residual2 += float(np.sum((errors - errors.mean(axis=0) - np.outer(centred, slopes)) ** 2))
+        slope_variance += 1.0 / squares / len(days_kg) ** 2
+    total = sum(slope**2 for slope in change.values())
+    return sqrt(max(total - residual2 / dof * slope_variance, 0.0))
 
 
-def _stated(
-    known: MassUncertainty, per_kg: float, lever_ratio: float, gravity_m_s2: float
+def _uncertainty_components(
+    uncertainty: MassUncertainty, per_kg: float, lever_ratio: float, gravity_m_s2: float
 ) -> Iterator[CalibrationComponent]:
-    """Give what the stated uncertainties make of the slope.
+    """Yield the components of the slope's uncertainty from the stated ones.
 
     Args:
         per_kg: relative change of the slope by errors of 1 kg of each mass.
     """
     for name, unit, sd, relative_sd in (
-        ("masses", "kg", known.mass_u_kg, known.mass_u_kg * per_kg),
-        ("scale of the masses", "1", known.mass_scale_u, known.mass_scale_u),
-        ("gravity", "m/s2", known.gravity_u_m_s2, known.gravity_u_m_s2 / gravity_m_s2),
-        ("lever", "1", known.lever_u, known.lever_u / lever_ratio),
+        ("masses", "kg", uncertainty.mass_u_kg, uncertainty.mass_u_kg * per_kg),
+        ("scale of the masses", "1", uncertainty.mass_scale_u, uncertainty.mass_scale_u),
+        ("gravity", "m/s2", uncertainty.gravity_u_m_s2, uncertainty.gravity_u_m_s2 / gravity_m_s2),
+        ("lever", "1", uncertainty.lever_u, uncertainty.lever_u / lever_ratio),
     ):
         if sd > 0.0:
             yield CalibrationComponent(
@@ -246,13 +247,14 @@ def with_drift_interval(
     """Return masses, counts and days of an earlier calibration followed by new readings.
 
     Raises:
-        CalibrationError: it was made with another lever or gravity.
+        CalibrationError: made with another lever or gravity.
     """
-    theirs, own = (earlier.lever_ratio, earlier.gravity_m_s2), (lever_ratio, gravity_m_s2)
-    if theirs != own:
+    earlier_values = (earlier.lever_ratio, earlier.gravity_m_s2)
+    new_values = (lever_ratio, gravity_m_s2)
+    if earlier_values != new_values:
         raise CalibrationError(
-            f"calibration {earlier.id} was made with lever ratio and gravity {theirs}, these "
-            f"readings with {own}; give the same ones"
+            f"calibration {earlier.id} was made with lever ratio and gravity {earlier_values}, "
+            f"these readings with {new_values}; use the same values"
         )
     days = list(earlier.days) or [earlier.date[:10]] * len(earlier.masses_kg)
     return (
@@ -263,17 +265,18 @@ def with_drift_interval(
 
 
 def require_device(
-    calibration: Calibration, name: str, target: str, device_id: str, way_round: str
+    calibration: Calibration, name: str, target: str, device_id: str, override: str
 ) -> None:
-    """Refuse the calibration called `name` for a bench or a run, the target, of another device.
+    """Raise CalibrationError if a calibration belongs to another device than the target.
 
-    Raises:
-        CalibrationError: both devices, and the option that goes round it.
+    Args:
+        target: bench or run.
+        override: option that skips this check.
     """
     if calibration.device_id != device_id:
         raise CalibrationError(
             f"{name} was made on device {calibration.device_id!r}, but {target} is {device_id!r}; "
-            f"calibrate this one, or give {way_round}"
+            f"calibrate this one, or give {override}"
         )
 
 
@@ -283,18 +286,20 @@ def _checked_forces(
     if len(masses_kg) != len(counts):
         raise CalibrationError(f"{len(masses_kg)} masses, but {len(counts)} readings; pair them")
     if not (np.isfinite(masses_kg).all() and np.isfinite(counts).all()):
-        raise CalibrationError("a mass or a reading is no number; mend or leave out that line")
+        raise CalibrationError("a mass or reading is not finite; correct or remove that line")
     if (masses_kg < 0.0).any():
-        raise CalibrationError(f"a mass of {masses_kg.min():g} kg is none; give masses in kg")
+        raise CalibrationError(
+            f"mass {masses_kg.min():g} kg is out of range; allowed: 0 kg or more"
+        )
     if not 9.76 < gravity_m_s2 < 9.84:
         raise CalibrationError(
-            f"local gravity is {gravity_m_s2:g} m/s2, but on Earth's surface it lies from 9.76 to "
-            f"9.84; correct --gravity"
+            f"local gravity {gravity_m_s2:g} m/s2 is out of range; allowed: 9.76 to 9.84 m/s2; "
+            f"correct --gravity"
         )
     if not 0.01 <= lever_ratio <= 100.0:
         raise CalibrationError(
-            f"a lever ratio of {lever_ratio:g} is outside 0.01 to 100; give force on the cell over "
-            f"force at the rotor"
+            f"lever ratio {lever_ratio:g} is out of range; allowed: 0.01 to 100 (force on the cell "
+            f"over force at the rotor)"
         )
     return masses_kg * gravity_m_s2 / lever_ratio
 
@@ -302,13 +307,13 @@ def _checked_forces(
 def _check_masses(masses_kg: Array, when: str) -> None:
     if (different := len(np.unique(masses_kg))) < 3:
         raise CalibrationError(
-            f"{different} different masses{when} cannot show whether the line is straight; hang at "
-            f"least 3, better 5, up and down"
+            f"{different} different masses{when} are too few to check linearity; use at least 3, "
+            f"better 5, up and down"
         )
 
 
 def _hysteresis(force: Array, residual_N: Array) -> float | None:
-    """Return the largest gap between the ways up and down at one force, over full scale."""
+    """Return the largest difference between loading and unloading over full scale."""
     top = int(force.argmax())
     gaps_N = []
     for level in np.unique(force):
@@ -320,11 +325,7 @@ def _hysteresis(force: Array, residual_N: Array) -> float | None:
 
 
 def calibration_for(option: str | None, identity: DeviceInfo) -> Calibration | None:
-    """Return the calibration for a device: the file given, its latest one, or none.
-
-    Raises:
-        CalibrationError: the file belongs to another device.
-    """
+    """Return the calibration for a device: the given file, the latest one, or none."""
     if option == "none":
         return None
     if option:
@@ -339,33 +340,25 @@ def calibration_for(option: str | None, identity: DeviceInfo) -> Calibration | N
     return parse_calibration(latest, str(state_file("calibration", identity.device_id)))
 
 
-RAW_COUNTS_TIMEOUT_S = (
-    0.5  # samples older than the mass: thrown away after the operator's answer; assumed
-)
+RAW_COUNTS_TIMEOUT_S = 0.5  # samples discarded after the operator's answer; assumed
 
 
 def require_raw_counts(bench: Bench) -> int:
-    """Return the column of the raw counts, or refuse a device that gives none."""
+    """Return the column of the raw counts; raise CalibrationError without one."""
     names = [channel.name for channel in bench.identity.channels]
     if "thrust_raw" not in names:
         raise CalibrationError(
-            f"{bench.identity.address} streams no raw counts (thrust_raw), so its newtons can only "
-            f"be calibrated in its own firmware"
+            f"{bench.identity.address} streams no raw counts (thrust_raw); calibrate it in its "
+            f"firmware"
         )
     return names.index("thrust_raw")
 
 
 def mean_counts(bench: Bench, seconds: float) -> Average:
-    """Return the raw counts averaged over so long; motors are not touched.
-
-    Raises:
-        CalibrationError: the load cell gave no value.
-    """
+    """Return the average of the raw counts over a duration; motors are not commanded."""
     column = require_raw_counts(bench)
     read_span(bench, RAW_COUNTS_TIMEOUT_S)
-    found = average(read_span(bench, seconds)[:, column])
-    if found.n == 0:
-        raise CalibrationError(
-            f"the load cell gave no raw counts for {seconds:g} s; check its wiring"
-        )
-    return found
+    mean = average(read_span(bench, seconds)[:, column])
+    if mean.n == 0:
+        raise CalibrationError(f"no raw counts within {seconds:g} s; check the load cell's wiring")
+    return mean

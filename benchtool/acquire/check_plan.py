@@ -1,4 +1,4 @@
-"""Check a plan against the limits of rig and device before anything spins."""
+"""Check of a plan against the limits of rig and device."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.physics.rotor import speed_from_pwm
 
-MAX_DURATION_S = 48.0 * 3600.0  # a plan that lasts longer is taken for a typing error; assumed
+MAX_DURATION_S = 48.0 * 3600.0  # a longer plan is probably a typing error; assumed
 BODY_LIFT_K = 2.0  # K_b of the expected thrust: "close to 2" (paper, section 2.2)
 
 
 @dataclass(frozen=True, slots=True)
 class PlanExtremes:
-    """Hold the most that a plan commands: pulse, speed, thrust out of and in ground effect."""
+    """Maxima of a plan: pulse, speed, thrust out of and in ground effect."""
 
     pwm_us: float
     rpm: float
@@ -32,7 +32,7 @@ class PlanExtremes:
 
 
 def expected_extremes(plan: Plan, rig: Rig) -> PlanExtremes:
-    """Return the most that a resolved plan commands, at nominal voltage.
+    """Return the maxima of a resolved plan at nominal voltage.
 
     Thrust from the rig's k and pwm map, with eq. (3) for the rotors and eq. (4) for the body of a
     multirotor.
@@ -60,52 +60,47 @@ def expected_extremes(plan: Plan, rig: Rig) -> PlanExtremes:
         plate_x_m=np.array([setting.place.x_m for setting in settings]),
         plate_tilt_rad=np.array([radians(setting.place.tilt_deg) for setting in settings]),
     )
-    inside = np.asarray(model.thrust_N(conditions), float)
-    outside = np.asarray(model.thrust_N(conditions.out_of_ground_effect()), float)
+    in_ground_effect = np.asarray(model.thrust_N(conditions), float)
+    out_of_ground_effect = np.asarray(model.thrust_N(conditions.out_of_ground_effect()), float)
     return PlanExtremes(
         float(pulses.max()),
         float(speed.max()) * 60.0 / (2.0 * np.pi),
-        float(outside.max()),
-        float(np.abs(inside).max()),
+        float(out_of_ground_effect.max()),
+        float(np.abs(in_ground_effect).max()),
     )
 
 
 def check_plan(
     plan: Plan, rig: Rig, device_limits: Mapping[str, float] | None = None
 ) -> PlanExtremes:
-    """Refuse a resolved plan that the limits do not allow; return the most that it commands.
-
-    Raises:
-        PlanError: the value, the limit and what to change.
-    """
+    """Return the maxima of a resolved plan; raise PlanError if they exceed the limits."""
     _check_lists(plan, rig)
-    least_s = min_duration_s(plan, rig)
-    if least_s > MAX_DURATION_S:
+    duration_s = min_duration_s(plan, rig)
+    if duration_s > MAX_DURATION_S:
         raise PlanError(
-            f"the plan would take {least_s / 3600.0:,.0f} h or more, limit "
-            f"{MAX_DURATION_S / 3600.0:g} "
-            f"h; lower repeats ({plan.repeats:,}) or sample_s ({plan.sample_s:g} s), or sweep it "
-            f"in parts"
+            f"the plan takes at least {duration_s / 3600.0:,.0f} h, limit "
+            f"{MAX_DURATION_S / 3600.0:g} h; lower repeats ({plan.repeats:,}) or sample_s "
+            f"({plan.sample_s:g} s), or split the sweep"
         )
     settings = plan_settings(plan, rig)
     device = dict(device_limits or {})
-    together, on = device.get("rotors_together", np.inf), plan.throttle.rotors_on
-    if len(on) > together:
-        listed = ", ".join(map(str, on))
+    max_rotors, rotors_on = device.get("rotors_together", np.inf), plan.throttle.rotors_on
+    if len(rotors_on) > max_rotors:
+        listed = ", ".join(map(str, rotors_on))
         raise PlanError(
             f"throttle.rotors_on turns rotors {listed} together, but this autopilot's motor "
-            f"test turns {together:g} at a time; name one with --rotors {on[0]}"
+            f"test turns {max_rotors:g} at a time; name one with --rotors {rotors_on[0]}"
         )
-    highest_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us, device.get("pwm_us", np.inf))
+    max_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us, device.get("pwm_us", np.inf))
     stop_us = rig.propulsion.pwm_stop_us
     for level_us in plan.throttle.pwm_us:
-        if not stop_us < level_us <= highest_us:
+        if not stop_us < level_us <= max_us:
             raise PlanError(
                 f"throttle.pwm_us names {level_us:g} us, allowed are {stop_us:g} to "
-                f"{highest_us:g} us; change that level or the rig's limits.pwm_us"
+                f"{max_us:g} us; change that level or the rig's limits.pwm_us"
             )
     for setting in settings:
-        _check_place(setting, rig, device)
+        _check_position(setting, rig, device)
     expected = expected_extremes(plan, rig)
     allowed_N = min(
         rig.limits.thrust_N, rig.limits.load_cell_rating_N, device.get("thrust_N", np.inf)
@@ -127,27 +122,27 @@ def check_plan(
     return expected
 
 
-def _of_a_plate(plan: Plan) -> str:
-    """Return an input of the plan's plate that is not the default; "" for none."""
-    given = with_changes(plan.plate)
-    found = (item for item in items(PlatePart) if item.name in given)
-    return next((f"plate.{item.key} ({item.option})" for item in found), "")
+def _changed_plate_input(plan: Plan) -> str:
+    """Return a changed input of the plan's plate; "" if all are default."""
+    changes = with_changes(plan.plate)
+    changed = (item for item in items(PlatePart) if item.name in changes)
+    return next((f"plate.{item.key} ({item.option})" for item in changed), "")
 
 
 def _check_lists(plan: Plan, rig: Rig) -> None:
     if not plan.plate.used and not plan.order.references:
         raise PlanError(
-            "plate.used and order.references are both false, so nothing is visited; leave "
-            "order.references out"
+            "plate.used and order.references are both false, so the plan has no points; remove "
+            "order.references"
         )
-    if not plan.plate.used and (extra := _of_a_plate(plan)):
+    if not plan.plate.used and (extra := _changed_plate_input(plan)):
         raise PlanError(
             f"{extra} is given, but the plan turns rotors without a plate (plate.used = false); "
-            f"leave it out, or take another plan"
+            f"remove it, or use another plan"
         )
     if plan.plate.used and not plan.plate.distances_m:
         raise PlanError(
-            f"no plate distance is left between the least of {rig.plate.z_min_m:g} m and the "
+            f"no plate distance between the minimum of {rig.plate.z_min_m:g} m and the "
             f"park position at {rig.plate.z_park_m:g} m; give plate.distances_m"
         )
     unknown = [rotor for rotor in plan.throttle.rotors_on if rotor > rig.n_rotors]
@@ -164,42 +159,42 @@ def _check_lists(plan: Plan, rig: Rig) -> None:
         "throttle.rotors_on": plan.throttle.rotors_on,
     }
     for name, numbers in lists.items():
-        twice = [number for number in numbers if numbers.count(number) > 1]
-        if twice:
+        duplicates = [number for number in numbers if numbers.count(number) > 1]
+        if duplicates:
             raise PlanError(
-                f"{name} names {twice[0]:g} twice; take one away (repeats ask for more visits)"
+                f"{name} contains {duplicates[0]:g} twice; remove one (set repeats for more points)"
             )
-    rest = plan.rest
-    if rest.above_degC is not None and rest.until_degC >= rest.above_degC:
+    cooldown = plan.rest
+    if cooldown.above_degC is not None and cooldown.until_degC >= cooldown.above_degC:
         raise PlanError(
-            f"rest.until_degC {rest.until_degC:g} is not below rest.above_degC "
-            f"{rest.above_degC:g}; lower it"
+            f"rest.until_degC {cooldown.until_degC:g} is not below rest.above_degC "
+            f"{cooldown.above_degC:g}; lower it"
         )
 
 
-def _check_place(setting: Setting, rig: Rig, device: Mapping[str, float]) -> None:
-    place, plate = setting.place, rig.plate
+def _check_position(setting: Setting, rig: Rig, device: Mapping[str, float]) -> None:
+    target, plate = setting.place, rig.plate
     low_m = max(plate.z_min_m, device.get("plate_z_min_m", 0.0))
     high_m = min(plate.z_max_m, device.get("plate_z_max_m", np.inf))
-    if not low_m <= place.z_m <= high_m:
+    if not low_m <= target.z_m <= high_m:
         raise PlanError(
-            f"a plate distance of {place.z_m:g} m (z/R = "
-            f"{place.z_m / rig.propulsion.radius_m:.2f}) is outside {low_m:g} to {high_m:g} m; "
-            f"change plate.distances or the rig's plate.z_min_m, z_max_m"
+            f"plate distance {target.z_m:g} m (z/R = "
+            f"{target.z_m / rig.propulsion.radius_m:.2f}) is out of range; allowed: {low_m:g} to "
+            f"{high_m:g} m; change plate.distances or the rig's plate.z_min_m, z_max_m"
         )
     side_m = min(rig.plate_x_max_m, device.get("plate_x_max_m", np.inf))
-    if abs(place.x_m) > side_m:
+    if abs(target.x_m) > side_m:
         raise PlanError(
-            f"a lateral position of {place.x_m:g} m is outside -{side_m:g} to {side_m:g} m; change "
-            f"plate.lateral_m or the rig's plate.x_max_m"
+            f"lateral position {target.x_m:g} m is out of range; allowed: -{side_m:g} to "
+            f"{side_m:g} m; change plate.lateral_m or the rig's plate.x_max_m"
         )
     tips_m = max(abs(rotor.x_m) for rotor in rig.rotors) + rig.propulsion.radius_m
-    reach_m = min(abs(place.x_m) + tips_m, 0.5 * plate.size_x_m)  # from the centre, where it pivots
-    nearest_m = place.z_m - reach_m * tan(abs(radians(place.tilt_deg)))
+    reach_m = min(abs(target.x_m) + tips_m, 0.5 * plate.size_x_m)  # from the pivot at the centre
+    nearest_m = target.z_m - reach_m * tan(abs(radians(target.tilt_deg)))
     if nearest_m < low_m:
-        most = degrees(atan2(place.z_m - low_m, reach_m))
+        max_deg = degrees(atan2(target.z_m - low_m, reach_m))
         raise PlanError(
-            f"at {place.z_m:g} m a tilt of {place.tilt_deg:g} deg brings the plate to "
+            f"at {target.z_m:g} m a tilt of {target.tilt_deg:g} deg brings the plate to "
             f"{nearest_m:.3g} m of the blade tips, minimum distance {low_m:g} m; tilt at most "
-            f"{most:.1f} deg there or give a greater distance"
+            f"{max_deg:.1f} deg there or use a larger distance"
         )

@@ -1,4 +1,4 @@
-"""What `sweep` takes besides its plan and `calibrate` of its masses, and which rig a bench is."""
+"""Inputs of `sweep` and `calibrate`, and the rig of a bench."""
 
 from __future__ import annotations
 
@@ -19,25 +19,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepInputs(Inputs):
-    """What `benchtool sweep` takes."""
+    """Inputs of `benchtool sweep`."""
 
     address: Annotated[
-        str, Input("The bench: sim:pquad, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")
+        str, Input("Bench address: sim:pquad, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")
     ] = ""
     plan_file: Annotated[
         Path | None,
-        Input("Plan file (TOML), or one of steps, ramp, response, endurance.", option="plan"),
+        Input("Plan file (TOML), or steps, ramp, response, endurance.", option="plan"),
     ] = None
-    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
+    rig: Annotated[str | None, Input("Rig name or rig file.")] = None
     plan: Plan = field(default_factory=Plan)
-    runs: Annotated[Path, Input("Where run folders are made.", group="Run folder")] = Path("runs")
-    out: Annotated[Path | None, Input("Exactly this run folder; must be new.")] = None
-    operator: Annotated[str, Input("Who measures; the user when left out.", label="Operator")] = ""
+    runs: Annotated[Path, Input("Parent folder of run folders.", group="Run folder")] = Path("runs")
+    out: Annotated[Path | None, Input("Path of the run folder; must be new.")] = None
+    operator: Annotated[
+        str, Input("Name of the operator; default: the user.", label="Operator")
+    ] = ""
     air: Air = field(default_factory=Air)
     calibration: Annotated[
         str | None,
         Input(
-            "Calibration file; none to use none.",
+            "Calibration file, or none.",
             label="Calibration (ID or none)",
             default_text="the device's latest",
             group="Bench",
@@ -46,28 +48,28 @@ class SweepInputs(Inputs):
     stage: Annotated[
         str | None,
         Input(
-            "What moves the plate: device, hand, grbl:PORT?..., none.",
-            label="Plate moved by (device, hand, grbl:PORT)",
-            default_text="as device and rig say",
+            "Plate stage: device, hand, grbl:PORT?..., none.",
+            label="Plate stage (device, hand, grbl:PORT)",
+            default_text="from device and rig",
         ),
     ] = None
     yes: Annotated[
-        bool, Input("No typed arming: simulated or checked today.", group="This run")
+        bool, Input("Arm without confirmation; simulated or checked today.", group="This run")
     ] = False
     dry_run: Annotated[bool, Input("Show plan and duration only.")] = False
-    resume: Annotated[Path | None, Input("Go on with this run folder.")] = None
+    resume: Annotated[Path | None, Input("Resume this run folder.")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MassUncertainty(Inputs):
-    """State how well masses, gravity and lever are known: standard uncertainties."""
+    """Standard uncertainties of masses, gravity and lever ratio."""
 
     mass_u_kg: Annotated[
         float,
         Ge(0.0),
         Le(1.0),
         Input(
-            "Standard uncertainty of each mass by itself.",
+            "Standard uncertainty of each mass, independent.",
             "kg",
             option="mass-u",
             label="Each mass +-, kg",
@@ -78,7 +80,7 @@ class MassUncertainty(Inputs):
         Ge(0.0),
         Le(0.1),
         Input(
-            "Relative standard uncertainty that all masses share, as of one scale.",
+            "Relative standard uncertainty common to all masses.",
             label="All masses +-, relative",
         ),
     ] = 0.0
@@ -103,7 +105,7 @@ class MassUncertainty(Inputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeighingInputs(Inputs):
-    """State what is known of masses that hang on a load cell, by command line or page."""
+    """Inputs for calibration masses on a load cell."""
 
     TITLE = "Masses"
 
@@ -118,10 +120,10 @@ class WeighingInputs(Inputs):
     ] = 9.80665
     uncertainty: MassUncertainty = field(default_factory=MassUncertainty)
     operator: Annotated[
-        str, Input("Who hangs the masses; the user when left out.", label="Who calibrates")
+        str, Input("Name of the operator; default: the user.", label="Operator")
     ] = ""
     certificate: Annotated[
-        str, Input("What the masses are traceable to: number, who, when.", label="Certificate")
+        str, Input("Traceability of the masses: number, issuer, date.", label="Certificate")
     ] = ""
 
 
@@ -131,11 +133,11 @@ BENCH_KEYS: tuple[str, ...] = (  # limits that a rig must state before its motor
 )
 
 
-def resolve_rig(address: str, named: str | None) -> Rig:
-    """Return the rig on the bench: as named, or the one that a `sim:` address names.
+def resolve_rig(address: str, name: str | None) -> Rig:
+    """Return the named rig, or that of a `sim:` address.
 
     Raises:
-        InputError: no rig named, or one that leaves out what a bench needs (`BENCH_KEYS`).
+        InputError: no rig given, or one without required values (`BENCH_KEYS`).
     """
     from benchtool.bench.addresses import SimAddress
     from benchtool.bench.drivers import parse_address
@@ -143,12 +145,11 @@ def resolve_rig(address: str, named: str | None) -> Rig:
 
     parsed = parse_address(address)
     if isinstance(parsed, SimAddress):
-        return load_rig_by_name(named or parsed.rig)
-    if named:
-        rig = load_rig_by_name(named)
+        return load_rig_by_name(name or parsed.rig)
+    if name:
+        rig = load_rig_by_name(name)
         require_values(rig, BENCH_KEYS, "a bench")
         return rig
     raise InputError(
-        f"which rig stands on {address}? name it with --rig: {', '.join(rig_names())}, or the "
-        f"path of a rig file"
+        f"no rig for {address}; name it with --rig: {', '.join(rig_names())}, or a rig file"
     )

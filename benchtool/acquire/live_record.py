@@ -1,7 +1,7 @@
-"""Record a bench while motors are turned by hand: an ordinary run, with a point where one settles.
+"""Live recording with manual throttle, as a run with points at settled levels.
 
-Every pulse that is held makes points: once thrust and speeds have settled, each span of the plan's
-length is one repeat. A level that is left before its first span has ended makes none.
+After thrust and speeds have settled at a level, every sampling time of the plan is one repeat. A
+level that changes before its first sampling time ends has no point.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from benchtool.core.rig import Rig
 from benchtool.data.calibration import Calibration
 from benchtool.data.run.run import Run
 
-READ_TIMEOUT_S = 0.02  # longest read between two looks at the hand on the throttle
+READ_TIMEOUT_S = 0.02  # maximum read between two polls of the throttle
 POLL_INTERVAL_S = 0.1  # how often settling is tested; assumed, as in a sweep
 
 
 def live_plan(name: str, rig: Rig) -> Plan:
-    """Return what a live recording takes from a plan: tare, settling and length of a point."""
+    """Return the plan of a live recording: tare, settling and sampling time."""
     plan = Plan(name=name).resolved(rig)
     return replace(plan, plate=PlatePart(used=False), throttle=replace(plan.throttle, pwm_us=()))
 
 
 @dataclass(frozen=True, slots=True)
 class LiveSummary:
-    """Count what a live recording holds."""
+    """Summary of a live recording."""
 
     points: int
     samples: int
@@ -49,7 +49,7 @@ class LiveSummary:
     seconds: float
 
     def text(self) -> str:
-        """Return it in words."""
+        """Return the summary as one line."""
         return (
             f"{self.seconds:.0f} s, {pluralize(self.points, 'point')}, "
             f"{pluralize(self.samples, 'sample')}, {self.lost} lost"
@@ -65,23 +65,23 @@ def record_live(
     turn: Callable[[], bool],
     calibration: Calibration | None = None,
 ) -> LiveSummary:
-    """Tare, then record until `turn` returns False, and end the run as `run_to_end` says.
+    """Tare, record until `turn` returns False, and end the run with `run_to_end`.
 
     Args:
-        turn: commands what the hand on the throttle asks for; called before every read.
+        turn: callback that commands the manual throttle; called before every read.
         calibration: applied to raw counts in points.csv.
 
     Raises:
-        StandstillNotSeen: motors may still turn; leaving the guarded bench raises this too.
-        BenchError, RunStopped: why it ended early.
+        StandstillNotConfirmed: motors may still turn; closing the guarded bench raises it too.
+        BenchError, RunInterrupted: reason of an early end.
     """
     recorder = Recorder(bench, run, SafeProgress(progress))
     motors = Motors(recorder, rig)
     live = _Live(recorder, rig, plan, calibration, progress or RunProgress())
 
     def measure_all() -> None:
-        live.tared = tare(recorder, motors, plan.tare, rig)
-        recorder.append_point(tare_point(live.tared, rig.n_rotors))
+        live.tare_result = tare(recorder, motors, plan.tare, rig)
+        recorder.append_point(tare_point(live.tare_result, rig.n_rotors))
         while turn():
             live.read()
 
@@ -94,7 +94,7 @@ def record_live(
 
 
 class _Live:
-    """Make points of the levels that are held: a settled span after another."""
+    """Points from constant throttle levels, one per settled sampling time."""
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class _Live:
         progress: RunProgress,
     ) -> None:
         self.points = 0
-        self.tared: TareResult | None = None
+        self.tare_result: TareResult | None = None
         self._recorder, self._rig, self._plan = recorder, rig, plan
         self._calibration, self._progress = calibration, progress
         self._pulses_us = np.full(rig.n_rotors, rig.propulsion.pwm_stop_us)
@@ -113,71 +113,74 @@ class _Live:
         self._number = 0
         self._parts: list[Readings] = []
         self._phase, self._settled = "settle", False
-        self._begun_s = self._looked_s = 0.0
+        self._start_s = self._checked_s = 0.0
         self._visits: dict[tuple[float, ...], int] = {}
 
     def read(self) -> None:
-        """Read on; append a point where its span is complete."""
+        """Read; append a point when its sampling time is complete."""
         recorder, pulses_us = self._recorder, self._recorder.bench.pwm_us
-        turning = np.flatnonzero(pulses_us > self._stop_us)
+        driven = np.flatnonzero(pulses_us > self._stop_us)
         if not np.array_equal(pulses_us, self._pulses_us):
             self._pulses_us = pulses_us
             self._number += 1
             self._begin("settle")
-        phase = self._phase if len(turning) else "rest"
-        readings = recorder.read(phase, self._number if len(turning) else 0, READ_TIMEOUT_S)
+        phase = self._phase if len(driven) else "rest"
+        readings = recorder.read(phase, self._number if len(driven) else 0, READ_TIMEOUT_S)
         now_s = recorder.now_s
-        if now_s - self._looked_s >= POLL_INTERVAL_S:
-            self._looked_s = now_s
-        if not len(turning):
+        if now_s - self._checked_s >= POLL_INTERVAL_S:
+            self._checked_s = now_s
+        if not len(driven):
             return
         self._parts.append(readings)
-        held_s = now_s - self._begun_s
-        if phase == "sample" and held_s >= self._plan.sample_s:
+        level_s = now_s - self._start_s
+        if phase == "sample" and level_s >= self._plan.sample_s:
             self._append(recorder.joined(self._parts))
             self._number += 1
             self._begin("sample")
-        elif phase == "settle" and held_s >= self._plan.settle.window_s:
-            self._settled = self._looked_s == now_s and self._has_settled(turning)
-            if self._settled or held_s >= self._plan.settle.timeout_s:
+        elif phase == "settle" and level_s >= self._plan.settle.window_s:
+            self._settled = self._checked_s == now_s and self._has_settled(driven)
+            if self._settled or level_s >= self._plan.settle.timeout_s:
                 self._begin("sample")
 
     def _begin(self, phase: str) -> None:
-        self._parts, self._phase, self._begun_s = [], phase, self._recorder.now_s
+        self._parts, self._phase, self._start_s = [], phase, self._recorder.now_s
 
-    def _has_settled(self, turning: NDArray[np.intp]) -> bool:
-        plan, seen = self._plan.settle, self._recorder.joined(self._parts)
-        names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in turning)]
-        channels = [seen.column(name) for name in names if name in seen]
-        return is_settled(seen.column("time_s"), channels, plan.window_s, plan.slope_per_s)
+    def _has_settled(self, driven: NDArray[np.intp]) -> bool:
+        plan, samples = self._plan.settle, self._recorder.joined(self._parts)
+        names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven)]
+        channels = [samples.column(name) for name in names if name in samples]
+        return is_settled(samples.column("time_s"), channels, plan.window_s, plan.slope_per_s)
 
     def _append(self, samples: Recording) -> None:
-        assert self.tared is not None
-        place = self._place(samples)
+        assert self.tare_result is not None
+        position = self._plate_position(samples)
         pulses_us = tuple(self._pulses_us.tolist())
-        key = (*pulses_us, *(round(number, 3) for number in (place.z_m, place.x_m, place.tilt_deg)))
+        key = (
+            *pulses_us,
+            *(round(number, 3) for number in (position.z_m, position.x_m, position.tilt_deg)),
+        )
         self._visits[key] = self._visits.get(key, 0) + 1
         number = list(self._visits).index(key) + 1
         self.points += 1
-        setting = Setting(number, place, max(pulses_us), pulses_us)
-        kind: Literal["measure", "reference"] = "reference" if place.parked else "measure"
+        setting = Setting(number, position, max(pulses_us), pulses_us)
+        kind: Literal["measure", "reference"] = "reference" if position.parked else "measure"
         visit = Visit(self._number, kind, setting, self._visits[key])
-        point, notes = measure(
-            samples, visit, place.z_m, self.tared, self._calibration, self._rig.sensors,
+        point, events = measure(
+            samples, visit, position.z_m, self.tare_result, self._calibration, self._rig.sensors,
             self._settled,
         )  # fmt: skip
-        for event, text in notes:
+        for event, text in events:
             self._recorder.note(event, text, visit.point)
         self._recorder.append_point(point)
         self._recorder.sync()
         self._progress.measured(point, 0.0)
 
-    def _place(self, samples: Recording) -> PlatePosition:
-        """Return where the plate was; where none is measured, it counts as parked."""
+    def _plate_position(self, samples: Recording) -> PlatePosition:
+        """Return the plate position; parked if it is not measured."""
         z_m, x_m, tilt_deg = (
             average(samples.column(name)).mean if name in samples else 0.0
             for name in ("plate_z_m", "plate_x_m", "plate_tilt_deg")
         )
         park_m = self._rig.plate.z_park_m
-        near = "plate_z_m" in samples and z_m < park_m - plate_tolerance_m(self._rig)
-        return PlatePosition(z_m if near else park_m, x_m, tilt_deg, parked=not near)
+        is_near = "plate_z_m" in samples and z_m < park_m - plate_tolerance_m(self._rig)
+        return PlatePosition(z_m if is_near else park_m, x_m, tilt_deg, parked=not is_near)

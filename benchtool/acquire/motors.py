@@ -1,4 +1,4 @@
-"""Bring rotors to a pulse, to a standstill, to rest, and end a run safely however it ends."""
+"""Motor commands of a run: ramps, standstill, cooldown, and a safe end."""
 
 from __future__ import annotations
 
@@ -18,16 +18,14 @@ from benchtool.core.recording import Recording
 from benchtool.core.rig import Rig
 from benchtool.data.run.points import Point
 
-RAMP_STEP_S = 0.05  # between two pulses; far below the device's watchdog of 0.25 s; assumed
-RAMP_DOWN_S = 0.8  # a normal end ramps down in so long; at most 1 s is allowed
-POST_STOP_RECORDING_S = (
-    0.5  # after an early stop the run records so long how pulses and speeds fall; assumed
-)
-STANDSTILL_RPM = 30.0  # a slower rotor stands still; tachometers flicker by 1 or 2; assumed
+RAMP_STEP_S = 0.05  # between pulses; far below the device watchdog of 0.25 s; assumed
+RAMP_DOWN_S = 0.8  # ramp at a normal end; at most 1 s is allowed
+POST_STOP_RECORDING_S = 0.5  # recording of the deceleration after an early stop; assumed
+STANDSTILL_RPM = 30.0  # slower rotors are at standstill; tachometer noise is 1 to 2 rpm; assumed
 
 
 class Motors:
-    """Command pulses through a recorder, remembering the last ones."""
+    """Motor commands of a recorder, with the last pulses."""
 
     def __init__(self, recorder: Recorder, rig: Rig) -> None:
         self._recorder = recorder
@@ -37,12 +35,12 @@ class Motors:
 
     @property
     def stopped(self) -> bool:
-        """Whether zero is commanded."""
+        """True if zero throttle is commanded."""
         return bool(np.all(self.pulses_us == self.stop_us))
 
     def ramp_to(self, pulses_us: Array, seconds: float, phase: str, point: int = 0) -> None:
-        """Go to pulses (n_rotors,) in equal steps, recording samples on the way."""
-        # A ramp from standstill begins at the pulse where rotors start to turn.
+        """Ramp to pulses (n_rotors,) in equal steps, while recording."""
+        # A ramp from standstill starts at the pulse where rotors begin to turn.
         start_us = np.where(
             pulses_us > self.stop_us, self._rig.propulsion.pwm_start_us, self.stop_us
         )
@@ -56,36 +54,36 @@ class Motors:
                 self._recorder.collect(phase, RAMP_STEP_S, point)
 
     def zero(self) -> None:
-        """Command zero at once."""
+        """Command zero throttle immediately."""
         self._set(self.stop_us)
 
     def stand_still(self, timeout_s: float, phase: str) -> None:
-        """Command zero and wait until no rotor turns.
+        """Command zero and wait for standstill.
 
         Raises:
-            BenchError: a rotor still turns after the time-out.
+            BenchError: a rotor still turns after the timeout.
         """
         self.zero()
         end_s = self._recorder.bench.now_s() + timeout_s
         names = [f"rpm{rotor + 1}" for rotor in range(self._rig.n_rotors)]
         while True:
-            seen = self._recorder.collect(phase, 0.2)
-            last = {name: _last(seen.column(name)) for name in names if name in seen}
+            samples = self._recorder.collect(phase, 0.2)
+            last = {name: _last(samples.column(name)) for name in names if name in samples}
             if all(abs(rpm) < STANDSTILL_RPM for rpm in last.values()):
                 return
             if self._recorder.bench.now_s() >= end_s:
                 name, rpm = max(last.items(), key=lambda item: np.nan_to_num(abs(item[1]), nan=1e9))
-                reading = f"still reads {rpm:.0f} rpm" if rpm == rpm else "brings no value"
+                reading = f"still reads {rpm:.0f} rpm" if rpm == rpm else "has no value"
                 raise BenchError(
-                    f"{name} {reading} {timeout_s:g} s after zero was commanded, limit "
-                    f"{STANDSTILL_RPM:g} rpm; check the ESC's arming and the tachometer"
+                    f"standstill not confirmed: {name} {reading} {timeout_s:g} s after zero "
+                    f"throttle, limit {STANDSTILL_RPM:g} rpm; check ESC arming and tachometer"
                 )
 
     def _set(self, pulses_us: Array) -> None:
         try:
             self._recorder.bench.set_pwm(pulses_us)
         except CommandRefused:
-            # A device that stopped by itself reports why in its stream; that is the better error.
+            # A stopped device sends the reason in its stream, which is the better error.
             for _ in range(2):
                 self._recorder.read("end", timeout_s=RAMP_STEP_S)
             raise
@@ -107,13 +105,13 @@ def run_to_end(
     summarise: Callable[[], tuple[Result, str]],
     hold: Callable[[], object],
 ) -> Result:
-    """Measure, ramp down, see the rotors stand, and close the run's files; return the summary.
+    """Measure, ramp down, confirm standstill, close the run's files; return the summary.
 
-    Whatever ends it early, zero is commanded first, then the reason is recorded, and it is raised
-    again; only a normal end ramps down. The link is closed by who opened it.
+    At an early end zero is commanded first, then the reason is recorded and raised again; only a
+    normal end ramps down. The caller closes the link.
 
     Args:
-        summarise: called when the rotors stand; returns the summary and the text of the last event.
+        summarise: called at standstill; returns the summary and the text of the last event.
         hold: called after zero was commanded at an early end.
     """
     try:
@@ -127,34 +125,34 @@ def run_to_end(
             recorder.note("ended", text)
             recorder.finish("ended")
         except BaseException as error:
-            ended_by = _stop_at_once(recorder, error, hold)
-            if ended_by is not error:
-                raise ended_by from error
+            reported = _stop_immediately(recorder, error, hold)
+            if reported is not error:
+                raise reported from error
             raise
         return summary
     finally:
         recorder.close()
 
 
-def _stop_at_once(
+def _stop_immediately(
     recorder: Recorder, error: BaseException, hold: Callable[[], object]
 ) -> BaseException:
     """Command zero before anything else and return the error that ends the run.
 
-    Nothing that fails on the way hides that error.
+    Errors of the later steps do not replace that error.
     """
     bench = recorder.bench
     with suppress(Exception):
         bench.stop()
     with suppress(Exception):
         hold()
-    interrupted = isinstance(error, KeyboardInterrupt)
-    reason = "stopped by Ctrl-C" if interrupted else str(error) or type(error).__name__
+    is_interrupt = isinstance(error, KeyboardInterrupt)
+    reason = "stopped by Ctrl-C" if is_interrupt else str(error) or type(error).__name__
     with suppress(Exception):
         if unread := bench.take_unread():
             recorder.store(unread, "end")
     with suppress(Exception):
-        # How the rotors slow down, and what waited in the link.
+        # Record the deceleration and the samples buffered in the link.
         if not isinstance(error, StandstillNotConfirmed):
             recorder.see_standstill(POST_STOP_RECORDING_S)
     if not isinstance(error, StandstillNotConfirmed):
@@ -166,53 +164,54 @@ def _stop_at_once(
     return recorder.rescue(error)
 
 
-POLL_INTERVAL_S = 1.0  # span over which temperature and voltage are averaged; assumed
+POLL_INTERVAL_S = 1.0  # averaging time of temperature and voltage; assumed
 
 
 def cool_down_if_needed(
     recorder: Recorder, motors: Motors, plan: CooldownPart, last: Point | None
 ) -> None:
-    """Rest where temperature or voltage of the last point requires it; look when there is none.
+    """Cool down if temperature or voltage of the last point requires it, or of new samples.
 
     Raises:
-        RunInterrupted: the rest took longer than the plan allows.
+        RunInterrupted: cooldown timeout.
     """
     if plan.above_degC is None and plan.below_V is None:
         return
     if last is None:
-        seen = recorder.collect("rest", POLL_INTERVAL_S)
-        why = _why(_mean(seen, "temperature_degC"), _mean(seen, "voltage_V"), plan)
+        samples = recorder.collect("rest", POLL_INTERVAL_S)
+        temperature, voltage = _mean(samples, "temperature_degC"), _mean(samples, "voltage_V")
+        reason = _cooldown_reason(temperature, voltage, plan)
     else:
-        why = _why(last.temperature_degC, last.voltage_V, plan)
-    if not why:
+        reason = _cooldown_reason(last.temperature_degC, last.voltage_V, plan)
+    if not reason:
         return
-    recorder.note("rest", f"{why}; motors at zero until it has recovered")
+    recorder.note("rest", f"{reason}; motors at zero until it has recovered")
     motors.zero()
-    begun_s = recorder.now_s
-    while not _recovered(recorder.collect("rest", POLL_INTERVAL_S), plan):
-        if recorder.now_s - begun_s > plan.longest_s:
+    start_s = recorder.now_s
+    while not _has_recovered(recorder.collect("rest", POLL_INTERVAL_S), plan):
+        if recorder.now_s - start_s > plan.longest_s:
             raise RunInterrupted(
-                f"{why} and had not recovered after {plan.longest_s:g} s; cool it or change the "
-                f"pack, then go on with benchtool sweep --resume"
+                f"cooldown timeout after {plan.longest_s:g} s: {reason}; cool the motors or change "
+                f"the battery, then use benchtool sweep --resume"
             )
-    recorder.note("rested", f"went on after {recorder.now_s - begun_s:.0f} s")
+    recorder.note("rested", f"resumed after {recorder.now_s - start_s:.0f} s")
 
 
-def _why(temperature: float, voltage: float, plan: CooldownPart) -> str:
+def _cooldown_reason(temperature: float, voltage: float, plan: CooldownPart) -> str:
     if plan.above_degC is not None and temperature > plan.above_degC:
-        return f"the ESC reads {temperature:.1f} degC, rest above {plan.above_degC:g} degC"
+        return f"ESC temperature {temperature:.1f} degC is above {plan.above_degC:g} degC"
     if plan.below_V is not None and voltage < plan.below_V:
-        return f"the pack reads {voltage:.2f} V, rest below {plan.below_V:g} V"
+        return f"battery voltage {voltage:.2f} V is below {plan.below_V:g} V"
     return ""
 
 
-def _recovered(seen: Recording, plan: CooldownPart) -> bool:
-    temperature, voltage = _mean(seen, "temperature_degC"), _mean(seen, "voltage_V")
-    cool = plan.above_degC is None or isnan(temperature) or temperature <= plan.until_degC
+def _has_recovered(samples: Recording, plan: CooldownPart) -> bool:
+    temperature, voltage = _mean(samples, "temperature_degC"), _mean(samples, "voltage_V")
+    is_cool = plan.above_degC is None or isnan(temperature) or temperature <= plan.until_degC
     until_V = max(plan.until_V, plan.below_V or 0.0)
-    charged = plan.below_V is None or isnan(voltage) or voltage >= until_V
-    return cool and charged
+    is_charged = plan.below_V is None or isnan(voltage) or voltage >= until_V
+    return is_cool and is_charged
 
 
-def _mean(seen: Recording, name: str) -> float:
-    return average(seen.column(name)).mean if name in seen else float("nan")
+def _mean(samples: Recording, name: str) -> float:
+    return average(samples.column(name)).mean if name in samples else float("nan")

@@ -1,4 +1,4 @@
-"""The person at a bench: what is said and asked before motors turn, and who may go on alone."""
+"""Operator interface: messages, questions and confirmation before motors turn."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from benchtool.core.errors import BenchtoolError, InputError, RunInterrupted
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
 
-POLL_INTERVAL_S = 0.05  # a bench is read so often while an answer is waited for
+POLL_INTERVAL_S = 0.05  # reads of the bench while waiting for an answer
 
 
 class Operator(Protocol):
-    """Say something to a person, get answers, show a run while it goes on."""
+    """Operator interface: messages, answers, display of a run."""
 
     def inform(self, text: str) -> None:
-        """Show a line or several."""
+        """Show one or more lines."""
 
     def warn(self, text: str) -> None:
-        """Show what went wrong while a run was closed."""
+        """Show a warning."""
 
     def answer(self, question: str, meanwhile: Callable[[], object] | None = None) -> str:
-        """Return the answer to a question, `meanwhile` called again and again.
+        """Return the answer to a question; call `meanwhile` repeatedly while waiting.
 
         Raises:
-            InputError: nobody answers.
+            InputError: no terminal to answer.
         """
 
     def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
-        """Show a sweep on a rotor of this radius while it runs; None: without a plate."""
+        """Return the display of a sweep, for a rotor radius; None: without a plate."""
 
 
 class Unattended:
-    """Write lines to standard output; nobody is there to answer: notebooks and scripts."""
+    """Operator of notebooks and scripts: lines on standard output, no answers."""
 
     def inform(self, text: str) -> None:
         sys.stdout.write(f"{text}\n")
@@ -50,8 +50,8 @@ class Unattended:
 
     def answer(self, question: str, meanwhile: Callable[[], object] | None = None) -> str:
         raise InputError(
-            f"nobody is there to answer {question.strip()!r}; run the command in a terminal, or "
-            f"give an operator that answers"
+            f"confirmation {question.strip()!r} needs a terminal; run the command in a terminal or "
+            f"pass operator="
         )
 
     def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
@@ -59,26 +59,25 @@ class Unattended:
 
 
 def describe_bench(operator: Operator, identity: DeviceInfo, rig: Rig) -> None:
-    """Say what a person must know of a bench before arming it."""
+    """Show the warnings of a bench before arming."""
     for warning in arming_warnings(identity, rig):
         operator.inform(f"warning: {warning}")
     if identity.speed != 1.0:
-        speed = f"{identity.speed:g} times the speed of life"
-        operator.inform(f"this bench runs at {speed}; all times are the bench's own")
+        operator.inform(f"bench at {identity.speed:g} times real time; all times are bench time")
 
 
 def describe_end(operator: Operator, bench: GuardedBench) -> None:
-    """Say which rotors were not seen to stand at a normal end."""
+    """Show rotors without confirmed standstill at a normal end."""
     if (state := bench.standstill) is not None and not state.seen:
         operator.inform(f"warning: {state.text}")
 
 
 def arm(operator: Operator, text: str, bench: GuardedBench, rig: Rig, *, unattended: bool) -> None:
-    """Say what will spin; a typed confirmation is needed unless the bench may run unattended.
+    """Ask for confirmation before motors spin; skip it for an unattended bench.
 
     Raises:
-        InputError: nobody is there to confirm, or the bench may not be left alone.
-        RunInterrupted: something else was typed.
+        InputError: no terminal to confirm, or the bench may not run unattended.
+        RunInterrupted: not confirmed.
     """
     if not unattended:
         confirm_arming(operator, text, bench)
@@ -88,11 +87,11 @@ def arm(operator: Operator, text: str, bench: GuardedBench, rig: Rig, *, unatten
 
 
 def confirm_arming(operator: Operator, text: str, bench: GuardedBench) -> None:
-    """Say what will spin and have a confirmation typed.
+    """Ask for a typed confirmation before motors spin.
 
     Raises:
-        InputError: nobody is there to confirm.
-        RunInterrupted: something else was typed.
+        InputError: no terminal to confirm.
+        RunInterrupted: not confirmed.
     """
     operator.inform(text)
     is_virtual = bench.identity.address.startswith("sim:")
@@ -100,24 +99,24 @@ def confirm_arming(operator: Operator, text: str, bench: GuardedBench) -> None:
     with bench.interruptible():
         answer = operator.answer(f"type {CONFIRMATION} to arm: ", meanwhile)
     if answer.strip() != CONFIRMATION:
-        raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; nothing was spun")
+        raise RunInterrupted(f"not armed: {CONFIRMATION} was not typed; no motor was started")
 
 
 def close_stopped(operator: Operator, run: Run, advice: str = "") -> None:
-    """Write the tables of a run that stopped and say where it is, or what prevents that.
+    """Write the tables of a stopped run and show its path, or the error.
 
     Args:
-        advice: how to go on with a run that lacks points.
+        advice: next step for an incomplete run.
     """
     try:
         run.close()
         if advice and run.metadata["state"] == "ended":
             advice = (
-                f"every visit is measured and stored, so nothing is left to resume; look at what "
-                f"stopped it, then go on with: benchtool fit {run.path}"
+                f"every visit is measured and stored; check the reason of the stop, then continue "
+                f"with: benchtool fit {run.path}"
             )
     except (BenchtoolError, OSError, MemoryError) as error:
         operator.warn(f"{run.path} was not closed: {error}")
         return
     with suppress(OSError):
-        operator.inform("; ".join(filter(None, (f"what was recorded is in {run.path}", advice))))
+        operator.inform("; ".join(filter(None, (f"recorded data are in {run.path}", advice))))

@@ -1,4 +1,4 @@
-"""Record a pitch experiment: arm the device's loop, log every sample, and end safely."""
+"""Recording of a pitch experiment with the control loop on the device."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from benchtool.core.plural import pluralize
 from benchtool.core.rig import Rig
 from benchtool.data.run.run import Run
 
-RAMP_UP_S = 0.5  # from idle to the collective in so long; assumed, ten times the lag of a motor
-CHUNK_S = 1.0  # samples are summed up and forced to the disk so often; assumed
+RAMP_UP_S = 0.5  # ramp from idle to the collective; ten times the motor lag; assumed
+CHUNK_S = 1.0  # interval of statistics and of syncing to disk; assumed
 
 
 @dataclass(slots=True)
 class PitchSummary:
-    """Say what was recorded; angles in rad, nan where the device gave no reference."""
+    """Summary of a pitch recording; angles in rad, nan without reference."""
 
     seconds: float = 0.0
     samples: int = 0
     lost: int = 0
-    largest_rad: float = 0.0
+    max_angle_rad: float = 0.0
     rms_error_rad: float = float("nan")
 
 
 class PitchRecorder(Recorder):
-    """Record, and stop when the beam turns too far or too fast."""
+    """Recorder that stops at excessive pitch angle or rate."""
 
     def __init__(
         self, bench: GuardedBench, run: Run, progress: RunProgress, pitch_limit_rad: float
@@ -48,26 +48,26 @@ class PitchRecorder(Recorder):
             if channel.name in self._limits
         ]
 
-    def watch_no_more(self) -> None:
-        """Only record from now on: there is nothing left to stop."""
+    def stop_watching(self) -> None:
+        """Stop checking limits; only record from now on."""
         self._watched = []
 
     def store(self, readings: Readings, phase: str, point: int = 0) -> Readings:
-        """Write readings; command zero before that where they lie beyond a limit, once.
+        """Write readings; if they exceed a limit, command zero first (once).
 
         Raises:
-            LimitExceeded: the samples that show it are on the disk, or wait for `rescue`.
+            LimitExceeded: after the samples were stored on disk or for `rescue`.
         """
         for index, name in self._watched:
             limit, column = self._limits[name], readings.values[:, index]
             beyond = column[np.abs(column) > limit]
             if len(beyond):
-                self.watch_no_more()
+                self.stop_watching()
                 with suppress(Exception):
                     self.bench.stop()
                 with suppress(Exception):
                     super().store(readings, phase, point)
-                remedy = "look at gains and mechanics, or raise --limit-deg"
+                remedy = "check gains and mechanics, or raise --limit-deg"
                 raise LimitExceeded(name, float(beyond[0]), limit, remedy)
         return super().store(readings, phase, point)
 
@@ -78,16 +78,16 @@ def record_pitch(
     experiment: PitchExperiment,
     run: Run,
     progress: RunProgress | None = None,
-    left: Callable[[float], None] = lambda left_s: None,
+    report_remaining: Callable[[float], None] = lambda remaining_s: None,
 ) -> PitchSummary:
-    """Record a checked experiment on an open bench, and end it as `run_to_end` says.
+    """Record a checked experiment on an open bench, and end it with `run_to_end`.
 
     Args:
-        left: called with the seconds that are left, about every second.
+        report_remaining: called with the remaining seconds, about every second.
 
     Raises:
-        StandstillNotSeen: motors may still turn; leaving the guarded bench raises this too.
-        BenchError, RunStopped: why it ended early.
+        StandstillNotConfirmed: motors may still turn; closing the guarded bench raises it too.
+        BenchError, RunInterrupted: reason of an early end.
     """
     require_pitch(bench.identity)
     bench.expect_loop()
@@ -99,26 +99,30 @@ def record_pitch(
             bench.move_plate(experiment.plate_z_m)
         recorder.note("armed", f"collective {experiment.collective_us:g} us")
         motors.ramp_to(np.full(rig.n_rotors, experiment.collective_us), RAMP_UP_S, "ramp")
-        _collect(recorder, summary, left)
+        _collect(recorder, summary, report_remaining)
 
     def summarise() -> tuple[PitchSummary, str]:
-        # All that is on the disk, the ramps too.
+        # All samples on disk, including the ramps.
         summary.samples, summary.lost = recorder.quality.samples, recorder.quality.lost
-        return summary, f"{summary.seconds:g} s are recorded"
+        return summary, f"{summary.seconds:g} s recorded"
 
-    return run_to_end(recorder, motors, measure, summarise, recorder.watch_no_more)
+    return run_to_end(recorder, motors, measure, summarise, recorder.stop_watching)
 
 
-def _collect(recorder: PitchRecorder, summary: PitchSummary, left: Callable[[float], None]) -> None:
+def _collect(
+    recorder: PitchRecorder, summary: PitchSummary, report_remaining: Callable[[float], None]
+) -> None:
     """Record the seconds of a summary and fill in its angles."""
     squares, count = 0.0, 0
-    begun_s = recorder.bench.now_s()
-    while (left_s := begun_s + summary.seconds - recorder.bench.now_s()) > 1e-9:
-        left(left_s)
-        part = recorder.collect("sample", min(CHUNK_S, left_s))
+    end_s = recorder.bench.now_s() + summary.seconds
+    while (remaining_s := end_s - recorder.bench.now_s()) > 1e-9:
+        report_remaining(remaining_s)
+        part = recorder.collect("sample", min(CHUNK_S, remaining_s))
         recorder.sync()
         theta = part.column("theta_rad")
-        summary.largest_rad = max(summary.largest_rad, float(np.nanmax(np.abs(theta), initial=0.0)))
+        summary.max_angle_rad = max(
+            summary.max_angle_rad, float(np.nanmax(np.abs(theta), initial=0.0))
+        )
         if "theta_ref_rad" in part:
             error = theta - part.column("theta_ref_rad")
             squares += float(np.nansum(error**2))
@@ -128,10 +132,10 @@ def _collect(recorder: PitchRecorder, summary: PitchSummary, left: Callable[[flo
 
 
 def summary_line(summary: PitchSummary) -> str:
-    """Return a recording in one line."""
+    """Return the summary as one line."""
     error = summary.rms_error_rad
     tracking = "" if np.isnan(error) else f", RMS error {degrees(error):.2f} deg"
     return (
         f"{summary.seconds:g} s, {pluralize(summary.samples, 'sample')}, {summary.lost} lost; "
-        f"largest angle {degrees(summary.largest_rad):.2f} deg{tracking}"
+        f"largest angle {degrees(summary.max_angle_rad):.2f} deg{tracking}"
     )

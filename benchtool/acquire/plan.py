@@ -1,4 +1,4 @@
-"""A sweep's plan: what is visited, how it is ordered, how settled, sampled and tared."""
+"""Sweep plan: settings, order, settling, sampling and tare."""
 
 from __future__ import annotations
 
@@ -21,33 +21,32 @@ if TYPE_CHECKING:
 
 Positive = Annotated[float, Gt(0.0), Le(1e6)]
 NotNegative = Annotated[float, Ge(0.0), Le(1e6)]
-Seconds = Annotated[float, Gt(0.0), Le(3600.0)]  # no wait or average takes longer; assumed
+Seconds = Annotated[float, Gt(0.0), Le(3600.0)]  # maximum wait or averaging time; assumed
 
 Distance = Annotated[float, Gt(0.0), Le(1000.0)]
 Offset = Annotated[float, Ge(-1000.0), Le(1000.0)]
-Tilt = Annotated[float, Ge(-89.0), Le(89.0)]  # the minimum distance allows far less; assumed
+Tilt = Annotated[float, Ge(-89.0), Le(89.0)]  # limited further by the minimum distance; assumed
 
 Pulse = Annotated[float, Gt(0.0), Le(1e4)]
-MAX_LISTED = 1000  # most distances, tilts, offsets or levels of a plan; assumed
+MAX_LISTED = 1000  # distances, tilts, offsets or levels of a plan; assumed
 
 Distances = Annotated[tuple[Distance, ...], Len(0, MAX_LISTED)]
 
-THROTTLE_TESTS = ("steps", "ramp", "response", "endurance")  # shipped plans without a plate
+THROTTLE_TESTS = ("steps", "ramp", "response", "endurance")  # bundled plans without a plate
 REPEATS_SINGLE = 9  # tests per distance with one rotor on (paper, section 2.1)
 REPEATS_SEVERAL = 5  # tests per distance with the full multirotor (paper, section 2.2)
-STANDARD_PERCENT = (40.0, 60.0)  # throttle levels of a plan that names none; assumed
-
-# Assumed: dense where the increment is steep.
+STANDARD_PERCENT = (40.0, 60.0)  # default throttle levels; assumed
+# Default distances, dense where the increment is steep; assumed.
 STANDARD_DISTANCES_OVER_R = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlatePart(Inputs):
-    """Say where the plate goes: every combination of distance, tilt and lateral position.
+    """Plate positions: every combination of distance, tilt and lateral position.
 
     Attributes:
-        used: whether distances are visited; without, throttle alone is, far from any surface: the
-            plate is parked where the bench moves one, and away where it does not.
+        used: whether the plate is moved; if not, only throttle is varied, with the plate parked
+            or absent.
     """
 
     TITLE = "Plate"
@@ -77,7 +76,7 @@ class PlatePart(Inputs):
         tuple[Tilt, ...],
         Len(1, MAX_LISTED),
         Input(
-            "Plate inclinations about its centre; positive brings +x rotors nearer.",
+            "Plate tilts about its centre; positive: closer to rotors at +x.",
             "deg",
             option="tilt",
             label="Tilts, deg",
@@ -97,7 +96,7 @@ class PlatePart(Inputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThrottlePart(Inputs):
-    """Say how fast the rotors turn."""
+    """Throttle levels."""
 
     TITLE = "Throttle"
 
@@ -105,7 +104,7 @@ class ThrottlePart(Inputs):
         tuple[Pulse, ...],
         Len(0, MAX_LISTED),
         Input(
-            "Pulse levels, each given to every rotor that is on: 1400,1600.",
+            "Pulse levels, for every rotor that is on: 1400,1600.",
             "us",
             option="pwm",
             label="Pulses, us",
@@ -117,7 +116,7 @@ class ThrottlePart(Inputs):
         tuple[Annotated[float, Gt(0.0), Le(100.0)], ...],
         Len(0, MAX_LISTED),
         Input(
-            "Throttle levels in percent of the pulse range that the rig's limits allow: 20,50,80.",
+            "Throttle levels in percent of the rig's pulse range: 20,50,80.",
             option="throttle",
             label="Throttle levels, %",
             instead_of="pwm_us",
@@ -139,19 +138,19 @@ class ThrottlePart(Inputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderPart(Inputs):
-    """Say in which order settings are visited.
+    """Order of the points.
 
     Attributes:
         kind: "randomised" (plate positions shuffled in every repeat, levels within each position),
             "counterbalanced" (every second repeat backwards), or "as_given".
-        references: visit every level with the plate parked in every repeat (T_OGE).
+        references: measure every level with the plate parked in every repeat (T_OGE).
     """
 
-    TITLE = "Order of the visits"
+    TITLE = "Order of points"
 
     kind: Annotated[
         Literal["randomised", "counterbalanced", "as_given"],
-        Input("Order of the visits.", option="order", label="Order"),
+        Input("Order of points.", option="order", label="Order"),
     ] = "randomised"
     seed: Annotated[int, Ge(0), Input("Seed of the order.")] = 0
     references: bool = True
@@ -160,20 +159,20 @@ class OrderPart(Inputs):
         Ge(0),
         Le(1_000_000),
         Input(
-            "Repeat one setting after so many visits, to see drift; 0: never.",
-            label="Anchor after so many visits (0: never)",
+            "Repeat one setting every N points, to detect drift; 0: never.",
+            label="Anchor every N points (0: never)",
         ),
     ] = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettlePart(Inputs):
-    """Say when thrust and speed count as settled.
+    """Settling criterion for thrust and speed.
 
     Attributes:
-        slope_per_s: settled when the slope over the mean is below this, or below twice its
-            standard error. 0.002 1/s moves a mean over 2 s by 0.2 % at most; a choice.
-        timeout_s: after so long the point is taken anyway, marked unsettled, with an event.
+        slope_per_s: settled if the relative slope is below this, or below twice its standard
+            error. 0.002 1/s changes a mean over 2 s by at most 0.2 %; assumed.
+        timeout_s: after it the point is measured, marked as not settled, with an event.
     """
 
     window_s: Seconds = 1.0
@@ -183,14 +182,14 @@ class SettlePart(Inputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TarePart(Inputs):
-    """Say when and how well the load cell is tared.
+    """Tare of the load cell.
 
     Attributes:
-        seconds: span over which the rest is averaged after a tare.
-        residual_N: largest rest; from the load cell's zero, noise and quantum when left out.
-        every_minutes: tare again after so long; 0 for only at the start.
-        drift_N: tare again when an anchor has moved by more; off when left out.
-        stop_timeout_s: rotors must stand still so soon after zero was commanded.
+        seconds: averaging time of the offset after a tare.
+        residual_N: maximum offset; default: from the load cell's zero, noise and quantum.
+        every_minutes: interval between tares; 0: only at the start.
+        drift_N: change of an anchor that causes a tare; default: off.
+        stop_timeout_s: timeout for standstill after zero throttle.
     """
 
     seconds: Seconds = 1.0
@@ -202,14 +201,14 @@ class TarePart(Inputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CooldownPart(Inputs):
-    """Say when the bench rests with motors at zero.
+    """Cooldown with motors at zero.
 
     Attributes:
-        above_degC: ESC temperature above which it rests; never when left out.
-        until_degC: temperature at which the sweep goes on.
-        below_V: pack voltage under load below which it rests; never when left out.
-        until_V: voltage at rest at which the sweep goes on.
-        longest_s: after so long the sweep stops; it can be resumed.
+        above_degC: ESC temperature that starts a cooldown; default: never.
+        until_degC: temperature at which the sweep continues.
+        below_V: battery voltage under load that starts a cooldown; default: never.
+        until_V: voltage without load at which the sweep continues.
+        longest_s: timeout after which the sweep stops; it can be resumed.
     """
 
     above_degC: float | None = None
@@ -221,25 +220,25 @@ class CooldownPart(Inputs):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan(Inputs):
-    """Hold everything that a sweep shall do.
+    """Plan of a sweep.
 
     Attributes:
-        sample_share: of the samples that this span should bring, a point needs so many. A choice:
-            what is lost at random moves no mean, a loss of a fifth is no longer at random.
+        sample_share: minimum fraction of the expected samples of a point. Assumed: random losses do
+            not change a mean, a loss of a fifth is no longer random.
     """
 
     name: Annotated[str, Input("Name of the run.", group="Run folder")] = "sweep"
     repeats: Annotated[
         Annotated[int, Ge(1), Le(1_000_000_000)] | None,
         Input(
-            "Visits of each setting (paper, section 2).",
+            "Points per setting (paper, section 2).",
             label="Repeats",
             default_text="9 for one rotor on, 5 for several",
             group="Points",
         ),
     ] = None
     sample_s: Annotated[
-        Seconds, Input("Span of the samples of a point.", "s", label="Samples of a point, s")
+        Seconds, Input("Sampling time of a point.", "s", label="Sampling time, s")
     ] = 2.0
     sample_share: Annotated[float, Gt(0.0), Le(1.0)] = 0.8
     plate: PlatePart = PlatePart()
@@ -250,7 +249,7 @@ class Plan(Inputs):
     rest: CooldownPart = CooldownPart()
 
     def resolved(self, rig: Rig) -> Plan:
-        """Return the plan with every number that it left open filled in for a rig."""
+        """Return the plan with all default values filled in for a rig."""
         plate = self.plate
         radius_m = rig.propulsion.radius_m
         if plate.used and not plate.distances_m:
@@ -271,21 +270,16 @@ class Plan(Inputs):
 
 
 def read_plan(path: str | Path) -> Plan:
-    """Return a shipped plan by its name, or the plan in a TOML file.
-
-    Raises:
-        UnknownChoice: a name that is neither.
-        FileFormatError: see `plan_from_toml`.
-    """
+    """Return a bundled plan by name, or the plan of a TOML file."""
     return plan_from_toml(*read_named("plan", "plans", path))
 
 
 def plan_from_toml(text: str, where: str) -> Plan:
-    """Return the plan that TOML text describes.
+    """Return the plan of TOML text.
 
     Raises:
-        UnknownChoice: a key that a plan has not, with the known ones.
-        FileFormatError: a value of the wrong type or range, or distances given twice.
+        UnknownChoice: unknown key.
+        FileFormatError: wrong type or range, or distances given in two ways.
     """
     plan = read_strict(Plan, text, where)
     if plan.plate.distances_m and plan.plate.distances_over_R:
@@ -300,14 +294,14 @@ def plan_from_toml(text: str, where: str) -> Plan:
 
 
 def plan_to_toml(plan: Plan) -> str:
-    """Return a plan as TOML text that reads back to the same plan."""
-    return tomli_w.dumps(_stated(asdict(plan)))
+    """Return a plan as TOML text; parsing it gives the same plan."""
+    return tomli_w.dumps(_without_empty(asdict(plan)))
 
 
-def _stated(table: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a table without what it leaves open."""
+def _without_empty(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a table without empty values."""
     return {
-        key: _stated(value) if isinstance(value, Mapping) else value
+        key: _without_empty(value) if isinstance(value, Mapping) else value
         for key, value in table.items()
         if value is not None and value != ()
     }
@@ -317,14 +311,14 @@ def _pulses_us(rig: Rig, percent: tuple[float, ...]) -> tuple[float, ...]:
     """Return pulses at percentages of the usable pulse range."""
     start_us = rig.propulsion.pwm_start_us
     span_us = min(rig.limits.pwm_us, rig.propulsion.pwm_max_us) - start_us
-    return tuple(float(round(start_us + 0.01 * each * span_us)) for each in percent)
+    return tuple(float(round(start_us + 0.01 * level * span_us)) for level in percent)
 
 
 def _residual_N(rig: Rig, seconds: float) -> float:
-    """Return five standard deviations of a tare's rest by the rig's zero and noise, or two quanta.
+    """Return the maximum tare offset: five standard deviations, or two quanta.
 
-    One tare in 1.7 million leaves more by chance. Where the rig states no zero, the limit is at
-    least 0.1 % of the thrust limit, which is assumed.
+    Exceeded by chance by one tare in 1.7 million. If the rig states no zero, it is at least 0.1 %
+    of the thrust limit (assumed).
     """
     sensor = rig.sensors.get("thrust_N")
     floor_N = 0.001 * rig.limits.thrust_N

@@ -1,4 +1,4 @@
-"""Read a bench and put every sample on the disk before anything else is done with it."""
+"""Recorder: every sample is written to disk before it is used."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_writer import RunWriter
 
-STEP_S = 0.1  # longest wait for samples in one read; limits and signals are seen at least as often
+STEP_S = 0.1  # maximum wait in one read; limits and signals are checked at least as often
 
 
 @dataclass(slots=True)
 class LinkQuality:
-    """Count what came and what the link lost, over all parts of a resumed run."""
+    """Counts of received and lost samples, over all parts of a resumed run."""
 
     samples: int = 0
     lost: int = 0
@@ -35,11 +35,11 @@ class LinkQuality:
 
 
 class Recorder:
-    """Own the files of a run while it is measured.
+    """Recorder of a bench into a run folder.
 
     Args:
-        start_s: time of the run at which this part of it begins; above 0 for a resumed one.
-        before: what a resumed run has counted so far.
+        start_s: run time of the start of this part; above 0 for a resumed run.
+        before: counts of the earlier parts.
     """
 
     def __init__(
@@ -59,27 +59,27 @@ class Recorder:
         self._zero_s = bench.now_s() - start_s
         self._writer = RunWriter(run, identity.channels, identity.n_rotors)
         for file, fragment in self._writer.fragments.items():
-            self.note("cut_line", f"the last line of {file} was cut and left out: {fragment}")
+            self.note("cut_line", f"the incomplete last line of {file} was removed: {fragment}")
         self.append_point = self._writer.point
 
     @property
     def now_s(self) -> float:
-        """Time since the run began."""
+        """Time since the start of the run."""
         return self.bench.now_s() - self._zero_s
 
     def read(self, phase: str, point: int = 0, timeout_s: float = STEP_S) -> Readings:
-        """Read what arrived, write it, and return it with times since the run began.
+        """Read and write samples, and return them with times since the start of the run.
 
-        A signal waits for the end of this, so that no sample is lost between link and disk.
+        Signals are deferred until it returns, so that no sample is lost.
         """
         return self.store(self.bench.read(timeout_s), phase, point)
 
     def store(self, readings: Readings, phase: str, point: int = 0) -> Readings:
-        """Write readings and return them with times since the run began.
+        """Write readings and return them with times since the start of the run.
 
         Raises:
-            RunStopped, ResourceExhausted: they could not be written, or the run's folder is not
-                there any more; once, later readings wait in memory for `rescue`.
+            RunInterrupted, ResourceExhausted: writing failed, or the run folder is gone; raised
+                once, later readings are kept in memory for `rescue`.
         """
         time_s = readings.time_s - self._zero_s
         self.quality.samples += len(readings)
@@ -97,11 +97,11 @@ class Recorder:
         return Readings(time_s, readings.device_time_us, readings.values)
 
     def collect(self, phase: str, seconds: float, point: int = 0) -> Recording:
-        """Read for so long and return the samples."""
+        """Read for a duration and return the samples."""
         parts: list[Readings] = []
         end_s = self.bench.now_s() + seconds
-        while (left_s := end_s - self.bench.now_s()) > 1e-9:
-            parts.append(self.read(phase, point, min(STEP_S, left_s)))
+        while (remaining_s := end_s - self.bench.now_s()) > 1e-9:
+            parts.append(self.read(phase, point, min(STEP_S, remaining_s)))
         return self.joined(parts)
 
     def joined(self, parts: list[Readings]) -> Recording:
@@ -114,20 +114,20 @@ class Recorder:
         )
 
     def see_standstill(self, at_least_s: float = 0.0) -> Standstill:
-        """Read on until the rotors were seen to stand; put samples and what was seen on the disk.
+        """Read until standstill is confirmed; write samples and result to disk.
 
         Raises:
-            RunStopped, ResourceExhausted: they could not be written; after the look.
+            RunInterrupted, ResourceExhausted: writing failed; raised after the check.
         """
         failed: list[BenchtoolError] = []
 
-        def take(readings: Readings) -> None:
+        def store(readings: Readings) -> None:
             try:
                 self.store(readings, "end")
             except BenchtoolError as error:
                 failed.append(error)
 
-        state = self.bench.see_standstill(take, at_least_s)
+        state = self.bench.see_standstill(store, at_least_s)
         if state.text:
             self.note("standstill" if state.seen else "not_seen_to_stand", state.text)
         if failed:
@@ -135,16 +135,15 @@ class Recorder:
         return state
 
     def note(self, event: str, text: str, point: int = 0) -> None:
-        """Put an event on the disk and publish it."""
+        """Write an event to disk and publish it."""
         entry = Event(round(self.now_s, 6), event, text, point)
         self._writer.event(entry)
         self._progress.happened(entry)
 
     def link(self) -> dict[str, Any]:
-        """Return how good the link was, for metadata.json.
+        """Return the link quality for metadata.json.
 
-        Counts of samples; a bench that measures more (messages, jitter) reports it in facts that
-        begin with `link_`.
+        Counts of samples, and all metadata of the bench with the prefix `link_`.
         """
         facts = self.bench.identity.facts
         measured = {name: text for name, text in facts.items() if name.startswith("link_")}
@@ -155,14 +154,14 @@ class Recorder:
         self._writer.sync()
 
     def finish(self, state: str, reason: str | None = None) -> None:
-        """Put on the disk how the run ended."""
+        """Write the final state of the run to disk."""
         self._writer.update_metadata(state=state, reason=reason, link=self.link())
 
     def rescue(self, error: BaseException) -> BaseException:
         """Return the error to raise after `error` ended the run and zero was commanded.
 
-        Where the run's folder failed, the run is saved in another one first, and if that was what
-        ended it, the error returned names it.
+        If the run folder failed, the run is saved in another folder first; if this failure ended
+        the run, the returned error names that folder.
         """
         fault = self._writer.fault
         if fault is None:
@@ -181,48 +180,48 @@ class Recorder:
 
 
 class RunProgress:
-    """Receive what a run does, and do nothing with it; displays override what they show.
+    """Progress callbacks of a run (no-op); displays override them.
 
-    Calls come from the run's own thread and must return quickly.
+    Calls come from the thread of the run and must return quickly.
     """
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
-        """Receive that a sweep of so many visits begins, some of them done already."""
+        """Handle the start of a sweep, with total and completed visits."""
 
     def visiting(self, visit: Visit) -> None:
-        """Receive that a visit begins."""
+        """Handle the start of a visit."""
 
     def measured(self, point: Point, remaining_s: float) -> None:
-        """Receive a point that is on the disk, and the time that is left."""
+        """Handle a stored point and the remaining time."""
 
     def happened(self, event: Event) -> None:
-        """Receive an event that is on the disk."""
+        """Handle a stored event."""
 
     def annotations(self) -> list[str]:
-        """Return what the operator wrote since the last call, for the events of the run."""
+        """Return the operator's annotations since the last call."""
         return []
 
 
-NO_PROGRESS = frozenset({"device"})  # events that stand in events.jsonl but are not shown
+NO_PROGRESS = frozenset({"device"})  # events in events.jsonl that are not shown
 
 
 class ProgressLines(RunProgress):
-    """Say one line for every point and event; distances where `radius_m` is no None."""
+    """Print one line for every point and event; with distances if `radius_m` is given."""
 
-    def __init__(self, radius_m: float | None, say: Callable[[str], None]) -> None:
-        self._radius_m, self._say = radius_m, say
+    def __init__(self, radius_m: float | None, write: Callable[[str], None]) -> None:
+        self._radius_m, self._write = radius_m, write
         self._visits = self._done = 0
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
         self._visits, self._done = visits, done
-        self._say(f"{visits - done} of {visits} visits to go, about {minutes(expected_s)}")
+        self._write(f"{visits - done} of {visits} visits remaining, about {minutes(expected_s)}")
 
     def measured(self, point: Point, remaining_s: float) -> None:
         self._done += 1
         where = ""
         if self._radius_m is not None:
             where = f"  {point.kind:<9} z/R {point.plate_z_m / self._radius_m:5.2f}"
-        self._say(
+        self._write(
             f"{self._done}/{self._visits}{where}"
             f"  {max(point.pwm_us):4.0f} us  {point.thrust_N:8.3f} +- {point.thrust_se_N:.3f} N"
             f"  {'' if point.settled else 'not settled  '}{minutes(remaining_s)} left"
@@ -230,42 +229,42 @@ class ProgressLines(RunProgress):
 
     def happened(self, event: Event) -> None:
         if event.event not in NO_PROGRESS:
-            self._say(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
+            self._write(f"{event.time_s:8.1f} s  {event.event}: {event.text}")
 
 
 class SafeProgress(RunProgress):
-    """Forward to another progress until it fails (a closed pipe, a terminal that went).
+    """Wrapper that forwards progress until a call fails (closed pipe or terminal).
 
-    A run continues when nobody looks; what it measures is on the disk. Time left is given in real
-    seconds: a simulated bench's clock may run many times as fast.
+    The run continues without display. The remaining time is in real seconds, since the clock of a
+    simulated bench may run much faster.
     """
 
-    def __init__(self, watcher: RunProgress | None) -> None:
-        self._watcher = watcher or RunProgress()
+    def __init__(self, progress: RunProgress | None) -> None:
+        self._progress = progress or RunProgress()
         self._first: tuple[float, float] | None = None
 
     def _forward(self, method: Callable[..., None], *arguments: Any) -> None:
         try:
             method(*arguments)
         except OSError:
-            self._watcher = RunProgress()
+            self._progress = RunProgress()
 
     def started(self, visits: int, done: int, expected_s: float) -> None:
-        self._forward(self._watcher.started, visits, done, expected_s)
+        self._forward(self._progress.started, visits, done, expected_s)
 
     def visiting(self, visit: Visit) -> None:
-        self._forward(self._watcher.visiting, visit)
+        self._forward(self._progress.visiting, visit)
 
     def measured(self, point: Point, remaining_s: float) -> None:
         now_s = monotonic()
         self._first = self._first or (point.time_s, now_s)
         on_bench_s, real_s = point.time_s - self._first[0], now_s - self._first[1]
-        if on_bench_s > real_s:  # never slower: whoever paused, goes on at the bench's pace
+        if on_bench_s > real_s:  # never slower, since a pause is followed by the bench's pace
             remaining_s *= real_s / on_bench_s
-        self._forward(self._watcher.measured, point, remaining_s)
+        self._forward(self._progress.measured, point, remaining_s)
 
     def happened(self, event: Event) -> None:
-        self._forward(self._watcher.happened, event)
+        self._forward(self._progress.happened, event)
 
     def annotations(self) -> list[str]:
-        return self._watcher.annotations()
+        return self._progress.annotations()

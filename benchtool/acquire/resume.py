@@ -1,4 +1,4 @@
-"""Go on with a run from what is on disk."""
+"""Resuming of a run from its folder."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from benchtool.data.run.read import read_points
 from benchtool.data.run.run import Run
 from benchtool.data.run.run_rig import run_rig
 
-MIN_GAP_S = 1.0  # run time that a break counts as; the event has the real one
+MIN_GAP_S = 1.0  # run time of an interruption; its event has the real time
 
 
 @dataclass(frozen=True, slots=True)
 class ResumeState:
-    """Hold what a run on disk holds for going on."""
+    """State of a run on disk, for resuming."""
 
     run: Run
     plan: Plan
@@ -39,17 +39,15 @@ class ResumeState:
 
 
 def load_resume_state(run: Run) -> ResumeState:
-    """Read what a run has and what it lacks; nothing is changed.
+    """Read completed and missing visits of a run, without changes.
 
     Raises:
-        InputError: a recording, which has no plan that could be resumed.
-        FileFormatError: a file of the run cannot be read.
+        InputError: a recording, which has no plan to resume.
+        FileFormatError: unreadable file of the run.
     """
     facts = run.metadata
     if kind := facts.get("experiment"):
-        raise InputError(
-            f"{run.path} is a {kind} recording, which has no visits left to measure; record again"
-        )
+        raise InputError(f"{run.path} is a {kind} recording and cannot be resumed; record again")
     where = str(run.path / "metadata.json")
     rig = run_rig(run.path, facts)
     plan_file = str(run.path / "plan.toml")
@@ -57,8 +55,8 @@ def load_resume_state(run: Run) -> ResumeState:
     if not ((plan.plate.distances_m or not plan.plate.used) and plan.throttle.pwm_us):
         raise FileFormatError(
             plan_file,
-            "plate.distances_m or throttle.pwm_us is missing, which the plan of a run always "
-            "states; restore it from a copy",
+            "plate.distances_m or throttle.pwm_us is missing from the plan of the run; restore it "
+            "from a copy",
         )
     calibration = facts.get("calibration")
     visits = {visit.point for visit in plan_visits(plan, rig)}
@@ -75,72 +73,71 @@ def load_resume_state(run: Run) -> ResumeState:
 
 
 def close_run(run: Run) -> bool:
-    """Close a run of any kind and return whether anything was missing; see `Run.close`."""
+    """Close a run of any kind; return True if data were missing (see `Run.close`)."""
     if "visits" in run.metadata or run.metadata.get("experiment"):
         return run.close()
-    rest = load_resume_state(run)
-    return run.close(len(rest.done) + rest.left)
+    state = load_resume_state(run)
+    return run.close(len(state.done) + state.left)
 
 
 def prepare_resume(unfinished: ResumeState) -> SweepStart:
-    """Read where a run goes on and make its files ready, before its bench is opened.
+    """Prepare the files of a run to resume, before its bench is opened.
 
-    Samples of a visit that was cut short stay in their rows and become `interrupted`. A run
-    with nothing left to measure is closed where it is not; else nothing of it changes yet.
+    Samples of an incomplete visit are kept and marked as `interrupted`. A complete run is closed if
+    it is not.
 
     Raises:
-        InputError: nothing is left to measure, or another process measures the run.
-        FileFormatError: a file of the run cannot be read.
+        InputError: the run is complete, or another process measures it.
+        FileFormatError: unreadable file of the run.
         ResourceExhausted: the run cannot be written.
     """
     run = unfinished.run
     if not unfinished.left:
         visits = pluralize(len(unfinished.done), "visit")
-        written = "; it was not closed, and is now" if run.close(len(unfinished.done)) else ""
+        closed = "; it has now been closed" if run.close(len(unfinished.done)) else ""
         raise InputError(
-            f"nothing is left to resume of {run.path}: {visits}, and all measured already{written}"
+            f"nothing to resume in {run.path}: all visits are measured ({visits}){closed}"
         )
-    found = run.ready_samples(unfinished.done)
-    if not found.rows:
+    samples = run.ready_samples(unfinished.done)
+    if not samples.rows:
         return SweepStart(unfinished.done)
     link = run.metadata.get("link") or {}
     quality = LinkQuality(
-        found.rows, *(link.get(name, 0) for name in ("lost", "corrupt", "repeated"))
+        samples.rows, *(link.get(name, 0) for name in ("lost", "corrupt", "repeated"))
     )
     counts = _counts(run, unfinished.done)
-    return SweepStart(unfinished.done, found.last_s + MIN_GAP_S, *counts, quality)
+    return SweepStart(unfinished.done, samples.last_s + MIN_GAP_S, *counts, quality)
 
 
 def require_same_device(unfinished: ResumeState, identity: DeviceInfo) -> None:
-    """Refuse another device than the one that began the run."""
+    """Raise InputError for another device than that of the run."""
     run = unfinished.run
-    began = run.metadata.get("device_id")
-    if began != identity.device_id:
+    device_id = run.metadata.get("device_id")
+    if device_id != identity.device_id:
         raise InputError(
-            f"run {run.path} was begun on device {began!r}, but {identity.address} is "
-            f"{identity.device_id!r}; connect the first one, or start a new run"
+            f"run {run.path} was started on device {device_id!r}, but {identity.address} is "
+            f"{identity.device_id!r}; connect the first device, or start a new run"
         )
 
 
 def _counts(run: Run, done: frozenset[int]) -> tuple[int, int, int]:
-    """Return how many visits were taken unsettled, how many are suspect, how many tares are."""
+    """Return the numbers of unsettled visits, suspect visits and tares."""
     try:
         points = read_points(run.path, VALID_KINDS)
     except FileFormatError:
         return 0, 0, 0
     tares = points.column("kind") == word_to_code("kind", "tare")
-    visited = np.isin(points.column("point"), list(done)) & ~tares
-    unsettled = visited & (points.column("settled") == 0.0)
-    suspect = int(points.column("suspect")[visited].sum()) if "suspect" in points else 0
+    is_done = np.isin(points.column("point"), list(done)) & ~tares
+    unsettled = is_done & (points.column("settled") == 0.0)
+    suspect = int(points.column("suspect")[is_done].sum()) if "suspect" in points else 0
     return int(unsettled.sum()), suspect, int(tares.sum())
 
 
 def _points_on_disk(run: Run) -> set[int]:
-    """Return the visits that have their points.
+    """Return the visits with stored points.
 
     Raises:
-        FileFormatError: a line that cannot be read; to take its visit for not done would throw
-            away what it holds, so a person has to look.
+        FileFormatError: unreadable line, which must be repaired by hand so that no point is lost.
     """
     path = run.path / "points.csv"
     if not os.path.lexists(path):

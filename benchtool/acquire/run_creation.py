@@ -1,4 +1,4 @@
-"""Make the folder of a new run, with everything that is known before it begins."""
+"""Creation of run folders with their metadata."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def new_run(
     air: Air | None = None,
     calibration: Calibration | None = None,
 ) -> Run:
-    """Create the run folder of a sweep of a resolved plan that begins now.
+    """Create the run folder of a sweep with a resolved plan.
 
     Args:
-        folder: where run folders are made, and exactly which one; None names it by date and plan.
+        folder: parent folder and path; None: name from date and plan.
 
     Raises:
         WouldOverwrite: the folder exists.
@@ -57,7 +57,7 @@ def new_live_run(
     operator: str = "",
     calibration: Calibration | None = None,
 ) -> Run:
-    """Create the run folder of a live recording that begins now, named by date and plan."""
+    """Create the run folder of a live recording, named by date and plan."""
     now = datetime.now().astimezone()
     facts = run_metadata(
         plan, rig, identity, operator=operator, calibration=calibration, started=now
@@ -75,11 +75,10 @@ def new_pitch_run(
     *,
     operator: str = "",
 ) -> Run:
-    """Create the run folder of a pitch experiment that begins now.
+    """Create the run folder of a pitch experiment.
 
     Args:
-        folder: where run folders are made, the run's name, and exactly which one; None names it by
-            date and name.
+        folder: parent folder, run name and path; None: name from date and run name.
 
     Raises:
         WouldOverwrite: the folder exists.
@@ -87,7 +86,7 @@ def new_pitch_run(
     runs, name, out = folder
     now = datetime.now().astimezone()
     facts = run_metadata(Plan(), rig, identity, operator=operator, started=now)
-    # The order of a sweep has a seed; here only a virtual device has one, among its facts.
+    # Only the order of a sweep has a seed.
     del facts["seed"]
     facts |= {
         "experiment": "pitch",
@@ -109,7 +108,7 @@ def run_metadata(
     calibration: Calibration | None = None,
     started: datetime | None = None,
 ) -> dict[str, Any]:
-    """Return the facts for metadata.json of a new run."""
+    """Return metadata.json of a new run."""
     return {
         "state": "running",
         "simulated": identity.simulated,
@@ -144,7 +143,7 @@ def run_metadata(
 
 
 def user_name() -> str:
-    """Return who is logged in."""
+    """Return the name of the logged-in user."""
     try:
         return getpass.getuser()
     except (OSError, KeyError, ImportError):

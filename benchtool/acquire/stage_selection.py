@@ -1,4 +1,4 @@
-"""From `--stage` to what moves the plate."""
+"""Selection of the plate stage from `--stage`."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 def check_stage(option: str | None, *, plate: bool = True) -> GrblAddress | str:
-    """Return what `--stage` names; refuse what no stage can be, before a bench is opened."""
+    """Return the parsed `--stage`; raise InputError before a bench is opened."""
     from benchtool.bench.addresses import parse_stage
 
     if option == "none" and plate:
         raise InputError(
-            "--stage none moves no plate, but the plan visits plate distances; give --stage hand "
-            "or --stage grbl:PORT, or a plan without a plate (--plan steps)"
+            "--stage none cannot move the plate, but the plan has plate distances; use "
+            "--stage hand, --stage grbl:PORT, or a plan without a plate (--plan steps)"
         )
     return parse_stage(option or "device")
 
@@ -34,13 +34,12 @@ def stage_for(
     *,
     plate: bool = True,
 ) -> PlateStage:
-    """Return what moves the plate, not opened yet.
+    """Return the plate stage, not yet open.
 
     Args:
-        option: `device`, `hand`, or `grbl:PORT?axis=Z&zero_mm=1500&direction=1`; what the device
-            and the rig say when left out; `none`, of a plan without a plate, moves nothing.
-        plate: whether the plan visits plate distances; without, only a bench that moves its own
-            plate moves one.
+        option: `device`, `hand`, `none` (plan without a plate), or
+            `grbl:PORT?axis=Z&zero_mm=1500&direction=1`; default: from device and rig.
+        plate: whether the plan has plate distances; if not, only the device can move the plate.
     """
     from benchtool.bench.stage.stage import (
         BacklashCompensatedStage,
@@ -50,12 +49,12 @@ def stage_for(
         NoStage,
     )
 
-    usual = rig.plate.moved_by if plate else "none"
-    chosen = option or ("device" if bench.identity.moves_plate else usual)
-    stage = check_stage(chosen, plate=plate)
-    if chosen == "none":
+    default = rig.plate.moved_by if plate else "none"
+    name = option or ("device" if bench.identity.moves_plate else default)
+    stage = check_stage(name, plate=plate)
+    if name == "none":
         return NoStage()
-    if chosen == "device":
+    if name == "device":
         if not bench.identity.moves_plate:
             raise InputError(
                 "this device does not move the plate; give --stage hand or --stage grbl:PORT"
@@ -63,14 +62,14 @@ def stage_for(
         return BacklashCompensatedStage(DeviceStage(bench), rig.plate)
     if bench.identity.moves_plate:
         raise InputError(
-            f"{bench.identity.address} moves its own plate, so a second stage would move nothing "
-            f"that it measures; leave --stage {chosen.partition('?')[0]} out"
+            f"{bench.identity.address} moves the plate, so a second stage is not possible; omit "
+            f"--stage {name.partition('?')[0]}"
         )
     if isinstance(stage, str):
         return FixedStage(ManualStage(ask, rig.plate), bench)
 
     def listen(duration_s: float) -> None:
-        """Throw away what is measured before the run has begun."""
+        """Discard samples before the start of the run."""
         bench.read(duration_s)
 
     return BacklashCompensatedStage(FixedStage(_grbl(stage, rig, listen), bench), rig.plate)

@@ -1,4 +1,4 @@
-"""STOP listener of a process that owns a bench: HTTP on its own port, in threads of its own.
+"""STOP listener of a process that owns a bench: HTTP on its own port, in separate threads.
 
 A page's worker and `benchtool stop` send `POST /stop` with the token as body. Zero is commanded
 before the answer; the answer to `POST /stop?wait` follows the standstill check and reports it.
@@ -59,7 +59,7 @@ class StopListener:
 
     Args:
         listening: bound socket; closed with the listener.
-        stop: called with who stops, from the listener's threads.
+        stop: called with the source of the stop, from the listener's threads.
         report: polled after a stop until it returns a report.
     """
 
@@ -96,7 +96,7 @@ class StopListener:
         self._server.server_close()
 
     def answer(self, path: str, token: bytes) -> tuple[int, bytes]:
-        """Stop where the token is right; return status and body of the answer."""
+        """Stop if the token is correct; return status and body of the answer."""
         if not secrets.compare_digest(token, self.token.encode()):
             return 403, b""
         if path != "/stop?wait":
@@ -114,7 +114,9 @@ class StopListener:
             if is_over:
                 break
             time.sleep(POLL_INTERVAL_S)
-        return StopReport(False, "rotors were not seen to stand; look, cut the power if they turn")
+        return StopReport(
+            False, "standstill not confirmed; check the rotors and cut the power if they turn"
+        )
 
 
 class _Server(ThreadingHTTPServer):
@@ -147,9 +149,9 @@ class _Handler(BaseHTTPRequestHandler):
 
 @contextmanager
 def announce(address: str, listener: StopListener) -> Iterator[None]:
-    """Write where `benchtool stop` reaches the bench at an address, readable by this user only.
+    """Write the endpoint for `benchtool stop`, readable by this user only.
 
-    Where the state folder cannot be written, `benchtool stop` does not find the bench.
+    If the state folder cannot be written, `benchtool stop` does not find the bench.
     """
     path = stop_folder() / f"{os.getpid()}-{secrets.token_hex(4)}.json"
     with suppress(OSError):
@@ -178,7 +180,7 @@ def accept_stops(bench: GuardedBench, address: str) -> Iterator[GuardedBench]:
     listener = StopListener(
         socket.create_server(("127.0.0.1", 0)),
         secrets.token_urlsafe(TOKEN_BYTES),
-        lambda who: bench.request_stop(f"stopped by {who}"),
+        lambda source: bench.request_stop(f"stopped by {source}"),
         lambda: report_standstill(bench),
     )
     with listener, announce(address, listener), bench:
@@ -202,7 +204,7 @@ class AnnouncedBench(NamedTuple):
             return StopReport(**json.loads(connection.getresponse().read()))
         except ConnectionRefusedError:
             self.file.unlink(missing_ok=True)
-            return StopReport(False, "its process has ended; rotors were not seen to stand")
+            return StopReport(False, "its process has ended; standstill not confirmed")
         except (OSError, HTTPException, ValueError) as error:
             return StopReport(False, f"no answer ({error}); cut the power")
         finally:
@@ -210,7 +212,7 @@ class AnnouncedBench(NamedTuple):
 
 
 def find_benches() -> list[AnnouncedBench]:
-    """Return the benches that listen for STOP; a file that a kill cut short is left out."""
+    """Return the benches that listen for STOP; incomplete files are ignored."""
     benches = []
     for file in sorted(stop_folder().glob("*.json")):
         with suppress(BenchtoolError, TypeError):

@@ -1,4 +1,4 @@
-"""Run a sweep: visit after visit, every sample on the disk, and a safe end however it ends."""
+"""Sweep of plate distance and throttle. Samples are written as they arrive."""
 
 from __future__ import annotations
 
@@ -31,18 +31,20 @@ from benchtool.data.calibration import Calibration, age_text
 from benchtool.data.run.points import Point
 from benchtool.data.run.run import Run
 
-SETTLE_CHECK_S = 0.1  # how often settling is tested; assumed, a tenth of the usual window
-MAX_ATTEMPTS = 3  # measurements of a visit with too few, late or frozen samples; assumed
-PLATE_SETTLING_S = 0.2  # time for a plate that has just arrived to come to rest; assumed
+SETTLING_CHECK_INTERVAL_S = 0.1  # a tenth of the default settling window; assumed
+PLATE_SETTLING_S = 0.2  # wait after the plate has arrived; assumed
+MAX_ATTEMPTS = 3  # per point; a short dropout fails one attempt, a bad link all; assumed
 
 
 @dataclass(frozen=True, slots=True)
 class SweepStart:
-    """Say where a sweep begins: at the start, or behind what a resumed run has on disk.
+    """Starting state of a sweep; the defaults are a new sweep.
 
     Attributes:
-        time_s: time of the run at which this part begins.
-        unsettled, suspect, tares: how many of the visits that are done, and how many tares.
+        done: numbers of the points that a resumed run has measured.
+        time_s: run time at which this part begins.
+        unsettled, suspect: counts among the measured points.
+        tares: number of tares so far.
     """
 
     done: frozenset[int] = frozenset()
@@ -55,7 +57,7 @@ class SweepStart:
 
 @dataclass(frozen=True, slots=True)
 class SweepSummary:
-    """Say what a sweep did, with all parts of a resumed one."""
+    """Sweep summary, including all parts of a resumed sweep."""
 
     measured: int
     unsettled: int
@@ -66,10 +68,10 @@ class SweepSummary:
     lost: int
 
     def text(self, simulated: str = "") -> str:
-        """Return it in words.
+        """Return the summary as one line.
 
         Args:
-            simulated: stands behind the points.
+            simulated: suffix of the number of points.
         """
         suspect = f"{self.suspect} suspect, " if self.suspect else ""
         return (
@@ -91,33 +93,38 @@ def run_sweep(
     start: SweepStart | None = None,
     waits: Callable[[], bool] = lambda: False,
 ) -> SweepSummary:
-    """Run a resolved and checked plan on an open bench, and end it as `run_to_end` says.
+    """Run a resolved and checked plan on an open bench; end it as described in `run_to_end`.
 
     Args:
-        calibration: applied to raw counts in points.csv; samples.csv stores what the device sent.
-        waits: called before every visit; while it returns True, motors stand still and the bench
-            is read on.
+        calibration: applied to the raw counts in points.csv; samples.csv stores the device values.
+        waits: pause callback, called before every point. While it returns True, motors are at zero
+            throttle and the bench is still read.
 
     Raises:
-        StandstillNotSeen: motors may still turn; leaving the guarded bench raises this too.
-        BenchError, RunInterrupted: why it ended early.
+        StandstillNotConfirmed: motors may still turn. Closing the guarded bench raises it too.
+        BenchError, RunInterrupted: the reason of an early end.
     """
-    channels = {channel.name for channel in bench.identity.channels}
-    if "thrust_N" not in channels:
-        raise InputError("the bench streams no thrust_N, so there is nothing to sweep; check it")
-    if calibration is not None and "thrust_raw" not in channels:
+    channel_names = {channel.name for channel in bench.identity.channels}
+    if "thrust_N" not in channel_names:
         raise InputError(
-            f"calibration {calibration.id} needs raw counts, but the device streams no thrust_raw; "
+            "channel thrust_N is missing, which a sweep needs; check the channels of the device"
+        )
+    if calibration is not None and "thrust_raw" not in channel_names:
+        raise InputError(
+            f"channel thrust_raw is missing, which calibration {calibration.id} needs; "
             f"sweep with --calibration none"
         )
-    safe = SafeProgress(progress)
-    sweep = _Sweep(bench, stage, plan, rig, run, safe, calibration, start or SweepStart(), waits)
-    return run_to_end(sweep.recorder, sweep.motors, sweep.visit_all, sweep.summarise, stage.hold)
+    safe_progress = SafeProgress(progress)
+    start = start or SweepStart()
+    sweep = _Sweep(bench, stage, plan, rig, run, safe_progress, calibration, start, waits)
+    return run_to_end(
+        sweep.recorder, sweep.motors, sweep.measure_points, sweep.summarise, stage.hold
+    )
 
 
 @dataclass
 class _Sweep:
-    """Hold what one sweep remembers between its visits."""
+    """State of a running sweep."""
 
     bench: GuardedBench
     stage: PlateStage
@@ -127,252 +134,264 @@ class _Sweep:
     progress: RunProgress
     calibration: Calibration | None
     start: SweepStart
-    waits: Callable[[], bool]
+    is_paused: Callable[[], bool]
 
     def __post_init__(self) -> None:
         start = self.start
         self.recorder = Recorder(self.bench, self.run, self.progress, start.time_s, start.link)
         self.motors = Motors(self.recorder, self.rig)
         self._first_anchor: Point | None = None
-        self._place: PlatePosition | None = None
-        self._reached_m = nan
-        self._plate = PlateCheck(self.bench.identity.channels, self.rig)
-        self._last: Point | None = None
-        self._tared: TareResult | None = None
-        self._measured, self._failed = len(start.done), 0
-        self._unsettled, self._suspect, self._tares = start.unsettled, start.suspect, start.tares
-        self._shown: dict[str, float] = {}
-        self._remarked: set[str] = set()
+        self._target: PlatePosition | None = None
+        self._plate_stage_z_m = nan
+        self._plate_check = PlateCheck(self.bench.identity.channels, self.rig)
+        self._last_point: Point | None = None
+        self._tare: TareResult | None = None
+        self._n_measured, self._n_failed = len(start.done), 0
+        self._n_unsettled, self._n_suspect = start.unsettled, start.suspect
+        self._n_tares = start.tares
+        self._last_values: dict[str, float] = {}
+        self._reported_channels: set[str] = set()
 
-    def visit_all(self) -> None:
+    def measure_points(self) -> None:
         visits = plan_visits(self.plan, self.rig)
-        left = [visit for visit in visits if visit.point not in self.start.done]
-        left_s = expected_duration_s(self.plan, self.rig, left)
-        self.progress.started(len(visits), len(visits) - len(left), left_s)
-        self._record_plate()
-        if old := age_text(self.run.metadata):
-            self.recorder.note("calibration_old", old)
-        for index, visit in enumerate(left):
-            point = self._visit_with_pauses(visit)
+        remaining = [visit for visit in visits if visit.point not in self.start.done]
+        remaining_s = expected_duration_s(self.plan, self.rig, remaining)
+        self.progress.started(len(visits), len(visits) - len(remaining), remaining_s)
+        self._write_plate_metadata()
+        if calibration_age := age_text(self.run.metadata):
+            self.recorder.note("calibration_old", calibration_age)
+        for index, visit in enumerate(remaining):
+            point = self._measure_with_pauses(visit)
             self.recorder.append_point(point)
             self.recorder.sync()
-            self._last = point
+            self._last_point = point
             if point.kind != "failed":
-                self._measured += 1
-                self._unsettled += not point.settled
-                self._suspect += point.suspect
-            left_s = expected_duration_s(self.plan, self.rig, left[index + 1 :], self._place)
-            self.progress.measured(point, left_s)
+                self._n_measured += 1
+                self._n_unsettled += not point.settled
+                self._n_suspect += point.suspect
+            remaining_s = expected_duration_s(
+                self.plan, self.rig, remaining[index + 1 :], self._target
+            )
+            self.progress.measured(point, remaining_s)
             if point.kind == "anchor":
-                if why := format_drift(self._first_anchor, point, self.plan.tare.drift_N):
-                    self.recorder.note("drift", why, visit.point)
-                    self._tared = None
+                if drift := format_drift(self._first_anchor, point, self.plan.tare.drift_N):
+                    self.recorder.note("drift", drift, visit.point)
+                    self._tare = None
                 self._first_anchor = self._first_anchor or point
 
-    def _visit_with_pauses(self, visit: Visit) -> Point:
-        """Return the point of a visit; a visit that is paused half-way is repeated."""
+    def _measure_with_pauses(self, visit: Visit) -> Point:
+        """Return the point of a visit; repeat it after a pause."""
         reason = "paused"
         while True:
             try:
-                self._wait(reason)
+                self._wait_while_paused(reason)
                 self.progress.visiting(visit)
-                return self._visit(visit)
+                return self._measure_point(visit)
             except PauseRequested as pause:
                 self.bench.stop()  # the device has latched zero; the next pulse arms it again
                 reason = str(pause)
 
-    def _wait(self, reason: str) -> None:
-        if not self.waits():
+    def _wait_while_paused(self, reason: str) -> None:
+        if not self.is_paused():
             return
         self.motors.stand_still(self.plan.tare.stop_timeout_s, "rest")
         self.recorder.note("paused", f"{reason}; motors at zero")
-        begun_s = self.recorder.now_s
-        while self.waits():
+        pause_start_s = self.recorder.now_s
+        while self.is_paused():
             self.recorder.read("rest")
-        self.recorder.note("went_on", f"went on after {self.recorder.now_s - begun_s:.0f} s")
+        pause_s = self.recorder.now_s - pause_start_s
+        self.recorder.note("went_on", f"resumed after {pause_s:.0f} s")
 
-    def _visit(self, visit: Visit) -> Point:
+    def _measure_point(self, visit: Visit) -> Point:
+        """Return the point of a visit; kind "failed" if no attempt had good samples."""
         self._tare_if_due()
-        cool_down_if_needed(self.recorder, self.motors, self.plan.rest, self._last)
-        self._go_to(visit.setting.place)
-        pulses_us = np.array(visit.setting.pwm_us)
-        self.motors.ramp_to(pulses_us, self.plan.throttle.ramp_s, "ramp", visit.point)
-        assert self._tared is not None
+        cool_down_if_needed(self.recorder, self.motors, self.plan.rest, self._last_point)
+        self._move_plate(visit.setting.place)
+        command_pwm_us = np.array(visit.setting.pwm_us)
+        self.motors.ramp_to(command_pwm_us, self.plan.throttle.ramp_s, "ramp", visit.point)
+        assert self._tare is not None
+        has_new_pwm = self._last_point and self._last_point.pwm_us != visit.setting.pwm_us
         checks = VisitChecks(
-            rates_Hz=self._rates_Hz(visit),
+            rates_Hz=self._expected_rates_Hz(visit),
             sensors=self.rig.sensors,
             seconds=self.plan.sample_s,
             share=self.plan.sample_share,
-            before=self._shown if self._last and self._last.pwm_us != visit.setting.pwm_us else {},
+            before=self._last_values if has_new_pwm else {},
         )
-        commanded_s = self.recorder.now_s
+        ramp_end_s = self.recorder.now_s
         for attempt in range(1, MAX_ATTEMPTS + 1):
-            watch = VisitWatch(checks, self.recorder.joined, commanded_s)
-            settled = self._settle(visit, watch)
-            samples = self._sampled(visit, watch)
+            watch = VisitWatch(checks, self.recorder.joined, ramp_end_s)
+            settled = self._wait_until_settled(visit, watch)
+            samples = self._read_samples(visit, watch)
             problem = watch.problem
-            if problem is None and (short := checks.shortage(samples)):
-                problem = ("few_samples", short)
-            for name in watch.remarks.keys() - self._remarked:
-                self._remarked.add(name)  # once a run: no point needs it
-                text = f"point {visit.point}: {watch.remarks[name]}"
+            if problem is None and (shortage := checks.shortage(samples)):
+                problem = ("few_samples", shortage)
+            for channel_name in watch.remarks.keys() - self._reported_channels:
+                self._reported_channels.add(channel_name)  # optional channel: one event per run
+                text = f"point {visit.point}: {watch.remarks[channel_name]}"
                 self.recorder.note("frozen", text, visit.point)
             if problem is None:
                 break
-            then = "measured again" if attempt < MAX_ATTEMPTS else "marked as failed"
-            self.recorder.note(
-                problem[0], f"point {visit.point}: {problem[1]}; {then}", visit.point
-            )
-        point, notes = measure(
+            event, reason = problem
+            outcome = "measured again" if attempt < MAX_ATTEMPTS else "marked as failed"
+            self.recorder.note(event, f"point {visit.point}: {reason}; {outcome}", visit.point)
+        point, events = measure(
             samples,
             visit,
-            self._reached_m,
-            self._tared,
+            self._plate_stage_z_m,
+            self._tare,
             self.calibration,
             self.rig.sensors,
             settled,
             self.recorder.now_s,
         )
         if problem is not None:
-            self._failed += 1
+            self._n_failed += 1
             return replace(point, kind="failed", settled=False)
-        for event, text in notes:
+        for event, text in events:
             self.recorder.note(event, text, visit.point)
-        self._shown = _last_values(samples, checks.rates_Hz)
-        more_m = self.stage.measures_to_m
-        # Without a stage no place is known that the plate could leave.
-        known = not isnan(self._reached_m)
-        if known and (crept := self._plate.crept(self._reached_m, point.plate_read_z_m, more_m)):
-            raise crept
+        self._last_values = _find_last_values(samples, checks.rates_Hz)
+        if not isnan(self._plate_stage_z_m):  # nan without a stage
+            position_error = self._plate_check.crept(
+                self._plate_stage_z_m, point.plate_read_z_m, self.stage.measures_to_m
+            )
+            if position_error:
+                raise position_error
         return point
 
-    def _rates_Hz(self, visit: Visit) -> dict[str, float]:
-        """Return how often each checked channel that turns with a visit should bring a value."""
-        assert self._tared is not None
-        identity = self.bench.identity
-        names = [channel.name for channel in identity.channels]
-        # Where the device does not state it, a channel comes as often as in the last tare.
-        stated_Hz = dict(zip(names, identity.channel_rates_Hz, strict=False))
-        rates_Hz = {**self._tared.rates_Hz, **stated_Hz}
-        driven = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us) + 1
-        turning = {f"rpm{rotor}" for rotor in driven}
+    def _expected_rates_Hz(self, visit: Visit) -> dict[str, float]:
+        """Return the expected rates of the checked channels; rpm only of driven rotors."""
+        assert self._tare is not None
+        device_info = self.bench.identity
+        channel_names = [channel.name for channel in device_info.channels]
+        # Fallback for devices that report no rates: those of the last tare.
+        device_rates_Hz = dict(zip(channel_names, device_info.channel_rates_Hz, strict=False))
+        rates_Hz = {**self._tare.rates_Hz, **device_rates_Hz}
+        driven_rotors = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us) + 1
+        driven_channels = {f"rpm{rotor}" for rotor in driven_rotors}
         return {
-            name: min(rates_Hz[name], identity.rate_Hz)
-            for kind in CHECKS
-            for name in names
-            if channel_family(name) == kind and (kind != "rpm" or name in turning)
+            name: min(rates_Hz[name], device_info.rate_Hz)
+            for family in CHECKS
+            for name in channel_names
+            if channel_family(name) == family and (family != "rpm" or name in driven_channels)
         }
 
-    def _record_plate(self) -> None:
-        """Put on the disk what moves the plate, and whether anything measures where it stands."""
-        by_hand = self.stage.facts["stage"] == "hand"
-        facts = dict(self.stage.facts) | {"measured": self._plate.measured}
-        facts |= {"used": self.plan.plate.used, "tolerance_m": self._plate.tolerance_m}
-        self.run.update_metadata(plate=facts)
-        if remark := facts.get("remark"):
+    def _write_plate_metadata(self) -> None:
+        """Write the stage and the source of the plate distance to the metadata."""
+        is_manual = self.stage.facts["stage"] == "hand"
+        metadata = dict(self.stage.facts) | {"measured": self._plate_check.measured}
+        metadata |= {"used": self.plan.plate.used, "tolerance_m": self._plate_check.tolerance_m}
+        self.run.update_metadata(plate=metadata)
+        if remark := metadata.get("remark"):
             self.recorder.note("plate", str(remark))
-        if facts["stage"] == "none":
+        if metadata["stage"] == "none":
             self.recorder.note("plate", "no plate is moved: throttle alone is visited")
-        elif not self._plate.measured:
-            source = "typed by the operator" if by_hand else "commanded"
+        elif not self._plate_check.measured:
+            source = "typed by the operator" if is_manual else "commanded"
             text = f"no channel reads where the plate stands: distances are {source}, not measured"
             self.recorder.note("plate", text)
 
     def _tare_if_due(self) -> None:
-        every_s = 60.0 * self.plan.tare.every_minutes
-        if self._tared is not None:
-            age_s = self.recorder.now_s - self._tared.time_s
-            if not every_s or age_s < every_s:
+        interval_s = 60.0 * self.plan.tare.every_minutes
+        if self._tare is not None:
+            age_s = self.recorder.now_s - self._tare.time_s
+            if not interval_s or age_s < interval_s:
                 return
-        self._tared = tare(self.recorder, self.motors, self.plan.tare, self.rig)
-        self._tares += 1
-        self.recorder.append_point(tare_point(self._tared, self.rig.n_rotors))
+        self._tare = tare(self.recorder, self.motors, self.plan.tare, self.rig)
+        self._n_tares += 1
+        self.recorder.append_point(tare_point(self._tare, self.rig.n_rotors))
 
-    def _go_to(self, place: PlatePosition) -> None:
-        if place == self._place:
+    def _move_plate(self, target: PlatePosition) -> None:
+        """Wait for standstill and move the plate; no-op if it is already there."""
+        if target == self._target:
             return
 
         def pause(seconds: float) -> None:
             self.recorder.collect("move", seconds)
 
         self.motors.stand_still(self.plan.tare.stop_timeout_s, "move")
-        self._place = None
+        self._target = None
         try:
-            self._reached_m = self.stage.move(place.z_m, place.x_m, radians(place.tilt_deg), pause)
+            self._plate_stage_z_m = self.stage.move(
+                target.z_m, target.x_m, radians(target.tilt_deg), pause
+            )
         except PauseRequested:
             self.stage.hold()
             raise
         self.recorder.collect("move", PLATE_SETTLING_S)
-        self._place, self._shown = place, {}
+        self._target, self._last_values = target, {}
 
-    def _settle(self, visit: Visit, watch: VisitWatch) -> bool:
-        """Wait until thrust and speeds have settled; record it when they do not in time.
+    def _wait_until_settled(self, visit: Visit, watch: VisitWatch) -> bool:
+        """Wait until thrust and speeds have settled; return False on timeout or bad samples.
 
-        Ends where the visit is bad.
+        A timeout is recorded as an event.
         """
-        plan, recorder = self.plan.settle, self.recorder
-        driven = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us)
-        names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven)]
-        parts: list[Readings] = []
-        begun_s = self.bench.now_s()
-        checked_s = begun_s
+        settle, recorder = self.plan.settle, self.recorder
+        driven_rotors = np.flatnonzero(visit.setting.pwm_us > self.motors.stop_us)
+        channel_names = ["thrust_N", *(f"rpm{rotor + 1}" for rotor in driven_rotors)]
+        readings: list[Readings] = []
+        start_s = self.bench.now_s()
+        last_check_s = start_s
         while True:
-            parts.append(recorder.read("settle", visit.point))
-            if watch.take(parts[-1]):
+            readings.append(recorder.read("settle", visit.point))
+            if watch.take(readings[-1]):
                 return False
             now_s = self.bench.now_s()
-            if now_s - checked_s >= SETTLE_CHECK_S and now_s - begun_s >= plan.window_s:
-                checked_s = now_s
-                seen = recorder.joined(parts)
-                channels = [seen.column(name) for name in names if name in seen]
-                if is_settled(seen.column("time_s"), channels, plan.window_s, plan.slope_per_s):
+            is_check_due = now_s - last_check_s >= SETTLING_CHECK_INTERVAL_S
+            if is_check_due and now_s - start_s >= settle.window_s:
+                last_check_s = now_s
+                samples = recorder.joined(readings)
+                channels = [samples.column(name) for name in channel_names if name in samples]
+                if is_settled(
+                    samples.column("time_s"), channels, settle.window_s, settle.slope_per_s
+                ):
                     return True
-            if now_s - begun_s >= plan.timeout_s:
+            if now_s - start_s >= settle.timeout_s:
                 text = (
-                    f"point {visit.point} had not settled after {plan.timeout_s:g} s and was "
-                    f"taken as it was"
+                    f"point {visit.point} has not settled within {settle.timeout_s:g} s; measured "
+                    f"anyway"
                 )
                 recorder.note("settle_timeout", text, visit.point)
                 return False
 
-    def _sampled(self, visit: Visit, watch: VisitWatch) -> Recording:
-        """Return the samples of the point; those that came until the visit was found to be bad."""
-        parts: list[Readings] = []
+    def _read_samples(self, visit: Visit, watch: VisitWatch) -> Recording:
+        """Return the samples of a point; stop early when the watch reports a problem."""
+        readings: list[Readings] = []
         end_s = self.bench.now_s() + self.plan.sample_s
-        while watch.problem is None and (left_s := end_s - self.bench.now_s()) > 1e-9:
-            parts.append(self.recorder.read("sample", visit.point, min(STEP_S, left_s)))
-            watch.take(parts[-1])
-        return self.recorder.joined(parts)
+        while watch.problem is None and (remaining_s := end_s - self.bench.now_s()) > 1e-9:
+            readings.append(self.recorder.read("sample", visit.point, min(STEP_S, remaining_s)))
+            watch.take(readings[-1])
+        return self.recorder.joined(readings)
 
     def summarise(self) -> tuple[SweepSummary, str]:
-        """Return what was measured, and the text of the run's last event.
+        """Return the summary and the text of the final event.
 
         Raises:
-            RunInterrupted: visits failed: how many, and how to measure them again.
+            RunInterrupted: at least one point has failed.
         """
-        if self._failed:
+        if self._n_failed:
             raise RunInterrupted(
-                f"{pluralize(self._failed, 'visit')} failed for samples that were "
-                f"too few, late or frozen, {self._measured} are measured; look at the link and the "
-                f"sensors (events.jsonl names them), then measure what failed again with benchtool "
-                f"sweep --resume"
+                f"{pluralize(self._n_failed, 'visit')} failed for samples that were "
+                f"too few, late or frozen, {self._n_measured} are measured; check the link and the "
+                f"sensors (see events.jsonl), then repeat the failed points with benchtool sweep "
+                f"--resume"
             )
-        quality, seconds = self.recorder.quality, self.recorder.now_s
+        quality, duration_s = self.recorder.quality, self.recorder.now_s
         summary = SweepSummary(
-            self._measured,
-            self._unsettled,
-            self._suspect,
-            self._tares,
-            seconds,
+            self._n_measured,
+            self._n_unsettled,
+            self._n_suspect,
+            self._n_tares,
+            duration_s,
             quality.samples,
             quality.lost,
         )
-        suspect = f", {self._suspect} of them suspect" if self._suspect else ""
+        suspect = f", {self._n_suspect} of them suspect" if self._n_suspect else ""
         return summary, f"all is measured: {pluralize(summary.measured, 'visit')}{suspect}"
 
 
-def _last_values(samples: Recording, names: Iterable[str]) -> dict[str, float]:
-    """Return the last number that each channel showed."""
+def _find_last_values(samples: Recording, names: Iterable[str]) -> dict[str, float]:
+    """Return the last finite value of each channel; channels without one are left out."""
     columns = {name: samples.column(name) for name in names}
-    present = {name: column[np.isfinite(column)] for name, column in columns.items()}
-    return {name: float(values[-1]) for name, values in present.items() if len(values)}
+    finite = {name: column[np.isfinite(column)] for name, column in columns.items()}
+    return {name: float(values[-1]) for name, values in finite.items() if len(values)}

@@ -1,4 +1,4 @@
-"""From inputs to a run folder: show the plan, open the bench, arm, sweep, close the run."""
+"""Sweep from inputs to run folder: plan display, arming, sweep, closing."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from benchtool.data.run.run import Run, check_not_existing
 
 
 def base_inputs(given: Mapping[str, Any], source: Source) -> SweepInputs:
-    """Return the plan that what was given goes over: that of a file, or none."""
+    """Return the base inputs with the plan of a file, or the default plan."""
     if given.get("resume") is not None:
         clash = [item.display_name(source) for item in items(Plan) if item.name in given]
         if clash := (clash or [item.display_name(source) for item in items(SweepInputs)
                                if item.key == "plan_file" and "plan" in given]):  # fmt: skip
             resume = "--resume" if source == "option" else "resume"
             raise InputError(
-                f"{clash[0]} and {resume} are both given; a resumed run keeps the plan that it has"
+                f"{clash[0]} and {resume} are both given; a resumed run keeps its plan"
             )
     return SweepInputs(plan=read_plan(given["plan"]) if "plan" in given else Plan())
 
@@ -53,33 +53,34 @@ def base_inputs(given: Mapping[str, Any], source: Source) -> SweepInputs:
 def run_sweep_to_folder(
     inputs: SweepInputs, operator: Operator, permit: CodePermit, rig: Rig | None = None
 ) -> Run | None:
-    """Sweep as inputs say, or go on with a run; return the run, None of a dry one.
+    """Sweep or resume a run; return the run, None for a dry run.
 
     Raises:
-        InputError: the inputs do not say enough, or nobody confirms; nothing was spun.
-        PlanError: the limits of rig or device do not allow the plan.
-        BenchError, RunStopped: why it ended early; motors are at zero.
+        InputError: incomplete inputs, or not confirmed; no motor was started.
+        PlanError: the plan exceeds the limits of rig or device.
+        BenchError, RunInterrupted: reason of an early end; motors are at zero.
     """
     address = inputs.address
     if inputs.resume is None:
         if not address:
-            raise InputError("which bench? name its address, for example sim:pquad")
-        stands = rig or resolve_rig(address, inputs.rig)
-        resolved = inputs.plan.resolved(stands)
+            raise InputError("no bench address; give one, for example sim:pquad")
+        rig = rig or resolve_rig(address, inputs.rig)
+        resolved = inputs.plan.resolved(rig)
         if inputs.out is not None:
             check_not_existing(inputs.out)
         check_name("run", resolved.name, ascii_only=True)
-        return record_sweep(replace(inputs, plan=resolved), stands, operator, permit)
-    rest = load_resume_state(Run.open(inputs.resume))
-    if not rest.left and not inputs.dry_run:
-        prepare_resume(rest)  # closes it and says that nothing is left
+        return record_sweep(replace(inputs, plan=resolved), rig, operator, permit)
+    resume_state = load_resume_state(Run.open(inputs.resume))
+    if not resume_state.left and not inputs.dry_run:
+        prepare_resume(resume_state)  # closes a complete run and raises
     inputs = replace(
         inputs,
-        address=address or str(rest.run.metadata.get("address", "")),
-        stage=inputs.stage or rest.stage,
-        plan=rest.plan,
+        address=address or str(resume_state.run.metadata.get("address", "")),
+        stage=inputs.stage or resume_state.stage,
+        plan=resume_state.plan,
     )
-    return record_sweep(inputs, rest.rig, operator, permit if address else check_code_allowed, rest)
+    permit = permit if address else check_code_allowed
+    return record_sweep(inputs, resume_state.rig, operator, permit, resume_state)
 
 
 def record_sweep(
@@ -87,50 +88,46 @@ def record_sweep(
     rig: Rig,
     operator: Operator,
     permit: CodePermit,
-    rest: ResumeState | None = None,
+    resume_state: ResumeState | None = None,
 ) -> Run | None:
-    """Show a plan, arm and sweep; return the run, None of a dry one.
-
-    Args:
-        rest: a run to go on with.
-    """
-    # Everything that was given is looked at before anything is said or opened.
+    """Show a plan, arm and sweep; return the run, None for a dry run."""
+    # Check all inputs before any output or opening.
     check_stage(inputs.stage, plate=inputs.plan.plate.used)
     if inputs.calibration not in (None, "none"):
         read_calibration(Path(str(inputs.calibration)))
     bench = open_bench(inputs.address, permit)
     expected = check_plan(inputs.plan, rig)
-    text = plan_text(inputs.plan, rig, expected, rest)
-    virtual = inputs.address.startswith("sim:")
-    operator.inform(
-        f"{text} of the bench's clock; a simulated one runs faster" if virtual else text
-    )
+    text = plan_text(inputs.plan, rig, expected, resume_state)
+    is_virtual = inputs.address.startswith("sim:")
+    operator.inform(f"{text} bench time; a simulation runs faster" if is_virtual else text)
     if inputs.dry_run:
-        operator.inform("dry run: nothing was opened, nothing spins")
+        operator.inform("dry run: no bench was opened")
         return None
-    start = prepare_resume(rest) if rest else None
-    return _sweep(bench, inputs, rig, operator, rest, start)
+    start = prepare_resume(resume_state) if resume_state else None
+    return _sweep(bench, inputs, rig, operator, resume_state, start)
 
 
 def plan_text(
     plan: Plan, rig: Rig, expected: PlanExtremes, resume_state: ResumeState | None = None
 ) -> str:
-    """Return what a resolved plan, or the rest of a run, will do, in lines."""
+    """Return the description of a resolved plan, or of the remaining part of a run."""
     visits = plan_visits(plan, rig)
-    left = [
+    remaining = [
         visit for visit in visits if resume_state is None or visit.point not in resume_state.done
     ]
-    counts = {kind: sum(visit.kind == kind for visit in left) for kind in ("reference", "anchor")}
+    counts = {
+        kind: sum(visit.kind == kind for visit in remaining) for kind in ("reference", "anchor")
+    }
     radius_m = rig.propulsion.radius_m
     distances = ", ".join(f"{z_m / radius_m:g}" for z_m in plan.plate.distances_m)
     where = (
         f"plate z/R {distances}; tilt {_list(plan.plate.tilts_deg)} deg; "
         f"lateral {_list(plan.plate.lateral_m)} m"
         if plan.plate.used
-        else "no plate: parked where the bench moves one; else take it away, 4 radii at least"
+        else "no plate: parked if the bench moves one; else remove it, at least 4 radii away"
     )
-    apart = (
-        f", of them {pluralize(counts['reference'], 'reference')} and "
+    parts = (
+        f", including {pluralize(counts['reference'], 'reference')} and "
         f"{pluralize(counts['anchor'], 'anchor')}"
         if plan.plate.used
         else ""
@@ -141,10 +138,10 @@ def plan_text(
         f"pulses {_list(plan.throttle.pwm_us)} us on rotors {_list(plan.throttle.rotors_on)}\n"
         f"{pluralize(len(plan_settings(plan, rig)), 'setting')}, "
         f"{pluralize(plan.repeats or 1, 'repeat')}, {plan.order.kind} with seed {plan.order.seed}: "
-        f"{pluralize(len(left), 'visit')}{apart}\n"
-        f"limits hold: at most {expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
+        f"{pluralize(len(remaining), 'visit')}{parts}\n"
+        f"within limits: at most {expected.pwm_us:g} us, about {expected.rpm:.0f} rpm and "
         f"{expected.thrust_N:.1f} N of {rig.limits.thrust_N:g} N\n"
-        f"expected duration {minutes(expected_duration_s(plan, rig, left))}"
+        f"expected duration {minutes(expected_duration_s(plan, rig, remaining))}"
     )
 
 
@@ -157,39 +154,43 @@ def _sweep(
     inputs: SweepInputs,
     rig: Rig,
     operator: Operator,
-    rest: ResumeState | None,
+    resume_state: ResumeState | None,
     start: SweepStart | None,
 ) -> Run:
-    """Open the bench, arm, sweep, and close the run whatever happened."""
+    """Open the bench, arm, sweep, and close the run in every case."""
     from benchtool.data.parquet import load_library
 
     load_library()
     plan = inputs.plan
     run: Run | None = None
-    measured = False
+    has_started = False
     with ClosingSignals() as closing:
         try:
             with accept_stops(GuardedBench(device, rig), inputs.address) as bench:
                 identity = bench.identity
                 describe_bench(operator, identity, rig)
                 expected = check_plan(plan, rig, identity.limits)
-                scale = rest.calibration if rest else calibration_for(inputs.calibration, identity)
-                mover = stage_for(
+                calibration = (
+                    resume_state.calibration
+                    if resume_state
+                    else calibration_for(inputs.calibration, identity)
+                )
+                stage = stage_for(
                     inputs.stage,
                     bench,
                     rig,
                     lambda text: operator.answer(text, lambda: bench.listen(POLL_INTERVAL_S)),
                     plate=plan.plate.used,
                 )
-                by = f"calibration {scale.id}" if scale else "the device, without a calibration"
-                text = f"{arming_prompt(plan, rig, expected)}\nthrust by {by}"
+                source = f"calibration {calibration.id}" if calibration else "the device only"
+                text = f"{arming_prompt(plan, rig, expected)}\nthrust calibrated by {source}"
                 arm(operator, text, bench, rig, unattended=inputs.yes)
                 with bench.interruptible():
-                    mover.open()
+                    stage.open()
                 try:
-                    if rest:
-                        require_same_device(rest, identity)
-                        run = rest.run
+                    if resume_state:
+                        require_same_device(resume_state, identity)
+                        run = resume_state.run
                     else:
                         run = new_run(
                             (inputs.runs, inputs.out),
@@ -198,21 +199,28 @@ def _sweep(
                             identity,
                             operator=inputs.operator,
                             air=inputs.air,
-                            calibration=scale,
+                            calibration=calibration,
                         )
                     operator.inform(f"run {run.path}")
                     radius_m = rig.propulsion.radius_m if plan.plate.used else None
-                    measured = True
+                    has_started = True
                     closing.begin()
                     with operator.display(radius_m) as display:
                         summary = run_sweep(
-                            bench, mover, plan, rig, run, display, calibration=scale, start=start
+                            bench,
+                            stage,
+                            plan,
+                            rig,
+                            run,
+                            display,
+                            calibration=calibration,
+                            start=start,
                         )
                 finally:
-                    mover.close()
+                    stage.close()
         except BaseException:
-            if run is not None and measured:
-                advice = f"go on with: benchtool sweep --resume {run.path}"
+            if run is not None and has_started:
+                advice = f"resume with: benchtool sweep --resume {run.path}"
                 close_stopped(operator, run, advice)
             raise
         run.close()

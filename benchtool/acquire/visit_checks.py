@@ -1,4 +1,4 @@
-"""Whether the samples of a visit can make a point: enough of them, on time, and not frozen."""
+"""Checks of a visit's samples: number, age and frozen channels."""
 
 from __future__ import annotations
 
@@ -15,32 +15,28 @@ from benchtool.core.channel import channel_family
 from benchtool.core.recording import Recording
 from benchtool.core.rig import Sensor
 
-FROZEN_S, FROZEN_VALUES = 1.0, 20  # a channel that repeats one number so long and often; assumed
-FALSE_ALARM_PROBABILITY = (
-    1e-9  # probability of a repetition by noise, below which it is frozen; assumed
-)
-MIN_RELATIVE_CHANGE = (
-    0.05  # change of thrust per squared speed within a visit; drift makes less; assumed
-)
-MAX_LAG_S = 1.0  # of a load cell behind the pulse: twice that of slow ones; assumed
-MAX_DELAY_PERIODS = 3.0  # a value may be so many of its channel's periods old; assumed
+FROZEN_S, FROZEN_VALUES = 1.0, 20  # minimum duration and count of a repeated value; assumed
+FALSE_ALARM_PROBABILITY = 1e-9  # of a repetition by noise; assumed
+MIN_RELATIVE_CHANGE = 0.05  # of thrust per squared speed within a visit; above drift; assumed
+MAX_LAG_S = 1.0  # of a load cell after a pulse change: twice that of slow ones; assumed
+MAX_DELAY_PERIODS = 3.0  # maximum age of a value in periods of its channel; assumed
 
 
 def required_samples(name: str) -> bool:
-    """Return whether a point cannot do without a channel."""
+    """Return True for a channel that a point requires."""
     return CHECKS.get(channel_family(name), ChannelChecks()).needed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VisitChecks:
-    """Check the samples of one visit, while they come and when all are there.
+    """Checks of the samples of one visit, during and after sampling.
 
     Attributes:
-        rates_Hz: how often each channel that turns with the visit's rotors should bring a value.
-        sensors: of the rig: noise and resolution by kind of channel.
-        seconds, share: span of the samples, and the share of them that a point needs.
-        before: what each channel showed last in the visit before, at other pulses; empty where
-            the pulses are the same or zero was commanded between.
+        rates_Hz: expected rate of each channel that is checked.
+        sensors: of the rig, by channel family.
+        seconds, share: sampling time, and required fraction of the samples.
+        before: last value of each channel in the previous visit at other pulses; empty if the
+            pulses are the same or zero was commanded in between.
     """
 
     rates_Hz: Mapping[str, float]
@@ -50,29 +46,29 @@ class VisitChecks:
     before: Mapping[str, float] = field(default_factory=dict)
 
     def shortage(self, samples: Recording) -> str:
-        """Return which needed channel of a whole visit lacks samples, in words; "" for none."""
+        """Return a message for a required channel with too few samples, or ""."""
         for name in filter(required_samples, self.rates_Hz):
             expected = self.seconds * self.rates_Hz[name]
             count = int(np.isfinite(samples.column(name)).sum())
-            # The span may begin just behind a value.
+            # The sampling time may start just after a value.
             if count < self.share * expected - 1.0 or not count:
                 return (
-                    f"{count} of {expected:.0f} samples of {name} came, at least "
-                    f"{100.0 * self.share:g} % are needed (sample_share)"
+                    f"{count} of {expected:.0f} samples of {name} received, minimum "
+                    f"{100.0 * self.share:g} % (sample_share)"
                 )
         return ""
 
-    def late(self, seen: Recording) -> str:
-        """Return which needed channel's newest value is too old, in words; "" for none.
+    def late(self, samples: Recording) -> str:
+        """Return a message for a required channel whose newest value is too old, or "".
 
-        Older than three periods of its channel, and than the silence that `share` allows, while
-        other channels bring values.
+        Too old means older than three periods of its channel and than the gap that `share` allows,
+        while other channels have values.
         """
-        time_s = seen.column("time_s")
+        time_s = samples.column("time_s")
         for name in filter(required_samples, self.rates_Hz if len(time_s) else ()):
             if not (rate_Hz := self.rates_Hz[name]):
                 continue
-            present = np.isfinite(seen.column(name))
+            present = np.isfinite(samples.column(name))
             newest_s = time_s[present][-1] if present.any() else time_s[0]
             allowed_s = max(MAX_DELAY_PERIODS / rate_Hz, (1.0 - self.share) * self.seconds)
             if (age_s := float(time_s[-1] - newest_s)) > allowed_s:
@@ -82,59 +78,61 @@ class VisitChecks:
                 )
         return ""
 
-    def frozen(self, seen: Recording, commanded_s: float) -> dict[str, str]:
-        """Return the channels that repeat one number although they should not: why, in words.
+    def frozen(self, samples: Recording, commanded_s: float) -> dict[str, str]:
+        """Return a message for each frozen channel.
 
         Args:
-            seen: samples of the visit from the end of its ramp on.
+            samples: of the visit, from the end of its ramp.
         """
-        found = {}
+        messages = {}
         for name in self.rates_Hz:
-            column, time_s = seen.column(name), seen.column("time_s")
+            column, time_s = samples.column(name), samples.column("time_s")
             present = np.isfinite(column)
             values, times_s = column[present], time_s[present]
             if not len(values):
                 continue
             others = np.flatnonzero(values != values[-1])
-            begin = int(others[-1]) + 1 if len(others) else 0
-            count, since_s = len(values) - begin, float(times_s[begin])
+            first = int(others[-1]) + 1 if len(others) else 0
+            count, since_s = len(values) - first, float(times_s[first])
             if count < FROZEN_VALUES or times_s[-1] - since_s < FROZEN_S:
                 continue
-            if why := self._why(name, float(values[-1]), count) or self._moved(
-                name, seen, max(since_s, commanded_s + MAX_LAG_S)
+            if reason := self._frozen_reason(name, float(values[-1]), count) or self._changed(
+                name, samples, max(since_s, commanded_s + MAX_LAG_S)
             ):
-                found[name] = (
+                messages[name] = (
                     f"{name} repeats {values[-1]:.6g} for {times_s[-1] - since_s:.1f} s "
-                    f"({count} values), {why}"
+                    f"({count} values), {reason}"
                 )
-        return found
+        return messages
 
-    def _why(self, name: str, number: float, count: int) -> str:
+    def _frozen_reason(self, name: str, number: float, count: int) -> str:
         checks = CHECKS.get(channel_family(name), ChannelChecks())
         sensor = self.sensors.get(channel_family(name), Sensor())
         if sensor.noise > 0.0:
-            # Two readings round to one number: q times the density of their difference at zero.
+            # Probability of equal readings: quantum times the density of their difference at zero.
             equal = sensor.quantum / (2.0 * sqrt(pi) * sensor.noise)
             if min(equal, 1.0) ** (count - 1) < FALSE_ALARM_PROBABILITY:
                 return (
-                    f"but noise of {sensor.noise:g} at a resolution of {sensor.quantum:g} should "
-                    f"show; check its sensor, or correct sensors.{channel_family(name)} of the rig"
+                    f"but noise {sensor.noise:g} at resolution {sensor.quantum:g} is expected; "
+                    f"check its sensor, or correct sensors.{channel_family(name)} of the rig"
                 )
         if checks.follows and number == self.before.get(name):
-            return "as it did at the pulses before; check its sensor and wiring"
+            return "the same as at the previous pulses; check its sensor and wiring"
         return ""
 
-    def _moved(self, name: str, seen: Recording, since_s: float) -> str:
-        """Return that thrust and squared speeds went apart while a channel stood still."""
+    def _changed(self, name: str, samples: Recording, since_s: float) -> str:
+        """Return a message if thrust over squared speed changed while a channel was constant."""
         rotors = [other for other in self.rates_Hz if channel_family(other) == "rpm"]
-        time_s = seen.column("time_s")
+        time_s = samples.column("time_s")
         if not rotors or name not in ("thrust_N", *rotors) or time_s[-1] - since_s < FROZEN_S:
             return ""
         thirds = np.linspace(since_s, time_s[-1], 4)
         ratios = []
         for low_s, high_s in ((thirds[0], thirds[1]), (thirds[2], thirds[3])):
             rows = (time_s >= low_s) & (time_s <= high_s)
-            thrust, *speeds = (_mean(seen.column(other)[rows]) for other in ("thrust_N", *rotors))
+            thrust, *speeds = (
+                _mean(samples.column(other)[rows]) for other in ("thrust_N", *rotors)
+            )
             squares = sum(speed**2 for speed in speeds)
             ratios.append(thrust / squares if squares > 0.0 else nan)
         change = abs(ratios[1] / ratios[0] - 1.0) if ratios[0] else nan
@@ -151,41 +149,44 @@ def _mean(values: Array) -> float:
     return float(present.mean()) if len(present) else nan
 
 
-LOOK_EVERY_S, LOOK_BACK_S = 0.25, 30.0  # interval of looks at samples, and their span; assumed
+CHECK_INTERVAL_S, CHECK_SPAN_S = 0.25, 30.0  # interval and span of checks; assumed
 
 
 class VisitWatch:
-    """Look at the samples of a visit while they come.
+    """Checks of the samples of a visit during sampling.
 
     Attributes:
-        problem: event and text of what makes the visit bad, once it is found.
-        remarks: what is wrong with channels that a point can do without, by channel.
+        problem: event and text of the first problem that spoils the visit.
+        remarks: problems of channels that a point does not require, by channel.
     """
 
     def __init__(
-        self, checks: VisitChecks, joined: Callable[[list[Readings]], Recording], commanded_s: float
+        self,
+        checks: VisitChecks,
+        concatenate: Callable[[list[Readings]], Recording],
+        commanded_s: float,
     ) -> None:
-        self._checks, self._joined, self._commanded_s = checks, joined, commanded_s
+        self._checks, self._concatenate, self._commanded_s = checks, concatenate, commanded_s
         self._recent: list[Readings] = []
-        self._looked_s = -inf
+        self._checked_s = -inf
         self.problem: tuple[str, str] | None = None
         self.remarks: dict[str, str] = {}
 
     def take(self, readings: Readings) -> bool:
-        """Take what arrived; return whether the visit is bad."""
+        """Add readings; return True if the visit has a problem."""
         if not len(readings):
             return False
         self._recent.append(readings)
         now_s = float(readings.time_s[-1])
-        if now_s - self._looked_s < LOOK_EVERY_S:
+        if now_s - self._checked_s < CHECK_INTERVAL_S:
             return False
-        self._looked_s = now_s
-        while self._recent[0].time_s[-1] < now_s - LOOK_BACK_S:
+        self._checked_s = now_s
+        while self._recent[0].time_s[-1] < now_s - CHECK_SPAN_S:
             del self._recent[0]
-        seen = self._joined(self._recent)
-        if late := self._checks.late(seen):
+        samples = self._concatenate(self._recent)
+        if late := self._checks.late(samples):
             self.problem = ("late", late)
-        frozen = self._checks.frozen(seen, self._commanded_s)
+        frozen = self._checks.frozen(samples, self._commanded_s)
         for name, text in frozen.items():
             if required_samples(name):
                 self.problem = ("frozen", text)

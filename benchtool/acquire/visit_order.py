@@ -1,4 +1,4 @@
-"""The order of a sweep: settings, and the visits of them, from a plan and its seed."""
+"""Settings and order of the visits of a sweep, from plan and seed."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from benchtool.acquire.plan import Plan
 from benchtool.core.errors import PlanError
 from benchtool.core.rig import Rig
 
-MAX_VISITS = 100_000  # more take weeks; assumed
+MAX_VISITS = 100_000  # more would take weeks; assumed
 
 
 @dataclass(frozen=True, slots=True)
 class PlatePosition:
-    """A position of the plate; parked counts as out of ground effect."""
+    """Plate position; parked means out of ground effect."""
 
     z_m: float
     x_m: float
@@ -29,7 +29,7 @@ class PlatePosition:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One combination of plate position and pulse level, numbered from 1."""
+    """Combination of plate position and pulse level, numbered from 1."""
 
     number: int
     place: PlatePosition
@@ -39,7 +39,7 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class Visit:
-    """One visit of a setting, numbered from 1 in the order of the sweep."""
+    """Visit of a setting, numbered from 1 in the order of the sweep."""
 
     point: int
     kind: Literal["measure", "reference", "anchor"]
@@ -47,36 +47,36 @@ class Visit:
     repeat: int
 
     def words(self, radius_m: float | None) -> str:
-        """Say what is visited, its distance in rotor radii; None in a test without a plate."""
-        place = self.setting.place
+        """Return a description with the distance in rotor radii; None: test without a plate."""
+        position = self.setting.place
         if radius_m is None:
             return f"throttle {self.setting.level_us:.0f} us"
-        where = "parked" if place.parked else f"z/R {place.z_m / radius_m:.2f}"
+        where = "parked" if position.parked else f"z/R {position.z_m / radius_m:.2f}"
         return f"{self.kind} {where}, {self.setting.level_us:.0f} us"
 
 
 def plan_settings(plan: Plan, rig: Rig) -> tuple[Setting, ...]:
-    """Return the settings of a resolved plan: every place with every level, references last."""
+    """Return the settings of a resolved plan: every position with every level, references last."""
     plate = plan.plate
     count = len(plate.tilts_deg) * len(plate.lateral_m) * len(_distances_m(plan))
     count = (count + 1) * len(plan.throttle.pwm_us) * (plan.repeats or 1)
     if count > MAX_VISITS:
         raise PlanError(
-            f"the plan has about {count:,} visits, limit {MAX_VISITS:,}; give fewer distances, "
-            f"tilts, places, levels or repeats"
+            f"the plan has about {count:,} visits, limit {MAX_VISITS:,}; use fewer distances, "
+            f"tilts, positions, levels or repeats"
         )
-    places = [
+    positions = [
         PlatePosition(z_m, x_m, tilt_deg)
         for tilt_deg, x_m, z_m in product(plate.tilts_deg, plate.lateral_m, _distances_m(plan))
     ]
     if plan.order.references:
-        places.append(PlatePosition(rig.plate.z_park_m, 0.0, 0.0, parked=True))
-    turning = [rotor in plan.throttle.rotors_on for rotor in range(1, rig.n_rotors + 1)]
+        positions.append(PlatePosition(rig.plate.z_park_m, 0.0, 0.0, parked=True))
+    is_on = [rotor in plan.throttle.rotors_on for rotor in range(1, rig.n_rotors + 1)]
     stop_us = rig.propulsion.pwm_stop_us
-    combinations = product(places, plan.throttle.pwm_us)
+    combinations = product(positions, plan.throttle.pwm_us)
     return tuple(
-        Setting(number, place, level_us, tuple(np.where(turning, level_us, stop_us).tolist()))
-        for number, (place, level_us) in enumerate(combinations, 1)
+        Setting(number, position, level_us, tuple(np.where(is_on, level_us, stop_us).tolist()))
+        for number, (position, level_us) in enumerate(combinations, 1)
     )
 
 
@@ -85,12 +85,12 @@ def _distances_m(plan: Plan) -> tuple[float, ...]:
 
 
 def plan_visits(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
-    """Return every visit of a resolved plan in order; the same plan gives the same order.
+    """Return the visits of a resolved plan in order; the same plan gives the same order.
 
-    Anchors stand at changes of the plate's position, so that they cost one move at most.
+    Anchors are placed at changes of the plate position, so that they need at most one extra move.
     """
     settings = plan_settings(plan, rig)
-    # What is repeated for drift: parked when there are references.
+    # The anchor is parked if there are references.
     candidates = [setting for setting in settings if setting.place.parked] or [
         setting for setting in settings if setting.place == settings[0].place
     ]
@@ -102,11 +102,11 @@ def plan_visits(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
     def add(kind: Literal["measure", "reference", "anchor"], setting: Setting, repeat: int) -> None:
         visits.append(Visit(len(visits) + 1, kind, setting, repeat))
 
-    for repeat, stay in _stays(plan, settings):
+    for repeat, group in _position_groups(plan, settings):
         if every and (not visits or since >= every):
             anchors, since = anchors + 1, 0
             add("anchor", anchor, anchors)
-        for setting in stay:
+        for setting in group:
             add("reference" if setting.place.parked else "measure", setting, repeat)
             since += 1
     if every and anchors and since:
@@ -114,27 +114,29 @@ def plan_visits(plan: Plan, rig: Rig) -> tuple[Visit, ...]:
     return tuple(visits)
 
 
-def _stays(plan: Plan, settings: tuple[Setting, ...]) -> Iterator[tuple[int, list[Setting]]]:
-    """Give the settings of every stay at one place, with the number of the repeat."""
+def _position_groups(
+    plan: Plan, settings: tuple[Setting, ...]
+) -> Iterator[tuple[int, list[Setting]]]:
+    """Yield the settings of one plate position at a time, with the number of the repeat."""
     rng = np.random.default_rng(plan.order.seed)
-    by_place: dict[PlatePosition, list[Setting]] = {}
+    by_position: dict[PlatePosition, list[Setting]] = {}
     for setting in settings:
-        by_place.setdefault(setting.place, []).append(setting)
-    stays = list(by_place.values())
+        by_position.setdefault(setting.place, []).append(setting)
+    groups = list(by_position.values())
     for repeat in range(1, (plan.repeats or 1) + 1):
-        backwards = plan.order.kind == "counterbalanced" and repeat % 2 == 0
+        is_reversed = plan.order.kind == "counterbalanced" and repeat % 2 == 0
         if plan.order.kind == "randomised":
-            order = [stays[i] for i in rng.permutation(len(stays))]
-            chosen = [[stay[i] for i in rng.permutation(len(stay))] for stay in order]
-        elif backwards:
-            chosen = [stay[::-1] for stay in stays[::-1]]
+            shuffled = [groups[i] for i in rng.permutation(len(groups))]
+            ordered = [[group[i] for i in rng.permutation(len(group))] for group in shuffled]
+        elif is_reversed:
+            ordered = [group[::-1] for group in groups[::-1]]
         else:
-            chosen = stays
-        for stay in chosen:
-            yield repeat, stay
+            ordered = groups
+        for group in ordered:
+            yield repeat, group
 
 
-SETTLE_WINDOWS = 1.4  # windows that settling takes as a rule; measured on the virtual bench
+SETTLE_WINDOWS = 1.4  # typical settling time in windows; measured on the virtual bench
 STOP_S = 1.5  # time for rotors to stop before the plate moves; checked on every move; assumed
 
 
@@ -145,34 +147,34 @@ def visit_s(plan: Plan) -> float:
 
 
 def min_duration_s(plan: Plan, rig: Rig) -> float:
-    """Return a time that every order of a resolved plan takes at least: s.
+    """Return the minimum duration of a resolved plan in any order: s.
 
-    From counts alone, so that a plan of a billion visits is judged at once.
+    Computed from counts, so that it is fast for a plan of a billion visits.
     """
     plate = plan.plate
-    places = len(_distances_m(plan)) * len(plate.tilts_deg) * len(plate.lateral_m)
-    places += plan.order.references
-    visits = places * len(plan.throttle.pwm_us) * (plan.repeats or 1)
+    positions = len(_distances_m(plan)) * len(plate.tilts_deg) * len(plate.lateral_m)
+    positions += plan.order.references
+    visits = positions * len(plan.throttle.pwm_us) * (plan.repeats or 1)
     return visits * visit_s(plan)
 
 
 def expected_duration_s(
-    plan: Plan, rig: Rig, visits: Sequence[Visit], place: PlatePosition | None = None
+    plan: Plan, rig: Rig, visits: Sequence[Visit], start: PlatePosition | None = None
 ) -> float:
-    """Return the time that visits in this order will take: s.
+    """Return the expected duration of visits in this order: s.
 
     Args:
-        place: where the plate stands; None before a sweep, which then begins with a tare.
+        start: plate position; None before a sweep, which starts with a tare.
     """
     total_s = 0.0
-    tares = 1 if place is None else 0
+    position, tares = start, 1 if start is None else 0
     for visit in visits:
         end = visit.setting.place
         total_s += visit_s(plan)
-        if place != end:
-            z_m, x_m = (place.z_m, place.x_m) if place else (rig.plate.z_park_m, 0.0)
+        if position != end:
+            z_m, x_m = (position.z_m, position.x_m) if position else (rig.plate.z_park_m, 0.0)
             total_s += STOP_S + hypot(end.z_m - z_m, end.x_m - x_m) / rig.plate.speed_m_s
-        place = end
+        position = end
     tare_s = plan.tare.seconds + STOP_S
     if plan.tare.every_minutes:
         tares += int(total_s // (60.0 * plan.tare.every_minutes))
@@ -180,7 +182,7 @@ def expected_duration_s(
 
 
 def minutes(seconds: float) -> str:
-    """Return a duration as people read it."""
+    """Return a duration as text: 1 h 05 min, 3 min 20 s."""
     whole = max(0, round(seconds))
     if whole >= 3600:
         return f"{whole // 3600} h {whole % 3600 // 60:02d} min"

@@ -85,7 +85,7 @@ def page() -> str:
         f".{name}) in `{file}`: {meaning}."
         for number, (file, name, meaning) in enumerate(CARRIERS, 1)
     )
-    members = "\n".join(
+    registries = "\n".join(
         f"| {what} | {where} | [extend](../how-to/extend.md#{listed}) |"
         for what, where, listed in REGISTRIES
     )

@@ -36,7 +36,7 @@ def test_a_fault_ends_it_safely_and_says_why(tmp_path, fault, code, told):
     assert complaints == [f"benchtool: {ended.last_line}"]
     assert told in ended.last_line
     assert "benchtool sweep --resume run" in ended.said
-    assert "20 times the speed of life" in ended.said
+    assert "20 times real time" in ended.said
     events = read_events(tmp_path / "run/events.jsonl")
     assert events[-1].event == "stopped"
     assert told in ended.metadata["reason"]

@@ -86,7 +86,7 @@ def test_a_folder_that_goes_ends_the_run_and_is_rescued(tmp_path, strike, said, 
     assert outcome.orders_to_turn_after(zero_s) == []
     assert said in outcome.last_line
     assert "what was recorded is saved in run-rescued" in outcome.last_line
-    assert "go on with: benchtool sweep --resume run-rescued" in outcome.said
+    assert "resume with: benchtool sweep --resume run-rescued" in outcome.said
     saved = tmp_path / "run-rescued"
     facts = Run.open(saved).metadata
     assert (facts["state"], facts["rescued_from"]) == ("stopped", "run")

@@ -79,12 +79,11 @@ def test_resuming_it_closes_it(dead):
     outcome = closed(dead, "sweep", ADDRESS, "--yes", "--resume")
     assert outcome.code == 2
     assert outcome.last_line == (
-        "nothing is left to resume of run: 1 visit, and all measured already; it was not closed, "
-        "and is now"
+        "nothing to resume in run: all visits are measured (1 visit); it has now been closed"
     )
     require_closed(dead)
     outcome = closed(dead, "sweep", ADDRESS, "--yes", "--resume")
-    assert outcome.last_line.endswith("and all measured already")
+    assert outcome.last_line.endswith("all visits are measured (1 visit)")
 
 
 def test_a_reader_of_settings_closes_it(dead):
@@ -123,10 +122,7 @@ def test_ctrl_c_behind_the_last_point_leaves_it_ended_once_closed(tmp_path):
     assert pressed
     assert outcome.code == 5
     assert len(outcome.points()) == 1
-    assert (
-        "nothing is left to resume; look at what stopped it, then go on with: benchtool fit run"
-        in (outcome.said)
-    )
+    assert "check the reason of the stop, then continue with: benchtool fit run" in (outcome.said)
     assert "--resume" not in outcome.said
     closed(tmp_path / "run", "runs", "close")
     require_closed(tmp_path / "run")

@@ -68,7 +68,7 @@ def test_a_span_that_lost_its_samples_is_measured_again(tmp_path, sample_s):
     outcome = sweep(tmp_path, plan(sample_s=sample_s), [fault])
     assert fault.hit > 100
     assert outcome.code == 0, outcome.said
-    assert "samples of thrust_N came, at least 80 % are needed" in outcome.said
+    assert "samples of thrust_N received, minimum 80 %" in outcome.said
     assert "measured again" in outcome.said
     (point,) = outcome.points()
     assert float(point["n_samples"]) > 0.8 * 80.0 * sample_s

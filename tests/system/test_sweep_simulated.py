@@ -158,7 +158,7 @@ def test_a_dry_run_makes_nothing(capsys):
     [
         (["sim:pquad", "--z-m", "0.1", "--z-over-r", "1"], "--z-m and --z-over-r are both given"),
         (["sim:pquad", "--z-over-r", "0,5"], "decimals take a point: 0.5, not 0,5"),
-        (["sim:pquad", "--repeats", "100000000"], "h or more, limit 48 h; lower repeats (100,000"),
+        (["sim:pquad", "--repeats", "100000000"], "h, limit 48 h; lower repeats (100,000"),
         (["sim:pquad", "--order", "shuffled"], "unknown --order 'shuffled'"),
         (
             ["sim:pquad", "--pressure", "101325"],

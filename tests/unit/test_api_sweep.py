@@ -42,7 +42,7 @@ def test_a_sweep_returns_what_read_returns_of_its_run(capsys):
     assert "<svg" in result._repr_html_()
     with pytest.raises(WouldOverwrite):
         bt.sweep("sim:pquad", **PLAN, yes=True, out="run")
-    with pytest.raises(InputError, match="nothing is left to resume of run"):
+    with pytest.raises(InputError, match="nothing to resume in run"):
         bt.sweep(resume="run", yes=True)
     with pytest.raises(InputError, match="pwm and resume are both given"):
         bt.sweep(resume="run", pwm=1500, yes=True)
@@ -99,7 +99,7 @@ def test_ctrl_c_stops_motors_and_the_run_goes_on_later(capsys):
     with pytest.raises(RunInterrupted, match="stopped by Ctrl-C; zero was commanded"):
         bt.sweep("sim:pquad", **PLAN, yes=True, out="run", operator=Interrupted())
     assert_stopped(Path("run"))
-    assert "go on with: benchtool sweep --resume run" in capsys.readouterr().out
+    assert "resume with: benchtool sweep --resume run" in capsys.readouterr().out
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     bt.sweep(resume="run", yes=True)
     assert sorted(read_points(Path("run")).column("point")) == [1, 2, 3]

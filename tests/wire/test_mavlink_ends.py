@@ -34,9 +34,7 @@ def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does():
         made.link.pass_time(0.1)
         assert max(made.autopilot.outputs_us) == 1000
         # The order is too old to be sent again: it would start a motor that stands.
-        with pytest.raises(
-            HostSuspended, match=r"did not run benchtool for 0\.\d s, limit 0\.25 s"
-        ):
+        with pytest.raises(HostSuspended, match=r"was not running for 0\.\d s, limit 0\.25 s"):
             made.read(1.0)
         made.read(1.0)
         assert max(made.autopilot.outputs_us) == 1000
@@ -85,7 +83,7 @@ def test_an_order_is_as_old_as_when_it_was_sent_however_late_it_was_acknowledged
         made.link.write = write  # type: ignore[method-assign]
         made.link.pass_time(0.12)
         assert max(made.autopilot.outputs_us) == 1000
-        with pytest.raises(HostSuspended, match=r"did not run benchtool for 0\.3 s, limit 0\.25 s"):
+        with pytest.raises(HostSuspended, match=r"was not running for 0\.3 s, limit 0\.25 s"):
             made.read(1.0)
         assert max(made.autopilot.outputs_us) == 1000
 
@@ -102,7 +100,7 @@ def test_no_order_is_sent_after_a_pause_while_its_acknowledgement_was_waited_for
                 made.link.pass_time(2.0)
 
         made.link.write = lose_and_stand_still  # type: ignore[method-assign]
-        with pytest.raises(HostSuspended, match=r"did not run benchtool for 2\.0 s, limit 0\.25 s"):
+        with pytest.raises(HostSuspended, match=r"was not running for 2\.0 s, limit 0\.25 s"):
             bench.set_pwm(pulses(1300.0, 1000.0))
         assert len([data for data in sent if data[7:10] == b"L\0\0"]) == 1  # COMMAND_LONG
         made.link.write = send  # type: ignore[method-assign]

@@ -246,7 +246,7 @@ def test_a_bench_check_passes_with_speeds(folder):
 def test_a_bench_check_passes_without_speeds_and_says_so(folder):
     findings = check_of(folder, "a2_check_rpm_none_patched")
     assert [finding.text for finding in findings if not finding.passed] == []
-    assert "no channel measures the speed of rotors 1, 2, 3, 4" in findings[0].text
+    assert "no speed channel for rotors 1, 2, 3, 4" in findings[0].text
     assert findings[2].text == "pwm1_us reads 1185 us of 1185 us; its speed is not measured"
 
 

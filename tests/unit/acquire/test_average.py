@@ -114,7 +114,7 @@ def test_a_rotor_that_hunts_is_not_halved(share):
     assert (found.n, found.n_rejected) == (400, 0)
     assert found.mean == pytest.approx(readings.mean())
     assert found.suspect
-    assert "none is left out" in found.rejection("rpm1")
+    assert "none is excluded" in found.rejection("rpm1")
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_wrong_wiring_is_found(change, failed):
 
 def test_nothing_is_armed_while_a_rotor_turns():
     bench = FakeBench(idle_rpm=200.0)
-    with pytest.raises(BenchError, match="rpm1 reads 200 rpm at zero command, limit 30 rpm"):
+    with pytest.raises(BenchError, match="rpm1 reads 200 rpm at zero throttle, limit 30 rpm"):
         list(check_bench(bench, load_rig_by_name("pquad_single")))
     assert {value for what, value in bench.log if what == "pwm"} == {1000.0}
 
@@ -89,11 +89,13 @@ def test_unattended_needs_a_check_of_the_same_day(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="it was never checked; run benchtool bench check fake:1"):
         require_unattended(identity, load_rig_by_name("pquad_single"), today)
     store_check_result(identity, load_rig_by_name("pquad_single"), ["all good"], date(2026, 1, 30))
-    with pytest.raises(InputError, match="its last check passed on 2026-01-30"):
+    with pytest.raises(InputError, match="the last check passed on 2026-01-30"):
         require_unattended(identity, load_rig_by_name("pquad_single"), today)
     store_check_result(identity, load_rig_by_name("pquad_single"), ["all good"], today)
     require_unattended(identity, load_rig_by_name("pquad_single"), today)
-    with pytest.raises(InputError, match="today's was made with rig 'pquad_single', which is not"):
+    with pytest.raises(
+        InputError, match="today's check used another or changed rig 'pquad_single'"
+    ):
         require_unattended(identity, load_rig_by_name("pquad"), today)
     with open_bench("sim:pquad") as bench:
         require_unattended(bench.identity, load_rig_by_name("pquad_single"), today)

@@ -49,11 +49,11 @@ def test_hysteresis_is_the_gap_between_up_and_down():
     [
         ([0.0, 1.0, 0.0], [0.0, 100.0, 0.0], {}, "2 different masses"),
         ([0.0, 1.0, 2.0], [0.0, 1.0], {}, "3 masses, but 2 readings"),
-        ([0.0, -1.0, 2.0], [0.0, 1.0, 2.0], {}, "-1 kg is none"),
-        ([0.0, 1.0, np.nan], [0.0, 1.0, 2.0], {}, "no number"),
-        ([0.0, 1.0, 2.0, 3.0], [7.0, 7.1, 6.9, 7.0], {}, "do not follow the masses"),
+        ([0.0, -1.0, 2.0], [0.0, 1.0, 2.0], {}, "mass -1 kg is out of range"),
+        ([0.0, 1.0, np.nan], [0.0, 1.0, 2.0], {}, "not finite"),
+        ([0.0, 1.0, 2.0, 3.0], [7.0, 7.1, 6.9, 7.0], {}, "is not significant"),
         ([0.0, 1.0, 2.0, 3.0], [0.0, 100.0, 200.0, 330.0], {}, "% of full scale, limit 2 %"),
-        ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], {"lever_ratio": 0.0}, "lever ratio of 0"),
+        ([0.0, 1.0, 2.0], [0.0, 1.0, 2.0], {"lever_ratio": 0.0}, "lever ratio 0 is out of range"),
     ],
 )
 def test_nonsense_is_refused(masses, counts, more, words):

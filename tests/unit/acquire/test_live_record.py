@@ -78,7 +78,7 @@ def test_levels_that_are_held_make_points_as_those_of_a_sweep(tmp_path):
         assert measured.column("thrust_N")[row] == pytest.approx(mean_N, rel=2e-3)
     facts = run.metadata
     assert (facts["experiment"], facts["state"]) == ("live", "ended")
-    with pytest.raises(InputError, match="is a live recording, which has no visits left"):
+    with pytest.raises(InputError, match="is a live recording and cannot be resumed"):
         load_resume_state(run)
     entry = build_entry(RunsFolder(tmp_path), run.path.name)
     assert (entry.kind, entry.can_fit) == ("live recording", True)

@@ -124,8 +124,8 @@ def test_a_plan_that_does_not_state_its_grid_is_refused(tmp_path, name):
 
 def test_where_nothing_is_left_the_run_is_closed_once(tmp_path):
     run = begun(tmp_path / "run", done=2)
-    said = "nothing is left to resume of .*: 2 visits, and all measured already"
-    with pytest.raises(InputError, match=f"{said}; it was not closed, and is now$"):
+    said = "nothing to resume in .*: all visits are measured \\(2 visits\\)"
+    with pytest.raises(InputError, match=f"{said}; it has now been closed$"):
         prepare_resume(load_resume_state(run))
     assert run.metadata["state"] == "ended"
     with pytest.raises(InputError, match=f"{said}$"):
@@ -160,7 +160,7 @@ def test_another_device_is_refused(tmp_path):
     rest = load_resume_state(begun(tmp_path / "run"))
     identity = FakeBench().identity
     require_same_device(rest, identity)
-    with pytest.raises(InputError, match="was begun on device 'fake-1', but fake:1 is 'other'"):
+    with pytest.raises(InputError, match="was started on device 'fake-1', but fake:1 is 'other'"):
         require_same_device(rest, replace(identity, device_id="other"))
 
 

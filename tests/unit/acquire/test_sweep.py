@@ -164,7 +164,7 @@ def test_whatever_ends_it_zero_comes_first_and_the_reason_is_kept(tmp_path, erro
 
 
 def test_a_tare_that_leaves_too_much_is_refused(tmp_path):
-    with pytest.raises(BenchError, match=r"after 3 tares \+0\.2 N are left .* limit 0\.0502 N"):
+    with pytest.raises(BenchError, match=r"\+0\.2 N after 3 tares, limit 0\.0502 N"):
         sweep(FakeBench(left_N=0.2), tmp_path / "run")
     events = [event.event for event in read_events(tmp_path / "run" / "events.jsonl")]
     assert events == ["plate", *["tare_residual"] * 3, "stopped"]
@@ -206,7 +206,7 @@ def test_an_anchor_that_has_drifted_asks_for_a_tare(tmp_path):
     assert summary.tares == 2
     drifts = [e for e in read_events(run.path / "events.jsonl") if e.event == "drift"]
     assert len(drifts) == 1
-    assert "anchor 2 has moved by +0.0999" in drifts[0].text
+    assert "anchor 2 has changed by +0.0999" in drifts[0].text
     assert len(read_points(run.path, ["tare"])) == 2
 
 
@@ -231,7 +231,7 @@ def test_a_hot_esc_rests_until_it_has_cooled(tmp_path):
     plan = replace(PLAN, rest=replace(PLAN.rest, above_degC=70.0))
     _, run = sweep(bench, tmp_path / "run", plan)
     events = {e.event: e for e in read_events(run.path / "events.jsonl")}
-    assert "80.0 degC, rest above 70 degC" in events["rest"].text
+    assert "80.0 degC is above 70 degC" in events["rest"].text
     assert 25.0 < events["rested"].time_s - events["rest"].time_s < 35.0
     samples = read_samples(run.path)
     resting = samples.column("phase") == word_to_code("phase", "rest")
@@ -304,7 +304,7 @@ def test_missed_counts_are_left_out_and_their_number_stands_beside(tmp_path):
     said = events_of(run, "outliers")
     assert len(said) == summary.measured
     assert "1 of 50 samples of rpm1 (from " in said[0]
-    assert "and are left out of its mean" in said[0]
+    assert "and are excluded from the mean" in said[0]
     taken = samples.column("rpm1")[samples.column("phase") == word_to_code("phase", "sample")]
     assert (taken < 2500.0).sum() == summary.measured  # raw samples stay
 
@@ -317,7 +317,7 @@ def test_a_rotor_that_hunts_marks_its_points(tmp_path):
     assert summary.suspect == summary.measured == len(points)
     assert points.column("suspect").all()
     np.testing.assert_allclose(points.column("rpm1"), 3960.0, atol=2.0)
-    assert "none is left out and the point is marked as suspect" in events_of(run, "suspect")[0]
+    assert "none is excluded and the point is marked as suspect" in events_of(run, "suspect")[0]
     ended = read_events(run.path / "events.jsonl")[-1]
     assert ended.text.endswith(f"{summary.measured} of them suspect")
 

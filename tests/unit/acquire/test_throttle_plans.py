@@ -85,6 +85,6 @@ def test_nothing_is_moved_on_a_bench_without_a_stage(tmp_path):
     assert run.metadata["plate"]["stage"] == "none"
     text = (run.path / "events.jsonl").read_text()
     assert "no plate is moved: throttle alone is visited" in text
-    with pytest.raises(InputError, match="--stage none moves no plate, but the plan visits"):
+    with pytest.raises(InputError, match="--stage none cannot move the plate, but the plan has"):
         swept(Plan(), tmp_path / "other", stage="none")
     assert not (tmp_path / "other").exists()

@@ -22,7 +22,7 @@ def span(thrust_values: int, rpm_values: int) -> Recording:
     [
         (160, 200, ""),
         (127, 200, ""),  # one below 80 %: the span may begin just behind a value
-        (126, 200, "126 of 160 samples of thrust_N came, at least 80 % are needed"),
+        (126, 200, "126 of 160 samples of thrust_N received, minimum 80 %"),
         (0, 200, "0 of 160 samples of thrust_N"),
         (160, 40, "40 of 200 samples of rpm1"),
     ],
@@ -70,7 +70,7 @@ def test_a_speed_whose_noise_does_not_show_is_frozen():
     assert frozen(visit(RAW)) == ""
     assert frozen(visit(np.where(np.arange(300) < 205, RAW, 4310.0))) == ""  # not yet a second
     stuck = np.where(np.arange(300) < 150, RAW, 4310.0)
-    said = "rpm1 repeats 4310 for 1.5 s (150 values), but noise of 8 at a resolution of 1 should"
+    said = "rpm1 repeats 4310 for 1.5 s (150 values), but noise 8 at resolution 1 is expected"
     assert frozen(visit(stuck)).startswith(said)
 
 
@@ -78,7 +78,7 @@ def test_a_coarse_speed_may_repeat_itself_unless_the_pulses_or_the_thrust_change
     same = np.full(300, 4300.0)
     assert frozen(visit(same), sensor=COARSE) == ""
     assert frozen(visit(same), 4100.0, COARSE) == ""
-    assert "as it did at the pulses before" in frozen(visit(same), 4300.0, COARSE)
+    assert "the same as at the previous pulses" in frozen(visit(same), 4300.0, COARSE)
     rising = np.linspace(1.0, 1.2, 300)
     assert "changed by 8 %" in frozen(visit(same, rising), sensor=COARSE)
     assert frozen(visit(np.where(np.arange(300) % 50, 4300.0, 4400.0), rising)) == ""

@@ -269,7 +269,7 @@ def test_the_plate_waits_for_rotors_that_still_turn_and_keeps_what_is_read(fake)
     assert len(readings) == round(waited_s * 100) + 10
 
 
-SAID = "did not run benchtool for 2.0 s, limit 0.25 s"
+SAID = "was not running for 2.0 s, limit 0.25 s"
 
 
 def test_what_a_pause_made_the_device_say_is_its_cause_and_no_more(fake):
