@@ -1,9 +1,8 @@
-"""Drive rotor test benches near surfaces and fit ground-effect models to what they measure.
+"""Control of rotor test benches near surfaces, and fits of ground-effect models.
 
-`import benchtool as bt` gives what the commands do as functions: `bt.read`, `bt.sweep`, `bt.fit`,
+`import benchtool as bt` provides the commands as functions: `bt.read`, `bt.sweep`, `bt.fit`,
 `bt.pool`, `bt.motor`, `bt.explain`, `bt.export`, `bt.simulate_pitch`, `bt.simulate_flight`, with
-`bt.Model`, `bt.Rig` and `bt.Effect`. Nothing is loaded before it is used; `benchtool.api` holds
-them.
+`bt.Model`, `bt.Rig` and `bt.Effect`. They are defined in `benchtool.api`, imported on first use.
 """
 
 from __future__ import annotations
@@ -21,10 +20,10 @@ __all__ = [
 
 
 class CallablePackage(ModuleType):
-    """A package that can be called where a public function has its name: `bt.fit(...)`.
+    """Callable package with the name of a public function, for example `bt.fit(...)`.
 
-    `import benchtool.fit` sets the attribute `fit` of `benchtool` to the package, whatever stood
-    there, so the package itself must be what `bt.fit` promises.
+    `import benchtool.fit` replaces the attribute `fit` of `benchtool` by the package, so the
+    package itself must be callable like the function.
     """
 
     def __call__(self, *args: Any, **options: Any) -> Any:
@@ -32,7 +31,7 @@ class CallablePackage(ModuleType):
 
     @property
     def __wrapped__(self) -> Any:
-        """The function, where `help` and signatures look for it."""
+        """The function, for `help` and `inspect.signature`."""
         return getattr(import_module("benchtool.api"), self.__name__.rpartition(".")[2])
 
 

@@ -1,7 +1,7 @@
-"""The public Python interface: what each command does, as a function that returns its result.
+"""Public Python interface: one function per command.
 
-Inputs have the names, ranges and defaults of the command's options (`benchtool fit --help`), and a
-wrong one is refused with the same sentence.
+Keyword arguments have the names, ranges, defaults and error messages of the command-line options
+(`benchtool fit --help`).
 """
 
 from __future__ import annotations
@@ -65,37 +65,37 @@ __all__ = [
 
 
 def load_rig(rig: str | Path) -> Rig:
-    """Return a rig: a shipped name (`benchtool library rigs`) or the path of a rig file."""
+    """Return a rig by name (`benchtool library rigs`) or path of a rig file."""
     return load_rig_by_name(rig)
 
 
 def load_model(model: str | Path, permit: CodePermit = check_code_allowed) -> Model:
-    """Return a model: a shipped name (`benchtool library models`) or the path of a model file.
+    """Return a model by name (`benchtool library models`) or path of a model file.
 
     Args:
-        permit: called with the file of own effects before it is run; refused when left out.
+        permit: called with a file of user code before it runs; by default this raises.
     """
     return _load_model(model, permit=permit).model
 
 
 def read(path: str | Path) -> Result[SweepRun] | Result[ReplaySource]:
-    """Read a run folder, a recording of `import` or `simulate`, or a log that `import` reads.
+    """Read a run folder, a recording of `import` or `simulate`, or a log in an import format.
 
-    Tables: `points`, `settings` and `samples` of a sweep; `samples` of anything else.
+    Tables: `points`, `settings` and `samples` of a sweep; `samples` otherwise.
 
     Raises:
-        FileFormatError: nothing there, or nothing that a report can be made of.
+        FileFormatError: missing path or unknown content.
     """
     path = Path(path)
     if is_run(path) and kind_of(path) == "sweep":
         return _sweep(path)
-    recorded = read_recorded(path)
-    rows = len(recorded.recording)
-    names = ", ".join(recorded.recording.names)
+    replay = read_recorded(path)
+    n_rows = len(replay.recording)
+    names = ", ".join(replay.recording.names)
     return Result(
-        found=recorded, path=path, _page=STAND,
-        _summary=lambda one: f"{one.name}: {rows} rows of {names}",
-        _tables={"samples": lambda one: frame(one.with_quantities())},
+        found=replay, path=path, _page=STAND,
+        _summary=lambda source: f"{source.name}: {n_rows} rows of {names}",
+        _tables={"samples": lambda source: frame(source.with_quantities())},
     )  # fmt: skip
 
 
@@ -122,40 +122,39 @@ def sweep(
     permit: CodePermit = check_code_allowed,
     **options: Any,
 ) -> Result[SweepRun]:
-    """Sweep plate distance and throttle into a run folder, as `benchtool sweep` does, and read it.
+    """Sweep plate distance and throttle like `benchtool sweep`, and read the run.
 
-    Motors turn. Whatever ends the sweep, Ctrl-C or *Interrupt* of a notebook among it, stops them;
-    a signal is seen where this is called in the main thread, as notebooks do.
-    Tables: those of `read`.
+    Motors turn. Every exit stops them, including Ctrl-C and *Interrupt* of a notebook; signals
+    are handled only if this is called in the main thread, as in notebooks. Tables as in `read`.
 
     Args:
-        bench: address, as ``"sim:pquad"``; not needed with ``resume=``.
-        rig: on the bench; the one that a ``sim:`` address names when left out.
-        yes: confirms that motors may turn, where nobody types it: on a simulated bench, or one
-            whose `benchtool bench check` passed today.
-        operator: whom to ask in place of `yes`.
-        permit: called with Python files that the address names; refused when left out.
-        options: of the command by name: ``z_over_r=(0.6, 1, 2)``, ``pwm=(1500, 1600)``,
+        bench: address, for example ``"sim:pquad"``; not needed with ``resume=``.
+        rig: rig on the bench; default: rig of a ``sim:`` address.
+        yes: skip the arming confirmation, for a simulated bench or one whose `benchtool bench
+            check` passed today.
+        operator: interface for the arming confirmation, in place of `yes`.
+        permit: called with user code files in the address; by default this raises.
+        options: options of the command by name: ``z_over_r=(0.6, 1, 2)``, ``pwm=(1500, 1600)``,
             ``repeats=3``, ``plan="plan.toml"``, ``out="run"``, ``resume="run"``.
 
     Raises:
-        InputError: nobody has confirmed, or the inputs do not say enough; nothing was spun.
-        BenchError, RunStopped: why it ended early; motors are at zero, what was measured is in
-            the run folder.
+        InputError: no confirmation, or invalid or incomplete inputs; no motor has turned.
+        BenchError, RunInterrupted: the sweep ended early; throttle is zero, and the measured points
+            are in the run folder.
     """
     if not yes and operator is None:
         raise InputError(
-            "nothing was armed: bt.sweep turns motors, and nobody has confirmed that; give "
-            "yes=True (for a simulated bench, or one whose bench check passed today), or type "
-            "benchtool sweep in a terminal, which asks before it arms"
+            "not armed: bt.sweep turns motors and needs a confirmation; use yes=True (for a "
+            "simulated bench, or one whose bench check passed today), or benchtool sweep in a "
+            "terminal"
         )
     if options.pop("dry_run", False):
-        raise InputError("dry_run is of the command: benchtool sweep ADDRESS --dry-run")
+        raise InputError("dry_run needs the command line: benchtool sweep ADDRESS --dry-run")
     rig_name = None if isinstance(rig, Rig) or rig is None else str(rig)
-    given = {"address": bench or None, "rig": rig_name, "yes": yes} | options
-    inputs = build_inputs(SweepInputs, given, base=base_inputs(given, "keyword"))
-    stands = rig if isinstance(rig, Rig) else None
-    run = run_sweep_to_folder(inputs, operator or Unattended(), permit, stands)
+    values = {"address": bench or None, "rig": rig_name, "yes": yes} | options
+    inputs = build_inputs(SweepInputs, values, base=base_inputs(values, "keyword"))
+    rig_object = rig if isinstance(rig, Rig) else None
+    run = run_sweep_to_folder(inputs, operator or Unattended(), permit, rig_object)
     assert run is not None
     return _sweep(run.path)
 
@@ -169,28 +168,28 @@ def motor(
     propeller: str | Path | None = None,
     rig: Rig | str | Path | None = None,
 ) -> Result[MotorFit]:
-    """Fit thrust curve and motor constants to tests without a plate, as `benchtool motor` does.
+    """Fit thrust curve and motor constants to runs without a plate, like `benchtool motor`.
 
     Tables: `constants` and `points`.
 
     Args:
-        runs: run folders of one rig, references of plate sweeps among them, or logs of stands.
-        mass_kg: of the vehicle whose hover point is worked out; the rig's when left out.
-        rotors: that carry it; the rig's when left out.
-        extrapolate: thrust to the rig's longest pulse and nominal voltage, however far.
-        propeller: of logs that do not state theirs: name, file, or size in inches.
-        rig: of logs; made from them when left out.
+        runs: run folders of one rig, including plate sweeps with references, or test stand logs.
+        mass_kg: vehicle mass for the hover point; default: rig value.
+        rotors: number of rotors that carry the mass; default: rig value.
+        extrapolate: extrapolate thrust to the maximum pulse width and nominal voltage of the rig.
+        propeller: of logs without propeller: name, file, or size in inches.
+        rig: of logs; default: from the logs.
 
     Raises:
-        InputError: none is given, the rigs differ, or the mass is too heavy.
-        EstimationError: too few throttle levels, and no step of the pulse.
+        InputError: no runs, different rigs, or the mass exceeds the thrust.
+        EstimationError: too few throttle levels and no throttle step.
     """
     return Result(
         found=fit_motor(saved_paths(runs), mass_kg, *_stand(rig, propeller), rotors, extrapolate),
         _page=MOTOR, _summary=motor_lines,
         _tables={
-            "constants": lambda one: frame_of_rows([estimate_row(e) for e in one.estimates]),
-            "points": lambda one: frame(one.points.recording),
+            "constants": lambda found: frame_of_rows([estimate_row(e) for e in found.estimates]),
+            "points": lambda found: frame(found.points.recording),
         },
     )  # fmt: skip
 
@@ -202,19 +201,19 @@ def fit(
     permit: CodePermit = check_code_allowed,
     **options: Any,
 ) -> Result[FitOutput]:
-    """Fit a ground-effect model to run folders or CSV files, as `benchtool fit` does.
+    """Fit a ground-effect model to run folders or CSV files, like `benchtool fit`.
 
     Tables: `estimates`, `points` and `ratio`. The fitted model is `result.found.fitted`.
 
     Args:
-        data: one or several.
-        model: shipped name or path of a model file.
-        permit: called with a model's own Python before it is run; refused when left out.
-        options: of the command by name: ``free=("R_m",)``, ``method=("emcee",)``.
+        data: one or more run folders, CSV files or results.
+        model: name or path of a model file.
+        permit: called with user code of the model before it runs; by default this raises.
+        options: options of the command by name: ``free=("R_m",)``, ``method=("emcee",)``.
 
     Raises:
         InputError: the data or the model do not allow the fit.
-        EstimationError: no estimate can be given.
+        EstimationError: no estimate is possible.
     """
     paths = saved_paths(data)
     base = Recipe(name=Path(paths[0]).stem, data=paths, model=str(model))
@@ -229,19 +228,19 @@ def pool(
     shared: Sequence[str] = (),
     seed: int = 1,
 ) -> Result[PooledFits]:
-    """Pool fits of several rigs, as `benchtool pool` does: mean, spread, and which rigs differ.
+    """Combine fits of several rigs in a hierarchical model, like `benchtool pool`.
 
-    Tables: `rigs` and `differences`. Draws of the posterior are in `result.found.pooled`.
+    Tables: `rigs` and `differences`. Posterior draws are in `result.found.pooled`.
 
     Args:
-        fits: folders of `benchtool fit --out`, one of each rig.
-        of: parameters that may differ; those without a unit when left out.
-        shared: parameters that are the same in all rigs.
-        seed: of everything random.
+        fits: folders of `benchtool fit --out`, one per rig.
+        of: parameters that may differ between rigs; default: all without a unit.
+        shared: parameters that are equal in all rigs.
+        seed: random seed.
 
     Raises:
-        InputError: fewer than two fits, fits without an answer, or fits that share data.
-        NotConverged: the chains do not agree.
+        InputError: fewer than two fits, failed fits, or fits with common data.
+        NotConverged: the chains have not converged.
     """
     return pool_result([Path(path) for path in saved_paths(fits)], of, shared, seed)
 
@@ -249,27 +248,29 @@ def pool(
 def compare(
     data: Data | Sequence[Data], *, over: Over = "thrust", at_thrust_N: float | None = None
 ) -> Result[comparing.RunComparison]:
-    """Set runs and recordings side by side, as `benchtool report --over --at-thrust` does.
+    """Compare runs and recordings, like `benchtool report --over --at-thrust`.
 
-    Tables: `curves`, and `best` where a thrust is wanted, the most efficient first.
+    Tables: `curves`, and with `at_thrust_N` also `best`, most efficient first.
 
     Args:
-        data: one or several run folders or recordings of `benchtool import`.
-        over: what the figure's axis is.
-        at_thrust_N: where they are ranked.
+        data: one or more run folders or recordings of `benchtool import`.
+        over: abscissa of the figure.
+        at_thrust_N: thrust at which the runs are ranked.
 
     Raises:
-        InputError: no run holds what they are to be drawn over.
+        InputError: no run contains the abscissa.
     """
-    one = comparing.compare_runs([Path(path) for path in saved_paths(data)], over, at_thrust_N)
+    comparison = comparing.compare_runs(
+        [Path(path) for path in saved_paths(data)], over, at_thrust_N
+    )
     tables: dict[str, Callable[[comparing.RunComparison], pd.DataFrame]] = {
-        "best": lambda one: frame_of_rows(comparing.best_rows(one)),
-        "curves": lambda one: concatenate_frames(one.tables()),
+        "best": lambda comparison: frame_of_rows(comparing.best_rows(comparison)),
+        "curves": lambda comparison: concatenate_frames(comparison.tables()),
     }
-    if not one.found:
+    if not comparison.found:
         del tables["best"]
     page, summary = comparing.COMPARISON, comparing.comparison_sentence
-    return Result(found=one, _page=page, _summary=summary, _tables=tables)
+    return Result(found=comparison, _page=page, _summary=summary, _tables=tables)
 
 
 def export(
@@ -285,30 +286,29 @@ def export(
     rig: Rig | str | Path | None = None,
     permit: CodePermit = check_code_allowed,
 ) -> tuple[Path, ...]:
-    """Write a fitted model for a simulator, autopilot or firmware; return the files written.
+    """Write a model for a simulator, autopilot or firmware; return the written files.
 
     Args:
-        model: folder of a fit or of a run without a plate, log of a stand, model file, or shipped
-            model.
+        model: fit folder, run without a plate, test stand log, model file, or model name.
         to: "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight", "c", or "all".
-        out: new file, or for "all" new folder; named after the rig when left out.
-        motor: runs without a plate or logs, whose motor constants go before the rig's.
-        mass_kg: of the vehicle, for its hover point; the rig's when left out.
-        rotors: that carry it; the rig's when left out.
-        extrapolate: of the motor test, as `motor` takes it.
-        propeller: of logs, likewise.
-        rig: of logs, likewise.
-        permit: called with a model's own Python before it is run; refused when left out.
+        out: new file, or new folder for "all"; default: named after the rig.
+        motor: runs without a plate or logs; their motor constants replace those of the rig.
+        mass_kg: vehicle mass for the hover point; default: rig value.
+        rotors: number of rotors that carry the mass; default: rig value.
+        extrapolate: as in `motor`.
+        propeller: of logs, as in `motor`.
+        rig: of logs, as in `motor`.
+        permit: called with user code of the model before it runs; by default this raises.
 
     Raises:
-        UnknownChoice: there is no such target or model.
-        InputError: its data rejected the model.
-        WouldOverwrite: a file is there already; nothing was written.
+        UnknownChoice: unknown target or model.
+        InputError: the fit rejected the model.
+        WouldOverwrite: a file exists; nothing was written.
     """
     (path,) = saved_paths(model)
     vehicle = build_vehicle(path, saved_paths(motor), permit, *_stand(rig, propeller), extrapolate)
-    hovering = replace(vehicle, mass_kg=mass_kg, rotors=rotors)
-    return write_targets(hovering, to, None if out is None else Path(out))
+    vehicle = replace(vehicle, mass_kg=mass_kg, rotors=rotors)
+    return write_targets(vehicle, to, None if out is None else Path(out))
 
 
 def _stand(
@@ -327,26 +327,26 @@ def explain(
     permit: CodePermit = check_code_allowed,
     **options: Any,
 ) -> Result[ExplainResult]:
-    """Name the effect that a model lacks, as `benchtool explain` does.
+    """Identify effects that a model lacks, like `benchtool explain`.
 
     Tables: `effects`, `gap` and `probabilities`. The verdict is `result.found.verdict`.
 
     Args:
-        learn: recordings to learn from.
-        check: others of the same bench, to check on.
-        model: shipped name or path of a model file.
-        permit: called with each Python file before it is run; refused when left out.
-        options: of the command by name: ``effects="mine.py"``, ``rig="own.toml"`` (of CSV files;
-            runs carry theirs), ``seed=3``, ``draws=500``, ``out="found"``.
+        learn: training recordings.
+        check: validation recordings of the same bench.
+        model: name or path of a model file.
+        permit: called with each file of user code before it runs; by default this raises.
+        options: options of the command by name: ``effects="mine.py"``, ``rig="own.toml"`` (of CSV
+            files only), ``seed=3``, ``draws=500``, ``out="found"``.
 
     Raises:
-        InputError: whatever is missing or cannot be read.
+        InputError: an input is missing or cannot be read.
     """
-    given = {"recordings": saved_paths(learn), "check": saved_paths(check), "model": str(model)}
-    inputs = build_inputs(ExplainInputs, given | options)
+    values = {"recordings": saved_paths(learn), "check": saved_paths(check), "model": str(model)}
+    inputs = build_inputs(ExplainInputs, values | options)
     if inputs.bench is not None:
         raise InputError(
-            "bench is of the command, which lets you confirm that motors turn: benchtool explain"
+            "bench needs the command line for the arming confirmation: benchtool explain --bench"
         )
     check_not_existing(inputs.out, inputs.json)
     result = _saved(explain_result(inputs, permit=permit), inputs.out)
@@ -361,14 +361,14 @@ def simulate_pitch(
     permit: CodePermit = check_code_allowed,
     **options: Any,
 ) -> Result[PitchStudy]:
-    """Simulate the pitch bench under each controller, as `benchtool simulate pitch` does.
+    """Simulate the pitch bench with each controller, like `benchtool simulate pitch`.
 
-    Tables: one of each controller, and `visits` of the plate.
+    Tables: one per controller, and `visits` of the plate.
 
     Args:
-        controllers: built-in names, and classes of your own.
-        permit: called with a model's own Python before it is run; refused when left out.
-        options: of the command by name: ``schedule="plate"``, ``set={"body_lift.K_b": 2}``.
+        controllers: built-in names and user classes.
+        permit: called with user code of the model before it runs; by default this raises.
+        options: options of the command by name: ``schedule="plate"``, ``set={"body_lift.K_b": 2}``.
     """
     inputs = build_inputs(PitchInputs, options)
     return _saved(pitch_result(inputs, controllers, permit), inputs.study.out)
@@ -380,21 +380,21 @@ def simulate_flight(
     permit: CodePermit = check_code_allowed,
     **options: Any,
 ) -> Result[Sequence[FlownCase]]:
-    """Simulate flights over an obstacle, as `benchtool simulate flight` does.
+    """Simulate flights over an obstacle, like `benchtool simulate flight`.
 
-    Tables: `oge` (PID over nothing) and one of each controller.
+    Tables: `oge` (PID, no obstacle) and one per controller.
 
     Args:
-        controllers: built-in names, and classes of your own.
-        permit: called with a model's own Python before it is run; refused when left out.
-        options: of the command by name: ``case="edge"``, ``z_over_r=1.5``, ``seed=3``.
+        controllers: built-in names and user classes.
+        permit: called with user code of the model before it runs; by default this raises.
+        options: options of the command by name: ``case="edge"``, ``z_over_r=1.5``, ``seed=3``.
     """
     inputs = build_inputs(FlightInputs, options)
     return _saved(flight_result(inputs, controllers, permit), inputs.study.out)
 
 
 def _saved(result: Result[Found], out: Path | None) -> Result[Found]:
-    """Write a result where the inputs name a folder, and return it."""
+    """Write a result if a folder is given, and return it."""
     if out is not None:
         result.save(out)
     return result

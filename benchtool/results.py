@@ -1,7 +1,4 @@
-"""What fits, explanations and simulations find, as one kind of result.
-
-The command line, the page and Python all come through here, so the three cannot differ.
-"""
+"""Results of fits, explanations and simulations, for the command line, the page and Python."""
 
 from __future__ import annotations
 
@@ -46,19 +43,19 @@ from benchtool.simulate.user_controller import Controllers, split_controllers
 
 def fit_result(
     inputs: FitInputs,
-    progress: Callable[[str, int, int], None] = lambda what, done, expected: None,
+    progress: Callable[[str, int, int], None] = lambda stage, done, expected: None,
     permit: CodePermit = check_code_allowed,
 ) -> Result[FitOutput]:
     """Fit a recipe. Tables: `estimates`, `points` and `ratio`.
 
     Args:
-        progress: called with what is being done, how much of it is done, and of how much.
-        permit: called with a model's own Python before it is run.
+        progress: called with the stage, the steps done and the expected steps.
+        permit: called with the user code of a model before it runs.
 
     Raises:
-        WouldOverwrite: the folder that it is to be written to holds something.
+        WouldOverwrite: the output folder is not empty.
         InputError: the data or the model do not allow the fit.
-        EstimationError: no estimate can be given.
+        EstimationError: no estimate is possible.
     """
     if inputs.out is not None:
         refuse_full(inputs.out)
@@ -71,31 +68,31 @@ def fit_result(
         _summary=sentence,
         _tables={
             "estimates": estimates_frame,
-            "points": lambda one: frame(one.data.points),
-            "ratio": lambda one: frame_of_rows(ratio_rows(one)),
+            "points": lambda output: frame(output.data.points),
+            "ratio": lambda output: frame_of_rows(ratio_rows(output)),
         },
-        _write=lambda folder, one, commands: [write_fit(folder, one, commands)],
+        _write=lambda folder, output, commands: [write_fit(folder, output, commands)],
     )
 
 
 def pool_result(
     folders: Sequence[Path], of: Sequence[str] = (), shared: Sequence[str] = (), seed: int = 1
 ) -> Result[PooledFits]:
-    """Pool fits of several rigs, as `pool_fits` takes them. Tables: `rigs` and `differences`."""
+    """Pool fits of several rigs; see `pool_fits`. Tables: `rigs` and `differences`."""
     return Result(
         found=pool_fits(folders, of, shared, seed=seed),
         _page=pooling.POOL,
         _summary=pooling.summary,
         _tables={
-            "rigs": lambda one: frame_of_rows(pooling.rigs_rows(one)),
-            "differences": lambda one: frame_of_rows(pooling.differences_rows(one)),
+            "rigs": lambda fits: frame_of_rows(pooling.rigs_rows(fits)),
+            "differences": lambda fits: frame_of_rows(pooling.differences_rows(fits)),
         },
         _write=pooling.write_pool,
     )
 
 
 def build_request(inputs: ExplainInputs, permit: CodePermit = check_code_allowed) -> Request:
-    """Read the recordings, the model and the effects that inputs name."""
+    """Read the recordings, model and effects of the inputs."""
     return read_request(
         inputs.recordings, inputs.check, inputs.model, inputs.effects, permit, inputs.rig
     )
@@ -103,26 +100,26 @@ def build_request(inputs: ExplainInputs, permit: CodePermit = check_code_allowed
 
 def explain_result(
     inputs: ExplainInputs,
-    progress: Progress = lambda what, share: None,
+    progress: Progress = lambda stage, fraction: None,
     permit: CodePermit = check_code_allowed,
     *,
     request: Request | None = None,
     minutes: float | None = None,
     commands: Sequence[str] = (),
 ) -> Result[ExplainResult]:
-    """Name what a model lacks. Tables: `effects`, `gap` and `probabilities`.
+    """Identify effects that a model lacks. Tables: `effects`, `gap` and `probabilities`.
 
     Args:
-        progress: called with what is being done, and the share that is done.
-        permit: called with each Python file before it is run.
-        request: what the inputs name, where it is read already.
-        minutes: that further experiments may take; None where nobody makes them.
-        commands: that asked, for the answer's page.
+        progress: called with the stage and the completed fraction.
+        permit: called with each file of user code before it runs.
+        request: data of the inputs, if already read.
+        minutes: available for further experiments; None without experiments.
+        commands: shown on the page of the answer.
 
     Raises:
-        InputError: whatever is missing or cannot be read.
+        InputError: an input is missing or cannot be read.
     """
-    began = monotonic()
+    start_s = monotonic()
     request = build_request(inputs, permit) if request is None else request
     answer = answer_request(
         request,
@@ -135,9 +132,9 @@ def explain_result(
         progress=progress,
     )
     return Result(
-        found=replace(answer, seconds=monotonic() - began),
+        found=replace(answer, seconds=monotonic() - start_s),
         _page=ANSWER,
-        _summary=lambda one: f"{one.verdict.sentence} {one.caution}".strip(),
+        _summary=lambda answer: f"{answer.verdict.sentence} {answer.caution}".strip(),
         _tables={"effects": effects_frame, "gap": gap_frame, "probabilities": probabilities_frame},
         _write=_write_answer,
     )
@@ -153,30 +150,30 @@ def pitch_result(
     controllers: Controllers | None = None,
     permit: CodePermit = check_code_allowed,
 ) -> Result[pitch_report.PitchStudy]:
-    """Run the pitch bench under each controller. Tables: one of each, and `visits`.
+    """Simulate the pitch bench with each controller. Tables: one per controller, and `visits`.
 
     Args:
-        controllers: in place of those of the inputs; classes as well as names.
-        permit: called with each Python file before it is run.
+        controllers: names and classes that replace those of the inputs.
+        permit: called with each file of user code before it runs.
     """
-    names, own = split_controllers(
+    names, user_controllers = split_controllers(
         inputs.controllers if controllers is None else controllers, PITCH_CONTROLLERS, permit
     )
     inputs.study.refuse_campaign()
     inputs = replace(inputs, controllers=names or ("pid",))
     setup = pitch_setup_of(inputs, inputs.study.gain_set(), permit)
-    study = pitch_report.pitch_study(setup, inputs.study.seed, own, only_own=not names)
+    study = pitch_report.pitch_study(setup, inputs.study.seed, user_controllers, only_own=not names)
     rig = setup.bench.model.rig
     return Result(
         found=study,
         _page=pitch_report.PITCH,
-        _summary=lambda one: "\n".join(pitch_report.report_lines(one)),
+        _summary=lambda study: "\n".join(pitch_report.report_lines(study)),
         _tables={
             run.controller: partial(lambda run, _: frame(run.recording(rig)), run)
             for run in study.runs
         }
-        | {"visits": lambda one: frame_of_rows(pitch_report.visit_rows(one))},
-        _write=lambda folder, one, _: pitch_report.write_study(one, folder),
+        | {"visits": lambda study: frame_of_rows(pitch_report.visit_rows(study))},
+        _write=lambda folder, study, _: pitch_report.write_study(study, folder),
     )
 
 
@@ -185,27 +182,27 @@ def flight_result(
     controllers: Controllers | None = None,
     permit: CodePermit = check_code_allowed,
 ) -> Result[Sequence[FlownCase]]:
-    """Fly a case under each controller. Tables: `oge` (PID over nothing) and one of each.
+    """Simulate flights with each controller. Tables: `oge` (PID, no obstacle), one per controller.
 
     Args:
-        controllers: in place of those of the inputs; classes as well as names.
-        permit: called with each Python file before it is run.
+        controllers: names and classes that replace those of the inputs.
+        permit: called with each file of user code before it runs.
     """
-    chosen = inputs.controllers or ("pid", "observer", "feedforward")
-    names, own = split_controllers(
-        chosen if controllers is None else controllers, FLIGHT_CONTROLLERS, permit
+    default = inputs.controllers or ("pid", "observer", "feedforward")
+    names, user_controllers = split_controllers(
+        default if controllers is None else controllers, FLIGHT_CONTROLLERS, permit
     )
     inputs.study.refuse_campaign()
     setup = flight_setup_of(inputs, inputs.study.gain_set(), permit)
-    flights = flight_report.fly_each(setup.flown("pid", inputs.study.seed), names, own)
-    titles = ["oge", *(name_of(one) for one in flights[1:])]
+    flights = flight_report.fly_each(setup.flown("pid", inputs.study.seed), names, user_controllers)
+    titles = ["oge", *(name_of(flight) for flight in flights[1:])]
     return Result(
         found=flights,
         _page=flight_report.FLIGHT,
-        _summary=lambda one: "\n".join(flight_report.report_lines(one)),
+        _summary=lambda cases: "\n".join(flight_report.report_lines(cases)),
         _tables={
-            title: partial(lambda one, _: frame(recording_of(one.flight)), one)
-            for title, one in zip(titles, flights, strict=True)
+            title: partial(lambda case, _: frame(recording_of(case.flight)), case)
+            for title, case in zip(titles, flights, strict=True)
         },
-        _write=lambda folder, one, _: flight_report.write_flights(folder, one),
+        _write=lambda folder, cases, _: flight_report.write_flights(folder, cases),
     )

@@ -1,9 +1,8 @@
-"""Many tasks that know nothing of each other: in processes of this machine, or on a Dask cluster.
+"""Independent tasks in worker processes of this machine or on a Dask cluster.
 
-A task is a function at the top of a module and one item, which holds every seed that it needs: the
-same item gives the same result wherever it runs, so that a task whose worker died is run again.
-A result is plain JSON data. With a store each is on the disk as it comes; the same call then runs
-what is missing, whoever ended: worker, scheduler or client.
+A task is a module-level function and one item that contains all random seeds, so a task can be
+repeated on another worker with the same result. Results are JSON data. With a store, each result
+is written when it arrives, and the same call later runs the missing tasks only.
 """
 
 from __future__ import annotations
@@ -41,28 +40,28 @@ if TYPE_CHECKING:
     from distributed import Client
 
 T = TypeVar("T")
-Result = Any  # what JSON holds: numbers, text, lists and dictionaries of them
+Result = Any  # JSON data: numbers, text, lists and dictionaries
 
 Work = Callable[[T], Result]
 
-Cluster = Annotated[  # input of every command that has many tasks
+Cluster = Annotated[  # option of all commands with many tasks
     str | None,
-    Input("Dask scheduler, as tcp://HOST:8786, whose workers do it.", default_text="this machine"),
+    Input("Dask scheduler: tcp://HOST:8786.", default_text="this machine"),
 ]
 
-CONNECT_TIMEOUT_S = 10.0  # time in which a scheduler must answer
-MAX_ROUNDS = 3  # so often processes may die one after the other without a single result
+CONNECT_TIMEOUT_S = 10.0  # of the scheduler; assumed
+MAX_ROUNDS = 3  # successive crashes of the worker processes without any result; assumed
 
 
 class TaskStore:
-    """Results of tasks in a file, a line each as they come.
+    """Results of tasks in a file, one JSON line each.
 
     Args:
-        path: of the file; made where there is none.
-        about: of which work these are results, in words that another work has not.
+        path: of the file; created if missing.
+        about: description that identifies the work.
 
     Raises:
-        InputError: the file holds results of other work, or another process writes it.
+        InputError: the file contains results of other work, or another process writes it.
     """
 
     def __init__(self, path: Path, about: Mapping[str, str]) -> None:
@@ -70,7 +69,7 @@ class TaskStore:
         self._made_folder = not path.parent.exists()
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("a+b")
-        self._places: dict[str, int] = {}
+        self._offsets: dict[str, int] = {}
         try:
             self._lock()
             self._claim(dict(about))
@@ -88,35 +87,35 @@ class TaskStore:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InputError(
-                f"another process writes {self.path} now; wait until it has ended"
+                f"another process is writing {self.path}; wait until it has finished"
             ) from None
 
     def _claim(self, about: dict[str, str]) -> None:
-        """Find what is stored, drop the line that a kill has torn, and see that it is ours."""
+        """Index the stored results, drop an incomplete last line, and check the description."""
         self._file.seek(0)
-        end, found = 0, None
+        end, stored = 0, None
         for line in self._file:
             if not line.endswith(b"\n"):
                 break
             try:
                 row = json.loads(line)
-                if found is None:
-                    found = row["about"]
+                if stored is None:
+                    stored = row["about"]
                 else:
-                    self._places[row["task"]] = end
+                    self._offsets[row["task"]] = end
             except (ValueError, KeyError, TypeError) as error:
                 raise FileFormatError(
-                    str(self.path), f"no store of finished tasks ({error}); name another folder"
+                    str(self.path), f"not a file of task results ({error}); use another folder"
                 ) from error
             end += len(line)
         self._file.truncate(end)
-        if found is None:
+        if stored is None:
             self._append({"about": about})
-        elif found != about:
-            changed = sorted(key for key in {*found, *about} if found.get(key) != about.get(key))
+        elif stored != about:
+            changed = sorted(key for key in {*stored, *about} if stored.get(key) != about.get(key))
             raise InputError(
-                f"{self.path} holds results of other work ({', '.join(changed)} differ); name "
-                f"another folder with --out, or repeat the command that began it"
+                f"{self.path} contains results of other work ({', '.join(changed)} differ); use "
+                f"another folder with --out, or repeat the original command"
             )
 
     def __enter__(self) -> Self:
@@ -124,38 +123,38 @@ class TaskStore:
 
     def __exit__(self, *_: object) -> None:
         self._file.close()
-        if not len(self):  # nothing was done: nothing is left behind
+        if not len(self):  # remove an empty store
             self.path.unlink(missing_ok=True)
             if self._made_folder:
                 with suppress(OSError):
                     self.path.parent.rmdir()
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self._offsets)
 
     def __contains__(self, task: str) -> bool:
-        return task in self._places
+        return task in self._offsets
 
     def __getitem__(self, task: str) -> Result:
-        self._file.seek(self._places[task])
+        self._file.seek(self._offsets[task])
         return json.loads(self._file.readline())["result"]
 
     def __setitem__(self, task: str, result: Result) -> None:
-        self._places[task] = self._append({"task": task, "result": result})
+        self._offsets[task] = self._append({"task": task, "result": result})
 
     def _append(self, row: Mapping[str, Any]) -> int:
-        place = self._file.seek(0, os.SEEK_END)
+        position = self._file.seek(0, os.SEEK_END)
         self._file.write(json.dumps(row, default=_plain).encode() + b"\n")
         self._file.flush()
         os.fsync(self._file.fileno())
-        return place
+        return position
 
 
 def _plain(value: Any) -> Any:
-    """Return a number of NumPy's as one of Python's."""
+    """Return a NumPy scalar as a Python number."""
     if hasattr(value, "item"):
         return value.item()
-    raise TypeError(f"{value!r} is no JSON data")
+    raise TypeError(f"{value!r} is not JSON data")
 
 
 def run_tasks(
@@ -166,83 +165,85 @@ def run_tasks(
     cluster: str | None = None,
     processes: int | None = None,
 ) -> Iterator[tuple[str, Result]]:
-    """Yield name and result of each task: first those that are stored, then others as they end.
+    """Yield name and result of each task: stored ones first, then others on completion.
 
     Args:
-        work: at the top of a module, or a `partial` of such a function; pickled, as items are.
+        work: module-level function or a `partial` of one; pickled like the items.
         tasks: item by name.
         store: of results.
-        cluster: address of a Dask scheduler; files that items name must be where its workers are.
-        processes: on this machine; one for each core when None, this process alone when 0.
+        cluster: address of a Dask scheduler; its workers need access to the files of the items.
+        processes: on this machine; None means one per core, 0 means this process only.
 
     Raises:
-        InputError: Dask is missing, or no scheduler answers.
-        LinkLost: the scheduler was lost, or its workers died again and again.
-        ResourceExhausted: processes here did.
-        BenchtoolError: of a task, with its class and its sentence.
+        InputError: Dask is missing, or the scheduler does not respond.
+        LinkLost: connection to the scheduler lost, or its workers crash repeatedly.
+        ResourceExhausted: worker processes of this machine crash repeatedly.
+        BenchtoolError: raised by a task.
     """
     client = None if cluster is None else _client(cluster)
-    left = {name: item for name, item in tasks.items() if store is None or name not in store}
+    remaining = {name: item for name, item in tasks.items() if store is None or name not in store}
     if store is not None:
-        yield from ((name, store[name]) for name in tasks if name not in left)
+        yield from ((name, store[name]) for name in tasks if name not in remaining)
     if client is not None:
-        found = _on_cluster(client, str(cluster), work, left, store)
-    elif processes == 0 or len(left) < 2:
-        found = ((name, work(item)) for name, item in left.items())
+        results = _on_cluster(client, str(cluster), work, remaining, store)
+    elif processes == 0 or len(remaining) < 2:
+        results = ((name, work(item)) for name, item in remaining.items())
     else:
-        found = _in_processes(work, left, min(processes or os.cpu_count() or 1, len(left)))
-    for name, result in found:
+        n_processes = min(processes or os.cpu_count() or 1, len(remaining))
+        results = _in_processes(work, remaining, n_processes)
+    for name, result in results:
         if store is not None:
             store[name] = result
         yield name, result
 
 
 def _in_processes(
-    work: Work[T], left: dict[str, T], processes: int
+    work: Work[T], remaining: dict[str, T], processes: int
 ) -> Iterator[tuple[str, Result]]:
-    fruitless = 0
-    while left:
-        done = len(left)
-        # Suppressed: it may come while tasks are submitted, and once for each task that is lost.
+    rounds_without_result = 0
+    while remaining:
+        n_before = len(remaining)
+        # May be raised by submit, and once per lost task.
         with WorkerProcesses(processes) as pool, suppress(BrokenProcessPool):
-            futures = {pool.submit(work, item): name for name, item in left.items()}
+            futures = {pool.submit(work, item): name for name, item in remaining.items()}
             for future in as_completed(futures):
                 with suppress(BrokenProcessPool):
                     result = future.result()
                     name = futures.pop(future)
-                    del left[name]
+                    del remaining[name]
                     yield name, result
-        fruitless = fruitless + 1 if len(left) == done else 0
-        if fruitless == MAX_ROUNDS:
+        is_stuck = len(remaining) == n_before
+        rounds_without_result = rounds_without_result + 1 if is_stuck else 0
+        if rounds_without_result == MAX_ROUNDS:
             raise ResourceExhausted(
-                f"processes ended {MAX_ROUNDS} times before any of {len(left)} tasks was done, as "
-                f"when memory runs out; close other programs and repeat the command"
+                f"worker processes ended {MAX_ROUNDS} times before any of {len(remaining)} tasks "
+                f"was done, possibly out of memory; close other programs and repeat the command"
             )
 
 
 class WorkerProcesses(ProcessPoolExecutor):
-    """Executor whose processes end at once when it is shut down, or when this process is gone."""
+    """Executor whose processes end with its shutdown or with this process."""
 
     def __init__(self, count: int) -> None:
         spawn = get_context("spawn")
-        self._theirs, self._lifeline = spawn.Pipe(duplex=False)
-        super().__init__(count, spawn, exit_with_parent, (self._theirs,))
+        self._child_end, self._parent_end = spawn.Pipe(duplex=False)
+        super().__init__(count, spawn, exit_with_parent, (self._child_end,))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
-        self._lifeline.close()
+        self._parent_end.close()
         super().shutdown(wait, cancel_futures=cancel_futures)
-        self._theirs.close()
+        self._child_end.close()
 
 
-def exit_with_parent(lifeline: Pipe) -> None:
-    """Print warnings as lines, and end this process when its parent closes a pipe or is gone."""
+def exit_with_parent(pipe: Pipe) -> None:
+    """Set up a worker process: one-line warnings, and exit when the parent closes the pipe."""
     warnings.showwarning = show_warning
-    # Ctrl-C in the terminal ends the parent, which ends this.
+    # Ctrl-C ends the parent, which ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def end() -> None:
         with suppress(EOFError, OSError):
-            lifeline.recv()
+            pipe.recv()
         os._exit(1)
 
     threading.Thread(target=end, daemon=True).start()
@@ -253,46 +254,46 @@ def _client(address: str) -> Client:
         from distributed import Client
     except ImportError:
         raise MissingLibrary("Dask", "--cluster", "cluster") from None
-    # What goes wrong is said in a sentence of our own.
+    # Errors are reported by the exceptions below.
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-    place = urlsplit(address)
+    url = urlsplit(address)
     try:
-        # Dask's own attempt leaves threads behind that complain at the end.
-        with socket.create_connection((place.hostname or "", place.port or 0), CONNECT_TIMEOUT_S):
+        # A failed Client leaves threads that log errors at exit.
+        with socket.create_connection((url.hostname or "", url.port or 0), CONNECT_TIMEOUT_S):
             pass
         return Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise InputError(
-            f"no Dask scheduler answers at {address} ({error}); start one with: dask scheduler, "
-            f"workers with: dask worker tcp://HOST:8786, and name it as --cluster tcp://HOST:8786"
+            f"no Dask scheduler at {address} ({error}); start one with: dask scheduler, workers "
+            f"with: dask worker tcp://HOST:8786, and use --cluster tcp://HOST:8786"
         ) from error
 
 
 def _on_cluster(
-    client: Client, address: str, work: Work[T], left: Mapping[str, T], store: TaskStore | None
+    client: Client, address: str, work: Work[T], remaining: Mapping[str, T], store: TaskStore | None
 ) -> Iterator[tuple[str, Result]]:
     from distributed.scheduler import KilledWorker
 
-    finished = "" if store is None else f"; what is finished is in {store.path}"
-    # A name that other work has not: the scheduler gives one result for one name.
+    location = "" if store is None else f"; results are in {store.path}"
+    # Unique per work: the scheduler returns one result per key.
     key = client.id if store is None else store.key
     with client:
         pool = client.get_executor()  # type: ignore[no-untyped-call]
         futures = {
             pool.submit(work, item, key=f"benchtool-{key}-{name}"): name
-            for name, item in left.items()
+            for name, item in remaining.items()
         }
         try:
             for future in as_completed(futures):
                 yield futures.pop(future), future.result()
         except KilledWorker as error:
             raise LinkLost(
-                f"workers of {address} died several times at one task ({error}){finished}; look "
-                f"at the workers, and repeat the command"
+                f"workers of {address} crashed repeatedly at one task ({error}){location}; check "
+                f"the workers, and repeat the command"
             ) from error
         except CancelledError as error:
             raise LinkLost(
-                f"the scheduler at {address} was lost{finished}; start a scheduler and workers "
-                f"again, and repeat the command"
+                f"connection to the scheduler at {address} lost{location}; restart scheduler and "
+                f"workers, and repeat the command"
             ) from error

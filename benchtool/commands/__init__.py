@@ -1,1 +1,1 @@
-"""One file a command: its inputs, what it runs and what it prints."""
+"""Command-line commands, one module each."""

@@ -1,7 +1,7 @@
-"""The command line's entry: the table of commands and the one boundary where errors end.
+"""Entry point of the command line: table of commands, error handling, exit codes.
 
-Only the module of the requested command is imported; the others appear in the help by
-their line in `COMMANDS`. A module has a ``Parser`` where its words are taken in a way of their own.
+Only the module of the requested command is imported; for the others the help shows their line in
+`COMMANDS`. A module with a special argument syntax defines a ``Parser``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from benchtool import __version__
 from benchtool.commands.input_commands import GroupedCommand, option_help
 from benchtool.commands.terminal.messages import (
     EscapedStream,
-    cause_behind,
+    find_cause,
     flush_output,
     say_error,
 )
@@ -99,23 +99,21 @@ Run `benchtool COMMAND --help` for the options of a command.
 Run `benchtool --install-completion` to enable tab completion.
 """
 
-_OF_A_NAME = {  # system errors of a path that cannot be one, wherever it was typed
+_PATH_ERRORS = {  # system errors of an invalid path in any argument
     *(errno.ENOENT, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ELOOP)
 }
 
-COMPLETING = "_BENCHTOOL_COMPLETE"  # set by a shell's completion script
-UNEXPECTED_ERROR_CODE = (
-    70  # exit code of a fault in benchtool itself (EX_SOFTWARE of BSD's sysexits.h)
-)
+COMPLETION_VARIABLE = "_BENCHTOOL_COMPLETE"  # set by the completion script of a shell
+UNEXPECTED_ERROR_CODE = 70  # exit code of an internal error (EX_SOFTWARE, BSD sysexits.h)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and leave the process with its exit code."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    if COMPLETING in os.environ:
-        words = _words_to_complete()
+    """Run the command line and exit the process with its exit code."""
+    argument_list = list(sys.argv[1:] if arguments is None else arguments)
+    if COMPLETION_VARIABLE in os.environ:
+        argument_list = _parse_completion_line()
     for stream in (sys.stdout, sys.stderr):
-        # A console that cannot show a character gets a stand-in for it instead of a traceback.
+        # Characters that the console cannot encode are replaced, without a traceback.
         if reconfigure := getattr(stream, "reconfigure", None):
             reconfigure(errors="replace")
     with (
@@ -126,21 +124,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
         warnings.simplefilter("default", DataWarning)
         if not os.environ.get("BENCHTOOL_DEBUG"):
             warnings.showwarning = show_warning
-        _run(words)
+        _run(argument_list)
 
 
-def _run(words: list[str]) -> None:
-    """Run one command and leave the process with its exit code."""
+def _run(arguments: list[str]) -> None:
+    """Run one command and exit the process with its exit code."""
     try:
-        _check_text(words)
-        code = build_app(words)(args=words, prog_name="benchtool", standalone_mode=False)
+        _check_text(arguments)
+        code = build_app(arguments)(args=arguments, prog_name="benchtool", standalone_mode=False)
         flush_output()
         sys.exit(code if isinstance(code, int) else 0)
     except typer.TyperException as error:
-        say_error(_describe_misuse(error, words))
+        say_error(_describe_usage_error(error, arguments))
         sys.exit(error.exit_code)
     except typer.Abort:
-        say_error("aborted; nothing was answered")
+        say_error("aborted; no answer was given")
         sys.exit(1)
     except BenchtoolError as error:
         say_error(str(error))
@@ -150,18 +148,18 @@ def _run(words: list[str]) -> None:
     except Exception as error:
         if os.environ.get("BENCHTOOL_DEBUG"):
             raise
-        if isinstance(error, OSError) and error.errno in _OF_A_NAME and error.filename:
-            reason = (error.strerror or "it cannot be used").lower()
-            say_error(f"{display_path(error.filename)}: {reason}; name another")
+        if isinstance(error, OSError) and error.errno in _PATH_ERRORS and error.filename:
+            reason = (error.strerror or "cannot be used").lower()
+            say_error(f"{display_path(error.filename)}: {reason}; use another path")
             sys.exit(InputError.exit_code)
-        if (cause := cause_behind(error)) is not None:
+        if (cause := find_cause(error)) is not None:
             say_error(str(cause))
             sys.exit(cause.exit_code)
-        say_error(_describe_fault(error))
+        say_error(_report_internal_error(error))
         sys.exit(UNEXPECTED_ERROR_CODE)
 
 
-def _words_to_complete() -> list[str]:
+def _parse_completion_line() -> list[str]:
     """Return the command in the line that a shell asks to complete."""
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
     return _find_command(line.split()[1:]).split()
@@ -174,14 +172,14 @@ def _find_command(arguments: Sequence[str]) -> str:
     return next((name for name in names if name in COMMANDS), "")
 
 
-def _check_text(words: Sequence[str]) -> None:
-    """Refuse a word that is no UTF-8 text: it could be neither stored nor shown."""
-    for word in words:
+def _check_text(arguments: Sequence[str]) -> None:
+    """Raise InputError for an argument that is not UTF-8: it cannot be stored or printed."""
+    for argument in arguments:
         try:
-            word.encode()
+            argument.encode()
         except UnicodeEncodeError:
-            shown = word[:60].encode("ascii", "backslashreplace").decode()
-            raise InputError(f"the word {shown} is not UTF-8 text; write it otherwise") from None
+            text = argument[:60].encode("ascii", "backslashreplace").decode()
+            raise InputError(f"argument {text} is not UTF-8 text; use UTF-8") from None
 
 
 def build_app(arguments: Sequence[str]) -> typer.Typer:
@@ -191,7 +189,7 @@ def build_app(arguments: Sequence[str]) -> typer.Typer:
         cls=_Group,
         help=HELP,
         # Completion options are added only on request: they import pydantic.
-        add_completion=is_completion_setup or COMPLETING in os.environ,
+        add_completion=is_completion_setup or COMPLETION_VARIABLE in os.environ,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
     )
@@ -260,12 +258,12 @@ class _Group(TyperGroup):
 
 
 def command_module(name: str) -> str:
-    """Return the module that holds a command."""
+    """Return the module of a command."""
     return f"benchtool.commands.{COMMANDS[name][0].partition(':')[0]}"
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
+def _show_version(is_requested: bool) -> None:
+    if is_requested:
         print(f"benchtool {__version__}")
         raise typer.Exit
 
@@ -278,35 +276,34 @@ def _options(
         ),
     ] = False,
 ) -> None:
-    """Take the options that stand before any command."""
+    """Define the global options."""
 
 
 def _unloaded() -> None:
-    """Stand in for a command that was not requested."""
+    """Do nothing; placeholder for a command that is not loaded."""
 
 
-def _describe_misuse(error: typer.TyperException, words: Sequence[str]) -> str:
-    """Join what typer says about wrong words into one sentence with the value and a next step."""
+def _describe_usage_error(error: typer.TyperException, arguments: Sequence[str]) -> str:
+    """Return the message of a typer error as one sentence with the value and the help command."""
     problem = " ".join(error.format_message().split()).rstrip(".?")
-    details = getattr(error.__cause__, "errors", None)  # a ValidationError holds what was given
-    given = f" (given: {details()[0]['input']!r})" if callable(details) else ""
+    details = getattr(error.__cause__, "errors", None)  # ValidationError contains the value
+    value = f" (given: {details()[0]['input']!r})" if callable(details) else ""
     context = getattr(error, "ctx", None)
     if context is not None:
-        return f"{problem}{given}; see {context.command_path} --help"
+        return f"{problem}{value}; see {context.command_path} --help"
     # typer's parser reports neither the command nor what an option without a value takes.
-    name = _find_command(words)
+    name = _find_command(arguments)
     option = getattr(error, "option_name", "")
     if "requires an argument" in problem and COMMANDS.get(name, ("",))[0]:
-        called = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
-        about = [
-            option_help(one).rstrip(".") for one in items(called.inputs) if one.option == option
-        ]
-        problem = f"{option} needs a value{''.join(f' ({one})' for one in about)}"
+        function = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
+        fields = [item for item in items(function.inputs) if item.option == option]
+        texts = [option_help(item).rstrip(".") for item in fields]
+        problem = f"{option} needs a value{''.join(f' ({text})' for text in texts)}"
     return f"{problem}; see {' '.join(['benchtool', *name.split()])} --help"
 
 
-def _describe_fault(error: Exception) -> str:
-    """Keep the traceback of a fault of our own in a file and say where it is."""
+def _report_internal_error(error: Exception) -> str:
+    """Write the traceback of an internal error to a file and return the message."""
     import tempfile
     import traceback
 
@@ -316,9 +313,9 @@ def _describe_fault(error: Exception) -> str:
             file.write(f"benchtool {__version__}, python {sys.version}\n{sys.argv}\n")
             traceback.print_exception(error, file=file)
     except OSError:
-        path = "these words"
+        path = "this message"
     summary = " ".join(str(error).split())
     return (
-        f"a fault in benchtool itself, {type(error).__name__}: {summary}; please report it with "
+        f"internal error, {type(error).__name__}: {summary}; please report it with "
         f"{path}, or run again with BENCHTOOL_DEBUG=1 to see the traceback"
     )

@@ -1,4 +1,4 @@
-"""`benchtool bench`: a virtual bench as a process of its own."""
+"""Command `benchtool bench serve`: virtual bench in a separate process."""
 
 from __future__ import annotations
 
@@ -24,50 +24,46 @@ if TYPE_CHECKING:
     from benchtool.virtual.links import ServerLink
     from benchtool.virtual.server import BenchServer, ServedDevice
 
-    Speak = Callable[[Firmware], ServedDevice]
+    WrapFirmware = Callable[[Firmware], ServedDevice]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServeInputs(Inputs):
-    """What `benchtool bench serve` takes."""
+    """Options of `benchtool bench serve`."""
 
-    rig: Annotated[str, Input("Rig by name, or a rig file.")] = "pquad"
-    truth: Annotated[
-        str | None, Input("Model whose thrust the load cell shows; by name or file.")
-    ] = None
+    rig: Annotated[str, Input("Rig name or file.")] = "pquad"
+    truth: Annotated[str | None, Input("Model of the simulated thrust: name or file.")] = None
     link: Annotated[
         str,
         Input("pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...).", group="Link"),
     ] = "pty"
-    symlink: Annotated[Path | None, Input("A path that always leads to the pseudo-terminal.")] = (
-        None
+    symlink: Annotated[Path | None, Input("Symbolic link to the pseudo-terminal.")] = None
+    speed: Annotated[float, Gt(0.0), Le(1000.0), Input("Real-time factor.", group="Simulation")] = (
+        1.0
     )
-    speed: Annotated[
-        float, Gt(0.0), Le(1000.0), Input("Device seconds per wall second.", group="Simulation")
-    ] = 1.0
     rate: Annotated[
         Annotated[float, Ge(1.0), Le(1000.0)] | None,
-        Input("Samples per device second.", "Hz", default_text="200, or the controller's"),
+        Input("Sampling rate.", "Hz", default_text="200, or controller rate"),
     ] = None
     seed: Annotated[int, Ge(0), Input("Seed of noise and faults.")] = 0
     fault: Annotated[
-        tuple[str, ...], Input("A fault, as silence:at_s=12,for_s=1; repeatable.")
+        tuple[str, ...], Input("Injected fault, e.g. silence:at_s=12,for_s=1; repeatable.")
     ] = ()
     mode: Annotated[
-        Literal["plate", "pitch"], Input("A load cell, or a hinge with a controller.")
+        Literal["plate", "pitch"], Input("Load cell with plate, or hinged beam with controller.")
     ] = "plate"
-    schedule: Annotated[str, Input("Pitch: schedule, or its file.", group="Pitch bench")] = "plate"
-    controller: Annotated[str, Input("Pitch: controller; your own as module:Class.")] = "pid"
-    gains: Annotated[str, Input("Pitch: gain set, or its file.")] = "s3"
+    schedule: Annotated[str, Input("Pitch: schedule name or file.", group="Pitch bench")] = "plate"
+    controller: Annotated[str, Input("Pitch: controller, or module:Class.")] = "pid"
+    gains: Annotated[str, Input("Pitch: gain set or file.")] = "s3"
     settings: Annotated[
         Mapping[str, float],
-        Input("Pitch: NAME=VALUE, as K_b=1.8 or gains.attitude.k_q_per_s=8.", option="set"),
+        Input("Pitch: NAME=VALUE, e.g. K_b=1.8; repeatable.", option="set"),
     ] = field(default_factory=dict)
     autopilot: Annotated[
-        Literal["ardupilot", "px4"], Input("MAVLink: what it behaves like.", group="MAVLink")
+        Literal["ardupilot", "px4"], Input("MAVLink: autopilot to emulate.", group="MAVLink")
     ] = "ardupilot"
-    system: Annotated[int, Ge(1), Le(250), Input("MAVLink: its number.")] = 1
-    key: Annotated[Path | None, Input("MAVLink: file with the key that signs every frame.")] = None
+    system: Annotated[int, Ge(1), Le(250), Input("MAVLink: system id.")] = 1
+    key: Annotated[Path | None, Input("MAVLink: signing key file.")] = None
 
 
 @command_from_inputs(ServeInputs)
@@ -80,39 +76,41 @@ def serve(inputs: ServeInputs) -> None:
     from benchtool.virtual.faults import parse_fault
 
     faults = [parse_fault(text) for text in inputs.fault]
-    stands = load_rig_by_name(inputs.rig)
-    device = _pitch if inputs.mode == "pitch" else _plate
+    rig = load_rig_by_name(inputs.rig)
+    build_server = _build_pitch_server if inputs.mode == "pitch" else _build_plate_server
     if inputs.settings and inputs.mode != "pitch":
-        raise InputError("--set changes a pitch bench; add --mode pitch, or give --truth a file")
+        raise InputError("--set needs a pitch bench; add --mode pitch, or use --truth FILE")
     if inputs.link.partition(":")[0] == "mavlink":
-        speak, where, address = _mavlink(inputs, stands)
+        wrap, link, format_address = _mavlink(inputs, rig)
     else:
-        speak, where, address = _own_protocol(inputs)
-    # A service manager's end, and Ctrl-Break of a Windows console, close the link like Ctrl-C.
+        wrap, link, format_address = _bench_protocol(inputs)
+    # SIGTERM and Ctrl-Break of a Windows console close the link like Ctrl-C.
     for name in ("SIGTERM", "SIGBREAK"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
     try:
-        server, text = device(inputs, stands, where, faults, speak)
-        print(address(), flush=True)
-        ends = "no motor turns; Ctrl-C ends it"
-        print(f"virtual {text}, speed {inputs.speed:g}; {ends}", file=sys.stderr)
+        server, text = build_server(inputs, rig, link, faults, wrap)
+        print(format_address(), flush=True)
+        print(
+            f"virtual {text}, speed {inputs.speed:g}; no motor turns; Ctrl-C to stop",
+            file=sys.stderr,
+        )
         server.run()
     except KeyboardInterrupt:
         pass
     finally:
-        where.close()
+        link.close()
 
 
-def _own_protocol(inputs: ServeInputs) -> tuple[Speak, ServerLink, Callable[[], str]]:
+def _bench_protocol(inputs: ServeInputs) -> tuple[WrapFirmware, ServerLink, Callable[[], str]]:
     from benchtool.virtual.links import open_link
     from benchtool.virtual.protocol import DeviceLink
 
-    where = open_link(inputs.link, inputs.symlink)
-    return DeviceLink, where, lambda: where.address
+    link = open_link(inputs.link, inputs.symlink)
+    return DeviceLink, link, lambda: link.address
 
 
-def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable[[], str]]:
+def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[WrapFirmware, ServerLink, Callable[[], str]]:
     from functools import partial
     from time import time
 
@@ -121,23 +119,23 @@ def _mavlink(inputs: ServeInputs, rig: Rig) -> tuple[Speak, ServerLink, Callable
     from benchtool.virtual.autopilot import VirtualAutopilot
     from benchtool.virtual.links import host_address, open_link
 
-    pitches, key = inputs.mode == "pitch", inputs.key
-    speak = partial(
+    is_pitch, key = inputs.mode == "pitch", inputs.key
+    wrap = partial(
         VirtualAutopilot,
         kind=inputs.autopilot,
         system=inputs.system,
         key=read_key(key) if key else None,
         now_s=time(),
-        hover_us=hover_pulse_us(rig) if pitches else None,
+        hover_us=hover_pulse_us(rig) if is_pitch else None,
     )
-    where = open_link(inputs.link, inputs.symlink)
-    options = "&mode=pitch&arm=host" if pitches else ""
+    link = open_link(inputs.link, inputs.symlink)
+    options = "&mode=pitch&arm=host" if is_pitch else ""
     options += f"&key={key}" if key else ""
-    return speak, where, lambda: host_address(where, rig.n_rotors, options)
+    return wrap, link, lambda: host_address(link, rig.n_rotors, options)
 
 
-def _plate(
-    inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
+def _build_plate_server(
+    inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], wrap: WrapFirmware
 ) -> tuple[BenchServer, str]:
     from benchtool.core.toml_text import build_dataclass
     from benchtool.physics.model_file import load_model
@@ -157,13 +155,13 @@ def _plate(
             Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]"
         ),
         faults=faults,
-        protocol=speak,
+        speak=wrap,
     )
     return server, f"bench of {rig.name}, truth {loaded.model.name}"
 
 
-def _pitch(
-    inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], speak: Speak
+def _build_pitch_server(
+    inputs: ServeInputs, rig: Rig, link: ServerLink, faults: list[Fault], wrap: WrapFirmware
 ) -> tuple[BenchServer, str]:
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
     from benchtool.simulate.pitch.setup import changed_job
@@ -193,7 +191,7 @@ def _pitch(
         seed=inputs.seed,
         speed=inputs.speed,
         faults=faults,
-        protocol=speak,
+        speak=wrap,
     )
     return server, (
         f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "

@@ -1,4 +1,4 @@
-"""`benchtool bench check` and `bench map`: each motor turned alone, slowly, and judged."""
+"""Commands `benchtool bench check` and `bench map`: test of each motor at low throttle."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from annotated_types import Ge
 
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code, write_new
-from benchtool.commands.terminal.sweep_operator import LOOK_S, TERMINAL
+from benchtool.commands.terminal.sweep_operator import POLL_INTERVAL_S, TERMINAL
 from benchtool.core.errors import BenchError, InputError, WouldOverwrite
 from benchtool.core.input_text import format_value
 from benchtool.core.inputs import Input, Inputs
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapInputs(Inputs):
-    """What `benchtool bench map` takes."""
+    """Options of `benchtool bench map`."""
 
-    address: Annotated[str, Input("The flight controller: mavlink:...", argument="ADDRESS")]
-    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
+    address: Annotated[str, Input("Flight controller: mavlink:...", argument="ADDRESS")]
+    rig: Annotated[str | None, Input("Rig name or file.")] = None
     out: Annotated[Path | None, Input("File to write.", default_text="RIG.motors.toml")] = None
     motors: Annotated[
         tuple[Annotated[int, Ge(1)], ...] | None,
         Input(
-            "Test number of each rotor, in the rig's order: 1,4,3,2.",
-            default_text="asked for each motor that has turned",
+            "Motor test number of each rotor, in the order of the rig: 1,4,3,2.",
+            default_text="prompt for each motor",
         ),
     ] = None
-    yes: Annotated[bool, Input("No typed confirmation; simulated benches only.")] = False
+    yes: Annotated[bool, Input("Skip the typed confirmation; simulated benches only.")] = False
 
 
 @command_from_inputs(MapInputs)
@@ -51,87 +51,90 @@ def map_motors(inputs: MapInputs) -> None:
     from benchtool.bench.guard import GuardedBench
 
     address = inputs.address
-    stands = resolve_rig(address, inputs.rig)
-    numbers = _numbers(inputs.motors, stands, inputs.yes)
+    rig = resolve_rig(address, inputs.rig)
+    numbers = _check_numbers(inputs.motors, rig, inputs.yes)
     parsed = parse_address(address)
     if not isinstance(parsed, MavlinkAddress) or parsed.map is not None:
         raise InputError(
-            "a map is learnt from a mavlink: address without map=; name one, for example "
+            "a motor map needs a mavlink: address without map=, for example "
             "mavlink:udpin:127.0.0.1:14550"
         )
-    target = inputs.out or Path(f"{stands.name}.motors.toml")
+    target = inputs.out or Path(f"{rig.name}.motors.toml")
     if target.exists():
         raise WouldOverwrite(str(target))
-    guard = GuardedBench(open_bench(address, announce_code), stands)
+    guard = GuardedBench(open_bench(address, announce_code), rig)
     with accept_stops(guard, address) as bench:
-        describe_bench(TERMINAL, bench.identity, stands)
+        describe_bench(TERMINAL, bench.identity, rig)
         text = (
-            f"motors 1 to {stands.n_rotors} will turn one after another at "
-            f"{low_throttle_us(stands):g} us; see which rotor each one is"
+            f"motors 1 to {rig.n_rotors} will turn one after another at "
+            f"{low_throttle_us(rig):g} us; see which rotor each one is"
         )
         if not inputs.yes:
             confirm_arming(TERMINAL, text, bench)
         elif not bench.identity.simulated:
-            raise InputError("--yes is for simulated benches only; leave it out and type ARM")
-        which = numbers.index if numbers else _question(stands, bench)
-        found = detect_motor_map(bench, stands, which, TERMINAL.inform)
+            raise InputError("--yes is for simulated benches only; remove it and type ARM")
+        find_rotor = numbers.index if numbers else _build_prompt(rig, bench)
+        motor_map = detect_motor_map(bench, rig, find_rotor, TERMINAL.inform)
     describe_end(TERMINAL, bench)
-    write_new(target, lambda: target.write_text(found.to_toml(), encoding="utf-8"))
-    joint = "&" if "?" in address else "?"
-    print(f"written to {target}; from now on use {address}{joint}map={target}")
+    write_new(target, lambda: target.write_text(motor_map.to_toml(), encoding="utf-8"))
+    separator = "&" if "?" in address else "?"
+    print(f"written: {target}; from now on use {address}{separator}map={target}")
 
 
-def _question(rig: Rig, bench: Bench) -> Callable[[int], int]:
-    """Return a function that asks the operator which rotor has turned: only eyes can see it."""
-    left = set(range(rig.n_rotors))
+def _build_prompt(rig: Rig, bench: Bench) -> Callable[[int], int]:
+    """Return a function that prompts the operator for the rotor that a motor has turned."""
+    remaining = set(range(rig.n_rotors))
 
-    def rotor_of(motor: int) -> int:
-        while len(left) > 1:
-            listed = ", ".join(f"{rotor + 1} {rig.rotors[rotor].name}" for rotor in sorted(left))
-            question = f"motor {motor} has turned; which rotor was it? ({listed}): "
-            answer = TERMINAL.answer(question, lambda: bench.read(LOOK_S)).strip()
+    def find_rotor(motor: int) -> int:
+        while len(remaining) > 1:
+            choices = ", ".join(
+                f"{rotor + 1} {rig.rotors[rotor].name}" for rotor in sorted(remaining)
+            )
+            question = f"motor {motor} has turned; which rotor was it? ({choices}): "
+            answer = TERMINAL.answer(question, lambda: bench.read(POLL_INTERVAL_S)).strip()
             rotor = int(answer) - 1 if answer.isdecimal() else -1
-            if rotor in left:
-                left.remove(rotor)
+            if rotor in remaining:
+                remaining.remove(rotor)
                 return rotor
-        return left.pop()
+        return remaining.pop()
 
-    return rotor_of
+    return find_rotor
 
 
-def _numbers(given: tuple[int, ...] | None, rig: Rig, unattended: bool) -> tuple[int, ...]:
-    """Return the motor of every rotor; none where the operator must be asked.
+def _check_numbers(
+    numbers: tuple[int, ...] | None, rig: Rig, is_unattended: bool
+) -> tuple[int, ...]:
+    """Return the motor of each rotor; empty if the operator must be prompted.
 
-    The order is never guessed: ArduPilot counts motors clockwise from the front, rigs
+    There is no default order: ArduPilot counts motors clockwise from the front, rigs
     counter-clockwise.
     """
     n_rotors = rig.n_rotors
-    if given is None:
+    if numbers is None:
         if n_rotors == 1:
             return (1,)
-        if unattended:
+        if is_unattended:
             names = ", ".join(rotor.name for rotor in rig.rotors)
             raise InputError(
-                f"--yes leaves nobody to say which rotor a motor turns; give --motors, the test "
-                f"number of each rotor in the order {names} (ArduPilot counts clockwise from the "
-                f"front), or leave --yes out"
+                f"--yes needs --motors, the motor test number of each rotor in the order {names} "
+                f"(ArduPilot counts clockwise from the front); add it, or remove --yes"
             )
         return ()
-    if sorted(given) != list(range(1, n_rotors + 1)):
+    if sorted(numbers) != list(range(1, n_rotors + 1)):
         raise InputError(
-            f"--motors is {format_value(given)}, but every number from 1 to {n_rotors} must stand "
-            f"in it once, in the order of the rig's rotors"
+            f"--motors is {format_value(numbers)}; give each number from 1 to {n_rotors} once, in "
+            f"the order of the rotors of the rig"
         )
-    return given
+    return numbers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckInputs(Inputs):
-    """What `benchtool bench check` takes."""
+    """Options of `benchtool bench check`."""
 
-    address: Annotated[str, Input("The bench: serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")]
-    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
-    yes: Annotated[bool, Input("No typed confirmation; simulated benches only.")] = False
+    address: Annotated[str, Input("Bench: serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")]
+    rig: Annotated[str | None, Input("Rig name or file.")] = None
+    yes: Annotated[bool, Input("Skip the typed confirmation; simulated benches only.")] = False
 
 
 @command_from_inputs(CheckInputs)
@@ -147,24 +150,23 @@ def check(inputs: CheckInputs) -> None:
     from benchtool.bench.drivers import open_bench
     from benchtool.bench.guard import GuardedBench
 
-    stands = resolve_rig(inputs.address, inputs.rig)
+    rig = resolve_rig(inputs.address, inputs.rig)
     findings = []
-    guard = GuardedBench(open_bench(inputs.address, announce_code), stands)
+    guard = GuardedBench(open_bench(inputs.address, announce_code), rig)
     with accept_stops(guard, inputs.address) as bench:
-        identity = bench.identity
-        describe_bench(TERMINAL, identity, stands)
+        device = bench.identity
+        describe_bench(TERMINAL, device, rig)
         text = (
-            f"rotors 1 to {stands.n_rotors} of rig {stands.name} will turn one after another at "
-            f"{low_throttle_us(stands):g} us"
+            f"rotors 1 to {rig.n_rotors} of rig {rig.name} will turn one after another at "
+            f"{low_throttle_us(rig):g} us"
         )
         if not inputs.yes:
             confirm_arming(TERMINAL, text, bench)
-        elif not identity.simulated:
+        elif not device.simulated:
             raise InputError(
-                "--yes is for simulated benches only: this is the check; leave it out and type the "
-                "confirmation"
+                "--yes is for simulated benches only; remove it and type the confirmation"
             )
-        for finding in check_bench(bench, stands):
+        for finding in check_bench(bench, rig):
             findings.append(finding)
             print(f"{'ok  ' if finding.passed else 'FAIL'} {finding.name}: {finding.text}")
     describe_end(TERMINAL, bench)
@@ -172,8 +174,8 @@ def check(inputs: CheckInputs) -> None:
     if failed:
         raise BenchError(
             f"{len(failed)} of {len(findings)} checks failed, first {failed[0].name}: "
-            f"{failed[0].text}; mend it and check again"
+            f"{failed[0].text}; correct it and check again"
         )
     today = datetime.now().astimezone().date()
-    store_check_result(identity, stands, [finding.text for finding in findings], today)
-    print(f"all {len(findings)} checks passed on {identity.device_id}; noted for today")
+    store_check_result(device, rig, [finding.text for finding in findings], today)
+    print(f"all {len(findings)} checks passed on {device.device_id}; valid today")

@@ -1,4 +1,4 @@
-"""`benchtool calibrate`: known masses on the load cell, a line with its covariance."""
+"""Command `benchtool calibrate`: straight line with covariance from masses on the load cell."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from annotated_types import Ge, Gt, Le
 from benchtool.acquire.inputs import WeighingInputs
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.commands.terminal.messages import announce_code
-from benchtool.commands.terminal.sweep_operator import LOOK_S, TERMINAL
+from benchtool.commands.terminal.sweep_operator import POLL_INTERVAL_S, TERMINAL
 from benchtool.core.errors import CalibrationError, InputError, MissingColumn
 from benchtool.core.inputs import Input, Inputs, items
 
@@ -24,39 +24,35 @@ if TYPE_CHECKING:
 FIGURES: Final = ("svg", "png")
 APPLY_OPTIONS: Final = ("--apply", "--calibration", "--other-device")
 
-LONGEST_S = 600.0  # longest average of one mass; assumed, above which drift outweighs noise
+MAX_AVERAGE_S = 600.0  # per mass; above it drift outweighs noise; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrateInputs(Inputs):
-    """What `benchtool calibrate` takes."""
+    """Options of `benchtool calibrate`."""
 
-    address: Annotated[
-        str, Input("The bench; left out with --from and --device-id.", argument="ADDRESS")
-    ] = ""
+    address: Annotated[str, Input("Bench; not with --from.", argument="ADDRESS")] = ""
     masses: Annotated[
         tuple[Annotated[float, Ge(0.0), Le(1e4)], ...],
-        Input("Masses as they will hang, up and down: 0,0.2,0.5,0.", "kg"),
+        Input("Masses in order, up and down: 0,0.2,0.5,0.", "kg"),
     ] = ()
     source: Annotated[
         Path | None,
-        Input("CSV with columns mass_kg, thrust_raw and, of several, day.", option="from"),
+        Input("CSV with columns mass_kg, thrust_raw, and day for several.", option="from"),
     ] = None
-    device_id: Annotated[str, Input("Device of the CSV's counts.")] = ""
-    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
+    device_id: Annotated[str, Input("Device of the CSV.")] = ""
+    rig: Annotated[str | None, Input("Rig name or file.")] = None
     weighing: WeighingInputs = field(default_factory=WeighingInputs)
-    add: Annotated[
-        Path | None, Input("Calibration of earlier days, whose readings count as well.")
-    ] = None
+    add: Annotated[Path | None, Input("Earlier calibration to include.")] = None
     seconds: Annotated[
-        float, Gt(0.0), Le(LONGEST_S), Input("Counts are averaged for so long.", "s")
+        float, Gt(0.0), Le(MAX_AVERAGE_S), Input("Averaging time per mass.", "s")
     ] = 3.0
     out: Annotated[
-        Path | None, Input("Write the calibration to this new file, too, and its figure beside it.")
+        Path | None, Input("Also write the calibration and its figure to this new file.")
     ] = None
     apply: Annotated[
         Path | None,
-        Input("Run folder; writes its points with another calibration.", group="Apply to a run"),
+        Input("Run folder to recalibrate.", group="Apply to a run"),
     ] = None
     calibration: Annotated[
         Path | None, Input("Calibration file for --apply.", default_text="latest of the device")
@@ -134,46 +130,46 @@ def _calibrate(inputs: CalibrateInputs) -> None:
 
     source, out, device_id = inputs.source, inputs.out, inputs.device_id
     if (source is None) == (not inputs.masses):
-        raise InputError("give either --masses, to hang them now, or --from CSV with counts")
+        raise InputError("--masses or --from CSV is required, and only one of them")
     if out is not None:
         check_not_existing([out, *(out.with_suffix(f".{kind}") for kind in FIGURES)])
     earlier = None if inputs.add is None else read_calibration(inputs.add)
-    date, known = current_date(), inputs.weighing
+    date, weighing = current_date(), inputs.weighing
     if source is not None:
         kilograms, counts, days = _from_csv(source)
         if not device_id:
             raise InputError(
-                "which device gave these counts? name it with --device-id (benchtool ports shows "
-                "it, and so does a run's metadata.json)"
+                "device of the counts is missing; add --device-id (benchtool ports --probe or "
+                "metadata.json of a run shows it)"
             )
     else:
         if not inputs.address:
-            raise InputError("which bench? name its address before --masses")
+            raise InputError("bench address is missing; add it before --masses")
         kilograms, counts, device_id = _from_bench(inputs)
         days = []
     if earlier is not None:
         require_device(earlier, str(inputs.add), "the bench", device_id, "readings of its own")
         if len(set(days)) > 1:
-            raise InputError("--add takes readings of one day, but --from names several")
+            raise InputError("--add needs readings of one day, but --from contains several days")
         kilograms, counts, days = with_drift_interval(
-            earlier, kilograms, counts, date[:10], known.lever_ratio, known.gravity
+            earlier, kilograms, counts, date[:10], weighing.lever_ratio, weighing.gravity
         )
-    calibration = apply_calibration(kilograms, counts, device_id, date, known, days)
-    _show(calibration)
-    facts = asdict(calibration)
-    stored = store_state("calibration", device_id, facts)
+    calibration = apply_calibration(kilograms, counts, device_id, date, weighing, days)
+    _print_calibration(calibration)
+    data = asdict(calibration)
+    stored = store_state("calibration", device_id, data)
     if out is not None:
-        replace_json(out, facts)
-        _draw(facts, out, simulated=inputs.address.startswith("sim:"))
+        replace_json(out, data)
+        _write_figure(data, out, simulated=inputs.address.startswith("sim:"))
     print(f"stored in {out or stored}; every run on {device_id} uses it from now on")
 
 
-def _draw(facts: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
+def _write_figure(data: Mapping[str, Any], out: Path, *, simulated: bool) -> None:
     from benchtool.report.figure import render_figures
     from benchtool.report.files import save_figure
 
-    block = render_figures("sweep.calibration", {**facts, "simulated": simulated})["calibration"]
-    for path in save_figure(block.figure, out.with_suffix(""), FIGURES):
+    figures = render_figures("sweep.calibration", {**data, "simulated": simulated})
+    for path in save_figure(figures["calibration"].figure, out.with_suffix(""), FIGURES):
         print(f"written: {path}")
 
 
@@ -200,43 +196,43 @@ def _from_bench(inputs: CalibrateInputs) -> tuple[Array, Array, str]:
     address, kilograms = inputs.address, np.array(inputs.masses)
     counts = []
     rating_N = resolve_rig(address, inputs.rig).limits.load_cell_rating_N
-    heaviest_N = float(kilograms.max()) * STANDARD_GRAVITY_M_S2
-    if heaviest_N > rating_N:
+    max_N = float(kilograms.max()) * STANDARD_GRAVITY_M_S2
+    if max_N > rating_N:
         raise InputError(
-            f"{kilograms.max():g} kg pull with {heaviest_N:.3g} N, the load cell's rating is "
-            f"{rating_N:g} N; leave the heavier masses away"
+            f"mass {kilograms.max():g} kg ({max_N:.3g} N) is out of range; allowed: up to the "
+            f"load cell rating of {rating_N:g} N; use smaller masses"
         )
-    # Not under the guard of a sweep: thrust without a turning rotor is what is wanted here.
+    # Without the guard of a sweep, which rejects thrust at standstill.
     with open_bench(address, announce_code) as bench:
         require_raw_counts(bench)
         is_virtual = address.startswith("sim:")
         for kilogram in kilograms:
             question = f"hang {kilogram:g} kg, wait until it is still, then press Enter: "
-            TERMINAL.answer(question, None if is_virtual else lambda: bench.read(LOOK_S))
-            found = mean_counts(bench, inputs.seconds)
-            print(f"  {found.mean:.1f} counts, +- {found.se:.1f}")
-            counts.append(found.mean)
+            TERMINAL.answer(question, None if is_virtual else lambda: bench.read(POLL_INTERVAL_S))
+            average = mean_counts(bench, inputs.seconds)
+            print(f"  {average.mean:.1f} counts, +- {average.se:.1f}")
+            counts.append(average.mean)
         device_id = bench.identity.device_id
     return kilograms, np.array(counts), device_id
 
 
-def _show(calibration: Calibration) -> None:
+def _print_calibration(calibration: Calibration) -> None:
     c = calibration
     print(
         f"slope {c.slope_N_per_count:.6g} N per count, standard uncertainty "
         f"{100.0 * c.relative_sd:.2g} % on {c.dof:.3g} degrees of freedom; 95 %: +- "
         f"{100.0 * c.relative_half_width(0.95):.2g} %"
     )
-    for part in c.components:
-        dof = "" if part.dof is None else f", {part.dof:g} degrees of freedom"
-        unit = "" if part.unit == "1" else f" {part.unit}"
+    for component in c.components:
+        dof = "" if component.dof is None else f", {component.dof:g} degrees of freedom"
+        unit = "" if component.unit == "1" else f" {component.unit}"
         print(
-            f"  {part.name} (type {part.kind}): {part.sd:.3g}{unit} make "
-            f"{100.0 * part.relative_sd:.2g} %{dof}"
+            f"  {component.name} (type {component.kind}): {component.sd:.3g}{unit} contributes "
+            f"{100.0 * component.relative_sd:.2g} %{dof}"
         )
-    hysteresis = "not known, masses went one way only"
+    hysteresis = "unknown, masses in one direction only"
     if c.hysteresis is not None:
         hysteresis = f"{100.0 * c.hysteresis:.3f} % of full scale"
-    print(f"straightness {100.0 * c.straightness:.3f} % of full scale, hysteresis {hysteresis}")
+    print(f"nonlinearity {100.0 * c.straightness:.3f} % of full scale, hysteresis {hysteresis}")
     for kilogram, count, residual_N in zip(c.masses_kg, c.counts, c.residuals_N, strict=True):
         print(f"  {kilogram:8.4f} kg  {count:14.1f}  {1000.0 * residual_N:+8.2f} mN")

@@ -1,4 +1,4 @@
-"""`benchtool demo`: sweep a virtual bench, fit it and write the page, by the same commands."""
+"""Command `benchtool demo`: sweep and fit of a virtual bench with the ordinary commands."""
 
 from __future__ import annotations
 
@@ -19,12 +19,10 @@ FIT = "--model quad_bench --method least_squares --method emcee --compare single
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoInputs(Inputs):
-    """What `benchtool demo` takes."""
+    """Options of `benchtool demo`."""
 
-    out: Annotated[
-        Path | None, Input("New folder.", default_text="benchtool-demo, then benchtool-demo-2")
-    ] = None
-    seed: Annotated[int, Ge(0), Input("Seed of the virtual bench's noise.")] = 1
+    out: Annotated[Path | None, Input("New folder.", default_text="benchtool-demo")] = None
+    seed: Annotated[int, Ge(0), Input("Random seed.")] = 1
 
 
 @command_from_inputs(DemoInputs)
@@ -37,13 +35,13 @@ def demo(inputs: DemoInputs) -> None:
     refuse_full(out)
     run, fit = out / "run", out / "fit"
     bench = f"sim:pquad?truth=virtual_pquad&seed={inputs.seed}"
-    print("a virtual bench of four rotors, made with K_b = 1.9; no motor turns anywhere")
-    for words in (
+    print("virtual bench with four rotors and K_b = 1.9; no motor turns")
+    for arguments in (
         ["sweep", bench, "--plan", "demo_quad", "--yes", "--out", str(run)],
         ["fit", str(run), *FIT.split(), "--out", str(fit)],
     ):
-        print(f"\n$ {shlex.join(['benchtool', *words])}", flush=True)
-        done = subprocess.run([sys.executable, "-m", "benchtool", *words], check=False)
-        if done.returncode:
-            sys.exit(done.returncode)
+        print(f"\n$ {shlex.join(['benchtool', *arguments])}", flush=True)
+        process = subprocess.run([sys.executable, "-m", "benchtool", *arguments], check=False)
+        if process.returncode:
+            sys.exit(process.returncode)
     print(f"\nThe report: {(fit / 'report.html').resolve()}")

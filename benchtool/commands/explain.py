@@ -1,4 +1,4 @@
-"""`benchtool explain`: where a model disagrees with recordings, and which effect it lacks."""
+"""Command `benchtool explain`: identification of effects that a model lacks."""
 
 from __future__ import annotations
 
@@ -20,39 +20,40 @@ CHECK_OPTION = "--check"
 
 
 class Parser(GroupedCommand):
-    """A command whose --check takes every word up to the next option.
+    """Command whose --check takes all arguments up to the next option.
 
-    Without it a second word would pass for a recording to learn from, and nobody would notice.
+    Otherwise a second validation recording would silently become a training recording.
     """
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         return super().parse_args(ctx, expand_repeated(args))
 
 
-def expand_repeated(words: list[str]) -> list[str]:
-    """Return the words with --check before each of those that follow it."""
-    out: list[str] = []
-    follows = False  # whether the last option was --check with a word of its own
-    for place, word in enumerate(words):
-        before = words[place - 1] if place else ""
-        if word.startswith("-") and len(word) > 1:
-            follows = word.startswith(f"{CHECK_OPTION}=")
-        elif before == CHECK_OPTION:
-            follows = True
-        elif follows:
-            out.append(CHECK_OPTION)
-        out.append(word)
-    return out
+def expand_repeated(arguments: list[str]) -> list[str]:
+    """Return the arguments with --check before each of its values."""
+    expanded: list[str] = []
+    follows_check = False  # the last option was --check and has a value
+    previous = ""
+    for argument in arguments:
+        if argument.startswith("-") and len(argument) > 1:
+            follows_check = argument.startswith(f"{CHECK_OPTION}=")
+        elif previous == CHECK_OPTION:
+            follows_check = True
+        elif follows_check:
+            expanded.append(CHECK_OPTION)
+        expanded.append(argument)
+        previous = argument
+    return expanded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplainArguments(ExplainInputs):
-    """What `benchtool explain` takes on the command line."""
+    """Command-line options of `benchtool explain`."""
 
     each: Annotated[
         bool,
         Input(
-            "Explain each RECORDING by itself, its --check in the same place, side by side.",
+            "Explain each RECORDING separately, with the --check at the same position.",
             group="Several recordings",
         ),
     ] = False
@@ -62,11 +63,11 @@ class ExplainArguments(ExplainInputs):
 def explain(inputs: ExplainArguments) -> None:
     """Identify effects that a model lacks.
 
-    The first line printed is the verdict: an effect, several, a class that this data cannot
-    separate, none, or unknown. The last lines say what was added to which file and what to type
-    next: after a named effect, to explain again with the new model, to fit and to simulate with it;
-    where the answer is not sure, the experiment that separates what is likely. With --bench it is
-    recorded, armed by hand each time, and explained with the others until the answer is sure.
+    The first line is the verdict: one effect, several, a class of effects that the data cannot
+    separate, none, or unknown. The last lines are the changes of the model file and the next
+    commands: explain, fit and simulate with the new model, or the experiment that separates the
+    candidates. With --bench this experiment is recorded, with an arming confirmation each time,
+    until the verdict reaches the probability --until.
     """
     from benchtool.commands.terminal.experiments import (
         open_experiment_bench,
@@ -77,44 +78,42 @@ def explain(inputs: ExplainArguments) -> None:
     from benchtool.results import build_request
 
     if inputs.cluster is not None and not inputs.each and not inputs.bootstrap:
-        raise InputError(
-            "--cluster is for --each, or for the draws of --bootstrap; add one, or leave it out"
-        )
+        raise InputError("--cluster needs --each or --bootstrap; add one, or remove --cluster")
 
     if inputs.each:
         _explain_each(inputs)
         return
     request = build_request(inputs, announce_code)
-    stands = (
+    rig = (
         open_experiment_bench(inputs.bench, request, inputs.out)
         if inputs.bench is not None
         else None
     )
     if not inputs.overwrite:
         check_not_existing(inputs.out, inputs.json)
-    left_min, made = inputs.most_minutes, 0
-    answer = _answered(inputs, request, left_min)
-    if inputs.bench is None or stands is None or inputs.out is None:
+    remaining_min, n_recorded = inputs.most_minutes, 0
+    answer = _explain(inputs, request, remaining_min)
+    if inputs.bench is None or rig is None or inputs.out is None:
         return
-    while not (ended := stop_reason(answer, inputs, made, left_min)):
-        experiment, made = answer.verdict.next, made + 1
+    while not (reason := stop_reason(answer, inputs, n_recorded, remaining_min)):
+        experiment, n_recorded = answer.verdict.next, n_recorded + 1
         assert experiment is not None
-        print(f"\nExperiment {made} of {inputs.most_experiments} at most: {experiment.title}")
-        run = record_next(answer, experiment, inputs, stands)
-        left_min -= experiment.minutes
-        learned = (*(source.path for source in answer.request.learn), str(run.path))
-        request = build_request(replace(inputs, recordings=learned), announce_code)
-        answer = _answered(inputs, request, left_min)
-    print(ended)
+        print(f"\nExperiment {n_recorded} of up to {inputs.most_experiments}: {experiment.title}")
+        run = record_next(answer, experiment, inputs, rig)
+        remaining_min -= experiment.minutes
+        training = (*(source.path for source in answer.request.learn), str(run.path))
+        request = build_request(replace(inputs, recordings=training), announce_code)
+        answer = _explain(inputs, request, remaining_min)
+    print(reason)
 
 
-def _answered(inputs: ExplainInputs, request: Request, minutes: float) -> ExplainResult:
-    """Answer a question, write the answer and print it."""
+def _explain(inputs: ExplainInputs, request: Request, minutes: float) -> ExplainResult:
+    """Explain the recordings of a request; write and print the answer."""
     import shlex
     import sys
 
     from benchtool.commands.terminal.show_explain import (
-        is_interactive,
+        ignore_broken_pipe,
         print_answer,
         print_next,
         progress_status,
@@ -134,14 +133,14 @@ def _answered(inputs: ExplainInputs, request: Request, minutes: float) -> Explai
         result.save(inputs.out)
     if inputs.json is not None:
         write_json(inputs.json, result.found, inputs.out)
-    with is_interactive():
+    with ignore_broken_pipe():
         print_answer(result.found)
         print_next(result.found, inputs.out, inputs.json)
     return result.found
 
 
 def _explain_each(inputs: ExplainArguments) -> None:
-    """Explain several recordings, each by itself; print and write the answers."""
+    """Explain several recordings separately; print and write the answers."""
     import shlex
     import sys
     from functools import partial
@@ -151,49 +150,49 @@ def _explain_each(inputs: ExplainArguments) -> None:
     from benchtool.report.page import Table
     from benchtool.results import build_request
 
-    for option, given in (("--bench", inputs.bench), ("--json", inputs.json)):
-        if given is not None:
-            raise InputError(f"{option} is for one explanation; leave it or --each out")
+    for option, value in (("--bench", inputs.bench), ("--json", inputs.json)):
+        if value is not None:
+            raise InputError(f"{option} is for one explanation; remove it or --each")
     if len(inputs.check) not in (1, len(inputs.recordings)):
         raise InputError(
-            f"{len(inputs.recordings)} recordings and {len(inputs.check)} to check on: with --each "
-            f"give one check recording for each, in their order, or one for all"
+            f"{len(inputs.check)} --check recordings for {len(inputs.recordings)} recordings; with "
+            f"--each give one for each, in the same order, or one for all"
         )
-    named = index_by_name(inputs.recordings)
-    checks = inputs.check * (len(named) // len(inputs.check))
+    recordings = index_by_name(inputs.recordings)
+    checks = inputs.check * (len(recordings) // len(inputs.check))
     tasks = {
         name: replace(inputs, recordings=(data,), check=(check,), each=False, cluster=None)
-        for (name, data), check in zip(named.items(), checks, strict=True)
+        for (name, data), check in zip(recordings.items(), checks, strict=True)
     }
     build_request(next(iter(tasks.values())), announce_code)
-    about = replace(inputs, out=None, cluster=None)
+    description = replace(inputs, out=None, cluster=None)
     command = shlex.join(["benchtool", *sys.argv[1:]])
-    permitted = inputs.cluster is None  # Python of the user's own is announced, and stays here
-    found = run_each(
-        partial(outcome, partial(_explain_one, inputs.out, command, permitted)),
+    is_permitted = inputs.cluster is None  # user code runs on this machine only
+    outcomes = run_each(
+        partial(outcome, partial(_explain_one, inputs.out, command, is_permitted)),
         {name: (name, task) for name, task in tasks.items()},
         out=inputs.out,
-        about={"explain": str(about)},
+        about={"explain": str(description)},
         cluster=inputs.cluster,
     )
-    rows = [(name, one["result"]["sentence"]) for name, one in found.items() if one["result"]]
+    rows = [(name, row["result"]["sentence"]) for name, row in outcomes.items() if row["result"]]
     if rows:
-        print_table(Output(), Table("Each by itself.", ("recording", "answer"), rows, 2))
+        print_table(Output(), Table("Separate explanations.", ("recording", "verdict"), rows, 2))
     if inputs.out is not None:
-        print(f"written: {inputs.out}, with a folder of each")
-    raise_first(found)
+        print(f"written: {inputs.out}, with one folder each")
+    raise_first(outcomes)
 
 
 def _explain_one(
-    out: Path | None, command: str, permitted: bool, item: tuple[str, ExplainInputs]
+    out: Path | None, command: str, is_permitted: bool, item: tuple[str, ExplainInputs]
 ) -> dict[str, Any]:
-    """Return one answer as its JSON has it, its folder written; called in a process of its own."""
+    """Write the folder of one answer and return its JSON data; runs in a worker process."""
     from benchtool.commands.terminal.batch import reject_duplicate_outputs
     from benchtool.report.answer.folder import WrittenFiles, answer_tables
     from benchtool.results import explain_result
 
     name, inputs = item
-    permit: CodePermit = (lambda file: None) if permitted else check_code_allowed
+    permit: CodePermit = (lambda file: None) if is_permitted else check_code_allowed
     inputs = replace(inputs, out=None)
     result = explain_result(inputs, permit=permit, commands=[command])
     reject_duplicate_outputs(None if out is None else out / name, result.save)

@@ -1,4 +1,4 @@
-"""`benchtool export`: a fitted model as autopilots, simulators and firmware take it."""
+"""Command `benchtool export`: model files for simulators, autopilots and firmware."""
 
 from __future__ import annotations
 
@@ -16,30 +16,24 @@ To = Literal["all", "sdf", "mujoco", "rotorpy", "ardupilot", "px4", "betaflight"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportInputs(Inputs):
-    """What `benchtool export` takes."""
+    """Options of `benchtool export`."""
 
     model: Annotated[
         str,
         Input(
-            "Folder of a fit or of a run without a plate, log of a stand, model file, shipped "
-            "model.",
+            "Fit folder, run without a plate, test stand log, model file or model name.",
             argument="MODEL",
         ),
     ]
-    to: Annotated[To, Input("What it is written for; all: a folder with a file of each.")]
+    to: Annotated[To, Input("Target; all writes a folder with a file for each.")]
     motor: Annotated[
         tuple[Path, ...],
-        Input(
-            "Run without a plate or log of a stand, whose motor constants go before the rig's; "
-            "repeat for more."
-        ),
+        Input("Run without a plate or test stand log for motor constants; repeatable."),
     ] = ()
     stand: MotorTestInputs = field(default_factory=MotorTestInputs)
     out: Annotated[
         Path | None,
-        Input(
-            "New file, or new folder for all.", default_text="named after the rig, in this folder"
-        ),
+        Input("New file, or new folder for all.", default_text="named after the rig"),
     ] = None
 
 

@@ -1,4 +1,4 @@
-"""`benchtool firmware`: a program that makes an Arduino a bench."""
+"""Command `benchtool firmware`: Arduino sketch of a rotor bench."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from benchtool.core.inputs import Input, Inputs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirmwareInputs(Inputs):
-    """What `benchtool firmware` takes."""
+    """Options of `benchtool firmware`."""
 
-    out: Annotated[Path, Input("Folder to make; the Arduino sketch is named after it.")]
-    board: Annotated[str, Input("What it shall run on: uno, nano.")] = "uno"
-    rig: Annotated[str, Input("Rig or rig file whose motors, pulses and limits it takes.")] = (
+    out: Annotated[Path, Input("New folder; also the name of the Arduino sketch.")]
+    board: Annotated[str, Input("Board: uno, nano.")] = "uno"
+    rig: Annotated[str, Input("Rig name or file for motors, pulse widths and limits.")] = (
         "pquad_single"
     )
-    device_id: Annotated[str, Input("The device's own name.", default_text="a new one")] = ""
+    device_id: Annotated[str, Input("Device id.", default_text="random")] = ""
 
 
 @command_from_inputs(FirmwareInputs)
@@ -43,7 +43,7 @@ def firmware(inputs: FirmwareInputs) -> None:
 
     write_new(out, write, "another folder with --out")
     print(f"written: {out}, {len(files)} files for {BOARDS[inputs.board]}, device {name}")
-    print("look through settings.h (limits, sensors) and pins.h (wiring), then one of:")
+    print("check settings.h (limits, sensors) and pins.h (wiring), then one of:")
     print(f"  make -C {out} upload PORT=/dev/ttyACM0   (needs avr-gcc, avr-libc, avrdude)")
     print(f"  open {out / folder.name}.ino in the Arduino IDE and press Upload")
-    print("and, with the propeller off: benchtool ports --probe --baud 500000")
+    print("then, without propeller: benchtool ports --probe --baud 500000")

@@ -1,4 +1,4 @@
-"""`benchtool fit`: from run folders or any CSV to parameters with uncertainties and figures."""
+"""Command `benchtool fit`: parameters with uncertainties from run folders or CSV files."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from benchtool.tasks import Cluster
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitArguments(FitInputs):
-    """What `benchtool fit` takes on the command line.
+    """Command-line options of `benchtool fit`.
 
     Attributes:
-        one_by_one: filters of the runs in a table that are fitted each by itself.
+        one_by_one: row filters, one for each run of a table that is fitted separately.
     """
 
     table: TableInputs = field(default_factory=TableInputs)
     each: Annotated[
         bool,
         Input(
-            "Fit each DATA by itself, side by side; --out holds a folder of each.",
+            "Fit each DATA separately; --out contains one folder each.",
             group="Several runs",
         ),
     ] = False
@@ -39,19 +39,19 @@ class FitArguments(FitInputs):
     one_by_one: tuple[str, ...] = ()
 
 
-def _completed(given: dict[str, Any]) -> FitArguments:
+def _base_inputs(options: dict[str, Any]) -> FitArguments:
     one_by_one: tuple[str, ...] = ()
-    if "data" in given and "recipe" not in given:
+    if "data" in options and "recipe" not in options:
         from benchtool.commands.terminal.table_fit import prepare_table
 
-        one_by_one = prepare_table(given)
-    words = FitArguments(recipe=recipe_from_options(given, "fit"), one_by_one=one_by_one)
+        one_by_one = prepare_table(options)
+    inputs = FitArguments(recipe=recipe_from_options(options, "fit"), one_by_one=one_by_one)
     for item in items(TableInputs):
-        given.pop(item.name, None)  # they are in the map now
-    return words
+        options.pop(item.name, None)  # already in the column map
+    return inputs
 
 
-@command_from_inputs(FitArguments, _completed)
+@command_from_inputs(FitArguments, _base_inputs)
 def fit(inputs: FitArguments) -> None:
     """Fit a ground-effect model to runs or CSV files."""
     import sys
@@ -66,15 +66,15 @@ def fit(inputs: FitArguments) -> None:
         _fit_each(inputs, command)
         return
     if inputs.cluster is not None:
-        raise InputError("--cluster is for several fits; add --each, or leave it out")
+        raise InputError("--cluster is for several fits; add --each, or remove it")
     with progress_status() as report:
         result = fit_result(inputs, report, _permit(inputs))
     print_fit(to_stored_fit(result.found))
     if inputs.out is not None:
         (page,) = result.save(inputs.out, [command])
         has_model = (inputs.out / "model.toml").is_file()
-        model = "model.toml" if has_model else "no model (there is no answer)"
-        print(f"written: {page} and, beside it, result.json, {model} and the figures")
+        model = "model.toml" if has_model else "no model (the fit failed)"
+        print(f"written: {page}, result.json, {model} and figures in the same folder")
     if problem := refusal(result.found.results):
         raise problem
 
@@ -84,7 +84,7 @@ def _permit(inputs: FitInputs) -> CodePermit:
 
 
 def _fit_each(inputs: FitArguments, command: str) -> None:
-    """Fit several runs, each by itself; print and write them."""
+    """Fit several runs separately; print and write the fits."""
     from benchtool.commands.terminal.batch import index_by_name, outcome, raise_first, run_each
     from benchtool.commands.terminal.show_fit import print_fit, print_runs
     from benchtool.fit.diagnose import refusal
@@ -94,54 +94,56 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
     recipe = inputs.recipe
     if inputs.one_by_one:
         recipes = {
-            Path(value).name: replace(recipe, name=value, where=(*recipe.where, only))
-            for only in inputs.one_by_one
-            for value in [only.partition("=")[2]]
+            Path(value).name: replace(recipe, name=value, where=(*recipe.where, row_filter))
+            for row_filter in inputs.one_by_one
+            for value in [row_filter.partition("=")[2]]
         }
     else:
         recipes = {
             name: replace(recipe, name=name, data=(data,))
             for name, data in index_by_name(recipe.data).items()
         }
-    own = recipe_model(next(iter(recipes.values())), _permit(inputs)).effects_file
-    if own and inputs.cluster is not None:
+    user_code = recipe_model(next(iter(recipes.values())), _permit(inputs)).effects_file
+    if user_code and inputs.cluster is not None:
         raise InputError(
-            f"the model has Python of its own, {own}, which is not run on a cluster; leave "
-            f"--cluster out"
+            f"the model has user code, {user_code}, which does not run on a cluster; remove "
+            f"--cluster"
         )
-    plain = FitInputs(
+    fit_inputs = FitInputs(
         folder=inputs.folder, recipe=recipe, profile=inputs.profile, budget=inputs.budget
     )
-    found = run_each(
-        partial(outcome, partial(_fit_one, plain, inputs.out, (command,))),
+    outcomes = run_each(
+        partial(outcome, partial(_fit_one, fit_inputs, inputs.out, (command,))),
         recipes,
         out=inputs.out,
-        about={"fit": str(plain)},
+        about={"fit": str(fit_inputs)},
         cluster=inputs.cluster,
         processes=0 if inputs.one_by_one else None,
     )
-    fits = {name: stored_from(one["result"], name) for name, one in found.items() if one["result"]}
-    for name, one in fits.items() if inputs.one_by_one else ():
+    fits = {
+        name: stored_from(row["result"], name) for name, row in outcomes.items() if row["result"]
+    }
+    for name, stored_fit in fits.items() if inputs.one_by_one else ():
         print(f"\n{name}")
-        print_fit(one)
+        print_fit(stored_fit)
     if fits:
         print_runs(fits)
     if inputs.out is not None:
         folders = [str(inputs.out / name) for name in fits]
-        print(f"written: {inputs.out}, with a folder of each")
+        print(f"written: {inputs.out}, with one folder each")
         if len(folders) > 1 and not inputs.one_by_one:
-            print(f"do they differ? {shlex.join(['benchtool', 'pool', *folders])}")
-    raise_first(found)
-    for problem in filter(None, (refusal(one.results) for one in fits.values())):
+            print(f"compare the rigs with: {shlex.join(['benchtool', 'pool', *folders])}")
+    raise_first(outcomes)
+    for problem in filter(None, (refusal(stored_fit.results) for stored_fit in fits.values())):
         raise problem
 
 
 def _fit_one(
     inputs: FitInputs, out: Path | None, commands: Sequence[str], recipe: Recipe
 ) -> dict[str, Any]:
-    """Return one fit as result.json has it, its folder written; called in a process of its own.
+    """Write the folder of one fit and return the data of result.json; runs in a worker process.
 
-    Python of a model was announced before.
+    User code of the model has been announced by the caller.
     """
     from benchtool.commands.terminal.batch import reject_duplicate_outputs
     from benchtool.fit.result_file import result_tables

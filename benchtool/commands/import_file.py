@@ -1,4 +1,4 @@
-"""`benchtool import`: flight logs and other makers' files into recordings, repairs listed."""
+"""Command `benchtool import`: recordings from flight logs and files of other test stands."""
 
 from __future__ import annotations
 
@@ -18,47 +18,47 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportInputs(Inputs):
-    """What `benchtool import` takes."""
+    """Options of `benchtool import`."""
 
-    files: Annotated[tuple[Path, ...], Input("Files to import; each becomes one.", argument="FILE")]
-    columns: Annotated[Path | None, Input("Column map (TOML) of any CSV, with units.")] = None
+    files: Annotated[tuple[Path, ...], Input("Files to import.", argument="FILE")]
+    columns: Annotated[Path | None, Input("Column map (TOML) of a CSV, with units.")] = None
     over: Annotated[
-        tuple[str, ...], Input("START:END:ROTOR, s: that rotor is over a surface; 'all' for each.")
+        tuple[str, ...], Input("START:END:ROTOR in s: rotor (or all) is over a surface.")
     ] = ()
     near_m: Annotated[
         Annotated[float, Ge(0.0), Le(1e5)] | None,
-        Input("A distance sensor below it says: over a surface.", "m"),
+        Input("Distance sensor reading below which a surface is near.", "m"),
     ] = None
     flip: Annotated[
-        tuple[str, ...], Input("Channel whose sign is inverted (thrust_N).", group="Repairs")
+        tuple[str, ...], Input("Channel with inverted sign (thrust_N).", group="Repairs")
     ] = ()
-    tare: Annotated[tuple[str, ...], Input("Channel whose reading at rest is taken off.")] = ()
-    scale: Annotated[tuple[str, ...], Input("CHANNEL=FACTOR, as rpm1=1/6 for a pole count.")] = ()
+    tare: Annotated[tuple[str, ...], Input("Channel to tare with its reading at rest.")] = ()
+    scale: Annotated[tuple[str, ...], Input("CHANNEL=FACTOR, e.g. rpm1=1/6 for a pole count.")] = ()
     air_density: Annotated[
         Annotated[float, Gt(0.0), Le(100.0)] | None,
-        Input("Air density, for files of coefficients.", "kg/m3", group="Bench"),
+        Input("Air density for coefficient files.", "kg/m3", group="Bench"),
     ] = None
     propeller: Annotated[
         str,
-        Input("Propeller: name (benchtool library propellers), file, or size in inches: 10x4.5."),
+        Input("Propeller: name (benchtool library propellers), file, or inches: 10x4.5."),
     ] = ""
     hover: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
-        Input("Mass: makes points of a hover flight's steady stays.", "kg"),
+        Input("Vehicle mass; extracts points from steady hover.", "kg"),
     ] = None
     out: Annotated[
         Path | None,
-        Input("Folder; or for one file, its name in .csv or .parquet.", group="Results"),
+        Input("Folder, or a .csv or .parquet file for one import.", group="Results"),
     ] = None
-    parquet: Annotated[bool, Input("Write Parquet, not CSV.")] = False
-    overwrite: Annotated[bool, Input("Replace recordings of the same name.")] = False
-    dry_run: Annotated[bool, Input("Show findings, write nothing.")] = False
+    parquet: Annotated[bool, Input("Write Parquet instead of CSV.")] = False
+    overwrite: Annotated[bool, Input("Replace existing recordings.")] = False
+    dry_run: Annotated[bool, Input("Print the findings only.")] = False
 
     def options(self) -> ImportOptions:
-        """Return what the importer takes of these.
+        """Return the options of the importer.
 
         Raises:
-            InputError: a window or a propeller that cannot be read.
+            InputError: invalid window or propeller.
         """
         from benchtool.data.formats.surface_windows import parse_window
         from benchtool.data.propeller_file import load_propeller
@@ -89,30 +89,31 @@ def import_(inputs: ImportInputs) -> None:
     files = inputs.files
     targets = _targets(files, inputs.out, inputs.parquet)
     if not inputs.overwrite and not inputs.dry_run:
-        # Before the work, so that a long import does not end in a refusal.
+        # Checked before a long import.
         for target in targets:
             for path in (target, metadata_path(target)):
                 if path.exists():
                     raise WouldOverwrite(str(path), "--overwrite")
-    for read, target in zip(import_files(files, options), targets, strict=True):
+    for result, target in zip(import_files(files, options), targets, strict=True):
         if not inputs.dry_run:
             write_recording(
-                target, read.recording, import_metadata(read, options), overwrite=inputs.overwrite
+                target,
+                result.recording,
+                import_metadata(result, options),
+                overwrite=inputs.overwrite,
             )
-        print_import(read, None if inputs.dry_run else target)
+        print_import(result, None if inputs.dry_run else target)
 
 
 def _targets(files: tuple[Path, ...], out: Path | None, parquet: bool) -> list[Path]:
     if out is not None and out.suffix.lower() in (".csv", ".parquet"):
         if len(files) > 1:
-            raise InputError(
-                f"--out {out} names one file for {len(files)} imports; name a folder instead"
-            )
+            raise InputError(f"--out {out} is one file for {len(files)} imports; use a folder")
         return [out]
     folder = Path("imported") if out is None else out
     ending = ".parquet" if parquet else ".csv"
     targets = [folder / f"{path.stem}{ending}" for path in files]
     for target in targets:
         if targets.count(target) > 1:
-            raise InputError(f"two files would both become {target}; import them one at a time")
+            raise InputError(f"two files have the same target {target}; import them one at a time")
     return targets

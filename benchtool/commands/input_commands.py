@@ -1,4 +1,4 @@
-"""Make a command of a dataclass of inputs: typer reads its options off the fields."""
+"""typer commands from input dataclasses, one option per field."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ T = TypeVar("T", bound=Inputs)
 def command_from_inputs(
     cls: type[T], base: Callable[[dict[str, Any]], T] | None = None
 ) -> Callable[[Callable[[T], None]], Callable[..., None]]:
-    """Make a function of inputs one that typer makes a command of.
+    """Return a decorator that turns a function of inputs into a typer command.
 
     Args:
-        cls: what the command takes; the docstring of the decorated function is its help.
-        base: gives what values that were not given are taken from, in place of the defaults.
-            It takes what was given, by name, and may change that.
+        cls: options of the command; the docstring of the decorated function is its help.
+        base: returns the values of options that are not given, in place of the defaults. Called
+            with the given values by name, which it may change.
     """
-    known = {item.key.replace(".", "_"): item for item in items(cls)}
+    fields = {item.key.replace(".", "_"): item for item in items(cls)}
     parameters = [
-        _parameter(name, item, item.required and base is None) for name, item in known.items()
+        _parameter(name, item, item.required and base is None) for name, item in fields.items()
     ]
 
     def decorated(run: Callable[[T], None]) -> Callable[..., None]:
         def command(**typed: Any) -> None:
-            given = {
-                known[key].name: value for key, value in typed.items() if value not in (None, [])
+            values = {
+                fields[key].name: value for key, value in typed.items() if value not in (None, [])
             }
-            run(build_inputs(cls, given, source="option", base=base and base(given)))
+            run(build_inputs(cls, values, source="option", base=base and base(values)))
 
         command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        command.__annotations__ = {each.name: each.annotation for each in parameters}
+        command.__annotations__ = {item.name: item.annotation for item in parameters}
         command.__doc__ = run.__doc__
         command.inputs = cls  # type: ignore[attr-defined]
         return command
@@ -48,8 +48,8 @@ def command_from_inputs(
 
 
 def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter:
-    """Return the parameter of one input; None stands for what was not given."""
-    # A number may carry a unit: the declaration reads it, not typer.
+    """Return the parameter of one input; None means the option was not given."""
+    # A number may have a unit: InputField.read parses it, not typer.
     numeric = not item.is_sequence and item.kind in (int, float)
     kind: Any = str if item.is_sequence or numeric else item.kind
     if item.kind is Mapping or (item.is_sequence and item.kind in (str, Path)):
@@ -80,14 +80,14 @@ def _parameter(name: str, item: InputField, required: bool) -> inspect.Parameter
 
 
 def _completions(choices: Sequence[str]) -> Callable[[str], list[str]]:
-    def beginning_with(incomplete: str) -> list[str]:
+    def find_matches(incomplete: str) -> list[str]:
         return [choice for choice in choices if choice.startswith(incomplete)]
 
-    return beginning_with
+    return find_matches
 
 
 class GroupedCommand(TyperCommand):
-    """A command whose help lists options under headings, in the order of their first options."""
+    """Command whose help lists options under headings, in the order of their first options."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
@@ -95,8 +95,8 @@ class GroupedCommand(TyperCommand):
             record = parameter.get_help_record(ctx)
             if record is None:
                 continue
-            place = "Arguments" if parameter.param_type_name == "argument" else "Options"
-            heading = getattr(parameter, "rich_help_panel", None) or place
+            default = "Arguments" if parameter.param_type_name == "argument" else "Options"
+            heading = getattr(parameter, "rich_help_panel", None) or default
             sections.setdefault(heading, []).append(record)
         for heading, records in sections.items():
             if records:
@@ -106,10 +106,10 @@ class GroupedCommand(TyperCommand):
 
 def option_help(item: InputField) -> str:
     """Return the help of an input: sentence, range with unit or choices, and default."""
-    about = item.metadata
-    notes = [f"{item.range} {about.unit}".strip(), ", ".join(item.choices)]
-    usual = "" if item.required or item.kind is bool else format_value(item.default)
-    if about.default_text or usual:
-        notes.append(f"default: {about.default_text or usual}")
-    noted = "; ".join(filter(None, notes))
-    return f"{about.help} [{noted}]" if noted else about.help
+    metadata = item.metadata
+    notes = [f"{item.range} {metadata.unit}".strip(), ", ".join(item.choices)]
+    default = "" if item.required or item.kind is bool else format_value(item.default)
+    if metadata.default_text or default:
+        notes.append(f"default: {metadata.default_text or default}")
+    details = "; ".join(filter(None, notes))
+    return f"{metadata.help} [{details}]" if details else metadata.help

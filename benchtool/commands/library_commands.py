@@ -1,4 +1,4 @@
-"""`benchtool library rigs`, `models` and `effects`: what ships, or one of them in words."""
+"""Commands `benchtool library rigs`, `propellers`, `models` and `effects`."""
 
 from __future__ import annotations
 
@@ -12,94 +12,94 @@ from benchtool.core.inputs import Input, Inputs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShippedInputs(Inputs):
-    """What `benchtool library rigs` and `benchtool library models` take."""
+class LibraryInputs(Inputs):
+    """Options of `benchtool library rigs`, `propellers` and `models`."""
 
     name: Annotated[
-        str, Input("A shipped one or the path of a file; all are listed without.", argument="NAME")
+        str, Input("Name or file to show.", argument="NAME", default_text="list all")
     ] = ""
-    toml: Annotated[bool, Input("Print the file itself, to start one of your own.")] = False
+    toml: Annotated[bool, Input("Print the TOML text.")] = False
 
 
-@command_from_inputs(ShippedInputs)
-def models(inputs: ShippedInputs) -> None:
+@command_from_inputs(LibraryInputs)
+def models(inputs: LibraryInputs) -> None:
     """List models, or show one with its effects and parameters."""
-    _show("model", inputs, listed=_listed_models, described=_described_model)
+    _show("model", inputs, list_all=_list_models, describe=_describe_model)
 
 
-@command_from_inputs(ShippedInputs)
-def rigs(inputs: ShippedInputs) -> None:
+@command_from_inputs(LibraryInputs)
+def rigs(inputs: LibraryInputs) -> None:
     """List rigs, or show one with all values and sources.
 
-    `benchtool library rigs new` writes one of your own.
+    `benchtool library rigs new` creates a rig file.
     """
-    _show("rig", inputs, listed=_listed_rigs, described=_described_rig)
+    _show("rig", inputs, list_all=_list_rigs, describe=_describe_rig)
 
 
-@command_from_inputs(ShippedInputs)
-def propellers(inputs: ShippedInputs) -> None:
+@command_from_inputs(LibraryInputs)
+def propellers(inputs: LibraryInputs) -> None:
     """List propellers, or show one with all values and sources."""
-    _show("propeller", inputs, listed=_listed_propellers, described=_described_propeller)
+    _show("propeller", inputs, list_all=_list_propellers, describe=_describe_propeller)
 
 
 def _show(
     kind: str,
-    inputs: ShippedInputs,
+    inputs: LibraryInputs,
     *,
-    listed: Callable[[], Iterable[str]],
-    described: Callable[[str], Iterable[str]],
+    list_all: Callable[[], Iterable[str]],
+    describe: Callable[[str], Iterable[str]],
 ) -> None:
-    """Print a list without a name; with one, the file itself or what it says.
+    """Print the list, or the description or TOML text of one entry.
 
     Args:
-        listed: gives a line for each that ships.
-        described: gives the lines of one; it refuses what is no such file.
+        list_all: returns one line per entry of the library.
+        describe: returns the lines of one entry; raises for an invalid file.
     """
     from benchtool.core.library import read_named
 
-    lines = described(inputs.name) if inputs.name else listed()
+    lines = describe(inputs.name) if inputs.name else list_all()
     if inputs.name and inputs.toml:
-        list(lines)  # a file that cannot be used is refused, not printed
+        list(lines)  # raises for an invalid file
         print(read_named(kind, f"{kind}s", inputs.name)[0], end="")
         return
     for line in lines:
         print(line)
 
 
-def _listed_models() -> Iterator[str]:
+def _list_models() -> Iterator[str]:
     from benchtool.physics.model_file import load_model, model_names
 
     for name in model_names():
         yield f"{name:<16} {load_model(name).model.description}"
 
 
-def _described_model(name: str) -> Iterator[str]:
+def _describe_model(name: str) -> Iterator[str]:
     from benchtool.physics.model_file import load_model
 
-    loaded = load_model(name, permit=announce_code)
-    model = loaded.model
+    model_file = load_model(name, permit=announce_code)
+    model = model_file.model
     yield f"{model.name}: {model.description}"
     rules = f"wake rule {model.wake_rule}, tilt rule {model.tilt_rule}"
     yield f"rig {model.rig.name}, {rules}, b is the {model.body_distance}"
     effects = ", ".join(effect.name for effect in model.effects) or "none"
     yield f"effects: {effects}"
-    for full_name, item in model.parameters.items():
-        state = "free " if item.free else "fixed"
-        bounds = f"[{item.lower:g}, {item.upper:g}]"
-        value = f"{item.value:>12g} {item.unit:<14}"
-        yield f"  {full_name:<26} {value} {state} {bounds:<18} {item.source}"
+    for name, parameter in model.parameters.items():
+        state = "free " if parameter.free else "fixed"
+        bounds = f"[{parameter.lower:g}, {parameter.upper:g}]"
+        value = f"{parameter.value:>12g} {parameter.unit:<14}"
+        yield f"  {name:<26} {value} {state} {bounds:<18} {parameter.source}"
 
 
-def _listed_rigs() -> Iterator[str]:
+def _list_rigs() -> Iterator[str]:
     from benchtool.core.rig_file import load_rig_by_name, rig_names
 
     for name in rig_names():
         yield f"{name:<16} {load_rig_by_name(name).title}"
-    yield from _listed_own("rigs", lambda name: load_rig_by_name(name).title)
+    yield from _list_user_files("rigs", lambda name: load_rig_by_name(name).title)
 
 
-def _listed_own(folder: str, title: Callable[[str], str]) -> Iterator[str]:
-    """Give a line for each file of the user's library, one that is broken with what is wrong."""
+def _list_user_files(folder: str, title: Callable[[str], str]) -> Iterator[str]:
+    """Yield one line per file in the user library; invalid files with their error."""
     from benchtool.core.errors import BenchtoolError
     from benchtool.core.library import user_library_folder, user_names
 
@@ -112,64 +112,64 @@ def _listed_own(folder: str, title: Callable[[str], str]) -> Iterator[str]:
             yield f"{name:<14} cannot be read: {error}"
 
 
-def _listed_propellers() -> Iterator[str]:
+def _list_propellers() -> Iterator[str]:
     from benchtool.core.library import list_names
     from benchtool.data.propeller_file import FOLDER, read_propeller
 
     for name in list_names(FOLDER):
         yield f"{name:<16} {read_propeller(name)[0].title}"
-    yield from _listed_own(FOLDER, lambda name: read_propeller(name)[0].title)
+    yield from _list_user_files(FOLDER, lambda name: read_propeller(name)[0].title)
 
 
-def _described_propeller(name: str) -> Iterator[str]:
+def _describe_propeller(name: str) -> Iterator[str]:
     from benchtool.data.propeller_file import read_propeller
 
     propeller, sources = read_propeller(name)
     yield f"{propeller.name}: {propeller.title}"
     for key, source in sources.items():
-        yield f"  {key:<12} {_value(propeller, key):>10}  {source}"
+        yield f"  {key:<12} {_format_value(propeller, key):>10}  {source}"
 
 
-def _described_rig(name: str) -> Iterator[str]:
+def _describe_rig(name: str) -> Iterator[str]:
     from benchtool.core.rig import UNSPECIFIED
     from benchtool.core.rig_file import load_rig_by_name
 
     rig = load_rig_by_name(name)
     yield f"{rig.name}: {rig.title}"
-    stated = {key: source for key, source in rig.sources.items() if key not in rig.not_stated}
+    sources = {key: source for key, source in rig.sources.items() if key not in rig.not_stated}
     if rig.assumed:
-        yield f"{len(rig.assumed)} of {len(stated)} numbers are assumed (marked ?)"
+        yield f"{len(rig.assumed)} of {len(sources)} numbers are assumed (marked ?)"
     else:
-        yield f"all {len(stated)} numbers are stated"
-    for key, source in stated.items():
+        yield f"all {len(sources)} numbers have a source"
+    for key, source in sources.items():
         mark = "?" if key in rig.assumed else " "
-        yield f"{mark} {key:<40} {_value(rig, key):>12}  {source}"
+        yield f"{mark} {key:<40} {_format_value(rig, key):>12}  {source}"
     if rig.not_stated:
-        yield "not stated, and typical where something needs it:"
+        yield "not in the file; typical values are used:"
     for key in sorted(rig.not_stated, key=list(rig.sources).index):
         source = rig.sources[key].removeprefix(UNSPECIFIED)[2:]
-        yield f"  {key:<40} {_value(rig, key):>12}  {source}"
+        yield f"  {key:<40} {_format_value(rig, key):>12}  {source}"
 
 
-def _value(rig: object, key: str) -> str:
-    """Return the number that a dotted key like `rotors[0].x_m` leads to."""
-    found: object = rig
+def _format_value(rig: object, key: str) -> str:
+    """Return the value at a dotted key such as `rotors[0].x_m`, as text."""
+    value: object = rig
     for part in key.replace("[", ".[").split("."):
         if part.startswith("["):
-            found = found[int(part[1:-1])]  # type: ignore[index]
-        elif isinstance(found, dict):
-            found = found[part]
+            value = value[int(part[1:-1])]  # type: ignore[index]
+        elif isinstance(value, dict):
+            value = value[part]
         else:
-            found = getattr(found, part)
-    return f"{found:g}" if isinstance(found, int | float) else str(found)
+            value = getattr(value, part)
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectsInputs(Inputs):
-    """What `benchtool library effects` takes."""
+    """Options of `benchtool library effects`."""
 
-    name: Annotated[str, Input("An effect; all are listed without.", argument="NAME")] = ""
-    rig: Annotated[str, Input("Whose tolerances to show: shipped rig or TOML file.")] = "beam"
+    name: Annotated[str, Input("Effect to show.", argument="NAME", default_text="list all")] = ""
+    rig: Annotated[str, Input("Rig name or file for the tolerances.")] = "beam"
 
 
 @command_from_inputs(EffectsInputs)
@@ -180,33 +180,38 @@ def effects(inputs: EffectsInputs) -> None:
     from benchtool.physics.effects.effect import BENCH_KINDS
     from benchtool.physics.tolerances import default_tolerances
 
-    name, rig = inputs.name, inputs.rig
-    if not name:
+    if not inputs.name:
         for effect in EFFECTS.values():
             print(f"{effect.name:<18} {effect.subsystem:<14} {effect.title}: {effect.law}")
         return
-    effect, own = find_effect(name), load_rig_by_name(rig)
+    effect, rig = find_effect(inputs.name), load_rig_by_name(inputs.rig)
     print(f"{effect.name}: {effect.title} ({effect.subsystem})")
     print(effect.description)
     print(f"law:    {effect.law}")
     print(f"shows:  {effect.shows}")
     print(f"source: {effect.source}")
-    if (stated := effect.distance_law) is not None:
-        values = {item.name: item.value for item in effect.parameters}
-        pole = "nowhere" if stated.singular is None else f"at z/R {stated.singular(values):.3g}"
-        print(f"basis:  {stated.basis}; infinite {pole}; far away {stated.far}")
-        print(f"tested: {stated.tested}; seen: {stated.seen}")
-        if stated.same_as:
-            print(f"one law with {stated.same_as}, by another parameter")
-    for other, how in effect.confused_with.items():
-        print(f"looks like {other}: {how}")
-    shown = [bench for bench in BENCH_KINDS if bench in effect.benches]
-    print(f"candidate on: {' and '.join(f'{bench} benches' for bench in shown) or 'no bench'}")
-    known = {bench: default_tolerances(effect, own, bench) for bench in shown or BENCH_KINDS[:1]}
-    for item in effect.parameters:
-        neutral = "no neutral value" if item.neutral is None else f"neutral {item.neutral:g}"
-        matters = [
-            f"{one[item.name]:.3g} ({bench})" for bench, one in known.items() if item.name in one
+    if (law := effect.distance_law) is not None:
+        values = {parameter.name: parameter.value for parameter in effect.parameters}
+        pole = "none" if law.singular is None else f"z/R {law.singular(values):.3g}"
+        print(f"basis:  {law.basis}; pole: {pole}; limit far away: {law.far}")
+        print(f"tested: {law.tested}; seen: {law.seen}")
+        if law.same_as:
+            print(f"equivalent to {law.same_as}, with another parameter")
+    for other, reason in effect.confused_with.items():
+        print(f"similar to {other}: {reason}")
+    benches = [bench for bench in BENCH_KINDS if bench in effect.benches]
+    print(f"candidate on: {' and '.join(f'{bench} benches' for bench in benches) or 'no bench'}")
+    tolerances = {
+        bench: default_tolerances(effect, rig, bench) for bench in benches or BENCH_KINDS[:1]
+    }
+    for parameter in effect.parameters:
+        name, neutral = parameter.name, "no neutral value"
+        if parameter.neutral is not None:
+            neutral = f"neutral {parameter.neutral:g}"
+        texts = [
+            f"{by_name[name]:.3g} ({bench})"
+            for bench, by_name in tolerances.items()
+            if name in by_name
         ]
-        tolerance = f"; tolerance on {rig}: {', '.join(matters)}" if matters else ""
-        print(f"  {item.name} [{item.unit}]: {item.description}; {neutral}{tolerance}")
+        tolerance = f"; tolerance on {inputs.rig}: {', '.join(texts)}" if texts else ""
+        print(f"  {name} [{parameter.unit}]: {parameter.description}; {neutral}{tolerance}")

@@ -1,4 +1,4 @@
-"""`benchtool motor`: thrust curve and motor constants from tests without a plate."""
+"""Command `benchtool motor`: thrust curve and motor constants from runs without a plate."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from benchtool.core.inputs import Input, Inputs, input_values, to_arguments, wit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorInputs(Inputs):
-    """What `benchtool motor` takes."""
+    """Options of `benchtool motor`."""
 
     runs: Annotated[
         tuple[Path, ...],
-        Input("Run folders of tests without a plate, or logs of a stand; one rig.", argument="RUN"),
+        Input("Runs without a plate, or test stand logs, of one rig.", argument="RUN"),
     ] = ()
     stand: MotorTestInputs = field(default_factory=MotorTestInputs)
-    out: Annotated[Path | None, Input("Write the page to this new HTML file.")] = None
+    out: Annotated[Path | None, Input("New HTML file for the report.")] = None
 
 
 @command_from_inputs(MotorInputs)
@@ -30,17 +30,17 @@ def motor(inputs: MotorInputs) -> None:
     """Fit thrust curve and motor constants to runs without a plate."""
     import sys
 
-    from benchtool.api import motor as motor_of
+    from benchtool.api import motor as fit_motor_runs
 
     if inputs.out is not None and inputs.out.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"--out {inputs.out} does not end in .html, as the name of a page does")
-    result = motor_of(inputs.runs, **input_values(inputs.stand))
+        raise InputError(f"--out {inputs.out} does not end in .html; use a name that does")
+    result = fit_motor_runs(inputs.runs, **input_values(inputs.stand))
     print(result.summary())
     first, *others = map(str, inputs.runs)
-    given = [word for each in others for word in ("--motor", each)]
-    given += to_arguments(MotorTestInputs, with_changes(inputs.stand))
-    command = shlex.join(["benchtool", "export", first, *given, "--to", "all"])
-    print(f"\nfor autopilots, simulators and firmware: {command}")
+    arguments = [argument for run in others for argument in ("--motor", run)]
+    arguments += to_arguments(MotorTestInputs, with_changes(inputs.stand))
+    command = shlex.join(["benchtool", "export", first, *arguments, "--to", "all"])
+    print(f"\nexport for autopilots, simulators and firmware: {command}")
     if inputs.out is not None:
         command = shlex.join(["benchtool", *sys.argv[1:]])
         print(f"report: {result.report(inputs.out, commands=[command])}")

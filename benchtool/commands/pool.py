@@ -1,4 +1,4 @@
-"""`benchtool pool`: what fits of several rigs share, and whether the rigs differ."""
+"""Command `benchtool pool`: hierarchical model of the fits of several rigs."""
 
 from __future__ import annotations
 
@@ -15,23 +15,21 @@ from benchtool.core.inputs import Input, Inputs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoolInputs(Inputs):
-    """What `benchtool pool` takes."""
+    """Options of `benchtool pool`."""
 
     fits: Annotated[
-        tuple[Path, ...], Input("Folders of benchtool fit --out, one of each rig.", argument="FIT")
+        tuple[Path, ...], Input("Fit folders (benchtool fit --out), one per rig.", argument="FIT")
     ] = ()
     of: Annotated[
         tuple[str, ...],
         Input(
             "Parameter that may differ between rigs; repeatable.",
-            default_text="those without a unit",
+            default_text="all without a unit",
         ),
     ] = ()
-    shared: Annotated[
-        tuple[str, ...], Input("Parameter that is the same in all rigs; repeatable.")
-    ] = ()
-    seed: Annotated[int, Ge(0), Input("Seed of everything random.")] = 1
-    out: Annotated[Path | None, Input("New folder for page, figure and pool.json.")] = None
+    shared: Annotated[tuple[str, ...], Input("Parameter equal in all rigs; repeatable.")] = ()
+    seed: Annotated[int, Ge(0), Input("Random seed.")] = 1
+    out: Annotated[Path | None, Input("New folder for report, figure and pool.json.")] = None
 
 
 @command_from_inputs(PoolInputs)

@@ -16,65 +16,61 @@ from benchtool.fit.recipe import Recipe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandInputs(Inputs):
-    """What a log of a stand may not state itself."""
+    """Options of test stand logs."""
 
-    TITLE = "Logs of stands"
+    TITLE = "Test stand logs"
 
     propeller: Annotated[
         str | None,
-        Input("Where a log does not state it: name, file, or size in inches, as 5x4.5."),
+        Input("Propeller, if missing in a log: name, file or inches: 5x4.5."),
     ] = None
-    rig: Annotated[
-        str | None, Input("Shipped name or path.", default_text="made from the logs")
-    ] = None
+    rig: Annotated[str | None, Input("Rig name or file.", default_text="from the logs")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorTestInputs(StandInputs):
-    """Vehicle of a motor test, and how far its thrust is extrapolated."""
+    """Options of a motor fit: vehicle mass and extrapolation of thrust."""
 
-    TITLE = "Motor tests"
+    TITLE = "Motor fit"
 
     mass_kg: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
-        Input(
-            "Mass of the vehicle that hovers.", "kg", default_text="the rig's, where it states one"
-        ),
+        Input("Vehicle mass for the hover point.", "kg", default_text="rig value"),
     ] = None
     rotors: Annotated[
         Annotated[int, Ge(1), Le(64)] | None,
-        Input("Number of rotors that carry the mass.", default_text="the rig's"),
+        Input("Rotors that carry the mass.", default_text="rig value"),
     ] = None
     extrapolate: Annotated[
-        bool, Input("Extrapolate thrust beyond 10 % in command and 15 % in voltage, too.")
+        bool, Input("Extrapolate thrust beyond 10 % of command and 15 % of voltage.")
     ] = False
 
 
-def recipe_from_options(given: dict[str, Any], command: str) -> Recipe:
-    """Return the recipe that options go over: that of a folder, or one of data and model."""
+def recipe_from_options(options: dict[str, Any], command: str) -> Recipe:
+    """Return the base recipe of the options: from a recipe folder, or of data and model."""
     from benchtool.fit.recipe import read_recipe
 
-    if words := given.pop("fix", []):
-        # A name without a value is held where the model has it.
-        given["hold"] = [*given.get("hold", []), *(word for word in words if "=" not in word)]
-        given["fix"] = [word for word in words if "=" in word]
-    if (folder := given.get("recipe")) is not None:
-        if "data" in given or "model" in given:
-            raise InputError("--recipe says which data and model; leave DATA and --model out")
+    if fixed := options.pop("fix", []):
+        # A name without a value is fixed at the value of the model.
+        options["hold"] = [*options.get("hold", []), *(text for text in fixed if "=" not in text)]
+        options["fix"] = [text for text in fixed if "=" in text]
+    if (folder := options.get("recipe")) is not None:
+        if "data" in options or "model" in options:
+            raise InputError("--recipe contains data and model; remove DATA and --model")
         return read_recipe(folder)
-    if "data" not in given:
+    if "data" not in options:
         raise InputError(
-            f"nothing to {command}: give run folders or CSV files, for example "
+            f"no data to {command}; give run folders or CSV files, for example "
             f"benchtool {command} runs/NAME --model quad_body_lift"
         )
-    if "model" not in given:
+    if "model" not in options:
         from benchtool.physics.model_file import model_names
 
-        for path in given.get("data", ()):
-            data_hash(path)  # what is no file is reported as that
-        raise InputError(f"which model? give --model with one of: {', '.join(model_names())}")
-    data = tuple(given["data"])
-    return Recipe(name=Path(data[0]).stem, data=data, model=given["model"])
+        for path in options.get("data", ()):
+            data_hash(path)  # raises for a missing file
+        raise InputError(f"model is missing; add --model with one of: {', '.join(model_names())}")
+    data = tuple(options["data"])
+    return Recipe(name=Path(data[0]).stem, data=data, model=options["model"])
 
 
 Error = Literal["sd", "se"]
@@ -82,30 +78,24 @@ Error = Literal["sd", "se"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableInputs(Inputs):
-    """Columns of a table; left out, their names decide."""
+    """Columns of a table; by default found by their names."""
 
-    TITLE = "Tables of your own"
+    TITLE = "User tables"
 
-    z: Annotated[str, Input("Column of the plate's distance; none without a plate.")] = ""
+    z: Annotated[str, Input("Column of the plate distance; none without a plate.")] = ""
     thrust: Annotated[str, Input("Column of the thrust.")] = ""
-    ratio: Annotated[str, Input("Column of T/T_OGE where no thrust is given.")] = ""
-    rpm: Annotated[str, Input("Column of the rotor speed, or one number for all rows.")] = ""
-    unit: Annotated[str, Input("Unit of the thrust, where its column names none: gf.")] = ""
-    z_unit: Annotated[
-        str, Input("Unit of the distance, where its column names none: mm; R for radii.")
-    ] = ""
-    error: Annotated[str, Input("Column of the thrust's or ratio's error; or none.")] = ""
+    ratio: Annotated[str, Input("Column of T/T_OGE, if there is no thrust.")] = ""
+    rpm: Annotated[str, Input("Column of the rotor speed, or one value in rpm.")] = ""
+    unit: Annotated[str, Input("Unit of the thrust, if its column name has none: gf.")] = ""
+    z_unit: Annotated[str, Input("Unit of the distance, if its column name has none: mm, R.")] = ""
+    error: Annotated[str, Input("Column of the error of thrust or ratio, or none.")] = ""
     error_is: Annotated[
         Error | None,
-        Input("What that is: scatter of single readings (sd) or standard error of means (se)."),
+        Input("Kind of error: standard deviation (sd) or standard error (se)."),
     ] = None
-    reference: Annotated[
-        str, Input("COLUMN=VALUE of the rows that were measured far from the plate.")
-    ] = ""
-    runs: Annotated[
-        str, Input("Column that names runs: fit each by itself; none for all as one.")
-    ] = ""
+    reference: Annotated[str, Input("COLUMN=VALUE of the rows out of ground effect.")] = ""
+    runs: Annotated[str, Input("Column of run names, fitted separately; none for one fit.")] = ""
     radius: Annotated[
         Annotated[float, Gt(0.0), Le(100.0)] | None,
-        Input("Rotor radius, in place of a rig.", "m"),
+        Input("Rotor radius, instead of --rig.", "m"),
     ] = None

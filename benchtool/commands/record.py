@@ -1,4 +1,4 @@
-"""`benchtool record`: a pitch experiment from a bench into a run folder."""
+"""Command `benchtool record`: run folder of a pitch experiment."""
 
 from __future__ import annotations
 
@@ -23,43 +23,43 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordInputs(Inputs):
-    """What `benchtool record` takes."""
+    """Options of `benchtool record`."""
 
     address: Annotated[
         str,
-        Input("The bench: sim:pquad?mode=pitch, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS"),
+        Input("Bench: sim:pquad?mode=pitch, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS"),
     ]
-    rig: Annotated[str | None, Input("Rig by name, or a rig file.")] = None
+    rig: Annotated[str | None, Input("Rig name or file.")] = None
     seconds: Annotated[
-        float, Gt(0.0), Le(3600.0), Input("How long, on the bench's clock.", "s", label="Length, s")
+        float, Gt(0.0), Le(3600.0), Input("Duration in bench time.", "s", label="Length, s")
     ] = 40.0
     collective: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,
-        Input("Pulse that arms the device.", "us", default_text="hover", label="Collective, us"),
+        Input("Collective pulse width.", "us", default_text="hover", label="Collective, us"),
     ] = None
     plate_z_m: Annotated[
         Annotated[float, Gt(0.0), Le(1000.0)] | None,
-        Input("Send the plate there before.", "m", label="Plate distance, m", default_text="stays"),
+        Input("Plate distance.", "m", label="Plate distance, m", default_text="unchanged"),
     ] = None
     limit_deg: Annotated[
         float,
         Gt(0.0),
         Le(90.0),
-        Input("Stop beyond this pitch angle.", "deg", label="Stop beyond, deg"),
+        Input("Pitch angle limit; stops the motors.", "deg", label="Stop beyond, deg"),
     ] = 45.0
     schedule: Annotated[
-        str, Input("What the device runs, for the record.", default_text="its own word")
+        str, Input("Schedule of the device, for the metadata.", default_text="as reported")
     ] = ""
     name: Annotated[str, Input("Name of the run.", label="Name of the run", group="Run folder")] = (
         "pitch"
     )
-    runs: Annotated[Path, Input("Where run folders are made.")] = Path("runs")
-    out: Annotated[Path | None, Input("Exactly this run folder; must be new.")] = None
-    operator: Annotated[str, Input("Who measures; the user when left out.")] = ""
+    runs: Annotated[Path, Input("Parent of run folders.")] = Path("runs")
+    out: Annotated[Path | None, Input("New run folder.")] = None
+    operator: Annotated[str, Input("Operator.", default_text="user name")] = ""
     yes: Annotated[
-        bool, Input("No typed arming: simulated or checked today.", group="This run")
+        bool, Input("Skip arming confirmation: simulated or checked today.", group="This run")
     ] = False
-    dry_run: Annotated[bool, Input("Show what would spin only.")] = False
+    dry_run: Annotated[bool, Input("Print the experiment only; no motor turns.")] = False
 
 
 @command_from_inputs(RecordInputs)
@@ -70,37 +70,37 @@ def record(inputs: RecordInputs) -> None:
     record_experiment(inputs, resolve_rig(inputs.address, inputs.rig))
 
 
-def record_experiment(inputs: RecordInputs, stands: Rig) -> Run | None:
-    """Check an experiment on a rig, arm and record it; return the run, None of a dry one."""
+def record_experiment(inputs: RecordInputs, rig: Rig) -> Run | None:
+    """Check, arm and record an experiment; return the run, or None for a dry run."""
     from benchtool.acquire.pitch_experiment import arming_text, check_experiment
     from benchtool.acquire.pitch_record import summary_line
     from benchtool.bench.drivers import open_bench
     from benchtool.data.run.run import check_not_existing
 
-    experiment = experiment_of(inputs, stands)
-    expected = check_experiment(experiment, stands)
+    experiment = experiment_of(inputs, rig)
+    expected = check_experiment(experiment, rig)
     if inputs.out is not None:
         check_not_existing(inputs.out)
     if inputs.dry_run:
-        open_bench(inputs.address, announce_code)  # refuses a wrong name; opens nothing yet
-        print(arming_text(experiment, stands, expected))
+        open_bench(inputs.address, announce_code)  # checks the address; opens nothing yet
+        print(arming_text(experiment, rig, expected))
         print("dry run: nothing was opened, nothing spins")
         return None
-    run, summary, simulated = _record(inputs, stands, experiment)
+    run, summary, simulated = _record(inputs, rig, experiment)
     print(f"{summary_line(summary)}{' (simulated)' if simulated else ''}; in {run.path}")
     return run
 
 
 def experiment_of(inputs: RecordInputs, rig: Rig) -> PitchExperiment:
-    """Return what is recorded on a rig."""
+    """Return the pitch experiment of the options."""
     from math import radians
 
     from benchtool.acquire.pitch_experiment import PitchExperiment, hover_pulse_us
 
-    pulse_us = inputs.collective
+    command_pwm_us = inputs.collective
     return PitchExperiment(
         seconds=inputs.seconds,
-        collective_us=hover_pulse_us(rig) if pulse_us is None else pulse_us,
+        collective_us=hover_pulse_us(rig) if command_pwm_us is None else command_pwm_us,
         plate_z_m=inputs.plate_z_m,
         pitch_limit_rad=radians(inputs.limit_deg),
         schedule=inputs.schedule,
@@ -110,7 +110,7 @@ def experiment_of(inputs: RecordInputs, rig: Rig) -> PitchExperiment:
 def _record(
     inputs: RecordInputs, rig: Rig, experiment: PitchExperiment
 ) -> tuple[Run, PitchSummary, bool]:
-    """Open the bench, arm, record, and close the run whatever happened."""
+    """Open the bench, arm, record, and close the run even after an error."""
     from benchtool.acquire.operator import arm, close_stopped, describe_bench, describe_end
     from benchtool.acquire.pitch_experiment import arming_text, expected_extremes, require_pitch
     from benchtool.acquire.pitch_record import record_pitch
@@ -122,20 +122,20 @@ def _record(
 
     load_library()
     run: Run | None = None
-    with ClosingSignals() as closing:
+    with ClosingSignals() as signals:
         try:
             guard = GuardedBench(open_bench(inputs.address, announce_code), rig)
             with accept_stops(guard, inputs.address) as bench:
-                identity = bench.identity
-                describe_bench(TERMINAL, identity, rig)
-                require_pitch(identity)
-                expected = expected_extremes(identity, experiment, rig)
+                device = bench.identity
+                describe_bench(TERMINAL, device, rig)
+                require_pitch(device)
+                expected = expected_extremes(device, experiment, rig)
                 text = arming_text(experiment, rig, expected)
                 arm(TERMINAL, text, bench, rig, unattended=inputs.yes)
                 folder = (inputs.runs, inputs.name, inputs.out)
-                run = new_pitch_run(folder, experiment, rig, identity, operator=inputs.operator)
+                run = new_pitch_run(folder, experiment, rig, device, operator=inputs.operator)
                 print(f"run {run.path}", flush=True)
-                closing.begin()
+                signals.begin()
                 summary = record_pitch(bench, rig, experiment, run)
             describe_end(TERMINAL, bench)
         except BaseException:
@@ -143,4 +143,4 @@ def _record(
                 close_stopped(TERMINAL, run)
             raise
         run.close()
-    return run, summary, identity.simulated
+    return run, summary, device.simulated

@@ -1,4 +1,4 @@
-"""`benchtool library rigs new`: a rig file with what its use needs, and nothing assumed."""
+"""Command `benchtool library rigs new`: rig file with the values that its purpose requires."""
 
 from __future__ import annotations
 
@@ -26,58 +26,54 @@ Pulse = Annotated[float, Gt(0.0), Le(20_000.0)]
 class NewRigInputs(Inputs):
     """Options of `benchtool library rigs new`; required values that are missing are asked."""
 
-    file: Annotated[Path, Input("File to write, such as mine.toml.", argument="FILE")]
+    file: Annotated[Path, Input("New file, e.g. mine.toml.", argument="FILE")]
     purpose: Annotated[
         Purpose,
         Input(
-            "What for: fit tables, test motors without a plate, sweep a plate, a beam on a hinge.",
+            "Purpose: fit of tables, motor test, plate sweep, or pitch bench.",
             option="for",
         ),
     ] = "fit"
-    like: Annotated[
-        str, Input("Rig (name or file) whose numbers are taken where none is given.")
-    ] = ""
+    like: Annotated[str, Input("Rig name or file to copy other values from.")] = ""
     radius: Annotated[
-        Length | None, Input("Rotor radius.", "m", default_text="the propeller's, or asked")
+        Length | None, Input("Rotor radius.", "m", default_text="from propeller or prompt")
     ] = None
     propeller: Annotated[
         str, Input("Propeller: name (benchtool library propellers), file, or inches: 10x4.5.")
     ] = ""
-    rotors: Annotated[int, Ge(1), Le(16), Input("How many rotors, evenly around the centre.")] = 1
+    rotors: Annotated[int, Ge(1), Le(16), Input("Number of rotors, evenly spaced on a circle.")] = 1
     arm: Annotated[
-        Length | None, Input("Centre to each rotor's axis.", "m", default_text="asked of several")
+        Length | None, Input("Radius of the rotor circle.", "m", default_text="prompt")
     ] = None
     cell: Annotated[
         Annotated[float, Gt(0.0), Le(1e5)] | None,
-        Input("Rating of the load cell.", "N", default_text="asked for motor, sweep"),
+        Input("Load cell rating.", "N", default_text="prompt for motor, sweep"),
     ] = None
     pulses: Annotated[
         tuple[Pulse, Pulse, Pulse] | None,
         Input(
-            "Pulses at which the motor stands, starts, and ends.",
+            "Pulse widths for stop, start and full throttle.",
             "us",
-            default_text="asked for motor, sweep",
+            default_text="prompt for motor, sweep",
         ),
     ] = None
     current: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,
-        Input(
-            "Largest current of the supply; a run stops beyond it.", "A", default_text="no limit"
-        ),
+        Input("Current limit; a run stops above it.", "A", default_text="no limit"),
     ] = None
     plate: Annotated[
         Literal["device", "grbl", "hand"] | None,
-        Input("Who moves the plate.", default_text="asked for a sweep"),
+        Input("Plate stage.", default_text="prompt for sweep"),
     ] = None
     travel: Annotated[
         tuple[Length, Length] | None,
-        Input("Nearest and farthest plate.", "m", default_text="asked for a sweep"),
+        Input("Minimum and maximum plate distance.", "m", default_text="prompt for sweep"),
     ] = None
     inertia: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,
-        Input("Inertia of the beam about its hinge.", "kg m2", default_text="asked for pitch"),
+        Input("Beam inertia about the hinge.", "kg m2", default_text="prompt for pitch"),
     ] = None
-    source: Annotated[str, Input("Where the numbers come from.")] = "stated by the bench's owner"
+    source: Annotated[str, Input("Source of the values.")] = "stated by the bench's owner"
 
 
 @command_from_inputs(NewRigInputs)
@@ -93,141 +89,142 @@ def new_rig(inputs: NewRigInputs) -> None:
     text = rig_text(inputs, file.stem)
     rig = parse_rig(text, str(file))
     write_new(file, lambda: file.write_text(text, encoding="utf-8"), "another FILE")
-    left_out = len(rig.not_stated)
     print(
-        f"written: {file}; it leaves out {left_out} numbers, for which typical ones stand in where "
-        f"something needs them"
+        f"written: {file}; {len(rig.not_stated)} other values are missing and have typical defaults"
     )
     name = shlex.quote(str(file))
-    print(f"# see them\nbenchtool library rigs {name}")
+    print(f"# show all values\nbenchtool library rigs {name}")
     if inputs.purpose == "pitch":
         print(f"# simulate it\nbenchtool simulate pitch --rig {name} --model pitch_beam")
         return
     if inputs.purpose == "motor":
-        print("# try a test without a plate on a virtual bench of this rig")
+        print("# run a test without a plate on a virtual bench of this rig")
         print(f"benchtool sweep sim:{name} --plan steps --yes")
         return
-    print("# try a sweep on a virtual bench of this rig")
+    print("# run a sweep on a virtual bench of this rig")
     nearest, farthest = (
-        at_m / rig.propulsion.radius_m for at_m in (rig.plate.z_min_m, rig.plate.z_max_m)
+        z_m / rig.propulsion.radius_m for z_m in (rig.plate.z_min_m, rig.plate.z_max_m)
     )
-    low = max(0.6, ceil(10.0 * nearest) / 10.0)
-    places = [f"{low * times:g}" for times in (1.0, 1.5, 3.0) if low * times <= farthest]
-    distances = ",".join(places)
+    first = max(0.6, ceil(10.0 * nearest) / 10.0)
+    z_over_R = [first * factor for factor in (1.0, 1.5, 3.0)]
+    distances = ",".join(f"{ratio:g}" for ratio in z_over_R if ratio <= farthest)
     print(f"benchtool sweep sim:{name} --z-over-r {distances} --pwm 1500 --repeats 2 --yes")
 
 
 def rig_text(inputs: NewRigInputs, name: str) -> str:
-    """Return the file of a rig, what is missing asked.
+    """Return the text of the rig file; prompts for missing values.
 
     Raises:
-        InputError: something is missing and nobody is at a terminal, or an answer is no number.
+        InputError: a value is missing and there is no terminal, or an answer is not a number.
     """
     import tomli_w
 
     from benchtool.core.library import read_named
     from benchtool.core.parsed_text import parse_toml
 
-    known = {item.key: item for item in items(NewRigInputs)}
+    fields = {item.key: item for item in items(NewRigInputs)}
     data = parse_toml(*read_named("rig", "rigs", inputs.like)) if inputs.like else {}
     data |= {"name": name, "title": name}
-    sweeps, tilts, source = inputs.purpose == "sweep", inputs.purpose == "pitch", inputs.source
+    is_sweep, is_pitch = inputs.purpose == "sweep", inputs.purpose == "pitch"
+    source = inputs.source
 
     def table(key: str) -> dict[str, Any]:
-        made: dict[str, Any] = data.setdefault(key, {"source": source})
-        return made
+        result: dict[str, Any] = data.setdefault(key, {"source": source})
+        return result
 
-    def state(key: str, **numbers: float) -> None:
-        for one, value in numbers.items():
-            table(key)[one] = {"value": value, "source": source} if inputs.like else value
+    def write(key: str, **values: float) -> None:
+        for name, value in values.items():
+            table(key)[name] = {"value": value, "source": source} if inputs.like else value
 
-    def asked(key: str, usual: str = "") -> Any:
+    def get(key: str, default: str = "") -> Any:
         if (value := getattr(inputs, key)) is not None:
             return value
-        item = known[key]
+        item = fields[key]
         reason = f"{item.option} is missing ({item.label[:1].lower()}{item.label[1:]})"
-        typed = ask(item.label, item.option, usual, item.choices, reason)
-        return item.read(typed, item.option)
+        text = ask(item.label, item.option, default, item.choices, reason)
+        return item.read(text, item.option)
 
-    def missing(key: str, *where: str) -> bool:
-        """Return whether a number is to be stated: given, or not in the file that is like it."""
-        return getattr(inputs, key) is not None or where[1] not in data.get(where[0], {})
+    def is_needed(key: str, table_name: str, name: str) -> bool:
+        """Return whether to write a value: given as an option, or missing in the copied rig."""
+        return getattr(inputs, key) is not None or name not in data.get(table_name, {})
 
     if inputs.propeller:
-        _mount(inputs.propeller, data)
+        _set_propeller(inputs.propeller, data)
         if inputs.radius is None:
-            state("propulsion", radius_m=data["propeller"]["diameter_m"] / 2.0)
-    if missing("radius", "propulsion", "radius_m"):
-        state("propulsion", radius_m=asked("radius"))
-    if tilts and (inputs.arm is not None or "rotors" not in data):
-        # Rotor 1 behind the hinge: positive pitch lifts it off the plate.
-        data["rotors"] = _rotors([(side * asked("arm"), 0.0) for side in (-1.0, 1.0)], source)
-    elif not tilts and inputs.rotors > 1:
-        data["rotors"] = _places(inputs.rotors, asked("arm"), source)
-    if tilts and missing("inertia", "body", "inertia_yy_kgm2"):
-        state("body", inertia_yy_kgm2=asked("inertia"))
-    turns = sweeps or inputs.purpose == "motor"
-    if (turns or inputs.cell is not None) and missing("cell", "limits", "load_cell_rating_N"):
-        state("limits", load_cell_rating_N=asked("cell"))
+            write("propulsion", radius_m=data["propeller"]["diameter_m"] / 2.0)
+    if is_needed("radius", "propulsion", "radius_m"):
+        write("propulsion", radius_m=get("radius"))
+    if is_pitch and (inputs.arm is not None or "rotors" not in data):
+        # Rotor 1 is behind the hinge: positive pitch moves it away from the plate.
+        data["rotors"] = _rotors([(side * get("arm"), 0.0) for side in (-1.0, 1.0)], source)
+    elif not is_pitch and inputs.rotors > 1:
+        data["rotors"] = _rotor_circle(inputs.rotors, get("arm"), source)
+    if is_pitch and is_needed("inertia", "body", "inertia_yy_kgm2"):
+        write("body", inertia_yy_kgm2=get("inertia"))
+    has_motor = is_sweep or inputs.purpose == "motor"
+    if (has_motor or inputs.cell is not None) and is_needed("cell", "limits", "load_cell_rating_N"):
+        write("limits", load_cell_rating_N=get("cell"))
     if inputs.current is not None:
-        state("limits", current_A=inputs.current)
-    if (turns or inputs.pulses is not None) and missing("pulses", "propulsion", "pwm_stop_us"):
-        stop_us, start_us, max_us = asked("pulses", "1000,1050,1950")
-        state("propulsion", pwm_stop_us=stop_us, pwm_start_us=start_us, pwm_max_us=max_us)
-    if (sweeps or inputs.plate is not None) and missing("plate", "plate", "moved_by"):
-        table("plate")["moved_by"] = asked("plate", "device")
-    if (sweeps or inputs.travel is not None) and missing("travel", "plate", "z_min_m"):
-        nearest, farthest = asked("travel")
+        write("limits", current_A=inputs.current)
+    if (has_motor or inputs.pulses is not None) and is_needed(
+        "pulses", "propulsion", "pwm_stop_us"
+    ):
+        stop_us, start_us, max_us = get("pulses", "1000,1050,1950")
+        write("propulsion", pwm_stop_us=stop_us, pwm_start_us=start_us, pwm_max_us=max_us)
+    if (is_sweep or inputs.plate is not None) and is_needed("plate", "plate", "moved_by"):
+        table("plate")["moved_by"] = get("plate", "device")
+    if (is_sweep or inputs.travel is not None) and is_needed("travel", "plate", "z_min_m"):
+        nearest, farthest = get("travel")
         if not 0.0 < nearest < farthest:
             raise InputError(
-                f"--travel is {nearest:g},{farthest:g} m: the nearest plate must stand before the "
-                f"farthest, both above 0; give --travel NEAREST,FARTHEST"
+                f"--travel {nearest:g},{farthest:g} m is invalid; give --travel MIN,MAX with "
+                f"0 < MIN < MAX"
             )
-        state("plate", z_min_m=nearest, z_max_m=farthest)
+        write("plate", z_min_m=nearest, z_max_m=farthest)
     return tomli_w.dumps(data)
 
 
-def ask(question: str, option: str, usual: str, choices: Sequence[str], reason: str) -> str:
-    """Return a line typed on a terminal, again until it is one of the choices.
+def ask(question: str, option: str, default: str, choices: Sequence[str], reason: str) -> str:
+    """Prompt on a terminal until the answer is one of the choices, and return it.
 
     Raises:
-        InputError: there is no terminal, or the input ended.
+        InputError: no terminal, or end of input.
     """
     if not sys.stdin.isatty():
         raise InputError(f"{reason}; give {option}")
-    offered = f" ({', '.join(choices)})" if choices else ""
-    end = f" [{usual}]: " if usual else ": "
+    choice_text = f" ({', '.join(choices)})" if choices else ""
+    end = f" [{default}]: " if default else ": "
     while True:
-        print(f"{question}?{offered}{end}", end="", flush=True)
+        print(f"{question}?{choice_text}{end}", end="", flush=True)
         if not (line := sys.stdin.readline()):
-            raise InputError(f"the input has ended; give {option}")
-        typed = line.strip() or usual
-        if typed and (not choices or typed in choices):
-            return typed
-        if typed:
-            print(UnknownChoice("answer", typed, choices))
+            raise InputError(f"end of input; give {option}")
+        answer = line.strip() or default
+        if answer and (not choices or answer in choices):
+            return answer
+        if answer:
+            print(UnknownChoice("answer", answer, choices))
 
 
-def _mount(named: str, data: dict[str, Any]) -> None:
-    """Put a propeller into the tables of a rig; coefficients of another one go."""
+def _set_propeller(name: str, data: dict[str, Any]) -> None:
+    """Write a propeller to the tables of a rig and remove coefficients of the previous one."""
     from benchtool.data.propeller_file import load_propeller
 
-    numbers = asdict(load_propeller(named))
-    stated = {key: value for key, value in numbers.items() if value}
-    data["propeller"] = {"source": f"propeller {named}", **stated}
+    fields = asdict(load_propeller(name))
+    values = {key: value for key, value in fields.items() if value}
+    data["propeller"] = {"source": f"propeller {name}", **values}
     for key in ("radius_m", "thrust_coefficient_N_s2", "drag_coefficient_Nm_s2"):
         data.get("propulsion", {}).pop(key, None)
 
 
-def _places(count: int, arm_m: float, source: str) -> list[dict[str, Any]]:
-    """Return rotors evenly around the centre, the first ahead and to the left, turning in turn."""
+def _rotor_circle(count: int, arm_m: float, source: str) -> list[dict[str, Any]]:
+    """Return rotors evenly spaced on a circle, first front left, with alternating spin."""
     from math import cos, pi, sin
 
     angles = [2.0 * pi * (index + 0.5) / count for index in range(count)]
     return _rotors([(arm_m * cos(angle), arm_m * sin(angle)) for angle in angles], source)
 
 
-def _rotors(places_m: Sequence[tuple[float, float]], source: str) -> list[dict[str, Any]]:
+def _rotors(positions_m: Sequence[tuple[float, float]], source: str) -> list[dict[str, Any]]:
     return [
         {
             "name": f"rotor {index}",
@@ -235,5 +232,5 @@ def _rotors(places_m: Sequence[tuple[float, float]], source: str) -> list[dict[s
             "y_m": {"value": round(y_m, 6), "source": source},
             "spin": {"value": 1 if index % 2 else -1, "source": source},
         }
-        for index, (x_m, y_m) in enumerate(places_m, 1)
+        for index, (x_m, y_m) in enumerate(positions_m, 1)
     ]

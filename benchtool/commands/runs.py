@@ -18,11 +18,11 @@ from benchtool.data.catalogue.filters import ChoiceInputs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ListInputs(ChoiceInputs):
-    """What `benchtool runs list` takes."""
+    """Options of `benchtool runs list`."""
 
-    most: Annotated[int, Ge(1), Input("Show as many, the newest.")] = 40
-    paths: Annotated[bool, Input("Print every path alone, one a line, for other commands.")] = False
-    rebuild: Annotated[bool, Input("Read every run again, whatever the index says.")] = False
+    most: Annotated[int, Ge(1), Input("Maximum number of entries, newest first.")] = 40
+    paths: Annotated[bool, Input("Print paths only, one per line.")] = False
+    rebuild: Annotated[bool, Input("Rebuild the index.")] = False
 
 
 @command_from_inputs(ListInputs)
@@ -33,10 +33,10 @@ def list_(inputs: ListInputs) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchInputs(ListInputs):
-    """What `benchtool runs search` takes."""
+    """Options of `benchtool runs search`."""
 
     words: Annotated[
-        str, Input("Words in name, rig, operator, date, state, tags, notes, ...", argument="WORDS")
+        str, Input("Words in name, rig, operator, date, state, tags, notes.", argument="WORDS")
     ]
 
 
@@ -49,30 +49,30 @@ def search(inputs: SearchInputs) -> None:
 def _list(inputs: ListInputs) -> None:
     from benchtool.data.catalogue.filters import find_entries
 
-    found = find_entries(inputs, rebuild=inputs.rebuild)
+    entries = find_entries(inputs, rebuild=inputs.rebuild)
     if inputs.paths:
-        print("\n".join(str(path) for path, _ in found))
+        print("\n".join(str(path) for path, _ in entries))
         return
-    if not found:
-        print("nothing matches; leave an option out, or see benchtool runs list")
+    if not entries:
+        print("no match; remove an option, or use benchtool runs list")
         return
     rows = [
-        (str(path), one.kind, one.rig, one.date, one.state, _radii(one), " ".join(one.tags),
-         one.problem or one.summary)
-        for path, one in found[: inputs.most]
+        (str(path), entry.kind, entry.rig, entry.date, entry.state, _radii(entry),
+         " ".join(entry.tags), entry.problem or entry.summary)
+        for path, entry in entries[: inputs.most]
     ]  # fmt: skip
-    head = ("path", "kind", "rig or model", "date", "state", "z/R", "tags", "what is in it")
+    head = ("path", "kind", "rig or model", "date", "state", "z/R", "tags", "content")
     _print_columns((head, *rows))
-    if (left := len(found) - len(rows)) > 0:
-        print(f"{left:,} more; choose fewer, or give --most {len(found)}")
+    if (hidden := len(entries) - len(rows)) > 0:
+        print(f"{hidden:,} more; add a filter, or --most {len(entries)}")
 
 
 def _radii(entry: Entry) -> str:
-    return " to ".join(f"{one:.3g}" for one in dict.fromkeys(entry.z_over_r))
+    return " to ".join(f"{ratio:.3g}" for ratio in dict.fromkeys(entry.z_over_r))
 
 
 def _print_columns(rows: Sequence[tuple[str, ...]]) -> None:
-    """Print rows in columns as wide as they need; the last is left as it is."""
+    """Print rows in aligned columns."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
@@ -81,14 +81,14 @@ def _print_columns(rows: Sequence[tuple[str, ...]]) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QueryInputs(ChoiceInputs):
-    """What `benchtool runs query` takes."""
+    """Options of `benchtool runs query`."""
 
     sql: Annotated[
         str,
-        Input("One SELECT over runs, settings, points, samples, fits.", argument="SELECT"),
+        Input("SQL SELECT over runs, settings, points, samples, fits.", argument="SELECT"),
     ]
-    most: Annotated[int, Ge(1), Input("Show as many rows.")] = 40
-    out: Annotated[Path | None, Input("Write every row into this .csv or .parquet file.")] = None
+    most: Annotated[int, Ge(1), Input("Maximum number of rows.")] = 40
+    out: Annotated[Path | None, Input("Write all rows to this .csv or .parquet file.")] = None
 
 
 @command_from_inputs(QueryInputs)
@@ -97,30 +97,30 @@ def query(inputs: QueryInputs) -> None:
     from benchtool.data.catalogue.filters import find_entries
     from benchtool.data.catalogue.query import run_query, write_result
 
-    found = find_entries(inputs)
-    with run_query(found, inputs.sql) as result:
+    entries = find_entries(inputs)
+    with run_query(entries, inputs.sql) as result:
         if inputs.out is not None:
             write_result(result, inputs.out)
             print(f"written: {inputs.out}")
             return
         columns, rows = tuple(result.columns), result.limit(inputs.most + 1).fetchall()
-    shown = [tuple(map(_cell, row)) for row in rows[: inputs.most]]
-    _print_columns((columns, *shown))
+    cells = [tuple(map(_format_cell, row)) for row in rows[: inputs.most]]
+    _print_columns((columns, *cells))
     if len(rows) > inputs.most:
-        print("there are more rows; write them all with --out, or give --most")
+        print("there are more rows; write all with --out, or use --most")
 
 
-def _cell(value: object) -> str:
+def _format_cell(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else "" if value is None else str(value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TagInputs(Inputs):
-    """What `benchtool runs tag` takes."""
+    """Options of `benchtool runs tag`."""
 
-    runs: Annotated[tuple[Path, ...], Input("Folders of runs or fits.", argument="RUN")]
-    add: Annotated[tuple[str, ...], Input("Tags to give them.", comma_separated=True)] = ()
-    remove: Annotated[tuple[str, ...], Input("Tags to take from them.", comma_separated=True)] = ()
+    runs: Annotated[tuple[Path, ...], Input("Run or fit folders.", argument="RUN")]
+    add: Annotated[tuple[str, ...], Input("Tags to add.", comma_separated=True)] = ()
+    remove: Annotated[tuple[str, ...], Input("Tags to remove.", comma_separated=True)] = ()
 
 
 @command_from_inputs(TagInputs)
@@ -136,9 +136,9 @@ def tag(inputs: TagInputs) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoteInputs(Inputs):
-    """What `benchtool runs note` takes."""
+    """Options of `benchtool runs note`."""
 
-    run: Annotated[Path, Input("The folder of a run or fit.", argument="RUN")]
+    run: Annotated[Path, Input("Run or fit folder.", argument="RUN")]
     text: Annotated[str, Input("One sentence.", argument="TEXT")]
 
 
@@ -157,16 +157,16 @@ def note(inputs: NoteInputs) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShowInputs(Inputs):
-    """What `benchtool runs show` and `compare` take."""
+    """Options of `benchtool runs show` and `compare`."""
 
-    runs: Annotated[tuple[Path, ...], Input("Folders of runs or fits.", argument="RUN")]
+    runs: Annotated[tuple[Path, ...], Input("Run or fit folders.", argument="RUN")]
 
 
 @command_from_inputs(ShowInputs)
 def show(inputs: ShowInputs) -> None:
     """Show the catalogue entries of runs and fits."""
-    for facts in [_facts(path) for path in inputs.runs]:
-        for name, value in facts.items():
+    for entry in [_describe_entry(path) for path in inputs.runs]:
+        for name, value in entry.items():
             print(f"{name:<12} {value}".rstrip())
 
 
@@ -177,32 +177,33 @@ def compare(inputs: ShowInputs) -> None:
     from benchtool.data.run.settings import ratios_by_distance
 
     if len(inputs.runs) < 2:
-        raise InputError(f"one run is named, {inputs.runs[0]}; name two or more to compare")
-    facts = [_facts(path) for path in inputs.runs]
-    rows = [(name, *(one.get(name, "") for one in facts)) for name in facts[0] if name != "notes"]
+        raise InputError(f"only one run, {inputs.runs[0]}; give two or more to compare")
+    entries = [_describe_entry(path) for path in inputs.runs]
+    names = [name for name in entries[0] if name != "notes"]
+    rows = [(name, *(entry.get(name, "") for entry in entries)) for name in names]
     _print_columns(rows)
     ratios = ratios_by_distance(inputs.runs)
     if ratios:
         print(f"T_IGE/T_OGE at equal squared speed, mean over {pluralize(len(ratios), 'distance')}")
-        shown = [
-            (f"z/R {z:.3g}", *("" if one is None else f"{one:.4f}" for one in row))
+        cells = [
+            (f"z/R {z:.3g}", *("" if ratio is None else f"{ratio:.4f}" for ratio in row))
             for z, row in ratios
         ]
-        _print_columns([("", *map(str, inputs.runs)), *shown])
+        _print_columns([("", *map(str, inputs.runs)), *cells])
 
 
-def _facts(path: Path) -> dict[str, str]:
+def _describe_entry(path: Path) -> dict[str, str]:
     from benchtool.data.run.entry import build_entry
     from benchtool.data.run.runs_folder import RunsFolder
 
     real = path.resolve()
-    one = build_entry(RunsFolder(real.parent), real.name)
+    entry = build_entry(RunsFolder(real.parent), real.name)
     return {
-        "run": str(path), "kind": one.kind, "rig": one.rig, "propeller": one.propeller,
-        "operator": one.operator, "date": one.date,
-        "state": one.state + (", simulated" if one.simulated else ""), "z/R": _radii(one),
-        "tags": ", ".join(one.tags), "notes": "; ".join(one.notes), "holds": one.summary,
-        **({"problem": one.problem} if one.problem else {}),
+        "run": str(path), "kind": entry.kind, "rig": entry.rig, "propeller": entry.propeller,
+        "operator": entry.operator, "date": entry.date,
+        "state": entry.state + (", simulated" if entry.simulated else ""), "z/R": _radii(entry),
+        "tags": ", ".join(entry.tags), "notes": "; ".join(entry.notes), "content": entry.summary,
+        **({"problem": entry.problem} if entry.problem else {}),
     }  # fmt: skip
 
 
@@ -211,22 +212,24 @@ def verify(inputs: ShowInputs) -> None:
     """Verify the file hashes of runs; exit code 2 on a mismatch."""
     from benchtool.data.run.entry import verify_run
 
-    wrong = 0
+    n_failed = 0
     for path in inputs.runs:
         problems = verify_run(path)
-        wrong += bool(problems)
-        print(f"{path}: {'; '.join(problems) or 'as stated'}", flush=True)
-    if wrong:
-        raise InputError(f"{wrong} of {len(inputs.runs)} are not as stated; restore from a copy")
+        n_failed += bool(problems)
+        print(f"{path}: {'; '.join(problems) or 'hashes match'}", flush=True)
+    if n_failed:
+        raise InputError(
+            f"hashes of {n_failed} of {len(inputs.runs)} runs do not match; restore from a copy"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunExportInputs(Inputs):
-    """What `benchtool runs export` takes."""
+    """Options of `benchtool runs export`."""
 
-    run: Annotated[Path, Input("The run folder.", argument="RUN")]
-    out: Annotated[Path, Input("The file, which ends in .mcap, .parquet or .csv.", argument="FILE")]
-    table: Annotated[Literal["samples", "points", "settings"], Input("What of the run.")] = (
+    run: Annotated[Path, Input("Run folder.", argument="RUN")]
+    out: Annotated[Path, Input("New file: .mcap, .parquet or .csv.", argument="FILE")]
+    table: Annotated[Literal["samples", "points", "settings"], Input("Table to export.")] = (
         "samples"
     )
 
@@ -248,10 +251,10 @@ def export(inputs: RunExportInputs) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MergeInputs(Inputs):
-    """What `benchtool runs merge` takes."""
+    """Options of `benchtool runs merge`."""
 
     runs: Annotated[tuple[Path, ...], Input("Runs of one rig and propeller.", argument="RUN")]
-    out: Annotated[Path, Input("The new run folder.", alias="-o")]
+    out: Annotated[Path, Input("New run folder.", alias="-o")]
 
 
 @command_from_inputs(MergeInputs)
@@ -262,12 +265,12 @@ def merge(inputs: MergeInputs) -> None:
     from benchtool.data.run.read import parts_of
 
     run = merge_runs(inputs.runs, inputs.out)
-    print(f"written: {inputs.out}, of {pluralize(len(parts_of(run.path)), 'run')}")
+    print(f"written: {inputs.out}, from {pluralize(len(parts_of(run.path)), 'run')}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CloseInputs(Inputs):
-    """What `benchtool runs close` takes."""
+    """Options of `benchtool runs close`."""
 
     runs: Annotated[tuple[Path, ...], Input("Run folders.", argument="RUN")]
 
@@ -280,7 +283,7 @@ def close(inputs: CloseInputs) -> None:
 
     for run in [Run.open(path) for path in inputs.runs]:
         written = close_run(run)
-        facts = run.metadata
-        reason = f" ({facts['reason']})" if facts.get("reason") else ""
-        done = "closed" if written else "it was closed already"
-        print(f"{run.path}: {done}; {facts.get('state', '')}{reason}")
+        metadata = run.metadata
+        reason = f" ({metadata['reason']})" if metadata.get("reason") else ""
+        action = "closed" if written else "already closed"
+        print(f"{run.path}: {action}; {metadata.get('state', '')}{reason}")

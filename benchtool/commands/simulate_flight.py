@@ -1,9 +1,9 @@
-"""`benchtool simulate flight`: a multirotor near surfaces under each controller."""
+"""Command `benchtool simulate flight`: closed-loop flight near surfaces."""
 
 from __future__ import annotations
 
 from benchtool.commands.input_commands import command_from_inputs
-from benchtool.commands.simulate_options import say_if_slow, show_study
+from benchtool.commands.simulate_options import print_study, warn_if_slow
 from benchtool.commands.terminal.messages import announce_code
 from benchtool.simulate.flight.inputs import FlightInputs
 
@@ -12,9 +12,9 @@ from benchtool.simulate.flight.inputs import FlightInputs
 def flight(inputs: FlightInputs) -> None:
     """Simulate flights over an obstacle with each controller.
 
-    Numbers, recordings, a figure; or a campaign of many flights.
+    Writes recordings and a figure, or with --vary a table of many flights.
     """
-    say_if_slow()
+    warn_if_slow()
     if inputs.study.campaign.vary:
         from benchtool.commands.terminal.show_campaign import show_campaign
         from benchtool.simulate.campaign_flight import OGE
@@ -25,4 +25,4 @@ def flight(inputs: FlightInputs) -> None:
         return
     from benchtool.results import flight_result
 
-    show_study(flight_result(inputs, permit=announce_code), inputs.study.out)
+    print_study(flight_result(inputs, permit=announce_code), inputs.study.out)

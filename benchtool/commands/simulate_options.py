@@ -1,4 +1,4 @@
-"""What the commands of closed-loop simulations say."""
+"""Output of the closed-loop simulation commands."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ if TYPE_CHECKING:
     from benchtool.report.result import Result
 
 
-def say_if_slow() -> None:
-    """Say that simulations are slow here, where they are."""
+def warn_if_slow() -> None:
+    """Print a warning if simulations run without a compiler."""
     from benchtool.physics.expression import can_compile
 
     if not can_compile():
         print(
-            "numba is not installed, so this runs as plain Python and takes minutes; "
-            "pip install benchtool[fast] makes it a second",
+            "numba is not installed, so the simulation takes minutes instead of a second; use "
+            "pip install benchtool[fast]",
             file=sys.stderr,
         )
 
 
-def show_study(result: Result[Any], out: Path | None) -> None:
-    """Print what came out, and write it where a folder was named."""
+def print_study(result: Result[Any], out: Path | None) -> None:
+    """Print the summary of a result, and write it if a folder is given."""
     print(result.summary(), flush=True)
     if out is None:
         print("add --out FOLDER for the recordings (CSV) and the figure")
@@ -34,7 +34,7 @@ def show_study(result: Result[Any], out: Path | None) -> None:
         written = result.save(out)
     except OSError as error:
         raise InputError(
-            f"{out} cannot be written: {error.strerror or error}; name another folder with --out"
+            f"{out} cannot be written: {error.strerror or error}; use another folder with --out"
         ) from error
     for path in written:
         print(f"written: {path}")

@@ -1,4 +1,4 @@
-"""`benchtool stop`: zero throttle for the benches of this user."""
+"""Command `benchtool stop`: zero throttle on the benches of this user."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from benchtool.core.inputs import Input, Inputs
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopInputs(Inputs):
-    """Inputs of `benchtool stop`."""
+    """Options of `benchtool stop`."""
 
     address: Annotated[
         str | None,
-        Input("Only the bench at this address.", default_text="every bench of this user"),
+        Input("Bench to stop.", default_text="every bench of this user"),
     ] = None
 
 
@@ -30,7 +30,7 @@ def stop(inputs: StopInputs) -> None:
     benches = announced = find_benches()
     if not benches:
         raise InputError(
-            f"no bench of this user runs on this machine (looked in {stop_folder()}); if a motor "
+            f"no bench of this user runs on this machine (searched {stop_folder()}); if a motor "
             f"turns, cut the power"
         )
     if inputs.address is not None:
@@ -41,10 +41,10 @@ def stop(inputs: StopInputs) -> None:
         reports = list(pool.map(lambda bench: bench.stop(), benches))
     for bench, report in zip(benches, reports, strict=True):
         print(f"{bench.address}: {report.text}")
-    unseen = [
+    unconfirmed = [
         bench.address for bench, report in zip(benches, reports, strict=True) if not report.standing
     ]
-    if unseen:
+    if unconfirmed:
         raise StandstillNotConfirmed(
-            f"MOTORS MAY STILL TURN: {', '.join(unseen)}; look, cut the power if they turn"
+            f"MOTORS MAY STILL TURN: {', '.join(unconfirmed)}; check, and cut the power if they do"
         )

@@ -1,4 +1,4 @@
-"""`benchtool sweep`: from a plan to a run folder."""
+"""Command `benchtool sweep`: run folder from a plan."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from benchtool.commands.terminal.messages import announce_code
 from benchtool.commands.terminal.sweep_operator import TERMINAL
 
 
-def _base(given: dict[str, Any]) -> SweepInputs:
+def _base_inputs(options: dict[str, Any]) -> SweepInputs:
     from benchtool.acquire.sweep_run import base_inputs
 
-    return base_inputs(given, "option")
+    return base_inputs(options, "option")
 
 
-@command_from_inputs(SweepInputs, _base)
+@command_from_inputs(SweepInputs, _base_inputs)
 def sweep(inputs: SweepInputs) -> None:
     """Sweep plate distance and throttle."""
     from benchtool.acquire.sweep_run import run_sweep_to_folder

@@ -1,4 +1,4 @@
-"""`benchtool web`: the page."""
+"""Command `benchtool web`: browser interface."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ from annotated_types import Ge, Le
 from benchtool.commands.input_commands import command_from_inputs
 from benchtool.core.inputs import Input, Inputs
 
-PAGE = "benchtool.web.serve"  # named, not imported: the page stands above the commands
+SERVE_MODULE = "benchtool.web.serve"  # imported on call: the web package imports commands
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WebInputs(Inputs):
-    """What `benchtool web` takes."""
+    """Options of `benchtool web`."""
 
-    runs: Annotated[Path, Input("Folder of runs; the page reads and writes no other.")] = Path(
+    runs: Annotated[Path, Input("Folder of runs; the only one that the page accesses.")] = Path(
         "runs"
     )
-    host: Annotated[str, Input("Address to serve on; others than this machine need the token.")] = (
+    host: Annotated[str, Input("Address to listen on; other machines need the token.")] = (
         "127.0.0.1"
     )
     port: Annotated[
         Annotated[int, Ge(0), Le(65535)] | None, Input("Port.", default_text="8460 or a free one")
     ] = None
-    token: Annotated[bool, Input("Want the token on this machine, too.")] = False
+    token: Annotated[bool, Input("Require the token on this machine, too.")] = False
     browser: Annotated[bool, Input("Open the page in a browser.")] = True
 
 
 @command_from_inputs(WebInputs)
 def web(inputs: WebInputs) -> None:
     """Start the browser interface."""
-    page = import_module(PAGE)
-    opened: list[Path | None] = []
+    server = import_module(SERVE_MODULE)
+    redirect_files: list[Path | None] = []
 
     def announce(address: str) -> None:
         print(address, flush=True)
         if inputs.browser:
-            opened.append(page.open_page(address))
+            redirect_files.append(server.open_page(address))
 
     try:
-        page.serve(inputs.runs, inputs.host, inputs.port, announce, wants_token=inputs.token)
+        server.serve(inputs.runs, inputs.host, inputs.port, announce, wants_token=inputs.token)
     finally:
-        for file in opened:
+        for file in redirect_files:
             if file is not None:
                 file.unlink(missing_ok=True)

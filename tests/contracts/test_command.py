@@ -39,7 +39,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "runs search": [("x --folder nowhere", "there is no folder nowhere")],
     "runs query": [("DROP --folder nowhere", "there is no folder nowhere")],
     "runs show": [("nowhere", "nowhere: it is not in the runs folder")],
-    "runs compare": [("nowhere", "one run is named, nowhere; name two or more")],
+    "runs compare": [("nowhere", "only one run, nowhere; give two or more")],
     "runs tag": [("nowhere a", "nowhere: there is no such folder")],
     "runs note": [("nowhere b", "nowhere: there is no such folder")],
     "runs verify": [("nowhere", "nowhere: it is not in the runs folder")],
@@ -221,7 +221,7 @@ def test_it_is_refused_in_one_sentence_and_leaves_nothing(
     assert run(*name.split(), *words.split()) == 2
     error = capsys.readouterr().err
     assert sentence in error
-    sentences = [line for line in error.splitlines() if not line.startswith("runs Python code of")]
+    sentences = [line for line in error.splitlines() if not line.startswith("running user code: ")]
     assert len(sentences) == 1
     assert sorted(tmp_path.rglob("*")) == before
 

@@ -71,7 +71,7 @@ def test_runs_close_closes_it_once(dead):
     assert read_events(dead / "events.jsonl")[-1].event == "closed"
     before = {path.name: path.read_bytes() for path in dead.iterdir()}
     again = closed(dead, "runs", "close")
-    assert (again.code, again.last_line) == (0, "run: it was closed already; ended")
+    assert (again.code, again.last_line) == (0, "run: already closed; ended")
     assert {path.name: path.read_bytes() for path in dead.iterdir()} == before
 
 

@@ -73,7 +73,7 @@ def test_experiments_are_recorded_until_the_answer_is_sure(monkeypatch, capsys):
     found = json.loads(Path("found.json").read_text())
     assert "experiment-1" in " ".join(found["data"]["learn"])
     assert "plate_tilt" in [effect["name"] for effect in found["effects"]]
-    assert out.rstrip().splitlines()[-1].startswith("The answer is as sure as --until 0.95 after ")
+    assert out.rstrip().splitlines()[-1].startswith("The verdict has reached --until 0.95 after ")
 
 
 def test_each_experiment_is_armed_by_hand_and_not_by_yes(monkeypatch, capsys):

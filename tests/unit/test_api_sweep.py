@@ -49,11 +49,11 @@ def test_a_sweep_returns_what_read_returns_of_its_run(capsys):
 
 
 def test_nothing_is_opened_where_nobody_confirmed(capsys):
-    with pytest.raises(InputError, match=r"nothing was armed: bt\.sweep turns motors"):
+    with pytest.raises(InputError, match=r"not armed: bt\.sweep turns motors"):
         bt.sweep("tcp:127.0.0.1:1", "pquad", **PLAN)
     with pytest.raises(InputError, match="z_over_r names -1"):
         bt.sweep("sim:pquad", z_over_r=-1, yes=True)
-    with pytest.raises(InputError, match="dry_run is of the command"):
+    with pytest.raises(InputError, match="dry_run needs the command line"):
         bt.sweep("sim:pquad", dry_run=True, yes=True)
     assert capsys.readouterr().out == ""
 
@@ -124,7 +124,7 @@ def test_interrupt_of_a_notebook_stops_motors(tmp_path):
         manager.interrupt_kernel()
         while (reply := client.get_shell_msg(timeout=60))["parent_header"]["msg_id"] != asked:
             pass
-        assert reply["content"]["ename"] == "RunStopped"
+        assert reply["content"]["ename"] == "RunInterrupted"
         assert "stopped by Ctrl-C; zero was commanded" in reply["content"]["evalue"]
     finally:
         client.stop_channels()

@@ -1,4 +1,4 @@
-"""Many recordings, each by itself: in processes of this machine or on a cluster, stored as done."""
+"""Batch of independent tasks in worker processes or on a cluster, with stored results."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from benchtool.tasks import TaskStore, Work, run_tasks
 
 T = TypeVar("T")
 
-Written = Callable[[Path], Any]  # writes everything into a folder
+WriteFolder = Callable[[Path], Any]  # writes all files of a folder
 
 
 def index_by_name(data: Sequence[str]) -> dict[str, str]:
-    """Return data by the last part of their path.
+    """Return data paths by folder name or file stem.
 
     Raises:
-        InputError: two have one name.
+        InputError: two paths have the same name.
     """
-    names = [Path(each).name if Path(each).is_dir() else Path(each).stem for each in data]
-    if again := next((name for name in names if names.count(name) > 1), ""):
-        both = " and ".join(each for name, each in zip(names, data, strict=True) if name == again)
-        raise InputError(f"{both} would both be called {again}; rename one of them")
+    names = [Path(path).name if Path(path).is_dir() else Path(path).stem for path in data]
+    if duplicate := next((name for name in names if names.count(name) > 1), ""):
+        pairs = zip(names, data, strict=True)
+        paths = " and ".join(path for name, path in pairs if name == duplicate)
+        raise InputError(f"{paths} have the same name {duplicate}; rename one")
     return dict(zip(names, data, strict=True))
 
 
@@ -43,52 +44,52 @@ def run_each(
     cluster: str | None,
     processes: int | None = None,
 ) -> dict[str, Any]:
-    """Return the result of each task by name, in their order, and show how many are done.
+    """Return the result of each task by name, in order, with a progress bar.
 
     Args:
-        work: `outcome` of something that writes its folder with `reject_duplicate_outputs`.
-        out: folder of their folders; with it, what was ended goes on when it is called again.
-        about: of which work these are results.
+        work: `outcome` of a function that writes its folder with `reject_duplicate_outputs`.
+        out: parent of the task folders; an interrupted batch resumes there.
+        about: description that identifies the work.
 
     Raises:
-        WouldOverwrite: the folder holds something else already.
+        WouldOverwrite: the folder contains other files.
     """
     path = None if out is None else out / "done.jsonl"
     if out is not None and path is not None and not path.exists():
         refuse_full(out)
     columns = (MofNCompleteColumn(), TimeRemainingColumn())
-    found = {}
+    results = {}
     with (
         progress_bar(*columns) as bar,
         nullcontext() if path is None else TaskStore(path, about) as store,
     ):
-        shown = bar.add_task("done", total=len(tasks))
+        task_id = bar.add_task("done", total=len(tasks))
         options: dict[str, Any] = {"store": store, "cluster": cluster, "processes": processes}
         try:
             for name, result in run_tasks(work, tasks, **options):
-                found[name] = result
-                bar.update(shown, completed=len(found))
+                results[name] = result
+                bar.update(task_id, completed=len(results))
         except KeyboardInterrupt:
             if path is not None:
-                print(f"ended; what is done is in {out}; the same command resumes", file=sys.stderr)
+                print(f"stopped; results are in {out}; the same command resumes", file=sys.stderr)
             raise
     if path is not None:
         path.unlink()
-    return {name: found[name] for name in tasks}
+    return {name: results[name] for name in tasks}
 
 
-def reject_duplicate_outputs(folder: Path | None, write: Written) -> None:
-    """Write a folder whole; one that is there was, by a task whose result was not stored."""
+def reject_duplicate_outputs(folder: Path | None, write: WriteFolder) -> None:
+    """Write a folder atomically; skip one that an interrupted run has already written."""
     if folder is not None and not folder.exists():
         partial_folder(folder).parent.mkdir(parents=True, exist_ok=True)
-        with write_atomically(folder) as part:
-            write(part)
+        with write_atomically(folder) as temporary:
+            write(temporary)
 
 
 def outcome(work: Callable[[T], Any], item: T) -> dict[str, Any]:
-    """Return what work returns as `result`, or its error as sentence and exit code.
+    """Return the result of work, or its error as message and exit code.
 
-    What is wrong with one recording ends no other.
+    An error of one task does not stop the others.
     """
     try:
         return {"result": work(item), "error": "", "exit_code": 0}
@@ -96,11 +97,12 @@ def outcome(work: Callable[[T], Any], item: T) -> dict[str, Any]:
         return {"result": None, "error": str(error), "exit_code": error.exit_code}
 
 
-def raise_first(found: Mapping[str, Mapping[str, Any]]) -> None:
-    """Print the errors of all outcomes, and raise the first as the end of the command."""
-    wrong = {name: one for name, one in found.items() if one["error"]}
-    for name, one in wrong.items():
-        print(f"! {name}: {one['error']}")
-    for name, one in wrong.items():
-        kind = EstimationError if one["exit_code"] == EstimationError.exit_code else InputError
-        raise kind(f"{len(wrong)} of {len(found)} failed, the first is {name}: {one['error']}")
+def raise_first(outcomes: Mapping[str, Mapping[str, Any]]) -> None:
+    """Print the errors of all outcomes, and raise the first."""
+    failed = {name: row for name, row in outcomes.items() if row["error"]}
+    for name, row in failed.items():
+        print(f"! {name}: {row['error']}")
+    for name, row in failed.items():
+        is_estimation = row["exit_code"] == EstimationError.exit_code
+        error_class = EstimationError if is_estimation else InputError
+        raise error_class(f"{len(failed)} of {len(outcomes)} failed, first {name}: {row['error']}")

@@ -1,4 +1,4 @@
-"""Record the experiments that an explanation proposes, each one shown and armed by hand."""
+"""Recording of the experiments that an explanation proposes, each with arming confirmation."""
 
 from __future__ import annotations
 
@@ -19,60 +19,62 @@ if TYPE_CHECKING:
     from benchtool.explain.inputs import ExplainInputs
 
 
-def open_experiment_bench(address: str, question: Request, out: Path | None) -> Rig:
-    """Return the rig on a bench that is to be the one of recordings; nothing is opened.
+def open_experiment_bench(address: str, request: Request, out: Path | None) -> Rig:
+    """Return the rig of a bench after a check against the recordings; does not connect.
 
     Raises:
-        InputError: no folder for the runs, an address that nothing knows, or another rig.
+        InputError: no folder for the runs, an unknown address, or another rig.
     """
     from benchtool.acquire.inputs import resolve_rig
     from benchtool.bench.drivers import open_bench
     from benchtool.data.run.run_rig import differences
 
     if out is None:
-        raise InputError("--bench records run folders beside the answer: give --out FOLDER")
+        raise InputError("--bench needs a folder for the runs; add --out FOLDER")
     open_bench(address, announce_code)
-    known = question.loaded.model.rig
+    model_rig = request.loaded.model.rig
     if not address.startswith("sim:"):
-        return known
-    stands = resolve_rig(address, None)
-    if different := differences(known, stands):
+        return model_rig
+    rig = resolve_rig(address, None)
+    if different := differences(model_rig, rig):
         raise InputError(
-            f"{address} is another rig than that of the recordings ({different[0]}); name the "
-            f"bench that they were made on"
+            f"the rig of {address} differs from that of the recordings ({different[0]}); use the "
+            f"bench of the recordings"
         )
-    return stands
+    return rig
 
 
-def stop_reason(answer: ExplainResult, inputs: ExplainInputs, made: int, left_min: float) -> str:
-    """Return why nothing more is recorded, in a sentence; empty where an experiment comes next."""
+def stop_reason(
+    answer: ExplainResult, inputs: ExplainInputs, n_recorded: int, remaining_min: float
+) -> str:
+    """Return the reason to stop recording experiments; empty to continue."""
     verdict, experiment = answer.verdict, answer.verdict.next
-    after = f" after {pluralize(made, 'experiment')}" if made else ""
+    count = f" after {pluralize(n_recorded, 'experiment')}" if n_recorded else ""
     if verdict.holds(inputs.until):
-        return f"The answer is as sure as --until {inputs.until:g}{after}."
-    still = f"The answer is not as sure as --until {inputs.until:g}{after}"
+        return f"The verdict has reached --until {inputs.until:g}{count}."
+    status = f"The verdict has not reached --until {inputs.until:g}{count}"
     if experiment is None:
-        return f"{still}, and there is no experiment to propose."
+        return f"{status}, and there is no experiment to propose."
     if not experiment.decides:
-        return f"{still}. {next_sentence(answer)}"
-    if made >= inputs.most_experiments:
-        return f"{still}; --most-experiments {inputs.most_experiments} allows no more."
-    if experiment.minutes > left_min:
+        return f"{status}. {next_sentence(answer)}"
+    if n_recorded >= inputs.most_experiments:
+        return f"{status}; --most-experiments {inputs.most_experiments} is reached."
+    if experiment.minutes > remaining_min:
         return (
-            f"{still}; the next experiment takes {experiment.minutes:.0f} minutes, and "
-            f"--most-minutes leaves {left_min:.0f}."
+            f"{status}; the next experiment takes {experiment.minutes:.0f} min, but only "
+            f"{remaining_min:.0f} min of --most-minutes remain."
         )
     return ""
 
 
 def record_next(
-    answer: ExplainResult, experiment: NextExperiment, inputs: ExplainInputs, stands: Rig
+    answer: ExplainResult, experiment: NextExperiment, inputs: ExplainInputs, rig: Rig
 ) -> Run:
-    """Show an experiment, have it armed by hand and record it, as `sweep` and `record` do.
+    """Print an experiment, wait for the arming confirmation and record it.
 
     Raises:
-        RunStopped: it was not armed, or stopped.
-        BenchError: the bench failed; motors are at zero.
+        RunInterrupted: not armed, or stopped.
+        BenchError: the bench failed; throttle is zero.
     """
     from benchtool.acquire.inputs import SweepInputs
     from benchtool.acquire.plan import plan_from_toml
@@ -87,10 +89,10 @@ def record_next(
     name, text = next_file(answer)
     run: Run | None
     if experiment.schedule is None:
-        plan = plan_from_toml(text, name).resolved(stands)
+        plan = plan_from_toml(text, name).resolved(rig)
         run = record_sweep(
             SweepInputs(address=inputs.bench, plan=plan, out=folder, stage=inputs.stage),
-            stands,
+            rig,
             TERMINAL,
             announce_code,
         )
@@ -98,23 +100,23 @@ def record_next(
         file = inputs.out / name
         run = record_experiment(
             RecordInputs(
-                address=_running(inputs.bench, file),
+                address=_with_schedule(inputs.bench, file),
                 seconds=experiment.schedule.duration_s,
                 schedule=str(file),
                 out=folder,
             ),
-            stands,
+            rig,
         )
     assert run is not None
     return run
 
 
-def _running(address: str, schedule: Path) -> str:
-    """Return the address of a bench whose device runs a schedule; a virtual one is given it."""
+def _with_schedule(address: str, schedule: Path) -> str:
+    """Return a `sim:` address with the schedule; print a load instruction for other benches."""
     from urllib.parse import parse_qsl, urlencode
 
     if address.startswith("sim:"):
-        place, _, query = address.partition("?")
-        return f"{place}?{urlencode({**dict(parse_qsl(query)), 'schedule': str(schedule)})}"
-    print(f"the device runs the schedule by itself: load {schedule} into it before you arm")
+        base, _, query = address.partition("?")
+        return f"{base}?{urlencode({**dict(parse_qsl(query)), 'schedule': str(schedule)})}"
+    print(f"load schedule {schedule} into the device before arming")
     return address

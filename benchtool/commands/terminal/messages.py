@@ -1,4 +1,4 @@
-"""What commands say on standard error, and what happens where an output is full or closed."""
+"""Messages on standard error, and errors of full or closed outputs."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from benchtool.core.errors import (
 )
 from benchtool.core.resource_errors import is_exhaustion, resource_error
 
+# Errors of the loader and of threads after a failed allocation, in place of MemoryError
 _NO_MEMORY = ("cannot allocate memory", "failed to map segment", "can't start new thread")
-"""What loaders and threads say where an allocation failed; they raise no MemoryError for it."""
 
 _NOT_FINITE = ("infs or NaNs", "not finite in the initial point")  # in messages of SciPy
 
 
 def flush_output() -> None:
-    """Write out what was printed.
+    """Flush standard output.
 
     Raises:
         ResourceExhausted: standard output is full or closed.
@@ -34,26 +34,26 @@ def flush_output() -> None:
         raise resource_error(error, "standard output cannot be written") from error
 
 
-def cause_behind(error: BaseException) -> ResourceExhausted | EstimationError | None:
-    """Return the error for people where resources ended or numbers cannot be solved for."""
-    # A write that failed names no file, and fails again where it was that of standard output.
-    unnamed = isinstance(error, OSError) and error.filename is None
-    if (output := _output_error("\n" if unnamed else "")) is not None:
+def find_cause(error: BaseException) -> ResourceExhausted | EstimationError | None:
+    """Return the benchtool error for exhausted resources or unsolvable numbers, else None."""
+    # A failed write has no file name; it fails again if it was to standard output.
+    is_write = isinstance(error, OSError) and error.filename is None
+    if (output := _output_error("\n" if is_write else "")) is not None:
         return resource_error(output, "standard output cannot be written")
-    if isinstance(error, MemoryError) or any(words in str(error).lower() for words in _NO_MEMORY):
-        return resource_error(MemoryError(), "this command was given up")
+    if isinstance(error, MemoryError) or any(text in str(error).lower() for text in _NO_MEMORY):
+        return resource_error(MemoryError(), "this command was stopped")
     if isinstance(error, OSError) and is_exhaustion(error):
         return resource_error(error, "a file cannot be read or written")
-    if type(error).__name__ == "LinAlgError" or any(words in str(error) for words in _NOT_FINITE):
+    if type(error).__name__ == "LinAlgError" or any(text in str(error) for text in _NOT_FINITE):
         return EstimationError(
-            f"numbers of the data or the model are out of the range that can be computed "
-            f"({error}); look for impossible rows and parameter values"
+            f"values of the data or the model are not computable ({error}); check for implausible "
+            f"rows and parameter values"
         )
     return None
 
 
 class EscapedStream:
-    """Text stream that writes control characters of files and devices as visible escapes."""
+    """Text stream wrapper that escapes control characters."""
 
     def __init__(self, stream: TextIO) -> None:
         self.rich_proxied_file = stream
@@ -67,14 +67,14 @@ class EscapedStream:
 
 
 def say_error(text: str) -> None:
-    """Print a sentence on standard error, where that can still be written."""
+    """Print a message on standard error; ignore write errors."""
     _output_error()
     with suppress(OSError, ValueError):
         print(f"benchtool: {text}", file=sys.stderr, flush=True)
 
 
 def _output_error(text: str = "") -> OSError | None:
-    """Print a text and return why that fails; standard output leads nowhere from then on."""
+    """Print a text and return the write error; standard output is the null device after it."""
     stream = sys.__stdout__
     try:
         sys.stdout.write(text)
@@ -82,27 +82,27 @@ def _output_error(text: str = "") -> OSError | None:
         if stream is not None and not stream.closed:
             stream.flush()
     except OSError as error:
-        # What is left in the buffer would raise once more when the interpreter ends.
+        # The remaining buffer would raise again at interpreter exit.
         with suppress(OSError, ValueError):
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, sys.__stdout__.fileno() if sys.__stdout__ else 1)
-            os.close(nowhere)
+            null_device = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null_device, sys.__stdout__.fileno() if sys.__stdout__ else 1)
+            os.close(null_device)
         return error
-    except (ValueError, AttributeError):  # it was closed before we began
+    except (ValueError, AttributeError):  # closed before the call
         return None
     return None
 
 
 def announce_code(file: str) -> None:
-    """Permit a Python file that a person named, saying on stderr that it runs."""
-    print(f"runs Python code of your own: {file}", file=sys.stderr, flush=True)
+    """Permit user code and print its file on standard error."""
+    print(f"running user code: {file}", file=sys.stderr, flush=True)
 
 
 def write_new(out: Path, write: Callable[[], object], hint: str = "another --out") -> None:
-    """Write what must not be there yet.
+    """Write a new file or folder.
 
     Raises:
-        WouldOverwrite: something is there.
+        WouldOverwrite: it exists.
         InputError: it cannot be written.
     """
     if out.exists() or out.is_symlink():

@@ -1,4 +1,4 @@
-"""A campaign on the terminal: its runs, its table, and the mean of one measure."""
+"""Terminal output of a campaign: progress, table file, and mean of one measure."""
 
 from __future__ import annotations
 
@@ -24,24 +24,30 @@ from benchtool.simulate.flight.inputs import FlightInputs
 from benchtool.simulate.pitch.inputs import PitchInputs
 
 
-def show_campaign(inputs: PitchInputs | FlightInputs, known: Iterable[str], **names: Any) -> None:
+def show_campaign(
+    inputs: PitchInputs | FlightInputs, controllers: Iterable[str], **options: Any
+) -> None:
     """Run a campaign, write its table, and print the mean of a measure.
 
     Args:
-        known: controllers that a campaign can run.
-        names: of `Design.read`.
+        controllers: available for campaigns.
+        options: of `Design.read`.
     """
-    _refuse_own(inputs, known)
+    _check_names(inputs, controllers)
     campaign = campaign_of(inputs, announce_code)
-    study, several, out = inputs.study, inputs.study.campaign, inputs.study.out
+    study, campaign_inputs, out = inputs.study, inputs.study.campaign, inputs.study.out
     design = Design.read(
-        several.vary, samples=several.samples, seeds=several.seeds, seed=study.seed, **names
+        campaign_inputs.vary,
+        samples=campaign_inputs.samples,
+        seeds=campaign_inputs.seeds,
+        seed=study.seed,
+        **options,
     )
-    measure = several.measure or next(iter(campaign.measures))
+    measure = campaign_inputs.measure or next(iter(campaign.measures))
     if measure not in campaign.measures:
         raise UnknownChoice("measure", measure, campaign.measures)
     if out is None:
-        raise InputError("a campaign writes its results to disk; add --out FOLDER")
+        raise InputError("a campaign needs a folder for its results; add --out FOLDER")
     table = out / "campaign.parquet"
     for path in (out, table):
         if path.exists() and not path.is_dir():
@@ -57,7 +63,7 @@ def show_campaign(inputs: PitchInputs | FlightInputs, known: Iterable[str], **na
         "simulated": "true", "benchtool": __version__, **campaign.metadata, **design.words(),
         "set": " ".join(format_arguments(study.settings, commas=False)),
     }  # fmt: skip
-    began = monotonic()
+    start_s = monotonic()
     with progress_bar(MofNCompleteColumn(), TimeRemainingColumn(), transient=False) as progress:
         task = progress.add_task("runs", total=total)
         try:
@@ -67,22 +73,22 @@ def show_campaign(inputs: PitchInputs | FlightInputs, known: Iterable[str], **na
             )  # fmt: skip
         except KeyboardInterrupt:
             rows = table.with_name("runs.jsonl")
-            print(f"ended; finished runs are in {rows}; the same command resumes", file=sys.stderr)
+            print(f"stopped; results are in {rows}; the same command resumes", file=sys.stderr)
             raise
-    took_s = max(monotonic() - began, 1e-9)
-    print(f"{pluralize(count, 'run')} in {took_s:.1f} s, {count / took_s:.3g} runs/s")
+    duration_s = max(monotonic() - start_s, 1e-9)
+    print(f"{pluralize(count, 'run')} in {duration_s:.1f} s, {count / duration_s:.3g} runs/s")
     print(f"written: {table}", flush=True)
     means = campaign_means(table, measure)
     if not means:
-        raise InputError(f"{measure} has no value in any run; name another with --measure")
-    print(f"{campaign.measures[measure]}, mean of all:")
+        raise InputError(f"{measure} has no value in any run; use another with --measure")
+    print(f"{campaign.measures[measure]}, mean of all runs:")
     for gains, controller in series:
         name = f"{gains}, {controller}" if len(campaign.setups) > 1 else controller
         print(f"  {name}: {means.get((gains, controller), nan):.3g}")
 
 
-def _refuse_own(inputs: PitchInputs | FlightInputs, known: Iterable[str]) -> None:
-    """Refuse what a campaign cannot run: one's own controllers, or a name given twice."""
+def _check_names(inputs: PitchInputs | FlightInputs, controllers: Iterable[str]) -> None:
+    """Raise for user controllers, unknown controllers, and duplicate names."""
     for option, names in (
         ("--controllers", inputs.controllers),
         ("--gains", inputs.study.gains),
@@ -91,6 +97,6 @@ def _refuse_own(inputs: PitchInputs | FlightInputs, known: Iterable[str]) -> Non
             raise InputError(f"{option} is {', '.join(names)}; name each once")
     for name in inputs.controllers:
         if ":" in name:
-            raise InputError("a campaign runs built-in controllers; leave your own out")
-        if name not in known:
-            raise UnknownChoice("controller", name, known)
+            raise InputError("campaigns run built-in controllers only; remove user controllers")
+        if name not in controllers:
+            raise UnknownChoice("controller", name, controllers)

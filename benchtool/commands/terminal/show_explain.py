@@ -1,4 +1,4 @@
-"""Show an explanation on the terminal: progress while it works, then the answer."""
+"""Terminal output of an explanation: progress and answer."""
 
 from __future__ import annotations
 
@@ -24,35 +24,35 @@ from benchtool.report.answer.tables import (
 
 
 @contextmanager
-def progress_status(reading: str) -> Iterator[Callable[[str, float], None]]:
-    """Show a bar on a terminal, one line elsewhere; gives the function that moves the bar."""
-    begun = f"explaining {reading}; the answer can take a minute or more"
+def progress_status(recordings: str) -> Iterator[Callable[[str, float], None]]:
+    """Yield a progress callback: a bar on a terminal, one line otherwise."""
+    start_line = f"explaining {recordings}; this can take a minute or more"
     with progress_bar(TaskProgressColumn(), TimeElapsedColumn()) as bar:
         task = bar.add_task("reading", total=1.0)
 
-        def report(what: str, share: float) -> None:
-            nonlocal begun
-            if begun and bar.disable:  # what is refused never comes here, and ends in one sentence
-                print(begun, file=sys.stderr, flush=True)
-            begun = ""
-            bar.update(task, description=what, completed=share)
+        def report(stage: str, fraction: float) -> None:
+            nonlocal start_line
+            if start_line and bar.disable:  # after all inputs are checked
+                print(start_line, file=sys.stderr, flush=True)
+            start_line = ""
+            bar.update(task, description=stage, completed=fraction)
 
         yield report
 
 
 @contextmanager
-def is_interactive() -> Iterator[None]:
-    """Print as long as somebody reads: `head` closing the pipe is no error."""
+def ignore_broken_pipe() -> Iterator[None]:
+    """Ignore a broken pipe, for example of `head`, and flush standard output."""
     try:
         yield
         sys.stdout.flush()
     except BrokenPipeError:
-        # What is still in the buffer must not be tried again when the process ends.
+        # The remaining buffer must not be written again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def print_answer(answer: ExplainResult) -> None:
-    """Print what was found: the sentence, where, which, the gap, tolerances, what is not judged."""
+    """Print verdict, location, effects, gap, tolerances, unjudged effects and warnings."""
     console = Output()
     verdict = answer.verdict
     if answer.simulated:
@@ -66,7 +66,7 @@ def print_answer(answer: ExplainResult) -> None:
     for name in verdict.not_judged:
         console.say(f"Not judged: {answer.title_of(name)} {unjudged_sentence(answer, name)}")
     console.say(*(f"! {line}" for line in answer.remarks))
-    console.say(f"It took {answer.seconds:.1f} s.")
+    console.say(f"Computing time: {answer.seconds:.1f} s.")
 
 
 def _print_verdict(console: Output, answer: ExplainResult) -> None:
@@ -76,21 +76,21 @@ def _print_verdict(console: Output, answer: ExplainResult) -> None:
 
 
 def print_next(answer: ExplainResult, out: Path | None, json_file: Path | None) -> None:
-    """Print in one place: the verdict, what was added to which file, and the next commands."""
+    """Print the written files, the verdict, model changes and next commands."""
     console = Output()
     folder = str(out) if out is not None else ""
     if out is not None:
-        print(f"written: {out / PAGE}, the figures and {ANSWER} beside it")
+        print(f"written: {out / PAGE}, figures and {ANSWER} in the same folder")
     if json_file is not None:
         print(f"written: {json_file}")
     console.print("\nIn short", style="bold")
     _print_verdict(console, answer)
     console.say(added_sentence(answer, folder))
     console.say(*(f"  {change.words}" for change in changes(answer)))
-    if to_do := next_sentence(answer):
+    if sentence := next_sentence(answer):
         name, _ = next_file(answer)
-        stands = f" It stands in {out / name}." if out is not None and name else ""
-        console.say(f"{to_do}{stands}")
+        location = f" File: {out / name}." if out is not None and name else ""
+        console.say(f"{sentence}{location}")
     if out is None:
-        print("add --out FOLDER for the page, the figures, the new model and the next experiment")
+        print("add --out FOLDER for the report, figures, new model and next experiment")
     console.say(*lines(next_steps(answer, folder)))

@@ -1,4 +1,4 @@
-"""Show what an import found: one line of what was read, then a table of findings."""
+"""Terminal output of an import: summary and table of findings."""
 
 from __future__ import annotations
 
@@ -12,37 +12,37 @@ from benchtool.commands.terminal.tables import Output
 from benchtool.data.repairs.import_result import ImportResult
 
 
-def print_import(read: ImportResult, target: Path | None) -> None:
+def print_import(result: ImportResult, target: Path | None) -> None:
     """Print one import."""
     console = Output()
-    tally = read.tally
+    tally = result.tally
     parts = [f"{tally.kept:,} of {tally.total:,} {tally.unit}s kept"]
     if tally.not_needed:
-        parts.append(f"{tally.not_needed:,} of kinds that are not needed")
-    parts.append(f"{tally.refused:,} refused")
-    source = read.recording.provenance.get("file", "")
-    console.say(f"{source}: {read.format}; {', '.join(parts)}")
-    console.say(f"channels: {', '.join(read.recording.names)}")
-    for window in read.windows:
+        parts.append(f"{tally.not_needed:,} of other kinds")
+    parts.append(f"{tally.refused:,} rejected")
+    source = result.recording.provenance.get("file", "")
+    console.say(f"{source}: {result.format}; {', '.join(parts)}")
+    console.say(f"channels: {', '.join(result.recording.names)}")
+    for window in result.windows:
         rotor = f"rotor {window.rotor}" if window.rotor else "all rotors"
         console.say(
             f"over a surface: {rotor}, {window.start_s:.6g} s to {window.end_s:.6g} s "
-            f"(says {window.source})"
+            f"(source: {window.source})"
         )
-    if read.findings:
-        console.print(_table(read))
+    if result.findings:
+        console.print(_table(result))
     if target is not None:
         console.say(f"written: {target} and {target.name}.json")
 
 
-def _table(read: ImportResult) -> Table:
+def _table(result: ImportResult) -> Table:
     table = Table(box=SIMPLE_HEAD)
     table.add_column("kind", no_wrap=True)
-    table.add_column("what", overflow="fold", max_width=18)
+    table.add_column("finding", overflow="fold", max_width=18)
     table.add_column("channel", overflow="fold", max_width=16)
-    table.add_column("words", overflow="fold")
-    for item in read.findings:
-        lines = item.lines if len(item.lines) <= 40 else f"{item.lines[:36]} ..."
-        words = f"{item.words} (line {lines})" if item.lines else item.words
-        table.add_row(*map(Text, (item.kind, item.what, item.channel, words)))
+    table.add_column("details", overflow="fold")
+    for finding in result.findings:
+        lines = finding.lines if len(finding.lines) <= 40 else f"{finding.lines[:36]} ..."
+        details = f"{finding.words} (line {lines})" if finding.lines else finding.words
+        table.add_row(*map(Text, (finding.kind, finding.what, finding.channel, details)))
     return table

@@ -1,4 +1,4 @@
-"""Show a sweep while it runs: a bar and a live table on a terminal, plain lines elsewhere."""
+"""Live terminal output of a sweep: progress bar and table, or plain lines without a terminal."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from benchtool.commands.terminal.tables import EscapedConsole
 from benchtool.data.run.append import Event
 from benchtool.data.run.points import Point
 
-LATEST = 8  # points in the live table
+TABLE_ROWS = 8  # latest points in the live table
 
 
 class LiveDisplay(RunProgress):
-    """Draw a progress bar with the time left, and a table of the latest points and events."""
+    """Progress bar with remaining time, and table of the latest points and events."""
 
     def __init__(self, radius_m: float | None, console: Console) -> None:
         self._radius_m = radius_m
-        self._latest: deque[Point] = deque(maxlen=LATEST)
+        self._latest: deque[Point] = deque(maxlen=TABLE_ROWS)
         self._event = ""
         self._bar = Progress(
             TextColumn("{task.description}"),
@@ -54,8 +54,8 @@ class LiveDisplay(RunProgress):
     def render(self) -> Group:
         table = Table(box=None, pad_edge=False)
         radius_m = self._radius_m
-        places = () if radius_m is None else ("kind", "z/R")
-        for name in ("point", *places, "pwm us", "rpm", "thrust N", "+-", "V", ""):
+        plate_columns = () if radius_m is None else ("kind", "z/R")
+        for name in ("point", *plate_columns, "pwm us", "rpm", "thrust N", "+-", "V", ""):
             table.add_column(name, justify="left" if name == "kind" else "right")
         for point in list(self._latest):
             table.add_row(
@@ -72,8 +72,8 @@ class LiveDisplay(RunProgress):
 
 
 @contextmanager
-def display_for(radius_m: float | None) -> Iterator[RunProgress]:
-    """Show a sweep live on a terminal, in plain lines elsewhere."""
+def open_display(radius_m: float | None) -> Iterator[RunProgress]:
+    """Yield a live display on a terminal, or plain lines otherwise."""
     console = EscapedConsole()
     if not console.is_terminal:
         yield ProgressLines(radius_m, partial(print, flush=True))

@@ -1,4 +1,4 @@
-"""The operator at a terminal."""
+"""Operator at a terminal."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from benchtool.core.errors import InputError
 if TYPE_CHECKING:
     from benchtool.acquire.record import RunProgress
 
-LOOK_S = 0.05
+POLL_INTERVAL_S = 0.05
 
 
 class TerminalOperator:
-    """Print what is said; read answers from standard input."""
+    """Print messages; read answers from standard input."""
 
     def inform(self, text: str) -> None:
         print(text, flush=True)
@@ -29,29 +29,29 @@ class TerminalOperator:
     def answer(self, question: str, meanwhile: Callable[[], object] | None = None) -> str:
         print(question, end="", flush=True)
         if meanwhile is None:
-            return _line(sys.stdin.readline())
-        typed: list[str] = []
-        reader = threading.Thread(target=lambda: typed.append(sys.stdin.readline()), daemon=True)
+            return _check_line(sys.stdin.readline())
+        lines: list[str] = []
+        reader = threading.Thread(target=lambda: lines.append(sys.stdin.readline()), daemon=True)
         reader.start()
         while reader.is_alive():
             meanwhile()
-            reader.join(LOOK_S)
-        return _line(typed[0] if typed else "")
+            reader.join(POLL_INTERVAL_S)
+        return _check_line(lines[0] if lines else "")
 
     def display(self, radius_m: float | None) -> AbstractContextManager[RunProgress]:
-        from benchtool.commands.terminal.sweep_display import display_for
+        from benchtool.commands.terminal.sweep_display import open_display
 
-        return display_for(radius_m)
+        return open_display(radius_m)
 
 
 TERMINAL = TerminalOperator()
 
 
-def _line(line: str) -> str:
+def _check_line(line: str) -> str:
     if not line:
         print()
         raise InputError(
-            "nobody answered: the input has ended; run it in a terminal, or give --yes where the "
-            "bench allows it"
+            "no answer: end of input; run the command in a terminal, or use --yes if the bench "
+            "allows it"
         )
     return line.rstrip("\n")

@@ -1,4 +1,4 @@
-"""Columns, rig and model of a table for `benchtool fit`, from its headers and options."""
+"""Column map, rig and model of a CSV table for `benchtool fit`, from header and options."""
 
 from __future__ import annotations
 
@@ -33,114 +33,114 @@ from benchtool.data.run.run_rig import load_rig_for_data
 from benchtool.data.table import RowFilter, read_table, rows_where
 from benchtool.physics.model_file import model_names, stated_in
 
-MODEL = "single"  # model of a table where none is named: one rotor over a plate
+MODEL = "single"  # one rotor over a plate
 NONE = "none"
-FAR = ("inf", "infinity", "∞", "far", "oge", "ref", "reference", "park", "parked")
-MAX_NEAREST_OVER_R = 30.0  # a nearest plate beyond is a wrong unit; assumed
-ONE_RPM = 6000.0  # in place of an unknown speed; assumed
+OGE_WORDS = ("inf", "infinity", "∞", "far", "oge", "ref", "reference", "park", "parked")
+MAX_NEAREST_OVER_R = 30.0  # a larger minimum distance is a unit error; assumed
+DEFAULT_RPM = 6000.0  # for an unknown speed; assumed
 _SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 _ERROR = re.compile(
     r"(?P<stem>.*?)[\s_]*(?:std|stdev|stddev|sd|se|sem|err|error|sigma|fehler|stabw|standardabweichung|streuung)"
 )
-DRAFT = ColumnSource(column="COLUMN", unit="UNIT")  # an entry that a user completes
+PLACEHOLDER = ColumnSource(column="COLUMN", unit="UNIT")  # for the user to complete
 
 
-def prepare_table(given: dict[str, Any]) -> tuple[str, ...]:
-    """Complete the inputs of `benchtool fit` for a table: its map, rig, model and basis.
+def prepare_table(options: dict[str, Any]) -> tuple[str, ...]:
+    """Add column map, rig, model and basis of a table to the options of `benchtool fit`.
 
-    Nothing is done where a run is fitted, or where a map or a model file says what columns are.
+    No-op for runs, and for tables with a column map or a model file that describes the columns.
 
     Args:
-        given: inputs by name, changed in place.
+        options: inputs by name, changed in place.
 
     Returns:
-        Filters COLUMN=VALUE of runs in the table that are to be fitted one by one.
+        Row filters COLUMN=VALUE, one for each run of the table to fit separately.
 
     Raises:
-        InputError: lists all that is missing, the command to complete, and the map so far.
+        InputError: all missing items, the command to complete, and the map so far.
     """
     names = {item.name for item in items(TableInputs)}
     table = build_inputs(
-        TableInputs, {name: given[name] for name in names & given.keys()}, source="option"
+        TableInputs, {name: options[name] for name in names & options.keys()}, source="option"
     )
-    paths = [path for path in given.get("data", ()) if Path(path).is_file()]
-    if not all(Path(path).exists() for path in given.get("data", ())):
-        return ()  # reading them says which one is missing
-    if not paths or len(paths) < len(given["data"]) or any(map(is_run, paths)):
+    paths = [path for path in options.get("data", ()) if Path(path).is_file()]
+    if not all(Path(path).exists() for path in options.get("data", ())):
+        return ()  # the reader reports the missing file
+    if not paths or len(paths) < len(options["data"]) or any(map(is_run, paths)):
         if with_changes(table):
             raise InputError(
-                "columns of a table are named, but the data are no table; leave them out"
+                "options for table columns are given, but the data are not a table; remove them"
             )
         return ()
     first = str(paths[0])
-    known = is_stand_table(first) and not with_changes(table) - {"radius": 0}.keys()
-    given.setdefault("model", MODEL)
-    own_model = "" if given["model"] in model_names() else str(given["model"])
-    has_map = known or given.get("columns") is not None
-    if not (with_changes(table) or known) and (
+    is_stand = is_stand_table(first) and not with_changes(table) - {"radius": 0}.keys()
+    options.setdefault("model", MODEL)
+    user_model = "" if options["model"] in model_names() else str(options["model"])
+    has_map = is_stand or options.get("columns") is not None
+    if not (with_changes(table) or is_stand) and (
         has_map
-        or (own_model and stated_in(own_model)[1])
+        or (user_model and stated_in(user_model)[1])
         or {"thrust_N", "thrust_ratio"} & set(read_csv_header(Path(first)))
     ):
         return ()  # the columns are described
-    radius_m, rig_text = _radius(given.get("rig"), table, first, known, own_model)
-    if has_map and not known and with_changes(table).keys() - {"radius", "runs"}:
-        raise InputError("--map says which column is which; leave the other columns out")
-    where = tuple(given.get("where", ()))
+    radius_m, rig_text = _radius(options.get("rig"), table, first, is_stand, user_model)
+    if has_map and not is_stand and with_changes(table).keys() - {"radius", "runs"}:
+        raise InputError("--map contains all columns; remove the other column options")
+    where = tuple(options.get("where", ()))
     columns = _Columns(first, table, radius_m)
     if not has_map:
         columns.choose(where)
     columns.require_all()
     if rig_text:
-        given["rig"] = str(_written(f"{Path(first).stem}.rig", rig_text))
+        options["rig"] = str(_write_if_new(f"{Path(first).stem}.rig", rig_text))
     if has_map:
         return ()
-    one = tuple(f"{columns.run_column}={name}" for name in columns.runs)
-    recording = read_table(first, columns.map, (*where, *one[:1]))
+    run_filters = tuple(f"{columns.run_column}={name}" for name in columns.runs)
+    recording = read_table(first, columns.map, (*where, *run_filters[:1]))
     text = column_map_to_toml(columns.map)
-    given["columns"] = str(_written(f"{Path(first).stem}.columns", text))
+    options["columns"] = str(_write_if_new(f"{Path(first).stem}.columns", text))
     if "thrust_ratio" in columns.map:
-        given["basis"] = given.get("basis") or "equal_rpm2"
+        options["basis"] = options.get("basis") or "equal_rpm2"
     if any(name.endswith(("_sd", "_sd_N")) for name in columns.map):
-        given.setdefault("noise", "scale")
+        options.setdefault("noise", "scale")
     repairs = filter(None, recording.provenance["repairs"].split("; "))
-    print(f"{first}: {len(recording)} rows, read by this map:\n{text}", end="")
+    print(f"{first}: {len(recording)} rows, read with this column map:\n{text}", end="")
     for note in (*columns.notes, *repairs):
         print(f"note: {note}")
-    words = ["benchtool", "fit", *map(str, given["data"]), "--map", given["columns"]]
+    command = ["benchtool", "fit", *map(str, options["data"]), "--map", options["columns"]]
     for option in ("rig", "model", "basis", "noise"):
-        words += [f"--{option}", str(given[option])] if given.get(option) else []
-    print(f"again: {shlex.join(words)}")
-    return one
+        command += [f"--{option}", str(options[option])] if options.get(option) else []
+    print(f"repeat with: {shlex.join(command)}")
+    return run_filters
 
 
 def _radius(
-    rig: str | None, table: TableInputs, first: str, known: bool, own_model: str
+    rig: str | None, table: TableInputs, first: str, is_stand: bool, user_model: str
 ) -> tuple[float, str]:
-    """Return the rotor radius, nan if unknown, and the text of a new rig file if it needs one."""
+    """Return the rotor radius, nan if unknown, and the text of a new rig file, or ""."""
     if rig is not None:
         if table.radius is not None:
             raise InputError("--radius and --rig are both given; give one of them")
         return load_rig_by_name(rig).propulsion.radius_m, ""
-    if table.radius is None and (own := load_rig_for_data([first])) is not None:
-        return own.propulsion.radius_m, ""
-    if table.radius is None and own_model:
-        return stated_in(own_model)[0].propulsion.radius_m, ""
-    text = radius_rig(first, table.radius, known=known)
+    if table.radius is None and (data_rig := load_rig_for_data([first])) is not None:
+        return data_rig.propulsion.radius_m, ""
+    if table.radius is None and user_model:
+        return stated_in(user_model)[0].propulsion.radius_m, ""
+    text = radius_rig(first, table.radius, known=is_stand)
     return (parse_rig(text, f"rig of {first}").propulsion.radius_m if text else nan), text
 
 
 def radius_rig(first: str, radius_m: float | None, *, known: bool) -> str:
-    """Return the rig file's text of a table whose rotor radius alone is known.
+    """Return the text of a rig file that contains the rotor radius only.
 
     Args:
-        radius_m: None takes the diameter that a stand's table states; empty where it states none.
-        known: the table is a stand's, which also says how many rotors there are.
+        radius_m: None means the diameter in the test stand table; without one, return "".
+        known: the table is from a test stand, which also gives the number of rotors.
     """
-    source, rotors = "given as the rotor radius of a table", 1
+    source, n_rotors = "given as the rotor radius of a table", 1
     if known:
         recording = import_file(first).recording
-        rotors = max(
+        n_rotors = max(
             1, sum(name.startswith("rpm") and name[3:].isdigit() for name in recording.names)
         )
         if radius_m is None and "diameter_m" in recording.provenance:
@@ -149,21 +149,21 @@ def radius_rig(first: str, radius_m: float | None, *, known: bool) -> str:
     if radius_m is None:
         return ""
     data: dict[str, Any] = {"name": Path(first).stem}
-    if rotors > 1:
-        # Without a plate the places enter nothing; with one, a rig has to say them.
-        place = {"x_m": 0.0, "y_m": 0.0}
-        source_of = {"source": "not known, and without a plate of no effect"}
+    if n_rotors > 1:
+        # Positions have no effect without a plate; with one, a full rig file is needed.
+        position = {"x_m": 0.0, "y_m": 0.0}
+        no_source = {"source": "not known, and without a plate of no effect"}
         data["rotors"] = [
-            {"name": f"rotor {i + 1}", "spin": {"value": 1 - 2 * (i % 2)} | source_of}
-            | {key: {"value": value} | source_of for key, value in place.items()}
-            for i in range(rotors)
+            {"name": f"rotor {i + 1}", "spin": {"value": 1 - 2 * (i % 2)} | no_source}
+            | {key: {"value": value} | no_source for key, value in position.items()}
+            for i in range(n_rotors)
         ]
     data["propulsion"] = {"source": source, "radius_m": radius_m}
     return tomli_w.dumps(data)
 
 
-def _written(stem: str, text: str) -> Path:
-    """Return a file of this text in the present folder: one that is there, or a new one."""
+def _write_if_new(stem: str, text: str) -> Path:
+    """Return a file with this text in the working directory, existing or newly written."""
     for number in count(1):
         path = Path(f"{stem}.toml" if number == 1 else f"{stem}-{number}.toml")
         if not path.exists():
@@ -176,21 +176,21 @@ def _written(stem: str, text: str) -> Path:
 
 
 class _Columns:
-    """Column map of one table, its runs, notes, and what is missing, with the option for it."""
+    """Column map of one table, its runs, notes, and missing items with their options."""
 
-    def __init__(self, path: str, given: TableInputs, radius_m: float) -> None:
-        self.path, self.given, self.radius_m = path, given, radius_m
+    def __init__(self, path: str, options: TableInputs, radius_m: float) -> None:
+        self.path, self.options, self.radius_m = path, options, radius_m
         self.map: dict[str, ColumnSource] = {}
         self.runs: tuple[str, ...] = ()
         self.run_column, self.notes, self.missing = "", list[str](), list[tuple[str, str]]()
         if isnan(radius_m):
-            self._lacks("the rotor's size is not stated", "--radius RADIUS_M or --rig FILE")
+            self._add_missing("the rotor radius is missing", "--radius RADIUS_M or --rig FILE")
 
     def choose(self, where: Sequence[str]) -> None:
-        whole = read_csv_text(Path(self.path))
-        rows = rows_where(whole, [RowFilter.parse(text) for text in where])
-        self.table = replace(whole, rows=[whole.rows[row] for row in rows])
-        self.header = [cell for cell in whole.header if cell]
+        table = read_csv_text(Path(self.path))
+        rows = rows_where(table, [RowFilter.parse(text) for text in where])
+        self.table = replace(table, rows=[table.rows[row] for row in rows])
+        self.header = [cell for cell in table.header if cell]
         guess = guess_columns(self.header, radius_m=self.radius_m)
         self._choose_thrust(guess)
         self._choose_distance(guess)
@@ -208,113 +208,111 @@ class _Columns:
             return
         options = [option.partition(" or ")[0] for _, option in self.missing]
         command = " ".join([shlex.join(["benchtool", *sys.argv[1:]]), *options])
-        lines = [f"{self.path}: {what}; give {option}" for what, option in self.missing]
+        lines = [f"{self.path}: {problem}; add {option}" for problem, option in self.missing]
         lines += [f"complete the command: {command}"]
         if self.map:
             text = column_map_to_toml(self.map).replace("= nan", "= ROTOR_RADIUS_OR_DIAMETER_M")
-            lines += ["or a map for --map FILE:", text.rstrip()]
+            lines += ["or complete this map for --map FILE:", text.rstrip()]
         raise InputError("\n".join(lines))
 
-    def _lacks(self, what: str, option: str) -> None:
-        self.missing.append((what, option))
+    def _add_missing(self, problem: str, option: str) -> None:
+        self.missing.append((problem, option))
 
     def _column(
-        self, channel: str, given: str, options: str, what: str, guess: Mapping[str, ColumnSource]
+        self, channel: str, name: str, options: str, title: str, guess: Mapping[str, ColumnSource]
     ) -> str:
-        """Return the column that an option or the header names; empty if neither does."""
-        if given:
-            return self._find(given, options.split()[0])
+        """Return the column from an option or the header, or ""."""
+        if name:
+            return self._find(name, options.split()[0])
         if channel in guess:
             return guess[channel].column or ""
-        listed = ", ".join(self.header)
-        self._lacks(f"no column's name says which is {what} (columns: {listed})", options)
-        self.map[channel] = DRAFT
+        columns = ", ".join(self.header)
+        self._add_missing(f"no column name matches {title} (columns: {columns})", options)
+        self.map[channel] = PLACEHOLDER
         return ""
 
     def _find(self, name: str, option: str) -> str:
-        """Return the column that an option names, with or without its unit, in any case."""
+        """Return the column of an option value, with or without unit, in any case."""
         if name in self.header:
             return name
         folded = name.casefold()
-        alike = [cell for cell in self.header if name_and_unit(cell)[0].casefold() == folded]
-        if len(alike) != 1:
+        matches = [cell for cell in self.header if name_and_unit(cell)[0].casefold() == folded]
+        if len(matches) != 1:
             raise UnknownChoice(f"column for {option} in {self.table.where}", name, self.header)
-        return alike[0]
+        return matches[0]
 
-    def _unit(self, cell: str, stated: str, option: str, own: str) -> str | None:
-        """Return the unit to write for a column; None, with a note, where it is ours by default."""
-        if stated:
-            conversion(stated, own)
-            return stated
-        if (in_name := name_and_unit(cell)[1]) is None:
-            self.notes.append(
-                f"{cell!r} names no unit and is read in {own} ({option} says another)"
-            )
-        return in_name
+    def _unit(self, cell: str, unit: str, option: str, default: str) -> str | None:
+        """Return the unit to write for a column; None, with a note, for the default unit."""
+        if unit:
+            conversion(unit, default)
+            return unit
+        if (name_unit := name_and_unit(cell)[1]) is None:
+            self.notes.append(f"{cell!r} has no unit; {default} is assumed, {option} changes it")
+        return name_unit
 
     def _choose_thrust(self, guess: Mapping[str, ColumnSource]) -> None:
-        given = self.given
-        if given.ratio and given.thrust:
+        options = self.options
+        if options.ratio and options.thrust:
             raise InputError("--thrust and --ratio are both given; give one of them")
-        if given.ratio:
-            self.map["thrust_ratio"] = ColumnSource(column=self._find(given.ratio, "--ratio"))
-        elif not given.thrust and "thrust_N" not in guess and "thrust_ratio" in guess:
+        if options.ratio:
+            self.map["thrust_ratio"] = ColumnSource(column=self._find(options.ratio, "--ratio"))
+        elif not options.thrust and "thrust_N" not in guess and "thrust_ratio" in guess:
             self.map["thrust_ratio"] = guess["thrust_ratio"]
         elif cell := self._column(
-            "thrust_N", given.thrust, "--thrust COLUMN or --ratio COLUMN", "the thrust", guess
+            "thrust_N", options.thrust, "--thrust COLUMN or --ratio COLUMN", "the thrust", guess
         ):
-            unit = self._unit(cell, given.unit, "--unit", "N")
+            unit = self._unit(cell, options.unit, "--unit", "N")
             self.map["thrust_N"] = ColumnSource(column=cell, unit=unit)
 
     def _choose_distance(self, guess: Mapping[str, ColumnSource]) -> None:
-        given, options = self.given, "--z COLUMN or --z none without a plate"
-        if given.z == NONE or not (
-            cell := self._column("plate_z_m", given.z, options, "the plate's distance", guess)
+        options, hint = self.options, "--z COLUMN or --z none without a plate"
+        if options.z == NONE or not (
+            cell := self._column("plate_z_m", options.z, hint, "the plate distance", guess)
         ):
             return
-        radii = {"R": 1.0, "D": 2.0}.get(given.z_unit.upper())
-        if not given.z_unit:
+        radii = {"R": 1.0, "D": 2.0}.get(options.z_unit.upper())
+        if not options.z_unit:
             radii = IN_RADII.get(name_and_unit(cell)[0].lower())
         if radii is not None:
             self.map["plate_z_m"] = ColumnSource(column=cell, factor=radii * self.radius_m)
             return
-        in_file = self._unit(cell, given.z_unit, "--z-unit", "m")
-        self.map["plate_z_m"] = ColumnSource(column=cell, unit=in_file)
+        unit = self._unit(cell, options.z_unit, "--z-unit", "m")
+        self.map["plate_z_m"] = ColumnSource(column=cell, unit=unit)
         numbers = [value for text in self._texts(cell) if (value := _number(text)) is not None]
         nearest = min(filter(isfinite, numbers), default=nan) / self.radius_m
-        if in_file is None and nearest > MAX_NEAREST_OVER_R:
-            self._lacks(
-                f"the nearest distance in {cell!r}, read in m, is {nearest:.3g} rotor radii, where "
-                "there is no ground effect; its unit is missing (mm, cm, in, R for rotor radii)",
+        if unit is None and nearest > MAX_NEAREST_OVER_R:
+            self._add_missing(
+                f"minimum distance in {cell!r}, read in m, is {nearest:.3g} rotor radii, out of "
+                "ground effect; its unit is missing (mm, cm, in, R for rotor radii)",
                 "--z-unit UNIT",
             )
 
     def _choose_reference(self) -> None:
         source = self.map.get("plate_z_m")
-        if self.given.reference:
-            named = RowFilter.parse(self.given.reference)
-            cell, value = self._find(named.column, "--reference"), named.value
+        if self.options.reference:
+            row_filter = RowFilter.parse(self.options.reference)
+            cell, value = self._find(row_filter.column, "--reference"), row_filter.value
             if not rows_where(self.table, [RowFilter(cell, value)]):
                 raise InputError(f"no row has {cell}={value}; correct --reference")
             self.map["kind"] = ColumnSource(column=cell, reference=value)
-        elif source is not None and source is not DRAFT:
+        elif source is not None and source is not PLACEHOLDER:
             cell = source.column or ""
-            words = sorted({text for text in self._texts(cell) if _number(text) is None})
-            if len(words) == 1 and words[0].casefold() in FAR:
-                self.map["kind"] = ColumnSource(column=cell, reference=words[0])
-            elif words:
-                self._lacks(
-                    f"column {cell!r} holds {words[0]!r} among its distances; correct it, or name "
-                    "the rows far from the plate",
+            texts = sorted({text for text in self._texts(cell) if _number(text) is None})
+            if len(texts) == 1 and texts[0].casefold() in OGE_WORDS:
+                self.map["kind"] = ColumnSource(column=cell, reference=texts[0])
+            elif texts:
+                self._add_missing(
+                    f"column {cell!r} contains {texts[0]!r} among its distances; correct it, or "
+                    "select the rows out of ground effect",
                     "--reference COLUMN=VALUE",
                 )
 
     def _choose_speed(self, guess: Mapping[str, ColumnSource]) -> None:
-        if self.given.rpm and self.given.rpm != NONE:
+        if self.options.rpm and self.options.rpm != NONE:
             try:
-                self.map["rpm1"] = ColumnSource(constant=float(self.given.rpm), unit="rpm")
+                self.map["rpm1"] = ColumnSource(constant=float(self.options.rpm), unit="rpm")
             except ValueError:
-                cell = self._find(self.given.rpm, "--rpm")
+                cell = self._find(self.options.rpm, "--rpm")
                 self.map["rpm1"] = ColumnSource(column=cell, unit=name_and_unit(cell)[1])
             return
         speeds = {name: source for name, source in guess.items() if _SPEED.fullmatch(name)}
@@ -322,79 +320,79 @@ class _Columns:
         if measured or speeds:
             self.map |= measured or speeds
             return
-        self.map["rpm1"] = ColumnSource(constant=ONE_RPM, unit="rpm")
+        self.map["rpm1"] = ColumnSource(constant=DEFAULT_RPM, unit="rpm")
         if "thrust_N" in self.map:
             self.notes.append(
-                f"no column is a rotor speed: every row counts as one speed, {ONE_RPM:g} rpm, and "
-                f"k is the thrust without a plate over that speed squared (--rpm says the speed)"
+                f"no rotor speed column: {DEFAULT_RPM:g} rpm is assumed for all rows, and k is the "
+                f"thrust without a plate over this speed squared (--rpm sets the speed)"
             )
 
     def _choose_error(self) -> None:
-        of_what = "thrust_ratio" if "thrust_ratio" in self.map else "thrust_N"
-        observed, given = self.map[of_what], self.given
-        own = observed.column or ""
-        cell = "" if given.error in ("", NONE) else self._find(given.error, "--error")
-        if not given.error:
-            stem = name_and_unit(own)[0].casefold()
-            errors = [name for name in self.header if _is_error_of(name, stem)]
+        channel = "thrust_ratio" if "thrust_ratio" in self.map else "thrust_N"
+        observed, options = self.map[channel], self.options
+        column = observed.column or ""
+        cell = "" if options.error in ("", NONE) else self._find(options.error, "--error")
+        if not options.error:
+            stem = name_and_unit(column)[0].casefold()
+            errors = [name for name in self.header if _is_error_column(name, stem)]
             cell = errors[0] if len(errors) == 1 else ""
         if not cell:
             return
-        unit = name_and_unit(cell)[1] or name_and_unit(own)[1] or observed.unit
+        unit = name_and_unit(cell)[1] or name_and_unit(column)[1] or observed.unit
         source = ColumnSource(
-            column=cell, unit=unit if of_what == "thrust_N" and unit != "N" else None
+            column=cell, unit=unit if channel == "thrust_N" and unit != "N" else None
         )
-        name = {"thrust_N": "thrust_{}_N", "thrust_ratio": "thrust_ratio_{}"}[of_what]
-        self.map[name.format(given.error_is or "SD_OR_SE")] = source
-        if given.error_is is None:
-            self._lacks(
-                f"column {cell!r} may hold the scatter of single readings (sd) or the standard "
-                "error of their mean (se)",
+        name = {"thrust_N": "thrust_{}_N", "thrust_ratio": "thrust_ratio_{}"}[channel]
+        self.map[name.format(options.error_is or "SD_OR_SE")] = source
+        if options.error_is is None:
+            self._add_missing(
+                f"column {cell!r} may be the standard deviation of readings (sd) or the standard "
+                "error of the mean (se)",
                 "--error-is SD_OR_SE or --error none",
             )
 
     def _choose_runs(self) -> None:
-        """Set the column that names runs, and the runs to fit one by one."""
-        given, used = self.given.runs, {source.column for source in self.map.values()}
-        if given == NONE:
+        """Set the column of run names, and the runs to fit separately."""
+        option, used = self.options.runs, {source.column for source in self.map.values()}
+        if option == NONE:
             return
-        if given:
-            self.run_column = self._find(given, "--runs")
+        if option:
+            self.run_column = self._find(option, "--runs")
             self.runs = tuple(dict.fromkeys(self._texts(self.run_column)))
             return
-        naming = {cell: self._run_names(cell) for cell in self.header if cell not in used}
-        cell = max(naming, key=lambda name: len(naming[name]), default="")
-        if len(names := naming.get(cell, ())) < 2:
+        candidates = {cell: self._run_names(cell) for cell in self.header if cell not in used}
+        cell = max(candidates, key=lambda name: len(candidates[name]), default="")
+        if len(names := candidates.get(cell, ())) < 2:
             return
-        listed = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
-        self._lacks(
-            f"column {cell!r} names {len(names)} runs ({listed})",
-            f"{shlex.join(['--runs', cell])} or --runs none for all as one, or "
+        first_names = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+        self._add_missing(
+            f"column {cell!r} contains {len(names)} run names ({first_names})",
+            f"{shlex.join(['--runs', cell])} or --runs none for one fit of all, or "
             f"{shlex.join(['--where', f'{cell}={names[0]}'])} for one",
         )
 
     def _run_names(self, cell: str) -> tuple[str, ...]:
-        """Return the names of runs that a column may hold: words, each in several rows."""
+        """Return the run names in a column of repeated words, or nothing."""
         texts = self._texts(cell)
         names = tuple(dict.fromkeys(texts))
-        words = all(_number(text) is None for text in names)
-        return names if words and 2 * len(names) <= len(texts) else ()
+        has_words = all(_number(text) is None for text in names)
+        return names if has_words and 2 * len(names) <= len(texts) else ()
 
     def _texts(self, cell: str) -> list[str]:
         position = self.table.header.index(cell)
         return [row[position].strip() for row in self.table.rows]
 
 
-def _is_error_of(cell: str, stem: str) -> bool:
-    found = _ERROR.fullmatch(name_and_unit(cell)[0].casefold())
-    return found is not None and found["stem"] in (stem, "")
+def _is_error_column(cell: str, stem: str) -> bool:
+    match = _ERROR.fullmatch(name_and_unit(cell)[0].casefold())
+    return match is not None and match["stem"] in (stem, "")
 
 
 def _number(text: str) -> float | None:
-    """Return the number in a cell, nan for an empty one, None for a word."""
+    """Return the number in a cell, nan for an empty cell, None for a word."""
     if text in ("", "nan", "NaN", "NA", "N/A", "null"):
         return nan
     try:
-        return None if text.casefold() in FAR else float(text)
+        return None if text.casefold() in OGE_WORDS else float(text)
     except ValueError:
         return None

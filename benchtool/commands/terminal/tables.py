@@ -1,4 +1,4 @@
-"""Consoles, tables and progress bars, as every command shows them."""
+"""Consoles, tables and progress bars of all commands."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from rich.text import Text
 from benchtool.core.errors import show_controls
 from benchtool.report import page
 
-FILE_WIDTH = 120  # width where no terminal gives one: room for the longest parameter names
+FILE_WIDTH = 120  # columns without a terminal; fits the longest parameter names
 
 
 class EscapedConsole(Console):
-    """Console that escapes its texts, not its styles, and writes behind an `EscapedStream`."""
+    """Console that escapes texts but not styles, and bypasses `EscapedStream`."""
 
     def __init__(self, stream: TextIO | None = None, **options: Any) -> None:
         stream = stream or sys.stdout
-        while (behind := getattr(stream, "rich_proxied_file", None)) is not None:
-            stream = behind
+        while (wrapped := getattr(stream, "rich_proxied_file", None)) is not None:
+            stream = wrapped
         super().__init__(file=stream, **options)
 
     def render(
@@ -37,7 +37,7 @@ class EscapedConsole(Console):
 
 
 class Output(EscapedConsole):
-    """A console of whole lines that leaves it to its caller what a closed pipe means."""
+    """Console without line wrapping; raises BrokenPipeError for a closed pipe."""
 
     def __init__(self) -> None:
         super().__init__(soft_wrap=True, highlight=False)
@@ -48,24 +48,26 @@ class Output(EscapedConsole):
         raise BrokenPipeError
 
     def say(self, *lines: str) -> None:
-        """Print lines as they are, whatever brackets stand in them."""
+        """Print lines without markup."""
         for line in lines:
             self.print(line, markup=False)
 
 
-def print_table(console: Console, shown: page.Table) -> None:
-    """Print a table of the report on a terminal."""
-    table = Table(title=Text(shown.caption), title_justify="left", box=SIMPLE_HEAD)
-    for position, head in enumerate(shown.header):
-        justify: Literal["left", "right"] = "left" if position < shown.text_columns else "right"
+def print_table(console: Console, report_table: page.Table) -> None:
+    """Print a report table on a terminal."""
+    table = Table(title=Text(report_table.caption), title_justify="left", box=SIMPLE_HEAD)
+    for position, head in enumerate(report_table.header):
+        justify: Literal["left", "right"] = (
+            "left" if position < report_table.text_columns else "right"
+        )
         table.add_column(Text(head), justify=justify, overflow="fold")
-    for row in shown.rows:
+    for row in report_table.rows:
         table.add_row(*(Text(show_controls(cell)) for cell in row))
     console.print(table)
 
 
 def progress_bar(*columns: ProgressColumn, transient: bool = True) -> Progress:
-    """Return a bar that shows on a terminal and nowhere else."""
+    """Return a progress bar that is visible on a terminal only."""
     console = EscapedConsole(sys.stderr)
     return Progress(
         TextColumn("{task.description}"),

@@ -90,7 +90,7 @@ def test_a_fault_keeps_its_traceback_in_a_file(run, monkeypatch, tmp_path):
     code, _, err = run("try", raising=ZeroDivisionError("a\nb"))
     (kept,) = tmp_path.iterdir()
     assert code == app.UNEXPECTED_ERROR_CODE
-    assert err.startswith("benchtool: a fault in benchtool itself, ZeroDivisionError: a b; ")
+    assert err.startswith("benchtool: internal error, ZeroDivisionError: a b; ")
     assert err.count("\n") == 1
     assert str(kept) in err
     assert "in command" in kept.read_text(encoding="utf-8")

@@ -143,5 +143,5 @@ def test_a_reader_who_leaves_early_loses_no_file(tmp_path):
     process.stdout.close()
     _, complaint = process.communicate(timeout=300)
     assert process.returncode == 0
-    assert complaint == (f"explaining {words[0]}, {CHECK}; the answer can take a minute or more\n")
+    assert complaint == f"explaining {words[0]}, {CHECK}; this can take a minute or more\n"
     assert json.loads(answer.read_text("utf-8"))["version"] == 2

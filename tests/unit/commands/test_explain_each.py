@@ -42,11 +42,11 @@ def test_each_has_the_answer_that_it_has_alone(capsys, runs):
 def test_words_that_do_not_fit_are_refused(capsys):
     given = ("a", "b", "--model", "quad", "--each", "--check")
     for words, says in (
-        ((*given, "c", "d", "e"), "2 recordings and 3 to check on"),
+        ((*given, "c", "d", "e"), "3 --check recordings for 2 recordings"),
         ((*given, "c", "--json", "x"), "--json is for one explanation"),
         ((*given, "c", "--bench", "sim:pquad"), "--bench is for one explanation"),
-        (("a", "--cluster", "tcp://h:1", "--check", "c"), "--cluster is for --each"),
-        (("x/a", "y/a", "--model", "quad", "--each", "--check", "c"), "both be called a"),
+        (("a", "--cluster", "tcp://h:1", "--check", "c"), "--cluster needs --each"),
+        (("x/a", "y/a", "--model", "quad", "--each", "--check", "c"), "have the same name a"),
     ):
         code, _, error = said(capsys, "explain", *words)
         assert code == 2

@@ -47,7 +47,7 @@ def test_one_that_fails_ends_no_other(capsys, tables):
     code, out, error = said(capsys, "fit", *tables, "--each", *WORDS)
     assert code == 2
     assert "! bench1: " in out
-    assert "1 of 2 failed, the first is bench1" in error
+    assert "1 of 2 failed, first bench1" in error
     assert "bench0" in out
 
 
@@ -55,5 +55,5 @@ def test_words_that_do_not_fit_are_refused(capsys, tables):
     code, _, error = said(capsys, "fit", *tables, *WORDS, "--cluster", "tcp://127.0.0.1:1")
     assert (code, "add --each" in error) == (2, True)
     code, _, error = said(capsys, "fit", tables[0], tables[0], "--each", *WORDS)
-    assert (code, "both be called bench0" in error) == (2, True)
+    assert (code, "have the same name bench0" in error) == (2, True)
     assert batch.index_by_name(tables) == {f"bench{k}": f"bench{k}.csv" for k in range(2)}

@@ -63,8 +63,10 @@ def test_a_spreadsheet_is_fitted_by_names_and_a_radius(capsys):
     thrust = found["k"]["value"] * (6000.0 * np.pi / 30.0) ** 2
     assert thrust == pytest.approx(T_OGE_N, rel=2e-3)
     # The printed command reads what was written, and so does the model with its rig and columns.
-    ready = next(line for line in out.splitlines() if line.startswith("again: benchtool fit "))
-    words = ready.removeprefix("again: benchtool fit data.csv ")
+    ready = next(
+        line for line in out.splitlines() if line.startswith("repeat with: benchtool fit ")
+    )
+    words = ready.removeprefix("repeat with: benchtool fit data.csv ")
     assert words == "--map data.columns.toml --rig data.rig.toml --model single"
     for again in (words, "--model first/model.toml"):
         code, out, error = fit(capsys, f"data.csv {again}")
@@ -89,7 +91,7 @@ def test_reference_rows_stand_far_from_the_plate(capsys):
     thrusts = np.array([*(T_OGE_N * RATIO * SCATTER), T_OGE_N])
     table("a.csv", "gap (m),F (N),rpm", distances, thrusts, np.full(8, 6000.0))
     code, _, error = fit(capsys, "a.csv --radius 0.127")
-    assert (code, "holds 'free' among its distances" in error) == (2, True), error
+    assert (code, "contains 'free' among its distances" in error) == (2, True), error
     code, out, error = fit(capsys, "a.csv --radius 0.127 --reference gap=free --out a")
     assert (code, '[columns.kind]\ncolumn = "gap (m)"\nreference = "free"' in out) == (0, True), (
         error
@@ -98,13 +100,13 @@ def test_reference_rows_stand_far_from_the_plate(capsys):
 
 
 MISSING = {
-    "z (m),F (N),rpm": ("", "the rotor's size is not stated; give --radius RADIUS_M"),
-    "a,F (N),rpm": ("--radius 0.127", "which is the plate's distance"),
-    "z (m),b,rpm": ("--radius 0.127", "which is the thrust"),
-    "z,F,rpm": ("--radius 1e-5", "give --z-unit UNIT"),
-    "z (m),F (V),rpm": ("--radius 0.127", "(columns: z (m), F (V), rpm); give --thrust COLUMN"),
-    "z (m),F (N),F_std": ("--radius 0.127", "give --error-is SD_OR_SE"),
-    "z (m),F (N),Standardabweichung [N]": ("--radius 0.127", "give --error-is SD_OR_SE"),
+    "z (m),F (N),rpm": ("", "the rotor radius is missing; add --radius RADIUS_M"),
+    "a,F (N),rpm": ("--radius 0.127", "no column name matches the plate distance"),
+    "z (m),b,rpm": ("--radius 0.127", "no column name matches the thrust"),
+    "z,F,rpm": ("--radius 1e-5", "add --z-unit UNIT"),
+    "z (m),F (V),rpm": ("--radius 0.127", "(columns: z (m), F (V), rpm); add --thrust COLUMN"),
+    "z (m),F (N),F_std": ("--radius 0.127", "add --error-is SD_OR_SE"),
+    "z (m),F (N),Standardabweichung [N]": ("--radius 0.127", "add --error-is SD_OR_SE"),
 }
 
 
@@ -125,9 +127,9 @@ def test_runs_of_one_file_are_fitted_each_by_itself(capsys):
     thrust = np.concatenate([RATIO * SCATTER, 2.0 * RATIO * SCATTER])
     table("a.csv", "run,z (m),F (N),rpm", ["low"] * 7 + ["high"] * 7, z, thrust, rpm)
     code, _, error = fit(capsys, "a.csv --radius 0.127")
-    assert (code, "names 2 runs (low, high); give --runs run" in error) == (2, True), error
+    assert (code, "contains 2 run names (low, high); add --runs run" in error) == (2, True), error
     code, out, error = fit(capsys, "a.csv --radius 0.127 --runs run --out each")
-    assert (code, "Each run by itself" in out) == (0, True), error
+    assert (code, "Separate fits" in out) == (0, True), error
     low, high = (result(f"each/{name}")["k"]["value"] for name in ("low", "high"))
     assert high / low == pytest.approx(2.0, rel=1e-6)
 

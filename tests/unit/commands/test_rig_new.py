@@ -52,7 +52,7 @@ def test_what_is_missing_is_asked_on_a_terminal(monkeypatch, capsys):
         ("--radius -1", "--radius is -1 m, allowed is above 0"),
         ("--radius 2kg", "--radius is '2kg'; type a number, with a unit of m, cm, mm, in or none"),
         ("--propeller 10", "unknown propeller"),
-        ("--radius 0.1 --travel 0.5,0.1", "nearest plate must stand before the farthest"),
+        ("--radius 0.1 --travel 0.5,0.1", "--travel 0.5,0.1 m is invalid; give --travel MIN,MAX"),
         ("--radius 0.1 --pulses 1200,1100,1900", "pwm_stop_us <= pwm_start_us"),
     ],
 )

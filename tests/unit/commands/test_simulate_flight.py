@@ -86,7 +86,7 @@ def test_a_controller_of_ones_own(tmp_path, monkeypatch, capsys):
     ):
         assert run("--duration-s", "2", "--controller", name) == 2
         code_file, sentence = capsys.readouterr().err.splitlines()
-        assert code_file.startswith("runs Python code of your own: ")
+        assert code_file.startswith("running user code: ")
         assert says in sentence
         assert ("flownlaw.py line" in sentence) is (name in ("flownlaw:Bad", "flownlaw:Breaks"))
 

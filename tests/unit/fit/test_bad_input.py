@@ -82,7 +82,7 @@ def test_a_row_with_an_empty_cell_is_left_out_and_counted(lab, column):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("", "nothing to fit"),
+        ("", "no data to fit"),
         (f"{LAB} --basis equal_pwm", "kind 'reference'"),
         (f"{LAB} --free K_b", "unknown parameter 'K_b'"),
         (f"{LAB} --fix k=x", "'k=x'; write NAME=NUMBER"),
