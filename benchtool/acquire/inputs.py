@@ -22,26 +22,24 @@ class SweepInputs(Inputs):
     """Inputs of `benchtool sweep`."""
 
     address: Annotated[
-        str, Input("Bench address: sim:pquad, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")
+        str, Input("Bench: sim:pquad, serial:PORT, tcp:HOST:PORT.", argument="ADDRESS")
     ] = ""
     plan_file: Annotated[
         Path | None,
         Input("Plan file (TOML), or steps, ramp, response, endurance.", option="plan"),
     ] = None
-    rig: Annotated[str | None, Input("Rig name or rig file.")] = None
+    rig: Annotated[str | None, Input("Rig name or file.")] = None
     plan: Plan = field(default_factory=Plan)
-    runs: Annotated[Path, Input("Parent folder of run folders.", group="Run folder")] = Path("runs")
-    out: Annotated[Path | None, Input("Path of the run folder; must be new.")] = None
-    operator: Annotated[
-        str, Input("Name of the operator; default: the user.", label="Operator")
-    ] = ""
+    runs: Annotated[Path, Input("Parent folder of the runs.", group="Run folder")] = Path("runs")
+    out: Annotated[Path | None, Input("New run folder.")] = None
+    operator: Annotated[str, Input("Operator.", default_text="user name")] = ""
     air: Air = field(default_factory=Air)
     calibration: Annotated[
         str | None,
         Input(
             "Calibration file, or none.",
             label="Calibration (ID or none)",
-            default_text="the device's latest",
+            default_text="latest of the device",
             group="Bench",
         ),
     ] = None
@@ -49,15 +47,15 @@ class SweepInputs(Inputs):
         str | None,
         Input(
             "Plate stage: device, hand, grbl:PORT?..., none.",
-            label="Plate stage (device, hand, grbl:PORT)",
-            default_text="from device and rig",
+            label="Plate moved by (device, hand, grbl:PORT)",
+            default_text="from device or rig",
         ),
     ] = None
     yes: Annotated[
-        bool, Input("Arm without confirmation; simulated or checked today.", group="This run")
+        bool, Input("Skip arming confirmation: simulated or checked today.", group="This run")
     ] = False
-    dry_run: Annotated[bool, Input("Show plan and duration only.")] = False
-    resume: Annotated[Path | None, Input("Resume this run folder.")] = None
+    dry_run: Annotated[bool, Input("Print plan and duration only.")] = False
+    resume: Annotated[Path | None, Input("Run folder to resume.")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +67,7 @@ class MassUncertainty(Inputs):
         Ge(0.0),
         Le(1.0),
         Input(
-            "Standard uncertainty of each mass, independent.",
+            "Standard uncertainty of each mass.",
             "kg",
             option="mass-u",
             label="Each mass +-, kg",
@@ -113,17 +111,15 @@ class WeighingInputs(Inputs):
         float,
         Ge(0.01),
         Le(100.0),
-        Input("Force on the cell over force at the rotor.", label="Lever ratio"),
+        Input("Force on load cell / force at rotor.", label="Lever ratio"),
     ] = 1.0
     gravity: Annotated[
         float, Ge(9.76), Le(9.84), Input("Local gravity.", "m/s2", label="Gravity, m/s2")
     ] = 9.80665
     uncertainty: MassUncertainty = field(default_factory=MassUncertainty)
-    operator: Annotated[
-        str, Input("Name of the operator; default: the user.", label="Operator")
-    ] = ""
+    operator: Annotated[str, Input("Operator.", label="Operator", default_text="user name")] = ""
     certificate: Annotated[
-        str, Input("Traceability of the masses: number, issuer, date.", label="Certificate")
+        str, Input("Calibration certificate of the masses.", label="Certificate")
     ] = ""
 
 

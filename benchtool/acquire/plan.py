@@ -76,7 +76,7 @@ class PlatePart(Inputs):
         tuple[Tilt, ...],
         Len(1, MAX_LISTED),
         Input(
-            "Plate tilts about its centre; positive: closer to rotors at +x.",
+            "Plate tilts about the centre; positive: closer to the +x rotors.",
             "deg",
             option="tilt",
             label="Tilts, deg",
@@ -86,7 +86,7 @@ class PlatePart(Inputs):
         tuple[Offset, ...],
         Len(1, MAX_LISTED),
         Input(
-            "Plate positions along x, for partial coverage.",
+            "Lateral plate positions along x, for partial coverage.",
             "m",
             option="lateral",
             label="Lateral positions, m",
@@ -104,7 +104,7 @@ class ThrottlePart(Inputs):
         tuple[Pulse, ...],
         Len(0, MAX_LISTED),
         Input(
-            "Pulse levels, for every rotor that is on: 1400,1600.",
+            "Pulse widths of the active rotors: 1400,1600.",
             "us",
             option="pwm",
             label="Pulses, us",
@@ -116,7 +116,7 @@ class ThrottlePart(Inputs):
         tuple[Annotated[float, Gt(0.0), Le(100.0)], ...],
         Len(0, MAX_LISTED),
         Input(
-            "Throttle levels in percent of the rig's pulse range: 20,50,80.",
+            "Throttle levels in percent of the allowed pulse range: 20,50,80.",
             option="throttle",
             label="Throttle levels, %",
             instead_of="pwm_us",
@@ -125,15 +125,15 @@ class ThrottlePart(Inputs):
     rotors_on: Annotated[
         tuple[Annotated[int, Ge(1)], ...],
         Input(
-            "Rotors that turn: 1 or 1,2,3.",
+            "Active rotors: 1 or 1,2,3.",
             option="rotors",
             label="Rotors that turn",
             default_text="all",
         ),
     ] = ()
-    ramp_s: Annotated[float, Ge(0.0), Le(600.0), Input("Time from one level to the next.", "s")] = (
-        0.3
-    )
+    ramp_s: Annotated[
+        float, Ge(0.0), Le(600.0), Input("Ramp time between throttle levels.", "s")
+    ] = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +150,7 @@ class OrderPart(Inputs):
 
     kind: Annotated[
         Literal["randomised", "counterbalanced", "as_given"],
-        Input("Order of points.", option="order", label="Order"),
+        Input("Order of the points.", option="order", label="Order"),
     ] = "randomised"
     seed: Annotated[int, Ge(0), Input("Seed of the order.")] = 0
     references: bool = True
@@ -159,8 +159,8 @@ class OrderPart(Inputs):
         Ge(0),
         Le(1_000_000),
         Input(
-            "Repeat one setting every N points, to detect drift; 0: never.",
-            label="Anchor every N points (0: never)",
+            "Points between repeats of an anchor setting, for drift; 0: none.",
+            label="Anchor after so many visits (0: never)",
         ),
     ] = 20
 
@@ -233,12 +233,12 @@ class Plan(Inputs):
         Input(
             "Points per setting (paper, section 2).",
             label="Repeats",
-            default_text="9 for one rotor on, 5 for several",
+            default_text="9 for one active rotor, 5 for several",
             group="Points",
         ),
     ] = None
     sample_s: Annotated[
-        Seconds, Input("Sampling time of a point.", "s", label="Sampling time, s")
+        Seconds, Input("Averaging window of a point.", "s", label="Samples of a point, s")
     ] = 2.0
     sample_share: Annotated[float, Gt(0.0), Le(1.0)] = 0.8
     plate: PlatePart = PlatePart()

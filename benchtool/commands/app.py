@@ -75,10 +75,10 @@ COMMANDS: dict[str, tuple[str, str]] = {  # by name, in the order of the help:
     "simulate flight": ("simulate_flight:flight",
         "Simulate flights over an obstacle with each controller"),
     "export": ("export:export", "Export a model for simulators, autopilots and firmware"),
-    "demo": ("demo:demo", "Sweep two virtual benches, fit and write a report"),
+    "demo": ("demo:demo", "Sweep a virtual bench, fit and write a report"),
     "library": ("", "List or show rigs, propellers, models and effects"),
     "library rigs": ("library_commands:rigs", "List rigs, or show one with all values and sources"),
-    "library rigs new": ("rig_new:new_rig", "Create a rig file; asks for missing values"),
+    "library rigs new": ("rig_new:new_rig", "Create a rig file, with prompts for missing values"),
     "library propellers": ("library_commands:propellers",
         "List propellers, or show one with all values and sources"),
     "library models": ("library_commands:models",
@@ -160,15 +160,15 @@ def _run(arguments: list[str]) -> None:
 
 
 def _parse_completion_line() -> list[str]:
-    """Return the command in the line that a shell asks to complete."""
+    """Return the command in the completion line of a shell."""
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
     return _find_command(line.split()[1:]).split()
 
 
 def _find_command(arguments: Sequence[str]) -> str:
     """Return the command that the arguments begin with, options skipped; "" for none."""
-    words = [argument for argument in arguments if not argument.startswith("-")]
-    names = (" ".join(words[:depth]) for depth in (3, 2, 1))
+    positional = [argument for argument in arguments if not argument.startswith("-")]
+    names = (" ".join(positional[:depth]) for depth in (3, 2, 1))
     return next((name for name in names if name in COMMANDS), "")
 
 
@@ -194,10 +194,12 @@ def build_app(arguments: Sequence[str]) -> typer.Typer:
         pretty_exceptions_enable=False,
     )
     app.callback()(_options)
-    words = [] if is_completion_setup else [word for word in arguments if not word.startswith("-")]
-    if words and words[0] not in COMMANDS:
-        raise UnknownChoice("command", words[0], [name for name in COMMANDS if " " not in name])
-    requested = _find_command(words)
+    positional = [argument for argument in arguments if not argument.startswith("-")]
+    if positional and not is_completion_setup and positional[0] not in COMMANDS:
+        raise UnknownChoice(
+            "command", positional[0], [name for name in COMMANDS if " " not in name]
+        )
+    requested = "" if is_completion_setup else _find_command(arguments)
     groups: dict[str, typer.Typer] = {"": app}
     for name, (location, line) in COMMANDS.items():
         parent, _, last = name.rpartition(" ")

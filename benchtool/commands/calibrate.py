@@ -148,7 +148,7 @@ def _calibrate(inputs: CalibrateInputs) -> None:
         kilograms, counts, device_id = _from_bench(inputs)
         days = []
     if earlier is not None:
-        require_device(earlier, str(inputs.add), "the bench", device_id, "readings of its own")
+        require_device(earlier, str(inputs.add), "the bench", device_id, "its own readings")
         if len(set(days)) > 1:
             raise InputError("--add needs readings of one day, but --from contains several days")
         kilograms, counts, days = with_drift_interval(

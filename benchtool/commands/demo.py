@@ -27,7 +27,7 @@ class DemoInputs(Inputs):
 
 @command_from_inputs(DemoInputs)
 def demo(inputs: DemoInputs) -> None:
-    """Sweep two virtual benches, fit and write a report."""
+    """Sweep a virtual bench, fit and write a report."""
     from benchtool.data.run.run import free_path
     from benchtool.report.fit.page import refuse_full
 

@@ -30,7 +30,7 @@ class ImportInputs(Inputs):
         Input("Distance sensor reading below which a surface is near.", "m"),
     ] = None
     flip: Annotated[
-        tuple[str, ...], Input("Channel with inverted sign (thrust_N).", group="Repairs")
+        tuple[str, ...], Input("Channel to invert the sign of, e.g. thrust_N.", group="Repairs")
     ] = ()
     tare: Annotated[tuple[str, ...], Input("Channel to tare with its reading at rest.")] = ()
     scale: Annotated[tuple[str, ...], Input("CHANNEL=FACTOR, e.g. rpm1=1/6 for a pole count.")] = ()

@@ -31,7 +31,7 @@ class RecordInputs(Inputs):
     ]
     rig: Annotated[str | None, Input("Rig name or file.")] = None
     seconds: Annotated[
-        float, Gt(0.0), Le(3600.0), Input("Duration in bench time.", "s", label="Length, s")
+        float, Gt(0.0), Le(3600.0), Input("Duration in bench time.", "s", label="Duration, s")
     ] = 40.0
     collective: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,
@@ -53,7 +53,7 @@ class RecordInputs(Inputs):
     name: Annotated[str, Input("Name of the run.", label="Name of the run", group="Run folder")] = (
         "pitch"
     )
-    runs: Annotated[Path, Input("Parent of run folders.")] = Path("runs")
+    runs: Annotated[Path, Input("Parent folder of the runs.")] = Path("runs")
     out: Annotated[Path | None, Input("New run folder.")] = None
     operator: Annotated[str, Input("Operator.", default_text="user name")] = ""
     yes: Annotated[

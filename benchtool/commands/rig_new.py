@@ -24,7 +24,7 @@ Pulse = Annotated[float, Gt(0.0), Le(20_000.0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NewRigInputs(Inputs):
-    """Options of `benchtool library rigs new`; required values that are missing are asked."""
+    """Options of `benchtool library rigs new`; prompts for missing required values."""
 
     file: Annotated[Path, Input("New file, e.g. mine.toml.", argument="FILE")]
     purpose: Annotated[
@@ -78,7 +78,7 @@ class NewRigInputs(Inputs):
 
 @command_from_inputs(NewRigInputs)
 def new_rig(inputs: NewRigInputs) -> None:
-    """Create a rig file; asks for missing values."""
+    """Create a rig file, with prompts for missing values."""
     from benchtool.commands.terminal.messages import write_new
     from benchtool.core.errors import WouldOverwrite
     from benchtool.core.rig_file import parse_rig

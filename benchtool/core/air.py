@@ -29,7 +29,7 @@ class Air(Inputs):
     pressure: Annotated[
         Annotated[float, Ge(500.0), Le(1100.0)] | None,
         Input(
-            "Air pressure here, not reduced to sea level.",
+            "Local air pressure, not reduced to sea level.",
             "hPa",
             label="Pressure here, hPa",
             default_text=f"{0.01 * STANDARD_PA:g} assumed",

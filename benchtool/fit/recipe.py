@@ -44,7 +44,7 @@ class Recipe(Inputs):
     data: Annotated[
         tuple[str, ...],
         Len(1),
-        Input("Run folders or CSV files; none with --recipe.", argument="DATA"),
+        Input("Run folders or CSV files; not with --recipe.", argument="DATA"),
     ]
     model: Annotated[
         str, Input("Model name (benchtool library models) or path of a model file.", label="Model")
@@ -53,7 +53,7 @@ class Recipe(Inputs):
     rig: Annotated[
         str | None,
         Input(
-            "Rig of a CSV: shipped name or path; runs carry theirs.",
+            "Rig of a CSV file: name or path.",
             label="Rig of a table",
             group="Data",
         ),
@@ -61,13 +61,13 @@ class Recipe(Inputs):
     calibration: Annotated[
         str | None,
         Input(
-            "Calibration file of a CSV's thrust; runs carry theirs.",
+            "Calibration file of a CSV file.",
             label="Of a table: calibration",
         ),
     ] = None
     columns: Annotated[
         str | None,
-        Input("Mapping file: our channel = their column, unit, sign.", alias="--map"),
+        Input("Column map (TOML): channel = column, unit, sign.", alias="--map"),
     ] = None
     where: Annotated[
         tuple[str, ...],
@@ -79,7 +79,7 @@ class Recipe(Inputs):
     basis: Annotated[
         Basis,
         Input(
-            "Thrust itself (joint), or T_IGE/T_OGE at equal ...",
+            "Fitted quantity: thrust (joint), or T_IGE/T_OGE at equal ...",
             label="What is fitted",
             group="Fit",
         ),
@@ -89,34 +89,33 @@ class Recipe(Inputs):
         Len(1),
         Input("Estimator to run; repeatable.", option="method", label="Estimators"),
     ] = ("least_squares",)
-    free: Annotated[tuple[str, ...], Input("Fit this parameter, too; repeatable.")] = ()
+    free: Annotated[tuple[str, ...], Input("Parameter to fit in addition; repeatable.")] = ()
     fix: Annotated[
         Mapping[str, float],
-        Input("Fix a parameter at NAME=VALUE, or NAME at the model's value; repeatable."),
+        Input("Fix NAME=VALUE, or NAME at the model value; repeatable."),
     ] = field(default_factory=dict)
-    hold: Annotated[
-        tuple[str, ...], Input("Fix a parameter at the model's value; repeatable.")
-    ] = ()
+    hold: Annotated[tuple[str, ...], Input("Fix a parameter at the model value; repeatable.")] = ()
     noise: Annotated[
         Noise,
-        Input("Errors as stated, scaled by one factor, with scatter added.", label="Errors"),
+        Input("Error model: stated, scaled, or with added scatter.", label="Errors"),
     ] = "auto"
     loss: Annotated[
         Literal["linear", "soft_l1", "huber"],
-        Input("Loss of the residuals; soft_l1 and huber give outliers less weight.", label="Loss"),
+        Input("Loss function; soft_l1 and huber are robust to outliers.", label="Loss"),
     ] = "linear"
     min_z_over_R: Annotated[
         Annotated[float, Ge(0.0)] | None,
         Input(
-            "Leave out points nearer than this z/R; without, those where the law is not valid.",
+            "Minimum z/R of points.",
             option="min-z-over-r",
             label="Nearest z/R",
+            default_text="validity limit of the law",
         ),
     ] = None
     compare: Annotated[
         tuple[str, ...],
         Input(
-            "Compare with this model, or with all laws of distance (laws); repeatable.",
+            "Model to compare with, or laws for all laws; repeatable.",
             label="Compare with models, or laws",
             group="Comparison",
         ),
@@ -129,9 +128,9 @@ class Recipe(Inputs):
     max_steps: Annotated[
         int,
         Ge(100),
-        Input("Largest number of emcee steps per walker.", label="Most steps of emcee"),
+        Input("Maximum emcee steps per walker.", label="Most steps of emcee"),
     ] = 20_000
-    seed: Annotated[int, Ge(0), Input("Seed of everything random.", label="Seed")] = 1
+    seed: Annotated[int, Ge(0), Input("Random seed.", label="Seed")] = 1
     air: Air = field(default_factory=Air)
 
 
@@ -139,14 +138,14 @@ class Recipe(Inputs):
 class FitInputs(Inputs):
     """What `benchtool fit` takes."""
 
-    folder: Annotated[
-        Path | None, Input("Run the recipe.toml of this folder (as in fits/).", option="recipe")
-    ] = None
+    folder: Annotated[Path | None, Input("Folder with a recipe.toml to run.", option="recipe")] = (
+        None
+    )
     recipe: Recipe
     profile: Annotated[
         bool,
         Input(
-            "Profile-likelihood intervals as well.",
+            "Add profile-likelihood intervals.",
             label="profile-likelihood intervals",
             group="Results",
         ),
@@ -154,7 +153,7 @@ class FitInputs(Inputs):
     budget: Annotated[
         Literal["propagation", "mc"],
         Input(
-            "Uncertainty budget: by propagation, checked by Monte Carlo with mc.",
+            "Uncertainty budget: propagation, or with Monte Carlo check (mc).",
             label="Uncertainty budget",
         ),
     ] = "propagation"

@@ -23,13 +23,13 @@ class CampaignInputs(Inputs):
     TITLE = "Campaign"
 
     vary: Annotated[
-        tuple[str, ...], Input("NAME=FROM:TO:COUNT: a campaign over a grid; --out is needed.")
+        tuple[str, ...], Input("NAME=FROM:TO:COUNT: campaign over a grid; needs --out.")
     ] = ()
     seeds: Annotated[int, Ge(1), Input("Seeds per point of a campaign.")] = 1
-    samples: Annotated[int, Ge(0), Input("Random points in place of the grid.")] = 0
-    measure: Annotated[
-        str, Input("Mean that a campaign prints; of the main measure when left out.")
-    ] = ""
+    samples: Annotated[int, Ge(0), Input("Random points instead of the grid.")] = 0
+    measure: Annotated[str, Input("Measure to print the mean of.", default_text="main measure")] = (
+        ""
+    )
     cluster: Cluster = None
 
 
@@ -41,20 +41,20 @@ class StudyInputs(Inputs):
         tuple[str, ...],
         Len(1),
         Input(
-            "Gain set (s3, s1a, stiff), or its file; several in a campaign.",
+            "Gain set (s3, s1a, stiff) or file; several in a campaign.",
             label="Gains",
             comma_separated=True,
         ),
     ] = ("s3",)
     duration_s: Annotated[
         Annotated[float, Gt(0.0), Le(LONGEST_S)] | None,
-        Input("Length.", "s", default_text="its own"),
+        Input("Duration.", "s", default_text="as in case or schedule"),
     ] = None
     seed: Annotated[int, Ge(0), Input("Seed of the noise.")] = 1
     settings: Annotated[
         Mapping[str, float],
         Input(
-            "NAME=VALUE, as gains.attitude=1.2 (a factor) or gains.attitude.k_q_per_s=8.",
+            "NAME=VALUE, e.g. gains.attitude=1.2 (factor); repeatable.",
             label="Numbers, as gains.attitude=1.2",
             option="set",
         ),
@@ -63,7 +63,7 @@ class StudyInputs(Inputs):
     out: Annotated[
         Path | None,
         Input(
-            "Folder for recordings or table, and figure.",
+            "Folder for recordings, table and figure.",
             label="Name of the folder",
             group="Results",
         ),

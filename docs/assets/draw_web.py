@@ -97,7 +97,7 @@ def explain(page: Page) -> None:
     choose(page, "Rig on the hinge", "beam")
     choose(page, "Gains", "stiff")
     fill(page, "Numbers, as gains.attitude=1.2", "coulomb_friction.torque_Nm=0.013")
-    fill(page, "Length, s", "20")
+    fill(page, "Duration, s", "20")
     for schedule, seed in (("triangle", "2"), ("identify", "1")):
         choose(page, "Schedule, or its file", schedule)
         fill(page, "Seed of the noise", seed)

@@ -1,4 +1,4 @@
-"""Write `commands.md` from the inputs of every command: python docs/reference/write_commands.py."""
+"""Script that writes `commands.md` from the inputs of all commands."""
 
 from __future__ import annotations
 
@@ -6,40 +6,43 @@ from importlib import import_module
 from pathlib import Path
 
 from benchtool.commands.app import COMMANDS, command_module
-from benchtool.core.input_text import format_value
+from benchtool.commands.input_commands import option_help
 from benchtool.core.inputs import InputField, items
 
 HEAD = """# Commands
 
-Written by `python docs/reference/write_commands.py` from the commands' inputs (tested). A value
-outside its range is refused wherever it comes from: an option, the page, a plan or recipe file, or
-a call from Python.
+Options of all commands, with allowed values and defaults in brackets. Written by
+`python docs/reference/write_commands.py`.
 """
+MIN_SHARED = 4  # a section with so many entries of an earlier one refers to it
 
 
 def row(item: InputField) -> str:
-    """Return the table's row of one input."""
-    also = f", `{item.metadata.alias}`" if item.metadata.alias else ""
-    taken = ", ".join(item.choices) or f"{item.range} {item.metadata.unit}".strip()
-    usual = item.metadata.default_text or (
-        "" if item.required or item.kind is bool else format_value(item.default)
-    )
-    cells = (f"`{item.option}`{also}", item.metadata.help, taken, usual)
-    return "| " + " | ".join(cell.replace("|", r"\|") for cell in cells) + " |\n"
+    """Return the list entry of one option."""
+    alias = f", `{item.metadata.alias}`" if item.metadata.alias else ""
+    return f"- `{item.option}`{alias}: {option_help(item)}\n"
 
 
 def page() -> str:
     """Return the text of `commands.md`."""
     parts = [HEAD]
-    for name, (where, line) in COMMANDS.items():
-        if not where:
+    entries: dict[str, dict[str, str]] = {}
+    for name, (location, line) in COMMANDS.items():
+        if not location:
             continue
-        called = getattr(import_module(command_module(name)), where.partition(":")[2])
+        function = getattr(import_module(command_module(name)), location.partition(":")[2])
+        rows = {item.option: row(item) for item in items(function.inputs)}
         parts.append(f"\n## {name}\n\n{line}.\n")
-        if rows := "".join(map(row, items(called.inputs))):
-            parts.append(
-                f"\n| option | meaning | takes | when left out |\n|---|---|---|---|\n{rows}"
-            )
+        counts = {other: len(rows.items() & earlier.items()) for other, earlier in entries.items()}
+        other = max(counts, key=lambda key: counts[key], default="")
+        shared = [option for option in rows if rows[option] == entries.get(other, {}).get(option)]
+        entries[name] = rows
+        if len(shared) >= MIN_SHARED:
+            options = ", ".join(f"`{option}`" for option in shared)
+            parts.append(f"\nAs in [{other}](#{other.replace(' ', '-')}): {options}.\n")
+            rows = {option: text for option, text in rows.items() if option not in shared}
+        if rows:
+            parts.append("\n" + "".join(rows.values()))
     return "".join(parts)
 
 

@@ -23,7 +23,7 @@ def test_a_pitch_recording_goes_from_the_bench_to_explain(page, web):
     connect(page, BENCH)
     page.get_by_label("Virtual clock").click()
     page.get_by_text("20 times faster").click()
-    page.get_by_label("Length, s").fill("8")
+    page.get_by_label("Duration, s").fill("8")
     record = page.get_by_role("button", name="Record", exact=True)
     record.click()
     page.get_by_text("the beam is free to turn").wait_for()

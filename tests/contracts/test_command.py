@@ -252,7 +252,7 @@ def test_a_command_is_described_in_one_place(name):
     assert called.__doc__.splitlines()[0].rstrip(".") == COMMANDS[name][1].rstrip(".")
     section = WRITTEN.read_text("utf-8").partition(f"## {name}\n")[2].partition("\n## ")[0]
     for item in inputs_of(name):
-        assert f"| `{item.option}" in section, item.key
+        assert f"`{item.option}`" in section, item.key
 
 
 def test_every_key_of_a_plan_stands_on_the_page_of_the_plan_file():

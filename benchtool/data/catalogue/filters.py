@@ -20,34 +20,26 @@ from benchtool.data.catalogue.entry import Entry, EntryKind
 class ChoiceInputs(Inputs):
     """What chooses entries of a catalogue; nothing given chooses all."""
 
-    folder: Annotated[
-        tuple[Path, ...], Input("Folders of runs; repeat the option for several.")
-    ] = (Path("runs"),)
-    words: Annotated[
-        str, Input("Words that stand anywhere in name, rig, date, tags, notes, ...", group="Which")
-    ] = ""
-    kind: Annotated[EntryKind | None, Input("What it is.", default_text="any")] = None
+    folder: Annotated[tuple[Path, ...], Input("Folder of runs; repeatable.")] = (Path("runs"),)
+    words: Annotated[str, Input("Words in name, rig, date, tags, notes.", group="Filter")] = ""
+    kind: Annotated[EntryKind | None, Input("Kind of entry.", default_text="any")] = None
     rig: Annotated[str, Input("Rig of a run, model of a fit.")] = ""
-    propeller: Annotated[str, Input("Propeller that the rig states.")] = ""
-    operator: Annotated[str, Input("Who measured.")] = ""
-    since: Annotated[str, Input("First day, as 2026-03-01.")] = ""
-    until: Annotated[str, Input("Last day, as 2026-03-31.")] = ""
+    propeller: Annotated[str, Input("Propeller of the rig.")] = ""
+    operator: Annotated[str, Input("Operator.")] = ""
+    since: Annotated[str, Input("First day, e.g. 2026-03-01.")] = ""
+    until: Annotated[str, Input("Last day, e.g. 2026-03-31.")] = ""
     z_over_r: Annotated[
         tuple[Annotated[float, Ge(0.0)], Annotated[float, Ge(0.0)]] | None,
-        Input("Measured at a distance between these two rotor radii, as 0.5,1."),
+        Input("Range of z/R, e.g. 0.5,1."),
     ] = None
-    tag: Annotated[
-        tuple[str, ...], Input("Tags that it has, every one of them.", comma_separated=True)
-    ] = ()
+    tag: Annotated[tuple[str, ...], Input("Required tags.", comma_separated=True)] = ()
     state: Annotated[
         str,
-        Input(
-            "How it ended: ended, stopped, running; outcome of a fit; verdict of an explanation."
-        ),
+        Input("State of a run, outcome of a fit or verdict of an explanation."),
     ] = ""
     fitted: Annotated[
         tuple[str, ...],
-        Input("Fits with this parameter, or with a value between two, as body_lift.K_b=1.8..2.1."),
+        Input("Fitted parameter, optionally with range: body_lift.K_b=1.8..2.1."),
     ] = ()
 
 

@@ -22,18 +22,15 @@ class FlightInputs(Inputs):
     """What `benchtool simulate flight` takes."""
 
     case: Annotated[
-        str, Input("over, edge, oblique, corner, gust, ramp or plate.", label="Flight")
+        str, Input("Case: over, edge, oblique, corner, gust, ramp or plate.", label="Flight")
     ] = "over"
-    rig: Annotated[str, Input("Rig that flies.")] = "pquad"
-    model: Annotated[
-        str, Input("Model whose ground effect acts, or its file.", default_text="eq. (4)")
-    ] = ""
+    rig: Annotated[str, Input("Rig name or file.")] = "pquad"
+    model: Annotated[str, Input("Ground-effect model: name or file.", default_text="eq. (4)")] = ""
     controllers: Annotated[
         tuple[str, ...],
         Len(1),
         Input(
-            "Some of pid, observer, feedforward, both; your own as module:Class; oge (PID over "
-            "nothing) in a campaign.",
+            "Any of pid, observer, feedforward, both, module:Class; oge in a campaign.",
             label="Controllers",
             comma_separated=True,
             alias="--controller",
@@ -48,31 +45,34 @@ class FlightInputs(Inputs):
     ] = 2.0
     speed_m_s: Annotated[
         Annotated[float, Ge(0.001), Le(50.0)] | None,
-        Input("Speed limit.", "m/s", default_text="the case's own"),
+        Input("Speed limit.", "m/s", default_text="as in case"),
     ] = None
-    ramp: Annotated[bool, Input("Lead the reference along in place of a speed limit.")] = False
+    ramp: Annotated[bool, Input("Use a moving reference instead of a speed limit.")] = False
     gyro_noise_rad_s: Annotated[
         Annotated[float, Ge(0.0), Le(10.0)] | None,
         Input(
-            "Standard deviation.",
+            "Gyro noise, standard deviation.",
             "rad/s",
-            default_text="none, or the paper's 0.015 under several seeds",
+            default_text="0, or 0.015 with several seeds",
             group="Disturbances",
         ),
     ] = None
     map_offset_m: Annotated[
-        tuple[float, float, float], Input("X,Y,Z of the feedforward's map; -0.05,0,0.", "m")
+        tuple[float, float, float],
+        Input("Offset X,Y,Z of the feedforward map, e.g. -0.05,0,0.", "m"),
     ] = (0.0, 0.0, 0.0)
     map: Annotated[
-        Path | None, Input("Fly over this map (TOML or CSV) instead.", group="Course")
+        Path | None, Input("Surface map (TOML or CSV) instead of the case.", group="Course")
     ] = None
-    goal_m: Annotated[tuple[float, float] | None, Input("X,Y to fly to instead.", "m")] = None
+    goal_m: Annotated[
+        tuple[float, float] | None, Input("Goal X,Y instead of that of the case.", "m")
+    ] = None
     lag_s: Annotated[
-        float, Ge(0.0), Le(10.0), Input("Time constant of the motors.", "s", group="Vehicle")
+        float, Ge(0.0), Le(10.0), Input("Motor time constant.", "s", group="Vehicle")
     ] = 0.0
-    layout: Annotated[Literal["plus", "cross"], Input("plus, or cross: turned by 45 degrees.")] = (
-        "plus"
-    )
+    layout: Annotated[
+        Literal["plus", "cross"], Input("Rotor layout; cross is rotated by 45 degrees.")
+    ] = "plus"
     study: StudyInputs = field(default_factory=StudyInputs)
 
 

@@ -20,14 +20,14 @@ class PitchInputs(Inputs):
     """What `benchtool simulate pitch` takes."""
 
     rig: Annotated[
-        str | None, Input("Rig on the hinge.", default_text="the model's; pquad without a model")
+        str | None, Input("Rig on the hinge.", default_text="rig of the model, or pquad")
     ] = None
-    model: Annotated[str, Input("Model or its file.", default_text="the rig's pitch model")] = ""
+    model: Annotated[str, Input("Model name or file.", default_text="pitch model of the rig")] = ""
     controllers: Annotated[
         tuple[str, ...],
         Len(1),
         Input(
-            "With commas; your own as module:Class.",
+            "Controllers: names or module:Class, comma-separated.",
             comma_separated=True,
             alias="--controller",
             label="Controllers",

@@ -77,7 +77,7 @@ class Scene:
             start(page, 9, "1")
             turning_us = 1500.0
         else:
-            page.get_by_label("Length, s").fill("600")
+            page.get_by_label("Duration, s").fill("600")
             page.get_by_role("button", name="Record", exact=True).last.click()
             page.get_by_role("button", name="Start", exact=True).click()
             turning_us = 1101.0
