@@ -24,7 +24,7 @@ from benchtool.commands.terminal.messages import (
     EscapedStream,
     find_cause,
     flush_output,
-    say_error,
+    print_error,
 )
 from benchtool.core.errors import (
     BenchtoolError,
@@ -135,13 +135,13 @@ def _run(arguments: list[str]) -> None:
         flush_output()
         sys.exit(code if isinstance(code, int) else 0)
     except typer.TyperException as error:
-        say_error(_describe_usage_error(error, arguments))
+        print_error(_describe_usage_error(error, arguments))
         sys.exit(error.exit_code)
     except typer.Abort:
-        say_error("aborted; no answer was given")
+        print_error("aborted; no answer was given")
         sys.exit(1)
     except BenchtoolError as error:
-        say_error(str(error))
+        print_error(str(error))
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         sys.exit(130)
@@ -150,12 +150,12 @@ def _run(arguments: list[str]) -> None:
             raise
         if isinstance(error, OSError) and error.errno in _PATH_ERRORS and error.filename:
             reason = (error.strerror or "cannot be used").lower()
-            say_error(f"{display_path(error.filename)}: {reason}; use another path")
+            print_error(f"{display_path(error.filename)}: {reason}; use another path")
             sys.exit(InputError.exit_code)
         if (cause := find_cause(error)) is not None:
-            say_error(str(cause))
+            print_error(str(cause))
             sys.exit(cause.exit_code)
-        say_error(_report_internal_error(error))
+        print_error(_report_internal_error(error))
         sys.exit(UNEXPECTED_ERROR_CODE)
 
 
@@ -196,9 +196,8 @@ def build_app(arguments: Sequence[str]) -> typer.Typer:
     app.callback()(_options)
     positional = [argument for argument in arguments if not argument.startswith("-")]
     if positional and not is_completion_setup and positional[0] not in COMMANDS:
-        raise UnknownChoice(
-            "command", positional[0], [name for name in COMMANDS if " " not in name]
-        )
+        names = [name for name in COMMANDS if " " not in name]
+        raise UnknownChoice("command", positional[0], names)
     requested = "" if is_completion_setup else _find_command(arguments)
     groups: dict[str, typer.Typer] = {"": app}
     for name, (location, line) in COMMANDS.items():

@@ -38,9 +38,7 @@ class ServeInputs(Inputs):
         Input("pty, tcp:PORT, tcp:HOST:PORT, mavlink (:pty, :tcp:PORT, ...).", group="Link"),
     ] = "pty"
     symlink: Annotated[Path | None, Input("Symbolic link to the pseudo-terminal.")] = None
-    speed: Annotated[float, Gt(0.0), Le(1000.0), Input("Real-time factor.", group="Simulation")] = (
-        1.0
-    )
+    speed: Annotated[float, Gt(0.0), Le(1000.0), Input("Time factor.", group="Simulation")] = 1.0
     rate: Annotated[
         Annotated[float, Ge(1.0), Le(1000.0)] | None,
         Input("Sampling rate.", "Hz", default_text="200, or controller rate"),
@@ -91,10 +89,8 @@ def serve(inputs: ServeInputs) -> None:
     try:
         server, text = build_server(inputs, rig, link, faults, wrap)
         print(format_address(), flush=True)
-        print(
-            f"virtual {text}, speed {inputs.speed:g}; no motor turns; Ctrl-C to stop",
-            file=sys.stderr,
-        )
+        speed = f"speed {inputs.speed:g}; no motor turns; Ctrl-C to stop"
+        print(f"virtual {text}, {speed}", file=sys.stderr)
         server.run()
     except KeyboardInterrupt:
         pass

@@ -67,7 +67,7 @@ def map_motors(inputs: MapInputs) -> None:
         describe_bench(TERMINAL, bench.identity, rig)
         text = (
             f"motors 1 to {rig.n_rotors} will turn one after another at "
-            f"{low_throttle_us(rig):g} us; see which rotor each one is"
+            f"{low_throttle_us(rig):g} us; watch which rotor each one turns"
         )
         if not inputs.yes:
             confirm_arming(TERMINAL, text, bench)
@@ -87,10 +87,8 @@ def _build_prompt(rig: Rig, bench: Bench) -> Callable[[int], int]:
 
     def find_rotor(motor: int) -> int:
         while len(remaining) > 1:
-            choices = ", ".join(
-                f"{rotor + 1} {rig.rotors[rotor].name}" for rotor in sorted(remaining)
-            )
-            question = f"motor {motor} has turned; which rotor was it? ({choices}): "
+            names = [f"{index + 1} {rig.rotors[index].name}" for index in sorted(remaining)]
+            question = f"motor {motor} has turned; which rotor was it? ({', '.join(names)}): "
             answer = TERMINAL.answer(question, lambda: bench.read(POLL_INTERVAL_S)).strip()
             rotor = int(answer) - 1 if answer.isdecimal() else -1
             if rotor in remaining:
@@ -163,9 +161,7 @@ def check(inputs: CheckInputs) -> None:
         if not inputs.yes:
             confirm_arming(TERMINAL, text, bench)
         elif not device.simulated:
-            raise InputError(
-                "--yes is for simulated benches only; remove it and type the confirmation"
-            )
+            raise InputError("--yes is for simulated benches only; remove it and type ARM")
         for finding in check_bench(bench, rig):
             findings.append(finding)
             print(f"{'ok  ' if finding.passed else 'FAIL'} {finding.name}: {finding.text}")

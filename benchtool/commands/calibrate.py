@@ -50,10 +50,9 @@ class CalibrateInputs(Inputs):
     out: Annotated[
         Path | None, Input("Also write the calibration and its figure to this new file.")
     ] = None
-    apply: Annotated[
-        Path | None,
-        Input("Run folder to recalibrate.", group="Apply to a run"),
-    ] = None
+    apply: Annotated[Path | None, Input("Run folder to recalibrate.", group="Apply to a run")] = (
+        None
+    )
     calibration: Annotated[
         Path | None, Input("Calibration file for --apply.", default_text="latest of the device")
     ] = None
@@ -69,28 +68,17 @@ def calibrate(inputs: CalibrateInputs) -> None:
     The calibration is stored and used by all later runs of that device. With --apply, no bench
     is opened and the raw data of the run do not change.
     """
-    options = _find_given_options(inputs)
-    apply_options = [option for option in options if option in APPLY_OPTIONS]
-    if inputs.apply is not None:
-        if others := [option for option in options if option not in APPLY_OPTIONS]:
-            raise InputError(
-                f"--apply cannot be combined with {', '.join(others)}; allowed with it: "
-                f"--calibration, --other-device"
-            )
-        _apply_to_run(inputs.apply, inputs.calibration, inputs.other_device)
-    elif apply_options:
-        raise InputError(f"{' and '.join(apply_options)} needs a run; add --apply RUN")
-    else:
+    changed = [item for item in items(type(inputs)) if attrgetter(item.key)(inputs) != item.default]
+    options = [item.option for item in changed]
+    others = [option for option in options if option not in APPLY_OPTIONS]
+    if inputs.apply is None:
+        if len(others) < len(options):
+            raise InputError("--calibration and --other-device need a run; add --apply RUN")
         _calibrate(inputs)
-
-
-def _find_given_options(inputs: CalibrateInputs) -> list[str]:
-    """Return the options whose values differ from the defaults."""
-    return [
-        item.option
-        for item in items(CalibrateInputs)
-        if attrgetter(item.key)(inputs) != item.default
-    ]
+    elif others:
+        raise InputError(f"--apply excludes {', '.join(others)}; remove one of them")
+    else:
+        _apply_to_run(inputs.apply, inputs.calibration, inputs.other_device)
 
 
 def _apply_to_run(path: Path, file: Path | None, other_device: bool) -> None:
@@ -104,8 +92,7 @@ def _apply_to_run(path: Path, file: Path | None, other_device: bool) -> None:
         calibration = read_calibration(file)
     else:
         device_id = str(run.metadata.get("device_id", ""))
-        latest = recall_latest("calibration", device_id)
-        if latest is None:
+        if (latest := recall_latest("calibration", device_id)) is None:
             raise CalibrationError(
                 f"no stored calibration for device {device_id!r}; add --calibration FILE"
             )

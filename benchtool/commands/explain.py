@@ -79,16 +79,13 @@ def explain(inputs: ExplainArguments) -> None:
 
     if inputs.cluster is not None and not inputs.each and not inputs.bootstrap:
         raise InputError("--cluster needs --each or --bootstrap; add one, or remove --cluster")
-
     if inputs.each:
         _explain_each(inputs)
         return
     request = build_request(inputs, announce_code)
-    rig = (
-        open_experiment_bench(inputs.bench, request, inputs.out)
-        if inputs.bench is not None
-        else None
-    )
+    rig = None
+    if inputs.bench is not None:
+        rig = open_experiment_bench(inputs.bench, request, inputs.out)
     if not inputs.overwrite:
         check_not_existing(inputs.out, inputs.json)
     remaining_min, n_recorded = inputs.most_minutes, 0
@@ -187,7 +184,7 @@ def _explain_one(
     out: Path | None, command: str, is_permitted: bool, item: tuple[str, ExplainInputs]
 ) -> dict[str, Any]:
     """Write the folder of one answer and return its JSON data; runs in a worker process."""
-    from benchtool.commands.terminal.batch import reject_duplicate_outputs
+    from benchtool.commands.terminal.batch import write_folder_once
     from benchtool.report.answer.folder import WrittenFiles, answer_tables
     from benchtool.results import explain_result
 
@@ -195,5 +192,5 @@ def _explain_one(
     permit: CodePermit = (lambda file: None) if is_permitted else check_code_allowed
     inputs = replace(inputs, out=None)
     result = explain_result(inputs, permit=permit, commands=[command])
-    reject_duplicate_outputs(None if out is None else out / name, result.save)
+    write_folder_once(None if out is None else out / name, result.save)
     return answer_tables(result.found, WrittenFiles())

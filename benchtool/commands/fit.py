@@ -24,28 +24,25 @@ class FitArguments(FitInputs):
     """Command-line options of `benchtool fit`.
 
     Attributes:
-        one_by_one: row filters, one for each run of a table that is fitted separately.
+        run_filters: row filters, one for each run of a table that is fitted separately.
     """
 
     table: TableInputs = field(default_factory=TableInputs)
     each: Annotated[
         bool,
-        Input(
-            "Fit each DATA separately; --out contains one folder each.",
-            group="Several runs",
-        ),
+        Input("Fit each DATA separately; --out contains one folder each.", group="Several runs"),
     ] = False
     cluster: Cluster = None
-    one_by_one: tuple[str, ...] = ()
+    run_filters: tuple[str, ...] = ()
 
 
 def _base_inputs(options: dict[str, Any]) -> FitArguments:
-    one_by_one: tuple[str, ...] = ()
+    run_filters: tuple[str, ...] = ()
     if "data" in options and "recipe" not in options:
         from benchtool.commands.terminal.table_fit import prepare_table
 
-        one_by_one = prepare_table(options)
-    inputs = FitArguments(recipe=recipe_from_options(options, "fit"), one_by_one=one_by_one)
+        run_filters = prepare_table(options)
+    inputs = FitArguments(recipe=recipe_from_options(options, "fit"), run_filters=run_filters)
     for item in items(TableInputs):
         options.pop(item.name, None)  # already in the column map
     return inputs
@@ -62,7 +59,7 @@ def fit(inputs: FitArguments) -> None:
     from benchtool.results import fit_result
 
     command = shlex.join(["benchtool", *sys.argv[1:]])
-    if inputs.each or inputs.one_by_one:
+    if inputs.each or inputs.run_filters:
         _fit_each(inputs, command)
         return
     if inputs.cluster is not None:
@@ -92,10 +89,10 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
     from benchtool.report.fit.stored_fit import stored_from
 
     recipe = inputs.recipe
-    if inputs.one_by_one:
+    if inputs.run_filters:
         recipes = {
             Path(value).name: replace(recipe, name=value, where=(*recipe.where, row_filter))
-            for row_filter in inputs.one_by_one
+            for row_filter in inputs.run_filters
             for value in [row_filter.partition("=")[2]]
         }
     else:
@@ -118,12 +115,12 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
         out=inputs.out,
         about={"fit": str(fit_inputs)},
         cluster=inputs.cluster,
-        processes=0 if inputs.one_by_one else None,
+        processes=0 if inputs.run_filters else None,
     )
     fits = {
         name: stored_from(row["result"], name) for name, row in outcomes.items() if row["result"]
     }
-    for name, stored_fit in fits.items() if inputs.one_by_one else ():
+    for name, stored_fit in fits.items() if inputs.run_filters else ():
         print(f"\n{name}")
         print_fit(stored_fit)
     if fits:
@@ -131,7 +128,7 @@ def _fit_each(inputs: FitArguments, command: str) -> None:
     if inputs.out is not None:
         folders = [str(inputs.out / name) for name in fits]
         print(f"written: {inputs.out}, with one folder each")
-        if len(folders) > 1 and not inputs.one_by_one:
+        if len(folders) > 1 and not inputs.run_filters:
             print(f"compare the rigs with: {shlex.join(['benchtool', 'pool', *folders])}")
     raise_first(outcomes)
     for problem in filter(None, (refusal(stored_fit.results) for stored_fit in fits.values())):
@@ -145,12 +142,12 @@ def _fit_one(
 
     User code of the model has been announced by the caller.
     """
-    from benchtool.commands.terminal.batch import reject_duplicate_outputs
+    from benchtool.commands.terminal.batch import write_folder_once
     from benchtool.fit.result_file import result_tables
     from benchtool.results import fit_result
 
     permit: CodePermit = (lambda file: None) if inputs.folder is None else check_code_allowed
     result = fit_result(replace(inputs, recipe=recipe), permit=permit)
     folder = None if out is None else out / Path(recipe.name).name
-    reject_duplicate_outputs(folder, lambda part: result.save(part, commands))
+    write_folder_once(folder, lambda part: result.save(part, commands))
     return result_tables(result.found)

@@ -104,7 +104,7 @@ def _list_user_files(folder: str, title: Callable[[str], str]) -> Iterator[str]:
     from benchtool.core.library import user_library_folder, user_names
 
     names = user_names(folder)
-    yield f"yours, in {user_library_folder() / folder}:{'' if names else ' none'}"
+    yield f"user library, {user_library_folder() / folder}:{'' if names else ' none'}"
     for name in names:
         try:
             yield f"{name:<16} {title(name)}"
@@ -137,10 +137,8 @@ def _describe_rig(name: str) -> Iterator[str]:
     rig = load_rig_by_name(name)
     yield f"{rig.name}: {rig.title}"
     sources = {key: source for key, source in rig.sources.items() if key not in rig.not_stated}
-    if rig.assumed:
-        yield f"{len(rig.assumed)} of {len(sources)} numbers are assumed (marked ?)"
-    else:
-        yield f"all {len(sources)} numbers have a source"
+    n_assumed = len(rig.assumed) or "none"
+    yield f"{n_assumed} of {len(sources)} numbers are assumed (marked ?)"
     for key, source in sources.items():
         mark = "?" if key in rig.assumed else " "
         yield f"{mark} {key:<40} {_format_value(rig, key):>12}  {source}"

@@ -29,10 +29,7 @@ class NewRigInputs(Inputs):
     file: Annotated[Path, Input("New file, e.g. mine.toml.", argument="FILE")]
     purpose: Annotated[
         Purpose,
-        Input(
-            "Purpose: fit of tables, motor test, plate sweep, or pitch bench.",
-            option="for",
-        ),
+        Input("Purpose: fit of tables, motor test, plate sweep, or pitch bench.", option="for"),
     ] = "fit"
     like: Annotated[str, Input("Rig name or file to copy other values from.")] = ""
     radius: Annotated[
@@ -51,11 +48,7 @@ class NewRigInputs(Inputs):
     ] = None
     pulses: Annotated[
         tuple[Pulse, Pulse, Pulse] | None,
-        Input(
-            "Pulse widths for stop, start and full throttle.",
-            "us",
-            default_text="prompt for motor, sweep",
-        ),
+        Input("Pulse widths at stop, start and maximum.", "us", default_text="as for --cell"),
     ] = None
     current: Annotated[
         Annotated[float, Gt(0.0), Le(1e4)] | None,
@@ -89,9 +82,7 @@ def new_rig(inputs: NewRigInputs) -> None:
     text = rig_text(inputs, file.stem)
     rig = parse_rig(text, str(file))
     write_new(file, lambda: file.write_text(text, encoding="utf-8"), "another FILE")
-    print(
-        f"written: {file}; {len(rig.not_stated)} other values are missing and have typical defaults"
-    )
+    print(f"written: {file}; typical values are assumed for {len(rig.not_stated)} other numbers")
     name = shlex.quote(str(file))
     print(f"# show all values\nbenchtool library rigs {name}")
     if inputs.purpose == "pitch":
@@ -166,9 +157,7 @@ def rig_text(inputs: NewRigInputs, name: str) -> str:
         write("limits", load_cell_rating_N=get("cell"))
     if inputs.current is not None:
         write("limits", current_A=inputs.current)
-    if (has_motor or inputs.pulses is not None) and is_needed(
-        "pulses", "propulsion", "pwm_stop_us"
-    ):
+    if (has_motor or inputs.pulses) and is_needed("pulses", "propulsion", "pwm_stop_us"):
         stop_us, start_us, max_us = get("pulses", "1000,1050,1950")
         write("propulsion", pwm_stop_us=stop_us, pwm_start_us=start_us, pwm_max_us=max_us)
     if (is_sweep or inputs.plate is not None) and is_needed("plate", "plate", "moved_by"):

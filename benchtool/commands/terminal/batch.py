@@ -47,7 +47,7 @@ def run_each(
     """Return the result of each task by name, in order, with a progress bar.
 
     Args:
-        work: `outcome` of a function that writes its folder with `reject_duplicate_outputs`.
+        work: `outcome` of a function that writes its folder with `write_folder_once`.
         out: parent of the task folders; an interrupted batch resumes there.
         about: description that identifies the work.
 
@@ -78,7 +78,7 @@ def run_each(
     return {name: results[name] for name in tasks}
 
 
-def reject_duplicate_outputs(folder: Path | None, write: WriteFolder) -> None:
+def write_folder_once(folder: Path | None, write: WriteFolder) -> None:
     """Write a folder atomically; skip one that an interrupted run has already written."""
     if folder is not None and not folder.exists():
         partial_folder(folder).parent.mkdir(parents=True, exist_ok=True)

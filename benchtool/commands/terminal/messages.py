@@ -66,7 +66,7 @@ class EscapedStream:
         return getattr(self.rich_proxied_file, name)
 
 
-def say_error(text: str) -> None:
+def print_error(text: str) -> None:
     """Print a message on standard error; ignore write errors."""
     _output_error()
     with suppress(OSError, ValueError):

@@ -58,21 +58,23 @@ def print_answer(answer: ExplainResult) -> None:
     if answer.simulated:
         console.print("SIMULATED DATA: no physical bench produced these recordings")
     _print_verdict(console, answer)
-    console.say(where_sentence(answer))
+    console.print_lines(where_sentence(answer))
     if verdict.effects:
         print_table(console, short_effects_table(answer))
     print_table(console, short_gap_table(answer))
     print_table(console, tolerances_table(answer))
     for name in verdict.not_judged:
-        console.say(f"Not judged: {answer.title_of(name)} {unjudged_sentence(answer, name)}")
-    console.say(*(f"! {line}" for line in answer.remarks))
-    console.say(f"Computing time: {answer.seconds:.1f} s.")
+        console.print_lines(
+            f"Not judged: {answer.title_of(name)} {unjudged_sentence(answer, name)}"
+        )
+    console.print_lines(*(f"! {line}" for line in answer.remarks))
+    console.print_lines(f"Computing time: {answer.seconds:.1f} s.")
 
 
 def _print_verdict(console: Output, answer: ExplainResult) -> None:
-    console.say(answer.verdict.sentence)
+    console.print_lines(answer.verdict.sentence)
     if answer.caution:
-        console.say(answer.caution)
+        console.print_lines(answer.caution)
 
 
 def print_next(answer: ExplainResult, out: Path | None, json_file: Path | None) -> None:
@@ -85,12 +87,12 @@ def print_next(answer: ExplainResult, out: Path | None, json_file: Path | None) 
         print(f"written: {json_file}")
     console.print("\nIn short", style="bold")
     _print_verdict(console, answer)
-    console.say(added_sentence(answer, folder))
-    console.say(*(f"  {change.words}" for change in changes(answer)))
+    console.print_lines(added_sentence(answer, folder))
+    console.print_lines(*(f"  {change.words}" for change in changes(answer)))
     if sentence := next_sentence(answer):
         name, _ = next_file(answer)
         location = f" File: {out / name}." if out is not None and name else ""
-        console.say(f"{sentence}{location}")
+        console.print_lines(f"{sentence}{location}")
     if out is None:
         print("add --out FOLDER for the report, figures, new model and next experiment")
-    console.say(*lines(next_steps(answer, folder)))
+    console.print_lines(*lines(next_steps(answer, folder)))

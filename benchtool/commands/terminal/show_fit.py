@@ -36,9 +36,9 @@ def print_fit(fit: StoredFit) -> None:
             width = max(MAX_COLUMNS, section.text_columns + 3)
             print_table(console, section.narrowed(range(min(width, len(section.header)))))
         elif isinstance(section, Warnings):
-            console.say(*(f"! {line}" for line in section.sentences))
+            console.print_lines(*(f"! {line}" for line in section.sentences))
         elif isinstance(section, Paragraph):
-            console.say(section.text)
+            console.print_lines(section.text)
 
 
 def print_runs(fits: Mapping[str, StoredFit]) -> None:

@@ -21,18 +21,18 @@ def print_import(result: ImportResult, target: Path | None) -> None:
         parts.append(f"{tally.not_needed:,} of other kinds")
     parts.append(f"{tally.refused:,} rejected")
     source = result.recording.provenance.get("file", "")
-    console.say(f"{source}: {result.format}; {', '.join(parts)}")
-    console.say(f"channels: {', '.join(result.recording.names)}")
+    console.print_lines(f"{source}: {result.format}; {', '.join(parts)}")
+    console.print_lines(f"channels: {', '.join(result.recording.names)}")
     for window in result.windows:
         rotor = f"rotor {window.rotor}" if window.rotor else "all rotors"
-        console.say(
+        console.print_lines(
             f"over a surface: {rotor}, {window.start_s:.6g} s to {window.end_s:.6g} s "
             f"(source: {window.source})"
         )
     if result.findings:
         console.print(_table(result))
     if target is not None:
-        console.say(f"written: {target} and {target.name}.json")
+        console.print_lines(f"written: {target} and {target.name}.json")
 
 
 def _table(result: ImportResult) -> Table:

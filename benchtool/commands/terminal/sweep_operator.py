@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
-from benchtool.commands.terminal.messages import say_error
+from benchtool.commands.terminal.messages import print_error
 from benchtool.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class TerminalOperator:
         print(text, flush=True)
 
     def warn(self, text: str) -> None:
-        say_error(text)
+        print_error(text)
 
     def answer(self, question: str, meanwhile: Callable[[], object] | None = None) -> str:
         print(question, end="", flush=True)

@@ -47,7 +47,7 @@ class Output(EscapedConsole):
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError
 
-    def say(self, *lines: str) -> None:
+    def print_lines(self, *lines: str) -> None:
         """Print lines without markup."""
         for line in lines:
             self.print(line, markup=False)

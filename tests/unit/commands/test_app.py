@@ -70,6 +70,7 @@ def test_an_interrupt_ends_with_130(run):
     ("words", "sentence"),
     [
         (["tri"], "unknown command 'tri'; did you mean 'try'? known: absent, try"),
+        (["doctor", "x"], "unknown command 'doctor'; known: absent, try"),
         (
             ["try", "--tims"],
             "No such option: --tims (Possible options: --times); see benchtool try --help",
