@@ -151,7 +151,7 @@ def _build_plate_server(
             Imperfections, dict(loaded.imperfections), f"{name}: [imperfections]"
         ),
         faults=faults,
-        speak=wrap,
+        protocol=wrap,
     )
     return server, f"bench of {rig.name}, truth {loaded.model.name}"
 
@@ -187,7 +187,7 @@ def _build_pitch_server(
         seed=inputs.seed,
         speed=inputs.speed,
         faults=faults,
-        speak=wrap,
+        protocol=wrap,
     )
     return server, (
         f"pitch bench of {rig.name}, truth {plant.job.bench.model.name}, {controller} with gains "
