@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,11 +16,8 @@ EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "text_stand.py"
 
 def driver_of_the_page() -> ModuleType:
     """Return the example driver as a module."""
-    spec = importlib.util.spec_from_file_location("text_stand", EXAMPLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    module = ModuleType("text_stand")
+    exec(compile(EXAMPLE.read_text("utf-8"), str(EXAMPLE), "exec"), module.__dict__)
     return module
 
 
