@@ -21,7 +21,7 @@ WRITTEN = Path(__file__).parents[2] / "docs" / "reference" / "commands.md"
 
 RUNNABLE = [name for name, (where, _) in COMMANDS.items() if where]
 
-REFUSED: dict[str, list[tuple[str, str]]] = {
+REFUSED: dict[str, list[tuple[str, str]]] = {  # arguments, part of the error message
     "demo": [("--seed -1", "--seed is -1, allowed is")],
     "sweep": [("sim:pquad --dry-run --tilt 900", "--tilt names 900 deg, allowed is -89 to 89 deg")],
     "record": [
@@ -193,43 +193,42 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
     "library models": [("sngle", "did you mean 'single'")],
     "library effects": [("body_lft", "did you mean 'body_lift'")],
 }
-"""Words that a command refuses, and what its sentence says; `taken` and `taken.js` are there."""
 
 
-def inputs_of(name: str) -> tuple[InputField, ...]:
-    called = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
-    return items(called.inputs)
+def command_items(name: str) -> tuple[InputField, ...]:
+    function = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
+    return items(function.inputs)
 
 
-def test_every_command_has_a_case_of_its_own():
+def test_every_command_has_a_case():
     assert set(REFUSED) == set(RUNNABLE)
 
 
 @pytest.mark.parametrize(
-    ("name", "words", "sentence"),
+    ("name", "arguments", "message"),
     [(name, *case) for name, cases in REFUSED.items() for case in cases],
 )
-def test_it_is_refused_in_one_sentence_and_leaves_nothing(
-    name, words, sentence, tmp_path, monkeypatch, capsys
+def test_invalid_arguments_give_one_error_line_and_no_file(
+    name, arguments, message, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken.js").write_text("mine")
     (tmp_path / "taken").mkdir()
     (tmp_path / "taken" / "file").write_text("mine")
     before = sorted(tmp_path.rglob("*"))
-    assert run(*name.split(), *words.split()) == 2
+    assert run(*name.split(), *arguments.split()) == 2
     error = capsys.readouterr().err
-    assert sentence in error
-    sentences = [line for line in error.splitlines() if not line.startswith("running user code: ")]
-    assert len(sentences) == 1
+    assert message in error
+    lines = [line for line in error.splitlines() if not line.startswith("running user code: ")]
+    assert len(lines) == 1
     assert sorted(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.parametrize("name", RUNNABLE)
-def test_every_input_says_what_it_is(name):
-    found = inputs_of(name)
-    assert len({item.option for item in found}) == len(found)
-    for item in found:
+def test_every_option_has_help_unit_and_range(name):
+    fields = command_items(name)
+    assert len({item.option for item in fields}) == len(fields)
+    for item in fields:
         assert item.metadata.help.strip(), item.key
         assert item.metadata.help[-1] == ".", item.key
         unit = re.search(r"_(us|m|s|deg|m_s|rad_s|kg)$", item.key.rpartition(".")[2])
@@ -240,15 +239,15 @@ def test_every_input_says_what_it_is(name):
 
 
 @pytest.mark.parametrize("name", RUNNABLE)
-def test_a_command_is_described_in_one_place(name):
-    called = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
-    assert called.__doc__.splitlines()[0].rstrip(".") == COMMANDS[name][1].rstrip(".")
+def test_docstring_help_and_page_agree(name):
+    function = getattr(import_module(command_module(name)), COMMANDS[name][0].partition(":")[2])
+    assert function.__doc__.splitlines()[0].rstrip(".") == COMMANDS[name][1].rstrip(".")
     section = WRITTEN.read_text("utf-8").partition(f"## {name}\n")[2].partition("\n## ")[0]
-    for item in inputs_of(name):
+    for item in command_items(name):
         assert f"`{item.option}`" in section, item.key
 
 
-def test_every_key_of_a_plan_stands_on_the_page_of_the_plan_file():
+def test_the_plan_page_contains_every_key():
     page = WRITTEN.with_name("plan.md").read_text("utf-8")
     for item in items(Plan):
         assert f"| `{item.key.rpartition('.')[2]}` |" in page, item.key

@@ -1,4 +1,4 @@
-"""`import benchtool as bt`: what the commands do, as functions whose results show themselves."""
+"""Public functions of `import benchtool as bt` and their results."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def fitted():
     return bt.fit(RUN, "quad_body_lift", fix={"k": 1.0208e-5})
 
 
-def test_nothing_is_loaded_before_it_is_used():
+def test_the_package_imports_lazily():
     code = "import sys, benchtool as bt; dir(bt); print([m for m in sys.modules if '.' in m and m.startswith('benchtool')])"  # fmt: skip # noqa: E501
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    output = subprocess.check_output([sys.executable, "-c", code], text=True)
+    assert output.strip() == "[]"
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         bt.nothing  # type: ignore[attr-defined]  # noqa: B018
 
 
-def test_every_public_name_is_there_whatever_was_imported_before():
+def test_every_public_name_exists_after_submodule_imports():
     import benchtool.explain.engine.explain
     import benchtool.fit.problem
 
@@ -42,7 +42,7 @@ def test_every_public_name_is_there_whatever_was_imported_before():
     assert "check" in inspect.signature(bt.explain).parameters
 
 
-def test_a_run_shows_itself():
+def test_a_run_has_summary_tables_and_plots():
     run = bt.read(RUN)
     assert run.summary().startswith("80 visits of 16 settings on rig pquad")
     points = run.to_dataframe()
@@ -51,16 +51,16 @@ def test_a_run_shows_itself():
     assert set(points["kind"]) == {"measure", "reference", "anchor"}
     assert run.tables[:2] == ("points", "settings")
     assert run.plot("distance").axes
-    shown = run.plot("distance")._repr_png_()  # type: ignore[attr-defined]
-    assert shown.startswith(b"\x89PNG")
-    shown = run._repr_html_()
-    assert shown.startswith("<div><pre")
-    assert "<svg" in shown
+    png = run.plot("distance")._repr_png_()  # type: ignore[attr-defined]
+    assert png.startswith(b"\x89PNG")
+    html = run._repr_html_()
+    assert html.startswith("<div><pre")
+    assert "<svg" in html
     with pytest.raises(UnknownChoice, match="unknown table 'point'; did you mean 'points'"):
         run.to_dataframe("point")
 
 
-def test_a_log_of_a_stand_is_read_as_import_reads_it(tmp_path):
+def test_a_test_stand_log_is_read_like_import(tmp_path):
     log = tmp_path / "stand.csv"
     log.write_text(
         "Time (s),ESC signal (µs),Thrust (kgf),Motor Electrical Speed (RPM)\n"
@@ -74,7 +74,7 @@ def test_a_log_of_a_stand_is_read_as_import_reads_it(tmp_path):
         bt.read(other)
 
 
-def test_a_fit_is_that_of_the_command(fitted):
+def test_a_fit_equals_that_of_the_command(fitted):
     recipe = Recipe(name="run", data=(str(RUN),), model="quad_body_lift", fix={"k": 1.0208e-5})
     expected = run_recipe(recipe).results[0]
     table = fitted.to_dataframe("estimates").set_index("parameter")
@@ -85,7 +85,7 @@ def test_a_fit_is_that_of_the_command(fitted):
     assert repr(fitted) == fitted.summary()
 
 
-def test_a_fit_takes_what_was_read_and_writes_its_page(fitted, tmp_path):
+def test_a_fit_takes_a_read_run_and_writes_its_report(fitted, tmp_path):
     again = bt.fit([bt.read(RUN)], "quad_body_lift", fix={"k": 1.0208e-5})
     assert again.summary() == fitted.summary()
     page = fitted.report(tmp_path / "fit.html")
@@ -96,19 +96,19 @@ def test_a_fit_takes_what_was_read_and_writes_its_page(fitted, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "message"),
     [
         ({"basi": "joint"}, "unknown input 'basi'; did you mean 'basis'"),
         ({"basis": "equal"}, "unknown basis 'equal'"),
         ({"walkers": 4}, "walkers is 4, allowed is 8 or more"),
     ],
 )
-def test_a_wrong_option_is_refused_by_its_name(options, words):
-    with pytest.raises(InputError, match=words):
+def test_an_invalid_option_is_reported_by_name(options, message):
+    with pytest.raises(InputError, match=message):
         bt.fit(RUN, "quad_body_lift", **options)
 
 
-def test_simulations_take_a_controller_of_ones_own():
+def test_simulations_take_a_user_controller():
     class Still:
         def step(self, measurement: object, reference: object, dt_s: float) -> float:
             return 0.0
@@ -125,21 +125,21 @@ def test_simulations_take_a_controller_of_ones_own():
             bt.simulate_pitch(wrong)
 
 
-def test_an_explanation_holds_the_verdict_and_its_numbers(tmp_path):
+def test_an_explanation_has_verdict_and_tables(tmp_path):
     from tests.unit.explain.test_sweep_subject import lab_sweep
 
     for seed in (1, 2):
         lab_sweep(tmp_path / f"{seed}.csv", seed, (0.6, 0.8, 1.0, 1.3, 1.8, 2.5, 3.5, 6.0))
-    found = bt.explain(
+    result = bt.explain(
         tmp_path / "1.csv", tmp_path / "2.csv", "single", rig="pquad_single", draws=20
     )
-    assert "a different law of thrust against distance" in found.summary()
-    assert found.to_dataframe("probabilities")["probability"].is_monotonic_decreasing
-    assert set(found.to_dataframe("gap")["channel"]) == {"thrust_N", "rpm"}
-    assert found.tables == ("effects", "gap", "probabilities")
+    assert "a different law of thrust against distance" in result.summary()
+    assert result.to_dataframe("probabilities")["probability"].is_monotonic_decreasing
+    assert set(result.to_dataframe("gap")["channel"]) == {"thrust_N", "rpm"}
+    assert result.tables == ("effects", "gap", "probabilities")
 
 
-def test_a_fit_is_saved_as_the_command_saves_it(fitted, tmp_path):
+def test_a_fit_is_saved_like_the_command(fitted, tmp_path):
     (page,) = fitted.save(tmp_path / "fit")
     assert page.name == "report.html"
     assert bt.load_model(tmp_path / "fit" / "model.toml").name

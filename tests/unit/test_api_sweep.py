@@ -1,4 +1,4 @@
-"""`bt.sweep`: the command's own sweep from Python; it arms only where somebody confirmed it."""
+"""Function `bt.sweep`: sweep from Python with arming confirmation."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_sweep_returns_what_read_returns_of_its_run(capsys):
+def test_a_sweep_returns_the_result_of_read(capsys):
     result = bt.sweep("sim:pquad", **PLAN, yes=True, out="run")
-    said = capsys.readouterr().out
-    assert "rotors that will turn: 1 (front), 2 (left), 3 (rear), 4 (right)" in said
-    assert "3/3" in said
+    output = capsys.readouterr().out
+    assert "rotors that will turn: 1 (front), 2 (left), 3 (rear), 4 (right)" in output
+    assert "3/3" in output
     assert result.summary() == bt.read("run").summary()
     assert result.tables == ("points", "settings", "samples")
     assert result.to_dataframe()["thrust_N"].to_numpy() == pytest.approx(
@@ -48,7 +48,7 @@ def test_a_sweep_returns_what_read_returns_of_its_run(capsys):
         bt.sweep(resume="run", pwm=1500, yes=True)
 
 
-def test_nothing_is_opened_where_nobody_confirmed(capsys):
+def test_no_bench_is_opened_without_confirmation(capsys):
     with pytest.raises(InputError, match=r"not armed: bt\.sweep turns motors"):
         bt.sweep("tcp:127.0.0.1:1", "pquad", **PLAN)
     with pytest.raises(InputError, match="z_over_r names -1"):
@@ -59,7 +59,7 @@ def test_nothing_is_opened_where_nobody_confirmed(capsys):
 
 
 class Answering(Unattended):
-    """Answer every question with the same text."""
+    """Operator with the same answer to every question."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -68,7 +68,7 @@ class Answering(Unattended):
         return self.text
 
 
-def test_an_operator_of_ones_own_arms_in_place_of_yes():
+def test_an_operator_arms_in_place_of_yes():
     with pytest.raises(RunInterrupted, match="not armed: ARM was not typed"):
         bt.sweep("sim:pquad", **PLAN, operator=Answering("yes"), out="run")
     assert not Path("run").exists()
@@ -77,7 +77,7 @@ def test_an_operator_of_ones_own_arms_in_place_of_yes():
     )
 
 
-def test_yes_does_not_arm_a_real_bench_that_was_not_checked(monkeypatch):
+def test_yes_does_not_arm_an_unchecked_real_bench(monkeypatch):
     bench = FakeBench()
     monkeypatch.setattr("benchtool.acquire.sweep_run.open_bench", lambda *_: bench)
     with pytest.raises(InputError, match="it was never checked; run benchtool bench check fake:1"):
@@ -87,7 +87,7 @@ def test_yes_does_not_arm_a_real_bench_that_was_not_checked(monkeypatch):
 
 
 def assert_stopped(run: Path) -> None:
-    """Check that a run was closed with its motors at zero."""
+    """Check that a run is closed with zero throttle."""
     assert Run.open(run).metadata["state"] == "stopped"
     assert read_events(run / "events.jsonl")[-1].event == "stopped"
     pulses_us = read_samples(run).column("pwm1_us")
@@ -95,7 +95,7 @@ def assert_stopped(run: Path) -> None:
     assert pulses_us[-1] <= 1000.0
 
 
-def test_ctrl_c_stops_motors_and_the_run_goes_on_later(capsys):
+def test_ctrl_c_stops_motors_and_the_run_resumes(capsys):
     with pytest.raises(RunInterrupted, match="stopped by Ctrl-C; zero was commanded"):
         bt.sweep("sim:pquad", **PLAN, yes=True, out="run", operator=Interrupted())
     assert_stopped(Path("run"))
@@ -113,7 +113,7 @@ def test_interrupt_of_a_notebook_stops_motors(tmp_path):
     manager, client = start_new_kernel(kernel_name="python3", cwd=str(tmp_path))
     try:
         options = ", ".join(f"{name}={value!r}" for name, value in {**PLAN, "repeats": 500}.items())
-        asked = client.execute(
+        request = client.execute(
             f"import benchtool as bt; bt.sweep('sim:pquad', {options}, yes=True, out='run')"
         )
         points = tmp_path / "run" / "points.csv"
@@ -122,7 +122,7 @@ def test_interrupt_of_a_notebook_stops_motors(tmp_path):
             assert time.monotonic() < end_s
             time.sleep(0.05)
         manager.interrupt_kernel()
-        while (reply := client.get_shell_msg(timeout=60))["parent_header"]["msg_id"] != asked:
+        while (reply := client.get_shell_msg(timeout=60))["parent_header"]["msg_id"] != request:
             pass
         assert reply["content"]["ename"] == "RunInterrupted"
         assert "stopped by Ctrl-C; zero was commanded" in reply["content"]["evalue"]

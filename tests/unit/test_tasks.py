@@ -1,4 +1,4 @@
-"""Many tasks at once: every result once, whoever ends, and errors with their own sentence."""
+"""Independent tasks: stored results, crashes and errors."""
 
 from __future__ import annotations
 
@@ -26,50 +26,50 @@ def square(n: int) -> int:
     return n * n
 
 
-def square_noted(notes: Path, n: int) -> int:
-    with notes.open("a") as file:
+def square_and_log(log: Path, n: int) -> int:
+    with log.open("a") as file:
         file.write(f"{n}\n")
     return n * n
 
 
-def die_once(notes: Path, n: int) -> int:
-    """End the process at 3, the first time."""
-    if n == 3 and not notes.exists():
-        notes.touch()
+def crash_once(log: Path, n: int) -> int:
+    """Kill the process at 3, once."""
+    if n == 3 and not log.exists():
+        log.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return n * n
 
 
-def die(n: int) -> int:
+def crash(n: int) -> int:
     os.kill(os.getpid(), signal.SIGKILL)
     return n
 
 
-def refuse(n: int) -> int:
+def fail(n: int) -> int:
     if n == 2:
         raise UnknownChoice("number", "two", ["one"])
     return n
 
 
 @pytest.mark.parametrize("processes", [0, 2])
-def test_every_task_gives_its_result(processes):
+def test_every_task_returns_its_result(processes):
     assert dict(run_tasks(square, ITEMS, processes=processes)) == SQUARES
 
 
-def test_what_is_stored_is_not_run_again(tmp_path):
-    path, notes = tmp_path / "store.jsonl", tmp_path / "notes"
-    work = partial(square_noted, notes)
+def test_stored_tasks_are_not_repeated(tmp_path):
+    path, log = tmp_path / "store.jsonl", tmp_path / "log"
+    work = partial(square_and_log, log)
     with TaskStore(path, ABOUT) as store:
         running = run_tasks(work, ITEMS, store=store, processes=0)
         assert [next(running) for _ in range(3)] == [("0", 0), ("1", 1), ("2", 4)]
-    path.write_bytes(path.read_bytes()[:-4])  # a kill has torn the last line
+    path.write_bytes(path.read_bytes()[:-4])  # an interrupted write
     with TaskStore(path, ABOUT) as store:
         assert dict(run_tasks(work, ITEMS, store=store, processes=0)) == SQUARES
         assert [store[name] for name in reversed(ITEMS)] == [25, 16, 9, 4, 1, 0]
-    assert notes.read_text().split() == ["0", "1", "2", "2", "3", "4", "5"]
+    assert log.read_text().split() == ["0", "1", "2", "2", "3", "4", "5"]
 
 
-def test_a_store_of_other_work_is_refused(tmp_path):
+def test_a_store_of_other_work_is_rejected(tmp_path):
     path = tmp_path / "store.jsonl"
     with TaskStore(path, ABOUT) as store:
         store["0"] = 0
@@ -87,24 +87,24 @@ def test_a_store_of_other_work_is_refused(tmp_path):
 
 def test_a_killed_process_loses_nothing(tmp_path):
     with TaskStore(tmp_path / "store.jsonl", ABOUT) as store:
-        found = list(
-            run_tasks(partial(die_once, tmp_path / "notes"), ITEMS, store=store, processes=2)
+        results = list(
+            run_tasks(partial(crash_once, tmp_path / "log"), ITEMS, store=store, processes=2)
         )
-    assert sorted(found) == sorted(SQUARES.items())
+    assert sorted(results) == sorted(SQUARES.items())
 
 
-def test_processes_that_die_again_and_again_are_one_sentence():
+def test_repeated_crashes_raise_one_error():
     with pytest.raises(ResourceExhausted, match="processes ended 3 times before any of 6 tasks"):
-        list(run_tasks(die, ITEMS, processes=2))
+        list(run_tasks(crash, ITEMS, processes=2))
 
 
 @pytest.mark.parametrize("processes", [0, 2])
-def test_an_error_of_a_task_keeps_its_class_and_its_sentence(processes):
+def test_an_error_of_a_task_keeps_class_and_message(processes):
     with pytest.raises(UnknownChoice, match="two"):
-        list(run_tasks(refuse, ITEMS, processes=processes))
+        list(run_tasks(fail, ITEMS, processes=processes))
 
 
-def test_no_scheduler_is_said_before_anything_is_run(tmp_path):
+def test_a_missing_scheduler_is_reported_first(tmp_path):
     pytest.importorskip("distributed", reason="no Dask: pip install benchtool[cluster]")
     for address in ("tcp://127.0.0.1:1", "nonsense", "tcp://127.0.0.1:99999999"):
         with pytest.raises(InputError, match="no Dask scheduler at"):

@@ -1,4 +1,4 @@
-"""The boundary where errors end: one sentence, one exit code."""
+"""Error handling of the command line: one line and one exit code per error."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ Run = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def run(monkeypatch, capsys):
-    """Give a call that runs ``benchtool`` with a command ``try`` which raises what it is given."""
+    """Return a function that runs ``benchtool try``, a command that raises a given error."""
     monkeypatch.delenv("BENCHTOOL_DEBUG", raising=False)
 
-    def call(*words: str, raising: BaseException | None = None) -> tuple[int, str, str]:
+    def call(*arguments: str, raising: BaseException | None = None) -> tuple[int, str, str]:
         def command(times: Annotated[int, typer.Option(help="How often.")] = 1) -> None:
             """Try something."""
             if raising is not None:
@@ -42,7 +42,7 @@ def run(monkeypatch, capsys):
         commands = {"try": ("try:command", "Try something"), "absent": ("no:one", "Not loaded")}
         monkeypatch.setattr(app, "COMMANDS", commands)
         with pytest.raises(SystemExit) as leaving:
-            app.main(words)
+            app.main(arguments)
         printed = capsys.readouterr()
         return int(leaving.value.code or 0), printed.out, printed.err
 
@@ -58,16 +58,16 @@ def run(monkeypatch, capsys):
     ],
     ids=lambda error: type(error).__name__,
 )
-def test_our_errors_end_as_one_sentence(run, error):
+def test_benchtool_errors_are_one_line(run, error):
     assert run("try", raising=error) == (error.exit_code, "", f"benchtool: {error}\n")
 
 
-def test_an_interrupt_ends_with_130(run):
+def test_an_interrupt_exits_with_130(run):
     assert run("try", raising=KeyboardInterrupt())[0] == 130
 
 
 @pytest.mark.parametrize(
-    ("words", "sentence"),
+    ("arguments", "sentence"),
     [
         (["tri"], "unknown command 'tri'; did you mean 'try'? known: absent, try"),
         (["doctor", "x"], "unknown command 'doctor'; known: absent, try"),
@@ -82,19 +82,19 @@ def test_an_interrupt_ends_with_130(run):
         ),
     ],
 )
-def test_bad_words_end_as_one_sentence(run, words, sentence):
-    assert run(*words) == (2, "", f"benchtool: {sentence}\n")
+def test_usage_errors_are_one_line(run, arguments, sentence):
+    assert run(*arguments) == (2, "", f"benchtool: {sentence}\n")
 
 
-def test_a_fault_keeps_its_traceback_in_a_file(run, monkeypatch, tmp_path):
+def test_an_internal_error_writes_its_traceback(run, monkeypatch, tmp_path):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     code, _, err = run("try", raising=ZeroDivisionError("a\nb"))
-    (kept,) = tmp_path.iterdir()
+    (file,) = tmp_path.iterdir()
     assert code == app.UNEXPECTED_ERROR_CODE
     assert err.startswith("benchtool: internal error, ZeroDivisionError: a b; ")
     assert err.count("\n") == 1
-    assert str(kept) in err
-    assert "in command" in kept.read_text(encoding="utf-8")
+    assert str(file) in err
+    assert "in command" in file.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -104,27 +104,27 @@ def test_a_fault_keeps_its_traceback_in_a_file(run, monkeypatch, tmp_path):
         ValueError("array must not contain infs or NaNs"),
     ],
 )
-def test_numbers_that_cannot_be_solved_for_are_no_fault(run, error):
+def test_unsolvable_numbers_are_estimation_errors(run, error):
     code, _, err = run("try", raising=error)
     assert code == EstimationError.exit_code
     assert str(error) in err
 
 
-HOSTILE, SHOWN = "a\x1b[2Jb\u202ec\x9bd\te", "a\\x1b[2Jb\\u202ec\\u009bd\te"
+HOSTILE, ESCAPED = "a\x1b[2Jb\u202ec\x9bd\te", "a\\x1b[2Jb\\u202ec\\u009bd\te"
 
 
-def test_control_characters_are_shown_escaped(run, monkeypatch, capsys):
-    assert run("try", raising=LinkLost(HOSTILE)) == (3, "", f"benchtool: {SHOWN}\n")
+def test_control_characters_are_escaped(run, monkeypatch, capsys):
+    assert run("try", raising=LinkLost(HOSTILE)) == (3, "", f"benchtool: {ESCAPED}\n")
     module = ModuleType("benchtool.commands.hostile")
     module.hostile = lambda: print(HOSTILE)  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setattr(app, "COMMANDS", {"hostile": ("hostile:hostile", "Print")})
     with pytest.raises(SystemExit):
         app.main(["hostile"])
-    assert capsys.readouterr().out == f"{SHOWN}\n"
+    assert capsys.readouterr().out == f"{ESCAPED}\n"
 
 
-def test_warnings_of_data_are_lines_and_those_of_python_are_not_shown(run, monkeypatch, capsys):
+def test_data_warnings_are_printed_and_python_warnings_are_not(run, monkeypatch, capsys):
     def warn() -> None:
         warnings.simplefilter("default")
         warnings.warn("p.csv has changed\x07", DataWarning, stacklevel=1)

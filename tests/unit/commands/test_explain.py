@@ -1,4 +1,4 @@
-"""`benchtool explain`: what it prints and writes, and what it refuses."""
+"""Command `benchtool explain`: output, files and errors."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ PAIR = MODEL.parents[1] / "pitch_friction"
 LEARN, CHECK = str(PAIR / "learn.parquet"), str(PAIR / "check.parquet")
 
 
-def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
-    return command_line.said(capsys, "explain", *words)
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    return command_line.said(capsys, "explain", *arguments)
 
 
 def shortened(folder: Path, name: str, seconds: float) -> str:
-    """Write the beginning of a recording that ships."""
+    """Write the beginning of the training recording."""
     whole = read_recording(LEARN)
     part = whole.select(whole.column("time_s") < seconds)
     write_recording(folder / name, part, {})
@@ -33,47 +33,47 @@ def shortened(folder: Path, name: str, seconds: float) -> str:
 
 
 @pytest.mark.slow
-def test_hidden_friction_is_named_and_everything_is_written(capsys, tmp_path):
+def test_hidden_friction_is_identified_and_all_files_are_written(capsys, tmp_path):
     out, answer = tmp_path / "out", tmp_path / "answer.json"
-    words = (LEARN, "--model", str(MODEL), "--check", CHECK, "--draws", "30")
-    code, said, _ = run(capsys, *words, "--out", str(out), "--json", str(answer))
+    arguments = (LEARN, "--model", str(MODEL), "--check", CHECK, "--draws", "30")
+    code, output, _ = run(capsys, *arguments, "--out", str(out), "--json", str(answer))
     assert code == 0
-    lines = said.splitlines()
+    lines = output.splitlines()
     assert lines[0].startswith("SIMULATED DATA")
     assert lines[1].startswith("The model lacks Coulomb friction")
-    found = json.loads(answer.read_text("utf-8"))
-    assert found["verdict"] == "effect"
-    torque = found["effects"][0]["parameters"]["torque_Nm"]
+    data = json.loads(answer.read_text("utf-8"))
+    assert data["verdict"] == "effect"
+    torque = data["effects"][0]["parameters"]["torque_Nm"]
     assert torque["value"] == pytest.approx(0.012, abs=0.001)
-    gap = found["gap"]["theta_rad"]
+    gap = data["gap"]["theta_rad"]
     assert gap["after"] < 0.7 * gap["before"]
-    assert found["model_out"] == str(out / "model.toml")
-    new = load_model(found["model_out"]).model
+    assert data["model_out"] == str(out / "model.toml")
+    new = load_model(data["model_out"]).model
     assert new.parameters["coulomb_friction.torque_Nm"].value == torque["value"]
     assert new.parameters["inertia_kgm2"].value == pytest.approx(0.0306, rel=0.02)
-    assert set(found["data"]["learn"].values()) <= set(new.provenance.values())
-    code, _, refused = run(capsys, *words, "--out", str(out))
+    assert set(data["data"]["learn"].values()) <= set(new.provenance.values())
+    code, _, error = run(capsys, *arguments, "--out", str(out))
     assert code == 2
-    assert f"{out} exists already" in refused
+    assert f"{out} exists already" in error
 
 
 @pytest.mark.slow  # a new law is compiled
 @pytest.mark.timeout(600)
-def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(capsys, tmp_path):
-    own = tmp_path / "mine.py"
-    own.write_text(GOOD, encoding="utf-8")
+def test_a_user_effect_is_a_candidate(capsys, tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(GOOD, encoding="utf-8")
     code, _, _ = run(
         capsys, shortened(tmp_path, "a.csv", 12.0), "--model", str(MODEL), "--check", CHECK,
-        "--effects", str(own), "--draws", "20", "--json", str(tmp_path / "answer.json"),
+        "--effects", str(file), "--draws", "20", "--json", str(tmp_path / "answer.json"),
     )  # fmt: skip
     assert code == 0
-    found = json.loads((tmp_path / "answer.json").read_text("utf-8"))
-    assert found["tolerances"]["cubic_damping.c_Nms3"] == 0.002
-    assert "cubic_damping" in found["probabilities"]
+    data = json.loads((tmp_path / "answer.json").read_text("utf-8"))
+    assert data["tolerances"]["cubic_damping.c_Nms3"] == 0.002
+    assert "cubic_damping" in data["probabilities"]
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("arguments", "message"),
     [
         (("a.csv", "--check", "b.csv"), "which model"),
         (("short.csv", "--model", str(MODEL), "--check", CHECK), "2.0 s long"),
@@ -88,7 +88,7 @@ def test_an_effect_of_the_users_own_is_tried_and_goes_with_the_model(capsys, tmp
         ),
     ],
 )
-def test_what_cannot_be_answered_ends_with_one_sentence(capsys, tmp_path, monkeypatch, words, said):
+def test_invalid_input_gives_one_error_line(capsys, tmp_path, monkeypatch, arguments, message):
     monkeypatch.chdir(tmp_path)
     shortened(tmp_path, "short.csv", 2.0)
     for name, text in (
@@ -96,52 +96,52 @@ def test_what_cannot_be_answered_ends_with_one_sentence(capsys, tmp_path, monkey
         ("word.txt", "hello\n"),
     ):
         (tmp_path / name).write_text(text, "utf-8")
-    code, out, err = run(capsys, *words)
+    code, out, err = run(capsys, *arguments)
     assert (code, out) == (2, "")
-    assert said in err
+    assert message in err
     assert len(err.strip().splitlines()) == 1
 
 
 @pytest.mark.parametrize(
-    ("words", "meant"),
+    ("text", "expanded"),
     [
         ("a b --check c d --model m", "a b --check c --check d --model m"),
         ("a --check=c d --out o", "a --check=c --check d --out o"),
         ("a --model m b", "a --model m b"),
     ],
 )
-def test_every_word_behind_check_is_a_check_recording(words, meant):
-    assert expand_repeated(words.split()) == meant.split()
+def test_check_takes_all_following_arguments(text, expanded):
+    assert expand_repeated(text.split()) == expanded.split()
 
 
 @pytest.mark.slow
-def test_a_record_of_another_simulator_is_explained_as_it_stands(capsys, tmp_path, reference_data):
+def test_a_recording_of_another_simulator_is_explained(capsys, tmp_path, reference_data):
     folder = reference_data / "pitch_bench"
-    code, said, _ = run(
+    code, output, _ = run(
         capsys, str(folder / "body_lift.csv"), "--model", str(MODEL),
         "--check", str(folder / "body_lift_check.csv"), "--out", str(tmp_path / "out"),
     )  # fmt: skip
     assert code == 0
-    # The other simulator's laws leave 1.7 floors beside the body lift.
-    assert said.startswith(
+    # Other differences of the simulators are 1.7 noise floors.
+    assert output.startswith(
         "What the model lacks is mostly like body lift (fountain): body_lift.K_b"
     )
-    assert "between rotor speed and thrust" in said
+    assert "between rotor speed and thrust" in output
     assert (tmp_path / "out" / "report.html").is_file()
 
 
 @pytest.mark.slow
-def test_a_reader_who_leaves_early_loses_no_file(tmp_path):
-    """As `benchtool explain ... | head -1` does."""
-    words = [shortened(tmp_path, "a.csv", 8.0), "--model", str(MODEL), "--check", CHECK]
+def test_a_closed_pipe_loses_no_file(tmp_path):
+    """As in `benchtool explain ... | head -1`."""
+    arguments = [shortened(tmp_path, "a.csv", 8.0), "--model", str(MODEL), "--check", CHECK]
     answer = tmp_path / "answer.json"
     process = subprocess.Popen(
-        [*COMMAND, "explain", *words, "--draws", "20", "--json", str(answer)],
+        [*COMMAND, "explain", *arguments, "--draws", "20", "--json", str(answer)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stdout is not None
     process.stdout.close()
-    _, complaint = process.communicate(timeout=300)
+    _, error = process.communicate(timeout=300)
     assert process.returncode == 0
-    assert complaint == f"explaining {words[0]}, {CHECK}; this can take a minute or more\n"
+    assert error == f"explaining {arguments[0]}, {CHECK}; this can take a minute or more\n"
     assert json.loads(answer.read_text("utf-8"))["version"] == 2

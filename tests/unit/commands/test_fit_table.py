@@ -1,4 +1,4 @@
-"""`benchtool fit` reads the columns of a table, prints and writes their map, and fits."""
+"""Command `benchtool fit` with the columns of a CSV table."""
 
 from __future__ import annotations
 
@@ -49,27 +49,25 @@ def result(folder: str) -> dict[str, dict[str, float]]:
     return estimates
 
 
-def fit(capsys: Capsys, words: str) -> tuple[int, str, str]:
-    return said(capsys, "fit", *words.split())
+def fit(capsys: Capsys, arguments: str) -> tuple[int, str, str]:
+    return said(capsys, "fit", *arguments.split())
 
 
-def test_a_spreadsheet_is_fitted_by_names_and_a_radius(capsys):
+def test_a_spreadsheet_is_fitted_with_column_options_and_radius(capsys):
     spreadsheet()
-    words = "data.csv --z Abstand --thrust Schub --unit gf --radius 0.127 --out first"
-    code, out, error = fit(capsys, words)
+    arguments = "data.csv --z Abstand --thrust Schub --unit gf --radius 0.127 --out first"
+    code, out, error = fit(capsys, arguments)
     assert code == 0, error
-    found = result("first")
-    assert found["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
-    thrust = found["k"]["value"] * (6000.0 * np.pi / 30.0) ** 2
+    estimates = result("first")
+    assert estimates["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
+    thrust = estimates["k"]["value"] * (6000.0 * np.pi / 30.0) ** 2
     assert thrust == pytest.approx(T_OGE_N, rel=2e-3)
-    # The printed command reads what was written, and so does the model with its rig and columns.
-    ready = next(
-        line for line in out.splitlines() if line.startswith("repeat with: benchtool fit ")
-    )
-    words = ready.removeprefix("repeat with: benchtool fit data.csv ")
-    assert words == "--map data.columns.toml --rig data.rig.toml --model single"
-    for again in (words, "--model first/model.toml"):
-        code, out, error = fit(capsys, f"data.csv {again}")
+    # The printed command and the fitted model use the written files.
+    line = next(line for line in out.splitlines() if line.startswith("repeat with: benchtool fit "))
+    arguments = line.removeprefix("repeat with: benchtool fit data.csv ")
+    assert arguments == "--map data.columns.toml --rig data.rig.toml --model single"
+    for options in (arguments, "--model first/model.toml"):
+        code, out, error = fit(capsys, f"data.csv {options}")
         assert (code, "R_m = 0.127" in out) == (0, True), error
     before = Path("data.columns.toml").read_text()
     code, out, _ = fit(capsys, "data.csv --unit N --radius 0.127")
@@ -81,12 +79,12 @@ def test_ratios_give_a_radius_and_no_thrust_coefficient(capsys):
     table("r.csv", "z [mm],T_ratio", 1e3 * Z_M, RATIO * SCATTER)
     code, _, error = fit(capsys, "r.csv --ratio T_ratio --radius 0.127 --out r")
     assert code == 0, error
-    found = result("r")
-    assert set(found) == {"R_m", "noise.scale"}
-    assert found["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
+    estimates = result("r")
+    assert set(estimates) == {"R_m", "noise.scale"}
+    assert estimates["R_m"]["value"] == pytest.approx(RADIUS_M, rel=0.01)
 
 
-def test_reference_rows_stand_far_from_the_plate(capsys):
+def test_reference_rows_are_out_of_ground_effect(capsys):
     distances = [*map("{:.5f}".format, Z_M), "free"]
     thrusts = np.array([*(T_OGE_N * RATIO * SCATTER), T_OGE_N])
     table("a.csv", "gap (m),F (N),rpm", distances, thrusts, np.full(8, 6000.0))
@@ -112,7 +110,7 @@ MISSING = {
 
 @pytest.mark.parametrize("head", MISSING)
 @pytest.mark.parametrize("stdin", [io.StringIO, Terminal])
-def test_what_is_missing_is_refused_and_nothing_is_written(capsys, monkeypatch, head, stdin):
+def test_missing_items_are_reported_and_no_file_is_written(capsys, monkeypatch, head, stdin):
     monkeypatch.setattr("sys.stdin", stdin(""))
     options, message = MISSING[head]
     table("a.csv", head, Z_M, T_OGE_N * RATIO, np.full(7, 6000.0))
@@ -122,7 +120,7 @@ def test_what_is_missing_is_refused_and_nothing_is_written(capsys, monkeypatch, 
 
 
 @pytest.mark.slow
-def test_runs_of_one_file_are_fitted_each_by_itself(capsys):
+def test_runs_of_one_file_are_fitted_separately(capsys):
     z, rpm = np.tile(Z_M, 2), np.full(14, 6000.0)
     thrust = np.concatenate([RATIO * SCATTER, 2.0 * RATIO * SCATTER])
     table("a.csv", "run,z (m),F (N),rpm", ["low"] * 7 + ["high"] * 7, z, thrust, rpm)
@@ -155,7 +153,7 @@ def test_published_tables_are_fitted_without_a_map(capsys, reference_data):
     assert result("uiuc")["k"]["value"] == pytest.approx(k, rel=0.03)
 
 
-def test_thrust_of_the_wrong_sign_is_named(capsys, reference_data):
+def test_thrust_of_the_wrong_sign_is_reported(capsys, reference_data):
     pusher = f"{reference_data}/rcbenchmark_1580/xNova-SR-steps-up.csv"
     code, _, error = fit(capsys, f"{pusher} --radius 0.0635 --out no")
     assert code == 6, error
@@ -164,9 +162,7 @@ def test_thrust_of_the_wrong_sign_is_named(capsys, reference_data):
     assert not Path("no").exists()
 
 
-def test_points_between_thousands_and_radii_are_read_as_they_are_meant(
-    tmp_path, monkeypatch, capsys
-):
+def test_thousands_separators_and_radii_are_parsed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     lines = ["Abst;z/R;Schub [gf];rpm"]
     for z in (0.6, 0.8, 1.0, 1.5, 2.0, 4.0):
@@ -178,8 +174,10 @@ def test_points_between_thousands_and_radii_are_read_as_they_are_meant(
     assert run("fit", "a.csv", "--z", "z/R", "--radius", "0.127", "--out", "fit") == 0
     out = capsys.readouterr().out
     assert "12 numbers with points between thousands" in out
-    found = json.loads(Path("fit/result.json").read_text())["results"]["least_squares"]["estimates"]
-    assert found["R_m"]["value"] == pytest.approx(0.127, rel=1e-3)
+    estimates = json.loads(Path("fit/result.json").read_text())["results"]["least_squares"][
+        "estimates"
+    ]
+    assert estimates["R_m"]["value"] == pytest.approx(0.127, rel=1e-3)
     # k of thrust in N at 6,000 rpm, worked out by hand.
-    by_hand = 1.2 * 9.80665 / (6000.0 * np.pi / 30.0) ** 2
-    assert found["k"]["value"] == pytest.approx(by_hand, rel=1e-3)
+    expected = 1.2 * 9.80665 / (6000.0 * np.pi / 30.0) ** 2
+    assert estimates["k"]["value"] == pytest.approx(expected, rel=1e-3)

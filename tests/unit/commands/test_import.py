@@ -1,4 +1,4 @@
-"""`benchtool import`: what it writes, shows and refuses."""
+"""Command `benchtool import`: files, output and errors."""
 
 from __future__ import annotations
 
@@ -31,26 +31,26 @@ def log(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
-def test_what_is_written_reads_back(log, ending):
+def test_a_written_recording_reads_back(log, ending):
     assert run(log, "--out", f"out/steps.{ending}", "--tare", "thrust_N") == 0
     recording = read_recording(f"out/steps.{ending}")
-    wanted = import_file(log).recording
-    assert recording.names == wanted.names
-    assert [item.unit for item in recording.channels] == [item.unit for item in wanted.channels]
-    np.testing.assert_array_equal(recording.column("rpm1"), wanted.column("rpm1"))
+    expected = import_file(log).recording
+    assert recording.names == expected.names
+    assert [item.unit for item in recording.channels] == [item.unit for item in expected.channels]
+    np.testing.assert_array_equal(recording.column("rpm1"), expected.column("rpm1"))
     assert np.isnan(recording.column("thrust_N")[3])
     assert recording.column("thrust_N")[0] == 0.0
     assert recording.provenance["device"] == "RCbenchmark Series 1580/1585"
-    facts = json.loads(Path(f"out/steps.{ending}.json").read_text("utf-8"))
-    assert facts["tally"] == {
+    metadata = json.loads(Path(f"out/steps.{ending}.json").read_text("utf-8"))
+    assert metadata["tally"] == {
         "unit": "row", "total": 20, "kept": 20, "refused": 0, "not_needed": 0,
     }  # fmt: skip
-    assert {item["what"] for item in facts["findings"]} >= {"untared", "blank cells"}
-    assert facts["sources"]["thrust_N"] == "Thrust (gf)"
-    assert facts["options"] == {"tare": "('thrust_N',)"}
+    assert {item["what"] for item in metadata["findings"]} >= {"untared", "blank cells"}
+    assert metadata["sources"]["thrust_N"] == "Thrust (gf)"
+    assert metadata["options"] == {"tare": "('thrust_N',)"}
 
 
-def test_nothing_is_overwritten_untold(log, capsys):
+def test_files_are_overwritten_only_on_request(log, capsys):
     assert run(log) == 0
     before = Path("imported/steps.csv").read_bytes()
     assert run(log, "--flip", "thrust_N") == 2
@@ -60,7 +60,7 @@ def test_nothing_is_overwritten_untold(log, capsys):
     assert Path("imported/steps.csv").read_bytes() != before
 
 
-def test_two_files_cannot_become_one(log):
+def test_two_files_with_one_target_are_rejected(log):
     Path("other").mkdir()
     Path("other/steps.csv").write_bytes(log.read_bytes())
     assert run(log, "other/steps.csv") == 2
@@ -71,15 +71,15 @@ def test_two_files_cannot_become_one(log):
 def test_a_foreign_file_gives_the_terminal_no_orders(log, capsys):
     log.write_text(log_text(steps_1580()).replace("App message", "\x1b[31mred[/b]"))
     assert run(log, "--dry-run") == 0
-    said = capsys.readouterr().out
-    assert "\x1b" not in said
-    assert "[31mred" in said
+    output = capsys.readouterr().out
+    assert "\x1b" not in output
+    assert "[31mred" in output
     log.write_text("\x1b[31mred,blue\n1,2\n")
     assert run(log, "--dry-run") == 2
     assert "\x1b" not in capsys.readouterr().err
 
 
-def test_a_recording_that_changed_is_refused(log):
+def test_a_changed_recording_is_rejected(log):
     recording = Recording(
         (find_channel("thrust_N"), find_channel("rpm1")),
         np.array([[1.5, np.nan], [np.nan, np.nan], [np.nan, 2.5]]),

@@ -1,4 +1,4 @@
-"""`benchtool library rigs new` asks for what a use needs and leaves the rest out."""
+"""Command `benchtool library rigs new`: prompts and rig files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.unit.commands.command_line import said
 
 
 class Terminal(io.StringIO):
-    """Typed lines, as from a person at a terminal."""
+    """Typed lines at a terminal."""
 
     def isatty(self) -> bool:
         return True
@@ -24,14 +24,14 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_a_fit_needs_a_radius_alone(capsys):
+def test_a_fit_needs_a_radius_only(capsys):
     code, out, _ = said(capsys, *["library", "rigs", "new", "mine", "--radius", "0.127"])
     rig = load_rig_by_name("mine.toml")
     assert (code, rig.propulsion.radius_m, len(rig.sources) - len(rig.not_stated)) == (0, 0.127, 1)
     assert "benchtool library rigs mine.toml" in out
 
 
-def test_what_is_missing_is_asked_on_a_terminal(monkeypatch, capsys):
+def test_missing_values_are_prompted_on_a_terminal(monkeypatch, capsys):
     typed = "0.12\n50\n\nhnad\nhand\n0.05,0.6\n"
     monkeypatch.setattr("sys.stdin", Terminal(typed))
     code, out, _ = said(capsys, *["library", "rigs", "new", "mine.toml", "--for", "sweep"])
@@ -45,7 +45,7 @@ def test_what_is_missing_is_asked_on_a_terminal(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize(
-    ("words", "reason"),
+    ("options", "reason"),
     [
         ("", "--radius is missing (rotor radius, m); give --radius"),
         ("--radius 0.1 --rotors 4", "--arm is missing"),
@@ -56,26 +56,26 @@ def test_what_is_missing_is_asked_on_a_terminal(monkeypatch, capsys):
         ("--radius 0.1 --pulses 1200,1100,1900", "pwm_stop_us <= pwm_start_us"),
     ],
 )
-def test_what_is_missing_or_wrong_is_refused_without_a_terminal(words, reason, monkeypatch, capsys):
+def test_missing_or_invalid_values_are_rejected(options, reason, monkeypatch, capsys):
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
-    code, _, error = said(capsys, *f"library rigs new mine.toml {words}".split())
+    code, _, error = said(capsys, *f"library rigs new mine.toml {options}".split())
     assert (code, reason in error) == (2, True), error
     assert not Path("mine.toml").exists()
 
 
-def test_a_file_that_is_there_stays(capsys):
+def test_an_existing_file_is_not_changed(capsys):
     Path("mine.toml").write_text("mine")
     code, _, error = said(capsys, *["library", "rigs", "new", "mine.toml", "--radius", "0.1"])
     assert (code, "exists already" in error) == (2, True), error
     assert Path("mine.toml").read_text() == "mine"
 
 
-def test_the_next_propeller_of_a_motor_is_one_command(capsys):
-    words = "library rigs new a.toml --for motor --propeller 10x4.5 --cell 5kgf"
-    words += " --pulses 1000,1050,1950 --current 30"
-    assert said(capsys, *words.split())[0] == 0
-    words = "library rigs new b.toml --for motor --like a.toml --propeller 9x6"
-    code, out, error = said(capsys, *words.split())
+def test_like_copies_a_rig_for_another_propeller(capsys):
+    command = "library rigs new a.toml --for motor --propeller 10x4.5 --cell 5kgf"
+    command += " --pulses 1000,1050,1950 --current 30"
+    assert said(capsys, *command.split())[0] == 0
+    command = "library rigs new b.toml --for motor --like a.toml --propeller 9x6"
+    code, out, error = said(capsys, *command.split())
     assert code == 0, error
     first, second = load_rig_by_name("a.toml"), load_rig_by_name("b.toml")
     assert first.propulsion.radius_m == pytest.approx(0.127)

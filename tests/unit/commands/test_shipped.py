@@ -15,17 +15,17 @@ from tests.unit.commands.command_line import said as run
         ("models", "quad_body_lift", "effects: rotor_images, neighbour_images, body_lift"),
     ],
 )
-def test_one_of_them_is_shown_in_words_or_as_its_file(capsys, tmp_path, command, name, line):
+def test_an_entry_is_described_or_printed_as_toml(capsys, tmp_path, command, name, line):
     assert line in run(capsys, "library", command, name)[1]
     text = run(capsys, "library", command, name, "--toml")[1]
     assert text == read_named(command[:-1], command, name)[0]
-    own = tmp_path / "own.toml"
-    own.write_text(text, encoding="utf-8")
-    assert line in run(capsys, "library", command, str(own))[1]
+    file = tmp_path / "own.toml"
+    file.write_text(text, encoding="utf-8")
+    assert line in run(capsys, "library", command, str(file))[1]
 
 
 @pytest.mark.parametrize("toml", [[], ["--toml"]])
-def test_what_is_no_rig_and_no_model_is_refused(capsys, tmp_path, toml):
+def test_invalid_rigs_and_models_are_rejected(capsys, tmp_path, toml):
     code, _, err = run(capsys, "library", "rigs", "pqad", *toml)
     assert code == 2
     assert "did you mean 'pquad'" in err

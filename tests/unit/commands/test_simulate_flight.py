@@ -1,4 +1,4 @@
-"""`benchtool simulate flight`: the table, the files, and what is refused."""
+"""Command `benchtool simulate flight`: table, files and errors."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.unit.commands import command_line
 run = partial(command_line.run, "simulate", "flight")
 
 
-def test_a_flight_under_each_controller(tmp_path, capsys):
+def test_a_flight_with_each_controller(tmp_path, capsys):
     out = tmp_path / "flight"
     assert run("--controllers", "pid,observer", "--out", str(out)) == 0
     printed = capsys.readouterr().out
@@ -29,8 +29,8 @@ def test_a_flight_under_each_controller(tmp_path, capsys):
 
 
 def test_a_map_from_a_file(tmp_path, capsys):
-    places = [(x, y) for x in np.arange(-1.0, 9.0, 0.1) for y in (-1.0, 0.0, 1.0)]
-    rows = [f"{x:.3f},{y},{0.0 if 3.0 <= x <= 5.0 else ''}" for x, y in places]
+    positions = [(x, y) for x in np.arange(-1.0, 9.0, 0.1) for y in (-1.0, 0.0, 1.0)]
+    rows = [f"{x:.3f},{y},{0.0 if 3.0 <= x <= 5.0 else ''}" for x, y in positions]
     (tmp_path / "heights.csv").write_text("x_m,y_m,height_m\n" + "\n".join(rows) + "\n")
     (tmp_path / "map.toml").write_text(
         'name = "shelf"\nfloor_m = -5.0\n[grid]\nfile = "heights.csv"\n'
@@ -67,7 +67,7 @@ class Breaks(Law):
 """
 
 
-def test_a_controller_of_ones_own(tmp_path, monkeypatch, capsys):
+def test_a_user_controller(tmp_path, monkeypatch, capsys):
     (tmp_path / "flownlaw.py").write_text(LAW)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -76,9 +76,9 @@ def test_a_controller_of_ones_own(tmp_path, monkeypatch, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[3:6]] == ["PID", "PID", "flownlaw:Law"]
     table = read_csv_text(tmp_path / "out" / "flownlaw-Law.csv")
-    wanted = table.header.index("pitch_ref_rad")
-    assert {row[wanted] for row in table.rows} == {""}
-    for name, says in (
+    column = table.header.index("pitch_ref_rad")
+    assert {row[column] for row in table.rows} == {""}
+    for name, message in (
         ("flownlaw:Bad", "returned pitch_Nm = nan at 0 s, in "),
         ("flownlaw:Breaks", "raised IndexError"),
         ("flownlaw:None_", "has no class None_ with a method step"),
@@ -87,10 +87,10 @@ def test_a_controller_of_ones_own(tmp_path, monkeypatch, capsys):
         assert run("--duration-s", "2", "--controller", name) == 2
         code_file, sentence = capsys.readouterr().err.splitlines()
         assert code_file.startswith("running user code: ")
-        assert says in sentence
+        assert message in sentence
         assert ("flownlaw.py line" in sentence) is (name in ("flownlaw:Bad", "flownlaw:Breaks"))
 
 
-def test_a_vehicle_that_turns_over_is_told(capsys):
+def test_a_vehicle_that_turns_over_is_reported(capsys):
     assert run("--controllers", "pid", "--lag-s", "10") == 0
     assert "PID: it turned over (roll " in capsys.readouterr().out

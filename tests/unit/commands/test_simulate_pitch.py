@@ -1,4 +1,4 @@
-"""`benchtool simulate pitch`: numbers, recordings, figure, and refusals."""
+"""Command `benchtool simulate pitch`: output, files and errors."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from tests.unit.commands.command_line import said
 SHORT = ("--duration-s", "13")
 
 
-def simulate(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
-    return said(capsys, "simulate", "pitch", *words)
+def simulate(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    return said(capsys, "simulate", "pitch", *arguments)
 
 
-def test_it_writes_recordings_a_table_and_a_figure_and_overwrites_nothing(capsys, tmp_path):
+def test_files_are_written_and_not_overwritten(capsys, tmp_path):
     out = tmp_path / "study"
-    words = (*SHORT, "--controllers", "pid,observer+feedforward", "--out", str(out))
-    assert simulate(capsys, *words)[0] == 0
+    arguments = (*SHORT, "--controllers", "pid,observer+feedforward", "--out", str(out))
+    assert simulate(capsys, *arguments)[0] == 0
     assert read_recording(out / "pid.csv").simulated
     recording = read_samples(out / "pid.csv")
     assert len(recording) == 13 * 250
     parked = recording.column("plate_z_m") == 1.0
     assert parked[:2000].all()
     assert recording.column("plate_z_m")[~parked].mean() == pytest.approx(0.24, abs=1e-3)
-    code, _, err = simulate(capsys, *words)
+    code, _, err = simulate(capsys, *arguments)
     assert code == 2
     assert "exists already" in err
 
 
-def test_a_controller_of_ones_own_is_named_on_the_command_line(capsys, tmp_path, monkeypatch):
+def test_a_user_controller_on_the_command_line(capsys, tmp_path, monkeypatch):
     (tmp_path / "lawofmine.py").write_text(
         "class Law:\n    def step(self, measurement, reference, dt_s):\n"
         "        error = reference.theta_rad - measurement.theta_rad\n"
@@ -45,8 +45,8 @@ def test_a_controller_of_ones_own_is_named_on_the_command_line(capsys, tmp_path,
     monkeypatch.chdir(tmp_path)
     code, out, _ = simulate(capsys, *SHORT, "--controllers", "pid,lawofmine:Law")
     assert code == 0
-    pid, own = out.splitlines()[3:5]
-    assert pid.split()[1:] == own.split()[1:]
+    pid, user = out.splitlines()[3:5]
+    assert pid.split()[1:] == user.split()[1:]
     code, _, err = simulate(capsys, *SHORT, "--controllers", "lawofmine:Bad")
     assert code == 2
     assert "lawofmine.py line 7: return 1.0 / 0.0" in err
@@ -77,14 +77,14 @@ def test_numbers_are_set_by_name():
     assert pid.feedforward.strength == 0.0
 
 
-def test_a_switch_in_the_run_removes_what_the_pid_left():
-    """As in Fig. 27: the plate stays, the observer comes in at 20 s, without a bump."""
+def test_a_switch_to_the_observer_removes_the_offset():
+    """Fig. 27: fixed plate, bumpless switch to the observer at 20 s."""
     study = pitch_study(pitch_setup(schedule="switch", controllers=("observer",)))
     run = study.runs[0]
     theta = np.degrees(run.column("true_theta_rad"))
-    at = run.time_s
-    assert theta[(at > 15.0) & (at < 20.0)].mean() == pytest.approx(-1.6, abs=0.25)
-    assert abs(theta[(at > 25.0) & (at < 30.0)].mean()) < 0.15
+    time_s = run.time_s
+    assert theta[(time_s > 15.0) & (time_s < 20.0)].mean() == pytest.approx(-1.6, abs=0.25)
+    assert abs(theta[(time_s > 25.0) & (time_s < 30.0)].mean()) < 0.15
     torque = run.column("torque_Nm")
     switch = int(20.0 * run.rate_Hz)
     assert abs(torque[switch] - torque[switch - 1]) < 5.0 * np.std(
