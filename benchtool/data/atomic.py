@@ -18,21 +18,21 @@ from benchtool.core.user_file import MAX_METADATA_BYTES, open_file, read_text
 
 
 @contextmanager
-def atomic_writer(path: Path, beside: Path) -> Iterator[BinaryIO]:
+def atomic_writer(path: Path, temporary: Path) -> Iterator[BinaryIO]:
     """Give a new file `beside`; at the end force it to the disk and put it in place of `path`.
 
     After an error it is removed, and `path` stays as it was.
     """
     try:
-        beside.unlink(missing_ok=True)
-        with open(beside, "xb") as file:
+        temporary.unlink(missing_ok=True)
+        with open(temporary, "xb") as file:
             yield file
             file.flush()
             os.fsync(file.fileno())
-        os.replace(beside, path)
+        os.replace(temporary, path)
     except BaseException:
         with suppress(OSError):
-            beside.unlink()
+            temporary.unlink()
         raise
     sync_folder(path.parent)
 
@@ -78,10 +78,10 @@ def read_json(path: Path, *, follow: bool = True) -> dict[str, Any]:
 
 def make_folder(folder: Path) -> None:
     """Make a folder, and those above it that are missing; a power cut takes away none of them."""
-    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
     folder.mkdir(parents=True, exist_ok=True)
-    for made in reversed(missing):
-        sync_folder(made.parent)
+    for created in reversed(missing):
+        sync_folder(created.parent)
 
 
 def sync_folder(folder: Path) -> None:
@@ -109,7 +109,7 @@ def write_atomically(out: Path) -> Iterator[Path]:
     complete_folder(out, out)
 
 
-def complete_folder(begun_for: Path, out: Path) -> None:
+def complete_folder(started_for: Path, out: Path) -> None:
     """Move the complete folder from its hidden name to `out`.
 
     Raises:
@@ -117,7 +117,7 @@ def complete_folder(begun_for: Path, out: Path) -> None:
     """
     if out.exists():
         raise WouldOverwrite(str(out))
-    partial_folder(begun_for).rename(out)
+    partial_folder(started_for).rename(out)
 
 
 DATA_FILES: tuple[str, ...] = ("points.csv", "samples.csv")  # make a run's hash

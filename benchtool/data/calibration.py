@@ -104,8 +104,8 @@ def degrees_of_freedom(calibration: Mapping[str, Any]) -> float:
     parts = calibration.get("components")
     if not parts:
         return max(float(len(calibration["masses_kg"]) - 2), 1.0)
-    dof = [inf if one["dof"] is None else one["dof"] for one in parts]
-    return effective_dof(np.array([one["relative_sd"] for one in parts]), np.array(dof))
+    dof = [inf if component["dof"] is None else component["dof"] for component in parts]
+    return effective_dof(np.array([component["relative_sd"] for component in parts]), np.array(dof))
 
 
 def parse_calibration(data: Mapping[str, Any], where: str) -> Calibration:
@@ -135,11 +135,11 @@ def age_text(metadata: Mapping[str, Any]) -> str:
     Args:
         metadata: of the run; without a calibration or without readable dates nothing is said.
     """
-    known = metadata.get("calibration") or {}
+    calibration = metadata.get("calibration") or {}
     sensor = ((metadata.get("rig") or {}).get("sensors") or {}).get("thrust_N") or {}
     limit_days = float(sensor.get("valid_days", Sensor().valid_days))
     try:
-        made = datetime.fromisoformat(str(known.get("date"))).replace(tzinfo=None)
+        made = datetime.fromisoformat(str(calibration.get("date"))).replace(tzinfo=None)
         began = datetime.fromisoformat(str(metadata.get("started"))).replace(tzinfo=None)
     except ValueError:
         return ""
@@ -147,7 +147,7 @@ def age_text(metadata: Mapping[str, Any]) -> str:
     if age_days <= limit_days:
         return ""
     return (
-        f"calibration {known['id']} was {age_days:.0f} days old when the run began, limit "
+        f"calibration {calibration['id']} was {age_days:.0f} days old when the run began, limit "
         f"{limit_days:g} (sensors.thrust_N.valid_days of the rig); calibrate again, then "
         f"benchtool calibrate --apply RUN"
     )

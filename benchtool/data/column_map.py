@@ -73,9 +73,9 @@ def map_column(
         if source.unit is not None:
             scale = conversion(source.unit, ours)
         elif source.column is not None and source.factor == 1.0 and not source.reference:
-            stated = parse_header_cell(source.column).unit or ""
-            if (found := unit_in_header(stated, ours)) is not None:
-                scale, unit = found, stated
+            header_unit = parse_header_cell(source.column).unit or ""
+            if (header_scale := unit_in_header(header_unit, ours)) is not None:
+                scale, unit = header_scale, header_unit
     except InputError as error:
         raise InputError(f"[columns] {name}: {error}") from error
     factor = source.sign * source.factor
@@ -83,16 +83,16 @@ def map_column(
     if source.column is None:
         assert source.constant is not None
         value = scale.factor * source.constant + scale.offset
-        words = f"constant {source.constant:g} {unit}"
-        return MappedColumn(name=name, position=None, constant=value, source=words)
+        description = f"constant {source.constant:g} {unit}"
+        return MappedColumn(name=name, position=None, constant=value, source=description)
     if source.column.strip() not in header:
         raise MissingColumn(where, source.column, header)
-    by = "" if factor == 1.0 else f" times {factor:g}"
+    factor_text = "" if factor == 1.0 else f" times {factor:g}"
     return MappedColumn(
         name=name,
         position=column_index(header, source.column, where),
         conversion=scale,
-        source=f"{source.column} [{unit}]{by}",
+        source=f"{source.column} [{unit}]{factor_text}",
         reference=source.reference or "",
     )
 
@@ -100,11 +100,11 @@ def map_column(
 def column_index(header: Sequence[str], column: str, where: str) -> int:
     """Return where a column stands; one that stands twice, or not at all, is refused."""
     column = column.strip()
-    if (many := header.count(column)) > 1:
+    if (count := header.count(column)) > 1:
         raise FileFormatError(
-            where, f"column {column!r} stands {many} times in the header; rename all but one"
+            where, f"column {column!r} stands {count} times in the header; rename all but one"
         )
-    if not many:
+    if not count:
         raise UnknownChoice(f"column of {where}", column, filter(None, header))
     return header.index(column)
 
@@ -124,32 +124,34 @@ def read_column_map(path: str | Path) -> Mapping[str, ColumnSource]:
     text, where = read_named("columns file", "models", path)
     data = parse_toml(text, where)
     entries = data if "columns" in data else {"columns": data}
-    plain = entries["columns"]
-    if not isinstance(plain, dict) or not plain:
+    mapping = entries["columns"]
+    if not isinstance(mapping, dict) or not mapping:
         raise FileFormatError(
             where, "it maps nothing; write lines as thrust_N = { column = 'F', unit = 'gf' }"
         )
-    named = {}
-    for name, entry in plain.items():
-        named[name] = {"column": entry} if isinstance(entry, str) else entry
-        if not isinstance(named[name], dict):
+    entries_by_name = {}
+    for name, entry in mapping.items():
+        entries_by_name[name] = {"column": entry} if isinstance(entry, str) else entry
+        if not isinstance(entries_by_name[name], dict):
             raise FileFormatError(
                 f"[columns] {name} of {where}", "write it as { column = 'their name', unit = 'gf' }"
             )
-    read = build_dataclass(_ColumnsFile, {**entries, "columns": named}, where)
-    check_channels(read.columns, where)
-    return read.columns
+    column_file = build_dataclass(_ColumnsFile, {**entries, "columns": entries_by_name}, where)
+    check_channels(column_file.columns, where)
+    return column_file.columns
 
 
 def column_map_to_toml(columns: Mapping[str, ColumnSource]) -> str:
     """Return a mapping file's text, which `read_column_map` reads back."""
     import tomli_w
 
-    def stated(source: ColumnSource) -> dict[str, Any]:
-        given = ((item, getattr(source, item.name)) for item in fields(source))
-        return {item.name: value for item, value in given if value != item.default}
+    def non_defaults(source: ColumnSource) -> dict[str, Any]:
+        values = ((field, getattr(source, field.name)) for field in fields(source))
+        return {field.name: value for field, value in values if value != field.default}
 
-    return tomli_w.dumps({"columns": {name: stated(item) for name, item in columns.items()}})
+    return tomli_w.dumps(
+        {"columns": {name: non_defaults(source) for name, source in columns.items()}}
+    )
 
 
 NAMES: dict[str, str] = {  # names that people give to columns, in small letters, and their channel
@@ -201,8 +203,8 @@ _ENDING = re.compile(r"(?P<name>.+?)[_ ](?P<unit>[A-Za-z]+)")
 def name_and_unit(cell: str) -> tuple[str, str | None]:
     """Return what a column's name says: `Gap (mm)`, `gap_mm` and `gap [mm]` are alike."""
     head = parse_header_cell(cell)
-    if head.unit is None and (found := _ENDING.fullmatch(head.name)) and found["unit"] in UNITS:
-        return found["name"], found["unit"]
+    if head.unit is None and (match := _ENDING.fullmatch(head.name)) and match["unit"] in UNITS:
+        return match["name"], match["unit"]
     return head.name, head.unit
 
 
@@ -227,7 +229,7 @@ def guess_columns(
         channels: that may be suggested; any when empty.
         radius_m: of the rotor, for columns that count radii; they are left out without.
     """
-    found: dict[str, ColumnSource] = {}
+    sources: dict[str, ColumnSource] = {}
     in_radii: dict[str, ColumnSource] = {}
     for cell in header:
         name, unit = name_and_unit(cell)
@@ -235,15 +237,15 @@ def guess_columns(
         if channel is None and name.lower() in IN_RADII and radius_m is not None:
             source = ColumnSource(column=cell, factor=IN_RADII[name.lower()] * radius_m)
             in_radii.setdefault("plate_z_m", source)
-        if channel is None or channel in found or (channels and channel not in channels):
+        if channel is None or channel in sources or (channels and channel not in channels):
             continue
-        own = unit_from_name(channel)
+        own_unit = unit_from_name(channel)
         if channel == cell.strip():
             unit = None
         try:
-            fits = unit is None or unit_in_header(unit, own) is not None
+            fits = unit is None or unit_in_header(unit, own_unit) is not None
         except InputError:
             continue
-        in_file = None if unit == own or not fits else unit
-        found[channel] = ColumnSource(column=cell, unit=in_file)
-    return in_radii | found
+        in_file = None if unit == own_unit or not fits else unit
+        sources[channel] = ColumnSource(column=cell, unit=in_file)
+    return in_radii | sources

@@ -91,8 +91,8 @@ def check_numbers(recording: Recording, where: str) -> None:
 def find_channel(name: str) -> Channel:
     """Return the channel of a column of our own files."""
     if name in WORDS:
-        words = ", ".join(f"{index} {word}" for index, word in enumerate(WORDS[name]))
-        return Channel(name, "1", words)
+        codes = ", ".join(f"{index} {word}" for index, word in enumerate(WORDS[name]))
+        return Channel(name, "1", codes)
     return Channel(name, unit_from_name(name))
 
 
@@ -123,11 +123,11 @@ def concatenate_frames(recordings: Mapping[str, Recording]) -> pd.DataFrame:
     """Return recordings one below the other as a data frame, with a column of their names."""
     import pandas as pd
 
-    parts = {name: frame(one) for name, one in recordings.items()}
-    joined = pd.concat(parts, names=["run"]).reset_index(level=0).reset_index(drop=True)
+    parts = {name: frame(recording) for name, recording in recordings.items()}
+    table = pd.concat(parts, names=["run"]).reset_index(level=0).reset_index(drop=True)
     units = {name: unit for part in parts.values() for name, unit in part.attrs["units"].items()}
-    joined.attrs["units"] = units
-    return joined
+    table.attrs["units"] = units
+    return table
 
 
 def frame(recording: Recording) -> pd.DataFrame:
@@ -135,10 +135,10 @@ def frame(recording: Recording) -> pd.DataFrame:
     import pandas as pd
 
     table = pd.DataFrame(recording.values, columns=list(recording.names))
-    for name, words in WORDS.items():
+    for name, labels in WORDS.items():
         if name in table:
             codes = table[name].to_numpy().astype(int)
-            table[name] = pd.Categorical.from_codes(codes, categories=pd.Index(words))
+            table[name] = pd.Categorical.from_codes(codes, categories=pd.Index(labels))
     table.attrs["units"] = {channel.name: channel.unit for channel in recording.channels}
     table.attrs["provenance"] = dict(recording.provenance)
     return table

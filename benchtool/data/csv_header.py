@@ -53,7 +53,7 @@ def most_frequent_delimiter(line: str) -> str:
     return max(",;\t", key=line.count)
 
 
-def delimiter_of(first: str, repairs: Repairs) -> str:
+def detect_delimiter(first: str, repairs: Repairs) -> str:
     """Return what separates the cells of a header."""
     delimiter = most_frequent_delimiter(first)
     if delimiter != ",":
@@ -61,18 +61,18 @@ def delimiter_of(first: str, repairs: Repairs) -> str:
     return delimiter
 
 
-def data_rows(data: bytes, repairs: Repairs) -> bytes:
+def normalise_rows(data: bytes, repairs: Repairs) -> bytes:
     """Return text of which every line is a row: comments blank, columns apart by tabs."""
     data = _without_comments(data, repairs)
     lines = _first_lines(data)
-    words = [line.split() for line, _ in lines[:2]]
+    cells = [line.split() for line, _ in lines[:2]]
     if (
-        len(words) < 2
-        or len(words[0]) < 2
-        or any(re.search(r"[,;\t]", one) for one, _ in lines[:1])
+        len(cells) < 2
+        or len(cells[0]) < 2
+        or any(re.search(r"[,;\t]", line) for line, _ in lines[:1])
     ):
         return data
-    if len(words[1]) != len(words[0]) or not all(map(_NUMBER.fullmatch, words[1])):
+    if len(cells[1]) != len(cells[0]) or not all(map(_NUMBER.fullmatch, cells[1])):
         return data
     repairs.append(("other delimiter", "cells are separated by blanks, not ','"))
     data = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", data.removeprefix(BYTE_ORDER_MARK))
@@ -87,25 +87,27 @@ def _without_comments(data: bytes, repairs: Repairs) -> bytes:
         return data
     data = data.removeprefix(BYTE_ORDER_MARK)
     header = None
-    rest = _COMMENT.sub(b"", data[:START_BYTES])
-    first = next((line for line in rest.split(b"\n") if line.strip()), b"")
+    uncommented = _COMMENT.sub(b"", data[:START_BYTES])
+    first = next((line for line in uncommented.split(b"\n") if line.strip()), b"")
     cells = _cells(first)
     if cells and all(map(_NUMBER.fullmatch, cells)):
-        at = data.find(first)
-        above = [found for found in _COMMENT.finditer(data[:at]) if found[2].strip()]
+        header_start = data.find(first)
+        above = [
+            comment for comment in _COMMENT.finditer(data[:header_start]) if comment[2].strip()
+        ]
         header = above[-1] if above and len(_cells(above[-1][2])) == len(cells) else None
 
-    def blank(found: re.Match[bytes]) -> bytes:
-        named = header is not None and found.start() == header.start()
-        return b" " * len(found[1]) + found[2] if named else b""
+    def blank(match: re.Match[bytes]) -> bytes:
+        names_columns = header is not None and match.start() == header.start()
+        return b" " * len(match[1]) + match[2] if names_columns else b""
 
-    data, many = _COMMENT.subn(blank, data)
+    data, count = _COMMENT.subn(blank, data)
     if header is not None:
-        words = "the columns are named in the comment above the rows"
-        repairs.append(("header", words))
-        many -= 1
-    if many:
-        repairs.append(("comments", f"{pluralize(many, 'line')} of comments left out"))
+        message = "the columns are named in the comment above the rows"
+        repairs.append(("header", message))
+        count -= 1
+    if count:
+        repairs.append(("comments", f"{pluralize(count, 'line')} of comments left out"))
     return data
 
 
@@ -119,25 +121,25 @@ def _cells(line: bytes) -> list[str]:
 
 def _first_lines(data: bytes) -> list[tuple[str, int]]:
     """Return the first lines that hold anything, each with where it begins."""
-    out, at = [], len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
-    for line in data[at:START_BYTES].split(b"\n"):
+    lines, offset = [], len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
+    for line in data[offset:START_BYTES].split(b"\n"):
         if line.strip() and not line.lower().startswith(b"sep="):
-            out.append((line.decode("utf-8", "replace"), at))
-        at += len(line) + 1
-    return out
+            lines.append((line.decode("utf-8", "replace"), offset))
+        offset += len(line) + 1
+    return lines
 
 
 def find_header(data: bytes, repairs: Repairs) -> HeaderLine:
     """Return the line that names the columns: the first, or the one below a title."""
-    at = len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
-    if data[at : at + 4].lower() == b"sep=":
+    offset = len(BYTE_ORDER_MARK) if data.startswith(BYTE_ORDER_MARK) else 0
+    if data[offset : offset + 4].lower() == b"sep=":
         repairs.append(("spreadsheet's line", "a first line 'sep=' was left out"))
     lines = _first_lines(data)
     position = _below_titles([line for line, _ in lines])
     if position:
-        words = f"{position} lines above the names of the columns were left out"
-        repairs.append(("title", words))
-    begin = lines[position][1] if lines else at
+        message = f"{position} lines above the names of the columns were left out"
+        repairs.append(("title", message))
+    begin = lines[position][1] if lines else offset
     end = data.find(b"\n", begin)
     end = len(data) if end < 0 else end
     text = decode(data[begin:end], "the header", repairs)
@@ -145,9 +147,9 @@ def find_header(data: bytes, repairs: Repairs) -> HeaderLine:
     line = data.count(b"\n", 0, begin) + 1
     if position + 1 < len(lines):
         below, start = lines[position + 1]
-        if named := _with_units(text, below):
+        if with_units := _with_units(text, below):
             repairs.append(("units", "units stand in the line below the names"))
-            text = named
+            text = with_units
             end = data.find(b"\n", start) + 1 or len(data)
             line = data.count(b"\n", 0, start) + 1
     return HeaderLine(text, line, end)
@@ -176,10 +178,10 @@ def _with_units(header: str, below: str) -> str:
         header.split(delimiter),
         [cell.strip(" \r()[]") for cell in below.split(delimiter)],
     )
-    stated = [unit for unit in units if unit]
-    if len(names) < 2 or len(units) > len(names) or len(stated) < len(names) / 2:
+    present = [unit for unit in units if unit]
+    if len(names) < 2 or len(units) > len(names) or len(present) < len(names) / 2:
         return ""
-    if not all(map(is_unit, stated)):
+    if not all(map(is_unit, present)):
         return ""
     units += [""] * (len(names) - len(units))
     return delimiter.join(
@@ -196,25 +198,25 @@ def split_cells(
     reader = csv.reader(chain(io.StringIO(text, newline=""), [_END]), delimiter=delimiter)
     rows: list[list[str]] = []
     lines = [0]
-    opened = 0
+    open_line = 0
     try:
         for row in reader:
             rows.append(row)
             n_lines, per_line = reader.line_num - lines[-1], len(rows[0]) - 1
-            if n_lines > 1 < per_line and not opened:
+            if n_lines > 1 < per_line and not open_line:
                 marks = len(row) - 1 + sum(cell.count(delimiter) for cell in row)
-                opened = lines[-1] + 1 if marks >= n_lines * per_line else 0
+                open_line = lines[-1] + 1 if marks >= n_lines * per_line else 0
             lines.append(reader.line_num)
         if whole and rows[-1] != [_END]:
-            opened = opened or lines[-2] + 1
+            open_line = open_line or lines[-2] + 1
     except csv.Error as error:
         line = first_line + reader.line_num - 1
         if reader.line_num == lines[-1] + 1:
             raise FileFormatError(where, f"line {line} cannot be read: {error}; mend it") from error
-        opened = opened or lines[-1] + 1  # a cell of many rows is longer than csv allows
-    if opened:
+        open_line = open_line or lines[-1] + 1  # a cell of many rows is longer than csv allows
+    if open_line:
         raise FileFormatError(
-            f"{where}, line {first_line + opened - 1}",
+            f"{where}, line {first_line + open_line - 1}",
             "a quote that opens in this row contains the rows below it; close or delete the quote",
         )
     return rows[:-1], [first_line + line - 1 for line in lines[1:-1]]

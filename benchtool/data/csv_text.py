@@ -25,10 +25,10 @@ from benchtool.data.csv_header import (
     START_BYTES,
     HeaderLine,
     Repairs,
-    data_rows,
     decode,
-    delimiter_of,
+    detect_delimiter,
     find_header,
+    normalise_rows,
     split_cells,
 )
 from benchtool.data.repairs.import_result import Finding, Kind, line_ranges
@@ -82,18 +82,18 @@ def read_csv_header(path: Path) -> tuple[str, ...]:
 
 def parse_csv(data: bytes, where: str, *, own: bool = False, whole: bool = True) -> CsvTable:
     """Return the cells of CSV bytes; see `read_csv_text`. Not `whole`, they may end in quotes."""
-    mended: Repairs = []
-    data = decode_text(data, where, mended)
-    text, first_line = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", mended), 1
+    repair_messages: Repairs = []
+    data = decode_text(data, where, repair_messages)
+    text, first_line = decode(data.removeprefix(BYTE_ORDER_MARK), "the text", repair_messages), 1
     first = text.split("\n", 1)[0]
     if not own:
-        data = data_rows(text.encode(), mended)
-        header_line = find_header(data, mended)
+        data = normalise_rows(text.encode(), repair_messages)
+        header_line = find_header(data, repair_messages)
         first, first_line = header_line.text, header_line.line
-        rest = data[header_line.end :].decode()
-        text = f"{first}\n{rest}" if rest or data.endswith(b"\n") else first
-    delimiter = delimiter_of(first, mended)
-    repairs = [words for _, words in mended]
+        body = data[header_line.end :].decode()
+        text = f"{first}\n{body}" if body or data.endswith(b"\n") else first
+    delimiter = detect_delimiter(first, repair_messages)
+    repairs = [message for _, message in repair_messages]
     check_columns(first.count(delimiter) + 1, where)
     check_cells(text.count(delimiter) + text.count("\n"), where)
     rows, lines = split_cells(text, delimiter, where, first_line, whole=whole)
@@ -132,11 +132,11 @@ def _with_points(rows: list[list[str]]) -> list[str]:
 
     A point in such a table stands between thousands.
     """
-    at = [(row, index) for row in rows for index in range(len(row))]
-    commas = [(row, i) for row, i in at if _DECIMAL_COMMA.fullmatch(row[i].strip())]
+    cells = [(row, index) for row in rows for index in range(len(row))]
+    commas = [(row, i) for row, i in cells if _DECIMAL_COMMA.fullmatch(row[i].strip())]
     if not commas:
         return []
-    thousands = [(row, i) for row, i in at if THOUSANDS.fullmatch(row[i].strip())]
+    thousands = [(row, i) for row, i in cells if THOUSANDS.fullmatch(row[i].strip())]
     for row, i in (*commas, *thousands):
         row[i] = row[i].strip().replace(".", "").replace(",", ".")
     done = [f"{len(commas)} decimal commas read as points"]
@@ -236,14 +236,14 @@ def parse_rows(data: bytes, where: str) -> TextTable:
     """
     repairs: Repairs = []
     data = decode_text(data, where, repairs)
-    data = data_rows(data, repairs)
+    data = normalise_rows(data, repairs)
     header = find_header(data, repairs)
     first, rest_at = header.text, header.end
-    delimiter = delimiter_of(first, repairs)
+    delimiter = detect_delimiter(first, repairs)
     body: bytes | memoryview = memoryview(data)[rest_at:]
-    line_of = None
+    line_numbers = None
     if b'"' in data:
-        first, body, line_of = _unquoted(header, data[rest_at:], delimiter, where)
+        first, body, line_numbers = _parse_quoted(header, data[rest_at:], delimiter, where)
     check_columns(first.count(delimiter) + 1, where)
     names = tuple(cell.strip() for cell in first.split(delimiter))
     if not any(names):
@@ -253,17 +253,17 @@ def parse_rows(data: bytes, where: str) -> TextTable:
         decimal = ","
         repairs.append(("decimal commas", "decimal commas are read as points"))
     rows = _count(body, "\n")
-    if line_of is None:
-        line_of = np.arange(1, rows + 1 + (body[-1:] != b"\n"))
+    if line_numbers is None:
+        line_numbers = np.arange(1, rows + 1 + (body[-1:] != b"\n"))
     table = TextTable(
         where=where,
         header=names,
         body=body,
-        lines=header.line + line_of,
+        lines=header.line + line_numbers,
         delimiter=delimiter,
         decimal=decimal,
         rows_in_file=rows,
-        findings=tuple(Finding("repaired", what, words) for what, words in repairs),
+        findings=tuple(Finding("repaired", what, message) for what, message in repairs),
         is_even=False,
     )
     # Whether one row is short by what another has too many, and whether some are empty, shows in
@@ -273,7 +273,7 @@ def parse_rows(data: bytes, where: str) -> TextTable:
     return pad_rows(table)
 
 
-def _unquoted(
+def _parse_quoted(
     header: HeaderLine, body: bytes, delimiter: str, where: str
 ) -> tuple[str, bytes, Positions]:
     """Return header and rows without quotes, and the line of each row, counted from the header's.
@@ -284,101 +284,103 @@ def _unquoted(
     text = f"{header.text}\n{body.decode('utf-8', 'replace')}"
     cells, lines = split_cells(text, delimiter, where, header.line)
     rows = [delimiter.join(cell.translate(clean) for cell in row) for row in cells]
-    whole = "".join(f"{row}\n" for row in rows[1:])
+    body_text = "".join(f"{row}\n" for row in rows[1:])
     if not body.endswith(b"\n") and rows[-1]:
-        whole = whole[:-1]
-    return rows[0], whole.encode(), np.array(lines[1:], np.intp) - header.line
+        body_text = body_text[:-1]
+    return rows[0], body_text.encode(), np.array(lines[1:], np.intp) - header.line
 
 
 def _count(body: bytes | memoryview, letter: str) -> int:
     """Return how often a letter stands in the rows, counted in pieces that fit a cache."""
     text, code = np.frombuffer(body, np.uint8), ord(letter)
     pieces = range(0, text.size, _PIECE_BYTES)
-    return sum(int(np.count_nonzero(text[at : at + _PIECE_BYTES] == code)) for at in pieces)
+    return sum(
+        int(np.count_nonzero(text[start : start + _PIECE_BYTES] == code)) for start in pieces
+    )
 
 
 def pad_rows(table: TextTable) -> TextTable:
     """Return the table with rows of one width, and findings that say what was done."""
     mark, names, findings = table.delimiter.encode(), list(table.header), list(table.findings)
 
-    def note(kind: Kind, what: str, words: str, count: int, rows: Sequence[int] = ()) -> None:
-        at = line_ranges(table.lines[list(rows)]) if rows else ""
-        findings.append(Finding(kind, what, words, count=count, lines=at))
+    def note(kind: Kind, what: str, message: str, count: int, rows: Sequence[int] = ()) -> None:
+        ranges = line_ranges(table.lines[list(rows)]) if rows else ""
+        findings.append(Finding(kind, what, message, count=count, lines=ranges))
 
     rows = bytes(table.body).split(b"\n")
     last = len(rows) - 1 if rows[-1] else -1  # the row that the end of the file cuts
     if last < 0:
         rows.pop()
     counts = np.array([row.count(mark) + 1 for row in rows], np.intp)
-    stored = np.array([bool(row.strip(mark)) for row in rows], bool)
-    used = counts[stored]
+    keep = np.array([bool(row.strip(mark)) for row in rows], bool)
+    used = counts[keep]
     if not used.size:
         raise empty_table_error(table.where, table.header)
-    separators = int(np.count_nonzero(~stored & (counts > 1)))
+    separators = int(np.count_nonzero(~keep & (counts > 1)))
     while len(names) > 1 and not names[-1]:
         names.pop()
     # A reader that evens a table knows its columns already.
     width = len(table.header) if table.is_even else _width(used, len(names))
     short, long, blank = [], [], []
-    for i in np.flatnonzero(stored & (counts != width)).tolist():
+    for i in np.flatnonzero(keep & (counts != width)).tolist():
         cells = rows[i].split(mark)
-        stored[i] = False
+        keep[i] = False
         if not b"".join(cells).strip():
             blank.append(i)
         elif any(cell.strip() for cell in cells[width:]):
             long.append(i)
         elif len(cells) >= width or i != last:
-            stored[i] = True
+            keep[i] = True
             rows[i] = mark.join(cells[:width] + [b""] * (width - len(cells)))
             short += [i] if len(cells) < width else []
     if short:
-        words = (
+        message = (
             f"{pluralize(len(short), 'row')} shorter than the others; the missing cells are blank"
         )
-        note("repaired", "ragged rows", words, len(short), short)
+        note("repaired", "ragged rows", message, len(short), short)
     if long:
-        many = pluralize(len(long), "row")
-        words = f"{many} with more cells than columns: which cell is which is not known"
-        note("refused", "ragged rows", words, len(long), long)
+        row_count = pluralize(len(long), "row")
+        message = f"{row_count} with more cells than columns: which cell is which is not known"
+        note("refused", "ragged rows", message, len(long), long)
     if blank:
         note(
             "refused", "empty rows", f"{pluralize(len(blank), 'row')} of blanks", len(blank), blank
         )
-    if last >= 0 and stored[last]:
-        words = "the file ends without a line end; its last number may be cut"
-        note("doubt", "no last line end", words, 0, [last])
+    if last >= 0 and keep[last]:
+        message = "the file ends without a line end; its last number may be cut"
+        note("doubt", "no last line end", message, 0, [last])
     elif last >= 0 and rows[last].strip(mark) and last not in (*long, *blank):
-        words = "the last line ends in the middle of the row"
-        note("refused", "the last line was cut", words, 1, [last])
+        message = "the last line ends in the middle of the row"
+        note("refused", "the last line was cut", message, 1, [last])
     if separators:
-        words = f"{pluralize(separators, 'row')} of empty cells left out"
-        note("repaired", "empty rows", words, separators)
+        message = f"{pluralize(separators, 'row')} of empty cells left out"
+        note("repaired", "empty rows", message, separators)
     if width > len(names) + 1:
-        words = (
+        message = (
             f"rows hold up to {width} cells, the header names {len(names)} columns; the cells "
             f"beyond, as a script adds them, are left out"
         )
-        note("left out", "cells without a name", words, width - len(names))
+        note("left out", "cells without a name", message, width - len(names))
     elif int(used.max()) < len(names):
-        words = (
+        message = (
             f"the header names {len(names)} columns, no row holds more than {used.max()} cells; "
             f"{', '.join(names[width:][:12])} left out"
         )
-        note("repaired", "ragged rows", words, len(names) - width)
-    chosen = [row for row, wanted in zip(rows, stored.tolist(), strict=True) if wanted]
+        note("repaired", "ragged rows", message, len(names) - width)
+    chosen = [row for row, is_selected in zip(rows, keep.tolist(), strict=True) if is_selected]
     return replace(
         table,
         header=(*names[:width], *[""] * (width - len(names))),
         body=b"\n".join(chosen) + b"\n" if chosen else b"",
-        lines=table.lines[stored],
+        lines=table.lines[keep],
         rows_in_file=int(used.size),
         findings=tuple(findings),
         is_even=False,
     )
 
 
-def _width(used: Positions, named: int) -> int:
+def _width(used: Positions, n_names: int) -> int:
     """Return how many cells a row is brought to: all that have names, or what most rows have."""
-    within = used[used <= named]
+    within = used[used <= n_names]
     usual = int(np.bincount(used).argmax())
     return max(usual, int(within.max()) if within.size else 1)

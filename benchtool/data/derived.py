@@ -81,19 +81,21 @@ def measurement_context(
         rig: whose sensors measured.
         calibration: of the load cell.
     """
-    stated = dict(_air(air or {}))
+    values = dict(_air(air or {}))
     if propeller is not None:
-        own, relative = propeller.name, propeller.diameter_sd
+        label, relative = propeller.name, propeller.diameter_sd
         d = propeller.diameter_m
-        stated["diameter_m"] = KnownValue(value=d, sd=d * relative, unit="m", origin=own)
+        values["diameter_m"] = KnownValue(value=d, sd=d * relative, unit="m", origin=label)
         if (c := propeller.chord_m) is not None:
-            stated["chord_m"] = KnownValue(value=c, sd=c * propeller.chord_sd, unit="m", origin=own)
+            values["chord_m"] = KnownValue(
+                value=c, sd=c * propeller.chord_sd, unit="m", origin=label
+            )
     if motor is not None and motor.has_curve:
         for name, unit in zip(DATA_SHEET, ("1", "1", "A"), strict=True):
             value = float(getattr(motor, name))
             origin = f"data sheet, {100.0 * DATA_SHEET_SD:g} % assumed"
             sd = DATA_SHEET_SD * value
-            stated[name] = KnownValue(value=value, sd=sd, unit=unit, origin=origin)
+            values[name] = KnownValue(value=value, sd=sd, unit=unit, origin=origin)
     sensors = {} if rig is None else rig.sensors
     scales = {
         name: KnownValue(value=1.0, sd=sensor.scale_sd, origin=f"rig {rig.name}" if rig else "")
@@ -103,7 +105,7 @@ def measurement_context(
     if calibration:
         sd, number = float(calibration["relative_sd"]), str(calibration["id"])
         scales["thrust_N"] = KnownValue(value=1.0, sd=sd, origin=f"calibration {number}")
-    return MeasurementContext(stated=stated, scales=scales, sensors=sensors, rig=rig)
+    return MeasurementContext(stated=values, scales=scales, sensors=sensors, rig=rig)
 
 
 def _air(facts: Mapping[str, Any]) -> Iterator[tuple[str, KnownValue]]:
@@ -137,14 +139,14 @@ def rig_circumstances(
     rig: Rig, air: Mapping[str, Any] | None = None, calibration: Mapping[str, Any] | None = None
 ) -> MeasurementContext:
     """Return the circumstances of a rig; see `measurement_context`."""
-    own = Propeller(name=f"rig {rig.name}", diameter_m=2.0 * rig.propulsion.radius_m)
-    return measurement_context(rig.propeller or own, air, rig.motor, rig, calibration)
+    default_propeller = Propeller(name=f"rig {rig.name}", diameter_m=2.0 * rig.propulsion.radius_m)
+    return measurement_context(rig.propeller or default_propeller, air, rig.motor, rig, calibration)
 
 
 def recording_circumstances(facts: Mapping[str, Any], where: str) -> MeasurementContext:
     """Return the circumstances of a recording file by the JSON beside it."""
-    known = facts.get("propeller")
-    propeller = build_dataclass(Propeller, known, f"{where}: propeller") if known else None
+    data = facts.get("propeller")
+    propeller = build_dataclass(Propeller, data, f"{where}: propeller") if data else None
     return measurement_context(propeller, facts.get("air"))
 
 
@@ -176,14 +178,16 @@ class QuantityValues(UncertainValues):
         value = np.nan_to_num(self.value)
         mean = share @ value
         scatter = np.sqrt(np.sum(share * (value - mean[:, None]) ** 2, axis=1))
-        over = np.where(count > 1, scatter / np.sqrt(np.maximum(count - 1, 1)), np.nan)
-        shown = np.where(weights, self.standard_error, 0.0)
-        own = np.sqrt(np.sum((share * shown) ** 2, axis=1))
+        scatter_se = np.where(count > 1, scatter / np.sqrt(np.maximum(count - 1, 1)), np.nan)
+        errors = np.where(weights, self.standard_error, 0.0)
+        propagated = np.sqrt(np.sum((share * errors) ** 2, axis=1))
         sources = tuple(
             replace(source, columns=share @ np.nan_to_num(source.columns))
             for source in self.error_sources
         )
-        return replace(self, value=mean, standard_error=np.fmax(own, over), error_sources=sources)
+        return replace(
+            self, value=mean, standard_error=np.fmax(propagated, scatter_se), error_sources=sources
+        )
 
 
 Values = dict[str, Any]
@@ -196,78 +200,84 @@ def derive_quantities(
 
     A quantity that the recording holds is taken as it stands there, without an error of its own.
     """
-    given = _inputs(recording, context)
-    middle = _evaluate(given)
-    found = [one for one in QUANTITIES if _any(middle.get(one.name))]
-    own: dict[str, Array] = {one.name: np.zeros(len(recording)) for one in found}
-    leaves = {one.name: _leaves(one, given) for one in found}
-    for name, row, error in _own_errors(recording, context, given):
+    inputs = _inputs(recording, context)
+    values = _evaluate(inputs)
+    quantities = [quantity for quantity in QUANTITIES if _has_finite(values.get(quantity.name))]
+    errors: dict[str, Array] = {quantity.name: np.zeros(len(recording)) for quantity in quantities}
+    leaves = {quantity.name: _find_inputs(quantity, inputs) for quantity in quantities}
+    for name, row, error in _independent_errors(recording, context, inputs):
         if np.isnan(error).all():  # nobody states it: nothing that follows has an error
-            own |= {key: error for key in own if name in leaves[key]}
+            errors |= {key: error for key in errors if name in leaves[key]}
             continue
-        for key, part in _contributions(given, name, error, [q.name for q in found], row).items():
-            own[key] = np.hypot(own[key], part)
-    shared: dict[str, list[ErrorSource]] = {one.name: [] for one in found}
-    for label, name, stated, error in _shared_errors(context, given):
-        for key, part in _contributions(given, name, error, list(shared)).items():
+        for key, part in _contributions(
+            inputs, name, error, [q.name for q in quantities], row
+        ).items():
+            errors[key] = np.hypot(errors[key], part)
+    shared: dict[str, list[ErrorSource]] = {quantity.name: [] for quantity in quantities}
+    for label, name, known_value, error in _shared_errors(context, inputs):
+        for key, part in _contributions(inputs, name, error, list(shared)).items():
             if np.any(np.nan_to_num(part) != 0.0):
                 shared[key].append(
                     ErrorSource(
-                        name=label, kind="B", unit=stated.unit, sd=stated.sd,
-                        columns=part[:, None], origin=stated.origin,
+                        name=label, kind="B", unit=known_value.unit, sd=known_value.sd,
+                        columns=part[:, None], origin=known_value.origin,
                     )
                 )  # fmt: skip
     return tuple(
         QuantityValues(
-            np.asarray(middle[one.name], float), own[one.name], tuple(shared[one.name]), one,
-            _origin(one, recording, given, context),
+            np.asarray(values[quantity.name], float), errors[quantity.name],
+            tuple(shared[quantity.name]), quantity, _origin(quantity, recording, inputs, context),
         )
-        for one in found
+        for quantity in quantities
     )  # fmt: skip
 
 
-def quantities_of(recording: Recording, known: MeasurementContext) -> dict[str, Array]:
+def quantities_of(recording: Recording, context: MeasurementContext) -> dict[str, Array]:
     """Return every quantity (n,) of a recording's rows by name, without errors."""
-    values = _evaluate(_inputs(recording, known))
-    return {one.name: values[one.name] for one in QUANTITIES if _any(values.get(one.name))}
+    values = _evaluate(_inputs(recording, context))
+    return {
+        quantity.name: values[quantity.name]
+        for quantity in QUANTITIES
+        if _has_finite(values.get(quantity.name))
+    }
 
 
-def _any(values: Any) -> bool:
+def _has_finite(values: Any) -> bool:
     return values is not None and bool(np.isfinite(values).any())
 
 
-def _inputs(recording: Recording, known: MeasurementContext) -> Values:
+def _inputs(recording: Recording, context: MeasurementContext) -> Values:
     """Return what quantities are worked out from: channels, speeds, stated numbers."""
-    given: Values = {name: one.value for name, one in known.stated.items()}
-    wanted = dict.fromkeys((*MEASURED, *(quantity.name for quantity in QUANTITIES)))
-    for name in wanted:
-        if name in recording and _any(recording.column(name)):
-            given[name] = recording.to_si(name)
+    inputs: Values = {name: known_value.value for name, known_value in context.stated.items()}
+    candidates = dict.fromkeys((*MEASURED, *(quantity.name for quantity in QUANTITIES)))
+    for name in candidates:
+        if name in recording and _has_finite(recording.column(name)):
+            inputs[name] = recording.to_si(name)
     if names := speed_columns(recording.names, "rpm"):
-        given["speed_rad_s"] = np.array([recording.to_si(name) for name in names])
-        turning = [row for row in given["speed_rad_s"] if np.any(row > 0.0)]
+        inputs["speed_rad_s"] = np.array([recording.to_si(name) for name in names])
+        turning = [row for row in inputs["speed_rad_s"] if np.any(row > 0.0)]
         if len(turning) == 1:
-            given["shaft_rad_s"] = turning[0]
-    if "shaft_rad_s" not in given and "speed_rad_s" in given:
-        given.pop("torque_Nm", None)  # of several rotors a stand measures a sum that cancels
-    if "torque_Nm" in given:  # its sign is that of the spin
-        given["torque_Nm"] = given["torque_Nm"] * np.sign(
-            np.nansum(given["torque_Nm"] * given.get("shaft_rad_s", 1.0))
+            inputs["shaft_rad_s"] = turning[0]
+    if "shaft_rad_s" not in inputs and "speed_rad_s" in inputs:
+        inputs.pop("torque_Nm", None)  # of several rotors a stand measures a sum that cancels
+    if "torque_Nm" in inputs:  # its sign is that of the spin
+        inputs["torque_Nm"] = inputs["torque_Nm"] * np.sign(
+            np.nansum(inputs["torque_Nm"] * inputs.get("shaft_rad_s", 1.0))
         )
-    return given
+    return inputs
 
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
-def _evaluate(given: Values) -> Values:
-    found = dict(given)
+def _evaluate(inputs: Values) -> Values:
+    values = dict(inputs)
     for quantity in QUANTITIES:
-        if quantity.name not in found and found.keys() >= set(quantity.needs):
-            found[quantity.name] = quantity.of(**{name: found[name] for name in quantity.needs})
-    return found
+        if quantity.name not in values and values.keys() >= set(quantity.needs):
+            values[quantity.name] = quantity.of(**{name: values[name] for name in quantity.needs})
+    return values
 
 
 def _contributions(
-    given: Values, name: str, error: Any, wanted: Sequence[str], row: int | None = None
+    inputs: Values, name: str, error: Any, names: Sequence[str], row: int | None = None
 ) -> dict[str, Array]:
     """Return the change of each wanted quantity (n,) by one standard uncertainty of an input.
 
@@ -276,51 +286,53 @@ def _contributions(
     """
     step = error
     if row is not None:
-        step = np.zeros_like(given[name])
+        step = np.zeros_like(inputs[name])
         step[row] = error
-    moved = [_evaluate(_with(given, name, given[name] + sign * step)) for sign in (1.0, -1.0)]
+    moved = [
+        _evaluate(_replace_input(inputs, name, inputs[name] + sign * step)) for sign in (1.0, -1.0)
+    ]
     return {
         key: np.asarray(0.5 * (moved[0][key] - moved[1][key]), float)
-        for key in wanted
+        for key in names
         if key in moved[0]
     }
 
 
-def _with(given: Values, name: str, value: Any) -> Values:
+def _replace_input(inputs: Values, name: str, value: Any) -> Values:
     """Return inputs with another value of one; the shaft's speed follows that of its rotor."""
-    changed = {**given, name: value}
-    if name == "speed_rad_s" and "shaft_rad_s" in given:
+    changed = {**inputs, name: value}
+    if name == "speed_rad_s" and "shaft_rad_s" in inputs:
         changed["shaft_rad_s"] = max(value, key=lambda row: float(np.nansum(row)))
     return changed
 
 
-def _own_errors(
-    recording: Recording, known: MeasurementContext, given: Values
+def _independent_errors(
+    recording: Recording, context: MeasurementContext, inputs: Values
 ) -> Iterator[tuple[str, int | None, Array]]:
     """Give each input that errs row by row, the rotor it is of, and its standard error (n,)."""
-    for name in given.keys() & {*MEASURED, *(quantity.name for quantity in QUANTITIES)}:
-        error = standard_error(recording, name, known.sensors)
-        if name == "thrust_N" and known.rig is not None and "elapsed_s" in recording:
+    for name in inputs.keys() & {*MEASURED, *(quantity.name for quantity in QUANTITIES)}:
+        error = standard_error(recording, name, context.sensors)
+        if name == "thrust_N" and context.rig is not None and "elapsed_s" in recording:
             since_s = np.nan_to_num(recording.column("elapsed_s"))
-            zero = zero_variance(np.maximum(since_s, 0.0), zero_noise(recording, known.rig))
+            zero = zero_variance(np.maximum(since_s, 0.0), zero_noise(recording, context.rig))
             error = np.hypot(error, np.sqrt(zero))
         yield name, None, error
     for row, name in enumerate(speed_columns(recording.names, "rpm")):
-        if np.any(given["speed_rad_s"][row] > 0.0):
-            yield "speed_rad_s", row, standard_error(recording, name, known.sensors) * pi / 30.0
+        if np.any(inputs["speed_rad_s"][row] > 0.0):
+            yield "speed_rad_s", row, standard_error(recording, name, context.sensors) * pi / 30.0
 
 
 def _shared_errors(
-    known: MeasurementContext, given: Values
+    context: MeasurementContext, inputs: Values
 ) -> Iterator[tuple[str, str, KnownValue, Any]]:
     """Give name, input, statement and change of the input of every error that rows share."""
-    for name, stated in known.stated.items():
-        if stated.sd:
-            yield LABELS.get(name, name), name, stated, stated.sd
-    for channel, stated in known.scales.items():
+    for name, known_value in context.stated.items():
+        if known_value.sd:
+            yield LABELS.get(name, name), name, known_value, known_value.sd
+    for channel, known_value in context.scales.items():
         name = "speed_rad_s" if channel == "rpm" else channel
-        if name in given:
-            yield f"{channel.split('_')[0]} scale", name, stated, stated.sd * given[name]
+        if name in inputs:
+            yield f"{channel.split('_')[0]} scale", name, known_value, known_value.sd * inputs[name]
 
 
 LABELS = {
@@ -331,48 +343,48 @@ LABELS = {
 """What the errors of stated numbers are called."""
 
 
-def _leaves(quantity: Quantity, given: Values) -> list[str]:
+def _find_inputs(quantity: Quantity, inputs: Values) -> list[str]:
     """Return the inputs that a quantity is worked out from in the end."""
-    if quantity.name in given:
+    if quantity.name in inputs:
         return [quantity.name]
-    table = {one.name: one for one in QUANTITIES}
-    found: dict[str, None] = {}
+    table = {entry.name: entry for entry in QUANTITIES}
+    names: dict[str, None] = {}
     for name in quantity.needs:
-        found |= dict.fromkeys([name] if name in given else _leaves(table[name], given))
-    return list(found)
+        names |= dict.fromkeys([name] if name in inputs else _find_inputs(table[name], inputs))
+    return list(names)
 
 
 def _origin(
-    quantity: Quantity, recording: Recording, given: Values, known: MeasurementContext
+    quantity: Quantity, recording: Recording, inputs: Values, context: MeasurementContext
 ) -> str:
-    if quantity.name in given:
+    if quantity.name in inputs:
         return "measured" if quantity.name in MEASURED else "as the file states it"
-    leaves = _leaves(quantity, given)
+    leaves = _find_inputs(quantity, inputs)
     channels = [
         "rpm" if name in ("speed_rad_s", "shaft_rad_s") else name
         for name in leaves
-        if name not in known.stated
+        if name not in context.stated
     ]
-    words = f"from {', '.join(dict.fromkeys(channels))}"
+    text = f"from {', '.join(dict.fromkeys(channels))}"
     sheet = [name for name in leaves if name in DATA_SHEET]
-    return f"{words} and the data sheet ({', '.join(sheet)})" if sheet else words
+    return f"{text} and the data sheet ({', '.join(sheet)})" if sheet else text
 
 
-def add_shared_errors(recording: Recording, known: MeasurementContext) -> Recording:
+def add_shared_errors(recording: Recording, context: MeasurementContext) -> Recording:
     """Return a recording with every quantity that it and its circumstances allow."""
-    return with_quantities(recording, derive_quantities(recording, known))
+    return with_quantities(recording, derive_quantities(recording, context))
 
 
-def with_quantities(recording: Recording, found: Sequence[QuantityValues]) -> Recording:
+def with_quantities(recording: Recording, quantities: Sequence[QuantityValues]) -> Recording:
     """Return a recording with a column for each quantity and one for its standard error.
 
     Columns that it has are left as they are; an error that nobody knows has none.
     """
-    for one in found:
+    for quantity in quantities:
         for name, values in (
-            (one.name, one.value),
-            (error_channel_name(one.name), one.total_error),
+            (quantity.name, quantity.value),
+            (error_channel_name(quantity.name), quantity.total_error),
         ):
-            if name not in recording and (name == one.name or _any(values)):
+            if name not in recording and (name == quantity.name or _has_finite(values)):
                 recording = recording.with_column(Channel(name, unit_from_name(name)), values)
     return recording

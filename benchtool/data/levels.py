@@ -43,12 +43,12 @@ def read_levels(path: Path) -> tuple[Recording, MeasurementContext]:
             "it is no run folder, recording or log of a known stand; make a recording of it with "
             "benchtool import, which takes a column map (--columns) of any table",
         )
-    read = import_file(path)
+    result = import_file(path)
     facts = {
-        **import_metadata(read, ImportOptions()),
-        "provenance": dict(read.recording.provenance),
+        **import_metadata(result, ImportOptions()),
+        "provenance": dict(result.recording.provenance),
     }
-    return split_levels(read.recording), recording_circumstances(facts, str(path))
+    return split_levels(result.recording), recording_circumstances(facts, str(path))
 
 
 def split_levels(recording: Recording) -> Recording:
@@ -58,7 +58,7 @@ def split_levels(recording: Recording) -> Recording:
     of different rates are averaged each by itself. The errors take the samples of a level for
     independent; a level of one sample has none.
     """
-    level = _numbers(recording)
+    level = _number_levels(recording)
     if level is None:
         return recording
     names = list(recording.names)
@@ -71,42 +71,44 @@ def split_levels(recording: Recording) -> Recording:
     for number in np.unique(level[level >= 0]):
         part = recording.values[level == number]
         means, scatter = _means(part)
-        rows.append([*means, *(scatter[names.index(_of(name, names))] for name in errors)])
+        rows.append(
+            [*means, *(scatter[names.index(_find_measured(name, names))] for name in errors)]
+        )
     channels = (*recording.channels, *(Channel(name, unit_from_name(name)) for name in errors))
     values = np.array(rows, float).reshape(len(rows), len(channels))
     return Recording(channels, values, recording.provenance, recording.simulated)
 
 
-def _of(error: str, names: list[str]) -> str:
+def _find_measured(error: str, names: list[str]) -> str:
     return next(name for name in names if error_channel_name(name) == error)
 
 
 def _means(part: Array) -> tuple[Array, Array]:
     """Return mean and standard error of each column (c,) over its finite values."""
-    known = np.isfinite(part)
-    count = known.sum(axis=0)
-    total = np.where(known, part, 0.0).sum(axis=0)
+    finite = np.isfinite(part)
+    count = finite.sum(axis=0)
+    total = np.where(finite, part, 0.0).sum(axis=0)
     mean = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
-    apart = np.where(known, part - mean, 0.0)
-    many = count > 1
+    deviation = np.where(finite, part - mean, 0.0)
+    has_several = count > 1
     variance = np.divide(
-        (apart**2).sum(axis=0), count - 1, out=np.full(len(total), np.nan), where=many
+        (deviation**2).sum(axis=0), count - 1, out=np.full(len(total), np.nan), where=has_several
     )
     return mean, np.sqrt(variance / np.maximum(count, 1))
 
 
-def _numbers(recording: Recording) -> NDArray[np.intp] | None:
+def _number_levels(recording: Recording) -> NDArray[np.intp] | None:
     """Return the level of each row (n,), -1 for what is left out; None where rows are levels."""
     n, step_s = len(recording), BIN_S
     if "time_s" in recording and n > 2:
         time_s = recording.to_si("time_s")
         step_s = float(np.median(np.diff(time_s))) if np.isfinite(time_s).all() else BIN_S
     if "pwm1_us" in recording and np.isfinite(pulse := recording.column("pwm1_us")).mean() > 0.9:
-        stretch = np.concatenate([[0], np.cumsum(pulse[1:] != pulse[:-1])])
-        length = np.bincount(stretch)[stretch]
-        if (mean := n / (stretch[-1] + 1)) >= 3.0 and mean * step_s >= BIN_S:
-            place = np.arange(n) - np.searchsorted(stretch, stretch)
-            return np.where(place >= np.floor(STEADY * length), stretch, -1).astype(np.intp)
+        segment = np.concatenate([[0], np.cumsum(pulse[1:] != pulse[:-1])])
+        length = np.bincount(segment)[segment]
+        if (mean := n / (segment[-1] + 1)) >= 3.0 and mean * step_s >= BIN_S:
+            position = np.arange(n) - np.searchsorted(segment, segment)
+            return np.where(position >= np.floor(STEADY * length), segment, -1).astype(np.intp)
     if step_s < 0.2 * BIN_S:
         return np.asarray(np.floor((time_s - time_s.min()) / BIN_S), np.intp)
     return None

@@ -62,7 +62,7 @@ def write_mcap(
     """
     mcap = load_extra("mcap.writer", "mcap", "an MCAP file")
     names = [channel.name for channel in recording.channels]
-    stated = {"calibration": json.dumps(dict(calibration))} if calibration else {}
+    extra = {"calibration": json.dumps(dict(calibration))} if calibration else {}
     units = {f"unit:{channel.name}": channel.unit for channel in recording.channels}
     facts = {
         "format": FORMAT,
@@ -70,15 +70,15 @@ def write_mcap(
         "channels": json.dumps([[channel.name, channel.unit] for channel in recording.channels]),
         "simulated": str(recording.simulated).lower(),
         "provenance": json.dumps(dict(recording.provenance)),
-        **stated,
+        **extra,
     }
     layout = _layout(names)
     size, rows = layout.itemsize, max(1, CHUNK_BYTES // layout.itemsize)
     with atomic_writer(path, path.with_name(f".{path.name}.new")) as file:
         writer = mcap.Writer(file, chunk_size=CHUNK_BYTES)
         writer.start(library="benchtool")
-        schema = writer.register_schema(SCHEMA, "protobuf", _descriptor(recording, stated))
-        channel = writer.register_channel(TOPIC, "protobuf", schema, units | stated)
+        schema = writer.register_schema(SCHEMA, "protobuf", _descriptor(recording, extra))
+        channel = writer.register_channel(TOPIC, "protobuf", schema, units | extra)
         writer.add_metadata("benchtool", facts)
         for first in range(0, len(recording), rows):
             values = recording.values[first : first + rows]
@@ -99,11 +99,11 @@ def _times_ns(values: Array, names: list[str], start_ns: int) -> list[int]:
 
 def _messages(values: Array, names: list[str], layout: np.dtype[Any]) -> bytes:
     """Return messages of rows (m, c), one after another, each behind room for its head."""
-    out = np.zeros(len(values), layout)
+    records = np.zeros(len(values), layout)
     for index, name in enumerate(names):
-        out[f"t{index}"] = _tag(index, name in WORDS)
-        out[f"v{index}"] = values[:, index]
-    return out.tobytes()
+        records[f"t{index}"] = _tag(index, name in WORDS)
+        records[f"v{index}"] = values[:, index]
+    return records.tobytes()
 
 
 def _tag(index: int, is_word: bool) -> NDArray[np.uint8]:
@@ -122,22 +122,22 @@ def _layout(names: list[str]) -> np.dtype[Any]:
     return np.dtype(fields)
 
 
-def _descriptor(recording: Recording, stated: Mapping[str, str]) -> bytes:
+def _descriptor(recording: Recording, comments: Mapping[str, str]) -> bytes:
     """Return the schema: a FileDescriptorSet with units and calibration as comments."""
     pb = load_extra("google.protobuf.descriptor_pb2", "mcap", "an MCAP file")
     file = pb.FileDescriptorProto(name="benchtool.proto", package="benchtool", syntax="proto3")
     message = file.message_type.add(name=SCHEMA.partition(".")[2])
     about = file.source_code_info.location.add(path=[4, 0], span=[0, 0, 0])
-    about.leading_comments = "; ".join(f"{key}: {text}" for key, text in stated.items())
+    about.leading_comments = "; ".join(f"{key}: {text}" for key, text in comments.items())
     for index, channel in enumerate(recording.channels):
         is_name = re.fullmatch(r"[A-Za-z]\w*", channel.name, re.ASCII)
         name = channel.name if is_name else f"channel{index + 1}"
         field = message.field.add(name=name, json_name=name, number=index + 1, label=1, type=1)
         if channel.name in WORDS:
             field.type, field.type_name = 14, f".{SCHEMA}.{channel.name.capitalize()}"
-            words = message.enum_type.add(name=channel.name.capitalize())
+            enum_type = message.enum_type.add(name=channel.name.capitalize())
             for code, word in enumerate(WORDS[channel.name]):
-                words.value.add(name=f"{channel.name}_{word}".upper(), number=code)
+                enum_type.value.add(name=f"{channel.name}_{word}".upper(), number=code)
         unit = file.source_code_info.location.add(path=[4, 0, 2, index], span=[0, 0, 0])
         unit.trailing_comments = f"unit: {channel.unit}"
     data: bytes = pb.FileDescriptorSet(file=[file]).SerializeToString()
@@ -207,7 +207,7 @@ def _values(chunks: Iterator[bytes], channels: tuple[Channel, ...], rows: int, w
     from mcap.records import Chunk
 
     names = [channel.name for channel in channels]
-    layout, at = _layout(names), 0
+    layout, start = _layout(names), 0
     values = np.empty((rows, len(names)))
 
     def messages_in(data: bytes) -> NDArray[Any]:
@@ -220,19 +220,19 @@ def _values(chunks: Iterator[bytes], channels: tuple[Channel, ...], rows: int, w
             raise ValueError(str(error)) from error
         if zlib.crc32(plain) != chunk.uncompressed_crc:
             raise FileFormatError(where, "a checksum in it is wrong; restore it from a copy")
-        start = 0
-        while plain[start : start + 1] in _DEFINITIONS:
-            start += _LENGTH_BYTES + int.from_bytes(plain[start + 1 : start + 9], "little")
-        return np.frombuffer(plain, layout, offset=start)
+        offset = 0
+        while plain[offset : offset + 1] in _DEFINITIONS:
+            offset += _LENGTH_BYTES + int.from_bytes(plain[offset + 1 : offset + 9], "little")
+        return np.frombuffer(plain, layout, offset=offset)
 
     for messages in map(messages_in, chunks):
-        end = at + len(messages)
+        end = start + len(messages)
         for index, name in enumerate(names):
             ends = messages[f"t{index}"][:: max(1, len(messages) - 1)]
             if (ends != _tag(index, name in WORDS)).any():
                 raise ValueError(f"field {name} is not where it should be")
-            values[at:end, index] = messages[f"v{index}"]
-        at = end
-    if at != rows:
-        raise FileFormatError(where, f"it holds {at} of {rows} rows; restore it from a copy")
+            values[start:end, index] = messages[f"v{index}"]
+        start = end
+    if start != rows:
+        raise FileFormatError(where, f"it holds {start} of {rows} rows; restore it from a copy")
     return values

@@ -46,7 +46,7 @@ def write_parquet(path: Path, samples: Recording) -> None:
     for name in samples.names:
         values = samples.column(name)
         if name in WORDS:
-            columns.append(_words(name, pa.array(values.astype(np.int32))))
+            columns.append(_encode_words(name, pa.array(values.astype(np.int32))))
         else:
             columns.append(pa.array(values, from_pandas=True))
     with _writer(path, units, samples.provenance) as writer:
@@ -68,7 +68,9 @@ def finalize_parquet(csv: Path, path: Path, csv_sha256: str) -> None:
         with _writer(path, units, {"sha256": csv_sha256, "file": csv.name}) as writer:
             for batch in sample_batches(lines, csv, names):
                 columns = [
-                    _words(name, pa.array(codes_of(name, cells, csv))) if name in WORDS else cells
+                    _encode_words(name, pa.array(codes_of(name, cells, csv)))
+                    if name in WORDS
+                    else cells
                     for name, cells in zip(names, batch.columns, strict=True)
                 ]
                 writer.write_batch(pa.record_batch(columns, schema=writer.schema))
@@ -89,7 +91,7 @@ def read_parquet(path: Path, names: Sequence[str] | None = None) -> Recording:
 
     where = str(path)
     try:
-        with open_file(path, follow=False) as opened, pq.ParquetFile(opened) as file:
+        with open_file(path, follow=False) as stream, pq.ParquetFile(stream) as file:
             schema = file.schema_arrow
             check_columns(len(schema.names), where)
             present = [name for name in schema.names if names is None or name in names]
@@ -118,8 +120,8 @@ def parquet_names(path: Path) -> tuple[str, ...]:
     import pyarrow.parquet as pq
 
     try:
-        with open_file(path, follow=False) as opened:
-            return tuple(pq.read_schema(opened).names)
+        with open_file(path, follow=False) as stream:
+            return tuple(pq.read_schema(stream).names)
     except (pa.ArrowException, OSError) as error:
         problem = "it cannot be read as Parquet; restore it from a copy"
         raise FileFormatError(str(path), problem) from error
@@ -159,7 +161,7 @@ def _writer(path: Path, units: dict[str, str], provenance: Mapping[str, str]) ->
         yield writer
 
 
-def _words(name: str, codes: Any) -> Any:
+def _encode_words(name: str, codes: Any) -> Any:
     import pyarrow as pa
 
     return pa.DictionaryArray.from_arrays(codes, pa.array(WORDS[name]))

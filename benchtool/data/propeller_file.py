@@ -28,7 +28,7 @@ def propeller_names() -> tuple[str, ...]:
     return (*list_names(FOLDER), *user_names(FOLDER))
 
 
-def load_propeller(given: str | Path) -> Propeller:
+def load_propeller(name_or_path: str | Path) -> Propeller:
     """Return a propeller by name, by the path of its file, or by its size ("10x4.5x3").
 
     A size is diameter and pitch in inches, and the number of blades.
@@ -37,7 +37,7 @@ def load_propeller(given: str | Path) -> Propeller:
         UnknownChoice: none of that name.
         FileFormatError: a file that describes none.
     """
-    text = str(given)
+    text = str(name_or_path)
     if (size := _SIZE.fullmatch(text)) and text not in propeller_names():
         diameter_m, pitch_m = (float(to_si(float(size[part]), "in")) for part in (1, 2))
         blades = int(size[3]) if size[3] else None
@@ -58,7 +58,7 @@ def load_propeller(given: str | Path) -> Propeller:
 def read_propeller(name_or_path: str) -> tuple[Propeller, Mapping[str, str]]:
     """Return a propeller and the source of each of its numbers."""
     text, where = read_named("propeller", FOLDER, name_or_path)
-    found = ValueSources()
-    data = unwrap_quantities(parse_toml(text, where), found)
-    require_sources(found, where)
-    return build_dataclass(Propeller, data, where), found.by_key
+    sources = ValueSources()
+    data = unwrap_quantities(parse_toml(text, where), sources)
+    require_sources(sources, where)
+    return build_dataclass(Propeller, data, where), sources.by_key

@@ -54,8 +54,8 @@ class Quantity:
 
 def _over(numerator: Array, denominator: Array) -> Array:
     """Return a quotient, nan where nothing is there to divide by."""
-    out: Array = numerator / np.where(denominator > 0.0, denominator, np.nan)
-    return out
+    quotient: Array = numerator / np.where(denominator > 0.0, denominator, np.nan)
+    return quotient
 
 
 def _shaft_torque(
@@ -175,11 +175,11 @@ MEASURED = ("thrust_N", "torque_Nm", "voltage_V", "current_A")  # and speeds
 
 def dependent_quantities(channel: str) -> tuple[str, ...]:
     """Return the quantities that a stand works out from a channel that it measures."""
-    of = {"speed_rad_s", "shaft_rad_s"} if channel_family(channel) == "rpm" else {channel}
+    affected = {"speed_rad_s", "shaft_rad_s"} if channel_family(channel) == "rpm" else {channel}
     for quantity in QUANTITIES:
-        if quantity.name not in MEASURED and of & set(quantity.needs):
-            of.add(quantity.name)
-    return tuple(one.name for one in QUANTITIES if one.name in of - {channel})
+        if quantity.name not in MEASURED and affected & set(quantity.needs):
+            affected.add(quantity.name)
+    return tuple(quantity.name for quantity in QUANTITIES if quantity.name in affected - {channel})
 
 
 DATA_SHEET = ("Kv_rpm_V", "resistance_ohm", "no_load_current_A")  # from the motor's data sheet

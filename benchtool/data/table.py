@@ -66,12 +66,15 @@ def read_table(
         UnknownChoice: the same of a filter's column.
     """
     table = read_csv_text(Path(path))
-    filters = [item if isinstance(item, RowFilter) else RowFilter.parse(item) for item in where]
+    filters = [
+        row_filter if isinstance(row_filter, RowFilter) else RowFilter.parse(row_filter)
+        for row_filter in where
+    ]
     rows = rows_where(table, filters)
     if columns:
-        chosen = [map_column(table.header, table.where, *each) for each in columns.items()]
-        words = {column.position: column.reference for column in chosen if column.reference}
-        pairs = [_mapped(table, rows, column, words) for column in chosen]
+        chosen = [map_column(table.header, table.where, *entry) for entry in columns.items()]
+        references = {column.position: column.reference for column in chosen if column.reference}
+        pairs = [_mapped(table, rows, column, references) for column in chosen]
         if all(np.isnan(values).all() for _, values in pairs):
             raise FileFormatError(table.where, "the mapped columns hold no numbers; check the map")
     else:
@@ -83,7 +86,7 @@ def read_table(
         "file": table.where,
         "sha256": file_hash(Path(path)),
         "rows": str(len(rows)),
-        "where": "; ".join(f"{item.column}={item.value}" for item in filters),
+        "where": "; ".join(f"{row_filter.column}={row_filter.value}" for row_filter in filters),
         "repairs": "; ".join(table.repairs),
         "simulated": "not stated",
     }
@@ -93,14 +96,14 @@ def read_table(
 def parse_column(table: CsvTable, index: int, rows: Sequence[int], blank: str = "") -> Array:
     """Return one column (n,) of those rows as numbers; a blank cell, or that word, is nan."""
     name = table.header[index]
-    words = WORDS.get(name, ())
+    labels = WORDS.get(name, ())
     values = np.full(len(rows), nan)
     for position, row in enumerate(rows):
         cell = table.rows[row][index].strip()
         if cell in _BLANK or cell == blank:
             continue
         try:
-            values[position] = words.index(cell) if cell in words else float(cell)
+            values[position] = labels.index(cell) if cell in labels else float(cell)
         except ValueError:
             raise FileFormatError(
                 f"{table.where}, line {table.lines[row]}",
@@ -143,23 +146,23 @@ def rows_where(table: CsvTable, filters: Sequence[RowFilter]) -> list[int]:
     rows = list(range(len(table.rows)))
     if not rows:
         raise empty_table_error(table.where, table.header)
-    for item in filters:
-        index = column_index(table.header, item.column, table.where)
+    for row_filter in filters:
+        index = column_index(table.header, row_filter.column, table.where)
         cells = {row: table.rows[row][index].strip() for row in rows}
-        rows = [row for row, cell in cells.items() if item.holds(cell)]
+        rows = [row for row, cell in cells.items() if row_filter.holds(cell)]
         if not rows:
             values = list(dict.fromkeys(cells.values()))
-            known = ", ".join(values[:12]) + (", ..." if len(values) > 12 else "")
+            shown_values = ", ".join(values[:12]) + (", ..." if len(values) > 12 else "")
             raise FileFormatError(
                 table.where,
-                f"no row is left after --where {item.column}={item.value}; the column holds: "
-                f"{known}",
+                f"no row is left after --where {row_filter.column}={row_filter.value}; the column "
+                f"contains: {shown_values}",
             )
     return rows
 
 
 def _mapped(
-    table: CsvTable, rows: Sequence[int], column: MappedColumn, words: Mapping[int | None, str]
+    table: CsvTable, rows: Sequence[int], column: MappedColumn, references: Mapping[int | None, str]
 ) -> tuple[Channel, Array]:
     """Return a channel with its numbers; a word that marks reference rows is no number: nan."""
     channel = find_channel(column.name)
@@ -170,7 +173,7 @@ def _mapped(
         is_reference = RowFilter("", column.reference).holds
         kinds = ["reference" if is_reference(cell) else "measure" for cell in cells]
         return channel, np.array([word_to_code(column.name, kind) for kind in kinds])
-    values = parse_column(table, column.position, rows, words.get(column.position, ""))
+    values = parse_column(table, column.position, rows, references.get(column.position, ""))
     return channel, column.conversion.factor * values + column.conversion.offset
 
 

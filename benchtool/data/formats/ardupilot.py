@@ -8,7 +8,7 @@ import numpy as np
 
 from benchtool.core.plural import pluralize
 from benchtool.data.formats.dataflash import read_dataflash, read_text_log
-from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, logged_motors
+from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, select_motor_channels
 from benchtool.data.formats.messages import RAD, MessageLog, Messages, Scales, Stream
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
@@ -76,12 +76,14 @@ def _attitude(log: MessageLog) -> list[Stream]:
     slow, fast = log["ATT"].stream(scales), log["ANG"].stream(scales)
     if not fast or (slow and slow[0].time_us.size >= fast[0].time_us.size):
         return slow
-    words = f"ANG, {pluralize(fast[0].time_us.size, 'message')}"
+    text = f"ANG, {pluralize(fast[0].time_us.size, 'message')}"
     if slow:
-        times, own = slow[0].time_us, fast[0].time_us
-        beyond = int(np.count_nonzero((times < own.min()) | (times > own.max())))
-        words += f", in place of ATT, {times.size}, {beyond} of them before or after it"
-    log.findings.append(Finding("read as", "attitude", words, "theta_rad", fast[0].time_us.size))
+        slow_times, fast_times = slow[0].time_us, fast[0].time_us
+        n_outside = int(
+            np.count_nonzero((slow_times < fast_times.min()) | (slow_times > fast_times.max()))
+        )
+        text += f", in place of ATT, {slow_times.size}, {n_outside} of them before or after it"
+    log.findings.append(Finding("read as", "attitude", text, "theta_rad", fast[0].time_us.size))
     return fast
 
 
@@ -95,8 +97,12 @@ def _rates(log: MessageLog) -> list[Stream]:
         "roll_rate_rad_s": ("GyrX", 1.0),
         "yaw_rate_rad_s": ("GyrZ", 1.0),
     }
-    seen = {"gyro_rad_s": ("P", -RAD), "roll_rate_rad_s": ("R", RAD), "yaw_rate_rad_s": ("Y", RAD)}
-    wanted: Scales = {
+    gyro_terms = {
+        "gyro_rad_s": ("P", -RAD),
+        "roll_rate_rad_s": ("R", RAD),
+        "yaw_rate_rad_s": ("Y", RAD),
+    }
+    setpoints: Scales = {
         "gyro_ref_rad_s": ("PDes", -RAD),
         "roll_rate_ref_rad_s": ("RDes", RAD),
         "yaw_rate_ref_rad_s": ("YDes", RAD),
@@ -106,7 +112,7 @@ def _rates(log: MessageLog) -> list[Stream]:
         "throttle_command_share": ("AOut", 1.0),
     }
     imu = _first(log["IMU"]).stream(gyro)
-    return [*imu, *log["RATE"].stream(wanted if imu else {**wanted, **seen})]
+    return [*imu, *log["RATE"].stream(setpoints if imu else {**setpoints, **gyro_terms})]
 
 
 def _outputs(log: MessageLog, motors: dict[int, int]) -> list[Stream]:
@@ -116,24 +122,24 @@ def _outputs(log: MessageLog, motors: dict[int, int]) -> list[Stream]:
     ]
     if not channels:
         return []
-    chosen = logged_motors(motors, channels, "SERVOn_FUNCTION", log.findings)
+    chosen = select_motor_channels(motors, channels, "SERVOn_FUNCTION", log.findings)
     return pulses.stream({f"pwm{motor}_us": (f"C{n}", 1.0) for n, motor in chosen.items()})
 
 
 def _speeds(log: MessageLog, motors: dict[int, int]) -> list[Stream]:
     if log["ESC"].has("Instance", "RPM"):
         instance = log["ESC"].numbers("Instance")
-        streams, taken = [], []
-        known = instance[(instance >= 0.0) & (instance < 32.0)]
-        for number in sorted(set(known.astype(int).tolist())):
+        streams, used = [], []
+        valid = instance[(instance >= 0.0) & (instance < 32.0)]
+        for number in sorted(set(valid.astype(int).tolist())):
             motor = motors.get(number + 1, number + 1)
-            if motor in taken or not 1 <= motor <= 32:
+            if motor in used or not 1 <= motor <= 32:
                 continue
-            taken.append(motor)
-            own = log["ESC"].where(instance == number)
-            streams += own.stream({f"rpm{motor}": ("RPM", 1.0)})
-        words = f"ESC instances count output channels from 0: rotors {', '.join(map(str, taken))}"
-        log.findings.append(Finding("read as", "rpm", words))
+            used.append(motor)
+            messages = log["ESC"].where(instance == number)
+            streams += messages.stream({f"rpm{motor}": ("RPM", 1.0)})
+        text = f"ESC instances count output channels from 0: rotors {', '.join(map(str, used))}"
+        log.findings.append(Finding("read as", "rpm", text))
         return streams
     escs = [n for n in range(1, 9) if log[f"ESC{n}"].has("RPM")]
     if escs:
@@ -152,27 +158,31 @@ def _tachometers(messages: Messages, findings: list[Finding]) -> list[Stream]:
     sensors = messages.numbers("I") if messages.has("I") else np.zeros(len(messages))
     streams = []
     for number in sorted(set(sensors.astype(int).tolist())):
-        own, name = messages.where(sensors == number), f"rpm{number + 1}"
-        for stream in own.stream({name: ("RPM", 1.0)}):
-            if own.has("H"):
-                stream.blank(name, own.numbers("H") == 0.0, "the sensor calls unhealthy", findings)
+        readings, name = messages.where(sensors == number), f"rpm{number + 1}"
+        for stream in readings.stream({name: ("RPM", 1.0)}):
+            if readings.has("H"):
+                stream.blank(
+                    name, readings.numbers("H") == 0.0, "the sensor calls unhealthy", findings
+                )
             streams.append(stream)
-    words = "RPM sensors carry their own numbers, from 1; the log does not say which rotor they see"
-    findings.append(Finding("read as", "rpm", words))
+    text = "RPM sensors carry their own numbers, from 1; the log does not say which rotor they see"
+    findings.append(Finding("read as", "rpm", text))
     return streams
 
 
 def _distance(log: MessageLog) -> list[Stream]:
     field, orient = ("Dist", "Orient") if log["RFND"].has("Dist") else ("Dist1", "Orient1")
-    own = log["RFND"]
-    if own.has(field, orient):
-        own = own.looking_down(orient, log.findings)
+    readings = log["RFND"]
+    if readings.has(field, orient):
+        readings = readings.select_downward(orient, log.findings)
     for instance in ("Instance", "I"):
-        if own.has(field, instance):
-            own = own.where(own.numbers(instance) == np.min(own.numbers(instance)))
-    streams = own.stream({"distance_m": (field, 1.0)})
-    if streams and own.has("Stat"):
-        bad = own.numbers("Stat") != GOOD_RANGE
-        words = "the sensor itself calls out of range"
-        streams[0].blank("distance_m", bad, words, log.findings)
+        if readings.has(field, instance):
+            readings = readings.where(
+                readings.numbers(instance) == np.min(readings.numbers(instance))
+            )
+    streams = readings.stream({"distance_m": (field, 1.0)})
+    if streams and readings.has("Stat"):
+        is_bad = readings.numbers("Stat") != GOOD_RANGE
+        reason = "the sensor itself calls out of range"
+        streams[0].blank("distance_m", is_bad, reason, log.findings)
     return streams

@@ -31,9 +31,9 @@ def read_crazyflie(
     loaded = any(cell.startswith("v[") or cell == "v" for cell in table.header)
     channels = {**CHANNELS, "vbat": "battery_V" if loaded else "voltage_V"}
     columns, findings = map_header(table, channels.get, units={"thrust_N": "gf"})
-    own = [
+    common = [
         Finding("lacks", "time", "rows have an order and no time", count=table.rows_in_file),
         Finding("read as", "pwm", "the raw number 0 to 65535, not a pulse width", "pwm_raw"),
     ]
     facts = {**provenance, "device": "Crazyflie on a load cell"}
-    return read_columns(table, columns, "Crazyflie system_id", facts, [*own, *findings])
+    return read_columns(table, columns, "Crazyflie system_id", facts, [*common, *findings])

@@ -86,7 +86,7 @@ def _times_us(fields: Mapping[str, NDArray[Any]]) -> NDArray[np.int64] | None:
     return None
 
 
-def read_dataflash(data: bytes, wanted: frozenset[str]) -> MessageLog:
+def read_dataflash(data: bytes, selected: frozenset[str]) -> MessageLog:
     """Return the wanted kinds of records of a log, and an account of all its bytes."""
     text = np.frombuffer(data, np.uint8)
     heads = np.flatnonzero((text[:-2] == HEAD[0]) & (text[1:-1] == HEAD[1]))
@@ -105,30 +105,32 @@ def read_dataflash(data: bytes, wanted: frozenset[str]) -> MessageLog:
     types = text[starts + 2]
     kinds: dict[str, Messages] = {}
     for number, layout in layouts.items():
-        if layout.name not in wanted:
+        if layout.name not in selected:
             continue
-        at = starts[types == number]
+        rows = starts[types == number]
         body = layout.dtype
         if body is not None:
-            kinds[layout.name] = layout.messages(_bodies(text, at, body))
-        elif at.size:
-            words = f"{pluralize(at.size, 'record')} of {layout.name}: its FMT contradicts itself"
-            findings.append(Finding("refused", "broken format", words, layout.name, at.size))
-            broken += int(at.size)
-            total -= int(at.size)
+            kinds[layout.name] = layout.messages(_bodies(text, rows, body))
+        elif rows.size:
+            message = (
+                f"{pluralize(rows.size, 'record')} of {layout.name}: its FMT contradicts itself"
+            )
+            findings.append(Finding("refused", "broken format", message, layout.name, rows.size))
+            broken += int(rows.size)
+            total -= int(rows.size)
     return MessageLog(kinds=kinds, total=total, broken=broken, findings=findings)
 
 
 def _layouts(data: bytes, starts: Positions) -> dict[int, RecordLayout]:
-    found = {FMT_TYPE: RecordLayout("FMT", FMT_LENGTH, "BBnNZ", ())}
-    for at in starts.tolist():
-        if at + FMT_LENGTH > len(data):
+    layouts = {FMT_TYPE: RecordLayout("FMT", FMT_LENGTH, "BBnNZ", ())}
+    for start in starts.tolist():
+        if start + FMT_LENGTH > len(data):
             continue
-        kind, length, name, letters, columns = struct.unpack_from("<BB4s16s64s", data, at + 3)
-        texts = [item.split(b"\0")[0].decode("latin-1") for item in (name, letters, columns)]
+        kind, length, name, letters, columns = struct.unpack_from("<BB4s16s64s", data, start + 3)
+        texts = [raw.split(b"\0")[0].decode("latin-1") for raw in (name, letters, columns)]
         if length >= 3 and kind != FMT_TYPE:
-            found[kind] = RecordLayout(texts[0], length, texts[1], tuple(texts[2].split(",")))
-    return found
+            layouts[kind] = RecordLayout(texts[0], length, texts[1], tuple(texts[2].split(",")))
+    return layouts
 
 
 def _chain(
@@ -145,17 +147,17 @@ def _chain(
         lengths[kind] = layout.length
     heads = heads[lengths[text[heads + 2]] > 0]
     ends = heads + lengths[text[heads + 2]]
-    after = np.searchsorted(heads, ends)
-    jumps = np.flatnonzero(after != np.arange(heads.size) + 1)
-    whole = np.zeros(heads.size, bool)
-    at = 0
+    successors = np.searchsorted(heads, ends)
+    jumps = np.flatnonzero(successors != np.arange(heads.size) + 1)
+    is_record = np.zeros(heads.size, bool)
+    index = 0
     for jump in jumps.tolist():
-        if jump < at:
+        if jump < index:
             continue
-        whole[at : jump + 1] = True
-        at = int(after[jump])
-    whole[at:] = True
-    return heads[whole], ends[whole]
+        is_record[index : jump + 1] = True
+        index = int(successors[jump])
+    is_record[index:] = True
+    return heads[is_record], ends[is_record]
 
 
 def _account(size: int, starts: Positions, ends: Positions) -> list[Finding]:
@@ -163,27 +165,27 @@ def _account(size: int, starts: Positions, ends: Positions) -> list[Finding]:
     begins = np.concatenate([starts, [size]])
     stops = np.minimum(np.concatenate([[0], ends]), size)
     gaps = begins - stops
-    inside, found = gaps[:-1], []
-    many = int(np.count_nonzero(inside > 0))
-    if many:
+    inside, findings = gaps[:-1], []
+    n_gaps = int(np.count_nonzero(inside > 0))
+    if n_gaps:
         lost, first = int(inside.sum()), int(stops[np.flatnonzero(inside > 0)[0]])
-        words = (
-            f"{lost:,} bytes in {pluralize(many, 'place')} belong to no record, first at byte "
+        message = (
+            f"{lost:,} bytes in {pluralize(n_gaps, 'place')} belong to no record, first at byte "
             f"{first:,}; reading went on at the next record"
         )
-        found.append(Finding("refused", "corrupt bytes", words, count=0))
+        findings.append(Finding("refused", "corrupt bytes", message, count=0))
     if starts.size and ends[-1] > size:
         length = int(ends[-1] - starts[-1])
-        words = (
+        message = (
             f"the log ends at byte {size:,} in the middle of a record of {length} bytes that "
             f"begins at byte {int(starts[-1]):,}"
         )
-        found.append(Finding("refused", "cut off", words, count=1))
+        findings.append(Finding("refused", "cut off", message, count=1))
     elif gaps[-1] > 0:
-        rest = pluralize(int(gaps[-1]), "byte")
-        words = f"the last record ends at byte {int(stops[-1]):,}, {rest} before the end"
-        found.append(Finding("refused", "corrupt bytes", words, count=0))
-    return found
+        remaining = pluralize(int(gaps[-1]), "byte")
+        message = f"the last record ends at byte {int(stops[-1]):,}, {remaining} before the end"
+        findings.append(Finding("refused", "corrupt bytes", message, count=0))
+    return findings
 
 
 def _bodies(
@@ -198,41 +200,43 @@ def _bodies(
     return records
 
 
-def read_text_log(data: bytes, wanted: frozenset[str]) -> MessageLog:
+def read_text_log(data: bytes, selected: frozenset[str]) -> MessageLog:
     """Return the wanted kinds of records of a log in its text form: the same, a line each."""
-    names = {name.encode(): name for name in wanted}
+    names = {name.encode(): name for name in selected}
     columns: dict[str, tuple[str, ...]] = {}
-    rows: dict[str, list[list[bytes]]] = {name: [] for name in wanted}
-    known = {b"FMT"}
+    rows: dict[str, list[list[bytes]]] = {name: [] for name in selected}
+    known_kinds = {b"FMT"}
     bad: list[int] = []
     total = 0
     for number, line in enumerate(data.split(b"\n"), 1):
-        kind, comma, rest = line.partition(b",")
+        kind, comma, body = line.partition(b",")
         kind = kind.strip() if comma else b""
-        cells = rest.rstrip(b"\r").split(b",")
+        cells = body.rstrip(b"\r").split(b",")
         if kind == b"FMT" and len(cells) >= 4:
             name = cells[2].strip()
-            known.add(name)
+            known_kinds.add(name)
             fields = tuple(cell.strip().decode("latin-1") for cell in cells[4:])
             columns.setdefault(name.decode("latin-1"), fields)
         elif kind in names:
-            own = columns.get(names[kind], ())
-            if not own or len(cells) < len(own) or not _has_time(own, cells):
+            layout = columns.get(names[kind], ())
+            if not layout or len(cells) < len(layout) or not _has_time(layout, cells):
                 bad.append(number)
                 continue
             # The last column of a text may hold commas.
-            cells[len(own) - 1 :] = [b",".join(cells[len(own) - 1 :])]
+            cells[len(layout) - 1 :] = [b",".join(cells[len(layout) - 1 :])]
             rows[names[kind]].append([cell.strip() for cell in cells])
-        elif kind == b"FMT" or kind not in known:
+        elif kind == b"FMT" or kind not in known_kinds:
             bad += [number] if line.strip() else []
             continue
         total += 1
     findings = []
     if bad:
-        words = f"{pluralize(len(bad), 'line')} hold no whole record"
+        message = f"{pluralize(len(bad), 'line')} hold no whole record"
         lines = line_ranges(bad)
-        findings.append(Finding("refused", "broken lines", words, count=len(bad), lines=lines))
-    kinds = {name: _text_messages(name, columns[name], own) for name, own in rows.items() if own}
+        findings.append(Finding("refused", "broken lines", message, count=len(bad), lines=lines))
+    kinds = {
+        name: _text_messages(name, columns[name], cells) for name, cells in rows.items() if cells
+    }
     return MessageLog(kinds=kinds, total=total, broken=len(bad), findings=findings)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
-from benchtool.data.formats.messages import MessageLog, Messages, Stream, merged
+from benchtool.data.formats.messages import MessageLog, Messages, Stream, merge_streams
 from benchtool.data.repairs.import_result import Finding, ImportCount, ImportResult
 
 MIN_GAP_S = 1.0  # Attitude comes at 4 Hz and more in every log; a longer silence is a gap
@@ -39,27 +39,27 @@ def flight_import(
     Raises:
         FileFormatError: none of the messages that a recording is made of.
     """
-    found = list(log.findings)
-    streams, strange = _sane(streams, found)
+    findings = list(log.findings)
+    streams, strange = _drop_implausible(streams, findings)
     total, broken = log.total - strange, log.broken + strange
     if not streams:
-        reasons = "; ".join(item.words for item in found if item.kind == "refused")
+        reasons = "; ".join(finding.words for finding in findings if finding.kind == "refused")
         raise FileFormatError(
             where,
             f"{pluralize(total, 'message')} could be read, and none is attitude, rates, "
             f"outputs, rpm or distance{': ' + reasons if reasons else ''}; name a log of a flight",
         )
-    recording, disordered = merged(streams)
+    recording, disordered = merge_streams(streams)
     if disordered:
-        words = f"{pluralize(disordered, 'message')} stamped before an earlier one; sorted by time"
-        found.append(Finding("repaired", "time goes backwards", words, "time_s", disordered))
+        text = f"{pluralize(disordered, 'message')} stamped before an earlier one; sorted by time"
+        findings.append(Finding("repaired", "time goes backwards", text, "time_s", disordered))
     if "theta_rad" in recording or "gyro_rad_s" in recording:
-        words = "theta and gyro count nose down as positive, as benchtool does; logs count nose up"
-        found.append(Finding("read as", "sign", words, "theta_rad"))
-    for what, pattern, words in _NEEDS:
+        text = "theta and gyro count nose down as positive, as benchtool does; logs count nose up"
+        findings.append(Finding("read as", "sign", text, "theta_rad"))
+    for what, pattern, text in _NEEDS:
         if not any(re.fullmatch(pattern, name) for name in recording.names):
-            found.append(Finding("lacks", what, words))
-    found += _gaps(streams)
+            findings.append(Finding("lacks", what, text))
+    findings += _gaps(streams)
     retained = sum(stream.time_us.size for stream in streams)
     sources = {
         name: f"{stream.source}.{stream.fields[name]}"
@@ -69,7 +69,7 @@ def flight_import(
     return ImportResult(
         recording=replace(recording, provenance={**provenance, "rows": str(len(recording))}),
         format=format_name,
-        findings=tuple(found),
+        findings=tuple(findings),
         tally=ImportCount(
             unit="message",
             total=total + broken,
@@ -81,56 +81,58 @@ def flight_import(
     )
 
 
-def _sane(streams: Sequence[Stream], found: list[Finding]) -> tuple[list[Stream], int]:
+def _drop_implausible(
+    streams: Sequence[Stream], findings: list[Finding]
+) -> tuple[list[Stream], int]:
     """Return the streams without messages of impossible times, and without infinite numbers."""
     streams = [stream for stream in streams if stream.time_us.size and stream.columns]
     if not streams:
         return [], 0
     middle_us = float(np.median(np.concatenate([stream.time_us for stream in streams])))
-    retained, strange, infinite = [], 0, 0
+    retained, n_strange, n_infinite = [], 0, 0
     for stream in streams:
-        good = np.abs(stream.time_us.astype(float) - middle_us) < MAX_LOG_US
-        good &= (stream.time_us >= 0) & (stream.time_us < 1 << 53)
-        strange += int(np.count_nonzero(~good))
-        columns = {name: values[good] for name, values in stream.columns.items()}
+        is_good = np.abs(stream.time_us.astype(float) - middle_us) < MAX_LOG_US
+        is_good &= (stream.time_us >= 0) & (stream.time_us < 1 << 53)
+        n_strange += int(np.count_nonzero(~is_good))
+        columns = {name: values[is_good] for name, values in stream.columns.items()}
         for values in columns.values():
-            endless = np.isinf(values)
-            infinite += int(np.count_nonzero(endless))
-            values[endless] = np.nan
-        if good.any():
-            retained.append(replace(stream, time_us=stream.time_us[good], columns=columns))
-    retained = [_without_blank(stream, found) for stream in retained]
+            is_infinite = np.isinf(values)
+            n_infinite += int(np.count_nonzero(is_infinite))
+            values[is_infinite] = np.nan
+        if is_good.any():
+            retained.append(replace(stream, time_us=stream.time_us[is_good], columns=columns))
+    retained = [_drop_blank(stream, findings) for stream in retained]
     retained = [stream for stream in retained if stream.columns]
-    if strange:
-        words = f"{pluralize(strange, 'message')} stamped days away from the others"
-        found.append(Finding("refused", "stray time", words, "time_s", strange))
-    if infinite:
-        words = f"{pluralize(infinite, 'value')} that read infinity are blank now"
-        found.append(Finding("repaired", "infinite numbers", words, count=infinite))
-    return retained, strange
+    if n_strange:
+        text = f"{pluralize(n_strange, 'message')} stamped days away from the others"
+        findings.append(Finding("refused", "stray time", text, "time_s", n_strange))
+    if n_infinite:
+        text = f"{pluralize(n_infinite, 'value')} that read infinity are blank now"
+        findings.append(Finding("repaired", "infinite numbers", text, count=n_infinite))
+    return retained, n_strange
 
 
-def _without_blank(stream: Stream, found: list[Finding]) -> Stream:
+def _drop_blank(stream: Stream, findings: list[Finding]) -> Stream:
     blank = [name for name, values in stream.columns.items() if np.isnan(values).all()]
     if not blank:
         return stream
-    words = f"{stream.source} holds no number for it"
-    found += [Finding("lacks", "blank channel", words, name) for name in blank]
-    left = {name: values for name, values in stream.columns.items() if name not in blank}
-    return replace(stream, columns=left)
+    text = f"{stream.source} holds no number for it"
+    findings += [Finding("lacks", "blank channel", text, name) for name in blank]
+    columns = {name: values for name, values in stream.columns.items() if name not in blank}
+    return replace(stream, columns=columns)
 
 
 def _gaps(streams: Sequence[Stream]) -> list[Finding]:
     for stream in streams:
         if "theta_rad" in stream.columns and stream.time_us.size > 1:
             steps_s = 1e-6 * np.diff(np.sort(stream.time_us)).astype(float)
-            many = int(np.count_nonzero(steps_s > MIN_GAP_S))
-            if many:
-                words = (
-                    f"{pluralize(many, 'gap')} of more than {MIN_GAP_S:g} s in the attitude, the "
+            n_gaps = int(np.count_nonzero(steps_s > MIN_GAP_S))
+            if n_gaps:
+                text = (
+                    f"{pluralize(n_gaps, 'gap')} of more than {MIN_GAP_S:g} s in the attitude, the "
                     f"longest {steps_s.max():.4g} s"
                 )
-                return [Finding("doubt", "gaps", words, "theta_rad", many)]
+                return [Finding("doubt", "gaps", text, "theta_rad", n_gaps)]
     return []
 
 
@@ -145,10 +147,10 @@ def ardupilot_motors(parameters: Messages, name: str, value: str) -> dict[int, i
     if not parameters.has(name, value):
         return {}
     pairs = zip(parameters.texts(name), parameters.numbers(value).tolist(), strict=True)
-    return motors_of(dict(pairs), r"SERVO(\d+)_FUNCTION", _ARDUPILOT)
+    return parse_motor_map(dict(pairs), r"SERVO(\d+)_FUNCTION", _ARDUPILOT)
 
 
-def motors_of(
+def parse_motor_map(
     parameters: Mapping[str, float], pattern: str, functions: Mapping[int, int]
 ) -> dict[int, int]:
     """Return motor number by output channel (from 1), in the order of the motors.
@@ -157,17 +159,17 @@ def motors_of(
         pattern: of the names that give a channel its function; its group is the channel.
         functions: motor number by function.
     """
-    found: dict[int, int] = {}
+    motor_map: dict[int, int] = {}
     for name, number in parameters.items():
-        matched = re.fullmatch(pattern, name)
-        if matched and number == number and abs(number) < 1e6 and int(number) in functions:
+        match = re.fullmatch(pattern, name)
+        if match and number == number and abs(number) < 1e6 and int(number) in functions:
             motor = functions[int(number)]
-            if motor not in found.values():
-                found[int(matched[1])] = motor
-    return dict(sorted(found.items(), key=lambda item: item[1]))
+            if motor not in motor_map.values():
+                motor_map[int(match[1])] = motor
+    return dict(sorted(motor_map.items(), key=lambda pair: pair[1]))
 
 
-def logged_motors(
+def select_motor_channels(
     motors: Mapping[int, int], logged: Collection[int], parameter: str, findings: list[Finding]
 ) -> dict[int, int]:
     """Return motor number by those channels whose pulses are logged, and say how that is known.
@@ -178,17 +180,17 @@ def logged_motors(
         parameter: what would say it, for people.
     """
     if not motors:
-        words = (
+        text = (
             f"no {parameter} says which channel drives which motor; pwm1 is channel 1, and a "
             f"channel may move a servo"
         )
-        findings.append(Finding("doubt", "motor channels", words))
+        findings.append(Finding("doubt", "motor channels", text))
         return {channel: channel for channel in logged}
     pairs = ", ".join(f"motor {motor} on channel {channel}" for channel, motor in motors.items())
-    words = f"{pairs}; rotors carry the autopilot's motor numbers, not a rig's"
-    findings.append(Finding("read as", "motor channels", words))
+    text = f"{pairs}; rotors carry the autopilot's motor numbers, not a rig's"
+    findings.append(Finding("read as", "motor channels", text))
     for channel, motor in motors.items():
         if channel not in logged:
-            words = f"motor {motor} is on channel {channel}, of which no pulse stands in the log"
-            findings.append(Finding("lacks", "outputs", words, f"pwm{motor}_us"))
+            text = f"motor {motor} is on channel {channel}, of which no pulse stands in the log"
+            findings.append(Finding("lacks", "outputs", text, f"pwm{motor}_us"))
     return {channel: motor for channel, motor in motors.items() if channel in logged}

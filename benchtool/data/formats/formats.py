@@ -23,7 +23,7 @@ from benchtool.core.user_file import open_file, read_file
 from benchtool.data.formats.mavlink_walk import is_tlog
 from benchtool.data.formats.surface_windows import mark_windows
 from benchtool.data.formats.uiuc import is_uiuc
-from benchtool.data.repairs.column_mapping import has_columns, read_by_map, read_named
+from benchtool.data.repairs.column_mapping import has_columns, read_by_map, read_by_names
 from benchtool.data.repairs.hover import extract_hover_points
 from benchtool.data.repairs.import_result import ImportOptions, ImportResult
 from benchtool.data.repairs.pole_count import compare_speeds
@@ -76,8 +76,8 @@ class Format:
     def load(self) -> FormatReader:
         """Return the reader."""
         module, _, function = self.reader.partition(":")
-        found: FormatReader = getattr(import_module(module), function)
-        return found
+        reader: FormatReader = getattr(import_module(module), function)
+        return reader
 
 
 _HERE = "benchtool.data.formats"
@@ -112,14 +112,16 @@ map, or by the names of its columns."""
 
 def detect_format(head: bytes) -> Format | None:
     """Return the format of a file that begins like this; None where no format is recognized."""
-    return next((item for item in FORMATS if item.recognizes(head[:HEAD_BYTES])), None)
+    return next(
+        (file_format for file_format in FORMATS if file_format.recognizes(head[:HEAD_BYTES])), None
+    )
 
 
 def is_stand_table(path: str | Path) -> bool:
     """Return whether a file is a table of a stand whose format is known."""
     with open_file(Path(path)) as file:
-        found = detect_format(file.read(HEAD_BYTES))
-    return found is not None and found.kind == "table"
+        file_format = detect_format(file.read(HEAD_BYTES))
+    return file_format is not None and file_format.kind == "table"
 
 
 def import_file(path: str | Path, options: ImportOptions | None = None) -> ImportResult:
@@ -139,11 +141,14 @@ def import_files(
     paths: Sequence[str | Path], options: ImportOptions | None = None
 ) -> list[ImportResult]:
     """Return several files, each held against the others for speeds that differ by a ratio."""
-    read = [import_file(path, options) for path in paths]
+    results = [import_file(path, options) for path in paths]
     compared = compare_speeds(
-        [(str(path), item.recording) for path, item in zip(paths, read, strict=True)]
+        [(str(path), result.recording) for path, result in zip(paths, results, strict=True)]
     )
-    return [item.with_findings(compared[str(path)]) for path, item in zip(paths, read, strict=True)]
+    return [
+        result.with_findings(compared[str(path)])
+        for path, result in zip(paths, results, strict=True)
+    ]
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a cell may hold 1e308, a log a signalling nan
@@ -154,39 +159,45 @@ def import_bytes(data: bytes, where: str, options: ImportOptions) -> ImportResul
         "sha256": hashlib.sha256(data).hexdigest(),
         "simulated": "not stated",
     }
-    kind, reader = _reader_of(data, options)
-    read = reader(data, where, provenance, options)
+    kind, reader = _select_reader(data, options)
+    result = reader(data, where, provenance, options)
     if kind == "log":
-        read = inspect_log(apply_options(read, options))
+        result = inspect_log(apply_options(result, options))
     else:
         # Doubts come last: what the user repaired is none any more.
-        read = inspect_stand(apply_options(remove_spikes(repair_time_order(read)), options))
+        result = inspect_stand(apply_options(remove_spikes(repair_time_order(result)), options))
     if options.propeller is not None:
-        read = replace(read, propeller=options.propeller)
+        result = replace(result, propeller=options.propeller)
     if options.hover_kg is not None:
-        read = extract_hover_points(read, options.hover_kg)
-    return mark_windows(read, options.over, options.near_m)
+        result = extract_hover_points(result, options.hover_kg)
+    return mark_windows(result, options.over, options.near_m)
 
 
-def _reader_of(head: bytes, options: ImportOptions) -> tuple[Kind, FormatReader]:
+def _select_reader(head: bytes, options: ImportOptions) -> tuple[Kind, FormatReader]:
     """Return what reads a file that begins like this: a user's map goes before every format."""
     if options.columns is not None:
         return "table", read_by_map
-    found = detect_format(head)
-    return ("table", read_named) if found is None else (found.kind, found.load())
+    file_format = detect_format(head)
+    return (
+        ("table", read_by_names) if file_format is None else (file_format.kind, file_format.load())
+    )
 
 
 def _explain_folder(folder: Path, options: ImportOptions) -> str:
     """Return what to do with a folder, with the command where files in it can be imported."""
-    inside = sorted(folder.iterdir())
-    found = [path for path in inside if path.is_file() and _can_import(path, options)]
-    if not found:
-        inner = [f"{path}/" for path in inside if path.is_dir()][:MAX_LISTED]
-        instead = f"look into {', '.join(inner)}" if inner else "name the file of a log or a table"
-        return f"this is a folder, and none of its files is known; {instead}"
-    names = [shlex.quote(str(path)) for path in found[:MAX_LISTED]]
-    rest = f" (and {len(found) - MAX_LISTED} more)" if len(found) > MAX_LISTED else ""
-    return f"this is a folder; name files in it: benchtool import {' '.join(names)}{rest}"
+    entries = sorted(folder.iterdir())
+    importable = [path for path in entries if path.is_file() and _can_import(path, options)]
+    if not importable:
+        subfolders = [f"{path}/" for path in entries if path.is_dir()][:MAX_LISTED]
+        remedy = (
+            f"look into {', '.join(subfolders)}"
+            if subfolders
+            else "name the file of a log or a table"
+        )
+        return f"this is a folder, and none of its files is known; {remedy}"
+    names = [shlex.quote(str(path)) for path in importable[:MAX_LISTED]]
+    omitted = f" (and {len(importable) - MAX_LISTED} more)" if len(importable) > MAX_LISTED else ""
+    return f"this is a folder; name files in it: benchtool import {' '.join(names)}{omitted}"
 
 
 def _can_import(path: Path, options: ImportOptions) -> bool:
@@ -196,7 +207,7 @@ def _can_import(path: Path, options: ImportOptions) -> bool:
             head = file.read(HEAD_BYTES)
         if len(head) == HEAD_BYTES:
             head = head[: head.rfind(b"\n") + 1] or head
-        kind, reader = _reader_of(head, options)
+        kind, reader = _select_reader(head, options)
         if kind == "table":
             reader(head, str(path), {}, options)
     except (OSError, InputError):

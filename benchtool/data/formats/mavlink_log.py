@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
-from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, logged_motors
+from benchtool.data.formats.flight_log import ardupilot_motors, flight_import, select_motor_channels
 from benchtool.data.formats.mavlink_walk import Frame, walk_tlog
 from benchtool.data.formats.messages import RAD, MessageLog, Messages, Stream, Times
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
@@ -35,7 +35,9 @@ class PayloadLayout:
     dtype: np.dtype[np.void]
 
     @classmethod
-    def of(cls, number: int, crc_extra: int, form: str, names: Sequence[str]) -> PayloadLayout:
+    def from_struct(
+        cls, number: int, crc_extra: int, form: str, names: Sequence[str]
+    ) -> PayloadLayout:
         """Return the layout of a struct format with a name for each of its parts.
 
         The elements of an array of numbers are fields of their own: rpm[0], rpm[1] and so on.
@@ -60,7 +62,7 @@ class PayloadLayout:
         return Messages(name, times, {field: rows[field] for field in self.dtype.names or ()})
 
 
-_ESC_STATUS = PayloadLayout.of(
+_ESC_STATUS = PayloadLayout.from_struct(
     291, 10, "<Q4i4f4fB", ("time_usec", "rpm", "voltage", "current", "index")
 )
 """PX4's speeds (MAVLink common.xml), which pymavlink's ArduPilot dialect lacks (2.4.50)."""
@@ -71,8 +73,10 @@ def read_mavlink(
 ) -> ImportResult:
     """Return a telemetry log as a pitch recording, on the autopilot's clock."""
     layouts, checksum = _layouts()
-    walk = walk_tlog(data, {item.number: item.crc_extra for item in layouts.values()}, checksum)
-    system = _vehicle(walk.frames, layouts, walk.findings)
+    walk = walk_tlog(
+        data, {layout.number: layout.crc_extra for layout in layouts.values()}, checksum
+    )
+    system = _select_sender(walk.frames, layouts, walk.findings)
     if system is None:
         raise FileFormatError(
             where, f"no vehicle speaks in it ({pluralize(walk.total, 'frame')}); name another log"
@@ -82,14 +86,14 @@ def read_mavlink(
         for name, layout in layouts.items()
     }
     log = MessageLog(
-        kinds=_on_one_clock(kinds, walk.findings),
+        kinds=_convert_clocks(kinds, walk.findings),
         total=walk.total,
         broken=walk.broken,
         findings=walk.findings,
     )
     streams = [
         *_attitude(log["ATTITUDE"]),
-        *_wanted(log),
+        *_setpoints(log),
         *_outputs(log),
         *_speeds(log),
         *_battery(log["SYS_STATUS"]),
@@ -103,12 +107,15 @@ def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
     """Return the wanted messages as pymavlink knows them, and its checksum."""
     from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-    by_name = {item.msgname: item for item in dialect.mavlink_map.values()}
+    by_name = {definition.msgname: definition for definition in dialect.mavlink_map.values()}
     layouts = {"ESC_STATUS": _ESC_STATUS}
     for name in WANTED:
-        known = by_name[name]
-        layouts[name] = PayloadLayout.of(
-            known.id, known.crc_extra, known.unpacker.format, known.ordered_fieldnames
+        message_type = by_name[name]
+        layouts[name] = PayloadLayout.from_struct(
+            message_type.id,
+            message_type.crc_extra,
+            message_type.unpacker.format,
+            message_type.ordered_fieldnames,
         )
 
     def checksum(text: bytes) -> int:
@@ -117,7 +124,7 @@ def _layouts() -> tuple[dict[str, PayloadLayout], Any]:
     return layouts, checksum
 
 
-def _vehicle(
+def _select_sender(
     frames: Mapping[int, list[Frame]], layouts: Mapping[str, PayloadLayout], findings: list[Finding]
 ) -> tuple[int, int] | None:
     """Return the system and component that sends most attitudes, or that sends heartbeats."""
@@ -127,31 +134,33 @@ def _vehicle(
             (chosen, _), *others = senders.most_common()
             if others and name != "HEARTBEAT":
                 listed = ", ".join(f"{pair[0]}/{pair[1]}" for pair, _ in others)
-                words = f"{name} of system {chosen[0]}/{chosen[1]} is read; {listed} left out"
-                findings.append(Finding("left out", "other systems", words))
+                text = f"{name} of system {chosen[0]}/{chosen[1]} is read; {listed} left out"
+                findings.append(Finding("left out", "other systems", text))
             return chosen
     return None
 
 
-def _on_one_clock(kinds: dict[str, Messages], findings: list[Finding]) -> dict[str, Messages]:
+def _convert_clocks(kinds: dict[str, Messages], findings: list[Finding]) -> dict[str, Messages]:
     """Return the messages with times on the autopilot's clock."""
     attitude = kinds["ATTITUDE"]
     if not len(attitude) or attitude.time_us is None:
-        words = "no attitude carries the autopilot's clock; times are the host's stamps"
-        findings.append(Finding("doubt", "time", words, "time_s"))
+        text = "no attitude carries the autopilot's clock; times are the host's stamps"
+        findings.append(Finding("doubt", "time", text, "time_s"))
         return kinds
-    clock = AutopilotClock.of(attitude.time_us, attitude.numbers("time_boot_ms"))
+    clock = AutopilotClock.from_attitude(attitude.time_us, attitude.numbers("time_boot_ms"))
     delay_ms = 1e-3 * (attitude.time_us - clock.boot_us).astype(float)
     low, high = np.percentile(delay_ms, [5.0, 95.0])
-    words = (
+    text = (
         f"the autopilot's clock, not the host's stamps, which scatter by {high - low:.3g} ms "
         f"against it; speeds and battery carry none and are interpolated"
     )
-    findings.append(Finding("read as", "time", words, "time_s"))
+    findings.append(Finding("read as", "time", text, "time_s"))
     if clock.starts:
-        words = f"the autopilot booted anew {pluralize(len(clock.starts), 'time')}; time goes on"
-        findings.append(Finding("repaired", "time starts anew", words, "time_s", len(clock.starts)))
-    return {name: replace(item, time_us=_times(clock, item)) for name, item in kinds.items()}
+        text = f"the autopilot booted anew {pluralize(len(clock.starts), 'time')}; time goes on"
+        findings.append(Finding("repaired", "time starts anew", text, "time_s", len(clock.starts)))
+    return {
+        name: replace(messages, time_us=_times(clock, messages)) for name, messages in kinds.items()
+    }
 
 
 def _times(clock: AutopilotClock, messages: Messages) -> Times | None:
@@ -159,10 +168,10 @@ def _times(clock: AutopilotClock, messages: Messages) -> Times | None:
     if stamps is None or not len(messages):
         return stamps
     if messages.has("time_boot_ms"):
-        return clock.of_boot_ms(stamps, messages.numbers("time_boot_ms"))
+        return clock.time_from_boot_ms(stamps, messages.numbers("time_boot_ms"))
     if messages.source == "SERVO_OUTPUT_RAW":
-        return clock.of_wrapped_us(stamps, messages.numbers("time_usec"))
-    return clock.of_host(stamps)
+        return clock.time_from_wrapped_us(stamps, messages.numbers("time_usec"))
+    return clock.time_from_host(stamps)
 
 
 def _attitude(messages: Messages) -> list[Stream]:
@@ -178,7 +187,7 @@ def _attitude(messages: Messages) -> list[Stream]:
     )
 
 
-def _wanted(log: MessageLog) -> list[Stream]:
+def _setpoints(log: MessageLog) -> list[Stream]:
     """Return the wanted attitude and rate: the target where it is sent, else navigation's."""
     target = log["ATTITUDE_TARGET"]
     for stream in target.attitude("q", suffix="_ref"):
@@ -191,32 +200,38 @@ def _wanted(log: MessageLog) -> list[Stream]:
 
 def _outputs(log: MessageLog) -> list[Stream]:
     messages = log["SERVO_OUTPUT_RAW"]
-    own = messages.where(messages.numbers("port") == 0.0)
-    if not len(own):
+    main_port = messages.where(messages.numbers("port") == 0.0)
+    if not len(main_port):
         return []
-    channels = [n for n in range(1, 17) if np.any(own.numbers(f"servo{n}_raw") > 0.0)]
+    channels = [n for n in range(1, 17) if np.any(main_port.numbers(f"servo{n}_raw") > 0.0)]
     motors = ardupilot_motors(log["PARAM_VALUE"], "param_id", "param_value")
-    chosen = logged_motors(motors, channels, "SERVOn_FUNCTION", log.findings)
-    return own.stream({f"pwm{motor}_us": (f"servo{n}_raw", 1.0) for n, motor in chosen.items()})
+    chosen = select_motor_channels(motors, channels, "SERVOn_FUNCTION", log.findings)
+    return main_port.stream(
+        {f"pwm{motor}_us": (f"servo{n}_raw", 1.0) for n, motor in chosen.items()}
+    )
 
 
 def _speeds(log: MessageLog) -> list[Stream]:
     streams: list[Stream] = []
     for group, name in enumerate(_ESC_GROUPS):
         messages = log[f"ESC_TELEMETRY_{name}"]
-        live = [i for i in range(4) if np.any(messages.numbers(f"rpm[{i}]") > 0.0)]
-        streams += messages.stream({f"rpm{4 * group + i + 1}": (f"rpm[{i}]", 1.0) for i in live})
+        live_escs = [i for i in range(4) if np.any(messages.numbers(f"rpm[{i}]") > 0.0)]
+        streams += messages.stream(
+            {f"rpm{4 * group + i + 1}": (f"rpm[{i}]", 1.0) for i in live_escs}
+        )
     if streams:
         return streams
-    status, taken = log["ESC_STATUS"], set[str]()
+    status, used = log["ESC_STATUS"], set[str]()
     bases = status.numbers("index").astype(int)
     for base in sorted({base for base in bases.tolist() if 0 <= base < 32}):
-        own = status.where(bases == base)
-        live = [i for i in range(4) if np.any(own.numbers(f"rpm[{i}]") != 0.0)]
-        scales = {f"rpm{base + i + 1}": (f"rpm[{i}]", 1.0) for i in live}
+        group_status = status.where(bases == base)
+        live_escs = [i for i in range(4) if np.any(group_status.numbers(f"rpm[{i}]") != 0.0)]
+        scales = {f"rpm{base + i + 1}": (f"rpm[{i}]", 1.0) for i in live_escs}
         # Where groups overlap, the speeds of the first hold.
-        streams += own.stream({name: item for name, item in scales.items() if name not in taken})
-        taken |= set(scales)
+        streams += group_status.stream(
+            {name: scale for name, scale in scales.items() if name not in used}
+        )
+        used |= set(scales)
     return streams or log["RPM"].stream({"rpm1": ("rpm1", 1.0), "rpm2": ("rpm2", 1.0)})
 
 
@@ -227,7 +242,7 @@ def _battery(messages: Messages) -> list[Stream]:
     """Return voltage and current, blank where they are unknown."""
     scales = {"voltage_V": ("voltage_battery", 1e-3), "current_A": ("current_battery", 1e-2)}
     bad = {name: np.isin(messages.numbers(name), UNKNOWN[name]) for name, _ in scales.values()}
-    streams = messages.stream({k: item for k, item in scales.items() if not bad[item[0]].all()})
+    streams = messages.stream({k: scale for k, scale in scales.items() if not bad[scale[0]].all()})
     for stream in streams:
         for channel, name in stream.fields.items():
             stream.columns[channel][bad[name]] = np.nan
@@ -238,7 +253,7 @@ def _distance(log: MessageLog) -> list[Stream]:
     messages = log["DISTANCE_SENSOR"]
     if not len(messages):
         return log["RANGEFINDER"].stream({"distance_m": ("distance", 1.0)})
-    down = messages.looking_down("orientation", log.findings)
+    down = messages.select_downward("orientation", log.findings)
     return down.stream({"distance_m": ("current_distance", 0.01)})
 
 
@@ -265,36 +280,36 @@ class AutopilotClock:
     offsets_us: Times
 
     @classmethod
-    def of(cls, host_us: Times, boot_ms: NDArray[np.float64]) -> AutopilotClock:
+    def from_attitude(cls, host_us: Times, boot_ms: NDArray[np.float64]) -> AutopilotClock:
         """Return the clock of attitudes, in the order in which the host got them."""
-        own = (1000.0 * boot_ms).astype(np.int64)
-        steps = np.diff(own, prepend=own[:1])
+        device_us = (1000.0 * boot_ms).astype(np.int64)
+        steps = np.diff(device_us, prepend=device_us[:1])
         # Late messages step back by less than a second; a reboot by all the time since the last.
         booted = np.flatnonzero(steps < -1_000_000)
-        offsets = np.zeros(own.size, np.int64)
+        offsets = np.zeros(device_us.size, np.int64)
         for row in booted.tolist():
             waited = max(int(host_us[row] - host_us[row - 1]), 0)
-            offsets[row:] = own[row - 1] + offsets[row - 1] + waited - own[row]
-        return cls(host_us, own + offsets, tuple(booted.tolist()), offsets)
+            offsets[row:] = device_us[row - 1] + offsets[row - 1] + waited - device_us[row]
+        return cls(host_us, device_us + offsets, tuple(booted.tolist()), offsets)
 
-    def of_host(self, host_us: Times) -> Times:
+    def time_from_host(self, host_us: Times) -> Times:
         """Return the time of messages that carry none."""
         if not self.host_us.size:
             return host_us
         order = np.argsort(self.host_us, kind="stable")
-        known, boot = self.host_us[order], np.maximum.accumulate(self.boot_us[order])
-        inside = np.interp(host_us.astype(float), known.astype(float), boot.astype(float))
-        before, after = np.minimum(host_us - known[0], 0), np.maximum(host_us - known[-1], 0)
+        host, boot = self.host_us[order], np.maximum.accumulate(self.boot_us[order])
+        inside = np.interp(host_us.astype(float), host.astype(float), boot.astype(float))
+        before, after = np.minimum(host_us - host[0], 0), np.maximum(host_us - host[-1], 0)
         times: Times = np.rint(inside).astype(np.int64) + before + after
         return times
 
-    def of_boot_ms(self, host_us: Times, boot_ms: NDArray[np.float64]) -> Times:
+    def time_from_boot_ms(self, host_us: Times, boot_ms: NDArray[np.float64]) -> Times:
         """Return the time of messages that carry milliseconds since boot."""
         return (1000.0 * boot_ms).astype(np.int64) + self._offset(host_us)
 
-    def of_wrapped_us(self, host_us: Times, count_us: NDArray[np.float64]) -> Times:
+    def time_from_wrapped_us(self, host_us: Times, count_us: NDArray[np.float64]) -> Times:
         """Return the time of messages that carry the lowest 32 bits of microseconds since boot."""
-        near = self.of_host(host_us) - self._offset(host_us)
+        near = self.time_from_host(host_us) - self._offset(host_us)
         ahead = (count_us.astype(np.int64) - near + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
         times: Times = near + ahead + self._offset(host_us)
         return times

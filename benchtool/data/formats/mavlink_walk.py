@@ -12,7 +12,7 @@ STAMP_BYTES = 8
 V1, V2 = 0xFE, 0xFD
 SIGNATURE_BYTES = 13
 _SIGNED = 0x01
-EARLIEST_US, LATEST_US = 946684800_000000, 4102444800_000000  # 2000 to 2100
+MIN_STAMP_US, MAX_STAMP_US = 946684800_000000, 4102444800_000000  # 2000 to 2100
 
 
 class Frame(NamedTuple):
@@ -41,7 +41,7 @@ def is_tlog(data: bytes) -> bool:
     """Return whether bytes begin as a telemetry log does."""
     if len(data) < STAMP_BYTES + 8 or data[STAMP_BYTES] not in (V1, V2):
         return False
-    return EARLIEST_US <= int.from_bytes(data[:STAMP_BYTES], "big") <= LATEST_US
+    return MIN_STAMP_US <= int.from_bytes(data[:STAMP_BYTES], "big") <= MAX_STAMP_US
 
 
 def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], int]) -> TlogWalk:
@@ -52,17 +52,17 @@ def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], i
         checksum: of MAVLink, over a frame without its first byte and with CRC_EXTRA at its end.
     """
     frames: dict[int, list[Frame]] = {number: [] for number in extras}
-    at, size, total, broken, lost, first_lost = 0, len(data), 0, 0, 0, -1
+    offset, size, total, broken, lost, first_lost = 0, len(data), 0, 0, 0, -1
     cut = ""
-    while at + STAMP_BYTES < size:
-        begin = at + STAMP_BYTES
+    while offset + STAMP_BYTES < size:
+        begin = offset + STAMP_BYTES
         length = _frame_length(data, begin)
-        time_us = int.from_bytes(data[at:begin], "big")
-        if not length or not EARLIEST_US <= time_us <= LATEST_US:
-            after = _next_start(data, at + 1)
-            lost += after - at
-            first_lost = at if first_lost < 0 else first_lost
-            at = after
+        time_us = int.from_bytes(data[offset:begin], "big")
+        if not length or not MIN_STAMP_US <= time_us <= MAX_STAMP_US:
+            next_offset = _next_start(data, offset + 1)
+            lost += next_offset - offset
+            first_lost = offset if first_lost < 0 else first_lost
+            offset = next_offset
             continue
         end = begin + length
         if end > size:
@@ -82,16 +82,18 @@ def walk_tlog(data: bytes, extras: dict[int, int], checksum: Callable[[bytes], i
                 != data[stop] | data[stop + 1] << 8
             ):
                 broken += 1
-                at = end if _starts(data, end) else _next_start(data, at + 1)
+                offset = end if _is_start(data, end) else _next_start(data, offset + 1)
                 continue
             frames[number].append(
                 Frame(time_us, (data[system], data[system + 1]), data[begin + head : stop])
             )
         total += 1
-        at = end
-    if not cut and 0 < size - at <= STAMP_BYTES:
+        offset = end
+    if not cut and 0 < size - offset <= STAMP_BYTES:
         cut = f"the log ends at byte {size:,} in the middle of a time stamp"
-    return TlogWalk(frames, total, broken, _losses(lost, first_lost, broken - bool(cut), cut))
+    return TlogWalk(
+        frames, total, broken, _report_losses(lost, first_lost, broken - bool(cut), cut)
+    )
 
 
 def _frame_length(data: bytes, begin: int) -> int:
@@ -105,37 +107,39 @@ def _frame_length(data: bytes, begin: int) -> int:
     return 12 + data[begin + 1] + (SIGNATURE_BYTES if data[begin + 2] & _SIGNED else 0)
 
 
-def _starts(data: bytes, at: int) -> bool:
+def _is_start(data: bytes, offset: int) -> bool:
     """Return whether a stamp and a frame begin here, or the file ends."""
-    return at >= len(data) or _frame_length(data, at + STAMP_BYTES) > 0
+    return offset >= len(data) or _frame_length(data, offset + STAMP_BYTES) > 0
 
 
-def _next_start(data: bytes, at: int) -> int:
+def _next_start(data: bytes, offset: int) -> int:
     """Return the next place where a plausible stamp stands before a frame's first byte."""
     size = len(data)
-    while at + STAMP_BYTES < size:
-        one, two = (data.find(bytes((magic,)), at + STAMP_BYTES) for magic in (V1, V2))
-        found = min(place for place in (one, two, size) if place >= 0)
-        if found == size:
+    while offset + STAMP_BYTES < size:
+        v1_start, v2_start = (
+            data.find(bytes((magic,)), offset + STAMP_BYTES) for magic in (V1, V2)
+        )
+        start = min(position for position in (v1_start, v2_start, size) if position >= 0)
+        if start == size:
             return size
-        at = found - STAMP_BYTES
-        if EARLIEST_US <= int.from_bytes(data[at:found], "big") <= LATEST_US:
-            return at
-        at += 1
+        offset = start - STAMP_BYTES
+        if MIN_STAMP_US <= int.from_bytes(data[offset:start], "big") <= MAX_STAMP_US:
+            return offset
+        offset += 1
     return size
 
 
-def _losses(lost: int, first_lost: int, wrong: int, cut: str) -> list[Finding]:
-    found = []
+def _report_losses(lost: int, first_lost: int, n_wrong: int, cut: str) -> list[Finding]:
+    findings = []
     if lost:
-        words = (
+        text = (
             f"{pluralize(lost, 'byte')} of no frame, first at byte {first_lost:,}; reading went on "
             f"after"
         )
-        found.append(Finding("refused", "corrupt bytes", words))
-    if wrong > 0:
-        words = f"{pluralize(wrong, 'frame')} with a wrong checksum"
-        found.append(Finding("refused", "corrupt frames", words, count=wrong))
+        findings.append(Finding("refused", "corrupt bytes", text))
+    if n_wrong > 0:
+        text = f"{pluralize(n_wrong, 'frame')} with a wrong checksum"
+        findings.append(Finding("refused", "corrupt frames", text, count=n_wrong))
     if cut:
-        found.append(Finding("refused", "cut off", cut, count=int("frame" in cut)))
-    return found
+        findings.append(Finding("refused", "cut off", cut, count=int("frame" in cut)))
+    return findings

@@ -110,17 +110,17 @@ class Messages:
         parts = [f"{name}[{i}]" for i in range(4)]
         if self.time_us is None or not self.has(*parts):
             return []
-        roll, pitch, yaw = angles_of(*map(self.numbers, parts))
-        named = {"theta": -pitch, "roll": roll, "yaw": yaw}
-        columns = {f"{angle}{suffix}_rad": values for angle, values in named.items()}
+        roll, pitch, yaw = euler_angles(*map(self.numbers, parts))
+        angles = {"theta": -pitch, "roll": roll, "yaw": yaw}
+        columns = {f"{angle}{suffix}_rad": values for angle, values in angles.items()}
         return [Stream(self.source, self.time_us, columns, dict.fromkeys(columns, name))]
 
-    def looking_down(self, name: str, findings: list[Finding]) -> Messages:
+    def select_downward(self, name: str, findings: list[Finding]) -> Messages:
         """Return readings of sensors that look down; of none, with a finding, where none does."""
         down = self.numbers(name) == LOOKS_DOWN
         if not down.any():
-            words = f"{pluralize(down.size, 'reading')} of sensors that do not look down"
-            findings.append(Finding("left out", "distance", words, "distance_m", down.size))
+            text = f"{pluralize(down.size, 'reading')} of sensors that do not look down"
+            findings.append(Finding("left out", "distance", text, "distance_m", down.size))
         return self.where(down)
 
 
@@ -151,35 +151,35 @@ def _number(cell: Any) -> float:
         return float("nan")
 
 
-def angles_of(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+def euler_angles(w: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
     """Return roll, pitch (nose up) and yaw of quaternions (n,) from body to earth, z down: rad.
 
     A quaternion of zeros, which some logs hold before the first estimate, gives nan.
     """
     size = np.sqrt(w * w + x * x + y * y + z * z)
-    none = ~(size > 0.5)
-    size = np.where(none, 1.0, size)
+    is_zero = ~(size > 0.5)
+    size = np.where(is_zero, 1.0, size)
     w, x, y, z = w / size, x / size, y / size, z / size
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return tuple(np.where(none, np.nan, angle) for angle in (roll, pitch, yaw))  # type: ignore[return-value]
+    return tuple(np.where(is_zero, np.nan, angle) for angle in (roll, pitch, yaw))  # type: ignore[return-value]
 
 
-def merged(streams: Sequence[Stream]) -> tuple[Recording, int]:
+def merge_streams(streams: Sequence[Stream]) -> tuple[Recording, int]:
     """Return the streams as one recording, by time, and how many messages stood out of order.
 
     time_s counts from the first message; device_time_us is the log's own clock. A channel is nan
     in the rows of other messages. Messages of one kind with the same time get a row each.
     """
     times = np.concatenate([stream.time_us for stream in streams])
-    places = np.concatenate([_place_among_equals(stream.time_us) for stream in streams])
-    order = np.lexsort((places, times))
-    ordered, place = times[order], places[order]
-    fresh = np.concatenate([[True], (np.diff(ordered) != 0) | (np.diff(place) != 0)])
+    ranks = np.concatenate([_rank_equal_times(stream.time_us) for stream in streams])
+    order = np.lexsort((ranks, times))
+    ordered, rank = times[order], ranks[order]
+    is_new = np.concatenate([[True], (np.diff(ordered) != 0) | (np.diff(rank) != 0)])
     row = np.empty(times.size, np.intp)
-    row[order] = np.cumsum(fresh) - 1
-    at_us = ordered[fresh]
+    row[order] = np.cumsum(is_new) - 1
+    at_us = ordered[is_new]
     names = [name for stream in streams for name in stream.columns]
     values = np.full((at_us.size, 2 + len(names)), np.nan)
     values[:, 0] = 1e-6 * (at_us - at_us[0])
@@ -198,12 +198,12 @@ def merged(streams: Sequence[Stream]) -> tuple[Recording, int]:
     return Recording(channels, values), disordered
 
 
-def _place_among_equals(time_us: Times) -> NDArray[np.intp]:
+def _rank_equal_times(time_us: Times) -> NDArray[np.intp]:
     """Return how many earlier messages of the same time there are, for each message (m,)."""
     order = np.argsort(time_us, kind="stable")
     ordered = time_us[order]
     starts = np.concatenate([[True], np.diff(ordered) != 0])[: ordered.size]
-    at = np.arange(ordered.size)
-    place = np.empty(ordered.size, np.intp)
-    place[order] = at - np.maximum.accumulate(np.where(starts, at, 0))
-    return place
+    index = np.arange(ordered.size)
+    rank = np.empty(ordered.size, np.intp)
+    rank[order] = index - np.maximum.accumulate(np.where(starts, index, 0))
+    return rank

@@ -14,7 +14,7 @@ import numpy as np
 from benchtool.core.array_type import Array
 from benchtool.core.errors import FileFormatError
 from benchtool.core.plural import pluralize
-from benchtool.data.formats.flight_log import flight_import, logged_motors, motors_of
+from benchtool.data.formats.flight_log import flight_import, parse_motor_map, select_motor_channels
 from benchtool.data.formats.messages import LOOKS_DOWN, MessageLog, Messages, Stream
 from benchtool.data.repairs.import_result import Finding, ImportOptions, ImportResult
 
@@ -31,7 +31,7 @@ WANTED = (  # topics that are read; the others are counted only
     "distance_sensor",
 )
 
-LEAST_PULSE_US, MOST_PULSE_US = 700.0, 2600.0  # DShot counts to 1999, simulators to 1
+MIN_PULSE_US, MAX_PULSE_US = 700.0, 2600.0  # DShot counts to 1999, simulators to 1
 MOTORS = {101 + i: 1 + i for i in range(12)}  # Motor number by output function
 
 _FAULTS = (  # what pyulog lets through on broken files, beside its own exceptions
@@ -50,43 +50,43 @@ def read_px4(
     walk = walk_ulog(data)
     findings = walk.findings
     if not walk.has_definitions:
-        reason = "; ".join(item.words for item in findings) or "it ends before its first message"
+        reason = "; ".join(topic.words for topic in findings) or "it ends before its first message"
         raise FileFormatError(where, f"nothing in it can be read: {reason}")
     try:
         with contextlib.redirect_stdout(io.StringIO()):
-            read = ULog(io.BytesIO(walk.whole), list(WANTED), disable_str_exceptions=True)
+            ulog = ULog(io.BytesIO(walk.readable), list(WANTED), disable_str_exceptions=True)
     except (ULogException, *_FAULTS) as error:
         raise FileFormatError(
             where, f"its definitions are broken ({error}), so nothing in it can be read"
         ) from error
-    if read.file_corruption:
-        words = "pyulog met messages that their definitions do not fit, and passed them over"
-        findings.append(Finding("refused", "corrupt messages", words))
-    if read.dropouts:
-        lost_s = 1e-3 * sum(item.duration for item in read.dropouts)
-        words = (
-            f"{pluralize(len(read.dropouts), 'time')} the logger fell behind, {lost_s:.3g} s in all"
+    if ulog.file_corruption:
+        text = "pyulog met messages that their definitions do not fit, and passed them over"
+        findings.append(Finding("refused", "corrupt messages", text))
+    if ulog.dropouts:
+        lost_s = 1e-3 * sum(topic.duration for topic in ulog.dropouts)
+        text = (
+            f"{pluralize(len(ulog.dropouts), 'time')} the logger fell behind, {lost_s:.3g} s in all"
         )
-        findings.append(Finding("doubt", "dropouts", words, count=len(read.dropouts)))
+        findings.append(Finding("doubt", "dropouts", text, count=len(ulog.dropouts)))
     kinds = {
-        f"{item.name}/{item.multi_id}" if item.multi_id else item.name: _messages(item)
-        for item in sorted(read.data_list, key=lambda item: item.multi_id)
+        f"{topic.name}/{topic.multi_id}" if topic.multi_id else topic.name: _messages(topic)
+        for topic in sorted(ulog.data_list, key=lambda topic: topic.multi_id)
     }
     log = MessageLog(kinds=kinds, total=walk.total, broken=walk.broken, findings=findings)
     streams = [
         *log["vehicle_attitude"].attitude("q"),
-        *_wanted_attitude(log["vehicle_attitude_setpoint"]),
+        *_attitude_setpoint(log["vehicle_attitude_setpoint"]),
         *_rates(log),
-        *_outputs(log["actuator_outputs"], _motors(read.initial_parameters), findings),
+        *_outputs(log["actuator_outputs"], _motors(ulog.initial_parameters), findings),
         *_shares(log["actuator_motors"]),
         *_speeds(log["esc_status"]),
         *_battery(log["battery_status"]),
         *_distance(log),
     ]
-    stored = sum(stream.time_us.size for stream in streams)
+    n_used = sum(stream.time_us.size for stream in streams)
     # A log with data appended has its messages in two parts, of which pyulog may read one twice.
-    log = replace(log, total=max(walk.total, stored))
-    return flight_import(log, streams, "PX4 ULog", where, {**provenance, "device": _device(read)})
+    log = replace(log, total=max(walk.total, n_used))
+    return flight_import(log, streams, "PX4 ULog", where, {**provenance, "device": _device(ulog)})
 
 
 def _messages(topic: Any) -> Messages:
@@ -99,8 +99,8 @@ def _motors(parameters: Mapping[str, Any]) -> dict[int, int]:
     """Return motor number by output channel (from 1), of the first outputs that have motors."""
     numbers = {str(name): float(x) for name, x in parameters.items() if isinstance(x, int | float)}
     for outputs in ("PWM_MAIN", "PWM_AUX", "HIL_ACT"):
-        if found := motors_of(numbers, rf"{outputs}_FUNC(\d+)", MOTORS):
-            return found
+        if motor_map := parse_motor_map(numbers, rf"{outputs}_FUNC(\d+)", MOTORS):
+            return motor_map
     return {}
 
 
@@ -113,7 +113,7 @@ def _device(log: Any) -> str:
     return " ".join(filter(None, ("PX4", version, str(hardware))))
 
 
-def _wanted_attitude(messages: Messages) -> list[Stream]:
+def _attitude_setpoint(messages: Messages) -> list[Stream]:
     """Return the wanted attitude: the quaternion, or the angles where older logs hold those."""
     streams = messages.attitude("q_d", suffix="_ref")
     if streams and np.isfinite(streams[0].columns["theta_ref_rad"]).any():
@@ -134,54 +134,54 @@ def _rates(log: MessageLog) -> list[Stream]:
             "roll_rate_rad_s": (f"{field}[0]", 1.0),
             "yaw_rate_rad_s": (f"{field}[2]", 1.0),
         }
-        if found := log[name].stream(scales):
+        if streams := log[name].stream(scales):
             break
-    return [*found, *log["vehicle_rates_setpoint"].stream({"gyro_ref_rad_s": ("pitch", -1.0)})]
+    return [*streams, *log["vehicle_rates_setpoint"].stream({"gyro_ref_rad_s": ("pitch", -1.0)})]
 
 
 def _outputs(messages: Messages, motors: dict[int, int], findings: list[Finding]) -> list[Stream]:
     """Return pulses where outputs are pulses."""
-    used = _most(messages, "noutputs")
+    used = _max_value(messages, "noutputs")
     channels = [
         n
         for n in range(1, 17)
         if messages.has(f"output[{n - 1}]") and (n in motors if motors else n <= used)
     ]
-    pulsed = [n for n in channels if _holds_pulses(messages.numbers(f"output[{n - 1}]"))]
+    pulsed = [n for n in channels if _has_pulses(messages.numbers(f"output[{n - 1}]"))]
     if pulsed:
-        chosen = logged_motors(motors, pulsed, "PWM_MAIN_FUNCn", findings)
+        chosen = select_motor_channels(motors, pulsed, "PWM_MAIN_FUNCn", findings)
         return messages.stream(
             {f"pwm{motor}_us": (f"output[{n - 1}]", 1.0) for n, motor in chosen.items()}
         )
     if channels:
-        words = "outputs are no pulse widths (DShot, or a simulator's), so they give no pwm"
-        findings.append(Finding("left out", "outputs", words, count=len(channels)))
+        text = "outputs are no pulse widths (DShot, or a simulator's), so they give no pwm"
+        findings.append(Finding("left out", "outputs", text, count=len(channels)))
     return []
 
 
-def _holds_pulses(values: Array) -> bool:
+def _has_pulses(values: Array) -> bool:
     turning = values[values > 0.0]
-    return bool(turning.size and np.all((turning > LEAST_PULSE_US) & (turning < MOST_PULSE_US)))
+    return bool(turning.size and np.all((turning > MIN_PULSE_US) & (turning < MAX_PULSE_US)))
 
 
 def _shares(messages: Messages) -> list[Stream]:
     """Return shares of full thrust where they are logged."""
     logged = [n for n in range(12) if messages.has(f"control[{n}]")]
-    known = [n for n in logged if np.isfinite(messages.numbers(f"control[{n}]")).any()]
-    return messages.stream({f"motor{n + 1}_share": (f"control[{n}]", 1.0) for n in known})
+    finite = [n for n in logged if np.isfinite(messages.numbers(f"control[{n}]")).any()]
+    return messages.stream({f"motor{n + 1}_share": (f"control[{n}]", 1.0) for n in finite})
 
 
 def _speeds(messages: Messages) -> list[Stream]:
     scales: dict[str, tuple[str, float]] = {}
-    for n in range(min(_most(messages, "esc_count"), 12)):
+    for n in range(min(_max_value(messages, "esc_count"), 12)):
         if messages.has(f"esc[{n}].esc_rpm"):
-            motor = _most(messages, f"esc[{n}].actuator_function") - 100
+            motor = _max_value(messages, f"esc[{n}].actuator_function") - 100
             rotor = motor if 1 <= motor <= 12 else n + 1
             scales.setdefault(f"rpm{rotor}", (f"esc[{n}].esc_rpm", 1.0))
     return messages.stream(scales)
 
 
-def _most(messages: Messages, field: str) -> int:
+def _max_value(messages: Messages, field: str) -> int:
     """Return the largest number of a field; 0 without one."""
     return int(np.max(messages.fields.get(field, np.zeros(1)), initial=0))
 
@@ -196,18 +196,18 @@ def _battery(messages: Messages) -> list[Stream]:
 
 
 def _distance(log: MessageLog) -> list[Stream]:
-    sensors = [item for item in log.kinds.values() if item.source == "distance_sensor"]
+    sensors = [messages for messages in log.kinds.values() if messages.source == "distance_sensor"]
     for sensor in sensors:
         if sensor.has("orientation") and not np.all(sensor.numbers("orientation") == LOOKS_DOWN):
             continue
         streams = sensor.stream({"distance_m": ("current_distance", 1.0)})
         if streams and sensor.has("signal_quality"):
-            bad = sensor.numbers("signal_quality") == 0
-            streams[0].blank("distance_m", bad, "the sensor itself calls invalid", log.findings)
+            is_bad = sensor.numbers("signal_quality") == 0
+            streams[0].blank("distance_m", is_bad, "the sensor itself calls invalid", log.findings)
         return streams
     if sensors:
-        words = "no distance sensor that looks down"
-        log.findings.append(Finding("left out", "distance", words, "distance_m", len(sensors)))
+        text = "no distance sensor that looks down"
+        log.findings.append(Finding("left out", "distance", text, "distance_m", len(sensors)))
     return []
 
 
@@ -224,12 +224,12 @@ class UlogWalk(NamedTuple):
     """Hold what was met on the way through a log.
 
     Attributes:
-        whole: the log's bytes without those that are no message.
+        readable: the log's bytes without those that are no message.
         broken: 1 for a data message that the end cuts.
         has_definitions: every definition is whole.
     """
 
-    whole: bytes
+    readable: bytes
     total: int
     broken: int
     has_definitions: bool
@@ -242,63 +242,63 @@ def walk_ulog(data: bytes) -> UlogWalk:
     pyulog is given whole messages only. On broken ones it reads on in silence, and where its
     definitions are broken it may never come back.
     """
-    at, size, messages, broken = HEADER_BYTES, len(data), 0, 0
+    offset, size, messages, broken = HEADER_BYTES, len(data), 0, 0
     begin, pieces, gaps = 0, [], []
     has_body = False
-    kinds, body, is_data, longest = _KINDS, _BODY, _DATA, MAX_MESSAGE_BYTES
+    kinds, body, is_data, max_bytes = _KINDS, _BODY, _DATA, MAX_MESSAGE_BYTES
     findings: list[Finding] = []
-    while at + 3 <= size:
-        kind, length = data[at + 2], data[at] + (data[at + 1] << 8)
-        after = at + 3 + length
-        if kind not in kinds or not 0 < length < longest:
-            pieces.append(data[begin:at])
+    while offset + 3 <= size:
+        kind, length = data[offset + 2], data[offset] + (data[offset + 1] << 8)
+        next_offset = offset + 3 + length
+        if kind not in kinds or not 0 < length < max_bytes:
+            pieces.append(data[begin:offset])
             if not has_body:
-                words = f"the definitions break at byte {at:,} of {size:,}"
-                findings.append(Finding("refused", "corrupt bytes", words))
-                begin = at = size
+                text = f"the definitions break at byte {offset:,} of {size:,}"
+                findings.append(Finding("refused", "corrupt bytes", text))
+                begin = offset = size
                 break
-            begin = _next_run(data, at + 1)
-            gaps.append((at, begin - at))
-            at = begin
+            begin = _next_run(data, offset + 1)
+            gaps.append((offset, begin - offset))
+            offset = begin
             continue
-        if after > size:
+        if next_offset > size:
             break
         has_body = has_body or kind in body
         messages += kind == is_data
-        at = after
-    pieces.append(data[begin:at])
+        offset = next_offset
+    pieces.append(data[begin:offset])
     if gaps:
         lost = sum(length for _, length in gaps)
-        words = (
+        text = (
             f"{lost:,} bytes in {pluralize(len(gaps), 'place')} are no message, first at byte "
             f"{gaps[0][0]:,}; reading went on at the next run of messages"
         )
-        findings.append(Finding("refused", "corrupt bytes", words))
-    if at < size:
-        broken = int(at + 2 < size and data[at + 2] == is_data)
-        words = f"the log ends at byte {size:,} in the middle of a message that begins at {at:,}"
-        findings.append(Finding("refused", "cut off", words, count=broken))
+        findings.append(Finding("refused", "corrupt bytes", text))
+    if offset < size:
+        broken = int(offset + 2 < size and data[offset + 2] == is_data)
+        text = f"the log ends at byte {size:,} in the middle of a message that begins at {offset:,}"
+        findings.append(Finding("refused", "cut off", text, count=broken))
     return UlogWalk(b"".join(pieces), messages, broken, has_body, findings)
 
 
-def _next_run(data: bytes, at: int) -> int:
+def _next_run(data: bytes, offset: int) -> int:
     """Return where the next messages begin that hang together; the end where none do."""
     size = len(data)
-    while at + 3 <= size:
-        if data[at + 2] in _KINDS and _runs(data, at):
-            return at
-        at += 1
+    while offset + 3 <= size:
+        if data[offset + 2] in _KINDS and _is_run(data, offset):
+            return offset
+        offset += 1
     return size
 
 
-def _runs(data: bytes, at: int) -> bool:
+def _is_run(data: bytes, offset: int) -> bool:
     for _ in range(WHOLE_RUN):
-        if at == len(data):
+        if offset == len(data):
             return True
-        if at + 3 > len(data) or data[at + 2] not in _KINDS:
+        if offset + 3 > len(data) or data[offset + 2] not in _KINDS:
             return False
-        length = data[at] + (data[at + 1] << 8)
+        length = data[offset] + (data[offset + 1] << 8)
         if not 0 < length < MAX_MESSAGE_BYTES:
             return False
-        at += 3 + length
-    return at <= len(data)
+        offset += 3 + length
+    return offset <= len(data)

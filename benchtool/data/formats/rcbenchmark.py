@@ -51,37 +51,39 @@ def read_rcbenchmark(
 ) -> ImportResult:
     """Return a stand's log."""
     table = parse_rows(data, where)
-    columns, findings = map_header(table, _channel_of, refuse=False)
+    columns, findings = map_header(table, _find_channel, refuse=False)
     names = {parse_header_cell(cell).name for cell in table.header}
     if "AccX" in names:
         series = "Series 1580/1585"
     else:
         series = "Series 1780" if "Torque" in names else "Series 1520"
     facts = {**provenance, "device": f"RCbenchmark {series}"}
-    return read_columns(table, columns, f"RCbenchmark {series}", facts, findings, _one_speed)
+    return read_columns(table, columns, f"RCbenchmark {series}", facts, findings, _select_speed)
 
 
-def _channel_of(name: str) -> str | None:
+def _find_channel(name: str) -> str | None:
     return "temperature_degC" if name.endswith("Temp") else CHANNELS.get(name)
 
 
-def _one_speed(
-    columns: Sequence[MappedColumn], read: Mapping[str, Array], findings: list[Finding]
+def _select_speed(
+    columns: Sequence[MappedColumn], values_by_name: Mapping[str, Array], findings: list[Finding]
 ) -> list[MappedColumn]:
     """Take the optical probe for the speed where only that one lives; report dead ones."""
-    lives = {
-        name: bool(np.any(read[name] > 0.0)) for name in ("rpm1", "rpm1_optical") if name in read
+    is_live = {
+        name: bool(np.any(values_by_name[name] > 0.0))
+        for name in ("rpm1", "rpm1_optical")
+        if name in values_by_name
     }
-    stored: list[MappedColumn] = []
+    selected: list[MappedColumn] = []
     for column in columns:
-        if lives.get(column.name, True):
-            optical_only = column.name == "rpm1_optical" and not lives.get("rpm1")
-            stored.append(replace(column, name="rpm1") if optical_only else column)
+        if is_live.get(column.name, True):
+            optical_only = column.name == "rpm1_optical" and not is_live.get("rpm1")
+            selected.append(replace(column, name="rpm1") if optical_only else column)
             continue
-        words = f"{column.source} is 0 or blank in every row and left out"
-        count = len(read[column.name])
-        findings.append(Finding("left out", "dead channel", words, column.name, count))
-    if not any(lives.values()):
-        words = "no speed was measured; thrust can only be held against the ESC signal"
-        findings.append(Finding("lacks", "rpm", words))
-    return stored
+        text = f"{column.source} is 0 or blank in every row and left out"
+        count = len(values_by_name[column.name])
+        findings.append(Finding("left out", "dead channel", text, column.name, count))
+    if not any(is_live.values()):
+        text = "no speed was measured; thrust can only be held against the ESC signal"
+        findings.append(Finding("lacks", "rpm", text))
+    return selected

@@ -40,33 +40,37 @@ def parse_window(text: str) -> Window:
     return Window(start_s=start_s, end_s=end_s, rotor=rotor, source="user")
 
 
-def mark_windows(read: ImportResult, given: Sequence[Window], near_m: float | None) -> ImportResult:
+def mark_windows(
+    result: ImportResult, user_windows: Sequence[Window], near_m: float | None
+) -> ImportResult:
     """Return the import with its windows, and with channels coverage1, ... that hold them.
 
     coverage is 1 where the rotor is over the surface and 0 elsewhere; how much of its disc is over
     it, neither the user's window nor a sensor says.
     """
-    recording = read.recording
-    if not given and near_m is None:
-        return read
+    recording = result.recording
+    if not user_windows and near_m is None:
+        return result
     if "time_s" not in recording:
         raise InputError(
             f"{recording.provenance.get('file', 'the file')} has no time, so --over and --near-m "
             f"mark nothing in it; leave them out"
         )
-    windows, findings = list(given), []
+    windows, findings = list(user_windows), []
     if near_m is not None:
         if "distance_m" not in recording:
-            words = "--near-m was given, but no distance sensor stands in the file"
-            findings.append(Finding("lacks", "distance sensor", words))
+            text = "--near-m was given, but no distance sensor stands in the file"
+            findings.append(Finding("lacks", "distance sensor", text))
         else:
-            seen = _near(recording.column("time_s"), recording.column("distance_m"), near_m)
-            windows += seen
-            words = (
-                f"{pluralize(len(seen), 'window')} where it reads below {near_m:g} m; it looks "
+            sensed = _find_near_windows(
+                recording.column("time_s"), recording.column("distance_m"), near_m
+            )
+            windows += sensed
+            text = (
+                f"{pluralize(len(sensed), 'window')} where it reads below {near_m:g} m; it looks "
                 f"down from the body, which stands for all rotors"
             )
-            findings.append(Finding("read as", "over a surface", words, "distance_m", len(seen)))
+            findings.append(Finding("read as", "over a surface", text, "distance_m", len(sensed)))
     rotors = sorted(
         {int(found[1]) for name in recording.names if (found := _ROTOR.fullmatch(name))}
     )
@@ -92,23 +96,26 @@ def mark_windows(read: ImportResult, given: Sequence[Window], near_m: float | No
             if name not in recording:
                 recording = recording.with_column(Channel(name, "1"), covered)
     return replace(
-        read,
+        result,
         recording=recording,
-        windows=tuple(sorted(windows, key=lambda item: (item.start_s, item.rotor))),
-        findings=(*read.findings, *findings),
+        windows=tuple(sorted(windows, key=lambda window: (window.start_s, window.rotor))),
+        findings=(*result.findings, *findings),
     )
 
 
-def _near(time_s: Array, distance_m: Array, near_m: float) -> list[Window]:
+def _find_near_windows(time_s: Array, distance_m: Array, near_m: float) -> list[Window]:
     rows = np.flatnonzero(np.isfinite(distance_m) & np.isfinite(time_s))
     if not rows.size:
         return []
-    at, near = time_s[rows], distance_m[rows] < near_m
-    breaks = np.flatnonzero(np.diff(near) | (np.diff(at) > MAX_GAP_S)) + 1
+    sample_s, is_near = time_s[rows], distance_m[rows] < near_m
+    breaks = np.flatnonzero(np.diff(is_near) | (np.diff(sample_s) > MAX_GAP_S)) + 1
     return [
         Window(
-            start_s=float(at[part[0]]), end_s=float(at[part[-1]]), rotor=0, source="distance sensor"
+            start_s=float(sample_s[part[0]]),
+            end_s=float(sample_s[part[-1]]),
+            rotor=0,
+            source="distance sensor",
         )
         for part in np.split(np.arange(rows.size), breaks)
-        if near[part[0]]
+        if is_near[part[0]]
     ]

@@ -58,10 +58,10 @@ def read_uiuc(
         ),
     ]  # fmt: skip
     if options.air_density_kg_m3 is None:
-        words = f"none in the file; thrust and torque for {density:g} kg/m3 (--air-density)"
-        findings.append(Finding("doubt", "air density", words, "thrust_N"))
-    read = read_columns(table, columns, "UIUC static", provenance, [*findings, *others])
-    recording = read.recording
+        text = f"none in the file; thrust and torque for {density:g} kg/m3 (--air-density)"
+        findings.append(Finding("doubt", "air density", text, "thrust_N"))
+    result = read_columns(table, columns, "UIUC static", provenance, [*findings, *others])
+    recording = result.recording
     for need in ("rpm1", "ct"):
         if need not in recording:
             raise FileFormatError(where, f"there is no {need} in it; mend the table")
@@ -72,6 +72,10 @@ def read_uiuc(
         torque = recording.column("cp") * density * turns_per_s**2 * diameter_m**5 / (2.0 * pi)
         recording = recording.with_column(Channel("torque_Nm", "N m"), np.asarray(torque))
     facts = {**recording.provenance, "diameter_m": f"{diameter_m:.6g}", "air_kg_m3": f"{density:g}"}
-    sources = {**read.sources, "thrust_N": "CT rho n^2 D^4", "torque_Nm": "CP rho n^2 D^5 / (2 pi)"}
+    sources = {
+        **result.sources,
+        "thrust_N": "CT rho n^2 D^4",
+        "torque_Nm": "CP rho n^2 D^5 / (2 pi)",
+    }
     recording = replace(recording, provenance=facts)
-    return replace(read, recording=recording, sources=sources, propeller=propeller)
+    return replace(result, recording=recording, sources=sources, propeller=propeller)

@@ -18,7 +18,7 @@ from benchtool.data.column_map import (
     match_channel,
     read_column_map,
 )
-from benchtool.data.csv_header import data_rows, find_header, most_frequent_delimiter
+from benchtool.data.csv_header import find_header, most_frequent_delimiter, normalise_rows
 from benchtool.data.csv_text import TextTable, parse_rows
 from benchtool.data.repairs.foreign_units import conversion, parse_header_cell
 from benchtool.data.repairs.import_result import Finding, ImportCount, ImportOptions, ImportResult
@@ -34,18 +34,18 @@ def has_columns(*names: str, any_of: Collection[str] = ()) -> Callable[[bytes], 
     """
 
     def recognizes(head: bytes) -> bool:
-        first = find_header(data_rows(head.replace(b"\r", b""), []), []).text
-        found = {
+        first = find_header(normalise_rows(head.replace(b"\r", b""), []), []).text
+        columns = {
             parse_header_cell(cell).name for cell in first.split(most_frequent_delimiter(first))
         }
-        return found.issuperset(names) and (not any_of or not found.isdisjoint(any_of))
+        return columns.issuperset(names) and (not any_of or not columns.isdisjoint(any_of))
 
     return recognizes
 
 
 def map_header(
     table: TextTable,
-    channel_of: Callable[[str], str | None],
+    find_channel: Callable[[str], str | None],
     *,
     units: Mapping[str, str] | None = None,
     refuse: bool = True,
@@ -65,30 +65,30 @@ def map_header(
     others: list[str] = []
     for position, cell in enumerate(table.header):
         head = parse_header_cell(cell)
-        name = channel_of(head.name)
+        name = find_channel(head.name)
         if name is None or any(column.name == name for column in columns):
             if head.name:
                 others.append(cell)
             continue
         ours = unit_from_name(name)
-        theirs = head.unit if head.unit is not None else (units or {}).get(name, ours)
+        file_unit = head.unit if head.unit is not None else (units or {}).get(name, ours)
         try:
-            scale = conversion(theirs, ours)
+            scale = conversion(file_unit, ours)
         except InputError as error:
             if refuse:
                 raise FileFormatError(f"{table.where}, column {cell!r}", str(error)) from error
             findings.append(Finding("doubt", "unit", f"{error}; read as {ours}", name))
             scale = IDENTITY
         if head.unit is None and head.name != name and ours not in ("1", "count", "rpm"):
-            unitless[name] = f"{cell} as {theirs}"
+            unitless[name] = f"{cell} as {file_unit}"
         columns.append(MappedColumn(name=name, position=position, conversion=scale, source=cell))
     if unitless:
-        many, words = len(unitless), f"the header names none; read {', '.join(unitless.values())}"
-        what, channel = ("units", "") if many > 1 else ("unit", *unitless)
-        findings.append(Finding("doubt", what, words, channel, many))
+        count, text = len(unitless), f"the header names none; read {', '.join(unitless.values())}"
+        what, channel = ("units", "") if count > 1 else ("unit", *unitless)
+        findings.append(Finding("doubt", what, text, channel, count))
     if others:
-        words = f"unknown: {', '.join(others)}{hint}"
-        findings.append(Finding("left out", "columns", words, count=len(others)))
+        text = f"unknown: {', '.join(others)}{hint}"
+        findings.append(Finding("left out", "columns", text, count=len(others)))
     return columns, findings
 
 
@@ -116,57 +116,61 @@ def read_columns(
     positions = [column.position for column in columns if column.position is not None]
     numbers = parse_numbers(table, positions)
     table, rows = numbers.table, len(numbers.lines)
-    found = [*table.findings, *findings, *numbers.findings]
-    read = dict(zip(positions, numbers.columns, strict=True))
+    all_findings = [*table.findings, *findings, *numbers.findings]
+    by_position = dict(zip(positions, numbers.columns, strict=True))
     if choose is not None:
-        named = {c.name: read[c.position] for c in columns if c.position is not None}
-        columns = choose(columns, named, found)
-    stored: list[tuple[MappedColumn, Array]] = []
+        values_by_name = {
+            c.name: by_position[c.position] for c in columns if c.position is not None
+        }
+        columns = choose(columns, values_by_name, all_findings)
+    mapped: list[tuple[MappedColumn, Array]] = []
     empty: list[str] = []
     for column in columns:
         constant = np.broadcast_to(column.constant, rows)
-        values = constant if column.position is None else read[column.position]
+        values = constant if column.position is None else by_position[column.position]
         blank = int(np.count_nonzero(np.isnan(values)))
         if blank == rows and column.position is not None:
             empty.append(column.source)
             continue
         if blank:
-            words = (
+            text = (
                 f"{blank:,} of {pluralize(rows, 'row')} are blank, as a slower channel leaves "
                 f"them: no new value, nothing is filled in"
             )
-            found.append(Finding("read as", "blank cells", words, column.name, blank))
-        stored.append((column, values))
+            all_findings.append(Finding("read as", "blank cells", text, column.name, blank))
+        mapped.append((column, values))
     if empty:
-        words = f"{', '.join(empty)}: blank in every row"
-        found.append(Finding("lacks", "blank columns", words, count=len(empty)))
-    if not rows or not stored:
-        heads = ", ".join(name for name in table.header if name)
+        text = f"{', '.join(empty)}: blank in every row"
+        all_findings.append(Finding("lacks", "blank columns", text, count=len(empty)))
+    if not rows or not mapped:
+        names = ", ".join(name for name in table.header if name)
         raise FileFormatError(
-            table.where, f"no row holds numbers in the columns that are read ({heads})"
+            table.where, f"no row holds numbers in the columns that are read ({names})"
         )
     # Memory for a second table of a million rows takes as long as reading: where every channel has
     # a column of its own, rows move up in the memory that they were read into.
-    own = len(set(positions)) == len(positions) and all(c.position is not None for c, _ in stored)
-    out = numbers.columns[: len(stored)] if own else np.empty((len(stored), rows))
-    for row, (column, values) in zip(out, stored, strict=True):
+    in_place = len(set(positions)) == len(positions) and all(
+        c.position is not None for c, _ in mapped
+    )
+    matrix = numbers.columns[: len(mapped)] if in_place else np.empty((len(mapped), rows))
+    for row, (column, values) in zip(matrix, mapped, strict=True):
         scale = column.conversion
         if scale.factor != 1.0 or not np.shares_memory(values, row):
             np.multiply(values, scale.factor, out=row)
         if scale.offset:  # added to -0.0, a zero would change it
             row += scale.offset
-    channels = tuple(Channel(column.name, unit_from_name(column.name)) for column, _ in stored)
+    channels = tuple(Channel(column.name, unit_from_name(column.name)) for column, _ in mapped)
     return ImportResult(
-        recording=Recording(channels, out.T, {**provenance, "rows": str(rows)}),
+        recording=Recording(channels, matrix.T, {**provenance, "rows": str(rows)}),
         format=format_name,
-        findings=tuple(found),
+        findings=tuple(all_findings),
         tally=ImportCount(
             unit="row",
             total=table.rows_in_file,
             kept=rows,
-            refused=sum(item.count for item in found if item.kind == "refused"),
+            refused=sum(finding.count for finding in all_findings if finding.kind == "refused"),
         ),
-        sources={column.name: column.source for column, _ in stored},
+        sources={column.name: column.source for column, _ in mapped},
         lines=numbers.lines,
     )
 
@@ -180,8 +184,8 @@ def read_by_map(
     table = parse_rows(data, where)
     try:
         columns = [
-            map_column(table.header, table.where, *each)
-            for each in read_column_map(map_path).items()
+            map_column(table.header, table.where, *entry)
+            for entry in read_column_map(map_path).items()
         ]
     except InputError as error:
         if isinstance(error, FileFormatError):
@@ -190,17 +194,17 @@ def read_by_map(
     if any(column.reference for column in columns):
         raise InputError(f"kind of {map_path} names reference rows, which benchtool fit reads")
     used = {column.position for column in columns}
-    rest = [head for at, head in enumerate(table.header) if head and at not in used]
+    unmapped = [head for index, head in enumerate(table.header) if head and index not in used]
     findings = []
-    if rest:
-        words = f"the map does not name {', '.join(rest)}"
-        findings.append(Finding("left out", "columns", words, count=len(rest)))
+    if unmapped:
+        text = f"the map does not name {', '.join(unmapped)}"
+        findings.append(Finding("left out", "columns", text, count=len(unmapped)))
     return read_columns(
         table, columns, "column map", {**provenance, "columns": str(map_path)}, findings
     )
 
 
-def read_named(
+def read_by_names(
     data: bytes, where: str, provenance: Mapping[str, str], options: ImportOptions
 ) -> ImportResult:
     """Return the columns of a CSV whose names and units are understood.

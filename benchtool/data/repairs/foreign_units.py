@@ -74,10 +74,10 @@ def conversion(text: str, target: str) -> Conversion:
         unit = "revolutions_per_second"
     if unit == target or (target == "pwm_us" and unit == "us"):
         return Conversion(1.0)
-    known = UNITS.get(unit)
-    if known is not None and known.dimension == dimension:
+    listed = UNITS.get(unit)
+    if listed is not None and listed.dimension == dimension:
         ours = find_unit(target)
-        return Conversion(known.factor / ours.factor, (known.offset - ours.offset) / ours.factor)
+        return Conversion(listed.factor / ours.factor, (listed.offset - ours.offset) / ours.factor)
     return _through_pint(unit, target, text)
 
 
@@ -155,7 +155,7 @@ class HeaderCell:
 def parse_header_cell(cell: str) -> HeaderCell:
     """Return what a header cell says."""
     cell = cell.strip()
-    found = _WITH_UNIT.fullmatch(cell)
-    if found is None or not found["name"]:
+    match = _WITH_UNIT.fullmatch(cell)
+    if match is None or not match["name"]:
         return HeaderCell(cell, None)
-    return HeaderCell(found["name"].strip(), found["unit"].strip())
+    return HeaderCell(match["name"].strip(), match["unit"].strip())

@@ -21,7 +21,7 @@ MIN_SAMPLES = 10  # Samples that a stay needs for its acceleration. A choice
 _SPEED = re.compile(r"rpm\d+|pwm\d+_us")
 
 
-def extract_hover_points(read: ImportResult, mass_kg: float) -> ImportResult:
+def extract_hover_points(result: ImportResult, mass_kg: float) -> ImportResult:
     """Return steady stays of a flight as points with thrust_N = m (g + a).
 
     The vertical acceleration a is that of a parabola through the heights of a stay. Speeds of
@@ -35,7 +35,7 @@ def extract_hover_points(read: ImportResult, mass_kg: float) -> ImportResult:
     Raises:
         InputError: a channel is missing, or no stay is steady.
     """
-    recording = read.recording
+    recording = result.recording
     speeds = [name for name in recording.names if _SPEED.fullmatch(name)]
     if not {"time_s", "plate_z_m"}.issubset(recording.names) or not speeds:
         raise InputError(
@@ -71,14 +71,14 @@ def extract_hover_points(read: ImportResult, mass_kg: float) -> ImportResult:
     points = replace(recording, values=np.array(rows))
     if "thrust_N" in points:
         raise InputError("--hover makes thrust_N, which the table has already; leave one out")
-    words = (
+    text = (
         f"thrust is {mass_kg:g} kg times gravity and vertical acceleration; "
         f"{pluralize(len(rows), 'steady stay')} of {MIN_HOVER_S:g} s are points"
     )
     return replace(
-        read,
+        result,
         recording=points.with_column(Channel("thrust_N", "N"), np.array(thrust_N)),
-        findings=(*read.findings, Finding("read as", "hover", words, "thrust_N", len(rows))),
-        sources={**read.sources, "thrust_N": "m (g + a)"},
+        findings=(*result.findings, Finding("read as", "hover", text, "thrust_N", len(rows))),
+        sources={**result.sources, "thrust_N": "m (g + a)"},
         lines=None,
     )

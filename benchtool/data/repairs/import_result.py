@@ -78,9 +78,9 @@ class ImportResult:
     lines: NDArray[np.intp] | None = None
     propeller: Propeller | None = None
 
-    def with_findings(self, more: Sequence[Finding]) -> ImportResult:
+    def with_findings(self, findings: Sequence[Finding]) -> ImportResult:
         """Return the import with more findings."""
-        return replace(self, findings=(*self.findings, *more))
+        return replace(self, findings=(*self.findings, *findings))
 
     def with_values(self, name: str, values: NDArray[np.float64]) -> ImportResult:
         """Return the import with other numbers (n,) in one channel."""
@@ -88,7 +88,7 @@ class ImportResult:
         table[:, self.recording.index(name)] = values
         return replace(self, recording=replace(self.recording, values=table))
 
-    def lines_of(self, rows: NDArray[np.intp]) -> str:
+    def format_lines(self, rows: NDArray[np.intp]) -> str:
         """Return the lines of these rows as ranges; empty for logs."""
         return "" if self.lines is None else line_ranges(self.lines[rows])
 
@@ -164,23 +164,23 @@ class ImportOptions:
     near_m: float | None = None
 
 
-def import_metadata(read: ImportResult, options: ImportOptions) -> dict[str, Any]:
+def import_metadata(result: ImportResult, options: ImportOptions) -> dict[str, Any]:
     """Return what the JSON beside an imported recording says of the import."""
     from benchtool import __version__
 
-    facts: dict[str, Any] = {
-        "imported_as": read.format,
-        "tally": asdict(read.tally),
-        "sources": dict(read.sources),
-        "findings": [asdict(item) for item in read.findings],
-        "windows": [asdict(item) for item in read.windows],
+    metadata: dict[str, Any] = {
+        "imported_as": result.format,
+        "tally": asdict(result.tally),
+        "sources": dict(result.sources),
+        "findings": [asdict(entry) for entry in result.findings],
+        "windows": [asdict(entry) for entry in result.windows],
         "options": {
             key: str(value) for key, value in asdict(options).items() if value not in (None, ())
         },
         "versions": {"benchtool": __version__},
     }
-    if read.propeller is not None:
-        facts["propeller"] = asdict(read.propeller)
+    if result.propeller is not None:
+        metadata["propeller"] = asdict(result.propeller)
     if options.air_density_kg_m3 is not None:
-        facts["air"] = {"density_kg_m3": options.air_density_kg_m3, "stated": True}
-    return facts
+        metadata["air"] = {"density_kg_m3": options.air_density_kg_m3, "stated": True}
+    return metadata

@@ -58,12 +58,12 @@ def parse_numbers(table: TextTable, positions: Sequence[int]) -> NumericTable:
         if table.is_even:
             return parse_numbers(pad_rows(table), positions)
         columns, lines, findings = _with_text(table, positions)
-    endless = np.abs(columns) > MAX_NUMBER
-    if many := int(np.count_nonzero(endless)):
-        columns[endless] = nan
-        words = f"{pluralize(many, 'cell')} beyond {MAX_NUMBER:g} or infinite are blank now"
-        at = line_ranges(lines[endless.any(axis=0)])
-        findings.append(Finding("repaired", "infinite numbers", words, count=many, lines=at))
+    is_infinite = np.abs(columns) > MAX_NUMBER
+    if count := int(np.count_nonzero(is_infinite)):
+        columns[is_infinite] = nan
+        text = f"{pluralize(count, 'cell')} beyond {MAX_NUMBER:g} or infinite are blank now"
+        ranges = line_ranges(lines[is_infinite.any(axis=0)])
+        findings.append(Finding("repaired", "infinite numbers", text, count=count, lines=ranges))
     return NumericTable(table, columns, lines, tuple(findings))
 
 
@@ -86,15 +86,15 @@ def _floats(table: TextTable, positions: Sequence[int]) -> Array:
 def _fill(values: Array, reader: Any, positions: Sequence[int]) -> None:
     import pyarrow as pa
 
-    at = 0
+    start = 0
     for batch in reader:
-        end = at + batch.num_rows
+        end = start + batch.num_rows
         if end > values.shape[1]:
             break
         for row, position in enumerate(positions):
-            values[row, at:end] = plain_values(batch.column(str(position)), float, nan)
-        at = end
-    if at != values.shape[1]:
+            values[row, start:end] = plain_values(batch.column(str(position)), float, nan)
+        start = end
+    if start != values.shape[1]:
         raise pa.ArrowInvalid("rows and lines differ")
 
 
@@ -106,7 +106,7 @@ def _reader(
     from pyarrow import csv
 
     names = [str(position) for position in range(len(table.header))]
-    wanted = list(dict.fromkeys(names[position] for position in positions))
+    included = list(dict.fromkeys(names[position] for position in positions))
     return csv.open_csv(
         pa.BufferReader(pa.py_buffer(table.body)),
         read_options=csv.ReadOptions(
@@ -116,8 +116,8 @@ def _reader(
             delimiter=table.delimiter, quote_char=False, ignore_empty_lines=False
         ),
         convert_options=csv.ConvertOptions(
-            column_types=dict.fromkeys(wanted, cell_type),
-            include_columns=wanted,
+            column_types=dict.fromkeys(included, cell_type),
+            include_columns=included,
             null_values=blank,
             strings_can_be_null=True,
             decimal_point=table.decimal,
@@ -128,12 +128,12 @@ def _reader(
 
 def _block_bytes(body: bytes | memoryview) -> int:
     """Return a block size that holds the longest row, which pyarrow needs: usually the usual."""
-    at = 0
-    while len(body) - at > _BLOCK_BYTES:
-        end = bytes(body[at : at + _BLOCK_BYTES]).rfind(b"\n")
+    offset = 0
+    while len(body) - offset > _BLOCK_BYTES:
+        end = bytes(body[offset : offset + _BLOCK_BYTES]).rfind(b"\n")
         if end < 0:
             return min(len(body), (1 << 31) - 1)
-        at += end + 1
+        offset += end + 1
     return _BLOCK_BYTES
 
 
@@ -141,28 +141,28 @@ def _with_text(table: TextTable, positions: Sequence[int]) -> tuple[Array, Any, 
     """Read cell by cell a table in which some cell is no number."""
     import pyarrow as pa
 
-    read = _reader(table, positions, pa.binary(), _NULLS).read_all()
-    texts = [read.column(str(position)).to_pylist() for position in positions]
+    arrow_table = _reader(table, positions, pa.binary(), _NULLS).read_all()
+    texts = [arrow_table.column(str(position)).to_pylist() for position in positions]
     columns = np.array([[_number(cell, table.decimal) for cell in column] for column in texts])
     wrong = np.array([[_is_text(cell) for cell in column] for column in texts]) & np.isnan(columns)
     columns[wrong] = nan
     bad_cells = np.sum(wrong, axis=0)
     refused = (bad_cells > 0) & (bad_cells >= np.sum(np.isfinite(columns), axis=0))
     findings = []
-    if many := int(refused.sum()):
-        words = (
-            f"{pluralize(many, 'row')} with text where numbers belong, as another script or a "
+    if count := int(refused.sum()):
+        text = (
+            f"{pluralize(count, 'row')} with text where numbers belong, as another script or a "
             f"second header writes them"
         )
-        at = line_ranges(table.lines[refused])
-        findings.append(Finding("refused", "text rows", words, count=many, lines=at))
+        ranges = line_ranges(table.lines[refused])
+        findings.append(Finding("refused", "text rows", text, count=count, lines=ranges))
     for position, cells, bad in zip(positions, texts, wrong, strict=True):
-        left = np.flatnonzero(bad & ~refused)
-        if left.size:
-            example = cells[left[0]].decode("utf-8", "replace").strip()[:30]
-            words = f"{pluralize(left.size, 'cell')} of text, as {example!r}, are blank now"
-            at, name = line_ranges(table.lines[left]), table.header[position]
-            findings.append(Finding("repaired", "text cells", words, name, left.size, at))
+        blanked = np.flatnonzero(bad & ~refused)
+        if blanked.size:
+            example = cells[blanked[0]].decode("utf-8", "replace").strip()[:30]
+            text = f"{pluralize(blanked.size, 'cell')} of text, as {example!r}, are blank now"
+            ranges, name = line_ranges(table.lines[blanked]), table.header[position]
+            findings.append(Finding("repaired", "text cells", text, name, blanked.size, ranges))
     return np.ascontiguousarray(columns[:, ~refused]), table.lines[~refused], findings
 
 

@@ -24,17 +24,17 @@ def small_ratio(ratio: float, within: float = 0.03) -> Fraction | None:
         return None
     best = min(
         (Fraction(p, q) for p in range(1, MAX_POLE_PAIRS + 1) for q in range(1, 8)),
-        key=lambda item: abs(float(item) / ratio - 1.0) + 0.002 * item.denominator,
+        key=lambda fraction: abs(float(fraction) / ratio - 1.0) + 0.002 * fraction.denominator,
     )
     return best if best != 1 and abs(float(best) / ratio - 1.0) < within else None
 
 
 def check_speed_scale(recording: Recording) -> list[Finding]:
     """Return the doubts about the speeds of one recording."""
-    found = []
+    findings = []
     if "rpm1" in recording and "rpm1_optical" in recording:
         ratio = _ratio(recording.column("rpm1"), recording.column("rpm1_optical"))
-        found += _off(ratio, "the optical probe", "rpm1")
+        findings += _report_ratio(ratio, "the optical probe", "rpm1")
     rotors = speed_columns(recording.names, "rpm")
     if len(rotors) > 1 and not any(name.startswith("pwm2") for name in recording.names):
         for name in rotors:
@@ -43,27 +43,27 @@ def check_speed_scale(recording: Recording) -> list[Finding]:
             )
             ratio = _ratio(recording.column(name), others)
             if abs(ratio - 1.0) > 0.25:
-                found += _off(ratio, "the other rotors at the same throttle", name)
-    return found + _too_efficient(recording)
+                findings += _report_ratio(ratio, "the other rotors at the same throttle", name)
+    return findings + _check_efficiency(recording)
 
 
-def _ratio(one: Array, other: Array) -> float:
-    rows = np.isfinite(one) & np.isfinite(other) & (one > 0.0) & (other > 0.0)
-    return float(np.median(one[rows] / other[rows])) if np.count_nonzero(rows) >= 3 else 1.0
+def _ratio(speed: Array, other_speed: Array) -> float:
+    rows = np.isfinite(speed) & np.isfinite(other_speed) & (speed > 0.0) & (other_speed > 0.0)
+    return float(np.median(speed[rows] / other_speed[rows])) if np.count_nonzero(rows) >= 3 else 1.0
 
 
-def _off(ratio: float, against: str, name: str) -> list[Finding]:
+def _report_ratio(ratio: float, against: str, name: str) -> list[Finding]:
     nearest = small_ratio(ratio)
     if nearest is None:
         return []
-    words = (
+    text = (
         f"{ratio:.3g} times {against}, near {nearest}: a wrong pole count? --scale "
         f"{name}={1 / nearest} mends it"
     )
-    return [Finding("doubt", "rpm ratio", words, name)]
+    return [Finding("doubt", "rpm ratio", text, name)]
 
 
-def _too_efficient(recording: Recording) -> list[Finding]:
+def _check_efficiency(recording: Recording) -> list[Finding]:
     """Doubt speeds at which the shaft would give more than the motor gets."""
     needed = ("rpm1", "torque_Nm", "voltage_V", "current_A")
     if any(name not in recording for name in needed):
@@ -79,35 +79,37 @@ def _too_efficient(recording: Recording) -> list[Finding]:
     efficiency = float(np.median(shaft / electrical[rows]))
     if efficiency < LIKELY_EFFICIENCY:
         return []
-    words = (
+    text = (
         f"the shaft would give {efficiency:.0%} of the electrical power: rpm too high (wrong pole "
         f"count), or torque or current without its zero"
     )
-    return [Finding("doubt", "impossible efficiency", words, "rpm1", int(np.count_nonzero(rows)))]
+    return [Finding("doubt", "impossible efficiency", text, "rpm1", int(np.count_nonzero(rows)))]
 
 
-def compare_speeds(named: Sequence[tuple[str, Recording]]) -> dict[str, list[Finding]]:
+def compare_speeds(recordings: Sequence[tuple[str, Recording]]) -> dict[str, list[Finding]]:
     """Return doubts about files that hold another speed at the same pulse and thrust."""
-    found: dict[str, list[Finding]] = {name: [] for name, _ in named}
-    curves = [(name, curve) for name, item in named if (curve := _curve(item)) is not None]
-    for (name, one), (other_name, other) in combinations(curves, 2):
-        low, high = max(one[0][0], other[0][0]), min(one[0][-1], other[0][-1])
-        pulses = one[0][(one[0] >= low) & (one[0] <= high)]
+    findings: dict[str, list[Finding]] = {name: [] for name, _ in recordings}
+    curves = [
+        (name, curve) for name, recording in recordings if (curve := _curve(recording)) is not None
+    ]
+    for (name, first), (other_name, second) in combinations(curves, 2):
+        low, high = max(first[0][0], second[0][0]), min(first[0][-1], second[0][-1])
+        pulses = first[0][(first[0] >= low) & (first[0] <= high)]
         if pulses.size < 2:
             continue
-        thrusts = [np.interp(pulses, curve[0], curve[1]) for curve in (one, other)]
-        speeds = [np.interp(pulses, curve[0], curve[2]) for curve in (one, other)]
-        alike = np.median(np.abs(thrusts[0] - thrusts[1])) < 0.15 * np.median(np.abs(thrusts[0]))
+        thrusts = [np.interp(pulses, curve[0], curve[1]) for curve in (first, second)]
+        speeds = [np.interp(pulses, curve[0], curve[2]) for curve in (first, second)]
+        is_alike = np.median(np.abs(thrusts[0] - thrusts[1])) < 0.15 * np.median(np.abs(thrusts[0]))
         ratio = float(np.median(speeds[0] / speeds[1]))
         nearest = small_ratio(ratio)
-        if alike and nearest is not None and abs(ratio - 1.0) > 0.2:
-            for mine, theirs, off in ((name, other_name, ratio), (other_name, name, 1 / ratio)):
-                words = (
-                    f"{off:.3g} times the speed of {theirs} at the same pulse and thrust, near "
-                    f"{small_ratio(off) or nearest}: one of the two has a wrong pole count"
+        if is_alike and nearest is not None and abs(ratio - 1.0) > 0.2:
+            for path, against, factor in ((name, other_name, ratio), (other_name, name, 1 / ratio)):
+                text = (
+                    f"{factor:.3g} times the speed of {against} at the same pulse and thrust, near "
+                    f"{small_ratio(factor) or nearest}: one of the two has a wrong pole count"
                 )
-                found[mine].append(Finding("doubt", "rpm ratio", words, "rpm1"))
-    return found
+                findings[path].append(Finding("doubt", "rpm ratio", text, "rpm1"))
+    return findings
 
 
 def _curve(recording: Recording) -> tuple[Array, Array, Array] | None:

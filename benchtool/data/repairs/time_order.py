@@ -21,45 +21,47 @@ Positions = NDArray[np.intp]
 MAX_STEP_RATIO = 10.0  # steps back beyond are a new start; in the reference logs hundreds; assumed
 
 
-def repair_time_order(read: ImportResult) -> ImportResult:
+def repair_time_order(result: ImportResult) -> ImportResult:
     """Return the import with times that never go backwards."""
-    if "time_s" not in read.recording or len(read.recording) < 2:
-        return read
+    if "time_s" not in result.recording or len(result.recording) < 2:
+        return result
     findings: list[Finding] = []
 
-    def note(kind: Kind, what: str, words: str, at: Positions, count: int | None = None) -> None:
-        many = at.size if count is None else count
-        findings.append(Finding(kind, what, words, "time_s", many, read.lines_of(at)))
+    def note(
+        kind: Kind, what: str, text: str, positions: Positions, count: int | None = None
+    ) -> None:
+        size = positions.size if count is None else count
+        findings.append(Finding(kind, what, text, "time_s", size, result.format_lines(positions)))
 
-    time_s = read.recording.column("time_s").copy()
-    known = np.isfinite(time_s)
-    if not known.all():
-        blank = np.flatnonzero(~known)
-        words = f"{pluralize(blank.size, 'row')} without a time stay where they stand"
-        note("doubt", "blank time", words, blank)
-    rows = np.flatnonzero(known)
+    time_s = result.recording.column("time_s").copy()
+    finite = np.isfinite(time_s)
+    if not finite.all():
+        blank = np.flatnonzero(~finite)
+        text = f"{pluralize(blank.size, 'row')} without a time stay where they stand"
+        note("doubt", "blank time", text, blank)
+    rows = np.flatnonzero(finite)
     ordered = time_s[rows]
     if not np.any(np.diff(ordered) < 0.0):
-        return read.with_findings(findings)
+        return result.with_findings(findings)
     forward = np.diff(ordered)[np.diff(ordered) > 0.0]
     usual_s = float(np.median(forward)) if forward.size else 0.0
     _move_strays(ordered, rows, usual_s, note)
     _join_restarts(ordered, rows, usual_s, note)
     time_s[rows] = ordered
-    mended = read.with_values("time_s", time_s)
+    repaired = result.with_values("time_s", time_s)
     latest = np.maximum.accumulate(ordered)
     moved = np.flatnonzero(ordered < latest)
     if moved.size:
-        words = (
+        text = (
             f"{pluralize(moved.size, 'row')} stamped up to {(latest - ordered).max():.3g} s before "
             f"an earlier row; all rows sorted by time"
         )
-        note("repaired", "time goes backwards", words, rows[moved])
+        note("repaired", "time goes backwards", text, rows[moved])
         order = np.arange(len(time_s))
         order[rows] = rows[np.argsort(ordered, kind="stable")]
-        lines = None if read.lines is None else read.lines[order]
-        mended = replace(mended, recording=mended.recording.select(order), lines=lines)
-    return mended.with_findings(findings)
+        lines = None if result.lines is None else result.lines[order]
+        repaired = replace(repaired, recording=repaired.recording.select(order), lines=lines)
+    return repaired.with_findings(findings)
 
 
 def _move_strays(time_s: Array, rows: Positions, usual_s: float, note: Callable[..., None]) -> None:
@@ -68,21 +70,23 @@ def _move_strays(time_s: Array, rows: Positions, usual_s: float, note: Callable[
     The first row of a stand's log is often stamped with the time at which the log was started.
     """
     if time_s[0] > time_s[1] and time_s[0] - time_s[1] < MAX_STEP_RATIO * max(usual_s, 1e-9):
-        words = (
+        text = (
             f"the first row is stamped {time_s[0]:.6g} s, the second {time_s[1]:.6g} s; the first "
             f"now carries the time of the second"
         )
         time_s[0] = time_s[1]
-        note("repaired", "time goes backwards", words, rows[:1])
+        note("repaired", "time goes backwards", text, rows[:1])
     before, here, after = time_s[:-2], time_s[1:-1], time_s[2:]
-    far = MAX_STEP_RATIO * usual_s
+    step_s = MAX_STEP_RATIO * usual_s
     strays = 1 + np.flatnonzero(
-        (after >= before) & (after - before < far) & ((here - after > far) | (before - here > far))
+        (after >= before)
+        & (after - before < step_s)
+        & ((here - after > step_s) | (before - here > step_s))
     )
     if strays.size:
         time_s[strays] = 0.5 * (time_s[strays - 1] + time_s[strays + 1])
-        words = f"{pluralize(strays.size, 'row')} far off its neighbours; set between them"
-        note("repaired", "stray time", words, rows[strays])
+        text = f"{pluralize(strays.size, 'row')} far off its neighbours; set between them"
+        note("repaired", "stray time", text, rows[strays])
 
 
 def _join_restarts(
@@ -94,11 +98,11 @@ def _join_restarts(
     for start in starts.tolist():
         shift_s = float(time_s[start - 1] - time_s[start] + usual_s)
         time_s[start:] += shift_s
-        words = (
+        text = (
             f"time starts anew ({original[start - 1]:.6g} s, then {original[start]:.6g} s): "
             f"another recording in the same file; from there {shift_s:.6g} s are added"
         )
-        note("repaired", "time starts anew", words, rows[start : start + 1], len(time_s) - start)
+        note("repaired", "time starts anew", text, rows[start : start + 1], len(time_s) - start)
 
 
 _CHECKED = re.compile(r"rpm\d*(_optical)?|thrust_N|torque_Nm|current_A|voltage_V|theta_rad")
@@ -106,43 +110,43 @@ _CHECKED = re.compile(r"rpm\d*(_optical)?|thrust_N|torque_Nm|current_A|voltage_V
 SPIKE_SHARE = 0.5  # of the range (1st to 99th percentile) there and back; assumed
 
 
-def remove_spikes(read: ImportResult) -> ImportResult:
+def remove_spikes(result: ImportResult) -> ImportResult:
     """Blank spikes of speeds, which no rotor can follow; doubt those of other channels."""
-    for name in read.recording.names:
+    for name in result.recording.names:
         if not _CHECKED.fullmatch(name):
             continue
-        values = read.recording.column(name)
+        values = result.recording.column(name)
         rows = find_spikes(values)
-        rows = rows[~_with_throttle(read.recording, rows)]
+        rows = rows[~_follows_throttle(result.recording, rows)]
         if not rows.size:
             continue
         worst = values[rows[np.argmax(np.abs(values[rows]))]]
-        words = f"{pluralize(rows.size, 'reading')} up to {worst:g} between steady ones"
+        text = f"{pluralize(rows.size, 'reading')} up to {worst:g} between steady ones"
         kind: Kind = "doubt"
         if name.startswith("rpm"):
-            kind, words = "repaired", f"{words}, now blank"
+            kind, text = "repaired", f"{text}, now blank"
             blanked = values.copy()
             blanked[rows] = nan
-            read = read.with_values(name, blanked)
+            result = result.with_values(name, blanked)
             for other in dependent_quantities(name):
-                if other in read.recording:
-                    stale = read.recording.column(other).copy()
+                if other in result.recording:
+                    stale = result.recording.column(other).copy()
                     stale[rows] = nan
-                    read = read.with_values(other, stale)
-        found = Finding(kind, "spikes", words, name, rows.size, read.lines_of(rows))
-        read = read.with_findings([found])
-    return read
+                    result = result.with_values(other, stale)
+        finding = Finding(kind, "spikes", text, name, rows.size, result.format_lines(rows))
+        result = result.with_findings([finding])
+    return result
 
 
-def _with_throttle(recording: Recording, rows: Positions) -> NDArray[np.bool_]:
+def _follows_throttle(recording: Recording, rows: Positions) -> NDArray[np.bool_]:
     """Return in which of these rows the throttle jumps too, so that a rotor has reason to."""
     moved = np.zeros(rows.size, bool)
     for name in recording.names:
         if name.startswith("pwm"):
             pulse = recording.column(name)
             span = float(np.nanmax(pulse) - np.nanmin(pulse))
-            for beside in (rows - 1, rows + 1):  # a spike has a row on either side
-                moved |= np.abs(pulse[rows] - pulse[beside]) > 0.05 * span
+            for neighbours in (rows - 1, rows + 1):  # a spike has a row on either side
+                moved |= np.abs(pulse[rows] - pulse[neighbours]) > 0.05 * span
     return moved
 
 
@@ -151,12 +155,14 @@ def find_spikes(values: Array) -> Positions:
     rows = np.flatnonzero(np.isfinite(values))
     if rows.size < 7:
         return rows[:0]
-    known = values[rows]
-    some = known[:: max(1, rows.size // 20_000)]
-    low, high = np.percentile(some, [1.0, 99.0]) if some.size > 100 else np.sort(known)[[1, -2]]
-    before, here, after = known[:-2], known[1:-1], known[2:]
+    finite = values[rows]
+    subset = finite[:: max(1, rows.size // 20_000)]
+    low, high = (
+        np.percentile(subset, [1.0, 99.0]) if subset.size > 100 else np.sort(finite)[[1, -2]]
+    )
+    before, here, after = finite[:-2], finite[1:-1], finite[2:]
     up, down = here - before, here - after
     jump = np.minimum(np.abs(up), np.abs(down))
-    found = (up * down > 0.0) & (jump > SPIKE_SHARE * max(high - low, 0.0))
-    found &= (np.abs(after - before) < 0.1 * jump) & (jump > 0.2 * np.abs(before))
-    return rows[1 + np.flatnonzero(found)]
+    is_spike = (up * down > 0.0) & (jump > SPIKE_SHARE * max(high - low, 0.0))
+    is_spike &= (np.abs(after - before) < 0.1 * jump) & (jump > 0.2 * np.abs(before))
+    return rows[1 + np.flatnonzero(is_spike)]

@@ -51,7 +51,7 @@ def test_columns_are_mapped_converted_and_filtered(path):
     [
         ({"thrust_N": "Thrust"}, [], MissingColumn, r"\[columns\] names 'Thrust', which .* lacks"),
         ({"thrust_N": "note"}, [], FileFormatError, r"line 2: column 'note' holds 'first'"),
-        ({"thrust_N": "Fz"}, ["series=x"], FileFormatError, "the column holds: Fz0, Fz30"),
+        ({"thrust_N": "Fz"}, ["series=x"], FileFormatError, "the column contains: Fz0, Fz30"),
         ({"thrust_N": "Fz"}, ["sweep=x"], UnknownChoice, "unknown column of .* 'sweep'"),
         ({"thrust_N": "Fz"}, ["series"], InputError, "COLUMN=VALUE"),
         ({"thrust_N": {"column": "Fz", "unit": "V"}}, [], InputError, "does not measure force"),
