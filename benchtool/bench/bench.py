@@ -1,8 +1,7 @@
-"""The seam to hardware: what a rotor bench is, whoever answers.
+"""Bench interface. Drivers block with a timeout, and time stamps are bench time (`now_s`).
 
-A `Bench` is a device with motors, a plate and a stream of readings. Drivers block, with a timeout.
-The time of a bench is its own (`now_s`): the wall clock of a real one, a virtual clock of a
-simulated one, so that nothing above this seam ever sleeps on real time by itself.
+Bench time is the wall clock of a real bench and a virtual clock of a simulated one, so code that
+uses a `Bench` never sleeps on wall time.
 """
 
 from __future__ import annotations
@@ -22,29 +21,28 @@ from benchtool.core.errors import LinkLost
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceInfo:
-    """Say who answers.
+    """Device information.
 
     Attributes:
-        device_id: the device's own unchanging name (serial number).
-        firmware: name and version in the device's words.
-        channels: what the stream carries, in order, without the two times.
-        channel_rates_Hz: how often each channel has a new value; empty where the device does not
-            say.
-        simulated: True when no physical motor turns.
-        watchdog_s: the device stops its motors after so long without a heartbeat.
-        has_loop: a control loop on the bench makes the pulses once it is armed.
-        armed_by_operator: somebody else than the host may arm that loop, as with a transmitter.
-        pwm_stop_us: pulse at which the motors stand still; None where the device gives none.
-        pwm_idle_us: longest pulse at which the plate may move; None where the device gives none.
-        outputs_measured: `pwm1_us` and so on are outputs that were read back, not the host's own
-            commands repeated.
-        longest_delay_s: longest time, on the bench's clock, that an order took so far, where orders
-            carry no age: one may still come so long after a stop. 0 where late orders are refused.
+        device_id: permanent identifier of the device (serial number).
+        firmware: name and version as the device reports them.
+        channels: channels of the stream, in order, without the two time columns.
+        channel_rates_Hz: update rate of each channel; empty if the device does not report it.
+        simulated: True if no physical motor turns.
+        watchdog_s: the device stops its motors after this time without a heartbeat.
+        has_loop: an armed control loop on the bench sets the pulse widths.
+        armed_by_operator: the loop may be armed without the host, for example by a transmitter.
+        pwm_stop_us: pulse width at motor standstill; None if the device does not report it.
+        pwm_idle_us: longest pulse width at which the plate may move; None if not reported.
+        outputs_measured: `pwm1_us` and so on are outputs that were read back, not a copy of the
+            host's commands.
+        longest_delay_s: longest delay of a command so far, bench time, if commands carry no age: a
+            command may arrive this long after a stop. 0 if the device rejects late commands.
         speed: bench seconds per wall second, above 1 for a virtual bench that runs faster.
-        orders_protected: whether the device refuses an order that comes late, as after a stop.
-        channel_hash: CRC of names and units of the channels, as the device repeats it when it is
-            armed; empty where the device knows none.
-        facts: anything else worth keeping with a run; for people, no decision hangs on them.
+        orders_protected: the device rejects late commands, for example after a stop.
+        channel_hash: CRC of channel names and units, repeated by the device when it is armed; empty
+            if the device reports none.
+        facts: further metadata stored with a run; for display only.
     """
 
     address: str
@@ -73,18 +71,17 @@ class DeviceInfo:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """Hold the samples that arrived since the last read.
+    """Samples received since the last read.
 
     Attributes:
-        time_s: (m,) host time of each sample on the bench's clock.
+        time_s: (m,) host time of each sample, bench time.
         device_time_us: (m,) device time, unwrapped, microseconds.
         values: (m, c) in the order and units of `DeviceInfo.channels`; nan where a channel had no
             new value at that instant.
-        lost: samples that the sequence numbers say were lost since the last read.
-        corrupt: frames thrown away for a wrong checksum since the last read.
-        repeated: samples left out since the last read because they came twice, or too late to be
-            put in order.
-        messages: the device's own events and warnings, oldest first.
+        lost: samples lost since the last read, by sequence number.
+        corrupt: frames with a wrong checksum since the last read, discarded.
+        repeated: samples discarded since the last read: duplicates, or too late to be reordered.
+        messages: events and warnings of the device, oldest first.
     """
 
     time_s: Array
@@ -101,68 +98,68 @@ class Readings:
 
 @runtime_checkable
 class Bench(Protocol):
-    """Command motors and plate, and read the stream; every method blocks at most its timeout.
+    """Motor and plate commands, and the stream; every method blocks at most its timeout.
 
-    A bench is a context manager: leaving it commands zero, closes the link and never raises over
-    the error that is already on its way, except StandstillNotSeen with that error as its cause.
+    A bench is a context manager. Leaving it commands zero and closes the link. It raises nothing
+    over an exception in flight, except StandstillNotSeen, with that exception as its cause.
     """
 
     @property
     def identity(self) -> DeviceInfo:
-        """Who answers; known once the bench is open."""
+        """Device information; available once the bench is open."""
 
     def now_s(self) -> float:
-        """Return the bench's clock in seconds, monotonic."""
+        """Return the bench time in seconds, monotonic."""
 
     def open(self) -> None:
-        """Open the link and learn who answers.
+        """Open the link and read the device information.
 
         Raises:
-            PortBusy, PortDenied, NoDevice: the port cannot be had, or nothing answers on it.
-            ProtocolError: it answers, but not in a protocol that we speak.
+            PortBusy, PortDenied, NoDevice: the port is not available, or no device replies.
+            ProtocolError: the reply is not in a supported protocol.
         """
 
     def close(self) -> None:
         """Command zero if that is still possible and close the link; safe to call twice."""
 
     def set_pwm(self, pwm_us: Array) -> None:
-        """Command every motor's pulse (n_rotors,): us; the acknowledgement has been read.
+        """Command the pulse width of every motor (n_rotors,): us; wait for the acknowledgement.
 
         Raises:
-            CommandRefused: the device refused it.
-            LinkLost: no acknowledgement came.
+            CommandRefused: rejected by the device.
+            LinkLost: no acknowledgement within the timeout.
         """
 
     def stop(self) -> None:
-        """Command zero to every motor and halt the plate at once; a second stop is no error."""
+        """Command zero to every motor and stop the plate at once; a second stop is no error."""
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        """Ask for a plate position and return when it stands there.
+        """Move the plate and return after its arrival.
 
         Raises:
-            StageError: the stage refused, alarmed, or did not arrive in time.
+            StageError: the stage rejected the move, raised an alarm, or did not arrive in time.
         """
 
     def tare(self) -> None:
-        """Let the device take the present load-cell reading as zero thrust."""
+        """Tare the load cell on the device: the present reading becomes zero thrust."""
 
     def set_rate(self, rate_Hz: float) -> None:
-        """Ask for a stream rate.
+        """Request a stream rate.
 
         Raises:
-            InputError: the rate does not fit the link; the message carries the arithmetic.
+            InputError: the rate exceeds the link's bandwidth; the message contains the calculation.
         """
 
     def read(self, timeout_s: float) -> Readings:
-        """Return what arrived, waiting at most `timeout_s` for the first sample.
+        """Return the received samples; wait at most `timeout_s` for the first.
 
-        A heartbeat is sent as often as the device's watchdog needs it while reading. On a virtual
+        Heartbeats are sent while reading, as often as the device's watchdog requires. On a virtual
         clock the call advances time by `timeout_s`.
 
         Raises:
-            LinkLost: the link broke or stayed silent for longer than the stale limit.
-            DeviceStopped: the device says that it stopped by itself; raised once, later reads
-                give what it still sends.
+            LinkLost: the link broke or was silent for longer than the stale limit.
+            DeviceStopped: the device reports that it stopped its motors; raised once, later reads
+                return the samples that still arrive.
         """
 
     def __enter__(self) -> Self: ...
@@ -176,7 +173,7 @@ class Bench(Protocol):
 
 
 def concatenate_readings(parts: Sequence[Readings]) -> Readings:
-    """Return one block of all samples, losses added up, messages in order."""
+    """Return one block of all samples, with summed losses and messages in order."""
     if len(parts) == 1:
         return parts[0]
     return Readings(
@@ -191,16 +188,16 @@ def concatenate_readings(parts: Sequence[Readings]) -> Readings:
 
 
 class ContextBench(ABC):
-    """Make a context manager of a driver that has `open` and `close`."""
+    """Base class of drivers: a context manager that calls `open` and `close`."""
 
     address = ""
     _identity: DeviceInfo | None = None
 
     @property
     def identity(self) -> DeviceInfo:
-        """Who answers, from `open` on; a driver stores it in `_identity`, None while closed."""
+        """Device information from `open` on; a driver stores it in `_identity`, None if closed."""
         if self._identity is None:
-            raise LinkLost(f"{self.address} is not open; open it first")
+            raise LinkLost(f"{self.address} is not open; call open() first")
         return self._identity
 
     @abstractmethod
@@ -217,53 +214,54 @@ class ContextBench(ABC):
         self.close()
 
 
-Listener = Callable[[Readings], None]  # gets each block once, in order; quick, never raises
+Listener = Callable[[Readings], None]  # receives each block once, in order; fast, never raises
 
 
 @runtime_checkable
 class Subscribable(Protocol):
-    """Publish samples as they come, whatever call waits for the device."""
+    """Source that publishes samples on arrival, also while another call waits for the device."""
 
     def subscribe(self, listener: Listener) -> None:
-        """Give a listener every block from now on, before `read` hands it out, in its thread."""
+        """Pass every later block to the listener, before `read` returns it, in its thread."""
 
 
 class StreamingBench(ContextBench):
-    """Be a driver whose samples come by themselves.
+    """Driver of a device that streams without requests.
 
-    Those that come during a command are held for the next read; a listener gets each at once.
+    Samples that arrive during a command are buffered for the next read; the listener gets each
+    block immediately.
     """
 
     def __init__(self, address: str) -> None:
         self.address = address
         self._listener: Listener | None = None
-        self._forget()
+        self._clear_buffer()
 
     def subscribe(self, listener: Listener) -> None:
         self._listener = listener
 
-    def _forget(self) -> None:
-        """Forget everything that was not read."""
-        self._waiting: list[Readings] = []
-        self._losses: list[Readings] = []  # losses and messages without a sample to go with
+    def _clear_buffer(self) -> None:
+        """Discard all unread samples."""
+        self._buffered: list[Readings] = []
+        self._losses: list[Readings] = []  # losses and messages of blocks without samples
 
-    def _hold(self, readings: Readings) -> None:
-        """Hold a block for the next read; one without samples goes along with the next samples."""
+    def _buffer_readings(self, readings: Readings) -> None:
+        """Buffer a block for the next read; one without samples joins the next samples."""
         if len(readings):
-            self._waiting.append(self._published(readings))
+            self._buffered.append(self._publish(readings))
         else:
             self._losses.append(readings)
 
-    def _held(self) -> Readings | None:
-        """Return the samples that wait, in one block; None where there are none."""
-        waiting, self._waiting = self._waiting, []
-        return concatenate_readings(waiting) if waiting else None
+    def _take_buffered(self) -> Readings | None:
+        """Return the buffered samples as one block and clear the buffer; None if it is empty."""
+        buffered, self._buffered = self._buffered, []
+        return concatenate_readings(buffered) if buffered else None
 
-    def _held_or(self, fresh: Callable[[], Readings]) -> Readings:
-        held = self._held()
-        return self._published(fresh()) if held is None else held
+    def _take_buffered_or_read(self, read: Callable[[], Readings]) -> Readings:
+        buffered = self._take_buffered()
+        return self._publish(read()) if buffered is None else buffered
 
-    def _published(self, readings: Readings) -> Readings:
+    def _publish(self, readings: Readings) -> Readings:
         counts, self._losses = self._losses, []
         readings = concatenate_readings([*counts, readings])
         if self._listener is not None:

@@ -1,7 +1,7 @@
-"""What is checked of each kind of channel: one table for the guard and for the visits of a sweep.
+"""Checks per kind of channel, for the guard and for the points of a sweep.
 
-Outliers are left out of the mean of every channel alike, and every channel whose noise a rig
-states is found when it repeats one number; the table says what differs.
+Two checks apply to every channel: outliers are excluded from its mean, and a channel with a noise
+in the rig is checked for a frozen value. The table contains the differences.
 """
 
 from __future__ import annotations
@@ -12,22 +12,20 @@ from math import inf
 
 from benchtool.core.rig import Limits
 
-SLOW_CHANNEL_RATE_HZ = (
-    10.0  # voltage, current and temperature may be silent this much longer than thrust and rpm
-)
+SLOW_CHANNEL_RATE_HZ = 10.0  # factor on the silence limit of voltage, current and temperature
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelChecks:
-    """Say what is checked of one kind of channel.
+    """Checks of one kind of channel.
 
     Attributes:
-        limits: give the least and the greatest reading; the guard watches no channel without them.
-        advice: what to do about a reading beyond.
-        silence: multiple of the guard's `stale_s` for which it may bring no new value.
-        needed: a visit in which it is short, late or frozen is measured again; of other channels
-            an event says so.
-        follows: it changes with the pulses and with the other channels that do.
+        limits: returns the lowest and highest allowed reading; without it the guard checks nothing.
+        advice: remedy for a reading outside the limits.
+        silence: multiple of the guard's `stale_s` allowed without a new value.
+        needed: a point whose channel is short, late or frozen is measured again; other channels
+            only cause an event.
+        follows: it changes with the pulse widths and with the other such channels.
     """
 
     limits: Callable[[Limits], tuple[float, float]] | None = None
@@ -38,11 +36,11 @@ class ChannelChecks:
 
 
 def _thrust(limits: Limits) -> tuple[float, float]:
-    most_N = min(limits.thrust_N, limits.load_cell_rating_N)
-    return -most_N, most_N
+    max_N = min(limits.thrust_N, limits.load_cell_rating_N)
+    return -max_N, max_N
 
 
-CHECKS: dict[str, ChannelChecks] = {  # by kind of channel: its name without the rotor's number
+CHECKS: dict[str, ChannelChecks] = {  # by channel family: the name without the rotor number
     "thrust_N": ChannelChecks(
         _thrust,
         "lower the plan's pwm or raise limits.thrust_N within the load cell's rating",

@@ -1,4 +1,4 @@
-"""Device time on the host's clock, and whether the host ran."""
+"""Device time on the host's clock, and detection of host pauses."""
 
 from __future__ import annotations
 
@@ -11,29 +11,25 @@ from benchtool.bench.bench import DeviceInfo
 from benchtool.core.array_type import Array
 from benchtool.core.errors import HostSuspended, ReadingsLate
 
-WINDOW_S = 10.0  # wall time of a smallest delay: quartz drifts by 0.5 ms (50 ppm); assumed
-MAX_SLEW_RATE = (
-    2e-4  # usual correction, seconds per second: four times the drift of a poor quartz; assumed
-)
+WINDOW_S = 10.0  # wall time of the delay minimum; quartz drifts by 0.5 ms (50 ppm) in it; assumed
+MAX_SLEW_RATE = 2e-4  # correction, seconds per second: four times a poor quartz's drift; assumed
 
+# The same if delays have grown by more than jitter: ceramic resonators are off by 0.5 %, and a
+# backlog must grow instead of passing for drift; both assumed.
 DRIFT_SLEW, JITTER_S = 0.01, 0.02
-"""The same where delays have grown by more than jitter makes: ceramic resonators are off by 0.5 %,
-and a backlog must grow, not pass for a drift. Choices."""
 
-INITIAL_SLEW_RATE = (
-    0.5  # the same for too early readings; below 1: host time never runs back; assumed
-)
+INITIAL_SLEW_RATE = 0.5  # for too early readings; below 1, so host time is monotonic; assumed
 
 
 class DeviceClock:
-    """Turn device time into host time.
+    """Conversion of device time to host time.
 
     A line arrives no sooner than it was sent, so arrival minus device time is the offset of the
-    clocks plus a delay that is never negative. The minimum over a sliding window is the estimate.
-    It changes freely until a time is returned, and so slowly later that times never run backwards.
+    clocks plus a delay that is never negative. The estimate is the minimum over a sliding window.
+    It changes freely before the first returned time, and later so slowly that times never decrease.
 
     Args:
-        speed: of both clocks, seconds per second of wall time: delays are of wall time.
+        speed: seconds of both clocks per wall second, because delays are wall time.
     """
 
     def __init__(self, speed: float = 1.0) -> None:
@@ -42,13 +38,13 @@ class DeviceClock:
         self._window_start_s = 0.0
         self._present_s = self._previous_s = inf
         self._last_device_s = 0.0
-        self._returned: tuple[float, float] | None = None  # newest device time, its offset: s
+        self._newest: tuple[float, float] | None = None  # newest device time, its offset: s
 
     def learn(self, device_time_us: int, arrived_s: float) -> None:
-        """Note that a line stamped `device_time_us` (unwrapped) arrived at `arrived_s`.
+        """Update the offset from a line with stamp `device_time_us` (unwrapped).
 
         Args:
-            arrived_s: when the host received it, not when it came to look at it.
+            arrived_s: host time at which the line was received, not at which it was read.
         """
         device_s = device_time_us * 1e-6
         delay_s = arrived_s - device_s
@@ -57,7 +53,7 @@ class DeviceClock:
             self._previous_s, self._present_s = self._present_s, delay_s
         self._present_s = min(self._present_s, delay_s)
         target_s = min(self._present_s, self._previous_s)
-        if self._offset_s is None or self._returned is None:
+        if self._offset_s is None or self._newest is None:
             self._offset_s = target_s
         else:
             error_s = target_s - self._offset_s
@@ -76,21 +72,21 @@ class DeviceClock:
         """Return the host times (m,): s of device times (m,): us."""
         device_s: Array = device_time_us.astype(np.float64) * 1e-6
         offset_s = self._offset_s or 0.0
-        before_s, before_offset_s = self._returned or (0.0, offset_s)
-        if len(device_s) and (newest_s := float(device_s.max())) > before_s:
-            self._returned = (newest_s, offset_s)
-            # What was learnt since the last time returned spreads over the time since then.
-            return device_s + np.interp(device_s, [before_s, newest_s], [before_offset_s, offset_s])
-        return device_s + before_offset_s
+        from_s, from_offset_s = self._newest or (0.0, offset_s)
+        if len(device_s) and (newest_s := float(device_s.max())) > from_s:
+            self._newest = (newest_s, offset_s)
+            # Corrections since the last returned time are spread over the time since then.
+            return device_s + np.interp(device_s, [from_s, newest_s], [from_offset_s, offset_s])
+        return device_s + from_offset_s
 
 
-MAX_GAP_S = 1.0  # a pause above this ends a run whatever the device's watchdog allows; assumed
+MAX_GAP_S = 1.0  # a longer pause ends a run for every watchdog of a device; assumed
 
 
 class HostGapDetector:
-    """Notice how long a loop that waits only briefly did not run.
+    """Longest pause of a loop that waits only briefly.
 
-    A command may take long because the line loses answers; its host ran all the while.
+    A command may take long because the line loses acknowledgements although its host runs.
 
     Attributes:
         longest_s: longest time between two rounds since `begin`.
@@ -108,9 +104,9 @@ class HostGapDetector:
 
 
 class HostPauseMonitor:
-    """Compare when the host came back from waiting with when it had to.
+    """Comparison of the actual with the expected end of a wait of the host.
 
-    A host that is late by more than the device's watchdog has let its orders lapse.
+    The commands of a host that is later than the device's watchdog have expired.
 
     Args:
         identity: watchdog in wall time, speed of the bench's clock.
@@ -122,25 +118,25 @@ class HostPauseMonitor:
         self._due_s = now_s
 
     def expect(self, now_s: float, wall_s: float = 0.0, bench_s: float = 0.0) -> None:
-        """Expect the host back after a wait, given in wall time or on the bench's clock."""
+        """Set the expected end of a wait, given in wall time or in bench time."""
         self._due_s = now_s + wall_s * self._speed + bench_s
 
     def late(self, now_s: float) -> HostSuspended | None:
-        """Return the error of a host that comes back too late, None otherwise."""
+        """Return an error if the host is late by more than the limit, else None."""
         late_s = (now_s - self._due_s) / self._speed
         return HostSuspended(late_s, self._limit_s) if late_s > self._limit_s else None
 
 
+# Largest age of readings, or lead of their stamps, and longest time of either before the run ends
+# (wall time); assumed: no watchdog of a device and no check of benchtool waits longer.
 MAX_READING_AGE_S = 1.0
-"""Readings may be so old when they are read, or stamped so far ahead, and be so for as long before
-it ends a run (wall time); a choice: no device's watchdog and no check of ours waits longer."""
 
 
 class ReadingAgeMonitor:
-    """Compare when readings were made with when they were read.
+    """Age of readings when they are read.
 
-    One block may be old: it waited while nobody read. Where they stay old, the host reads more
-    slowly than the bench sends, or the clock of the bench does not run as it states.
+    One block may be old because it waited for a read. If readings stay old, the host reads more
+    slowly than the bench sends, or the bench's clock does not run at its stated speed.
 
     Args:
         identity: speed of the bench's clock.
@@ -152,7 +148,7 @@ class ReadingAgeMonitor:
         self._age_s = 0.0
 
     def note(self, time_s: Array, now_s: float) -> None:
-        """Note the times (m,): s of readings that are read now."""
+        """Record the times (m,): s of readings that are read now."""
         if not len(time_s):
             return
         self._age_s = (now_s - float(time_s[-1])) / self._speed
@@ -163,7 +159,7 @@ class ReadingAgeMonitor:
 
     @property
     def late(self) -> ReadingsLate | None:
-        """The error of readings that were late when they were read last, None otherwise."""
+        """The error of the last readings if they were late, else None."""
         if self._since_s is None:
             return None
         return ReadingsLate(self._age_s, MAX_READING_AGE_S, self._speed)

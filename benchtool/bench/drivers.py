@@ -1,8 +1,7 @@
-"""Every kind of address and the driver behind it.
+"""Address schemes and their drivers.
 
-A driver is named by a string, so that nothing here imports it before it is used, and so that the
-simulator, which stands above this room, can be one of them. Nothing falls back to another scheme,
-least of all to the simulator: a user who names a port that is not there gets that as an error.
+Drivers are named by strings, so that none is imported before it is used and the simulator, in a
+package above this one, can be listed. A missing port is an error: no scheme falls back to another.
 """
 
 from __future__ import annotations
@@ -26,10 +25,10 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """One kind of address.
+    """Driver of one address scheme.
 
     Attributes:
-        opener: "module:function" that turns such an address into a bench, not opened yet.
+        opener: "module:function" that builds an unopened bench from an address.
     """
 
     address: type[Address]
@@ -40,7 +39,7 @@ class Driver:
         return self.address.EXAMPLE
 
 
-DRIVERS: dict[str, Driver] = {  # by the scheme of an address
+DRIVERS: dict[str, Driver] = {  # by address scheme
     "sim": Driver(address=SimAddress, opener="benchtool.virtual.simulated_bench:open_simulated"),
     "serial": Driver(address=SerialAddress, opener="benchtool.bench.serial.bench:open_serial"),
     "tcp": Driver(address=TcpAddress, opener="benchtool.bench.serial.bench:open_tcp"),
@@ -50,38 +49,38 @@ DRIVERS: dict[str, Driver] = {  # by the scheme of an address
 
 
 def parse_address(text: str) -> Address:
-    """Return the typed values of an address; nothing is opened and no file is read.
+    """Return the parsed address; no link is opened and no file is read.
 
     Raises:
-        InputError, UnknownChoice: it cannot be read.
+        InputError, UnknownChoice: invalid address.
     """
     scheme, colon, _ = text.strip().partition(":")
     if not colon:
         examples = ", ".join(driver.example for driver in DRIVERS.values())
-        raise InputError(f"{text!r:.60} names no scheme; write it as one of: {examples}")
+        raise InputError(f"{text!r:.60} has no address scheme; use one of: {examples}")
     if scheme not in DRIVERS:
         raise UnknownChoice("address scheme", scheme[:60], DRIVERS)
     return DRIVERS[scheme].address.parse(text)
 
 
 def open_bench(address: str, permit: CodePermit = check_code_allowed) -> Bench:
-    """Return the bench of an address, not opened yet: enter it with `with`, or call `open()`.
+    """Return the bench of an address, not opened; enter it with `with`, or call `open()`.
 
     Args:
-        address: as a person wrote it, or as data hold it.
-        permit: called with the file of a truth's own effects before it is run; only an address
-            that a person wrote may have one that does not refuse.
+        address: as typed by a user or stored in data.
+        permit: callback that gets the file of a truth's user-defined effects before it is run; only
+            for an address typed by a user may it be one that does not raise.
 
     Raises:
-        InputError, UnknownChoice: the address cannot be read.
-        FileFormatError: a file that it names cannot be read.
+        InputError, UnknownChoice: invalid address.
+        FileFormatError: a file in the address cannot be read.
     """
-    parsed = replace(parse_address(address), permit=permit)
-    bench: Bench = load_object(DRIVERS[address.strip().partition(":")[0]].opener)(parsed)
+    parsed_address = replace(parse_address(address), permit=permit)
+    bench: Bench = load_object(DRIVERS[address.strip().partition(":")[0]].opener)(parsed_address)
     return bench
 
 
 def load_object(name: str) -> Any:
-    """Return what "module:function" names."""
+    """Return the object of "module:function"."""
     module, _, function = name.partition(":")
     return getattr(import_module(module), function)

@@ -1,11 +1,11 @@
-"""A safe way to hold any bench: limits on every sample, and zero on every way out.
+"""Guarded bench: limits on every sample, and zero throttle on every exit.
 
-A `GuardedBench` is itself a bench. Entered as a context manager it ends in one of two ways: the
-body came to its end, and the motors ramp down within a second; or anything else (an error, a
-limit, Ctrl-C, SIGTERM, a closed terminal, a lost link), and zero is commanded at once, the plate
-halted, the reason recorded. Either way the bench is then read until its rotors were seen to stand,
-and the link closed. Signals are deferred from entering to leaving: the next command or read raises
-them, so that they interrupt neither a stop nor the way of a sample to the disk.
+A `GuardedBench` is itself a bench. After a body without error, leaving it ramps the motors down
+within a second. After anything else (an error, a limit, Ctrl-C, SIGTERM, a closed terminal, a lost
+link) zero is commanded at once, the plate is stopped and the reason is recorded. In both cases the
+bench is then read until standstill is confirmed, and the link is closed. Signals are deferred from
+entering to leaving: the next command or read raises them, so they interrupt neither a stop nor the
+writing of a sample.
 """
 
 from __future__ import annotations
@@ -35,26 +35,25 @@ from benchtool.core.errors import (
     LinkLost,
     RunInterrupted,
 )
-from benchtool.core.plural import pluralize
 from benchtool.core.rig import Limits, Rig
 
-RAMP_S = 0.9  # a normal end takes this long from any throttle to zero
-
+RAMP_S = 0.9  # duration of a normal ramp from any throttle to zero
 RAMP_STEPS = 10
-REPLY_TIMEOUT_S = 1.5
-"""A command is answered or given up within this, wall time: `where`, `arm` and `pwm`, each waited
-for 5 x 100 ms. A pause of the host within it is noticed by the drivers, who see each round."""
 
+# Wall time within which a command is acknowledged or given up: `where`, `arm` and `pwm` wait for
+# 5 x 100 ms each. The drivers notice a pause of the host within it, because they see each round.
+REPLY_TIMEOUT_S = 1.5
+
+# The same behind an autopilot: an armed loop is reported once a second, and an overfilled line or
+# a router delays acknowledgements by seconds.
 SLOW_REPLY_S = 6.0
-"""The same behind an autopilot: a loop that is armed first shows that once a second, and an
-overfilled line or a router brings acknowledgements seconds late."""
 
 
 class GuardedBench(MotorStateBench):
-    """Watch over a bench.
+    """Wrapper that checks limits and guarantees a stop.
 
     Args:
-        stale_s: a channel without a new value for so long is dead.
+        stale_s: longest time without a new value of a channel.
     """
 
     def __init__(
@@ -63,92 +62,92 @@ class GuardedBench(MotorStateBench):
         super().__init__(bench, rig)
         self._limits = rig.limits if limits is None else limits
         self._stale_s = stale_s
-        self._check: LimitCheck | None = None
-        self._pause: HostPauseMonitor | None = None
-        self._age: ReadingAgeMonitor | None = None
-        self._plate: PlateCheck | None = None
+        self._limit_check: LimitCheck | None = None
+        self._host_pause: HostPauseMonitor | None = None
+        self._reading_age: ReadingAgeMonitor | None = None
+        self._plate_check: PlateCheck | None = None
         self._unread: list[Readings] = []
-        self._signals = StopSignals(self._note_reason)
+        self._signals = StopSignals(self._record_reason)
 
     def open(self) -> None:
         self.bench.open()
         if (present := self.identity.n_rotors) != self._rig.n_rotors:
             raise InputError(
-                f"rig {self._rig.name!r} has {pluralize(self._rig.n_rotors, 'rotor')}, but the "
-                f"bench {self.identity.address} drives {present}; name the rig that stands on it"
+                f"number of rotors differs: rig {self._rig.name!r} has {self._rig.n_rotors}, bench "
+                f"{self.identity.address} has {present}; use the rig file of this bench"
             )
         self._begin()
-        self._pause = HostPauseMonitor(self.identity, self.now_s())
-        self._age = ReadingAgeMonitor(self.identity)
-        self._check = LimitCheck(
+        self._host_pause = HostPauseMonitor(self.identity, self.now_s())
+        self._reading_age = ReadingAgeMonitor(self.identity)
+        self._limit_check = LimitCheck(
             self.identity.channels, self._rig, self._limits, self._stale_s, self.now_s()
         )
-        self._plate = PlateCheck(self.identity.channels, self._rig)
+        self._plate_check = PlateCheck(self.identity.channels, self._rig)
         if self.identity.has_loop:
             self.expect_loop()
 
     def expect_loop(self) -> None:
-        """Judge speeds by the pulses that the bench reports, because a loop on it makes them.
+        """Compare speeds with the pulse widths that the bench reports, set by its control loop.
 
-        A bench that says of itself that it is a pitch bench is judged so from the beginning.
+        A bench that identifies itself as a pitch bench is checked so from `open` on.
         """
-        if self._check is not None and self._watch is not None:
-            self._watch.expect_loop()
-            self._check.expect_loop(self.now_s(), armed_else=self.identity.armed_by_operator)
+        if self._limit_check is not None and self._monitor is not None:
+            self._monitor.expect_loop()
+            self._limit_check.expect_loop(self.now_s(), armed_else=self.identity.armed_by_operator)
 
     def tighten(self, limits: Limits) -> None:
-        """Watch narrower limits from now on: anything up to the rig's, nothing beyond.
+        """Apply narrower limits from now on, up to the rig's limits.
 
         Raises:
-            InputError: a limit is looser than the rig's; nothing has changed.
+            InputError: a limit is looser than the rig's; no limit was changed.
         """
-        for name, wanted in asdict(limits).items():
-            stated, least = getattr(self._rig.limits, name), name == "voltage_min_V"
-            if (wanted < stated) if least else (wanted > stated):
+        for name, value in asdict(limits).items():
+            rig_limit, is_minimum = getattr(self._rig.limits, name), name == "voltage_min_V"
+            if (value < rig_limit) if is_minimum else (value > rig_limit):
                 raise InputError(
-                    f"limits.{name} = {wanted:g} is looser than the rig's {stated:g}; give "
-                    f"{'at least' if least else 'at most'} that, or change the rig file"
+                    f"limits.{name} = {value:g} is looser than the rig's {rig_limit:g}; give "
+                    f"{'at least' if is_minimum else 'at most'} that, or change the rig file"
                 )
         self._limits = limits
-        if self._check is not None:
-            self._check.tighten(limits)
+        if self._limit_check is not None:
+            self._limit_check.tighten(limits)
 
     def close(self) -> None:
-        self._check = self._watch = None
+        self._limit_check = self._monitor = None
         self.bench.close()
 
     def set_pwm(self, pwm_us: Array) -> None:
-        """Command every motor's pulse; nothing is sent that breaks `limits.pwm_us`."""
+        """Command the pulse width of every motor; nothing above `limits.pwm_us` is sent."""
         self._refuse_after_stop("pwm")
-        pulses = np.array(pwm_us, float).ravel()
-        if len(pulses) != self._rig.n_rotors or not np.isfinite(pulses).all():
+        command_pwm_us = np.array(pwm_us, float).ravel()
+        if len(command_pwm_us) != self._rig.n_rotors or not np.isfinite(command_pwm_us).all():
             raise InputError(
-                f"pulses {pulses.tolist()} were not sent; {self._rig.n_rotors} finite ones are "
-                f"needed, one for each rotor"
+                f"pulse widths {command_pwm_us.tolist()} us are invalid, command not sent; needed: "
+                f"{self._rig.n_rotors} finite values, one for each rotor"
             )
-        if (pulses > self._limits.pwm_us).any():
-            motor = int(np.argmax(pulses))
+        if (command_pwm_us > self._limits.pwm_us).any():
+            motor = int(np.argmax(command_pwm_us))
             raise InputError(
-                f"a pulse of {pulses[motor]:g} us for motor {motor + 1} was not sent, limit "
-                f"{self._limits.pwm_us:g} us; lower it or raise limits.pwm_us"
+                f"pulse width {command_pwm_us[motor]:g} us of motor {motor + 1} exceeds the limit "
+                f"of {self._limits.pwm_us:g} us, command not sent; reduce it or raise limits.pwm_us"
             )
         self._end_if_paused()
-        # Noted before it is sent: an acknowledgement that is lost may leave the motors turning.
-        before = self._pwm_us
-        self._note_command(pulses)
+        # Recorded before it is sent: motors may turn although the acknowledgement is lost.
+        previous_us = self._pwm_us
+        self._record_command(command_pwm_us)
         late = self.identity.has_loop or self.identity.longest_delay_s > 0.0
         self._expect(wall_s=SLOW_REPLY_S if late else REPLY_TIMEOUT_S)
         try:
-            self.bench.set_pwm(pulses)
+            self.bench.set_pwm(command_pwm_us)
         except CommandRefused:
-            self._note_command(before)
+            self._record_command(previous_us)
             raise
         except (BenchError, HostSuspended) as error:
             self._end_if_paused(error)
-            self._halt(error)
+            self._stop_once(error)
             raise
         self._end_if_paused()
-        # Speeds are held against pulses from the acknowledgement on, which may take long.
+        # Speeds are compared with pulse widths from the acknowledgement on, which may take long.
         self._commanded_s = self.now_s()
         self._expect()
 
@@ -159,47 +158,47 @@ class GuardedBench(MotorStateBench):
                 self.bench.move_plate(z_m, x_m, tilt_rad)
             self.confirm_plate(z_m, z_m)
         except BenchError as error:
-            self._halt(error)
+            self._stop_once(error)
             raise
 
     def confirm_plate(self, target_m: float, stage_m: float, more_m: float = 0.0) -> None:
-        """Compare target, stage and the bench's own reading, where there is one, after a move.
+        """Compare target, stage position and plate reading (if there is one) after a move.
 
-        `move_plate` does this by itself; whoever moves a separate stage asks for it afterwards.
+        `move_plate` includes this check; call it after moving a separate stage.
 
         Raises:
-            StageError: target, stage and reading disagree, or nothing was read.
+            StageError: target, stage and reading disagree, or there was no reading.
         """
-        if self._plate is None:
+        if self._plate_check is None:
             return
-        problem = wait_for_plate(self, self._plate, target_m, stage_m, more_m)
+        problem = wait_for_plate(self, self._plate_check, target_m, stage_m, more_m)
         if problem is not None:
-            self._halt(problem)
+            self._stop_once(problem)
             raise problem
 
     def ready_for_move(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        """Allow the plate to move there: at idle throttle only, never inside the minimum gap.
+        """Check that the plate may move: at idle throttle only, never below the minimum distance.
 
-        Waits for rotors that still turn; what is read meanwhile comes with the next `read`.
-        `move_plate` asks this by itself; whoever moves a separate stage asks it first.
+        Waits for rotors that still turn; the next `read` returns the samples of the wait.
+        `move_plate` includes this check; call it before moving a separate stage.
 
         Raises:
-            StageError: motors above idle, rotors that do not slow down, or a place outside of the
-                plate's travel.
+            StageError: motors above idle, rotors that do not slow down, or a target outside the
+                plate's travel range.
         """
         self._refuse_after_stop("plate")
         check_travel(self._rig, z_m, x_m, tilt_rad)
         wait_for_idle(self, self._rig)
-        if self._plate is not None:
-            self._plate.departs()
+        if self._plate_check is not None:
+            self._plate_check.departs()
 
     def tare(self) -> None:
-        """Tare, with every motor commanded to stand still."""
+        """Tare the load cell; rejected unless every motor is commanded to stop."""
         self._refuse_after_stop("tare")
         if (self._pwm_us > self._rig.propulsion.pwm_stop_us).any():
             raise InputError(
-                f"no tare while motors are commanded {self._pwm_us.max():g} us; command "
-                f"{self._rig.propulsion.pwm_stop_us:g} us first"
+                f"tare rejected: a motor is commanded to {self._pwm_us.max():g} us; allowed: "
+                f"{self._rig.propulsion.pwm_stop_us:g} us; stop the motors first"
             )
         self.bench.tare()
 
@@ -207,12 +206,12 @@ class GuardedBench(MotorStateBench):
         self.bench.set_rate(rate_Hz)
 
     def read(self, timeout_s: float) -> Readings:
-        """Return what arrived, every sample of it within its limits.
+        """Return the received samples; all are within their limits.
 
         Raises:
-            LimitExceeded: a reading beyond its limit; zero was commanded before this was raised.
-                The samples that show it are in `take_unread`.
-            ReadingsLate: the same where readings stay late.
+            LimitExceeded: a reading exceeded its limit, and zero was commanded. `take_unread`
+                returns the samples that show it.
+            ReadingsLate: the same for readings that stay late.
         """
         self._signals.raise_if_requested()
         new = self._read_checked(timeout_s)
@@ -220,40 +219,40 @@ class GuardedBench(MotorStateBench):
         return concatenate_readings([*unread, new])
 
     def _read_checked(self, timeout_s: float) -> Readings:
-        if self._check is None or self._age is None:
-            raise LinkLost("a bench that is not open was read; open it first")
+        if self._limit_check is None or self._reading_age is None:
+            raise LinkLost("read() needs an open bench; call open() first")
         self._end_if_paused()
         self._expect(bench_s=timeout_s)
         try:
             readings = self.bench.read(timeout_s)
         except (BenchError, HostSuspended) as error:
             self._end_if_paused(error)
-            self._halt(error)
+            self._stop_once(error)
             raise
         self._end_if_paused(readings=readings)
         self._expect()
-        assert self._watch is not None
-        self._watch.take(readings.time_s, readings.values)
-        self._check.commanded(self._pwm_us, self._commanded_s)
+        assert self._monitor is not None
+        self._monitor.take(readings.time_s, readings.values)
+        self._limit_check.commanded(self._pwm_us, self._commanded_s)
         now_s = self.now_s()
-        self._age.note(readings.time_s, now_s)
-        # No reading is newer than now, whatever its stamp.
-        made_s = np.minimum(readings.time_s, now_s)
-        breach = self._check.breach(made_s, readings.values, self._age.late)
-        if breach is None and self._age.stays_late(now_s):
-            breach = self._age.late
-        if breach is not None:
-            self._halt(breach)
+        self._reading_age.note(readings.time_s, now_s)
+        # No reading is newer than now, whatever its time stamp.
+        sampled_s = np.minimum(readings.time_s, now_s)
+        violation = self._limit_check.breach(sampled_s, readings.values, self._reading_age.late)
+        if violation is None and self._reading_age.stays_late(now_s):
+            violation = self._reading_age.late
+        if violation is not None:
+            self._stop_once(violation)
             self._unread.append(readings)
-            raise breach
-        if self._plate is not None:
-            self._plate.note(readings.values)
+            raise violation
+        if self._plate_check is not None:
+            self._plate_check.note(readings.values)
         return readings
 
     def listen(self, timeout_s: float) -> Readings:
-        """Read and check as `read` does, and hold the samples for the next `read`.
+        """Read and check as `read` does, and buffer the samples for the next `read`.
 
-        For whoever waits for something else, as for an operator.
+        For waits such as an operator's answer.
         """
         self._signals.raise_if_requested()
         readings = self._read_checked(timeout_s)
@@ -261,7 +260,7 @@ class GuardedBench(MotorStateBench):
         return readings
 
     def interruptible(self) -> AbstractContextManager[None]:
-        """Let a signal raise at once within this scope; elsewhere the next command or read does.
+        """Raise signals immediately inside this context; elsewhere the next command or read does.
 
         For waits that call neither, such as an operator's answer.
         """
@@ -270,24 +269,25 @@ class GuardedBench(MotorStateBench):
     def request_stop(self, reason: str) -> None:
         """Stop from any thread: the next command or read raises RunStopped.
 
-        Zero is sent from the calling thread where the bench can do that.
+        Zero is sent from the calling thread if the bench supports that.
         """
         self._signals.request(reason)
         send_halt(self.bench)
 
     def take_unread(self) -> Readings | None:
-        """Return samples that were read but not handed out, such as those that broke a limit."""
+        """Return and clear the unread samples, such as those that exceeded a limit."""
         unread, self._unread = self._unread, []
         return concatenate_readings(unread) if unread else None
 
     def ramp_down(self, take: Callable[[Readings], None] | None = None) -> None:
-        """Bring every motor to zero within a second, reading on."""
-        top, end = self._pwm_us, np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
-        if (top > end).any():
+        """Ramp every motor to zero within a second while reading."""
+        start_us = self._pwm_us
+        stop_us = np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
+        if (start_us > stop_us).any():
             for step in range(1, RAMP_STEPS + 1):
-                self.set_pwm(top + (end - top) * (step / RAMP_STEPS))
-                until_s = self.now_s() + RAMP_S / RAMP_STEPS
-                while (left_s := until_s - self.now_s()) > 1e-9:
+                self.set_pwm(start_us + (stop_us - start_us) * (step / RAMP_STEPS))
+                step_end_s = self.now_s() + RAMP_S / RAMP_STEPS
+                while (left_s := step_end_s - self.now_s()) > 1e-9:
                     readings = self.read(left_s)
                     if take is not None:
                         take(readings)
@@ -309,44 +309,44 @@ class GuardedBench(MotorStateBench):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        with ExitStack() as way_out:
-            # Run in reverse: zero, standstill, the link, the signals, whatever fails in between.
-            way_out.callback(self._signals.restore)
-            way_out.callback(self._quietly, self.close, "closing the link")
+        with ExitStack() as cleanup:
+            # Run in reverse order: zero, standstill, link, signals, also if one of them fails.
+            cleanup.callback(self._signals.restore)
+            cleanup.callback(self._run_and_collect_error, self.close, "closing the link")
             try:
-                if error is None and self._check is not None and not self._stopped:
+                if error is None and self._limit_check is not None and not self._stopped:
                     self.ramp_down()
-            except BaseException as failed:
-                self._end(failed)
+            except BaseException as failure:
+                self._stop_and_require_standstill(failure)
                 raise
-            self._end(error)
+            self._stop_and_require_standstill(error)
 
     def _expect(self, wall_s: float = 0.0, bench_s: float = 0.0) -> None:
-        if self._pause is not None:
-            self._pause.expect(self.now_s(), wall_s, bench_s)
+        if self._host_pause is not None:
+            self._host_pause.expect(self.now_s(), wall_s, bench_s)
 
     def _end_if_paused(
         self, error: BenchtoolError | None = None, readings: Readings | None = None
     ) -> None:
-        """Command zero where the host did not run while motors turned; late readings are held.
+        """Command zero if the host was paused while motors turned; late readings are buffered.
 
         Raises:
-            HostSuspended: instead of whatever the pause made the device say.
+            HostSuspended: replaces any error that the device reported because of the pause.
         """
-        paused = self._pause.late(self.now_s()) if self._pause is not None else None
-        if paused is None:
+        pause_error = self._host_pause.late(self.now_s()) if self._host_pause is not None else None
+        if pause_error is None:
             return
         self._expect()
         if not self._turning:
             return
         if readings is not None:
             self._unread.append(readings)
-        self._halt(paused)
-        raise paused from error
+        self._stop_once(pause_error)
+        raise pause_error from error
 
     def _refuse_after_stop(self, command: str) -> None:
         self._signals.raise_if_requested()
         if self._stopped:
             raise RunInterrupted(
-                f"{command} was not sent: the bench was stopped ({self.reason}); open it anew"
+                f"{command} was not sent: the bench was stopped ({self.reason}); open it again"
             )

@@ -1,4 +1,4 @@
-"""What answers where another device was expected, judged from its first bytes."""
+"""Identification of an unexpected device from its first bytes."""
 
 from __future__ import annotations
 
@@ -12,19 +12,15 @@ from benchtool.bench.transport.transport import Transport
 
 Kind = Literal["bench", "mavlink", "grbl", "text", "frames", "noise"]
 
-PROBE = frame_command(1, RequestHello()) + b"?"
-"""What makes those speak that are quiet until asked, and turns no motor: a bench answers the
-hello, a G-code stage the question for its state."""
-
-PROBE_S = 0.5  # how long an answer to it is waited for; both answer within milliseconds; assumed
-PRINTABLE_SHARE = 0.9  # from here on bytes are text; half at a wrong baud rate; assumed
+PROBE = frame_command(1, RequestHello()) + b"?"  # hello of a bench, status query of a G-code stage
+PROBE_S = 0.5  # reply timeout of the probe; both devices reply within milliseconds; assumed
+PRINTABLE_SHARE = 0.9  # least share of printable bytes in text; half at a wrong baud rate; assumed
 
 
 def identify_device(received: bytes) -> Kind:
-    """Return what the sender of some bytes is.
+    """Return the kind of device that sent these bytes.
 
-    `frames` looks like MAVLink without one whole frame in it, `noise` is what a wrong baud rate
-    gives.
+    `frames` resembles MAVLink without one complete frame, `noise` is typical of a wrong baud rate.
     """
     from benchtool.bench.mavlink.frames import MavlinkFrames
 
@@ -34,17 +30,17 @@ def identify_device(received: bytes) -> Kind:
         return "mavlink"
     if _is_grbl(received):
         return "grbl"
-    letters = sum(32 <= byte < 127 or byte in b"\r\n\t" for byte in received)
-    if letters >= PRINTABLE_SHARE * len(received):
+    n_printable = sum(32 <= byte < 127 or byte in b"\r\n\t" for byte in received)
+    if n_printable >= PRINTABLE_SHARE * len(received):
         return "text"
     return "frames" if 0xFD in received or 0xFE in received else "noise"
 
 
 def probe_answer(transport: Transport, clock: Callable[[], float]) -> bytes:
-    """Send the probe on an open transport and return what answers, perhaps nothing."""
+    """Send the probe, which turns no motor, and return the received bytes, perhaps none."""
     transport.write(PROBE)
-    received, until_s = b"", clock() + PROBE_S
-    while (left_s := until_s - clock()) > 0.0:
+    received, deadline_s = b"", clock() + PROBE_S
+    while (left_s := deadline_s - clock()) > 0.0:
         received += transport.read(left_s)
     return received
 
@@ -53,48 +49,47 @@ Expected = Literal["mavlink", "bench", "stage"]
 
 MISMATCH_MESSAGES: dict[Expected, dict[Kind | Literal["else"], str]] = {
     "mavlink": {
-        "bench": "speaks the bench protocol, not MAVLink; use a serial: or tcp: address for it",
-        "grbl": "is a G-code stage, not an autopilot; give it as --stage grbl:PORT",
-        "text": "sends text ({shown}), not MAVLink; it is another device, or the autopilot's "
+        "bench": "speaks the bench protocol, not MAVLink; use a serial: or tcp: address",
+        "grbl": "is a G-code stage, not an autopilot; use --stage grbl:PORT",
+        "text": "sends text ({received}), not MAVLink; it is another device, or the autopilot's "
         "console port: choose its telemetry port",
-        "noise": "sends bytes that are not MAVLink ({shown}); the baud rate is wrong: try 57600 or "
-        "115200",
-        "else": "sends bytes of which none makes a whole MAVLink frame ({shown}); the baud rate "
-        "is wrong, or another program reads from the same port",
+        "noise": "sends bytes that are not MAVLink ({received}); the baud rate is wrong: try 57600 "
+        "or 115200",
+        "else": "sends bytes without one complete MAVLink frame ({received}); the baud rate is "
+        "wrong, or another program reads from the same port",
     },
     "bench": {
-        "bench": "speaks the bench protocol, but gave no hello that can be read; the line loses "
-        "bytes, or its firmware is not whole: look at the cable, then at the firmware",
-        "mavlink": "speaks MAVLink: it is a flight controller; use mavlink:{place} for it",
-        "grbl": "is no bench: it is a G-code stage; give it as --stage grbl:{port}",
-        "text": "sends text ({shown}), which is not the bench protocol; it is another device, or "
-        "a board with another program: `benchtool firmware` writes one for an Arduino",
-        "else": "sends bytes that are no text ({shown}), and benches speak text; the baud rate is "
-        "wrong: write the device's own as ?baud= (benchtool's firmware has 500000)",
+        "bench": "speaks the bench protocol, but its hello is not readable; the line loses bytes, "
+        "or the firmware is incomplete: check the cable, then the firmware",
+        "mavlink": "speaks MAVLink: it is a flight controller; use mavlink:{link}",
+        "grbl": "is no bench: it is a G-code stage; use --stage grbl:{port}",
+        "text": "sends text ({received}), which is not the bench protocol; it is another device, "
+        "or a board with another program: `benchtool firmware` writes one for an Arduino",
+        "else": "sends bytes that are no text ({received}), but the bench protocol is text; the "
+        "baud rate is wrong: set the device's rate with ?baud= (benchtool's firmware: 500000)",
     },
     "stage": {
         "bench": "speaks the bench protocol: it is the bench, not a G-code stage; swap the ports",
         "mavlink": "speaks MAVLink: it is a flight controller, not a G-code stage; swap the ports",
-        "noise": "sends bytes that are no text ({shown}); the baud rate is wrong: GRBL has 115200 "
-        "unless ?baud= says otherwise",
-        "frames": "sends bytes that are no text ({shown}); the baud rate is wrong: GRBL has 115200 "
-        "unless ?baud= says otherwise",
-        "else": "did not say its name after a reset, but sends text ({shown}); it is another "
+        "noise": "sends bytes that are no text ({received}); the baud rate is wrong: GRBL uses "
+        "115200 unless ?baud= is set",
+        "frames": "sends bytes that are no text ({received}); the baud rate is wrong: GRBL uses "
+        "115200 unless ?baud= is set",
+        "else": "sent no GRBL name after a reset, but sends text ({received}); it is another "
         "device, or no GRBL 1.1",
     },
-}
-"""What a sentence that begins with an address ends in, by what was expected and what answers."""
+}  # predicate of a sentence that starts with the address, by expected and by identified device
 
 
 def mismatch_message(expected: Expected, received: bytes, address: str = "") -> str:
-    """Return the end of a sentence that begins with the address of what was expected."""
-    known = MISMATCH_MESSAGES[expected]
-    start = bytes(received[:40])
-    place = address.partition("?")[0]
-    return known.get(identify_device(received), known["else"]).format(
-        shown=repr(start if start.isascii() else start[:12]),
-        place=place,
-        port=place.partition(":")[2],
+    """Return the predicate of a sentence that starts with the address of the expected device."""
+    messages = MISMATCH_MESSAGES[expected]
+    first_bytes = bytes(received[:40])
+    link = address.partition("?")[0]
+    return messages.get(identify_device(received), messages["else"]).format(
+        received=repr(first_bytes if first_bytes.isascii() else first_bytes[:12]),
+        link=link,
+        port=link.partition(":")[2],
     )
 
 
@@ -102,6 +97,6 @@ def _is_grbl(received: bytes) -> bool:
     if b"Grbl" in received:
         return True
     lines = [line for line in received.decode("latin-1").splitlines() if line.strip()]
-    # The first and the last may be cut.
-    whole = lines[1:-1] if len(lines) > 2 else lines
-    return bool(whole) and not any(isinstance(parse_line(line), Other) for line in whole)
+    # The first and the last line may be incomplete.
+    complete = lines[1:-1] if len(lines) > 2 else lines
+    return bool(complete) and not any(isinstance(parse_line(line), Other) for line in complete)

@@ -1,4 +1,4 @@
-"""What the motors of a bench were commanded, zero at once, and whether their rotors then stood."""
+"""Commanded motor state: last pulse widths, emergency stop and standstill check."""
 
 from __future__ import annotations
 
@@ -13,29 +13,27 @@ from benchtool.core.array_type import Array
 from benchtool.core.errors import StandstillNotConfirmed
 from benchtool.core.rig import Rig
 
-STANDSTILL_TIMEOUT_S = (
-    0.1  # extra watch over the longest delay seen, where an order may be late; assumed
-)
+STANDSTILL_TIMEOUT_S = 0.1  # watched beyond the longest delay of a late command; assumed
 
 
 class MotorStateBench:
-    """Record what the motors were commanded and stop them for good."""
+    """Base class that records motor commands and stops the motors."""
 
     def __init__(self, bench: Bench, rig: Rig) -> None:
         self.bench = bench
         self.reason: str | None = None
         self.troubles: list[str] = []
         self._rig = rig
-        self._watch: StandstillMonitor | None = None
-        self._looked: Standstill | None = None
+        self._monitor: StandstillMonitor | None = None
+        self._standstill: Standstill | None = None
         self._pwm_us = self._zero_us()
         self._commanded_s = 0.0
         self._stopped = False
 
     def _begin(self) -> None:
         self._commanded_s = self.now_s()
-        self._watch = StandstillMonitor(self.identity, self._rig, self.now_s())
-        self._looked = None
+        self._monitor = StandstillMonitor(self.identity, self._rig, self.now_s())
+        self._standstill = None
 
     @property
     def identity(self) -> DeviceInfo:
@@ -43,15 +41,15 @@ class MotorStateBench:
 
     @property
     def pwm_us(self) -> Array:
-        """The last commanded pulses (n_rotors,): us."""
+        """The last commanded pulse widths (n_rotors,): us."""
         return self._pwm_us.copy()
 
     @property
     def standstill(self) -> Standstill | None:
-        """What was seen of the rotors since zero was commanded; None while a motor is driven."""
-        if self._looked is not None or self._watch is None or self._turning:
-            return self._looked
-        return self._watch.state()
+        """Standstill check since zero was commanded; None while a motor is driven."""
+        if self._standstill is not None or self._monitor is None or self._turning:
+            return self._standstill
+        return self._monitor.state()
 
     @property
     def _turning(self) -> bool:
@@ -61,132 +59,127 @@ class MotorStateBench:
         return self.bench.now_s()
 
     def stop(self) -> None:
-        self._note_command(self._zero_us())
+        self._record_command(self._zero_us())
         self.bench.stop()
 
     def see_standstill(
         self, take: Callable[[Readings], object] | None = None, at_least_s: float = 0.0
     ) -> Standstill:
-        """Command zero and read on until the rotors were seen to stand; never raises.
+        """Command zero and read until standstill is confirmed or times out; never raises.
 
-        Leaving the guard does this by itself unless it was done since a motor was driven last.
-        Limits are not checked any more: there is nothing left to stop.
+        Leaving the guard includes this, unless it was done since a motor was last driven.
+        Limits are no longer checked, because all motors are already commanded to stop.
         """
-        assert self._watch is not None
+        assert self._monitor is not None
         if self._turning:
-            self._note_command(self._zero_us())
-            self._quietly(self.bench.stop, "commanding zero")
+            self._record_command(self._zero_us())
+            self._run_and_collect_error(self.bench.stop, "commanding zero")
         if (delay_s := self.identity.longest_delay_s) > 0.0:
             at_least_s = max(at_least_s, delay_s + STANDSTILL_TIMEOUT_S)
-        self._looked = wait_for_standstill(self.bench, self._watch, take, at_least_s)
-        return self._looked
+        self._standstill = wait_for_standstill(self.bench, self._monitor, take, at_least_s)
+        return self._standstill
 
     def require_standstill(self, ends_normally: bool = False) -> None:
-        """Refuse to call motors stopped that were not seen to stand.
+        """Raise if the last standstill check failed.
 
         Args:
-            ends_normally: rotors that no channel measures are then no error.
+            ends_normally: rotors without a speed channel then pass.
 
         Raises:
-            StandstillNotConfirmed: what was seen, and why the run ended.
+            StandstillNotConfirmed: contains the readings and the reason of the end of the run.
         """
-        state = self._looked
+        state = self._standstill
         if state is None or state.seen or (ends_normally and state.only_unmeasured):
             return
-        unseen = StandstillNotConfirmed(self.with_standstill(self.reason or ""), state.rpm)
-        self._halt(unseen)
-        raise unseen
+        error = StandstillNotConfirmed(self.with_standstill(self.reason or ""), state.rpm)
+        self._stop_once(error)
+        raise error
 
     def check_standstill(self) -> None:
-        """Refuse to go on with a rotor that does not stand `SPIN_DOWN_S` after zero was commanded.
+        """Raise if a rotor still turns `SPIN_DOWN_S` after zero was commanded.
 
-        For whoever reads on after a stop. Rotors that no channel measures pass.
+        For reads that continue after a stop. Rotors without a speed channel pass.
 
         Raises:
-            StandstillNotConfirmed: what was seen; zero was commanded again.
+            StandstillNotConfirmed: contains the readings; zero was commanded again.
         """
-        if self._turning or self._watch is None or self._looked is not None:
+        if self._turning or self._monitor is None or self._standstill is not None:
             return
         now_s = self.now_s()
-        state = self._watch.state()
-        if now_s - self._watch.zero_s < SPIN_DOWN_S or state.seen or state.only_unmeasured:
+        state = self._monitor.state()
+        if now_s - self._monitor.zero_s < SPIN_DOWN_S or state.seen or state.only_unmeasured:
             return
-        self._looked = state
+        self._standstill = state
         self.require_standstill()
 
     def with_standstill(self, reason: str) -> str:
-        """Return why a run ended, after the rotors that were not seen to stand."""
-        state = self._looked
+        """Return why a run ended, preceded by the rotors without confirmed standstill."""
+        state = self._standstill
         if state is None or state.seen:
             return reason
         return f"{state.text}; the run ended because: {reason}" if reason else state.text
 
-    def _end(self, error: BaseException | None) -> None:
-        """Command zero unless it is, and look until the rotors stand.
+    def _stop_and_require_standstill(self, error: BaseException | None) -> None:
+        """Command zero unless that was done, and read until standstill is confirmed.
 
         Raises:
-            StandstillNotConfirmed: they were not seen to stand; the error is its cause.
+            StandstillNotConfirmed: standstill was not confirmed; the error is its cause.
         """
         if error is not None or self._turning:
-            self._halt(error)
-        if self._watch is None:
+            self._stop_once(error)
+        if self._monitor is None:
             return
-        if self._looked is None:
+        if self._standstill is None:
             self.see_standstill()
         if isinstance(error, StandstillNotConfirmed):
             return
         try:
             self.require_standstill(ends_normally=error is None)
-        except StandstillNotConfirmed as unseen:
-            raise unseen from error
+        except StandstillNotConfirmed as standstill_error:
+            raise standstill_error from error
 
-    def _halt(self, error: BaseException | None) -> None:
-        """Command zero at once, and only once; note why."""
+    def _stop_once(self, error: BaseException | None) -> None:
+        """Command zero, only once, and record the reason."""
         if error is not None:
-            self._note_reason(_words(error))
+            self._record_reason(_error_text(error))
         if self._stopped:
             return
         self._stopped = True
-        self._note_command(self._zero_us())
-        self._quietly(self.bench.stop, "commanding zero")
+        self._record_command(self._zero_us())
+        self._run_and_collect_error(self.bench.stop, "commanding zero")
 
     def _zero_us(self) -> Array:
         return np.full(self._rig.n_rotors, self._rig.propulsion.pwm_stop_us)
 
-    def _note_command(self, pulses_us: Array) -> None:
+    def _record_command(self, pulses_us: Array) -> None:
         self._pwm_us, self._commanded_s = pulses_us, self.now_s()
-        if self._watch is not None:
-            self._watch.commanded(pulses_us, self._commanded_s)
+        if self._monitor is not None:
+            self._monitor.commanded(pulses_us, self._commanded_s)
         if self._turning:
-            self._looked = None
+            self._standstill = None
 
-    def _quietly(self, action: Callable[[], None], what: str) -> None:
-        """Act without raising over the error that is already on its way."""
+    def _run_and_collect_error(self, action: Callable[[], None], description: str) -> None:
+        """Run an action; store its error instead of raising over the exception in flight."""
         try:
             action()
-        except Exception as error:  # noqa: BLE001 -- nothing may skip the rest of the way out
-            self.troubles.append(f"{what} failed: {_words(error)}")
+        except Exception as error:  # noqa: BLE001 -- nothing may skip the remaining cleanup
+            self.troubles.append(f"{description} failed: {_error_text(error)}")
 
-    def _note_reason(self, reason: str) -> None:
+    def _record_reason(self, reason: str) -> None:
         if self.reason is None:
             self.reason = reason
 
 
-def _words(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     if isinstance(error, KeyboardInterrupt):
         return "stopped by Ctrl-C"
     return " ".join(str(error).split()) or type(error).__name__
 
 
-SPIN_DOWN_S = 4.0  # rotors must stand so long after a stop: small ones take about 1 s; assumed
-REPEAT_INTERVAL_S = (
-    1.0  # zero is commanded again so often while a rotor is not seen to stand; assumed
-)
-
+SPIN_DOWN_S = 4.0  # longest coasting time after a stop; small rotors take about 1 s; assumed
+REPEAT_INTERVAL_S = 1.0  # zero is commanded again until standstill is confirmed; assumed
 POLL_INTERVAL_S = 0.05
-FAILURES = 5
-"""After so many reads in a row that failed, nothing more can be seen; each failure commands zero
-again, which waits for its answer."""
+FAILURES = 5  # failed reads in a row that end the check; each one commands zero and waits for it
 
 
 def wait_for_standstill(
@@ -195,35 +188,35 @@ def wait_for_standstill(
     take: Callable[[Readings], object] | None = None,
     at_least_s: float = 0.0,
 ) -> Standstill:
-    """Read on after zero was commanded until every rotor that was driven was seen to stand.
+    """Read after zero was commanded until standstill of every driven rotor is confirmed.
 
-    Zero is commanded again while that is not seen, and it is given up after `SPIN_DOWN_S`, or when
-    the link brings nothing any more. Never raises.
+    Zero is commanded again meanwhile. The check ends after `SPIN_DOWN_S`, or if the link brings no
+    more readings. Never raises.
 
     Args:
-        bench: the one on the wire, not its guard, which would raise why it was stopped.
-        watch: has followed commands and readings so far.
-        take: is given every block that is read.
-        at_least_s: read on for so long in any case.
+        bench: the driver, not its guard, whose reads would raise the reason of the stop.
+        watch: monitor that has received all commands and readings so far.
+        take: callback for every block that is read.
+        at_least_s: shortest duration of reading.
     """
-    begun_s = sent_s = bench.now_s()
+    start_s = last_command_s = bench.now_s()
     failures = 0
     while failures < FAILURES:
         now_s = bench.now_s()
         state = watch.state()
-        passed_s = now_s - begun_s
-        over = state.seen or state.only_unmeasured or passed_s >= SPIN_DOWN_S
-        left_s = at_least_s - passed_s
-        if over and left_s <= 1e-9:
+        elapsed_s = now_s - start_s
+        is_finished = state.seen or state.only_unmeasured or elapsed_s >= SPIN_DOWN_S
+        left_s = at_least_s - elapsed_s
+        if is_finished and left_s <= 1e-9:
             break
-        if not state.seen and now_s - sent_s >= REPEAT_INTERVAL_S:
-            sent_s = now_s
+        if not state.seen and now_s - last_command_s >= REPEAT_INTERVAL_S:
+            last_command_s = now_s
             _command_zero(bench)
         try:
             readings = bench.read(
                 min(POLL_INTERVAL_S, left_s) if left_s > 1e-9 else POLL_INTERVAL_S
             )
-        except Exception:  # noqa: BLE001 -- nothing may hide why zero was commanded
+        except Exception:  # noqa: BLE001 -- nothing may hide the reason of the stop
             failures += 1
             _command_zero(bench)
             continue

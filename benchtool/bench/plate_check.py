@@ -1,7 +1,7 @@
-"""Whether the plate may move, and whether it stands where it was sent.
+"""Travel limits of the plate, and the check of its position after a move.
 
-A position is trusted only where it is measured: a stage that counts its own steps cannot know that
-it lost some, and a position channel may be frozen.
+Only a measured position is trusted: a stage that counts its steps cannot detect lost steps, and a
+position channel may be frozen.
 """
 
 from __future__ import annotations
@@ -22,23 +22,21 @@ if TYPE_CHECKING:
     from benchtool.bench.guard import GuardedBench
 
 CHANNEL = "plate_z_m"
-MIN_TOLERANCE_M = (
-    0.001  # closer distances count as one: 1 mm changes thrust by less than 2 %; assumed
-)
-NOISE_MULTIPLE = 4.0  # standard deviations of the sensor that one reading may be off
+MIN_TOLERANCE_M = 0.001  # a change of 1 mm changes thrust by less than 2 %; assumed
+NOISE_MULTIPLE = 4.0  # standard deviations of the sensor allowed for one reading
 
 
 def plate_tolerance_m(rig: Rig) -> float:
-    """Return how far a reading may be from where the plate stands: play, quantum and noise."""
+    """Return the tolerance of a position reading: backlash, quantum and noise."""
     sensor = rig.sensors.get(CHANNEL, Sensor())
     return MIN_TOLERANCE_M + rig.plate.backlash_m + sensor.quantum + NOISE_MULTIPLE * sensor.noise
 
 
 class PlateCheck:
-    """Judge the plate of one bench by what its position channel reads.
+    """Check of the plate's position channel.
 
     Attributes:
-        read_m: the last reading, nan before the first.
+        read_m: last reading, nan before the first.
     """
 
     def __init__(self, channels: Sequence[Channel], rig: Rig) -> None:
@@ -51,28 +49,28 @@ class PlateCheck:
         self._before_m = nan
 
     def note(self, values: NDArray[np.float64]) -> None:
-        """Take the readings of samples (m, c), in channel order."""
+        """Update the last reading from samples (m, c), in channel order."""
         if self.measured:
             present = values[np.isfinite(values[:, self._column]), self._column]
             if len(present):
                 self.read_m = float(present[-1])
 
     def departs(self) -> None:
-        """Note that the plate is about to move."""
+        """Record the position before a move."""
         self._before_m = self.read_m
 
     def arrives(self) -> None:
-        """Count only later readings: the stage reports that the plate has arrived."""
+        """Discard earlier readings: the stage reports that the plate has arrived."""
         self.read_m = nan
 
     def problem(self, target_m: float, stage_m: float, more_m: float = 0.0) -> StageError | None:
-        """Return what is wrong with where the plate stands after a move, None when all agrees.
+        """Return an error if target, stage and reading disagree after a move, else None.
 
         Args:
-            target_m: where it was sent.
-            stage_m: where what moves it says that it stands.
-            more_m: allowed on top of the tolerance, for a position that a person measured and
-                compared with the target.
+            target_m: commanded position.
+            stage_m: position that the stage reports.
+            more_m: added to the tolerance, for a position that an operator measured and compared
+                with the target.
         """
         allowed_m = self.tolerance_m + more_m
         after = f"after the move to {target_m:.4g} m"
@@ -80,31 +78,33 @@ class PlateCheck:
         is_off = more_m == 0.0 and not abs(stage_m - target_m) <= allowed_m
         if not self.measured and is_off:
             return StageError(
-                f"the stage says {stage_m:.4f} m {after}, {limit}; check the axes, zero_mm and "
+                f"the stage reports {stage_m:.4f} m {after}, {limit}; check the axes, zero_mm and "
                 f"direction of --stage"
             )
         if not self.measured:
             return None
-        least_m = self._rig.plate.z_min_m
+        min_gap_m = self._rig.plate.z_min_m
         if not isfinite(self.read_m):
             return StageError(
-                f"{CHANNEL} brought no reading {after}, so where the plate stands is not known; "
+                f"{CHANNEL} brought no reading {after}, so the plate's position is not known; "
                 f"check the position sensor and its cable"
             )
-        if self.read_m < least_m - self.tolerance_m:
+        if self.read_m < min_gap_m - self.tolerance_m:
             return StageError(
-                f"{CHANNEL} reads {self.read_m:.4f} m {after}, inside the least gap of {least_m:g} "
-                f"m of rig {self._rig.name!r}; move the plate away by hand, then check stage and "
-                f"sensor"
+                f"{CHANNEL} reads {self.read_m:.4f} m {after}, inside the least gap of "
+                f"{min_gap_m:g} m of rig {self._rig.name!r}; move the plate away by hand, then "
+                f"check stage and sensor"
             )
-        others_m = (stage_m,) if more_m else (stage_m, target_m)
-        if not is_off and all(abs(self.read_m - other_m) <= allowed_m for other_m in others_m):
+        positions_m = (stage_m,) if more_m else (stage_m, target_m)
+        if not is_off and all(
+            abs(self.read_m - position_m) <= allowed_m for position_m in positions_m
+        ):
             return None
-        stage = "" if stage_m == target_m else f", the stage says {stage_m:.4f} m"
+        stage = "" if stage_m == target_m else f", the stage reports {stage_m:.4f} m"
         if abs(self.read_m - self._before_m) <= allowed_m < abs(target_m - self._before_m):
             return StageError(
                 f"{CHANNEL} still reads {self.read_m:.4f} m {after}{stage}, {limit}: the plate did "
-                f"not move or its position channel is frozen; look at both before motors turn"
+                f"not move or its position channel is frozen; check both before motors turn"
             )
         return StageError(
             f"{CHANNEL} reads {self.read_m:.4f} m {after}{stage}, {limit}; home the stage and "
@@ -113,7 +113,7 @@ class PlateCheck:
         )
 
     def crept(self, stage_m: float, mean_m: float, more_m: float = 0.0) -> StageError | None:
-        """Return an error when the mean reading of a point is not where the stage stands."""
+        """Return an error if the mean reading of a point differs from the stage position."""
         if not self.measured or abs(mean_m - stage_m) <= self.tolerance_m + more_m:
             return None
         if not isfinite(mean_m):
@@ -123,19 +123,18 @@ class PlateCheck:
             )
         return StageError(
             f"the plate moved while motors turned: {CHANNEL} reads {mean_m:.4f} m on average at "
-            f"{stage_m:.4f} m, tolerance {1e3 * (self.tolerance_m + more_m):.1f} mm; look at what "
-            f"holds the plate"
+            f"{stage_m:.4f} m, tolerance {1e3 * (self.tolerance_m + more_m):.1f} mm; check the "
+            f"mount of the plate"
         )
 
 
+# Largest lag of a position reading after a move; assumed: range finders are averaged over about a
+# second, and the seconds of a virtual bench may pass 20 times faster than those of its link.
 PLATE_TIMEOUT_S = 5.0
-"""A position reading may lag behind the plate for so long after a move. A choice: range finders are
-averaged over about a second, and the seconds of a virtual bench may pass 20 times faster than those
-of its link."""
 
 
 def check_travel(rig: Rig, z_m: float, x_m: float, tilt_rad: float) -> None:
-    """Refuse a place outside of the plate's travel."""
+    """Raise if a position is outside the plate's travel range."""
     plate = rig.plate
     if not plate.z_min_m <= z_m <= plate.z_max_m:
         raise StageError(
@@ -152,47 +151,47 @@ def check_travel(rig: Rig, z_m: float, x_m: float, tilt_rad: float) -> None:
 
 
 def wait_for_idle(bench: GuardedBench, rig: Rig) -> None:
-    """Refuse motors that are commanded above idle; wait for rotors that are still fast."""
-    pulse, pwm_us = rig.propulsion, bench.pwm_us
-    # The device's own word, else the rig's.
+    """Raise if motors are commanded above idle; wait for rotors that are still fast."""
+    propulsion, pwm_us = rig.propulsion, bench.pwm_us
+    # Value of the device; falls back to the rig's.
     reported_us = bench.identity.pwm_idle_us
-    idle_us = pulse.pwm_start_us if reported_us is None else reported_us
+    idle_us = propulsion.pwm_start_us if reported_us is None else reported_us
     if (pwm_us > idle_us).any():
         motor = int(np.argmax(pwm_us))
         raise StageError(
             f"the plate was not moved: motor {motor + 1} is commanded {pwm_us[motor]:g} "
             f"us, above idle at {idle_us:g} us; command idle first"
         )
-    at_idle_rad_s = pulse.speed_per_us_rad_s * max(idle_us - pulse.pwm_start_us, 0.0)
-    slow_rpm = 1.5 * at_idle_rad_s * 30.0 / np.pi + 60.0
+    idle_rad_s = propulsion.speed_per_us_rad_s * max(idle_us - propulsion.pwm_start_us, 0.0)
+    limit_rpm = 1.5 * idle_rad_s * 30.0 / np.pi + 60.0
     names = [channel.name for channel in bench.identity.channels]
     columns = [i for i, name in enumerate(names) if name.rstrip("0123456789") == "rpm"]
     if not columns:
         return
-    until_s = bench.now_s() + SPIN_DOWN_S
+    deadline_s = bench.now_s() + SPIN_DOWN_S
     while True:
         rpm = bench.listen(POLL_INTERVAL_S).values[:, columns]
-        whole = np.flatnonzero(np.isfinite(rpm).all(axis=1))
-        if len(whole) and (rpm[whole[-1]] <= slow_rpm).all():
+        complete = np.flatnonzero(np.isfinite(rpm).all(axis=1))
+        if len(complete) and (rpm[complete[-1]] <= limit_rpm).all():
             return
-        if bench.now_s() > until_s:
-            fastest = float(np.max(rpm[whole[-1]])) if len(whole) else float("nan")
+        if bench.now_s() > deadline_s:
+            max_rpm = float(np.max(rpm[complete[-1]])) if len(complete) else float("nan")
             raise StageError(
-                f"the plate was not moved: a rotor still turns at {fastest:.0f} rpm "
-                f"{SPIN_DOWN_S:g} s after idle was commanded, limit {slow_rpm:.0f} rpm; look "
-                f"at its ESC and its rpm channel"
+                f"the plate was not moved: a rotor still turns at {max_rpm:.0f} rpm "
+                f"{SPIN_DOWN_S:g} s after idle was commanded, limit {limit_rpm:.0f} rpm; check "
+                f"its ESC and its rpm channel"
             )
 
 
 def wait_for_plate(
     bench: GuardedBench, plate: PlateCheck, target_m: float, stage_m: float, more_m: float
 ) -> StageError | None:
-    """Read on until the bench reads the plate where it was sent; return what disagrees."""
+    """Read until the plate reading agrees with target and stage; return an error at timeout."""
     plate.arrives()
-    until_s = bench.now_s() + PLATE_TIMEOUT_S
+    deadline_s = bench.now_s() + PLATE_TIMEOUT_S
     while True:
         if plate.measured:
             bench.listen(POLL_INTERVAL_S)
         problem = plate.problem(target_m, stage_m, more_m)
-        if problem is None or not plate.measured or bench.now_s() > until_s:
+        if problem is None or not plate.measured or bench.now_s() > deadline_s:
             return problem

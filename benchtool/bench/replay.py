@@ -1,7 +1,7 @@
-"""A run played back: `replay:RUN` addresses, for whatever only listens to a bench.
+"""Replay of a run as a bench (`replay:RUN` addresses).
 
-Reading is all it does. A recording cannot answer a command, so every one is refused, except stop,
-which holds already. Time is virtual: `read(10.0)` returns the next ten seconds at once.
+It only supports reading. Every command is rejected except stop, which is a no-op. Time is virtual:
+`read(10.0)` returns the next ten seconds at once.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from benchtool.core.parsed_text import parse_json
 from benchtool.core.plural import pluralize
 from benchtool.core.user_file import MAX_DATA_BYTES, MAX_METADATA_BYTES, read_text
 
-_NOT_STREAMED = ("time_s", "device_time_us", "point", "phase")
+_META_COLUMNS = ("time_s", "device_time_us", "point", "phase")
 
 
 class ReplayBench(ContextBench):
-    """Play recorded samples back as a bench that takes no commands.
+    """Bench that plays recorded samples and accepts no commands.
 
     Args:
         time_s, device_time_us: (m,) of each sample.
@@ -46,18 +46,18 @@ class ReplayBench(ContextBench):
 
     @classmethod
     def of_run(cls, address: str, run: Path) -> ReplayBench:
-        """Return the bench that plays `samples.csv` of a run folder, or a file like it."""
+        """Return a bench from `samples.csv` of a run folder, or from a file in that format."""
         path = run / "samples.csv" if os.path.isdir(run) else run
         names, table = _read_samples(path, follow=path is run)
         columns = dict(zip(names, table.T, strict=True))
-        for name in _NOT_STREAMED[:2]:
+        for name in _META_COLUMNS[:2]:
             if name not in columns:
-                raise FileFormatError(str(path), f"it has no column {name}; name a run's samples")
+                raise FileFormatError(str(path), f"column {name} is missing; use samples of a run")
         channels = tuple(
-            Channel(name, unit_from_name(name)) for name in names if name not in _NOT_STREAMED
+            Channel(name, unit_from_name(name)) for name in names if name not in _META_COLUMNS
         )
         time_s = columns["time_s"]
-        identity = _identity(address, path, channels, time_s)
+        identity = _build_device_info(address, path, channels, time_s)
         values = table[:, [names.index(channel.name) for channel in channels]]
         return cls(identity, time_s, columns["device_time_us"], values)
 
@@ -75,81 +75,84 @@ class ReplayBench(ContextBench):
         self._open = False
 
     def set_pwm(self, pwm_us: Array) -> None:
-        self._refuse("pwm")
+        self._reject("pwm")
 
     def stop(self) -> None:
-        """Do nothing: the motors of a recording do not turn."""
+        """No-op; a recording has no motors to stop."""
 
     def move_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        self._refuse("plate")
+        self._reject("plate")
 
     def tare(self) -> None:
-        self._refuse("tare")
+        self._reject("tare")
 
     def set_rate(self, rate_Hz: float) -> None:
-        self._refuse("rate")
+        self._reject("rate")
 
     def read(self, timeout_s: float) -> Readings:
         if not self._open:
-            raise LinkLost(f"{self._recorded.address} is not open; open it first")
+            raise LinkLost(f"{self._recorded.address} is not open; call open() first")
         if self._next >= len(self._time_s):
             raise LinkLost(
-                f"{self._recorded.address} ends here, after "
-                f"{pluralize(len(self._time_s), 'sample')}; there is nothing more to read"
+                f"{self._recorded.address} ends after "
+                f"{pluralize(len(self._time_s), 'sample')}; there are no more samples"
             )
         self._now_s += timeout_s
         end = int(np.searchsorted(self._time_s, self._now_s, side="right"))
-        now = slice(self._next, max(end, self._next))
-        self._next = now.stop
-        return Readings(self._time_s[now], self._device_time_us[now], self._values[now])
+        rows = slice(self._next, max(end, self._next))
+        self._next = rows.stop
+        return Readings(self._time_s[rows], self._device_time_us[rows], self._values[rows])
 
-    def _refuse(self, command: str) -> NoReturn:
-        raise CommandRefused(command, "a replay takes no commands; name a bench to drive one")
+    def _reject(self, command: str) -> NoReturn:
+        raise CommandRefused(command, "a replay accepts no commands; use the address of a bench")
 
 
 def open_replay(address: ReplayAddress) -> ReplayBench:
-    """Return the bench that plays a run, not opened yet."""
+    """Return the bench of a recorded run, not opened yet."""
     return ReplayBench.of_run(address.text, Path(address.run))
 
 
 def _read_samples(path: Path, *, follow: bool) -> tuple[list[str], Array]:
-    """Return column names and (n, columns) numbers; words and empty cells are nan."""
+    """Return column names and (n, columns) numbers; text and empty cells are nan."""
     text = read_text(path, MAX_DATA_BYTES, follow=follow)
-    # What follows the last line break was cut short when the run was killed.
+    # Text after the last line break is an incomplete row of a killed run.
     rows = csv.reader(text[: text.rfind("\n") + 1].splitlines())
     names = next(rows, [])
     table = []
     for number, row in enumerate(rows, start=2):
         where = f"{path}, line {number}"
         if len(row) != len(names):
-            raise FileFormatError(where, f"{len(row)} cells under {len(names)} columns; mend it")
+            raise FileFormatError(where, f"{len(row)} cells, {len(names)} columns; correct the row")
         cells = [cell if name != "phase" else "" for name, cell in zip(names, row, strict=True)]
         try:
             table.append([float(cell) if cell else np.nan for cell in cells])
         except ValueError as error:
-            raise FileFormatError(where, f"{error}; mend the cell") from error
+            raise FileFormatError(where, f"{error}; correct the cell") from error
     if not table:
-        raise FileFormatError(str(path), "it holds no samples; name a run that has some")
+        raise FileFormatError(str(path), "file contains no samples; use a run that has some")
     return names, np.array(table, float)
 
 
-def _identity(address: str, path: Path, channels: tuple[Channel, ...], time_s: Array) -> DeviceInfo:
-    metadata, facts = path.parent / "metadata.json", {}
-    if os.path.lexists(metadata):
-        facts = parse_json(read_text(metadata, MAX_METADATA_BYTES), str(metadata))
-        if not isinstance(facts, dict):
-            raise FileFormatError(str(metadata), "it is not a table of facts; mend or remove it")
-    device = facts.get("device_id", "")
+def _build_device_info(
+    address: str, path: Path, channels: tuple[Channel, ...], time_s: Array
+) -> DeviceInfo:
+    metadata_path, metadata = path.parent / "metadata.json", {}
+    if os.path.lexists(metadata_path):
+        text = read_text(metadata_path, MAX_METADATA_BYTES)
+        metadata = parse_json(text, str(metadata_path))
+        if not isinstance(metadata, dict):
+            raise FileFormatError(str(metadata_path), "not a JSON object; correct or remove it")
+    device = metadata.get("device_id", "")
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 1.0
     return DeviceInfo(
         address=address,
         device_id=str(device) or f"replay-{path.parent.name}",
-        firmware=str(facts.get("firmware", "")) or "not recorded",
+        firmware=str(metadata.get("firmware", "")) or "not recorded",
         protocol="replay",
         channels=channels,
         rate_Hz=1.0 / max(step_s, 1e-9),
         n_rotors=sum(channel.unit == "pwm_us" for channel in channels),
-        simulated=bool(facts.get("simulated", False)),
+        simulated=bool(metadata.get("simulated", False)),
         moves_plate=False,
-        facts={"file": str(path), "metadata": "found" if facts else "none"},
+        facts={"file": str(path), "metadata": "found" if metadata else "none"},
     )

@@ -1,9 +1,9 @@
-"""Whether rotors stand after a stop: what was measured, never what was acknowledged.
+"""Standstill check after a stop, from measured speeds.
 
-A rotor is seen to stand by its measured speed, or by its measured output where a bench reads its
-outputs back. The device's own pulses and acknowledgements repeat the command and show nothing.
-Thrust shows nothing either: what a tare may leave (0.1 % of `limits.thrust_N`) is the thrust of a
-rotor of the rig pquad at 630 rpm. Pure.
+Standstill of a rotor is confirmed by its measured speed, or by its measured output if a bench reads
+its outputs back. Pulse widths and acknowledgements that only repeat the command confirm nothing.
+Neither does thrust: the largest accepted offset of a tare (0.1 % of `limits.thrust_N`) is the
+thrust of a rotor of the rig pquad at 630 rpm. Pure functions of commands and readings.
 """
 
 from __future__ import annotations
@@ -20,23 +20,19 @@ from benchtool.bench.rpm_tracking import rotor_speeds
 from benchtool.core.array_type import Array
 from benchtool.core.rig import Rig
 
+# Largest tip speed of a rotor at standstill: walking pace, at which even 0.1 kg of blade, all of it
+# at the tip, has 0.05 J, as 50 g dropped from 0.1 m; assumed.
 SAFE_TIP_SPEED_m_s = 1.0
-"""A rotor whose tips are slower counts as standing: walking pace, at which even 0.1 kg of blade,
-all of it at the tip, carries 0.05 J, as 50 g dropped from 0.1 m. A choice."""
 
-FLICKER_SDS = 3.0  # a tachometer's noise at rest: standard deviations and one quantum
-CONFIRMATION_TIME_S = 0.1  # readings stay below the threshold: the first may be a dropout; assumed
-REPORT_TIMEOUT_S = (
-    0.5  # of drive after which a speed channel that shows nothing shows no standstill
-)
-AVERAGING_TIME_S = (
-    0.15  # longer drive turns a motor even after a stop: ESCs take 0.1 to 0.3 s; assumed
-)
-OUTPUT_SLACK_us = 3.0  # rounding of a stop pulse on its way to an output and back; assumed
+FLICKER_SDS = 3.0  # tachometer noise at rest: standard deviations, plus one quantum
+CONFIRMATION_TIME_S = 0.1  # below the threshold, because the first may be a dropout; assumed
+REPORT_TIMEOUT_S = 0.5  # of drive; a speed channel still at zero then confirms no standstill
+AVERAGING_TIME_S = 0.15  # longer drive turns a motor even after a stop: ESC lag 0.1-0.3 s; assumed
+OUTPUT_SLACK_us = 3.0  # rounding of a stop pulse to an output and back; assumed
 
 
 def standstill_rpm(rig: Rig) -> float:
-    """Return the speed below which a rotor of this rig counts as standing: rpm."""
+    """Return the largest speed of a rotor of this rig at standstill: rpm."""
     sensor = rig.sensors.get("rpm")
     flicker_rpm = FLICKER_SDS * sensor.noise + sensor.quantum if sensor else 0.0
     return max(SAFE_TIP_SPEED_m_s / rig.propulsion.radius_m * 30.0 / pi, flicker_rpm)
@@ -44,14 +40,14 @@ def standstill_rpm(rig: Rig) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Standstill:
-    """Say what was seen of the rotors since zero was commanded.
+    """Standstill check since zero was commanded.
 
     Attributes:
-        seen: every rotor that was driven was seen to stand.
-        unmeasured: rotors (from 1) that were driven and have no channel that could show it.
-        only_unmeasured: nothing else is in doubt: every rotor with a channel was seen to stand.
-        rpm: the fastest speed that does not stand; nan where none was read.
-        text: all of it in a sentence; empty when no motor was driven.
+        seen: standstill of every driven rotor is confirmed.
+        unmeasured: driven rotors (from 1) without a channel that could confirm it.
+        only_unmeasured: every rotor with a channel is confirmed, the others are not.
+        rpm: highest speed above the threshold; nan if there is none.
+        text: result as a sentence; empty if no motor was driven.
     """
 
     seen: bool
@@ -62,10 +58,10 @@ class Standstill:
 
 
 class StandstillMonitor:
-    """Follow commands and readings and judge which rotors stand. Pure.
+    """Standstill check of every rotor from commands and readings.
 
     Attributes:
-        zero_s: when a motor was commanded to stop last, on the bench's clock.
+        zero_s: time of the last stop command of a motor, bench time.
     """
 
     def __init__(self, identity: DeviceInfo, rig: Rig, now_s: float) -> None:
@@ -75,73 +71,79 @@ class StandstillMonitor:
         self._propulsion = rig.propulsion
         stop_us = rig.propulsion.pwm_stop_us
         self._stop_us = stop_us if identity.pwm_stop_us is None else identity.pwm_stop_us
-        self._speed = [_place(names, f"rpm{rotor}") for rotor in range(1, n + 1)]
-        pulses = [_place(names, f"pwm{rotor}_us") for rotor in range(1, n + 1)]
-        self._output = pulses if identity.outputs_measured else [None] * n
-        self._pulse_places = pulses
-        self._reported: list[int | None] = [None] * n
+        self._speed_columns = [_find_column(names, f"rpm{rotor}") for rotor in range(1, n + 1)]
+        pwm_columns = [_find_column(names, f"pwm{rotor}_us") for rotor in range(1, n + 1)]
+        self._output_columns = pwm_columns if identity.outputs_measured else [None] * n
+        self._pwm_columns = pwm_columns
+        self._reported_columns: list[int | None] = [None] * n
         if identity.has_loop:
             self.expect_loop()
         self._pulses_us: Array = np.full(n, stop_us)
-        self._rows = [_RotorState(now_s) for _ in range(n)]
+        self._rotor_states = [_RotorState(now_s) for _ in range(n)]
         self.zero_s = now_s
 
     def expect_loop(self) -> None:
-        """Take the pulses that the bench reports for what its motors should do."""
-        self._reported = self._pulse_places
+        """Expect the speeds of the pulse widths that the bench reports."""
+        self._reported_columns = self._pwm_columns
 
     def commanded(self, pulses_us: Array, now_s: float) -> None:
-        """Note what every motor is commanded (n_rotors,): us, before it is sent."""
+        """Record the command of every motor (n_rotors,): us, before it is sent."""
         stop_us = self._propulsion.pwm_stop_us
-        for rotor, before_us, pulse_us in zip(self._rows, self._pulses_us, pulses_us, strict=True):
+        for rotor, before_us, pulse_us in zip(
+            self._rotor_states, self._pulses_us, pulses_us, strict=True
+        ):
             if pulse_us > stop_us:
                 rotor.driven, rotor.zero_s = True, inf
             elif before_us > stop_us:
-                rotor.stopped(now_s)
+                rotor.restart(now_s)
                 self.zero_s = now_s
         self._pulses_us = np.array(pulses_us)
 
     def take(self, time_s: Array, values: Array) -> None:
-        """Judge samples (m,), (m, c); nan where a channel had no new value."""
+        """Update the check with samples (m,), (m, c); nan where a channel had no new value."""
         if not len(time_s):
             return
         expected_rpm = rotor_speeds(self._propulsion, self._pulses_us)
-        for index, rotor in enumerate(self._rows):
-            if (speed := self._speed[index]) is not None:
-                rpm = np.abs(values[:, speed])
+        for index, rotor in enumerate(self._rotor_states):
+            if (speed_column := self._speed_columns[index]) is not None:
+                rpm = np.abs(values[:, speed_column])
                 rotor.speed.take(time_s, rpm, rpm < self._limit_rpm, rotor.zero_s)
                 expected = float(expected_rpm[index])
-                if (place := self._reported[index]) is not None:
-                    # A loop makes the pulses, so the lowest that it reports says what to expect.
-                    lowest_us = np.nanmin(values[:, place], initial=inf)
+                if (pwm_column := self._reported_columns[index]) is not None:
+                    # A loop sets the pulse widths: the smallest reported one is expected.
+                    lowest_us = np.nanmin(values[:, pwm_column], initial=inf)
                     expected = float(rotor_speeds(self._propulsion, np.array([lowest_us]))[0])
                 rotor.compare(time_s, rpm, expected, self._limit_rpm)
-            if (output := self._output[index]) is not None:
-                shown = values[:, output]
-                low = shown <= self._stop_us + OUTPUT_SLACK_us
-                rotor.output.take(time_s, shown, low, rotor.zero_s)
+            if (output_column := self._output_columns[index]) is not None:
+                output_us = values[:, output_column]
+                is_low = output_us <= self._stop_us + OUTPUT_SLACK_us
+                rotor.output.take(time_s, output_us, is_low, rotor.zero_s)
 
     def state(self) -> Standstill:
-        """Return what was seen so far."""
+        """Return the result so far."""
         turning: list[str] = []
-        read_s = stood_s = self.zero_s  # the newest reading that turns, the first that stands
-        silent, unmeasured, stand, fastest_rpm = [], [], [], nan
-        for number, rotor in enumerate(self._rows, 1):
+        # Time of the newest reading of a turning rotor, and of the last confirmation.
+        read_s = standstill_s = self.zero_s
+        silent, unmeasured, standing, fastest_rpm = [], [], [], nan
+        for number, rotor in enumerate(self._rotor_states, 1):
             speed, output = rotor.speed, rotor.output
-            has_speed = self._speed[number - 1] is not None
-            has_output = self._output[number - 1] is not None
-            if speed.high:
+            has_speed = self._speed_columns[number - 1] is not None
+            has_output = self._output_columns[number - 1] is not None
+            if speed.is_high:
                 turning.append(f"rpm{number} {speed.last:.0f}")
                 read_s = max(read_s, speed.last_s)
                 fastest_rpm = max(speed.last, fastest_rpm if fastest_rpm == fastest_rpm else 0.0)
-            elif output.high:
+            elif output.is_high:
                 turning.append(f"output of rotor {number} {output.last:.0f} us")
                 read_s = max(read_s, output.last_s)
             elif not rotor.driven:
                 continue
-            elif (speed.low and rotor.answers) or output.low:
-                stand.append(number)
-                stood_s = max(stood_s, min(each.stood_s for each in (speed, output) if each.low))
+            elif (speed.is_low and rotor.speed_responds) or output.is_low:
+                standing.append(number)
+                confirmed_s = [
+                    channel.standstill_s for channel in (speed, output) if channel.is_low
+                ]
+                standstill_s = max(standstill_s, min(confirmed_s))
             elif has_speed or has_output:
                 silent.append(number)
             else:
@@ -154,58 +156,60 @@ class StandstillMonitor:
                 f"commanded (below {self._limit_rpm:.0f} rpm counts as standing), cut the power"
             )
         if silent:
-            mute = [n for n in silent if self._rows[n - 1].answers]
-            why = (
+            without_reading = [n for n in silent if self._rotor_states[n - 1].speed_responds]
+            reason = (
                 "no reading came after zero was commanded"
-                if mute
+                if without_reading
                 else "the speed channel did not show the motor turning"
             )
-            parts.append(f"{_rotors(silent)} not seen to stand: {why}; cut the power")
+            parts.append(f"{_format_rotors(silent)} not seen to stand: {reason}; cut the power")
         if unmeasured:
             parts.append(
-                f"{_rotors(unmeasured)} not seen to stand: this bench measures no speed there; "
-                f"look before you go near"
+                f"{_format_rotors(unmeasured)} not seen to stand: this bench measures no speed "
+                f"there; look before you go near"
             )
-        if stand:
-            after_s = stood_s - self.zero_s
-            parts.append(f"{_rotors(stand)} seen to stand {after_s:.1f} s after zero was commanded")
-        trouble = bool(turning or silent)
+        if standing:
+            after_s = standstill_s - self.zero_s
+            parts.append(
+                f"{_format_rotors(standing)} seen to stand {after_s:.1f} s after zero was commanded"
+            )
+        is_unconfirmed = bool(turning or silent)
         return Standstill(
-            seen=not trouble and not unmeasured,
+            seen=not is_unconfirmed and not unmeasured,
             unmeasured=tuple(unmeasured),
-            only_unmeasured=bool(unmeasured) and not trouble,
+            only_unmeasured=bool(unmeasured) and not is_unconfirmed,
             rpm=fastest_rpm,
             text="; ".join(parts),
         )
 
 
-class _Seen:
-    """Hold whether one channel shows a standstill, newest reading first to count."""
+class _ChannelState:
+    """State of one channel of a rotor; the newest reading decides."""
 
     def __init__(self) -> None:
         self.last = nan
         self._low_s = nan
         self.last_s = nan
-        self.stood_s = nan  # when readings had first stayed low for long enough
+        self.standstill_s = nan  # time at which readings had first stayed low for long enough
 
-    def forget(self) -> None:
-        self.last = self._low_s = self.last_s = self.stood_s = nan
+    def reset(self) -> None:
+        self.last = self._low_s = self.last_s = self.standstill_s = nan
 
     @property
-    def low(self) -> bool:
-        """Whether readings stayed low for long enough."""
+    def is_low(self) -> bool:
+        """Return whether readings stayed low for long enough."""
         return self.last_s - self._low_s >= CONFIRMATION_TIME_S - 1e-9
 
     @property
-    def high(self) -> bool:
-        """Whether the newest reading is not low."""
+    def is_high(self) -> bool:
+        """Return whether the newest reading is above the threshold."""
         return self.last == self.last and self._low_s != self._low_s
 
-    def take(self, time_s: Array, shown: Array, low: NDArray[np.bool_], since_s: float) -> None:
-        fresh = np.flatnonzero(~np.isnan(shown) & (time_s > since_s))
+    def take(self, time_s: Array, values: Array, is_low: NDArray[np.bool_], since_s: float) -> None:
+        fresh = np.flatnonzero(~np.isnan(values) & (time_s > since_s))
         if not len(fresh):
             return
-        highs = np.flatnonzero(~low[fresh])
+        highs = np.flatnonzero(~is_low[fresh])
         if len(highs):
             self._low_s = nan
             fresh_low = fresh[highs[-1] + 1 :]
@@ -213,35 +217,35 @@ class _Seen:
             fresh_low = fresh
         if len(fresh_low) and self._low_s != self._low_s:
             self._low_s = float(time_s[fresh_low[0]])
-        self.last, self.last_s = float(shown[fresh[-1]]), float(time_s[fresh[-1]])
+        self.last, self.last_s = float(values[fresh[-1]]), float(time_s[fresh[-1]])
         if len(highs):
-            self.stood_s = nan
-        if self.low and self.stood_s != self.stood_s:
-            stood = time_s[fresh_low] - self._low_s >= CONFIRMATION_TIME_S - 1e-9
-            self.stood_s = float(time_s[fresh_low[stood][0]])
+            self.standstill_s = nan
+        if self.is_low and self.standstill_s != self.standstill_s:
+            is_confirmed = time_s[fresh_low] - self._low_s >= CONFIRMATION_TIME_S - 1e-9
+            self.standstill_s = float(time_s[fresh_low[is_confirmed][0]])
 
 
 class _RotorState:
-    """Hold what is known of one rotor."""
+    """State of one rotor."""
 
     def __init__(self, now_s: float) -> None:
-        self.driven = self.shown = False
-        self.answers = True
+        self.driven = self.has_turned = False
+        self.speed_responds = True
         self.zero_s = now_s
-        self.speed, self.output = _Seen(), _Seen()
+        self.speed, self.output = _ChannelState(), _ChannelState()
         self._due_s = inf
 
-    def stopped(self, now_s: float) -> None:
-        """Count only readings from now on."""
+    def restart(self, now_s: float) -> None:
+        """Discard the readings before this stop command."""
         self.zero_s = now_s
-        self.speed.forget()
-        self.output.forget()
+        self.speed.reset()
+        self.output.reset()
 
     def compare(self, time_s: Array, rpm: Array, expected_rpm: float, limit_rpm: float) -> None:
-        """Note whether the speed channel shows a motor that is driven well above standstill."""
-        high = bool((rpm >= limit_rpm).any())
-        self.shown |= high
-        self.answers |= high
+        """Update whether the speed channel responds to a drive well above standstill."""
+        is_high = bool((rpm >= limit_rpm).any())
+        self.has_turned |= is_high
+        self.speed_responds |= is_high
         if self.zero_s < inf or not expected_rpm > 2.0 * limit_rpm:
             self._due_s = inf
             return
@@ -249,34 +253,34 @@ class _RotorState:
         driven_s = time_s[-1] - self._due_s
         present = rpm[~np.isnan(rpm)]
         if len(present) and driven_s >= REPORT_TIMEOUT_S:
-            self.answers = bool(present[-1] >= limit_rpm)
-        elif driven_s > AVERAGING_TIME_S and not self.shown:
-            self.answers = False
+            self.speed_responds = bool(present[-1] >= limit_rpm)
+        elif driven_s > AVERAGING_TIME_S and not self.has_turned:
+            self.speed_responds = False
 
 
 def unmeasured_rotors(identity: DeviceInfo, rig: Rig) -> str:
-    """Return, for whoever arms it, which rotors of a bench cannot be seen to stand; "" for none."""
+    """Return the rotors whose standstill cannot be confirmed as a sentence, or ""."""
     names = {channel.name for channel in identity.channels}
-    blind = [
+    unmeasured = [
         number
         for number in range(1, rig.n_rotors + 1)
         if f"rpm{number}" not in names
         and not (identity.outputs_measured and f"pwm{number}_us" in names)
     ]
-    if not blind:
+    if not unmeasured:
         return ""
     return (
-        f"{_rotors(blind, 'will not be')} seen to stand: this bench measures no speed there; after "
-        f"every stop, look before you go near"
+        f"{_format_rotors(unmeasured, 'will not be')} seen to stand: this bench measures no speed "
+        f"there; after every stop, look before you go near"
     )
 
 
-def _place(names: Sequence[str], name: str) -> int | None:
+def _find_column(names: Sequence[str], name: str) -> int | None:
     return names.index(name) if name in names else None
 
 
-def _rotors(numbers: Iterable[int], verb: str = "") -> str:
-    listed = [str(number) for number in numbers]
-    if len(listed) == 1:
-        return f"rotor {listed[0]} {verb or 'was'}"
-    return f"rotors {', '.join(listed[:-1])} and {listed[-1]} {verb or 'were'}"
+def _format_rotors(numbers: Iterable[int], verb: str = "") -> str:
+    texts = [str(number) for number in numbers]
+    if len(texts) == 1:
+        return f"rotor {texts[0]} {verb or 'was'}"
+    return f"rotors {', '.join(texts[:-1])} and {texts[-1]} {verb or 'were'}"

@@ -1,4 +1,4 @@
-"""Benches around another bench: held to the pace of life, or stopped from another thread."""
+"""Wrappers of a bench: real-time pacing, and stop requests from another thread."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ from benchtool.bench.bench import Bench, ContextBench, DeviceInfo, Listener, Rea
 from benchtool.core.array_type import Array
 from benchtool.core.errors import BenchtoolError, CommandRefused, RunInterrupted, StageError
 
-PACING_INTERVAL_S = (
-    0.02  # wall time of one read at most; assumed, a frame of a live chart has two of them
-)
-MAX_LAG_S = 0.5  # a clock that is off by more, as after a move, is set anew
+PACING_INTERVAL_S = 0.02  # longest wall time of one read; half a frame of a live chart, assumed
+MAX_LAG_S = 0.5  # a larger lag, as after a plate move, resets the schedule of reads
 
 
 class BenchWrapper(ContextBench):
-    """Be another bench; a wrapper overrides what it changes."""
+    """Wrapper that forwards every call; subclasses override what they change."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -57,9 +55,9 @@ class BenchWrapper(ContextBench):
 
 
 class PacedBench(BenchWrapper):
-    """Be a bench whose reads take as long as they say, divided by `speed`.
+    """Wrapper that slows reads to real time, divided by `speed`.
 
-    For people who watch. Only reading takes time: a virtual plate moves at once.
+    Only reads take time; a virtual plate moves at once.
 
     Args:
         speed: bench seconds per wall second; may be changed at any time.
@@ -77,51 +75,51 @@ class PacedBench(BenchWrapper):
         self._clock = clock
         self._wait = wait
         self._woken = threading.Event()
-        self._due_s = clock()
+        self._next_read_s = clock()
 
     def halt(self) -> None:
-        """Let the present read return at once: no motor turns here, and its owner then stops."""
+        """End the present read early. No motor turns here, and the owner then calls `stop`."""
         self._woken.set()
 
     def open(self) -> None:
-        self._due_s = self._clock()
+        self._next_read_s = self._clock()
         self._bench.open()
 
     def read(self, timeout_s: float) -> Readings:
         speed = self.speed
         step_s = min(timeout_s, PACING_INTERVAL_S * speed)
-        if abs(self._due_s - self._clock()) > MAX_LAG_S:
-            self._due_s = self._clock()
-        self._due_s += step_s / speed
-        if (left_s := self._due_s - self._clock()) > 0.0:
+        if abs(self._next_read_s - self._clock()) > MAX_LAG_S:
+            self._next_read_s = self._clock()
+        self._next_read_s += step_s / speed
+        if (left_s := self._next_read_s - self._clock()) > 0.0:
             self._wait(self._woken, left_s)
         self._woken.clear()
         return self._bench.read(step_s)
 
 
-STOP_SLICE_S = 0.05  # longest wait of one read, and so of a stop request
+STOP_SLICE_S = 0.05  # longest wait of one read, and so the longest delay of a stop request
 
 
 @runtime_checkable
 class SupportsEmergencyStop(Protocol):
-    """Be able to send zero from any thread."""
+    """Bench that can send zero throttle from any thread."""
 
     def halt(self) -> None:
-        """Send zero to every motor without waiting for the answer, from any thread.
+        """Send zero to every motor from any thread, without waiting for the acknowledgement.
 
-        The owner of the bench may be in the middle of a command of its own.
+        The bench's owner may be waiting for a command meanwhile.
         """
 
 
 def send_halt(bench: Bench) -> None:
-    """Send zero from any thread, where a bench can do that and its link is not lost."""
+    """Send zero from any thread if the bench supports that; ignore a lost link."""
     if isinstance(bench, SupportsEmergencyStop):
         with suppress(BenchtoolError, OSError):
             bench.halt()
 
 
 class StopRequested(RunInterrupted):
-    """Requested stop; the owner of the bench decides whether it is used again."""
+    """Requested stop; the bench's owner decides whether the bench is used again."""
 
 
 class PauseRequested(StopRequested):
@@ -129,16 +127,16 @@ class PauseRequested(StopRequested):
 
 
 class StoppableBench(BenchWrapper):
-    """Be another bench until somebody asks to stop.
+    """Wrapper that accepts stop requests from any thread.
 
-    `request_stop` and `request_pause` send zero from the calling thread, where the bench can do
-    that, and the owner's next call raises StopRequested or PauseRequested once. A pulse that the
-    owner sends in the same moment is taken back, or refused by a device that the stop had reached
-    before.
+    `request_stop` and `request_pause` send zero from the calling thread if the bench supports that.
+    The owner's next call raises StopRequested or PauseRequested once. A pulse width that the owner
+    commands at the same time is followed by a stop, or rejected by a device that has already
+    received the zero.
 
     Args:
-        listener: is given every sample once: as it comes from a bench that publishes them, else
-            with the read that brings it.
+        listener: gets every sample once: on arrival if the bench publishes samples, else with the
+            read that returns it.
     """
 
     def __init__(self, bench: Bench, listener: Listener | None = None) -> None:
@@ -147,17 +145,17 @@ class StoppableBench(BenchWrapper):
         if listener is not None and isinstance(bench, Subscribable):
             bench.subscribe(listener)
             self._listener = None
-        self._requested: RunInterrupted | None = None
+        self._request: RunInterrupted | None = None
 
     def request_stop(self, reason: str) -> None:
-        """Stop from any thread; the owner gets the reason."""
-        self._requested = StopRequested(f"{reason}; zero was commanded to the motors")
+        """Stop from any thread; the owner's next call raises the reason."""
+        self._request = StopRequested(f"{reason}; zero was commanded to the motors")
         send_halt(self._bench)
 
     def request_pause(self, reason: str) -> None:
-        """Pause from any thread, unless a stop is requested already; the owner gets the reason."""
-        if self._requested is None:
-            self._requested = PauseRequested(reason)
+        """Pause from any thread unless a stop is pending; the owner's next call raises it."""
+        if self._request is None:
+            self._request = PauseRequested(reason)
         send_halt(self._bench)
 
     def set_pwm(self, pwm_us: Array) -> None:
@@ -167,7 +165,7 @@ class StoppableBench(BenchWrapper):
         except CommandRefused:
             self._raise_if_requested()
             raise
-        if self._requested is not None:
+        if self._request is not None:
             self._bench.stop()
             self._raise_if_requested()
 
@@ -185,13 +183,13 @@ class StoppableBench(BenchWrapper):
 
     def read(self, timeout_s: float) -> Readings:
         self._raise_if_requested()
-        # Not raised behind the read: no sample is lost to a request.
+        # Not checked after the read, so that a request loses no sample.
         readings = self._bench.read(min(timeout_s, STOP_SLICE_S))
         if self._listener is not None:
             self._listener(readings)
         return readings
 
     def _raise_if_requested(self) -> None:
-        requested, self._requested = self._requested, None
-        if requested is not None:
-            raise requested
+        request, self._request = self._request, None
+        if request is not None:
+            raise request

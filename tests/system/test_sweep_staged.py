@@ -62,7 +62,7 @@ def test_a_stage_moves_the_plate_and_no_sample_is_lost(tmp_path, environment):
         # Its address is another device's, as far as a bench is concerned.
         mistaken = run(["sweep", f"serial:{stage}", *words[2:]], environment)
         assert mistaken.returncode == 3
-        assert "it is a G-code stage; give it as --stage grbl:" in mistaken.stderr
+        assert "it is a G-code stage; use --stage grbl:" in mistaken.stderr
         moved = run([*words, "--stage", option], environment)
         assert moved.returncode == 0, moved.stderr
     points = read_points(out)

@@ -165,7 +165,7 @@ NOT_OPENED: dict[str, tuple[Callable[[], ScriptedLink], type[errors.BenchError],
     "silence": (Talker, errors.NoDevice, "nothing answered for 5 s"),
     "something else": (
         lambda: Talker(b"\r\nGrbl 1.1h ['$' for help]\r\n"),
-        *(errors.ProtocolError, "it is a G-code stage; give it as --stage grbl:"),
+        *(errors.ProtocolError, "it is a G-code stage; use --stage grbl:"),
     ),
     "another version": (
         lambda: ScriptedLink(Turn(HELLO, hello_answer(1, version=7))),

@@ -100,7 +100,7 @@ class MavlinkBench(StreamingBench):
         self._messages: list[str] = [settings.warning] if settings.warning else []
         self._zero_N = 0.0
         self._given_us = -1
-        self._forget()
+        self._clear_buffer()
         try:
             if self._cell is not None:
                 self._cell.open()
@@ -189,7 +189,7 @@ class MavlinkBench(StreamingBench):
             )
         self._plate.move(
             (z_m, x_m, tilt_rad),
-            lambda: self._hold(self._read_fresh(0.05)),
+            lambda: self._buffer_readings(self._read_fresh(0.05)),
             lambda: self._health.refusal,
         )
 
@@ -202,7 +202,7 @@ class MavlinkBench(StreamingBench):
         until_s = self.now_s() + TARE_S
         while (left_s := until_s - self.now_s()) > 1e-9:
             readings = self._read_fresh(left_s)
-            self._hold(readings)
+            self._buffer_readings(readings)
             parts.append(readings.values[:, self._thrust])
         seen = np.concatenate(parts) if parts else np.empty(0)
         if np.isfinite(seen).any():
@@ -222,7 +222,7 @@ class MavlinkBench(StreamingBench):
 
     def read(self, timeout_s: float) -> Readings:
         self._known()
-        return self._held_or(lambda: self._read_fresh(timeout_s))
+        return self._take_buffered_or_read(lambda: self._read_fresh(timeout_s))
 
     def _read_fresh(self, timeout_s: float) -> Readings:
         deadline_s = self._clock() + timeout_s / self._speed
@@ -236,7 +236,7 @@ class MavlinkBench(StreamingBench):
             if left_s <= 0.0:
                 return readings
             if readings.lost or readings.corrupt:
-                self._hold(readings)
+                self._buffer_readings(readings)
             self._watch.pump(left_s)
             if self._cell is not None:
                 self._cell.poll()

@@ -84,7 +84,7 @@ class SerialBench(StreamingBench):
     def open(self) -> None:
         if self._hello is not None:
             return
-        self._forget()
+        self._clear_buffer()
         try:
             self._hello = self._conversation.open()
             if self._device_id not in (None, self._hello.device_id):
@@ -194,12 +194,12 @@ class SerialBench(StreamingBench):
             # that stand under the pulse that the host commanded last.
             if not self._reported:
                 self._raise_if_stopped()
-            if (waiting := self._held()) is not None:
+            if (waiting := self._take_buffered()) is not None:
                 self._silent_since_s = None
                 return waiting
             left_s = deadline_s - self._clock()
             if left_s <= 0.0:
-                return self._held_or(self._no_samples)
+                return self._take_buffered_or_read(self._no_samples)
             if not self._conversation.pump(left_s):
                 self._check_silence()
 
@@ -279,7 +279,7 @@ class SerialBench(StreamingBench):
             self._note()
             messages, self._messages = tuple(self._messages), []
             readings = replace(readings, messages=messages)
-        self._hold(readings)
+        self._buffer_readings(readings)
 
     def _no_samples(self) -> Readings:
         messages, self._messages = tuple(self._messages), []

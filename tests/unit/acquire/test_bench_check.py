@@ -107,4 +107,4 @@ def test_what_makes_a_bench_more_dangerous_is_named():
     warning, unseen, unwatched = arming_warnings(hello.identity("serial:x", 100.0), rig)
     assert warning == "anybody may steer it"
     assert "will not be seen to stand" in unseen
-    assert unwatched.startswith("no channel brings ")
+    assert unwatched.startswith("no channel ")

@@ -248,7 +248,7 @@ def test_a_driver_that_breaks_while_it_is_looked_hides_no_reason(fake):
 
 
 def test_another_rig_than_the_device_has_is_refused(fake):
-    with pytest.raises(InputError, match="has 4 rotors, but the bench fake: drives 1"):
+    with pytest.raises(InputError, match="has 4, bench fake: has 1"):
         GuardedBench(fake, load_rig_by_name("pquad")).__enter__()
     assert fake.did == ["open", "close"]
 
@@ -409,7 +409,7 @@ def test_limits_are_tightened_and_widened_again_up_to_the_rigs(fake):
             with pytest.raises(InputError, match="is looser than the rig's"):
                 guard.tighten(looser)
         guard.tighten(replace(stated, pwm_us=1500.0))
-        with pytest.raises(InputError, match="limit 1500 us"):
+        with pytest.raises(InputError, match="limit of 1500 us"):
             guard.set_pwm(np.array([1600.0]))
         guard.tighten(stated)
         guard.set_pwm(np.array([1600.0]))

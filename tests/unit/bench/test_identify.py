@@ -36,7 +36,7 @@ def test_what_speaks_is_known(kind):
     ("kind", "said"),
     [
         ("bench", "it is the bench, not a G-code stage; swap the ports"),
-        ("noise", "the baud rate is wrong: GRBL has 115200"),
+        ("noise", "the baud rate is wrong: GRBL uses 115200"),
     ],
 )
 def test_a_stage_that_is_none_is_named(kind, said):

@@ -160,7 +160,7 @@ def test_a_dead_motor_under_a_loop_is_stopped(block_s):
     when_s, error = loop_stopped_at_s(hovering, dead, block_s=block_s)
     assert error is not None
     assert error.channel == "rpm2"
-    assert "the pulses that the bench reports" in str(error)
+    assert "the pulse widths that the bench reports" in str(error)
     # As long as with the host's pulses; the mean remembers for 1 s, and a block is a mean, too.
     assert 6.0 < when_s < 4.0 + 2.0 + 1.0 + 2.0 * block_s
 
@@ -273,11 +273,11 @@ def test_limits_without_a_channel_are_named():
     told = unmonitored_limits(LOOP_CHANNELS, RIG.n_rotors)
     missing = [name for name in ("voltage_V", "current_A", "temperature_degC")
                if name not in [channel.name for channel in LOOP_CHANNELS]]  # fmt: skip
-    assert told.endswith(f"{', '.join(missing)}: the rig's limits on them are not watched")
+    assert told.endswith(f"{', '.join(missing)}: the rig's limits on them are not monitored")
     whole = [Channel(name, "N") for name in ("thrust_N", "voltage_V", "current_A",
                                              "temperature_degC", "rpm1")]  # fmt: skip
     assert unmonitored_limits(whole, 1) == ""
-    assert unmonitored_limits(whole, 2).startswith("no channel brings rpm2: ")
+    assert unmonitored_limits(whole, 2).startswith("no channel rpm2: ")
 
 
 @pytest.mark.parametrize(

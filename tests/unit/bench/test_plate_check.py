@@ -53,9 +53,9 @@ def test_the_tolerance_is_that_of_drive_and_sensor():
         ((0.9, 0.2, nan), 0.2, 0.2, 0.0, None),
         ((0.2,), 0.2, 0.202, 0.001, None),
         ((1.0,), 1.0, 0.5, TO_HALF_M, None),
-        ((0.2,), 0.2, 0.2 + 1.1 * TOLERANCE_M, 0.0, r"the stage says 0\.2017 m, tolerance 1\.5 mm"),
-        ((0.2012,), 0.2, 0.1996, 0.0, r"reads 0\.2012 m .* the stage says 0\.1996 m"),
-        ((0.2016,), 0.2, 0.2008, 0.0, r"reads 0\.2016 m .* the stage says 0\.2008 m"),
+        ((0.2,), 0.2, 0.2 + 1.1 * TOLERANCE_M, 0.0, r"the stage reports 0\.2017 m, tolerance 1\.5 mm"),
+        ((0.2012,), 0.2, 0.1996, 0.0, r"reads 0\.2012 m .* the stage reports 0\.1996 m"),
+        ((0.2016,), 0.2, 0.2008, 0.0, r"reads 0\.2016 m .* the stage reports 0\.2008 m"),
         ((0.2004,), 0.2, 0.1996, 0.0, None),
         ((LEAST_M - TOLERANCE_M,), LEAST_M - 0.5 * TOLERANCE_M, LEAST_M - TOLERANCE_M, 0.0, None),
         ((), 0.2, 0.2, 0.0, "brought no reading after the move to 0.2 m"),
@@ -68,7 +68,7 @@ def test_the_tolerance_is_that_of_drive_and_sensor():
             0.0,
             r"still reads 0.6000 m after the move to 0.2 m, tolerance 1\.\d mm",
         ),
-        ((0.6,), 0.6, 0.7, 0.0, "reads 0.6000 m after the move to 0.6 m, the stage says 0.7000 m"),
+        ((0.6,), 0.6, 0.7, 0.0, "reads 0.6000 m after the move to 0.6 m, the stage reports 0.7000 m"),
         ((0.21,), 0.2, 0.2, 0.0, r"z_m reads 0.2100 m after the move to 0.2 m, tolerance 1\.\d mm"),
         ((0.61,), 0.2, 0.2, 0.02, r"still reads 0.6100 m .*, tolerance 21\.\d mm"),
     ],
@@ -117,8 +117,8 @@ def test_without_a_position_channel_nothing_is_judged():
     assert np.isnan(plate.read_m)
     assert plate.problem(0.2, 0.2) is None
     assert plate.problem(0.2, 0.9, 0.002) is None  # what an operator typed was compared before
-    assert "the stage says 0.9000 m" in str(plate.problem(0.2, 0.9))
-    assert "the stage says nan m" in str(plate.problem(0.2, nan))
+    assert "the stage reports 0.9000 m" in str(plate.problem(0.2, 0.9))
+    assert "the stage reports nan m" in str(plate.problem(0.2, nan))
     assert plate.crept(0.2, nan) is None
 
 
