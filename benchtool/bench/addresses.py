@@ -1,7 +1,7 @@
-"""Addresses of benches, stages and served links, parsed once into typed values with ranges.
+"""Addresses of benches, stages and served links, parsed into typed values with ranges.
 
-Nothing is opened and no file is read here. The fields of an `Address` with an `Input` are the
-options behind the `?` of its text, by the names and within the ranges that they declare.
+Nothing is opened and no file is read here. Fields of an `Address` with an `Input` are the options
+after the `?` of its text, with the declared names and ranges.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from benchtool.core.user_code import CodePermit, check_code_allowed
 LOOPBACK = "127.0.0.1"
 MAX_LENGTH = 1024  # characters: a path and some options; assumed
 MAX_PORT = 65535
-TELEMETRY_BAUD = 115_200  # usual over USB; radios have 57600
-DOWN = 25  # MAV_SENSOR_ROTATION_PITCH_270: a distance sensor that looks at the plate
-LEAST_HZ, MOST_HZ = 10.0, 1000.0  # of outputs; below it a stop would be seen late; assumed
+TELEMETRY_BAUD = 115_200  # default over USB; radios use 57600
+DOWNWARD_ORIENTATION = 25  # MAV_SENSOR_ROTATION_PITCH_270: a distance sensor facing the plate
+MIN_RATE_HZ, MAX_RATE_HZ = 10.0, 1000.0  # of outputs; a slower one shows a stop late; assumed
 GROUND_STATION_PORT = 14550
 
 Baud = Annotated[int, Ge(1200), Le(12_000_000), Input("Baud rate of the port.")]
@@ -38,8 +38,8 @@ class Endpoint:
     """One end of a link, for `benchtool ports PORT`.
 
     Attributes:
-        kind: "serial" (`place` is its port), "listens" (a UDP port of ours), "sends" (a UDP port of
-            theirs), "connects" (TCP).
+        kind: "serial" (`place` is its port), "listens" (on a local UDP port), "sends" (to a remote
+            UDP port), "connects" (TCP).
     """
 
     kind: Literal["serial", "listens", "sends", "connects"]
@@ -49,78 +49,80 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Address:
-    """Address of one kind.
+    """Address of one scheme.
 
     Attributes:
-        text: as a person wrote it, or as data contain it.
+        text: as typed by a user or stored in data.
     """
 
     TITLE: ClassVar[str] = ""
     EXAMPLE: ClassVar[str] = ""
-    PLACE: ClassVar[str] = "port"
+    LOCATION: ClassVar[str] = "port"
     text: str = ""
     permit: CodePermit = check_code_allowed
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return the values of an address of this kind.
+        """Return the parsed address.
 
         Raises:
-            InputError: no place; an option that is unknown, empty, repeated or out of range.
+            InputError: no location; an option that is unknown, empty, repeated or out of range.
         """
         if len(text) > MAX_LENGTH:
             raise InputError(
-                f"the address {text[:40]!r}... has {len(text):,} characters, limit {MAX_LENGTH:,}; "
-                f"write for example {cls.EXAMPLE}"
+                f"address {text[:40]!r}... is too long: {len(text):,} characters; allowed: up to "
+                f"{MAX_LENGTH:,}; example: {cls.EXAMPLE}"
             )
-        scheme, _, rest = text.strip().partition(":")
+        scheme, _, after_scheme = text.strip().partition(":")
         # Windows device paths (\\?\...) contain a question mark before any option.
-        head = rest[:4] if rest.startswith("\\\\?\\") else ""
-        place, _, query = rest[len(head) :].partition("?")
-        if not head + place:
-            raise InputError(f"address {text!r} names no place; write for example {cls.EXAMPLE}")
+        device_prefix = after_scheme[:4] if after_scheme.startswith("\\\\?\\") else ""
+        location, _, query = after_scheme[len(device_prefix) :].partition("?")
+        if not device_prefix + location:
+            raise InputError(f"address {text!r} is incomplete; example: {cls.EXAMPLE}")
         try:
-            pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=True) if query else []
+            assignments = (
+                parse_qsl(query, keep_blank_values=True, strict_parsing=True) if query else []
+            )
         except ValueError:
             raise InputError(
-                f"the options of address {text!r} cannot be read; write them as name=value joined "
-                f"by &"
+                f"the options of address {text!r} cannot be parsed; write them as name=value "
+                f"joined by &"
             ) from None
-        if not all(map(str.isprintable, (place, *(value for _, value in pairs)))):
-            raise InputError(f"address {text!r} holds characters that no name has; type it anew")
-        known, values = {item.name: item for item in items(cls)}, dict[str, Any]()
-        for name, value in pairs:
-            called = f"{name} of address {text!r}"
-            if name not in known:
-                raise UnknownChoice(f"option of {scheme}: addresses", name, known)
-            if known[name].key in values or not value.strip():
-                problem = "twice" if known[name].key in values else "without a value"
-                raise InputError(f"{called} is given {problem}; write {name}=VALUE once")
-            values[known[name].key] = known[name].read(value, called)
-        address = cls(text=text, **cls.parse_place(head + place, text), **values)
+        if not all(map(str.isprintable, (location, *(value for _, value in assignments)))):
+            raise InputError(f"address {text!r} has non-printable characters; type it again")
+        options, values = {item.name: item for item in items(cls)}, dict[str, Any]()
+        for name, value in assignments:
+            label = f"{name} of address {text!r}"
+            if name not in options:
+                raise UnknownChoice(f"option of {scheme}: addresses", name, options)
+            if options[name].key in values or not value.strip():
+                problem = "twice" if options[name].key in values else "without a value"
+                raise InputError(f"{label} is given {problem}; write {name}=VALUE once")
+            values[options[name].key] = options[name].read(value, label)
+        address = cls(text=text, **cls.parse_location(device_prefix + location, text), **values)
         address.check()
         return address
 
     @classmethod
-    def parse_place(cls, place: str, text: str) -> dict[str, Any]:
-        """Return the fields that the place makes; errors name the whole text."""
-        return {cls.PLACE: place}
+    def parse_location(cls, location: str, text: str) -> dict[str, Any]:
+        """Return the fields of the location; errors contain the whole text."""
+        return {cls.LOCATION: location}
 
     def check(self) -> None:
-        """Refuse options that contradict each other."""
+        """Raise if options contradict each other."""
 
     @property
     def ends(self) -> tuple[Endpoint, ...]:
-        """Ends of the link, none where there is none."""
+        """Ends of the link; empty if there is no link."""
         return ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimAddress(Address):
-    """Virtual bench in this process; the pitch options are empty where not given."""
+    """Virtual bench in this process; the pitch options are empty by default."""
 
     EXAMPLE: ClassVar[str] = "sim:pquad?seed=3"
-    PLACE: ClassVar[str] = "rig"
+    LOCATION: ClassVar[str] = "rig"
     rig: str
     truth: Annotated[str, Input("Model whose thrust the load cell shows.")] = ""
     seed: Annotated[int, Ge(0), Le(2**32 - 1), Input("Seed of noise.")] = 0
@@ -141,7 +143,7 @@ class SimAddress(Address):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SerialAddress(Address):
-    """Bench on a serial port; the protocol's description recommends its rate."""
+    """Bench on a serial port; the default is the rate that the protocol recommends."""
 
     EXAMPLE: ClassVar[str] = "serial:/dev/ttyUSB0?baud=2000000"
     port: str
@@ -161,8 +163,8 @@ class TcpAddress(Address):
     port: int
 
     @classmethod
-    def parse_place(cls, place: str, text: str) -> dict[str, Any]:
-        return parse_host_and_port(place, text, cls.EXAMPLE)
+    def parse_location(cls, location: str, text: str) -> dict[str, Any]:
+        return parse_host_and_port(location, text, cls.EXAMPLE)
 
     @property
     def ends(self) -> tuple[Endpoint, ...]:
@@ -180,27 +182,29 @@ class MavlinkAddress(Address):
     serial_port: str = ""
     baud: int = TELEMETRY_BAUD
     system: Annotated[int, Ge(1), Le(255), Input("Number of the autopilot.")] | None = None
-    rotors: Annotated[int, Ge(1), Le(12), Input("How many rotors.")] | None = None
+    rotors: Annotated[int, Ge(1), Le(12), Input("Number of rotors.")] | None = None
     map: Annotated[Path, Input("Map of motors.")] | None = None
     mode: Annotated[Literal["plate", "pitch"], Input("Motor tests, or its own loop.")] = "plate"
     arm: Annotated[Literal["operator", "host"], Input("Who arms.")] = "operator"
-    rate_Hz: Annotated[float, Ge(LEAST_HZ), Le(MOST_HZ), Input("", option="rate")] | None = None
+    rate_Hz: Annotated[float, Ge(MIN_RATE_HZ), Le(MAX_RATE_HZ), Input("", option="rate")] | None = (
+        None
+    )
     key: Annotated[Path, Input("Signing key.")] | None = None
-    thrust: Annotated[str, Input("Name of the value that is thrust.")] = "thrust"
+    thrust: Annotated[str, Input("Name of the thrust value.")] = "thrust"
     thrust_scale_N: Scale = 1.0
     rpm: Annotated[Literal["auto", "none"], Input("Speeds.")] = "auto"
     distance: Annotated[Literal["on", "off"], Input("Distance sensor.")] | None = None
-    orientation: Annotated[int, Ge(0), Le(100), Input("Of that sensor.")] = DOWN
+    orientation: Annotated[int, Ge(0), Le(100), Input("Of that sensor.")] = DOWNWARD_ORIENTATION
     cell: Annotated[str, Input("Port of a load cell.")] = ""
 
     @classmethod
-    def parse_place(cls, place: str, text: str) -> dict[str, Any]:
-        kind, _, rest = place.partition(":")
+    def parse_location(cls, location: str, text: str) -> dict[str, Any]:
+        kind, _, kind_location = location.partition(":")
         if kind not in get_args(MavlinkKind):
             raise UnknownChoice(f"link of address {text!r}", kind, get_args(MavlinkKind))
         if kind != "serial":
-            return {"link": kind, **parse_host_and_port(rest, text, cls.EXAMPLE, LOOPBACK)}
-        port, baud = parse_port_and_baud(rest, text)
+            return {"link": kind, **parse_host_and_port(kind_location, text, cls.EXAMPLE, LOOPBACK)}
+        port, baud = parse_port_and_baud(kind_location, text)
         return {"link": kind, "serial_port": port, "baud": baud}
 
     @property
@@ -216,22 +220,22 @@ class MavlinkAddress(Address):
 
     @property
     def warning(self) -> str:
-        """Warning of an address that listens beyond this computer, or nothing."""
+        """Warning if the address accepts data from other computers, else ""."""
         if self.link != "udpin" or is_loopback(self.host):
             return ""
         return (
             f"listening on {self.host}: any computer that reaches this one can send, and MAVLink "
-            f"accepts whoever sends unless key= signs it; mavlink:udpin:{LOOPBACK} listens to this "
-            f"one alone"
+            f"accepts every sender unless key= signs it; mavlink:udpin:{LOOPBACK} accepts only "
+            f"this computer"
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayAddress(Address):
-    """Run that is played back."""
+    """Run that is replayed."""
 
     EXAMPLE: ClassVar[str] = "replay:runs/2026-01-31-first"
-    PLACE: ClassVar[str] = "run"
+    LOCATION: ClassVar[str] = "run"
     run: str
 
 
@@ -240,9 +244,9 @@ class GrblAddress(Address):
     """G-code stage that moves the plate.
 
     Attributes:
-        axis, lateral: of the plate distance, and of the lateral position where there is one.
-        zero_mm: plate distance at machine position 0; the rig's parking distance where left out.
-        direction: +1 when the distance grows with machine position, -1 when it falls.
+        axis, lateral: axes of the plate distance and of the lateral position, if there is one.
+        zero_mm: plate distance at machine position 0; default: the rig's parking distance.
+        direction: +1 if the distance increases with machine position, -1 if it decreases.
     """
 
     EXAMPLE: ClassVar[str] = "grbl:/dev/ttyACM0?axis=Z&zero_mm=1500&direction=1"
@@ -259,14 +263,14 @@ class GrblAddress(Address):
             raise InputError(f"direction of address {self.text!r} is 0; write 1 or -1")
         if self.lateral == self.axis:
             raise InputError(
-                f"axis and lateral of address {self.text!r} are both {self.axis}, so one motor "
-                f"would move the plate two ways; name two axes"
+                f"axis and lateral of address {self.text!r} are both {self.axis}; use two "
+                f"different axes"
             )
 
 
 @dataclass(frozen=True, slots=True)
 class ServedLink:
-    """Where a virtual device listens or sends; port 0 takes any that is free."""
+    """Link on which a virtual device listens or sends; port 0 means any free port."""
 
     protocol: str
     kind: str
@@ -275,26 +279,26 @@ class ServedLink:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Return the link that `--link` names.
+        """Return the link of a `--link` option.
 
         `mavlink` is UDP to port 14550 of this computer; `mavlink:udpout:HOST:PORT` sends there,
-        `mavlink:udpin:PORT` waits there, `pty`, `tcp:PORT`, `tcp:HOST:PORT` and the same behind
-        `mavlink:` are the others.
+        `mavlink:udpin:PORT` listens there. The others are `pty`, `tcp:PORT`, `tcp:HOST:PORT`, and
+        the same after `mavlink:`.
         """
-        protocol, _, rest = text.partition(":")
+        protocol, _, after_protocol = text.partition(":")
         if protocol == "mavlink":
-            kind, _, place = rest.partition(":")
-            kind, place = kind or "udpout", place or str(GROUND_STATION_PORT)
+            kind, _, location = after_protocol.partition(":")
+            kind, location = kind or "udpout", location or str(GROUND_STATION_PORT)
         else:
-            protocol, kind, place = "bench", protocol, rest
+            protocol, kind, location = "bench", protocol, after_protocol
         if text in ("pty", "mavlink:pty"):
             return cls(protocol, "pty")
-        host, _, digits = place.rpartition(":")
+        host, _, digits = location.rpartition(":")
         kinds = {"bench": "tcp", "mavlink": "tcp udpin udpout"}[protocol]
         port = parse_port(digits, min_port=int(kind == "udpout"))
         if port is None or kind not in kinds.split():
             raise InputError(
-                f"{text!r:.60} is no link with a port of 0 (any) to {MAX_PORT}; known: pty, "
+                f"{text!r:.60} is not a link with a port of 0 (any) to {MAX_PORT}; allowed: pty, "
                 f"tcp:PORT, tcp:HOST:PORT, mavlink, mavlink:pty, mavlink:tcp:PORT, "
                 f"mavlink:udpout:HOST:PORT, mavlink:udpin:PORT"
             )
@@ -302,31 +306,32 @@ class ServedLink:
 
 
 def parse_port(digits: str, min_port: int = 1) -> int | None:
-    """Return the number of a TCP or UDP port, None for text that is none."""
+    """Return a TCP or UDP port number, or None for invalid text."""
     port = int(digits) if digits.isdecimal() and len(digits) < 10 else -1
     return port if min_port <= port <= MAX_PORT else None
 
 
-def parse_host_and_port(place: str, text: str, example: str, default: str = "") -> dict[str, Any]:
-    """Return host and port of a place `HOST:PORT`; errors name the whole text."""
-    host, _, digits = place.rpartition(":")
+def parse_host_and_port(
+    location: str, text: str, example: str, default: str = ""
+) -> dict[str, Any]:
+    """Return host and port of `HOST:PORT`; errors contain the whole text."""
+    host, _, digits = location.rpartition(":")
     host, port = host.strip("[]") or default, parse_port(digits)
     if not host or port is None:
         raise InputError(
-            f"address {text!r} needs host and port, 1 to {MAX_PORT}; write for example {example}"
+            f"address {text!r} needs host and port, 1 to {MAX_PORT}; example: {example}"
         )
     return {"host": host, "port": port}
 
 
-def parse_port_and_baud(place: str, text: str) -> tuple[str, int]:
-    """Split `/dev/ttyACM0:57600`; Windows and macOS ports have no colon of their own."""
-    port, _, digits = place.rpartition(":")
+def parse_port_and_baud(location: str, text: str) -> tuple[str, int]:
+    """Split `/dev/ttyACM0:57600`; port names of Windows and macOS contain no colon."""
+    port, _, digits = location.rpartition(":")
     if not port or not digits.isdecimal():
-        port, digits = place, str(TELEMETRY_BAUD)
+        port, digits = location, str(TELEMETRY_BAUD)
     if not port:
         raise InputError(
-            f"address {text!r} names no port; write for example "
-            f"mavlink:serial:/dev/ttyACM0:{TELEMETRY_BAUD}"
+            f"address {text!r} has no port; example: mavlink:serial:/dev/ttyACM0:{TELEMETRY_BAUD}"
         )
     baud = next(item for item in items(SerialAddress) if item.name == "baud")
     return port, baud.read(digits, f"baud rate of address {text!r}")
@@ -341,7 +346,7 @@ def is_loopback(host: str) -> bool:
 
 
 def parse_stage(option: str) -> GrblAddress | str:
-    """Return what `--stage` names: `device`, `hand`, `none`, or the address of a stage."""
+    """Return the value of `--stage`: `device`, `hand`, `none`, or the address of a stage."""
     if option in ("device", "hand", "none"):
         return option
     if option.partition(":")[0] != "grbl":

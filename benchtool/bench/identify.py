@@ -7,7 +7,7 @@ from typing import Literal
 
 from benchtool.bench.serial.commands import RequestHello
 from benchtool.bench.serial.frames import frame_command, split_messages
-from benchtool.bench.stage.grbl_lines import Other, parse_line
+from benchtool.bench.stage.grbl_lines import UnknownLine, parse_line
 from benchtool.bench.transport.transport import Transport
 
 Kind = Literal["bench", "mavlink", "grbl", "text", "frames", "noise"]
@@ -99,4 +99,6 @@ def _is_grbl(received: bytes) -> bool:
     lines = [line for line in received.decode("latin-1").splitlines() if line.strip()]
     # The first and the last line may be incomplete.
     complete = lines[1:-1] if len(lines) > 2 else lines
-    return bool(complete) and not any(isinstance(parse_line(line), Other) for line in complete)
+    return bool(complete) and not any(
+        isinstance(parse_line(line), UnknownLine) for line in complete
+    )

@@ -1,4 +1,4 @@
-"""Serial ports of this computer: list, answer to a hello, and causes that keep one from working."""
+"""Serial ports of this computer: list, identification by hello, and diagnosis of causes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Port:
 
     Attributes:
         vendor, product: USB numbers; None for a port that is not on USB.
-        by_id: name that stays the same after a replug, empty where there is none (Linux only).
+        by_id: name that stays the same after a replug; empty if there is none (Linux only).
     """
 
     name: str
@@ -61,7 +61,7 @@ class PortAnswer(NamedTuple):
 
 
 def serial_ports() -> tuple[Port, ...]:
-    """Return the serial ports behind which there is hardware, in natural order."""
+    """Return the serial ports with hardware, in natural order."""
     from serial.tools import list_ports
 
     names = by_id_names()
@@ -77,11 +77,11 @@ def serial_ports() -> tuple[Port, ...]:
         for item in list_ports.comports()
         if item.hwid != "n/a" or item.vid is not None
     ]
-    return tuple(sorted(ports, key=lambda port: _natural(port.name)))
+    return tuple(sorted(ports, key=lambda port: _natural_sort_key(port.name)))
 
 
 def by_id_names(folder: Path = BY_ID) -> dict[str, str]:
-    """Return the lasting name of each port by the port it leads to now."""
+    """Return the permanent name of each port by its present device path."""
     if not folder.is_dir():
         return {}
     return {os.path.realpath(link): str(link) for link in sorted(folder.iterdir())}
@@ -91,9 +91,9 @@ def identify_port(
     transport: Transport, name: str, clock: Callable[[], float] = time.monotonic
 ) -> PortAnswer:
     """Open a port and request a hello; opening resets many boards, no motor turns."""
-    talk = CommandChannel(transport, f"serial:{name}", clock)
+    channel = CommandChannel(transport, f"serial:{name}", clock)
     try:
-        hello = talk.open()
+        hello = channel.open()
     except PortBusy as error:
         return PortAnswer("busy", str(error))
     except PortDenied as error:
@@ -103,25 +103,25 @@ def identify_port(
     except ProtocolError as error:
         return PortAnswer("other", str(error))
     finally:
-        talk.close()
+        channel.close()
     rotors = pluralize(hello.n_rotors, "rotor")
     virtual = ", virtual" if hello.simulated else ""
     return PortAnswer("bench", f"{hello.device_id}, {hello.firmware}, {rotors}{virtual}")
 
 
-def _natural(name: str) -> list[str | int]:
-    """Sort COM9 before COM10."""
+def _natural_sort_key(name: str) -> list[str | int]:
+    """Return a key that sorts COM9 before COM10."""
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostEnvironment:
-    """Facts about a port and its user; None where the platform does not report them.
+    """Facts about a port and its user; None if the platform does not report them.
 
     Attributes:
         system: "Linux", "Darwin" or "Windows".
-        port: as the user named it, empty when no port was named.
-        may_open: whether this user may read and write it.
+        port: as typed by the user; empty if none was given.
+        may_open: this user has read and write permission.
         groups_on_file: groups that the user has after the next login.
     """
 
@@ -138,18 +138,20 @@ class HostEnvironment:
 
     @property
     def is_listed(self) -> bool:
-        real = os.path.realpath(self.port) if self.system == "Linux" else self.port
+        real_path = os.path.realpath(self.port) if self.system == "Linux" else self.port
         if self.system == "Windows":
-            return real.removeprefix("\\\\.\\").upper() in [
+            return real_path.removeprefix("\\\\.\\").upper() in [
                 port.name.upper() for port in self.ports
             ]
-        return real in [port.name for port in self.ports]
+        return real_path in [port.name for port in self.ports]
 
 
 def probe_environment(port: str = "") -> HostEnvironment:
-    """Return the facts about a port, or about the computer's ports when none is named."""
+    """Return the facts about a port, or about all ports of the computer if it is empty."""
     system = platform.system()
-    group, user, groups, on_file = _names(port) if os.name == "posix" else (None, "", (), ())
+    group, user, session_groups, groups_on_file = (
+        _read_user_and_groups(port) if os.name == "posix" else (None, "", (), ())
+    )
     exists = os.path.exists(port) if port and os.name == "posix" else None
     return HostEnvironment(
         system=system,
@@ -159,13 +161,13 @@ def probe_environment(port: str = "") -> HostEnvironment:
         may_open=os.access(port, os.R_OK | os.W_OK) if exists else None,
         group=group,
         user=user,
-        groups=frozenset(groups),
-        groups_on_file=frozenset(on_file),
+        groups=frozenset(session_groups),
+        groups_on_file=frozenset(groups_on_file),
         holders=port_owners(port) if system == "Linux" and exists else None,
     )
 
 
-def _names(port: str) -> tuple[str | None, str, Iterable[str], Iterable[str]]:
+def _read_user_and_groups(port: str) -> tuple[str | None, str, Iterable[str], Iterable[str]]:
     import grp
     import pwd
 
@@ -182,13 +184,13 @@ def _names(port: str) -> tuple[str | None, str, Iterable[str], Iterable[str]]:
         user = pwd.getpwuid(os.geteuid()).pw_name
     except KeyError:
         user = str(os.geteuid())
-    session = {group_name(number) for number in {*os.getgroups(), os.getegid()}}
+    session_groups = {group_name(number) for number in {*os.getgroups(), os.getegid()}}
     on_file = {entry.gr_name for entry in grp.getgrall() if user in entry.gr_mem}
-    return owner, user, session, on_file
+    return owner, user, session_groups, on_file
 
 
 class PortFinding(NamedTuple):
-    """State of one possible cause, with its remedy."""
+    """Result for one possible cause, with its remedy."""
 
     name: str
     verdict: Literal["ok", "problem", "not checked"]
@@ -197,33 +199,33 @@ class PortFinding(NamedTuple):
 
 
 def findings(host: HostEnvironment) -> tuple[PortFinding, ...]:
-    """Return what was found for each cause that concerns the port."""
-    causes = (_presence(host), _permission(host), _holders(host))
+    """Return the result for each cause that concerns the port."""
+    causes = (_find_presence(host), _find_permission(host), _find_other_users(host))
     return tuple(finding for finding in causes if finding is not None)
 
 
-def _presence(host: HostEnvironment) -> PortFinding:
-    known = ", ".join(port.name for port in host.ports)
+def _find_presence(host: HostEnvironment) -> PortFinding:
+    listed = ", ".join(port.name for port in host.ports)
     if not host.port:
-        if known:
-            return PortFinding("port", "ok", f"this computer has {known}", "name one of them")
+        if listed:
+            return PortFinding("port", "ok", f"this computer has {listed}", "use one of them")
         fix = (
-            "plug the bench in; some USB cables only charge; `benchtool bench serve` makes a "
+            "connect the bench; some USB cables only charge; `benchtool bench serve` makes a "
             "virtual bench"
         )
         return PortFinding("port", "problem", "this computer has no serial port", fix)
     if host.system == "Darwin" and host.port.startswith("/dev/tty."):
-        sentence = f"{host.port} waits for a carrier signal that benches do not give"
+        sentence = f"{host.port} waits for a carrier signal that benches do not send"
         fix = f"use {host.port.replace('/dev/tty.', '/dev/cu.')}"
         return PortFinding("port", "problem", sentence, fix)
     if host.exists or host.is_listed:
-        return PortFinding("port", "ok", f"{host.port} is there")
-    fix = "plug it in; after a replug the number may have changed"
-    sentence = f"{host.port} is not there; present: {known or 'none'}"
+        return PortFinding("port", "ok", f"{host.port} is present")
+    fix = "connect it; after a replug the number may have changed"
+    sentence = f"{host.port} is not present; present: {listed or 'none'}"
     return PortFinding("port", "problem", sentence, fix)
 
 
-def _permission(host: HostEnvironment) -> PortFinding | None:
+def _find_permission(host: HostEnvironment) -> PortFinding | None:
     name = "permission"
     if host.system == "Windows":
         return PortFinding(name, "not checked", "Windows lets every user open a free port")
@@ -240,7 +242,7 @@ def _permission(host: HostEnvironment) -> PortFinding | None:
     return PortFinding(name, "problem", sentence, fix)
 
 
-def _holders(host: HostEnvironment) -> PortFinding | None:
+def _find_other_users(host: HostEnvironment) -> PortFinding | None:
     name = "other users"
     if not host.port:
         return None
@@ -258,19 +260,17 @@ def _holders(host: HostEnvironment) -> PortFinding | None:
 
 
 def parse_serial_port(text: str) -> str | None:
-    """Return the serial port that a port's name or an address names, None for a network address."""
+    """Return the serial port of a port name or an address, or None for a network address."""
     if text.partition(":")[0] not in DRIVERS:
         return text.partition("?")[0]
     ends = parse_address(text).ends
     if not ends:
-        raise InputError(
-            f"{text!r} has no port to look at; name a serial port or a network address"
-        )
+        raise InputError(f"{text!r} has no port to check; give a serial port or a network address")
     return ends[0].place if ends[0].kind == "serial" else None
 
 
 def network_findings(text: str) -> tuple[PortFinding, ...]:
-    """Return what was found for each end of a network address."""
+    """Return the result for each end of a network address."""
     return tuple(_network_finding(end) for end in parse_address(text).ends)
 
 
@@ -288,7 +288,7 @@ def _network_finding(end: Endpoint) -> PortFinding:
     finally:
         link.close()
     if end.kind == "sends":
-        sentence = f"whether anybody listens on {link.where} shows only when it answers"
+        sentence = f"a listener on {link.where} cannot be detected before it replies"
         return PortFinding(name, "not checked", sentence, "run benchtool bench check")
     state = "is free" if end.kind == "listens" else "accepts connections"
     return PortFinding(name, "ok", f"{link.where} {state}")

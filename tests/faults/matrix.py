@@ -75,7 +75,7 @@ CLOSED, BROKE = "closed the connection", "the link to...broke"
 NO_PULSE, NO_PLATE = "did not answer 'pwm,", "did not answer 'plate,"
 NO_STOP = "did not answer 'stop'"
 NO_ACK = "did not acknowledge an order to turn"
-ANEW = "started anew...lost its position"
+ANEW = "restarted...lost its position"
 UNMOVED = "plate_z_m still reads 1.4000 m after the move"
 
 TURNS = "ramping sampling stopping closing"  # phases that come after a motor's first turn
@@ -110,8 +110,8 @@ ROWS = (
     row("tcp", "device silent", "ramping sampling", ends(8, UNSEEN, 1.4)),
     row("tcp", "device silent", "stopping closing", ends(8, UNSEEN, 0.6)),
     row("grbl", "device silent 0.6 s", "connect hello arming moving", RUNS),
-    row("grbl", "device silent", "moving", ends(3, "answered nothing to the move")),
-    row("grbl", "device silent", "sampling", ends(3, "answered nothing to a question")),
+    row("grbl", "device silent", "moving", ends(3, "did not reply to the move")),
+    row("grbl", "device silent", "sampling", ends(3, "did not reply to the request")),
     row("mavlink", "device silent", "hello", ends(3, "nothing came for 5 s")),
     row("mavlink", "device silent", "arming", ends(3, "did not acknowledge command 511")),
     row("mavlink", "device silent", "moving", ends(3, SILENT)),
@@ -182,10 +182,10 @@ ROWS = (
     row("grbl", "reset pressed", "sampling", ends(3, ANEW)),
     row("grbl", "power fails", "homing moving sampling", ends(3, ANEW)),
     row("grbl", "answer garbled", "moving", RUNS),
-    row("grbl", "order garbled", "moving", ends(3, "refused the move to 1.362 m: error:1")),
+    row("grbl", "order garbled", "moving", ends(3, "rejected the move to 1.362 m: error:1")),
     row("grbl", "order 100 mm off", "moving", ends(3, "was held...a digit was wrong on the line")),
     row("grbl", "order beyond limits", "moving stopping", ends(3, "the move to...ALARM:2")),
-    row("grbl", "Idle reads Check", "moving stopping", ends(3, "was held: it says Check")),
+    row("grbl", "Idle reads Check", "moving stopping", ends(3, "was held: it reports Check")),
 )
 # fmt: on
 

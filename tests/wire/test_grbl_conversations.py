@@ -203,14 +203,14 @@ def test_a_slow_axis_gets_its_time_and_is_named():
     assert stage.move(0.2, 0.0, 0.0, quiet) == pytest.approx(0.20005)
     link.check_finished()
     assert stage.facts["remark"] == (
-        "$112 allows 300 mm/min where the rig's plate.speed_m_s asks for 3000, so moves take "
-        "longer; Z stands only on multiples of 0.1 mm ($102=10)"
+        "$112 allows 300 mm/min, below the rig's plate.speed_m_s of 3000, so moves take "
+        "longer; Z has steps of 0.1 mm ($102=10)"
     )
 
 
 def test_a_homing_whose_alarm_was_lost_is_not_good():
     link = LateLink(*WOKEN, Turn(b"$H\n", b"ok\r\n" + b"\r\n" * 100 + LOCKED, 2), late={})
-    with pytest.raises(errors.StageError, match="started anew during homing"):
+    with pytest.raises(errors.StageError, match="restarted during homing"):
         stage_on(link).open()
 
 

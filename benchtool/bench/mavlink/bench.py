@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchtool.bench.addresses import LEAST_HZ, MOST_HZ, MavlinkAddress
+from benchtool.bench.addresses import MAX_RATE_HZ, MIN_RATE_HZ, MavlinkAddress
 from benchtool.bench.bench import DeviceInfo, Readings, StreamingBench
 from benchtool.bench.clocks import DeviceClock
 from benchtool.bench.mavlink import streams
@@ -210,9 +210,10 @@ class MavlinkBench(StreamingBench):
 
     def set_rate(self, rate_Hz: float) -> None:
         self._known()
-        if not LEAST_HZ <= rate_Hz <= MOST_HZ:
+        if not MIN_RATE_HZ <= rate_Hz <= MAX_RATE_HZ:
             raise InputError(
-                f"a stream of {rate_Hz:g} Hz is not possible; ask for {LEAST_HZ:g} to {MOST_HZ:g}"
+                f"stream rate {rate_Hz:g} Hz is out of range; allowed: {MIN_RATE_HZ:g} to "
+                f"{MAX_RATE_HZ:g} Hz"
             )
         streams.check_fit(self._settings, rate_Hz, self._known().wiring.n_rotors, self._baud)
         swift = (*streams.OUTPUT_MESSAGES, "ATTITUDE", "ATTITUDE_TARGET")

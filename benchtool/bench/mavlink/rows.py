@@ -13,7 +13,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from benchtool.bench.addresses import DOWN
+from benchtool.bench.addresses import DOWNWARD_ORIENTATION
 from benchtool.bench.mavlink.frames import BootTime, CompanionTime
 from benchtool.bench.mavlink.messages import Message
 from benchtool.bench.mavlink.settings import ChannelWiring, channels_of
@@ -134,7 +134,7 @@ class MavlinkRows:
             self._virtual_plate(message)
         elif name == "RANGEFINDER":
             # Deprecated; it has no stamp and no orientation: ArduPilot sends the one looking down.
-            if message.distance > 0.0 and self._wiring.orientation == DOWN:
+            if message.distance > 0.0 and self._wiring.orientation == DOWNWARD_ORIENTATION:
                 self._plate(message.distance, self.time.last_us, name)
         elif self._with_speeds and name in TELEMETRY:
             self._telemetry(message, TELEMETRY[name])

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 
 from annotated_types import Ge, Le, Len
 
-from benchtool.bench.addresses import DOWN, MavlinkAddress
+from benchtool.bench.addresses import DOWNWARD_ORIENTATION, MavlinkAddress
 from benchtool.bench.transport.sockets import TcpSocket, UdpSocket
 from benchtool.bench.transport.transport import Transport
 from benchtool.core.channel import Channel
@@ -207,7 +207,7 @@ class MavlinkSettings:
     thrust_scale_N: float = 1.0
     speeds: bool = True
     distance: bool = False
-    orientation: int = DOWN
+    orientation: int = DOWNWARD_ORIENTATION
     cell: tuple[str, int] | None = None
     warning: str = ""
 

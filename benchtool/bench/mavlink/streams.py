@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from benchtool.bench.addresses import LEAST_HZ
+from benchtool.bench.addresses import MIN_RATE_HZ
 from benchtool.bench.mavlink.autopilots import RESEND_INTERVAL_S
 from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.messages import ACCEPTED, dialect, interval, number_of
@@ -29,7 +29,16 @@ FRAME_BYTES, SIGNATURE_BYTES = 12, 13  # around the payload of a MAVLink 2 frame
 
 OUTPUT_MESSAGES = ("SERVO_OUTPUT_RAW", "ACTUATOR_OUTPUT_STATUS")
 
-RATES_HZ = (200.0, 125.0, 100.0, 50.0, 40.0, 25.0, 20.0, LEAST_HZ)  # tried on a slow line; assumed
+RATES_HZ = (
+    200.0,
+    125.0,
+    100.0,
+    50.0,
+    40.0,
+    25.0,
+    20.0,
+    MIN_RATE_HZ,
+)  # tried on a slow line; assumed
 
 UNREQUESTED_MESSAGES = {"HEARTBEAT", "STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE", "TIMESYNC",
             "AUTOPILOT_VERSION", "SYSTEM_TIME", *THRUST_MESSAGES}  # fmt: skip
@@ -80,7 +89,7 @@ def fit_rates(
         if rate_Hz <= settings.rate_Hz and fits_bandwidth(settings, rate_Hz, n_rotors, baud):
             break
     else:
-        check_fit(settings, LEAST_HZ, n_rotors, baud)
+        check_fit(settings, MIN_RATE_HZ, n_rotors, baud)
     if rate_Hz == settings.rate_Hz:
         return settings, []
     remark = (

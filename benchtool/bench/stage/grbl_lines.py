@@ -1,7 +1,7 @@
-"""What GRBL 1.1 says and what it takes: lines and settings to values and back, pure.
+"""Lines and settings of GRBL 1.1, parsed to values and encoded; pure functions.
 
-Texts of alarms and errors after the tables of the Grbl 1.1 documentation (gnea/grbl, doc/csv), in
-our words; numbers that forks add are shown as they come. Settings and their defaults after
+Texts of alarms and errors are paraphrased from the tables of the Grbl 1.1 documentation (gnea/grbl,
+doc/csv); numbers that forks add are shown without text. Settings and their defaults are from
 doc/markdown/settings.md there.
 """
 
@@ -19,7 +19,7 @@ UNLOCK, HOME, SETTINGS = b"$X\n", b"$H\n", b"$$\n"
 
 ALARMS: dict[int, str] = {
     1: "a limit switch was hit and the position is lost; free the stage and home it",
-    2: "the target lies outside of the stage's soft limits; correct the distance or $130 to $132",
+    2: "the target is outside the stage's soft limits; correct the distance or $130 to $132",
     3: "it was reset while moving and the position is lost; home it",
     4: "the probe was not in its initial state",
     5: "the probe touched nothing within its travel",
@@ -60,17 +60,17 @@ ERRORS: dict[int, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Ok:
-    """The line was taken."""
+    """The line was accepted."""
 
 
 @dataclass(frozen=True, slots=True)
 class Error:
-    """The line was refused."""
+    """The line was rejected."""
 
     number: int
 
     def __str__(self) -> str:
-        return f"error:{self.number}, {ERRORS.get(self.number, 'which its manual explains')}"
+        return f"error:{self.number}, {ERRORS.get(self.number, 'see its manual')}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,30 +80,30 @@ class Alarm:
     number: int
 
     def __str__(self) -> str:
-        return f"ALARM:{self.number}, {ALARMS.get(self.number, 'which its manual explains')}"
+        return f"ALARM:{self.number}, {ALARMS.get(self.number, 'see its manual')}"
 
     @property
     def loses_position(self) -> bool:
-        """Whether the stage has to be homed; a soft limit stops before anything moves."""
+        """Return whether homing is needed; a soft limit stops before anything moves."""
         return self.number not in (2, 4, 5)
 
 
 @dataclass(frozen=True, slots=True)
 class Banner:
-    """It has started anew."""
+    """The stage has restarted."""
 
     version: str
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class FeedbackMessage:
     """A bracketed message, such as `[MSG:Caution: Unlocked]`."""
 
     text: str
 
     @property
-    def locked(self) -> bool:
-        """Whether it says that the stage takes no G-code before `$H` or `$X`."""
+    def is_locked_notice(self) -> bool:
+        """Return whether the stage reports that G-code is locked until `$H` or `$X`."""
         return "to unlock" in self.text
 
 
@@ -117,7 +117,7 @@ class GrblSetting:
 
 @dataclass(frozen=True, slots=True)
 class StatusReport:
-    """One status report as it stands: positions in mm, those that it does not carry None."""
+    """One status report: positions in mm, None if it does not contain them."""
 
     state: str
     substate: int | None
@@ -126,19 +126,19 @@ class StatusReport:
     offset_mm: tuple[float, ...] | None
 
     @property
-    def words(self) -> str:
-        """The state as the stage says it, `Hold:0`."""
+    def state_text(self) -> str:
+        """The state as the stage reports it, `Hold:0`."""
         return self.state + ("" if self.substate is None else f":{self.substate}")
 
 
 @dataclass(frozen=True, slots=True)
-class Other:
-    """Anything else: parameters, noise."""
+class UnknownLine:
+    """Any other line, such as parameters or noise."""
 
     text: str
 
 
-GrblLine = Ok | Error | Alarm | Banner | Note | GrblSetting | StatusReport | Other
+GrblLine = Ok | Error | Alarm | Banner | FeedbackMessage | GrblSetting | StatusReport | UnknownLine
 _NUMBERED = re.compile(r"(error|ALARM):(\d{1,9})")
 _SETTING = re.compile(r"\$(\d{1,9})=(\d{1,15}(?:\.\d*)?)(?: .*)?")
 _BANNER = re.compile(r"Grbl(?:HAL)? (\S+) \[", re.IGNORECASE)
@@ -146,67 +146,67 @@ _REPORT = re.compile(r"<([A-Za-z]+)(?::(\d{1,9}))?((?:\|[^|>]*)*)>")
 
 
 def parse_line(line: str) -> GrblLine:
-    """Return what one line means."""
+    """Return the parsed line."""
     line = line.strip()
     if line == "ok":
         return Ok()
-    if found := _NUMBERED.fullmatch(line):
-        number = int(found[2])
-        return Error(number) if found[1] == "error" else Alarm(number)
-    if found := _SETTING.fullmatch(line):
-        return GrblSetting(int(found[1]), float(found[2]))
-    if found := _REPORT.fullmatch(line):
-        return _report(found) or Other(line)
-    if found := _BANNER.match(line):
-        return Banner(found[1])
+    if match := _NUMBERED.fullmatch(line):
+        number = int(match[2])
+        return Error(number) if match[1] == "error" else Alarm(number)
+    if match := _SETTING.fullmatch(line):
+        return GrblSetting(int(match[1]), float(match[2]))
+    if match := _REPORT.fullmatch(line):
+        return _parse_report(match) or UnknownLine(line)
+    if match := _BANNER.match(line):
+        return Banner(match[1])
     if line.startswith("[") and line.endswith("]"):
-        return Note(line[1:-1])
-    return Other(line)
+        return FeedbackMessage(line[1:-1])
+    return UnknownLine(line)
 
 
-def _report(found: re.Match[str]) -> StatusReport | None:
+def _parse_report(match: re.Match[str]) -> StatusReport | None:
     fields: dict[str, str] = {}
-    for field in found[3].split("|")[1:]:
+    for field in match[3].split("|")[1:]:
         name, _, value = field.partition(":")
         fields[name] = value
     try:
-        places = {
+        positions = {
             name: tuple(float(number) for number in fields[name].split(","))
             for name in ("MPos", "WPos", "WCO")
             if name in fields
         }
     except ValueError:
         return None
-    if not all(math.isfinite(value) for place in places.values() for value in place):
+    if not all(math.isfinite(value) for position in positions.values() for value in position):
         return None
-    substate = int(found[2]) if found[2] else None
+    substate = int(match[2]) if match[2] else None
     return StatusReport(
-        found[1], substate, places.get("MPos"), places.get("WPos"), places.get("WCO")
+        match[1], substate, positions.get("MPos"), positions.get("WPos"), positions.get("WCO")
     )
 
 
 class GrblDecoder:
-    """Put pieces of bytes together to lines, and remember the work offset between reports."""
+    """Decoder of received bytes, with the work offset between reports."""
 
     def __init__(self) -> None:
-        self._rest = b""
+        self._partial_line = b""
         self._offset_mm: tuple[float, ...] | None = None
 
     def feed(self, data: bytes) -> list[GrblLine]:
-        """Return what the complete lines so far mean; half a line waits for the rest."""
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        words = [parse_line(line.decode("ascii", "replace")) for line in lines if line.strip()]
-        for word in words:
-            if isinstance(word, StatusReport) and word.offset_mm is not None:
-                self._offset_mm = word.offset_mm
-            elif isinstance(word, Banner):
+        """Return the complete lines so far, parsed; an incomplete line is buffered."""
+        *lines, self._partial_line = (self._partial_line + data).split(b"\n")
+        messages = [parse_line(line.decode("ascii", "replace")) for line in lines if line.strip()]
+        for message in messages:
+            if isinstance(message, StatusReport) and message.offset_mm is not None:
+                self._offset_mm = message.offset_mm
+            elif isinstance(message, Banner):
                 self._offset_mm = None
-        return words
+        return messages
 
     def machine_mm(self, report: StatusReport) -> tuple[float, ...] | None:
-        """Return the machine position of a report (axes,): mm; None while it cannot be known.
+        """Return the machine position of a report (axes,): mm; None if it is unknown.
 
-        A report carries either machine or work position, and the offset between only sometimes.
+        A report contains either machine or work position, and only sometimes the offset.
         """
         if report.machine_mm is not None:
             return report.machine_mm
@@ -217,25 +217,25 @@ class GrblDecoder:
 
 
 def move_line(targets_mm: Mapping[str, float], feed_mm_min: float) -> bytes:
-    """Return a straight move in machine coordinates: absolute, millimetres, at a stated feed."""
+    """Return a straight move in machine coordinates: absolute, millimetres, with its feed."""
     words = "".join(f" {letter}{value:.3f}" for letter, value in targets_mm.items())
     return f"G21 G90 G53 G1{words} F{feed_mm_min:.1f}\n".encode("ascii")
 
 
 INCHES, SOFT_LIMITS, HOMING = 13, 20, 22
 HOMING_FEED, HOMING_SEEK, HOMING_PAUSE_MS, PULL_OFF = 24, 25, 26, 27
-STEPS_PER_MM, FASTEST, ACCELERATION, TRAVEL = 100, 110, 120, 130
+STEPS_PER_MM, MAX_FEED, ACCELERATION, TRAVEL = 100, 110, 120, 130
 
 AXES = "XYZ"
-SEARCH = 1.5  # Grbl seeks a switch over this many times the travel (HOMING_AXIS_SEARCH_SCALAR)
-LOCATE = 5.0  # Grbl seeks again over so many pull-offs at the slow feed (HOMING_AXIS_LOCATE_SCALAR)
+SEEK_FACTOR = 1.5  # travels over which Grbl seeks a switch (HOMING_AXIS_SEARCH_SCALAR)
+LOCATE_FACTOR = 5.0  # pull-offs over which it seeks again slowly (HOMING_AXIS_LOCATE_SCALAR)
 
-HOMING_SPARE_S = 10.0
+HOMING_MARGIN_S = 10.0
 
-NEEDED = {  # settings that every stage lists and that are used here
+REQUIRED_SETTINGS = {  # listed by every stage and used here
     *(INCHES, SOFT_LIMITS, HOMING, HOMING_FEED, HOMING_SEEK, HOMING_PAUSE_MS, PULL_OFF),
     *range(STEPS_PER_MM, STEPS_PER_MM + 3),
-    *range(FASTEST, FASTEST + 3),
+    *range(MAX_FEED, MAX_FEED + 3),
     *range(ACCELERATION, ACCELERATION + 3),
     *range(TRAVEL, TRAVEL + 3),
 }
@@ -243,101 +243,98 @@ NEEDED = {  # settings that every stage lists and that are used here
 
 @dataclass(frozen=True, slots=True)
 class GrblSettings:
-    """Hold the numbered settings of a stage."""
+    """The numbered settings of a stage."""
 
     values: Mapping[int, float]
 
-    def of(self, number: int) -> float:
-        """Return a setting; refuse a stage that did not list it."""
+    def get(self, number: int) -> float:
+        """Return a setting; raise if the stage did not list it."""
         try:
             return self.values[number]
         except KeyError:
             raise StageError(
-                f"the stage never listed ${number} when its settings were requested: a line was "
-                f"lost on the way (look at cable and grounding) or its firmware does not speak "
-                f"Grbl 1.1"
+                f"the stage did not list setting ${number}: a line was lost (check cable and "
+                f"grounding), or its firmware does not speak Grbl 1.1"
             ) from None
 
     def steps_mm(self, letter: str) -> float:
-        return 1.0 / self._of_axis(STEPS_PER_MM, letter)
+        return 1.0 / self._get_axis(STEPS_PER_MM, letter)
 
-    def fastest_mm_min(self, letters: Iterable[str]) -> float:
-        return min(self._of_axis(FASTEST, letter) for letter in letters)
+    def max_feed_mm_min(self, letters: Iterable[str]) -> float:
+        return min(self._get_axis(MAX_FEED, letter) for letter in letters)
 
-    def stopping_s(self, letters: Iterable[str], feed_mm_min: float) -> float:
-        return feed_mm_min / 60.0 / self._slowest_mm_s2(letters)
+    def braking_time_s(self, letters: Iterable[str], feed_mm_min: float) -> float:
+        return feed_mm_min / 60.0 / self._min_acceleration_mm_s2(letters)
 
-    def feed_that_stops_mm_min(
+    def max_stoppable_feed_mm_min(
         self, letters: Iterable[str], within_mm: float, reaction_s: float
     ) -> float:
-        """Return the feed from which a stage stops within v t + v^2 / (2 a); a: $120 to $122."""
-        slowest_mm_s2 = self._slowest_mm_s2(letters)
-        root_s = math.sqrt(reaction_s**2 + 2.0 * max(within_mm, 0.0) / slowest_mm_s2)
-        return 60.0 * slowest_mm_s2 * (root_s - reaction_s)
+        """Return the feed whose braking path v t + v^2 / (2 a) fits; a: $120 to $122."""
+        acceleration_mm_s2 = self._min_acceleration_mm_s2(letters)
+        root_s = math.sqrt(reaction_s**2 + 2.0 * max(within_mm, 0.0) / acceleration_mm_s2)
+        return 60.0 * acceleration_mm_s2 * (root_s - reaction_s)
 
-    def _slowest_mm_s2(self, letters: Iterable[str]) -> float:
-        return min(self._of_axis(ACCELERATION, letter) for letter in letters)
+    def _min_acceleration_mm_s2(self, letters: Iterable[str]) -> float:
+        return min(self._get_axis(ACCELERATION, letter) for letter in letters)
 
     @property
-    def homing_s(self) -> float:
-        """Longest homing: one axis after the other seeks over its travel, locates, pulls off: s."""
-        pull_off_mm = self.of(PULL_OFF)
-        longest_s = HOMING_SPARE_S
+    def homing_timeout_s(self) -> float:
+        """Longest homing: each axis in turn seeks over its travel, locates, pulls off: s."""
+        pull_off_mm = self.get(PULL_OFF)
+        timeout_s = HOMING_MARGIN_S
         for letter in AXES:
-            seek_mm = SEARCH * self._of_axis(TRAVEL, letter) + pull_off_mm
-            longest_s += 60.0 * seek_mm / self.of(HOMING_SEEK)
-            longest_s += 60.0 * (LOCATE + 2.0) * pull_off_mm / self.of(HOMING_FEED)
-            longest_s += 6.0 * 1e-3 * self.of(HOMING_PAUSE_MS)
-        return longest_s
+            seek_mm = SEEK_FACTOR * self._get_axis(TRAVEL, letter) + pull_off_mm
+            timeout_s += 60.0 * seek_mm / self.get(HOMING_SEEK)
+            timeout_s += 60.0 * (LOCATE_FACTOR + 2.0) * pull_off_mm / self.get(HOMING_FEED)
+            timeout_s += 6.0 * 1e-3 * self.get(HOMING_PAUSE_MS)
+        return timeout_s
 
     def check(self, name: str, letters: Iterable[str]) -> None:
-        """Refuse a stage that cannot be moved safely, before anything moves."""
+        """Raise if the stage cannot be moved safely, before anything moves."""
         for letter in letters:
             if letter not in AXES:
                 raise StageError(
-                    f"{name} has axes {' '.join(AXES)}, not {letter}; name one of those"
+                    f"{name} has axes {' '.join(AXES)}, not {letter}; use one of those"
                 )
-        if not int(self.of(HOMING)) & 1:
+        if not int(self.get(HOMING)) & 1:
             raise StageError(
-                f"{name} has homing switched off (${HOMING}=0), so it does not know where it "
-                f"stands; set ${HOMING}=1 and fit limit switches"
+                f"{name} has homing switched off (${HOMING}=0), so its position is unknown; set "
+                f"${HOMING}=1 and fit limit switches"
             )
-        if not self.of(SOFT_LIMITS):
+        if not self.get(SOFT_LIMITS):
             raise StageError(
                 f"{name} has no soft limits (${SOFT_LIMITS}=0), so a wrong digit on the line could "
                 f"move the plate anywhere; set ${SOFT_LIMITS}=1 and the travel in $130 to $132"
             )
-        if self.of(INCHES):
+        if self.get(INCHES):
             raise StageError(
-                f"{name} reports inches (${INCHES}=1), and positions here are millimetres; set "
-                f"${INCHES}=0"
+                f"{name} reports inches (${INCHES}=1), but millimetres are needed; set ${INCHES}=0"
             )
         for number in (HOMING_FEED, HOMING_SEEK):
-            self._positive(name, number)
-        for first in (STEPS_PER_MM, FASTEST, ACCELERATION, TRAVEL):
+            self._check_positive(name, number)
+        for first in (STEPS_PER_MM, MAX_FEED, ACCELERATION, TRAVEL):
             for letter in letters:
-                self._positive(name, first + AXES.index(letter))
+                self._check_positive(name, first + AXES.index(letter))
 
-    def remarks(self, letters: str, feed_mm_min: float, step_mm: float) -> str:
-        """Return what a person should know of a stage that may be used: slow axes, coarse steps."""
-        remarks = []
+    def format_warnings(self, letters: str, feed_mm_min: float, step_mm: float) -> str:
+        """Return warnings about a usable stage: slow axes, coarse steps."""
+        warnings = []
         for letter in letters:
             index = AXES.index(letter)
-            if (fastest := self.of(FASTEST + index)) < feed_mm_min:
-                remarks.append(
-                    f"${FASTEST + index} allows {fastest:g} mm/min where the rig's "
-                    f"plate.speed_m_s asks for {feed_mm_min:g}, so moves take longer"
+            if (max_feed := self.get(MAX_FEED + index)) < feed_mm_min:
+                warnings.append(
+                    f"${MAX_FEED + index} allows {max_feed:g} mm/min, below the rig's "
+                    f"plate.speed_m_s of {feed_mm_min:g}, so moves take longer"
                 )
             if (step := self.steps_mm(letter)) > step_mm:
-                remarks.append(
-                    f"{letter} stands only on multiples of {step:g} mm "
-                    f"(${STEPS_PER_MM + index}={1.0 / step:g})"
+                warnings.append(
+                    f"{letter} has steps of {step:g} mm (${STEPS_PER_MM + index}={1.0 / step:g})"
                 )
-        return "; ".join(remarks)
+        return "; ".join(warnings)
 
-    def _of_axis(self, first: int, letter: str) -> float:
-        return self.of(first + AXES.index(letter))
+    def _get_axis(self, first: int, letter: str) -> float:
+        return self.get(first + AXES.index(letter))
 
-    def _positive(self, name: str, number: int) -> None:
-        if not self.of(number) > 0.0:
-            raise StageError(f"{name} has ${number}={self.of(number):g}; set it above 0")
+    def _check_positive(self, name: str, number: int) -> None:
+        if not self.get(number) > 0.0:
+            raise StageError(f"{name} has ${number}={self.get(number):g}; set it above 0")

@@ -1,4 +1,4 @@
-"""One conversation with a GRBL 1.1 stage: lines answered by `ok`, states requested, silences."""
+"""Command channel to a GRBL 1.1 stage: acknowledged lines, state polling, timeouts."""
 
 from __future__ import annotations
 
@@ -7,37 +7,36 @@ from collections.abc import Callable, Iterator
 from benchtool.bench.identify import mismatch_message, probe_answer
 from benchtool.bench.stage import grbl_lines
 from benchtool.bench.stage.stage import Pause
-from benchtool.bench.transport.transport import SHOWN_BYTES, Transport
+from benchtool.bench.transport.transport import MAX_STORED_BYTES, Transport
 from benchtool.core.errors import NoDevice, ProtocolError, StageError
 
-WAKE_S = 5.0  # boards that reset when their port is opened take 1 to 2 s to boot; a margin on that
-
-WAKE_TRY_S = 1.0
-ANSWER_S = 2.0  # 95 % of answers come in 13 ms, except while homing; longer is a fault
+RESET_TIMEOUT_S = 5.0  # boards that reset when their port is opened boot in 1 to 2 s; a margin
+RESET_RETRY_INTERVAL_S = 1.0
+REPLY_TIMEOUT_S = 2.0  # 95 % of replies come in 13 ms, except while homing; longer is a fault
 
 LISTEN_S = 0.02
-AFTER_BANNER_S = 0.1  # the word that G-code is locked follows the banner at once
+AFTER_BANNER_S = 0.1  # the message that G-code is locked follows the banner immediately
 
-POLL_S = 0.2
+STATE_POLL_INTERVAL_S = 0.2
 REPORT_INTERVAL_S = 0.05  # while it moves: 5 mm at 100 mm/s
-MAX_REACTION_S = 0.1  # interval, answer (95 % in 13 ms) and a read of the bench; assumed
-SETTINGS_TRIES = 3
-MOST_REPORTS = 40  # the work offset comes in every 10th to 30th report (Grbl 1.1 configuration)
+MAX_REACTION_S = 0.1  # interval, reply (95 % in 13 ms) and a read of the bench; assumed
+SETTINGS_ATTEMPTS = 3
+MAX_REPORTS = 40  # the work offset comes in every 10th to 30th report (Grbl 1.1 configuration)
 
 
 class GrblLink:
-    """Talk to a stage.
+    """Command channel to a stage.
 
     Attributes:
-        locked: it takes no G-code before it is unlocked or homed.
-        homed: it knows where it stands.
-        unanswered: a line was sent that has no answer; half of it may wait there for the rest.
+        is_locked: G-code is rejected until the stage is unlocked or homed.
+        is_homed: the machine position is known.
+        is_unacknowledged: a line has no acknowledgement; half of it may be buffered in the stage.
     """
 
     def __init__(self, transport: Transport, clock: Callable[[], float], name: str) -> None:
-        self.locked = False
-        self.homed = False
-        self.unanswered = False
+        self.is_locked = False
+        self.is_homed = False
+        self.is_unacknowledged = False
         self.name = name
         self._transport = transport
         self._clock = clock
@@ -45,9 +44,9 @@ class GrblLink:
         self._received = b""
 
     def open(self) -> None:
-        """Open the port; nothing is sent yet."""
+        """Open the port without sending anything."""
         self._transport.open()
-        self.locked = self.homed = self.unanswered = False
+        self.is_locked = self.is_homed = self.is_unacknowledged = False
 
     def close(self) -> None:
         self._transport.close()
@@ -55,188 +54,188 @@ class GrblLink:
     def send(self, data: bytes) -> None:
         self._transport.write(data)
 
-    def wake(self) -> None:
-        """Reset the stage until it says its name; name what is there instead."""
+    def reset(self) -> None:
+        """Reset the stage until it sends its name; identify an unexpected device."""
         self._received = b""
-        deadline_s = self._clock() + WAKE_S
+        deadline_s = self._clock() + RESET_TIMEOUT_S
         while self._clock() < deadline_s:
             self._transport.write(grbl_lines.RESET)
-            try_s = min(self._clock() + WAKE_TRY_S, deadline_s)
-            while self._clock() < try_s:
-                if any(isinstance(word, grbl_lines.Banner) for word in self._receive()):
-                    self.unanswered = False
+            retry_s = min(self._clock() + RESET_RETRY_INTERVAL_S, deadline_s)
+            while self._clock() < retry_s:
+                if any(isinstance(message, grbl_lines.Banner) for message in self._receive()):
+                    self.is_unacknowledged = False
                     return
         self._received = self._received or probe_answer(self._transport, self._clock)
         if self._received:
             raise ProtocolError(f"{self.name} {mismatch_message('stage', self._received)}")
         raise NoDevice(
-            f"{self.name} did not answer a reset within {WAKE_S:g} s; check its power, port and "
-            f"baud rate (GRBL: 115200)"
+            f"{self.name} did not reply to a reset within {RESET_TIMEOUT_S:g} s; check its power, "
+            f"port and baud rate (GRBL: 115200)"
         )
 
-    def settings(self, pause: Pause) -> grbl_lines.GrblSettings:
-        """Return the numbered settings; requested again where noise has spoilt or eaten a line."""
-        found: dict[int, float] = {}
-        for tries_left in reversed(range(SETTINGS_TRIES)):
+    def read_settings(self, pause: Pause) -> grbl_lines.GrblSettings:
+        """Return the numbered settings; request them again if a line was lost or damaged."""
+        values: dict[int, float] = {}
+        for attempts_left in reversed(range(SETTINGS_ATTEMPTS)):
             try:
-                words = self.order(
-                    grbl_lines.SETTINGS, "a question for its settings", ANSWER_S, pause
+                messages = self.send_command(
+                    grbl_lines.SETTINGS, "the request for its settings", REPLY_TIMEOUT_S, pause
                 )
             except StageError:
-                if not tries_left:
+                if not attempts_left:
                     raise
                 continue
-            found |= {
-                word.number: word.value
-                for word in words
-                if isinstance(word, grbl_lines.GrblSetting)
+            values |= {
+                message.number: message.value
+                for message in messages
+                if isinstance(message, grbl_lines.GrblSetting)
             }
-            spoilt = any(isinstance(word, grbl_lines.Other) for word in words)
-            if not spoilt and found.keys() >= grbl_lines.NEEDED:
+            is_damaged = any(isinstance(message, grbl_lines.UnknownLine) for message in messages)
+            if not is_damaged and values.keys() >= grbl_lines.REQUIRED_SETTINGS:
                 break
-        return grbl_lines.GrblSettings(found)
+        return grbl_lines.GrblSettings(values)
 
-    def order(
-        self, line: bytes, what: str, longest_s: float, pause: Pause
+    def send_command(
+        self, line: bytes, action: str, timeout_s: float, pause: Pause
     ) -> list[grbl_lines.GrblLine]:
-        """Send a line and return all lines until its `ok`, however long it is silent."""
-        self._discard(what)
-        self.unanswered = True
+        """Send a line and return all lines up to its `ok`, perhaps after a long action."""
+        self._discard(action)
+        self.is_unacknowledged = True
         self._transport.write(line)
         lines: list[grbl_lines.GrblLine] = []
-        deadline_s = self._clock() + longest_s
+        deadline_s = self._clock() + timeout_s
         while self._clock() < deadline_s:
             pause(LISTEN_S)
-            for word in self._receive():
-                self._raise_for(word, what)
-                if isinstance(word, grbl_lines.Ok):
-                    self.unanswered = False
+            for message in self._receive():
+                self._raise_if_error(message, action)
+                if isinstance(message, grbl_lines.Ok):
+                    self.is_unacknowledged = False
                     return lines
-                lines.append(word)
-        raise self.given_up(what, longest_s)
+                lines.append(message)
+        raise self.timeout_error(action, timeout_s)
 
-    def watched(self, line: bytes, what: str, pause: Pause) -> Iterator[grbl_lines.StatusReport]:
-        """Send a line and give every report from then on, asking all the while; never ends.
+    def stream_reports(
+        self, line: bytes, action: str, pause: Pause
+    ) -> Iterator[grbl_lines.StatusReport]:
+        """Send a line and yield every report from then on, while polling; never ends.
 
-        A report that was asked for is waited for, not found after the next pause.
-
-        The line's `ok` proves nothing that the reports do not: it may be lost, and noise that
-        ends a line twice makes two of them.
+        A requested report is awaited without a pause. The line's `ok` adds nothing to the reports:
+        it may be lost, and noise that ends a line twice causes two of them.
         """
-        self.unanswered = True
+        self.is_unacknowledged = True
         self._transport.write(line)
         report_s = requested_s = self._clock()
-        is_asked = False
+        is_pending = False
         while True:
             now_s = self._clock()
-            if now_s - report_s > ANSWER_S:
-                self._transport.write(grbl_lines.HOLD)  # it may receive what it cannot answer
-                raise self.given_up(what, ANSWER_S)
+            if now_s - report_s > REPLY_TIMEOUT_S:
+                self._transport.write(grbl_lines.HOLD)  # it may receive without replying
+                raise self.timeout_error(action, REPLY_TIMEOUT_S)
             since_s = now_s - requested_s
             if since_s >= REPORT_INTERVAL_S:
-                requested_s, is_asked = now_s, True
+                requested_s, is_pending = now_s, True
                 self._transport.write(grbl_lines.STATUS)
-            elif not is_asked or since_s >= LISTEN_S:
+            elif not is_pending or since_s >= LISTEN_S:
                 pause(LISTEN_S)
-            for word in self._receive(LISTEN_S if is_asked else 1e-3):
-                self._raise_for(word, what)
-                if isinstance(word, grbl_lines.Ok):
-                    self.unanswered = False
-                if isinstance(word, grbl_lines.StatusReport):
-                    report_s, is_asked = self._clock(), False
-                    yield word
+            for message in self._receive(LISTEN_S if is_pending else 1e-3):
+                self._raise_if_error(message, action)
+                if isinstance(message, grbl_lines.Ok):
+                    self.is_unacknowledged = False
+                if isinstance(message, grbl_lines.StatusReport):
+                    report_s, is_pending = self._clock(), False
+                    yield message
 
-    def listen(self, seconds: float, what: str, pause: Pause) -> None:
-        """Raise for alarms and restarts that are reported within so long."""
-        until_s = self._clock() + seconds
-        while self._clock() < until_s:
+    def listen(self, duration_s: float, action: str, pause: Pause) -> None:
+        """Raise for alarms and restarts that are reported within this time."""
+        deadline_s = self._clock() + duration_s
+        while self._clock() < deadline_s:
             pause(LISTEN_S)
-            for word in self._receive():
-                self._raise_for(word, what)
+            for message in self._receive():
+                self._raise_if_error(message, action)
 
     def request_report(self, pause: Pause) -> grbl_lines.StatusReport:
-        """Return a status report; requested again every `POLL_S`, as a byte may be lost."""
-        what = "a question for its state"
-        self._discard(what)
-        deadline_s = self._clock() + ANSWER_S
+        """Return a status report; repeat the request every interval, because a byte may be lost."""
+        action = "the request for its state"
+        self._discard(action)
+        deadline_s = self._clock() + REPLY_TIMEOUT_S
         while (requested_s := self._clock()) < deadline_s:
             self._transport.write(grbl_lines.STATUS)
-            while self._clock() - requested_s < POLL_S:
-                for word in self._receive():
-                    self._raise_for(word, what)
-                    if isinstance(word, grbl_lines.StatusReport):
-                        return word
+            while self._clock() - requested_s < STATE_POLL_INTERVAL_S:
+                for message in self._receive():
+                    self._raise_if_error(message, action)
+                    if isinstance(message, grbl_lines.StatusReport):
+                        return message
                 pause(LISTEN_S)
-        raise self.given_up(what, ANSWER_S)
+        raise self.timeout_error(action, REPLY_TIMEOUT_S)
 
     def position_mm(self, pause: Pause) -> dict[str, float]:
-        """Return the machine position by axis letter; asks until it can be known."""
-        for _ in range(MOST_REPORTS):
-            place = self.place_mm(self.request_report(pause))
-            if place is not None:
-                return place
+        """Return the machine position by axis letter; poll until it is known."""
+        for _ in range(MAX_REPORTS):
+            position_mm = self.machine_position_mm(self.request_report(pause))
+            if position_mm is not None:
+                return position_mm
         raise StageError(
             f"{self.name} reports work positions without their offset; set $10=1 (machine "
             f"position) and start again"
         )
 
-    def place_mm(self, report: grbl_lines.StatusReport) -> dict[str, float] | None:
-        """Return the machine position in a report by axis letter, None while it cannot be known."""
-        place = self._decoder.machine_mm(report)
-        return None if place is None else dict(zip("XYZABC", place, strict=False))
+    def machine_position_mm(self, report: grbl_lines.StatusReport) -> dict[str, float] | None:
+        """Return the machine position in a report by axis letter, or None if it is unknown."""
+        position_mm = self._decoder.machine_mm(report)
+        return None if position_mm is None else dict(zip("XYZABC", position_mm, strict=False))
 
-    def given_up(self, what: str, silent_s: float) -> StageError:
-        """Return the error of a stage that says nothing; where it stands is not known any more."""
-        self.homed, self.unanswered = False, True
+    def timeout_error(self, action: str, timeout_s: float) -> StageError:
+        """Return the timeout error of a silent stage, whose position is unknown from now on."""
+        self.is_homed, self.is_unacknowledged = False, True
         return StageError(
-            f"{self.name} answered nothing to {what} for {silent_s:.0f} s and is given up; switch "
-            f"it off and on, then start again"
+            f"{self.name} did not reply to {action} for {timeout_s:.0f} s; switch it off and on, "
+            f"then start again"
         )
 
-    def _discard(self, what: str) -> None:
-        """Take what is left of earlier answers, so that it is not taken for that of the next."""
-        for word in self._receive(0.0):
-            self._raise_for(word, what)
+    def _discard(self, action: str) -> None:
+        """Read pending lines, so that none is mistaken for the reply to the next command."""
+        for message in self._receive(0.0):
+            self._raise_if_error(message, action)
 
     def _receive(self, timeout_s: float = LISTEN_S) -> list[grbl_lines.GrblLine]:
         data = self._transport.read(timeout_s)
-        if len(self._received) < SHOWN_BYTES:
-            self._received = (self._received + data)[:SHOWN_BYTES]
-        words = self._decoder.feed(data)
-        for word in words:
-            if isinstance(word, grbl_lines.Banner):
-                words += self._after_banner()
+        if len(self._received) < MAX_STORED_BYTES:
+            self._received = (self._received + data)[:MAX_STORED_BYTES]
+        messages = self._decoder.feed(data)
+        for message in messages:
+            if isinstance(message, grbl_lines.Banner):
+                messages += self._read_after_banner()
                 break
-        for word in words:
-            if isinstance(word, grbl_lines.Note) and word.locked:
-                self.locked = True
-            elif isinstance(word, grbl_lines.Alarm) and word.loses_position:
-                self.homed = False
-        return words
+        for message in messages:
+            if isinstance(message, grbl_lines.FeedbackMessage) and message.is_locked_notice:
+                self.is_locked = True
+            elif isinstance(message, grbl_lines.Alarm) and message.loses_position:
+                self.is_homed = False
+        return messages
 
-    def _after_banner(self) -> list[grbl_lines.GrblLine]:
-        """Listen for what follows a banner; without word of a lock there is none."""
-        self.locked = False
-        until_s = self._clock() + AFTER_BANNER_S
-        words: list[grbl_lines.GrblLine] = []
-        while self._clock() < until_s:
-            words += self._decoder.feed(self._transport.read(LISTEN_S))
-        return words
+    def _read_after_banner(self) -> list[grbl_lines.GrblLine]:
+        """Read the lines after a banner; without a lock message the stage is unlocked."""
+        self.is_locked = False
+        deadline_s = self._clock() + AFTER_BANNER_S
+        messages: list[grbl_lines.GrblLine] = []
+        while self._clock() < deadline_s:
+            messages += self._decoder.feed(self._transport.read(LISTEN_S))
+        return messages
 
-    def _raise_for(self, word: grbl_lines.GrblLine, what: str) -> None:
-        """Turn a refusal, an alarm or a restart into an error; the stage is woken from alarms."""
-        if isinstance(word, grbl_lines.Error):
-            self.unanswered = False
-            raise StageError(f"{self.name} refused {what}: {word}")
-        if isinstance(word, grbl_lines.Alarm):
-            # After a limit it answers nothing until it is reset.
-            self.wake()
-            raise StageError(f"{self.name} stopped during {what}: {word}")
-        if isinstance(word, grbl_lines.StatusReport) and word.state == "Alarm":
-            raise StageError(f"{self.name} is locked by an alarm during {what}; home it")
-        if isinstance(word, grbl_lines.Banner):
-            self.homed = False
+    def _raise_if_error(self, message: grbl_lines.GrblLine, action: str) -> None:
+        """Raise for a rejection, an alarm or a restart; an alarm resets the stage."""
+        if isinstance(message, grbl_lines.Error):
+            self.is_unacknowledged = False
+            raise StageError(f"{self.name} rejected {action}: {message}")
+        if isinstance(message, grbl_lines.Alarm):
+            # After a limit alarm it replies to nothing before a reset.
+            self.reset()
+            raise StageError(f"{self.name} stopped during {action}: {message}")
+        if isinstance(message, grbl_lines.StatusReport) and message.state == "Alarm":
+            raise StageError(f"{self.name} is locked by an alarm during {action}; home it")
+        if isinstance(message, grbl_lines.Banner):
+            self.is_homed = False
             raise StageError(
-                f"{self.name} started anew during {what} and lost its position; check its power "
-                f"and its emergency stop, then start again"
+                f"{self.name} restarted during {action} and lost its position; check its power and "
+                f"its emergency stop, then start again"
             )

@@ -1,4 +1,4 @@
-"""The seam for moving the plate: by the device itself, by a G-code stage, or by hand."""
+"""Stages that move the plate: the device, a G-code stage, or the operator."""
 
 from __future__ import annotations
 
@@ -13,50 +13,47 @@ from benchtool.core.rig import PlateDrive
 if TYPE_CHECKING:
     from benchtool.bench.guard import GuardedBench
 
+# pause(s) waits for s seconds while the bench is read; stages call it instead of sleeping.
 Pause = Callable[[float], None]
-"""pause(s): wait about so long; whoever moves the plate calls it instead of sleeping, so that the
-bench is listened to meanwhile."""
 
-MANUAL_TOLERANCE_M = (
-    0.002  # difference of a person's measurement from a reading: two marks; assumed
-)
+MANUAL_TOLERANCE_M = 0.002  # of an operator's measurement: two marks of a ruler; assumed
 
 
 class PlateStage(Protocol):
-    """Move the plate; every method blocks until it is done or has failed."""
+    """Stage interface; every method blocks until it is done or has failed."""
 
     @property
     def facts(self) -> Mapping[str, str | float]:
-        """What moves the plate, for the run's metadata; `stage` is the `--stage` to say again."""
+        """Metadata for the run; `stage` is the value of `--stage` for the next part."""
 
     @property
     def measures_to_m(self) -> float:
-        """How far its word may be from a reading beyond what the rig allows."""
+        """Uncertainty of the reported position, added to the rig's tolerance."""
 
     def open(self) -> None:
-        """Get ready; homes where that is needed.
+        """Open the port and home the stage if needed.
 
         Raises:
-            LinkError: the stage's port cannot be had.
-            StageError: it answers, but cannot be made ready.
+            LinkError: the stage's port is not available.
+            StageError: it replies, but cannot be made ready.
         """
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
-        """Move to a distance, lateral position and tilt; return the distance that was reached: m.
+        """Move to a distance, lateral position and tilt; return the distance reached: m.
 
         Raises:
-            StageError: it refused, alarmed, or did not arrive in time.
+            StageError: it rejected the move, raised an alarm, or did not arrive in time.
         """
 
     def hold(self) -> None:
-        """Stop moving at once, where it is."""
+        """Stop at the present position immediately."""
 
     def close(self) -> None:
-        """Let go; safe to call twice, never raises."""
+        """Release the stage; safe to call twice, never raises."""
 
 
 class DeviceStage:
-    """Let the bench move its own plate."""
+    """Plate that the bench moves."""
 
     facts: Mapping[str, str | float] = MappingProxyType({"stage": "device"})
     measures_to_m = 0.0
@@ -65,7 +62,7 @@ class DeviceStage:
         self._bench = bench
 
     def open(self) -> None:
-        """Do nothing: the bench is opened by whoever owns it."""
+        """No-op; the bench's owner opens it."""
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
         self._bench.move_plate(z_m, x_m, tilt_rad)
@@ -75,34 +72,34 @@ class DeviceStage:
         self._bench.stop()
 
     def close(self) -> None:
-        """Do nothing, as in `open`."""
+        """No-op, as `open`."""
 
 
 class NoStage:
-    """Move nothing: there is no plate, or it is far away."""
+    """Stage without a plate, or with a parked one."""
 
     facts: Mapping[str, str | float] = MappingProxyType({"stage": "none"})
     measures_to_m = 0.0
 
     def open(self) -> None:
-        """Do nothing: there is no stage."""
+        """No-op; there is no stage."""
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
         return float("nan")
 
     def hold(self) -> None:
-        """Do nothing, as in `open`."""
+        """No-op, as `open`."""
 
     def close(self) -> None:
-        """Do nothing, as in `open`."""
+        """No-op, as `open`."""
 
 
 class ManualStage:
-    """Let the operator move the plate and check what they say.
+    """Plate that the operator moves; the typed distance is checked.
 
     Args:
-        tolerance_m: how far the distance typed in may be from the requested one.
-        tries: how often the question is repeated after a wrong answer.
+        tolerance_m: largest difference of the typed from the requested distance.
+        tries: number of attempts.
     """
 
     facts: Mapping[str, str | float] = MappingProxyType({"stage": "hand"})
@@ -121,39 +118,39 @@ class ManualStage:
         self._tries = tries
 
     def open(self) -> None:
-        """Do nothing: there is no port."""
+        """No-op; there is no port."""
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
-        """Ask for the distance that was set, in millimetres as a ruler shows it."""
-        place = f"{1e3 * z_m:.1f} mm"
+        """Ask the operator for the distance that was set, in millimetres as on a ruler."""
+        target = f"{1e3 * z_m:.1f} mm"
         if x_m:
-            place += f", {1e3 * x_m:+.1f} mm sideways"
+            target += f", {1e3 * x_m:+.1f} mm sideways"
         if tilt_rad:
-            place += f", tilted {57.29577951308232 * tilt_rad:+.1f} degrees"
-        question = f"Move the plate to {place}, then type the distance that you measure in mm: "
+            target += f", tilted {57.29577951308232 * tilt_rad:+.1f} degrees"
+        question = f"Move the plate to {target}, then type the distance that you measure in mm: "
         problem = ""
         for _ in range(self._tries):
-            answer = self._ask(problem + question).strip().removesuffix("mm").strip()
+            text = self._ask(problem + question).strip().removesuffix("mm").strip()
             try:
-                measured_m = 1e-3 * float(answer.replace(",", "."))
+                measured_m = 1e-3 * float(text.replace(",", "."))
             except ValueError:
-                problem = f"{answer!r} is not a number. "
+                problem = f"{text!r} is not a number. "
                 continue
-            problem = self._problem(measured_m, z_m)
+            problem = self._check_distance(measured_m, z_m)
             if not problem:
                 return measured_m
         raise StageError(
-            f"the plate was not set to {1e3 * z_m:.1f} mm after {self._tries} tries: "
+            f"the plate was not set to {1e3 * z_m:.1f} mm after {self._tries} attempts: "
             f"{problem.strip() or 'no number was typed'}; set it and start again"
         )
 
     def hold(self) -> None:
-        """Do nothing: nobody pushes."""
+        """No-op; the plate does not move on its own."""
 
     def close(self) -> None:
-        """Do nothing, as in `open`."""
+        """No-op, as `open`."""
 
-    def _problem(self, measured_m: float, target_m: float) -> str:
+    def _check_distance(self, measured_m: float, target_m: float) -> str:
         low_m, high_m = self._plate.z_min_m, self._plate.z_max_m
         if not low_m <= measured_m <= high_m:
             return (
@@ -169,7 +166,7 @@ class ManualStage:
 
 
 class _StageWrapper:
-    """Be another stage; a wrapper says how it moves."""
+    """Wrapper that forwards all but `move`."""
 
     def __init__(self, stage: PlateStage) -> None:
         self._stage = stage
@@ -193,7 +190,7 @@ class _StageWrapper:
 
 
 class FixedStage(_StageWrapper):
-    """Be another stage that asks first whether the plate may move, and then whether it did."""
+    """Wrapper that checks with the guard before and after each move."""
 
     def __init__(self, stage: PlateStage, guard: GuardedBench) -> None:
         super().__init__(stage)
@@ -206,35 +203,35 @@ class FixedStage(_StageWrapper):
         return reached_m
 
 
-OVERSHOOT_BACKLASHES = 5.0  # way past a distance that is approached from nearer; assumed
+OVERSHOOT_BACKLASHES = 5.0  # overshoot of a move away from the rotor, in backlashes; assumed
 
 
 class BacklashCompensatedStage(_StageWrapper):
-    """Be another stage that overshoots when it moves away, and comes back.
+    """Wrapper that approaches every distance from the far side, by an overshoot.
 
-    Without it a distance stands nearer or farther by the play, as the last move happened to go: a
-    scatter that grows towards the plate and pulls R and K_b apart. With it the play is no part of a
-    distance where the zero was measured after the same approach; else it is a plate offset.
+    Without it a distance varies by the backlash with the direction of the last move: a scatter that
+    grows towards the plate and biases R and K_b. With it the backlash does not affect a distance
+    if the zero was measured after the same approach; otherwise it is a plate offset.
 
     Args:
-        stage: moves the plate by itself (no operator).
+        stage: moves the plate without an operator.
     """
 
     def __init__(self, stage: PlateStage, plate: PlateDrive) -> None:
         super().__init__(stage)
         self._overshoot_m = OVERSHOOT_BACKLASHES * plate.backlash_m
-        self._farthest_m = plate.z_max_m
-        self._standing_m: float | None = None
+        self._max_m = plate.z_max_m
+        self._last_target_m: float | None = None
 
     def move(self, z_m: float, x_m: float, tilt_rad: float, pause: Pause) -> float:
-        away = self._standing_m is None or z_m > self._standing_m
-        past_m = min(z_m + self._overshoot_m, self._farthest_m)
-        if away and past_m > z_m:
+        is_moving_away = self._last_target_m is None or z_m > self._last_target_m
+        past_m = min(z_m + self._overshoot_m, self._max_m)
+        if is_moving_away and past_m > z_m:
             self._stage.move(past_m, x_m, tilt_rad, pause)
         reached_m = self._stage.move(z_m, x_m, tilt_rad, pause)
-        self._standing_m = z_m
+        self._last_target_m = z_m
         return reached_m
 
     def hold(self) -> None:
-        self._standing_m = None
+        self._last_target_m = None
         self._stage.hold()

@@ -1,4 +1,4 @@
-"""A serial port as a transport: the only owner of pyserial on the data path."""
+"""Serial port transport; the only user of pyserial on the data path."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from contextlib import suppress
 
 import serial
 
-from benchtool.bench.transport.transport import first_bytes, lost_error, opening_error
+from benchtool.bench.transport.transport import lost_error, opening_error, poll_bytes
 from benchtool.core.errors import InputError, LinkLost
 
-WRITE_TIMEOUT_S = 0.2  # a blocked device is lost: a watchdog of 250 ms has nearly expired
-_MOST_READS = 16
+WRITE_TIMEOUT_S = 0.2  # then the link is lost: a watchdog of 250 ms has nearly expired
+_MAX_READS = 16
 
 
 class SerialPort:
-    """Carry bytes over a serial port that no second program can open the same way."""
+    """Serial port that is opened exclusively, where the system supports that."""
 
     def __init__(self, port: str, baud: int = 115_200) -> None:
         self.port = port
@@ -27,10 +27,10 @@ class SerialPort:
         return self._baud
 
     def open(self) -> None:
-        # Windows opens COM10 and above only by its long name; the short ones take it as well.
+        # Windows opens COM10 and above only by the long name, which works for every port.
         port = rf"\\.\{self.port}" if os.name == "nt" and "\\" not in self.port else self.port
         try:
-            opened = serial.Serial(
+            device = serial.Serial(
                 port,
                 self._baud,
                 timeout=0.0,
@@ -38,59 +38,60 @@ class SerialPort:
                 exclusive=True if os.name == "posix" else None,
             )
         except ValueError as error:
-            raise InputError(f"{self.port} takes no baud rate of {self._baud}: {error}") from error
+            raise InputError(f"{self.port} rejects baud rate {self._baud}: {error}") from error
         except Exception as error:
-            # pyserial lets termios.error through, which is no OSError.
+            # pyserial does not convert termios.error, which is no OSError.
             raise opening_error(error, self.port, windows=os.name == "nt") from error
-        self._serial = opened
+        self._serial = device
         try:
-            opened.reset_input_buffer()
+            device.reset_input_buffer()
         except Exception as error:
             self.close()
             raise opening_error(error, self.port) from error
 
     def read(self, timeout_s: float) -> bytes:
-        return first_bytes(self._take, timeout_s)
+        return poll_bytes(self._read_available, timeout_s)
 
     def write(self, data: bytes) -> None:
         try:
-            self._opened().write(data)
+            self._open_port().write(data)
         except serial.SerialTimeoutException as error:
             raise LinkLost(
-                f"{self.port} took nothing for {WRITE_TIMEOUT_S:g} s; check that the device runs"
+                f"{self.port} accepted no data for {WRITE_TIMEOUT_S:g} s; check that the device "
+                f"runs"
             ) from error
         except Exception as error:
             raise lost_error(error, self.port) from error
 
     def close(self) -> None:
-        opened, self._serial = self._serial, None
-        if opened is not None:
-            # A port that is gone needs no closing.
+        device, self._serial = self._serial, None
+        if device is not None:
+            # Closing a disconnected port may fail.
             with suppress(Exception):
-                opened.close()
+                device.close()
 
-    def _opened(self) -> serial.Serial:
+    def _open_port(self) -> serial.Serial:
         if self._serial is None:
-            raise LinkLost(f"{self.port} is closed; open it first")
+            raise LinkLost(f"{self.port} is closed; call open() first")
         return self._serial
 
-    def _take(self) -> bytes:
-        opened = self._opened()
+    def _read_available(self) -> bytes:
+        device = self._open_port()
         try:
             if os.name != "posix":
-                return bytes(opened.read(opened.in_waiting))
+                return bytes(device.read(device.in_waiting))
             parts = []
-            # A terminal hands out at most 4 KiB per read.
-            for _ in range(_MOST_READS):
+            # A terminal returns at most 4 KiB per read.
+            for _ in range(_MAX_READS):
                 try:
-                    part = os.read(opened.fileno(), 65536)
+                    part = os.read(device.fileno(), 65536)
                 except BlockingIOError:
                     break
                 parts.append(part)
                 if len(part) < 2048:
                     break
             if not any(parts):
-                _ = opened.in_waiting  # a port that is gone reads as empty, but says so here
+                _ = device.in_waiting  # raises for a disconnected port, whose reads are empty
             return b"".join(parts)
         except Exception as error:
             raise lost_error(error, self.port) from error

@@ -76,13 +76,13 @@ def test_an_address_is_parsed_into_typed_values(text, address):
         ("sim:pquad?seed", "name=value"),
         ("sim:pquod", "did you mean 'pquad'"),
         ("sim:pquad?schedule=plate", "schedule .* is for mode=pitch"),
-        (f"sim:{'p' * 1024}", "1,028 characters, limit 1,024"),
+        (f"sim:{'p' * 1024}", "1,028 characters; allowed: up to 1,024"),
         ("serial:COM3?baud=fast", "baud .* 'fast'"),
         (f"serial:COM3?baud={'1' * 900}", "baud .* allowed is 1,200 to 12,000,000"),
         ("tcp:5555", "host and port"),
         (f"tcp:localhost:{'1' * 900}", "host and port"),
         ("mavlink:usb:1", "unknown link of address"),
-        ("mavlink:udpin:host:port", "needs host and port, .* write for example mavlink:udpin:127"),
+        ("mavlink:udpin:host:port", "needs host and port, .* example: mavlink:udpin:127"),
         ("mavlink:udpin:14550?system=0", "system .* 0, allowed is 1 to 255"),
         ("mavlink:udpin:14550?map=no-such-file.toml", "make one with benchtool bench map"),
         ("mavlink:udpin:14550?colour=red", "known: arm, cell, distance"),
@@ -112,7 +112,7 @@ def test_a_stage_is_parsed_into_typed_values():
     ("option", "said"),
     [
         ("feet", "unknown stage 'feet'.* known: device, grbl:PORT, hand, none"),
-        ("grbl:", "names no place"),
+        ("grbl:", "is incomplete"),
         (f"{GRBL}?axis=Z&zero_mm=1500&direction=1&lateral=Z", "axis and lateral .* both Z"),
         (f"{GRBL}?direction=0", "direction .* is 0; write 1 or -1"),
         (f"{GRBL}?zero_mm=1500&zero_mm=1400", "zero_mm .* twice"),
@@ -143,7 +143,7 @@ DIGITS = "1" * 5000
     ids=lambda text: text[:30],
 )
 def test_a_wrong_link_is_refused_with_the_known_ones(text):
-    with pytest.raises(InputError, match=r"0 .any. to 65535; known: pty, tcp:PORT") as caught:
+    with pytest.raises(InputError, match=r"0 .any. to 65535; allowed: pty, tcp:PORT") as caught:
         ServedLink.parse(text)
     assert len(str(caught.value)) < 300
 

@@ -44,7 +44,7 @@ BASES = {
     "terminal": replace(LINUX, holders=(PortOwner(99, "python", is_terminal=True),)),
 }
 FOUND = """
-linux | port | ok | is there
+linux | port | ok | is present
 linux | permission | ok | ada may open
 linux | other users | ok | no program
 linux may_open=no groups= groups_on_file= | permission | problem | -aG dialout ada
@@ -57,8 +57,8 @@ mac port=/dev/tty.usbserial-1 | port | problem | use /dev/cu.usbserial-1
 mac | other users | not checked | Darwin does not report
 windows | permission | not checked | every user
 windows | other users | not checked | Windows does not report
-windows port=com12 | port | ok | is there
-windows port=\\\\.\\COM12 | port | ok | is there
+windows port=com12 | port | ok | is present
+windows port=\\\\.\\COM12 | port | ok | is present
 """
 """Facts about a port, and of one cause the verdict and some words."""
 
@@ -83,7 +83,7 @@ def test_what_is_found(row):
 
 
 def test_an_address_without_a_port_is_refused():
-    with pytest.raises(InputError, match="has no port to look at"):
+    with pytest.raises(InputError, match="has no port to check"):
         parse_serial_port("sim:pquad")
 
 
