@@ -54,7 +54,7 @@ def test_a_number_out_of_its_range_ends_in_one_sentence(tmp_path, key, value):
         outcome = sweep(tmp_path, plan(), [])
     assert (*key, value) in said
     assert outcome.code == 3
-    assert f"the device's hello makes no sense: {' '.join(key)} is " in outcome.last_line
+    assert f"the device's hello is invalid: {' '.join(key)} is " in outcome.last_line
     assert "not a number from" in outcome.last_line
     assert max(us for _, us in outcome.pulses) == 1000.0
     assert not (tmp_path / "run").exists()

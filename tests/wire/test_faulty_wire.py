@@ -163,8 +163,8 @@ def test_a_plate_order_that_the_link_delivers_late_is_no_fault_of_the_stage():
     with bench:
         bench.move_plate(0.2)
         refused = Reply(False, "late: 612 ms old; limit 500 ms")
-        exchange = bench._conversation.exchange
-        bench._conversation.exchange = (  # type: ignore[method-assign]
+        exchange = bench._channel.exchange
+        bench._channel.exchange = (  # type: ignore[method-assign]
             lambda order, *more, **also: (
                 refused if isinstance(order, SendPlate) else exchange(order, *more, **also)
             )

@@ -1,4 +1,4 @@
-"""A load cell with its own port beside an autopilot: lines to readings on the autopilot's time."""
+"""Auxiliary load cell on a separate port: text lines to readings in the autopilot's time."""
 
 from __future__ import annotations
 
@@ -14,73 +14,73 @@ from benchtool.bench.transport.transport import Transport
 from benchtool.core.array_type import Array
 from benchtool.core.errors import NoDevice, ProtocolError
 
-FIRST_LINE_TIMEOUT_S = 5.0  # boot time of a board that resets when its port opens, as for a hello
+FIRST_LINE_TIMEOUT_S = 5.0  # boot time of a board that resets when its port is opened, as a hello
 
 MAX_LINE_LENGTH = 512
 _NUMBER = re.compile(rb"[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 
 
 class LoadCellDecoder:
-    r"""Turn bytes into readings: the first number behind a colon, else the first of its line.
+    r"""Decoder of readings: the first number after a colon, else the first of its line.
 
-    Both examples of the HX711 library for Arduino read so: ``HX711 reading: 124006`` and
-    ``one reading:\t16.1\t| average:\t4.2``. Half a line waits for its end; one without a number
-    is passed over.
+    It accepts both examples of the HX711 library for Arduino: ``HX711 reading: 124006`` and
+    ``one reading:\t16.1\t| average:\t4.2``. Incomplete lines are buffered; lines without a number
+    are ignored.
     """
 
     def __init__(self) -> None:
-        self._rest = b""
-        self._begun = False
+        self._partial_line = b""
+        self._is_synchronised = False
 
     def feed(self, data: bytes) -> list[float]:
         """Return the readings that `data` completes."""
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        self._rest = self._rest[-MAX_LINE_LENGTH:]
-        if lines and not self._begun:
-            # A link begins in the middle of a line, whose number may be cut.
-            self._begun, lines = True, lines[1:]
+        *lines, self._partial_line = (self._partial_line + data).split(b"\n")
+        self._partial_line = self._partial_line[-MAX_LINE_LENGTH:]
+        if lines and not self._is_synchronised:
+            # A link starts in the middle of a line, whose number may be incomplete.
+            self._is_synchronised, lines = True, lines[1:]
         readings = []
         for line in lines:
-            _, colon, after = line.partition(b":")
-            found = _NUMBER.search(after if colon else line)
-            if found is not None:
-                readings.append(float(found[0]))
+            _, colon, value_text = line.partition(b":")
+            match = _NUMBER.search(value_text if colon else line)
+            if match is not None:
+                readings.append(float(match[0]))
         return readings
 
 
 class AuxiliaryLoadCell:
-    """Read a load cell that sends text, and lay its readings on an autopilot's time.
+    """Load cell that sends text, with readings in an autopilot's time.
 
-    A reading counts from the arrival of its line; what the amplifier and the wire take before (an
-    HX711 at 80 Hz about 15 ms, at 10 Hz 100 ms) is not known and not taken off.
+    The time of a reading is the arrival of its line. The earlier delay of amplifier and link (for
+    an HX711 about 15 ms at 80 Hz, 100 ms at 10 Hz) is unknown and not subtracted.
     """
 
     def __init__(self, transport: Transport, name: str, clock: Callable[[], float]) -> None:
         self._transport, self._name, self._clock = transport, name, clock
-        self._lines = LoadCellDecoder()
-        self._waiting: list[tuple[float, float]] = []
+        self._decoder = LoadCellDecoder()
+        self._buffered: list[tuple[float, float]] = []
         self._last_us = 0
         self._received = b""
 
     def open(self) -> None:
-        """Open the port and wait for the first reading; whoever owns the port closes it."""
-        self._lines, self._waiting, self._last_us = LoadCellDecoder(), [], 0
+        """Open the port and wait for the first reading; the port's owner closes it."""
+        self._decoder, self._buffered, self._last_us = LoadCellDecoder(), [], 0
         self._transport.open()
-        until_s = self._clock() + FIRST_LINE_TIMEOUT_S
+        deadline_s = self._clock() + FIRST_LINE_TIMEOUT_S
         self._received = b""
-        while not self._waiting:
-            if self._clock() >= until_s:
-                raise self._silence()
+        while not self._buffered:
+            if self._clock() >= deadline_s:
+                raise self._missing_data_error()
             self.poll(0.02)
 
     def poll(self, timeout_s: float = 0.0) -> None:
         data = self._transport.read(timeout_s)
         arrived_s = self._clock()
-        if not self._waiting and len(self._received) < MAX_LINE_LENGTH:
+        if not self._buffered and len(self._received) < MAX_LINE_LENGTH:
             self._received += data
-        self._waiting += [(arrived_s, value) for value in self._lines.feed(data)]
+        self._buffered += [(arrived_s, value) for value in self._decoder.feed(data)]
 
-    def _silence(self) -> NoDevice | ProtocolError:
+    def _missing_data_error(self) -> NoDevice | ProtocolError:
         if not self._received:
             return NoDevice(
                 f"the load cell on {self._name} sent nothing for {FIRST_LINE_TIMEOUT_S:g} s; "
@@ -89,12 +89,12 @@ class AuxiliaryLoadCell:
         if identify_device(self._received) in ("noise", "frames"):
             return ProtocolError(
                 f"the load cell on {self._name} sends bytes that are no text "
-                f"({bytes(self._received[:40])!r}); the baud rate is wrong: write it behind the "
+                f"({bytes(self._received[:40])!r}); the baud rate is wrong: append it to the "
                 f"port's name, as cell=/dev/ttyUSB1:57600"
             )
         return ProtocolError(
-            f"what hangs on {self._name} sends text without a number "
-            f"({bytes(self._received[:40])!r}); it is no load cell, or another program runs on it"
+            f"the device on {self._name} sends text without a number "
+            f"({bytes(self._received[:40])!r}); it is no load cell, or runs another program"
         )
 
     def rows(
@@ -103,18 +103,18 @@ class AuxiliaryLoadCell:
         """Return device times (m,): us and rows (m, width) of the readings since the last call.
 
         Args:
-            host_s: turns wall time into the bench's.
-            clock: has learnt how the autopilot's time lies on that.
-            columns: where the reading goes.
+            host_s: converts wall time to bench time.
+            clock: clock of the autopilot's time.
+            columns: columns of the reading.
         """
-        waiting, self._waiting = self._waiting, []
+        buffered, self._buffered = self._buffered, []
         offset_s = float(clock.host_time_s(np.zeros(1, np.int64))[0])
-        values = np.full((len(waiting), width), np.nan)
-        times_us = np.empty(len(waiting), np.int64)
-        for row, (arrived_s, value) in enumerate(waiting):
+        values = np.full((len(buffered), width), np.nan)
+        times_us = np.empty(len(buffered), np.int64)
+        for row, (arrived_s, value) in enumerate(buffered):
             values[row, columns] = value
-            at_us = round(1e6 * (host_s(arrived_s) - offset_s))
-            times_us[row] = self._last_us = max(at_us, self._last_us + 1)
+            time_us = round(1e6 * (host_s(arrived_s) - offset_s))
+            times_us[row] = self._last_us = max(time_us, self._last_us + 1)
         return times_us, values
 
 
@@ -125,8 +125,8 @@ def merge_in_order(
 ) -> tuple[NDArray[np.int64], Array]:
     """Return rows of two sources (times (m,): us, values (m, c)) as one, in order of time.
 
-    Every row comes later than `after_us` and than the row before: one that came late moves behind
-    what was handed out already.
+    Times are strictly increasing and above `after_us`; a late row moves behind the rows that were
+    already returned.
     """
     times_us = np.concatenate([first[0], second[0]])
     values = np.concatenate([first[1], second[1]])

@@ -1,6 +1,6 @@
-"""MAVLink's messages and orders: pymavlink's own, and one message that it lacks.
+"""MAVLink messages and commands: those of pymavlink, and one message that it lacks.
 
-pymavlink is imported at the first call only, which takes a tenth of a second.
+pymavlink is imported at the first call, because its import takes a tenth of a second.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ Message = Any  # one MAVLink message: pymavlink makes its classes without types
 
 @cache
 def dialect() -> Any:
-    """Return pymavlink's module of the ardupilotmega dialect (which holds the common one)."""
+    """Return pymavlink's module of the ardupilotmega dialect, which includes the common one."""
     from pymavlink.dialects.v20 import ardupilotmega
 
     if ESC_STATUS not in ardupilotmega.mavlink_map:
-        ardupilotmega.mavlink_map[ESC_STATUS] = _esc_status(ardupilotmega.MAVLink_message)
+        ardupilotmega.mavlink_map[ESC_STATUS] = _build_esc_status(ardupilotmega.MAVLink_message)
     return ardupilotmega
 
 
 ESC_STATUS = 291  # PX4's speeds of four ESCs; pymavlink 2.4.50 lacks it
 
 
-def _esc_status(parent: Any) -> Any:
-    """Return the class of ESC_STATUS, built as pymavlink builds its own (MAVLink common.xml)."""
+def _build_esc_status(parent: Any) -> Any:
+    """Return the class of ESC_STATUS, built as pymavlink's classes are (MAVLink common.xml)."""
 
     class EscStatus(parent):  # type: ignore[misc]
         id = ESC_STATUS
@@ -59,8 +59,8 @@ def _esc_status(parent: Any) -> Any:
     return EscStatus
 
 
-AUTOPILOT_INVALID = 8  # MAV_AUTOPILOT of what is no autopilot: ground stations, gimbals, companions
-ACCEPTED, IN_PROGRESS = 0, 5  # MAV_RESULT of an order that is carried out
+AUTOPILOT_INVALID = 8  # MAV_AUTOPILOT of ground stations, gimbals and companion computers
+ACCEPTED, IN_PROGRESS = 0, 5  # MAV_RESULT of an executed command
 
 ARM_DISARM = 400
 FORCE_DISARM = 21196.0  # second parameter of ARM_DISARM: in any state (MAVLink common.xml)
@@ -70,30 +70,30 @@ ACTUATOR_TEST = 310
 
 SET_INTERVAL, REQUEST_MESSAGE = 511, 512
 
-TIMEOUT_S = 0.25  # an order to turn ends by itself after so long: the watchdog of every bench
-TIMEOUT_AT = {MOTOR_TEST: 3, ACTUATOR_TEST: 1}  # parameter that is the order's timeout
+TIMEOUT_S = 0.25  # longest duration of a motor command: the watchdog of every bench
+TIMEOUT_PARAMETERS = {MOTOR_TEST: 3, ACTUATOR_TEST: 1}  # index of the timeout parameter
 
 
 @dataclass(frozen=True, slots=True)
 class MavCommand:
     """One COMMAND_LONG: its number and seven parameters.
 
-    An order to turn lasts from 0 to `TIMEOUT_S`; no other can be made. ArduPilot takes a negative
-    time-out for one that never ends, and one that is no number ends its program.
+    A motor command lasts from 0 to `TIMEOUT_S`; no other can be built. ArduPilot treats a negative
+    timeout as infinite, and nan ends its program.
 
     Raises:
-        InputError: a time-out outside of that.
+        InputError: timeout out of range.
     """
 
     command: int
     parameters: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        place = TIMEOUT_AT.get(self.command)
-        if place is not None and not 0.0 <= self.parameters[place] <= TIMEOUT_S:
+        index = TIMEOUT_PARAMETERS.get(self.command)
+        if index is not None and not 0.0 <= self.parameters[index] <= TIMEOUT_S:
             raise InputError(
-                f"an order to turn a motor for {self.parameters[place]:g} s was not made, limits 0 "
-                f"and {TIMEOUT_S:g} s"
+                f"motor command timeout {self.parameters[index]:g} s is out of range; allowed: 0 "
+                f"to {TIMEOUT_S:g} s"
             )
 
     def __str__(self) -> str:
@@ -102,19 +102,19 @@ class MavCommand:
 
 
 def result_name(result: int) -> str:
-    """Return a MAV_RESULT in MAVLink's own word."""
+    """Return the MAVLink name of a MAV_RESULT."""
     return _enum_name("MAV_RESULT", result)
 
 
 def _enum_name(enum: str, value: int) -> str:
-    known = dialect().enums[enum]
-    return str(known[value].name).removeprefix(f"{enum}_") if value in known else str(value)
+    entries = dialect().enums[enum]
+    return str(entries[value].name).removeprefix(f"{enum}_") if value in entries else str(value)
 
 
 def interval(name: str, rate_Hz: float) -> MavCommand:
-    """Return the order that requests a message at a rate; 0 ends it."""
-    every_us = 1e6 / rate_Hz if rate_Hz > 0.0 else -1.0
-    return MavCommand(SET_INTERVAL, (float(number_of(name)), every_us, 0.0, 0.0, 0.0, 0.0, 0.0))
+    """Return the command that requests a message at a rate; 0 disables it."""
+    interval_us = 1e6 / rate_Hz if rate_Hz > 0.0 else -1.0
+    return MavCommand(SET_INTERVAL, (float(number_of(name)), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 def number_of(name: str) -> int:

@@ -1,4 +1,4 @@
-"""The host's end of the wire: hello, numbered commands until acknowledged, heartbeats, messages."""
+"""Host endpoint of the bench protocol: hello, acknowledged commands, heartbeats, messages."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from benchtool.bench.serial.hello import Hello, HelloReader
 from benchtool.bench.transport.transport import LinkEndpoint, Transport
 from benchtool.core.errors import HostSuspended, LinkLost, NoDevice, PortBusy, ProtocolError
 
-HELLO_S = 5.0  # the hello is repeated: boards that reset when opened boot meanwhile
+HELLO_TIMEOUT_S = 5.0  # hellos are repeated while a board boots that resets on opening
 
 HELLO_RETRY_INTERVAL_S = 0.25
-REPLY_TIMEOUT_S = 0.1  # one try of a command: six latency periods (16 ms) of an FTDI adapter
+REPLY_TIMEOUT_S = 0.1  # of one attempt: six latency periods (16 ms) of an FTDI adapter
 
 MAX_ATTEMPTS = 5
-HEARTBEAT_S = 0.08  # A third of the 250 ms watchdog: two heartbeats may get lost
+HEARTBEAT_S = 0.08  # a third of the 250 ms watchdog: two heartbeats may be lost
 
+# Greatest age of the device time that a command repeats; a fifth of the age at which the device
+# rejects it.
 MAX_REPLY_AGE_S = 0.1
-"""An order repeats a device time that was read no longer ago; a fifth of the age at which the
-device refuses it."""
 
 
 class CommandChannel(LinkEndpoint):
-    """Hold one conversation with a device over a transport.
+    """Command channel to a device over a transport.
 
     Args:
-        take: is given every block of readings from the hello on, whatever is waited for meanwhile.
+        take: callback for every block of readings after the hello, also during commands.
     """
 
     def __init__(
@@ -39,10 +39,10 @@ class CommandChannel(LinkEndpoint):
         transport: Transport,
         address: str,
         clock: Callable[[], float],
-        take: Callable[[Readings], None] = lambda readings: None,
+        on_readings: Callable[[Readings], None] = lambda readings: None,
     ) -> None:
         super().__init__(transport, address, clock)
-        self._take = take
+        self._on_readings = on_readings
         self._decoder = frames.Decoder()
         self._reader = HelloReader()
         self._number = 0
@@ -51,16 +51,16 @@ class CommandChannel(LinkEndpoint):
         self._device_read_s = -inf
         self._events: list[wire.DeviceEvent] = []
         self._replies: dict[int, wire.Reply] = {}
-        self._gaps = HostGapDetector()
+        self._gap_detector = HostGapDetector()
         self._hello: Hello | None = None
         self._opened_s = 0.0
 
     def open(self) -> Hello:
-        """Open the transport and ask who is there until somebody answers.
+        """Open the transport and request a hello until a device replies.
 
         Raises:
-            PortBusy, PortDenied, NoDevice: the port cannot be had, or it stays silent.
-            ProtocolError: what answers speaks something else.
+            PortBusy, PortDenied, NoDevice: the port is not available, or it stays silent.
+            ProtocolError: the reply is in another protocol.
         """
         self._decoder = frames.Decoder()
         self._reader = HelloReader()
@@ -68,7 +68,7 @@ class CommandChannel(LinkEndpoint):
         self.received = b""
         self._hello, self._opened_s = None, self.clock()
         self.transport.open()
-        self._gaps.begin(self.clock())
+        self._gap_detector.begin(self.clock())
         self._hello = hello = self._request_hello()
         self._decoder.expect(len(hello.channels), hello.speed)
         self._events = []
@@ -79,81 +79,82 @@ class CommandChannel(LinkEndpoint):
         super().close()
 
     def now_s(self) -> float:
-        """Return the device's pace on the host's clock: wall time, multiplied by its speed."""
+        """Return bench time: wall time multiplied by the speed of the device."""
         speed = self._hello.speed if self._hello else 1.0
         return self._opened_s + (self.clock() - self._opened_s) * speed
 
     def exchange(
-        self, command: wire.Command, tries: int = MAX_ATTEMPTS, moves: bool = False
+        self, command: wire.Command, attempts: int = MAX_ATTEMPTS, moves: bool = False
     ) -> wire.Reply:
-        """Send a command until it is answered; the device carries each number out once.
+        """Send a command until it is acknowledged; the device executes each number once.
 
-        All tries are the same line: the age of an order is counted from the first.
+        All attempts are the same line, so the command's age counts from the first.
 
         Args:
-            moves: whether something may move by it: then it is not sent after a pause of this
-                computer.
+            moves: the command may cause motion; it is not sent after a pause of this computer.
 
         Raises:
-            LinkLost: no answer to any try.
-            HostSuspended: this computer stood still meanwhile, and the order moves something; or it
-                did so since the order before, and this one was refused as late.
+            LinkLost: no reply to any attempt.
+            HostSuspended: this computer was paused meanwhile and the command causes motion; or it
+                was paused since the previous command, and this one was rejected as late.
         """
-        before_s = self._gaps.longest_s
-        self._gaps.begin(self.clock())
-        aged = not isinstance(command, wire.RequestPlate | wire.StopDevice)
-        # After a pause, samples that waited in a buffer are read with old times. Orders to arm and
-        # to turn stay that old, so that a stop on the way outdates them.
-        paused = before_s > MAX_REPLY_AGE_S and not isinstance(
+        previous_gap_s = self._gap_detector.longest_s
+        self._gap_detector.begin(self.clock())
+        carries_age = not isinstance(command, wire.RequestPlate | wire.StopDevice)
+        # After a pause, buffered samples are read with old times. Commands that arm or turn motors
+        # keep that age, so that a stop under way outdates them.
+        has_stale_time = previous_gap_s > MAX_REPLY_AGE_S and not isinstance(
             command, wire.ArmDevice | wire.SetPwm
         )
-        if aged and (paused or self.clock() > self._device_read_s + MAX_REPLY_AGE_S):
-            self._converse(wire.RequestPlate(), tries)  # Its answer brings the device's time.
-        reply = self._converse(command, tries, moves)
-        if wire.is_too_old(reply.reason) and before_s > wire.MAX_COMMAND_AGE_S:
-            raise HostSuspended(before_s, wire.MAX_COMMAND_AGE_S)
+        if carries_age and (has_stale_time or self.clock() > self._device_read_s + MAX_REPLY_AGE_S):
+            self._exchange_once(wire.RequestPlate(), attempts)  # its reply has the device time
+        reply = self._exchange_once(command, attempts, moves)
+        if wire.is_too_old(reply.reason) and previous_gap_s > wire.MAX_COMMAND_AGE_S:
+            raise HostSuspended(previous_gap_s, wire.MAX_COMMAND_AGE_S)
         return reply
 
-    def _converse(self, command: wire.Command, tries: int, moves: bool = False) -> wire.Reply:
+    def _exchange_once(
+        self, command: wire.Command, attempts: int, moves: bool = False
+    ) -> wire.Reply:
         if moves:
             self._raise_if_paused()
         number = self._number = self._number + 1
         line = frames.frame_command(number, command, self._device_us)
         self._replies.clear()
-        for _ in range(tries):
+        for _ in range(attempts):
             self._send(line)
             reply = self.wait(REPLY_TIMEOUT_S, lambda: self._replies.pop(number, None))
             if moves or (reply is not None and reply.reason.startswith(wire.LATE_REASON)):
                 self._raise_if_paused()
             if reply is not None:
                 return reply
-        said = ",".join(wire.command_fields(command))
+        text = ",".join(wire.command_fields(command))
         raise LinkLost(
-            f"{self.address} did not answer {said!r} in {tries} tries of "
+            f"{self.address} did not acknowledge {text!r} in {attempts} attempts of "
             f"{1000.0 * REPLY_TIMEOUT_S:.0f} ms; the device should stop its motors by its "
             f"watchdog; check cable and power, then start again"
         )
 
     def halt(self) -> None:
-        """Send a stop without waiting for its answer; another thread may be in an exchange."""
+        """Send a stop without waiting for its reply, also during an exchange of another thread."""
         self.transport.write(frames.frame_command(0, wire.StopDevice()))
 
     def pump(self, timeout_s: float) -> bool:
         now_s = self.clock()
-        self._gaps.note(now_s)
+        self._gap_detector.note(now_s)
         if now_s - self._sent_s >= HEARTBEAT_S:
             self._send(frames.HEARTBEAT)
         data = self.take(timeout_s)
-        self._gaps.note(self.clock())
+        self._gap_detector.note(self.clock())
         if not data:
             return False
         readings = self._decoder.feed(data, self.now_s())
         for message in self._decoder.take_messages():
-            self._sort(message)
+            self._process_message(message)
         if len(readings):
-            self._note_time(str(int(readings.device_time_us[-1]) % frames.TIME_MODULUS_US))
+            self._update_device_time(str(int(readings.device_time_us[-1]) % frames.TIME_MODULUS_US))
         if self._hello is not None:
-            self._take(readings)
+            self._on_readings(readings)
         return True
 
     def take_events(self) -> list[wire.DeviceEvent]:
@@ -162,58 +163,59 @@ class CommandChannel(LinkEndpoint):
         return events
 
     def _raise_if_paused(self) -> None:
-        if (paused_s := self._gaps.longest_s) > wire.MAX_COMMAND_AGE_S:
+        if (paused_s := self._gap_detector.longest_s) > wire.MAX_COMMAND_AGE_S:
             raise HostSuspended(paused_s, wire.MAX_COMMAND_AGE_S)
 
     def _request_hello(self) -> Hello:
-        deadline_s = self.clock() + HELLO_S
+        deadline_s = self.clock() + HELLO_TIMEOUT_S
         while self.clock() < deadline_s:
             self._number += 1
             self._send(frames.frame_command(self._number, wire.RequestHello()))
-            try_s = self.clock() + HELLO_RETRY_INTERVAL_S
-            answered = False
-            while not answered and (left_s := try_s - self.clock()) > 0.0:
+            retry_s = self.clock() + HELLO_RETRY_INTERVAL_S
+            is_latest = False
+            while not is_latest and (left_s := retry_s - self.clock()) > 0.0:
                 self.pump(left_s)
                 while self._replies:
                     number, reply = self._replies.popitem()
                     if not reply.ok and number <= self._number:
                         raise ProtocolError(
-                            f"{self.address} refused the hello: {reply.reason}; update its firmware"
+                            f"{self.address} rejected the hello: {reply.reason}; update its "
+                            f"firmware"
                         )
-                    # On a slow line this answers an earlier try, which is as good.
-                    answered = number == self._number
+                    # On a slow line this may acknowledge an earlier attempt, which is as good.
+                    is_latest = number == self._number
                     if hello := self._reader.hello(reply.fields):
-                        if not answered:
-                            self._device_read_s = -inf  # The next try stops the device once more.
+                        if not is_latest:
+                            self._device_read_s = -inf  # the last attempt stops the device again
                         return hello
         if not self.received:
             raise NoDevice(
-                f"{self.address} is open, but nothing answered for {HELLO_S:g} s; check power, "
+                f"{self.address} is open, but sent nothing for {HELLO_TIMEOUT_S:g} s; check power, "
                 f"firmware and baud rate"
             )
         raise ProtocolError(
             f"{self.address} {mismatch_message('bench', self.received, self.address)}"
         )
 
-    def _note_time(self, text: str) -> None:
-        """Note a device time that was read, unless it is older than what is known."""
+    def _update_device_time(self, text: str) -> None:
+        """Store a device time that was read, unless it is older than the stored one."""
         if not (text.isdecimal() and int(text) < frames.TIME_MODULUS_US):
             return
-        first = self._device_read_s == -inf
-        if first or frames.signed_step(int(text), self._device_us, frames.TIME_MODULUS_US) > 0:
+        is_first = self._device_read_s == -inf
+        if is_first or frames.signed_step(int(text), self._device_us, frames.TIME_MODULUS_US) > 0:
             self._device_us, self._device_read_s = int(text), self.clock()
 
     def _send(self, data: bytes) -> None:
         self.transport.write(data)
         self._sent_s = self.clock()
 
-    def _sort(self, message: frames.TextMessage) -> None:
+    def _process_message(self, message: frames.TextMessage) -> None:
         letter, fields = message.letter, message.fields
         if letter == "A" and len(fields) >= 2 and fields[0].isdecimal():
-            self._note_time(fields[1])
+            self._update_device_time(fields[1])
             self._replies[int(fields[0])] = wire.Reply(True, fields=fields[2:])
         elif letter == "N" and len(fields) >= 2 and fields[0].isdecimal():
-            self._note_time(fields[1])
+            self._update_device_time(fields[1])
             self._replies[int(fields[0])] = wire.Reply(False, ",".join(fields[2:] or fields[1:]))
         elif letter == "H":
             self._reader.take(fields)

@@ -1,6 +1,6 @@
-"""What a host may ask of a bench device: each command a small value, with its text fields.
+"""Commands of the bench protocol as values, encoded to and decoded from text fields.
 
-Pure: text fields in, values out. `docs/reference/bench-protocol.md` documents every field.
+Pure functions. `docs/reference/bench-protocol.md` documents every field.
 """
 
 from __future__ import annotations
@@ -15,49 +15,49 @@ from benchtool.core.errors import InputError, ProtocolError, UnknownChoice
 
 @dataclass(frozen=True, slots=True)
 class DeviceEvent:
-    """Report something unasked: `watchdog`, `limit`, `arrived`, `stage`, `boot`, `dropped`."""
+    """Unsolicited event: `watchdog`, `limit`, `arrived`, `stage`, `boot`, `dropped`."""
 
     kind: str
     text: str
 
     @property
     def stops_motors(self) -> bool:
-        """Whether the device's motors stand still because of it."""
+        """Return whether the device stopped its motors because of it."""
         return self.kind in ("watchdog", "limit", "boot")
 
 
+# Older commands are rejected: a host waits 5 x 100 ms for an acknowledgement and then commands a
+# stop, so an older command was given up.
 MAX_COMMAND_AGE_S = 0.5
-"""Orders are refused from this age on: a host waits 5 x 100 ms for an answer and then commands a
-stop, so that an older order has been given up."""
 
-LATE_REASON = "late: "  # How the reason of such a refusal begins
+LATE_REASON = "late: "  # start of the reason of such a rejection
 
 
 def is_too_old(reason: str) -> bool:
-    """Return whether an order was refused for its age."""
+    """Return whether a command was rejected for its age."""
     return reason.startswith(LATE_REASON) and " ms old" in reason
 
 
-PROTOCOL_VERSION = 2  # Protocol version of host and device; another one is refused
+PROTOCOL_VERSION = 2  # of host and device; any other version is rejected
 
 
 @dataclass(frozen=True, slots=True)
 class RequestHello:
-    """Ask who is there; always executed, stops the stream and starts the numbering anew."""
+    """Request the device information; always executed, stops the stream, restarts numbering."""
 
     version: int = PROTOCOL_VERSION
 
 
 @dataclass(frozen=True, slots=True)
 class SetPwm:
-    """Command every motor's pulse (n_rotors,): us."""
+    """Command the pulse width of every motor (n_rotors,): us."""
 
     pwm_us: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class SendPlate:
-    """Send the plate somewhere; acknowledged when accepted, an `arrived` event says when there."""
+    """Move the plate; acknowledged on acceptance, an `arrived` event reports the arrival."""
 
     z_m: float
     x_m: float = 0.0
@@ -66,24 +66,24 @@ class SendPlate:
 
 @dataclass(frozen=True, slots=True)
 class RequestPlate:
-    """Ask where the plate was last sent and whether it still moves."""
+    """Request the last target of the plate and whether it still moves."""
 
 
 @dataclass(frozen=True, slots=True)
 class TareDevice:
-    """Take the present load-cell reading as zero thrust."""
+    """Tare the load cell: the present reading becomes zero thrust."""
 
 
 @dataclass(frozen=True, slots=True)
 class SetRate:
-    """Stream so many samples per second; 0 stops the stream."""
+    """Set the stream rate in samples per second; 0 stops the stream."""
 
     rate_Hz: float
 
 
 @dataclass(frozen=True, slots=True)
 class SetLimit:
-    """Make one device-side limit narrower; the device never makes one wider."""
+    """Narrow one limit on the device, which never widens one."""
 
     name: str
     value: float
@@ -91,19 +91,19 @@ class SetLimit:
 
 @dataclass(frozen=True, slots=True)
 class StopDevice:
-    """Command zero to every motor and halt the plate at once."""
+    """Command zero to every motor and stop the plate immediately."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clear:
-    """Stop, and lift the latch that a watchdog or a limit has set."""
+    """Stop, and clear the latch that a watchdog or a limit has set."""
 
 
 @dataclass(frozen=True, slots=True)
 class ArmDevice:
-    """Let the device obey pulses above stop and moves of the plate until the next stop.
+    """Allow pulse widths above stop and moves of the plate until the next stop.
 
-    Acknowledged with the hash of the channel map.
+    The acknowledgement contains the hash of the channel map.
     """
 
 
@@ -123,12 +123,12 @@ Command = (
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Answer one command: accepted or refused, and why.
+    """Reply to one command.
 
     Attributes:
-        ok: whether the command was accepted.
-        reason: the device's words when it was not.
-        fields: what the acknowledgement carries beyond the device time, as text.
+        ok: the command was accepted.
+        reason: reason of a rejection, as the device reports it.
+        fields: fields of the acknowledgement after the device time, as text.
     """
 
     ok: bool
@@ -136,7 +136,7 @@ class Reply:
     fields: tuple[str, ...] = ()
 
 
-def _number(text: str) -> float:
+def _parse_number(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -146,7 +146,7 @@ def _number(text: str) -> float:
     return value
 
 
-COMMANDS: dict[str, type[Command]] = {  # by name on the wire; fields in the order of the class
+COMMANDS: dict[str, type[Command]] = {  # by name in the protocol; fields in the order of the class
     "hello": RequestHello,
     "pwm": SetPwm,
     "plate": SendPlate,
@@ -159,11 +159,11 @@ COMMANDS: dict[str, type[Command]] = {  # by name on the wire; fields in the ord
     "arm": ArmDevice,
 }
 
-_NAMES = {kind: name for name, kind in COMMANDS.items()}
-_READERS: dict[str, Callable[[str], float | str]] = {
+_COMMAND_NAMES = {kind: name for name, kind in COMMANDS.items()}
+_PARSERS: dict[str, Callable[[str], float | str]] = {
     "str": str,
-    "int": lambda text: int(_number(text)),
-    "float": _number,
+    "int": lambda text: int(_parse_number(text)),
+    "float": _parse_number,
 }
 
 
@@ -175,26 +175,26 @@ def encode_command(value: float) -> str:
 
 
 def command_fields(command: Command) -> tuple[str, ...]:
-    """Return the command's name on the wire followed by its fields."""
+    """Return the command's protocol name followed by its fields."""
     values = [getattr(command, field.name) for field in fields(command)]
     if isinstance(command, SetPwm):
         values = list(command.pwm_us)
     texts = (value if isinstance(value, str) else encode_command(value) for value in values)
-    return (_NAMES[type(command)], *texts)
+    return (_COMMAND_NAMES[type(command)], *texts)
 
 
 def decode_command(words: Sequence[str]) -> Command:
-    """Read a command from its name and fields; an unknown name lists the known ones."""
+    """Parse a command from its name and fields; the error for an unknown name lists all names."""
     name = words[0] if words else ""
     if name not in COMMANDS:
         raise UnknownChoice("command", name, COMMANDS)
-    kind, given = COMMANDS[name], words[1:]
+    kind, texts = COMMANDS[name], words[1:]
     if kind is SetPwm:
-        return SetPwm(tuple(_number(text) for text in given))
-    needed = fields(kind)
-    if len(given) != len(needed):
-        raise ProtocolError(f"command {name} takes {len(needed)} fields, got {len(given)}")
-    read: list[Any] = [
-        _READERS[str(field.type)](text) for field, text in zip(needed, given, strict=True)
+        return SetPwm(tuple(_parse_number(text) for text in texts))
+    kind_fields = fields(kind)
+    if len(texts) != len(kind_fields):
+        raise ProtocolError(f"command {name} takes {len(kind_fields)} fields, got {len(texts)}")
+    values: list[Any] = [
+        _PARSERS[str(field.type)](text) for field, text in zip(kind_fields, texts, strict=True)
     ]
-    return kind(*read)
+    return kind(*values)

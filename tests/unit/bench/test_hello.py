@@ -39,7 +39,7 @@ BAD_NUMBERS = ("nan", "inf", "-inf", "-1", "1e400", "9" * 400, "", "ten", "0x10"
     "key", ["speed", "watchdog", "rate", "rotors", "frame", "baud", "plate", "simulated"]
 )
 def test_every_number_has_a_range(key, text):
-    with pytest.raises(ProtocolError, match=rf"hello makes no sense: {key} is .*, not a number"):
+    with pytest.raises(ProtocolError, match=rf"hello is invalid: {key} is .*, not a number"):
         parse_hello(changed(key, text))
 
 
@@ -54,7 +54,7 @@ def test_every_number_has_a_range(key, text):
         ("protocol", ["3"], "protocol version 3, this program version 2"),
         ("device", [""], "device is '', not a text of 1 to 100 characters"),
         ("firmware", ["x" * 101], "not a text of 1 to 100 characters"),
-        ("device", ["bench\x1b[2J"], "holds what cannot be printed"),
+        ("device", ["bench\x1b[2J"], "has non-printable characters"),
         ("channel", ["way", "furlong", "1"], "unknown unit 'furlong'"),
         ("channel", ["way"], "too few fields"),
     ],

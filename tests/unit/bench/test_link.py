@@ -215,8 +215,8 @@ def test_the_refusal_shows_the_arithmetic():
     with pytest.raises(InputError) as caught:
         check_rate(1000.0, 101, 921_600)
     assert str(caught.value) == (
-        "1000 frames/s x 101 bytes x 10 bits = 1,010,000 baud, but the link runs at 921,600 baud; "
-        "ask for at most 912 Hz or raise baud on both ends"
+        "1000 frames/s x 101 bytes x 10 bits = 1,010,000 baud, but the link has 921,600 baud; "
+        "request at most 912 Hz or raise baud on both ends"
     )
 
 
