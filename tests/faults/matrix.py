@@ -72,9 +72,9 @@ WATCHDOG = "watchdog: no line for"
 UNFIT = "that does not fit a pulse of"
 SILENT = "sent nothing for"
 CLOSED, BROKE = "closed the connection", "the link to...broke"
-NO_PULSE, NO_PLATE = "did not answer 'pwm,", "did not answer 'plate,"
-NO_STOP = "did not answer 'stop'"
-NO_ACK = "did not acknowledge an order to turn"
+NO_PULSE, NO_PLATE = "did not acknowledge 'pwm,", "did not answer 'plate,"
+NO_STOP = "did not acknowledge 'stop'"
+NO_ACK = "did not acknowledge a motor command"
 ANEW = "restarted...lost its position"
 UNMOVED = "plate_z_m still reads 1.4000 m after the move"
 
@@ -96,16 +96,16 @@ def row(links: str, fault: str, phases: str, expected: Expected) -> Iterator[Cel
 
 # fmt: off
 ROWS = (
-    row("tcp pty", "device silent 0.6 s", "arming", ends(3, "did not answer 'clear")),
-    row("tcp pty", "device silent 0.6 s", "tare", ends(3, "did not answer 'tare")),
+    row("tcp pty", "device silent 0.6 s", "arming", ends(3, "did not acknowledge 'clear")),
+    row("tcp pty", "device silent 0.6 s", "tare", ends(3, "did not acknowledge 'tare")),
     row("tcp pty", "device silent 0.6 s", "moving", ends(3, NO_PLATE)),
     row("tcp pty", "device silent 0.6 s", "ramping sampling", RUNS),
     row("tcp pty", "device silent 0.6 s", "stopping", ends(3, NO_PULSE, 0.6)),
     row("tcp pty", "device silent 0.6 s", "hello", RUNS),
     row("tcp", "device silent 0.6 s", "closing", ends(3, NO_STOP)),
-    row("tcp", "device silent", "hello", ends(3, "nothing answered for 5 s")),
-    row("tcp", "device silent", "arming", ends(3, "did not answer 'clear")),
-    row("tcp", "device silent", "tare", ends(3, "did not answer 'tare")),
+    row("tcp", "device silent", "hello", ends(3, "sent nothing for 5 s")),
+    row("tcp", "device silent", "arming", ends(3, "did not acknowledge 'clear")),
+    row("tcp", "device silent", "tare", ends(3, "did not acknowledge 'tare")),
     row("tcp", "device silent", "moving", ends(3, NO_PLATE)),
     row("tcp", "device silent", "ramping sampling", ends(8, UNSEEN, 1.4)),
     row("tcp", "device silent", "stopping closing", ends(8, UNSEEN, 0.6)),
@@ -118,8 +118,8 @@ ROWS = (
     row("mavlink", "device silent", "closing", ends(8, UNSEEN, 0.35)),
     row("mavlink", "device silent", "ramping sampling", ends(8, UNSEEN, 0.6)),
     row("mavlink", "device silent", "stopping", ends(8, UNSEEN, 0.35)),
-    row("tcp pty", "host unheard 0.6 s", "arming", ends(3, "did not answer 'clear")),
-    row("tcp pty", "host unheard 0.6 s", "tare", ends(3, "did not answer 'tare")),
+    row("tcp pty", "host unheard 0.6 s", "arming", ends(3, "did not acknowledge 'clear")),
+    row("tcp pty", "host unheard 0.6 s", "tare", ends(3, "did not acknowledge 'tare")),
     row("tcp pty", "host unheard 0.6 s", "moving", ends(3, NO_PLATE)),
     row("tcp pty", "host unheard 0.6 s", "ramping sampling", ends(4, WATCHDOG, 0.35)),
     row("tcp pty", "host unheard 0.6 s", "stopping", ends(3, NO_PULSE, 0.35)),
@@ -154,8 +154,8 @@ ROWS = (
     row("tcp", "stall 2 s", "closing", ends(3, NO_STOP, 0.35)),
     row("mavlink", "stall 2 s", "arming closing", RUNS),
     row("mavlink", "stall 2 s", "moving", ends(3, SILENT)),
-    row("tcp pty", "stall 2 s", "arming", ends(3, "did not answer 'clear")),
-    row("tcp pty", "stall 2 s", "tare", ends(3, "did not answer 'tare")),
+    row("tcp pty", "stall 2 s", "arming", ends(3, "did not acknowledge 'clear")),
+    row("tcp pty", "stall 2 s", "tare", ends(3, "did not acknowledge 'tare")),
     row("tcp pty", "stall 2 s", "moving", ends(3, NO_PLATE)),
     row("tcp pty mavlink", "stall 2 s", "ramping sampling", ends(3, SILENT, 0.35)),
     row("tcp pty", "stall 2 s", "stopping", ends(3, NO_PULSE, 0.35)),

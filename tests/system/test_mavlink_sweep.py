@@ -58,7 +58,7 @@ def test_a_sweep_over_udp(tmp_path, environment, kind):
         ended = sweep(address, tmp_path / "run", environment)
     check_swept(ended, tmp_path / "run")
     told = [event.text for event in read_events(tmp_path / "run" / "events.jsonl")]
-    assert f"rotor 1 hangs on output {3 if kind == 'ardupilot' else 1}" in told
+    assert f"rotor 1 is driven by output {3 if kind == 'ardupilot' else 1}" in told
 
 
 class Watched(VirtualAutopilot):

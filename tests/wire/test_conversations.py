@@ -162,7 +162,7 @@ def test_a_board_that_boots_first_is_waited_for():
 
 
 NOT_OPENED: dict[str, tuple[Callable[[], ScriptedLink], type[errors.BenchError], str]] = {
-    "silence": (Talker, errors.NoDevice, "nothing answered for 5 s"),
+    "silence": (Talker, errors.NoDevice, "sent nothing for 5 s"),
     "something else": (
         lambda: Talker(b"\r\nGrbl 1.1h ['$' for help]\r\n"),
         *(errors.ProtocolError, "it is a G-code stage; use --stage grbl:"),
@@ -177,13 +177,13 @@ NOT_OPENED: dict[str, tuple[Callable[[], ScriptedLink], type[errors.BenchError],
     ),
     "version 1, which refuses the hello": (
         lambda: ScriptedLink(Turn(HELLO, frame(b"N,1,this device speaks version 1"))),
-        *(errors.ProtocolError, "refused the hello: this device speaks version 1"),
+        *(errors.ProtocolError, "rejected the hello: this device speaks version 1"),
     ),
     "a refused hello": (
         lambda: ScriptedLink(
             Turn(HELLO, frame(b"N,1,0,not today")),
         ),
-        *(errors.ProtocolError, "refused the hello: not today"),
+        *(errors.ProtocolError, "rejected the hello: not today"),
     ),
     "held by somebody else": (
         lambda: ScriptedLink(Turn(HELLO, frame(b"E,busy,192.0.2.7:5100"))),
@@ -196,7 +196,7 @@ NOT_OPENED: dict[str, tuple[Callable[[], ScriptedLink], type[errors.BenchError],
     ),
     "another device than before": (
         lambda: ScriptedLink(Turn(HELLO, hello_answer(1, device_id="bench-0041"))),
-        *(errors.NoDevice, "answers as device 'bench-0041', but 'bench-0042'"),
+        *(errors.NoDevice, "is device 'bench-0041', but 'bench-0042'"),
     ),
 }
 

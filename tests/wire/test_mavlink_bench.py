@@ -27,7 +27,7 @@ def test_the_map_says_which_output_is_which_rotor():
         assert made.autopilot.outputs_us[:4] == (1300, 1000, 1000, 1000)
         assert made.last(values, "pwm2_us") == 1300.0
         assert made.last(values, "pwm1_us") == 1000.0
-        assert not [text for text in messages if "hangs on" in text]
+        assert not [text for text in messages if "is driven by" in text]
 
 
 def test_a_rotor_that_turns_alone_shows_its_output():
@@ -38,7 +38,7 @@ def test_a_rotor_that_turns_alone_shows_its_output():
     with made.bench as bench:
         bench.set_pwm(pulses(1300.0, 1000.0))
         values, messages = made.read(0.5)
-        assert "rotor 1 hangs on output 3" in messages
+        assert "rotor 1 is driven by output 3" in messages
         assert made.last(values, "pwm1_us") == 1300.0
         assert made.last(values, "pwm2_us") == 1000.0
 
@@ -125,7 +125,7 @@ def test_a_slow_line_carries_less_and_says_so():
             bench.set_rate(200.0)
     made = Bench(motor_map=PLUS, baud=9600)
     make_real(made)
-    with pytest.raises(InputError, match="outputs at 10 Hz and what comes with them are"):
+    with pytest.raises(InputError, match="outputs at 10 Hz and the other streams are"):
         made.bench.open()
 
 
@@ -135,7 +135,7 @@ def test_the_plate_of_a_real_autopilot_needs_a_stage():
     with made.bench as bench:
         assert not bench.identity.simulated
         assert not bench.identity.moves_plate
-        with pytest.raises(StageError, match="give --stage hand or --stage grbl:PORT"):
+        with pytest.raises(StageError, match="use --stage hand or --stage grbl:PORT"):
             bench.move_plate(0.2)
 
 
@@ -147,7 +147,7 @@ def test_signed_frames_are_taken_and_others_refused():
         assert signed.last(values, "pwm1_us") == 1300.0
     for theirs in (None, bytes(32)):
         other = Bench(motor_map=PLUS, key=KEY, device_key=theirs)
-        with pytest.raises(ProtocolError, match="none of it bears a signature of this key"):
+        with pytest.raises(ProtocolError, match="no frame has a signature of this key"):
             other.bench.open()
 
 
@@ -213,7 +213,7 @@ def test_a_load_cell_beside_the_autopilot_is_laid_on_its_time():
 def test_an_autopilot_that_does_not_tell_its_outputs_is_refused():
     made = Bench(motor_map=PLUS)
     made.autopilot._orders.lacks = made.autopilot._orders.lacks | {36}
-    said = r"does not report its outputs \(SERVO_OUTPUT_RAW denied, ACTUATOR_OUTPUT_STATUS denied\)"
+    said = r"sends no servo outputs \(SERVO_OUTPUT_RAW denied, ACTUATOR_OUTPUT_STATUS denied\)"
     with pytest.raises(ProtocolError, match=said):
         made.bench.open()
 
@@ -225,7 +225,7 @@ def test_streams_that_nobody_here_asks_for_are_switched_off_on_a_serial_line():
     made.autopilot._due_us = {30: 0.0}
     with made.bench:
         _, messages = made.read(0.5)
-        assert "switched off, because nobody here asks for it: ATTITUDE" in messages
+        assert "disabled streams that this bench does not need: ATTITUDE" in messages
         assert 30 not in made.autopilot._every_us
 
 
@@ -238,8 +238,8 @@ def test_no_order_to_turn_can_last(timeout_s):
 @pytest.mark.parametrize("pulse_us", [999.0, 1901.0, 2200.0, float("nan")])
 def test_pulses_outside_of_the_autopilots_range_are_refused(pulse_us):
     range_us = ArduPilot().pulses({"MOT_PWM_MIN": 1000.0, "MOT_PWM_MAX": 1900.0})
-    with pytest.raises(InputError, match=r"range is 1000 to 1900 us \(MOT_PWM_MIN to MOT_PWM_MAX"):
+    with pytest.raises(InputError, match=r"allowed: 1000 to 1900 us \(MOT_PWM_MIN to MOT_PWM_MAX"):
         ArduPilot().turn({1: pulse_us}, range_us)
     made = Bench(motor_map=PLUS)
-    with made.bench as bench, pytest.raises(InputError, match="were not sent"):
+    with made.bench as bench, pytest.raises(InputError, match="command not sent"):
         bench.set_pwm(pulses(pulse_us, 1000.0))

@@ -157,7 +157,7 @@ def test_an_unknown_parameter_gets_no_answer_and_is_left_out():
         Turn(host.says(ask("NO_SUCH"))),
         Turn(host.says(ask("NO_SUCH"))),
     ]
-    assert station.parameters(("MOT_PWM_MIN", "NO_SUCH")) == {"MOT_PWM_MIN": 1000.0}
+    assert station.read_parameters(("MOT_PWM_MIN", "NO_SUCH")) == {"MOT_PWM_MIN": 1000.0}
     link.check_finished()
 
 
@@ -167,7 +167,7 @@ def test_a_whole_number_of_px4_comes_bit_by_bit():
     told = WORDS.MAVLink_param_value_message(b"CA_ROTOR_COUNT", 5.605193857299268e-45, 6, 9, 1)
     station, link = met(host=host, device=device)
     link._turns.append(Turn(host.says(ask("CA_ROTOR_COUNT")), device.says(told)))
-    assert station.parameters(("CA_ROTOR_COUNT",)) == {"CA_ROTOR_COUNT": 4.0}
+    assert station.read_parameters(("CA_ROTOR_COUNT",)) == {"CA_ROTOR_COUNT": 4.0}
     assert Px4().n_motors({"CA_ROTOR_COUNT": 4.0}) == 4
 
 

@@ -43,8 +43,8 @@ def test_an_order_is_renewed_while_somebody_reads_and_dies_when_nobody_does():
 @pytest.mark.parametrize(
     ("again", "lost_s", "said"),
     [
-        (True, 0.6, "did not acknowledge an order to turn in 0.2 s"),
-        (False, 0.3, r"acknowledged no order for 0.\d s and output 3 shows 1000 us"),
+        (True, 0.6, "did not acknowledge a motor command in 0.2 s"),
+        (False, 0.3, r"acknowledged no command for 0.\d s and output 3 shows 1000 us"),
     ],
     ids=["new order", "renewed"],
 )
@@ -151,7 +151,7 @@ def hush(made: Bench) -> None:
 
 
 OVERLOAD = "Failsafe: thrust_N 100.* against limit 30; motors stopped"
-LOST = r"ArduPilot acknowledged no order for 0\.\d s and output 3 shows 1000 us"
+LOST = r"ArduPilot acknowledged no command for 0\.\d s and output 3 shows 1000 us"
 ENDS: dict[str, tuple[Callable[[Bench], None], type[BenchError], str]] = {
     "a restart": (restart, BenchError, r"the autopilot restarted|sent nothing for 1\.0 s"),
     "a failsafe, with its words": (overload, DeviceStopped, OVERLOAD),
@@ -292,7 +292,7 @@ def test_only_orders_that_lapse_end_by_a_short_silence(mode):
 
         made.autopilot.tick, made.autopilot.receive = silent, deaf
         if mode == "plate":
-            with pytest.raises(DeviceStopped, match=r"came from the autopilot for 0\.\d s while a"):
+            with pytest.raises(DeviceStopped, match=r"the autopilot sent nothing for 0\.\d s while a"):
                 made.read(0.9)
         else:
             made.read(0.9)

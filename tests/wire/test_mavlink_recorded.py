@@ -160,7 +160,7 @@ def test_orders_to_turn_end_when_the_autopilot_falls_silent(folder):
     peer, bench = opened(folder, "h1_autopilot_killed_and_restarted", until_s=4.0)
     with bench:
         bench.set_pwm(pulse(1, 1400.0))
-        with pytest.raises(LinkLost, match=r"sent nothing for 1\.0 s, limit 1 s; no order to turn"):
+        with pytest.raises(LinkLost, match=r"sent nothing for 1\.0 s, limit 1 s; no motor command"):
             read(bench, 6.0)
     turning = [time_s for time_s, order in orders_of(peer) if order.param4 > 0.0]
     assert 0.2 < max(turning) - peer.said_s < 0.3

@@ -1,7 +1,7 @@
-"""How each autopilot is commanded to turn motors, what it allows, and what it reports of itself.
+"""Motor commands, pulse ranges and device information of each kind of autopilot.
 
-A pilot is chosen by the heartbeat. Every command dies by itself after `TIMEOUT_S`, so that motors
-stand still soon after the host has died; it is sent again every `RESEND_INTERVAL_S`.
+The kind is chosen by the heartbeat. Every motor command expires after `TIMEOUT_S`, so that motors
+stop soon after the host has stopped sending; it is repeated every `RESEND_INTERVAL_S`.
 """
 
 from __future__ import annotations
@@ -17,31 +17,29 @@ from benchtool.bench.mavlink.link import MavlinkLink
 from benchtool.bench.mavlink.settings import NO_THRUST, ChannelWiring, MavlinkSettings
 from benchtool.core.errors import InputError, ProtocolError
 
-RESEND_INTERVAL_S = 0.05  # interval of a repeated order: four in a row may get lost without a gap
-DETECTION_TIMEOUT_S = (
-    0.3  # from an acknowledged pulse to the outputs; ArduPilot takes 0.02 to 0.07 s
-)
+RESEND_INTERVAL_S = 0.05  # of a repeated command: four in a row may be lost without a gap
+DETECTION_TIMEOUT_S = 0.3  # from acknowledgement to outputs; ArduPilot takes 0.02 to 0.07 s
 
+# Bit of the heartbeat's base_mode (MAV_MODE_FLAG): hardware in the loop, where "all motors /
+# actuators are blocked"; set by the virtual autopilot.
 HIL = 32
-"""Bit of the heartbeat's base_mode (MAV_MODE_FLAG): hardware in the loop, where "all motors /
-actuators are blocked", which is what the virtual autopilot shows."""
 
 VERSION_TIMEOUT_S = 0.5
 
 LEAST_US, LONGEST_US = 800.0, 2200.0  # RC_MIN_LIMIT_PWM and RC_MAX_LIMIT_PWM of ArduCopter
-UNMAPPED = (  # warning of a pitch bench: its loop turns all rotors at once
-    "the address has no map=, so rotor 1 is taken to hang on output 1 and so on; where it does "
-    "not, pulses and speeds are recorded under other rotors than theirs; make a map with benchtool "
-    "bench map and add map=FILE"
+UNMAPPED_WARNING = (  # of a pitch bench, whose loop turns all rotors at once
+    "the address has no map=, so output 1 is assumed to drive rotor 1 and so on; otherwise pulse "
+    "widths and speeds are recorded under the wrong rotors; make a map with benchtool bench map "
+    "and add map=FILE"
 )
 
+# ArduCopter's FRAME_CLASS: quad, hexa, octa, octaquad, Y6, tri, dodecahexa, deca.
 MOTORS_OF_FRAME = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
-"""ArduCopter's FRAME_CLASS: quad, hexa, octa, octaquad, Y6, tri, dodecahexa, deca."""
 
 
 @dataclass(frozen=True, slots=True)
 class PulseRange:
-    """The pulses of an autopilot's outputs: stopped, slowest, longest, and what counts as idle."""
+    """Pulse widths of an autopilot's outputs: stopped, slowest, longest, idle."""
 
     stop_us: float
     low_us: float
@@ -50,48 +48,48 @@ class PulseRange:
 
 
 class Autopilot(ABC):
-    """Be one kind of autopilot.
+    """One kind of autopilot.
 
     Attributes:
-        parameters: that are worth reading when the link opens.
-        required: those without which pulses cannot be bounded to the autopilot's own range.
-        together: whether several motors can turn in tests at the same time.
-        arms: whether its heartbeat shows armed while a motor test runs.
+        parameters: parameters that are read when the link opens.
+        required: parameters needed to limit pulse widths to the autopilot's range.
+        can_run_together: several motors can be tested at the same time.
+        arms: its heartbeat shows armed while a motor test runs.
     """
 
     name: str
     parameters: tuple[str, ...]
     required: tuple[str, ...] = ()
-    together: bool
+    can_run_together: bool
     arms: bool
 
     @abstractmethod
     def n_motors(self, values: Mapping[str, float]) -> int | None:
-        """Return how many motors its parameters say that it has, None when they do not."""
+        """Return the number of motors from its parameters, or None if unknown."""
 
     @abstractmethod
     def pulses(self, values: Mapping[str, float]) -> PulseRange:
-        """Return the pulses that its parameters give; refuse a range that makes no sense."""
+        """Return the pulse widths from its parameters; raise for an invalid range."""
 
     @abstractmethod
     def turn(
         self, pulses_us: Mapping[int, float], pulses: PulseRange
     ) -> tuple[mav.MavCommand, ...]:
-        """Return the orders that turn motors (by test number) at pulses above stop, or refuse."""
+        """Return the commands that turn motors (by test number) at pulse widths, or raise."""
 
     @abstractmethod
     def stop(self, motors: tuple[int, ...]) -> tuple[mav.MavCommand, ...]:
-        """Return the orders that stop motors at once."""
+        """Return the commands that stop motors immediately."""
 
 
 class ArduPilot(Autopilot):
-    """Turn motors by DO_MOTOR_TEST, one at a time."""
+    """ArduPilot: DO_MOTOR_TEST, one motor at a time."""
 
     name = "ArduPilot"
     required = ("MOT_PWM_MIN", "MOT_PWM_MAX")
     parameters = ("FRAME_CLASS", *required, "MOT_SPIN_ARM")
     arms = True
-    together = False
+    can_run_together = False
 
     def n_motors(self, values: Mapping[str, float]) -> int | None:
         return MOTORS_OF_FRAME.get(round(values.get("FRAME_CLASS", 0.0)))
@@ -100,8 +98,8 @@ class ArduPilot(Autopilot):
         low_us, high_us = values["MOT_PWM_MIN"], values["MOT_PWM_MAX"]
         if not LEAST_US <= low_us < high_us <= LONGEST_US:
             raise ProtocolError(
-                f"MOT_PWM_MIN is {low_us:g} us and MOT_PWM_MAX {high_us:g} us, but benchtool needs "
-                f"{LEAST_US:g} to {LONGEST_US:g} us, the less first; set them on the autopilot"
+                f"MOT_PWM_MIN is {low_us:g} us and MOT_PWM_MAX {high_us:g} us; allowed: "
+                f"{LEAST_US:g} to {LONGEST_US:g} us, in this order; set them on the autopilot"
             )
         idle_us = low_us + values.get("MOT_SPIN_ARM", 0.1) * (high_us - low_us)
         return PulseRange(low_us, low_us, high_us, idle_us)
@@ -110,38 +108,38 @@ class ArduPilot(Autopilot):
         self, pulses_us: Mapping[int, float], pulses: PulseRange
     ) -> tuple[mav.MavCommand, ...]:
         if len(pulses_us) > 1:
-            listed = ", ".join(map(str, sorted(pulses_us)))
+            motors = ", ".join(map(str, sorted(pulses_us)))
             raise InputError(
-                f"motors {listed} cannot turn together: ArduPilot's motor test turns one motor at "
+                f"motors {motors} cannot turn together: ArduPilot's motor test turns one motor at "
                 f"a time; name one with --rotors, or use an autopilot whose actuator test allows "
                 f"several (PX4)"
             )
-        # ArduPilot gives pulses outside of its own range to the output as they are.
+        # ArduPilot does not limit the pulse widths of a motor test to its range.
         for motor, pulse_us in pulses_us.items():
             if not pulses.low_us <= pulse_us <= pulses.high_us:
                 raise InputError(
-                    f"a pulse of {pulse_us:g} us for motor {motor} was not sent; the autopilot's "
-                    f"range is {pulses.low_us:g} to {pulses.high_us:g} us (MOT_PWM_MIN to "
+                    f"pulse width {pulse_us:g} us of motor {motor} is out of range, command not "
+                    f"sent; allowed: {pulses.low_us:g} to {pulses.high_us:g} us (MOT_PWM_MIN to "
                     f"MOT_PWM_MAX)"
                 )
-        # Type 1 is a pulse in us; one motor, the board's usual order.
+        # Type 1 is a pulse width in us; one motor, in the board's default order.
         return tuple(
             mav.MavCommand(mav.MOTOR_TEST, (motor, 1.0, pulse_us, mav.TIMEOUT_S, 1.0, 0.0, 0.0))
             for motor, pulse_us in pulses_us.items()
         )
 
     def stop(self, motors: tuple[int, ...]) -> tuple[mav.MavCommand, ...]:
-        # A time-out of 0 ends the test, whichever motor turns.
+        # A timeout of 0 ends the test of every motor.
         return (mav.MavCommand(mav.MOTOR_TEST, (motors[0], 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)),)
 
 
 class Px4(Autopilot):
-    """Turn motors by ACTUATOR_TEST, any number together."""
+    """PX4: ACTUATOR_TEST, any number of motors together."""
 
     name = "PX4"
     parameters = ("CA_ROTOR_COUNT", "PWM_MAIN_MIN1", "PWM_MAIN_MAX1", "PWM_MAIN_DIS1")
     arms = False
-    together = True
+    can_run_together = True
 
     def n_motors(self, values: Mapping[str, float]) -> int | None:
         return round(values.get("CA_ROTOR_COUNT", 0.0)) or None
@@ -177,7 +175,7 @@ AUTOPILOTS: dict[int, Autopilot] = {3: ArduPilot(), 12: Px4()}  # by the heartbe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotInfo:
-    """Hold what an autopilot says of itself; `speed` is its seconds per second of ours."""
+    """Information about an autopilot; `speed` is its seconds per wall second."""
 
     pilot: Autopilot
     pulses: PulseRange
@@ -188,10 +186,10 @@ class AutopilotInfo:
     speed: float
 
     def identity(self, settings: MavlinkSettings, facts: Mapping[str, str]) -> DeviceInfo:
-        """Return the identity without what its streams say."""
+        """Return the device information without the streams."""
         wiring, pulses, pilot = self.wiring, self.pulses, self.pilot
-        pitch = settings.mode == "pitch"
-        known = {
+        is_pitch = settings.mode == "pitch"
+        facts_ = {
             "autopilot": pilot.name,
             "pwm_stop_us": f"{pulses.stop_us:g}",
             "pwm_idle_us": f"{pulses.idle_us:g}",
@@ -200,12 +198,12 @@ class AutopilotInfo:
             **facts,
         }
         if self.speed != 1.0:
-            known["speed"] = f"{self.speed:g}"
-        if pitch:
-            known |= {"mode": "pitch", "armed_by": settings.arm}
-        unmapped = pitch and len(wiring.outputs) > 1 and 0 in wiring.outputs
-        if warnings := [*filter(None, (settings.warning, UNMAPPED if unmapped else ""))]:
-            known["warning"] = "; ".join(warnings)
+            facts_["speed"] = f"{self.speed:g}"
+        if is_pitch:
+            facts_ |= {"mode": "pitch", "armed_by": settings.arm}
+        is_unmapped = is_pitch and len(wiring.outputs) > 1 and 0 in wiring.outputs
+        if warnings := [*filter(None, (settings.warning, UNMAPPED_WARNING if is_unmapped else ""))]:
+            facts_["warning"] = "; ".join(warnings)
         return DeviceInfo(
             address="",
             device_id=self.device_id,
@@ -216,42 +214,43 @@ class AutopilotInfo:
             n_rotors=wiring.n_rotors,
             simulated=self.simulated,
             moves_plate=self.simulated,
-            limits={"pwm_us": pulses.high_us} | ({} if pilot.together else {"rotors_together": 1}),
+            limits={"pwm_us": pulses.high_us}
+            | ({} if pilot.can_run_together else {"rotors_together": 1}),
             watchdog_s=mav.TIMEOUT_S,
-            has_loop=pitch,
-            armed_by_operator=pitch and settings.arm == "operator",
+            has_loop=is_pitch,
+            armed_by_operator=is_pitch and settings.arm == "operator",
             pwm_stop_us=pulses.stop_us,
             pwm_idle_us=pulses.idle_us,
             outputs_measured=True,
             speed=self.speed,
-            facts=known,
+            facts=facts_,
         )
 
 
 def read_autopilot(
-    link: MavlinkLink, beat: mav.Message, settings: MavlinkSettings, clock: Callable[[], float]
+    link: MavlinkLink, heartbeat: mav.Message, settings: MavlinkSettings, clock: Callable[[], float]
 ) -> AutopilotInfo:
-    """Ask an autopilot what it is.
+    """Read the information of an autopilot.
 
     Raises:
         ProtocolError: an autopilot whose motors benchtool cannot turn.
-        InputError: the number of rotors is not known, or does not fit the map.
+        InputError: the number of rotors is unknown, or differs from the map.
     """
-    pilot = AUTOPILOTS.get(beat.autopilot)
+    pilot = AUTOPILOTS.get(heartbeat.autopilot)
     if pilot is None:
-        known = " and ".join(pilot.name for pilot in AUTOPILOTS.values())
+        names = " and ".join(pilot.name for pilot in AUTOPILOTS.values())
         raise ProtocolError(
-            f"system {link.system} is an autopilot of kind {beat.autopilot} (MAV_AUTOPILOT), but "
-            f"benchtool can turn motors of {known} only; use one of these"
+            f"system {link.system} is an autopilot of kind {heartbeat.autopilot} (MAV_AUTOPILOT), "
+            f"but benchtool can turn motors of {names} only; use one of these"
         )
-    simulated = bool(beat.base_mode & HIL)
+    simulated = bool(heartbeat.base_mode & HIL)
     speedup = ("SIM_SPEEDUP",) if simulated else ()
-    parameters = link.parameters((*pilot.parameters, *speedup), pilot.required)
-    device_id, version = _version(link, clock)
+    parameters = link.read_parameters((*pilot.parameters, *speedup), pilot.required)
+    device_id, version = _read_version(link, clock)
     return AutopilotInfo(
         pilot=pilot,
         pulses=pilot.pulses(parameters),
-        wiring=_wiring(pilot.n_motors(parameters), settings, link.system, simulated),
+        wiring=_build_wiring(pilot.n_motors(parameters), settings, link.system, simulated),
         device_id=device_id,
         firmware=f"{pilot.name} {version}".strip(),
         simulated=simulated,
@@ -259,25 +258,25 @@ def read_autopilot(
     )
 
 
-def _wiring(
+def _build_wiring(
     reported: int | None, settings: MavlinkSettings, system: int, simulated: bool
 ) -> ChannelWiring:
-    known = settings.motor_map
-    n = settings.rotors or (len(known.motors) if known else reported)
+    motor_map = settings.motor_map
+    n = settings.rotors or (len(motor_map.motors) if motor_map else reported)
     if not n:
         raise InputError(
-            f"system {system} does not say how many motors it has; give rotors=N in the address"
+            f"system {system} does not report its number of motors; add rotors=N to the address"
         )
-    if known and len(known.motors) != n:
+    if motor_map and len(motor_map.motors) != n:
         raise InputError(
-            f"rotors={n}, but the map of rig {known.rig!r} has {len(known.motors)}; leave rotors "
-            f"out or make the map anew with benchtool bench map"
+            f"rotors={n}, but the map of rig {motor_map.rig!r} has {len(motor_map.motors)}; remove "
+            f"rotors= or make the map again with benchtool bench map"
         )
-    straight = tuple(range(1, n + 1))
+    in_order = tuple(range(1, n + 1))
     return ChannelWiring(
-        motors=known.motors if known else straight,
-        outputs=known.outputs if known else (0,) * n,
-        escs=known.escs if known else straight,
+        motors=motor_map.motors if motor_map else in_order,
+        outputs=motor_map.outputs if motor_map else (0,) * n,
+        escs=motor_map.escs if motor_map else in_order,
         thrust=NO_THRUST if settings.cell else settings.thrust,
         thrust_scale_N=settings.thrust_scale_N,
         orientation=settings.orientation if settings.distance else None,
@@ -285,28 +284,28 @@ def _wiring(
     )
 
 
-def _version(link: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
-    """Return the autopilot's own name and its version, as far as it reports them."""
-    found: list[mav.Message] = []
-    before = link.on_message
+def _read_version(link: MavlinkLink, clock: Callable[[], float]) -> tuple[str, str]:
+    """Return the autopilot's identifier and version, as far as it reports them."""
+    messages: list[mav.Message] = []
+    previous_callback = link.on_message
 
     def listen(message: mav.Message, arrived_s: float) -> None:
         if message.msgname == "AUTOPILOT_VERSION":
-            found.append(message)
-        before(message, arrived_s)
+            messages.append(message)
+        previous_callback(message, arrived_s)
 
     link.on_message = listen
     try:
-        number = float(mav.number_of("AUTOPILOT_VERSION"))
+        number = float(mav.message_id("AUTOPILOT_VERSION"))
         request = mav.MavCommand(mav.REQUEST_MESSAGE, (number, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
         if link.exchange(request) == mav.ACCEPTED:
-            until_s = clock() + VERSION_TIMEOUT_S
-            while not found and clock() < until_s:
+            deadline_s = clock() + VERSION_TIMEOUT_S
+            while not messages and clock() < deadline_s:
                 link.pump(0.02)
     finally:
-        link.on_message = before
-    if not found:
+        link.on_message = previous_callback
+    if not messages:
         return f"mavlink-system-{link.system}", ""
-    name = bytes(found[0].uid2).rstrip(b"\0").hex() or f"{found[0].uid:x}"
-    number = found[0].flight_sw_version
+    name = bytes(messages[0].uid2).rstrip(b"\0").hex() or f"{messages[0].uid:x}"
+    number = messages[0].flight_sw_version
     return f"mavlink-{name}", f"{number >> 24}.{number >> 16 & 255}.{number >> 8 & 255}"

@@ -1,4 +1,4 @@
-"""Who turns the motors of an autopilot, and how they are stopped before anybody learns why."""
+"""Motor drives of an autopilot, and the monitor that stops them on a fault."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from collections.abc import Callable
 
 from benchtool.bench.mavlink import messages as mav
 from benchtool.bench.mavlink.autopilots import AutopilotInfo
-from benchtool.bench.mavlink.health import RESTARTED, Health, silence_message
+from benchtool.bench.mavlink.health import RESTARTED, Health, silence_error
 from benchtool.bench.mavlink.link import SILENCE_TIMEOUT_S, MavlinkLink
 from benchtool.bench.mavlink.rows import MavlinkRows
 from benchtool.core.errors import CommandRefused, DeviceStopped, HostSuspended, LinkLost
 
-ARM_TIMEOUT_S = 3.0  # from an accepted arming to a heartbeat that shows it; one comes per second
+ARM_TIMEOUT_S = 3.0  # from accepted arming to a heartbeat that shows it, one per second
 
 Outputs = tuple[float, ...]
 
 
 class MotorDrive(ABC):
-    """Turn motors, hold them turning while somebody reads, and stop them.
+    """Interface that turns motors, keeps them turning while the bench is read, and stops them.
 
     Attributes:
-        renews: whether motors turn by orders that lapse and are sent again.
+        repeats_commands: motor commands expire and are repeated.
     """
 
-    renews = False
+    repeats_commands = False
 
     def __init__(
         self,
@@ -37,57 +37,57 @@ class MotorDrive(ABC):
         self._link, self._autopilot, self._health = link, autopilot, health
         self._arm, self._clock = arm, clock
         self._ended = False
-        self.highest_us = 0.0
+        self.max_pulse_us = 0.0
 
     @abstractmethod
     def command(self, pulses_us: tuple[float, ...]) -> None:
-        """Command the pulse of every rotor: us.
+        """Command the pulse width of every rotor: us.
 
         Raises:
-            CommandRefused: the autopilot refused it.
-            InputError: it cannot turn these together.
-            LinkLost: no acknowledgement came.
+            CommandRefused: rejected by the autopilot.
+            InputError: these motors cannot turn together.
+            LinkLost: no acknowledgement within the timeout.
         """
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop every motor at once."""
+        """Stop every motor immediately."""
 
     @abstractmethod
     def release(self) -> None:
-        """Stop what was turned by us, before the link is closed."""
+        """Stop the motors that the host has started, before the link is closed."""
 
-    def stop_renewing(self) -> None:  # noqa: B027 -- a loop on board has nothing to renew
-        """Send no order to turn again; those that were sent end by themselves."""
+    def stop_renewing(self) -> None:  # noqa: B027 -- a loop on board has no commands to repeat
+        """Send no further motor command; those that were sent expire."""
 
     def end(self) -> None:
-        """Send nothing at all any more: the autopilot has started anew."""
+        """Send no further command of any kind: the autopilot has restarted."""
         self.stop_renewing()
         self._ended = True
 
     def renew(self, now_s: float) -> str | None:
-        """Send what must be sent again; return why it is refused now, or None.
+        """Repeat motor commands that expire; return the reason of a rejection, or None.
 
         Raises:
-            HostSuspended: the last order is so old that its motors stand.
+            HostSuspended: the last command has expired, so its motors have stopped.
         """
         return None
 
-    def seen(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
-        """Note what the outputs report; return a rotor and its output, newly found out."""
+    def update_outputs(self, outputs_us: Outputs, now_s: float) -> tuple[int, int] | None:
+        """Process reported outputs; return a rotor and its output if newly identified."""
         return None
 
-    def shown(self) -> bool:
-        """Return whether the outputs, as last reported, show what is commanded."""
+    def outputs_match(self) -> bool:
+        """Return whether the last reported outputs match the command."""
         return True
 
     def fault(self, outputs_us: Outputs, now_s: float) -> str | None:
-        """Return why the outputs do not show what was commanded, or None."""
+        """Return why the outputs do not match the command, or None."""
         return None
 
 
 class PitchDrive(MotorDrive):
-    """Leave the motors to the autopilot's own loop: arm it or wait for that, and disarm it."""
+    """Drive by the autopilot's control loop: arms it or waits for arming, and disarms it."""
 
     _driven = False
 
@@ -103,60 +103,58 @@ class PitchDrive(MotorDrive):
             result = self._link.exchange(mav.MavCommand(mav.ARM_DISARM, (1.0, *[0.0] * 6)))
             if result != mav.ACCEPTED:
                 raise CommandRefused("arm", self._health.refusal or mav.result_name(result))
-        until_s = self._clock() + ARM_TIMEOUT_S
-        while not self._health.armed and self._clock() < until_s:
+        deadline_s = self._clock() + ARM_TIMEOUT_S
+        while not self._health.armed and self._clock() < deadline_s:
             self._link.pump(0.02)
         if not self._health.armed:
             raise CommandRefused(
                 "record",
-                "it is not armed; arm it with its transmitter first, or put arm=host in the "
+                "it is not armed; arm it with its transmitter first, or set arm=host in the "
                 "address",
             )
-        self._driven, self.highest_us = True, max(pulses_us)
+        self._driven, self.max_pulse_us = True, max(pulses_us)
         self._health.drive(True, self._clock())
 
     def stop(self) -> None:
-        self._driven, self.highest_us = False, 0.0
+        self._driven, self.max_pulse_us = False, 0.0
         self._health.drive(False, self._clock())
         if not self._ended:
             self._link.exchange(mav.MavCommand(mav.ARM_DISARM, (0.0, mav.FORCE_DISARM, *[0.0] * 5)))
 
     def release(self) -> None:
-        # Whoever flies without us is not disarmed by us.
+        # A vehicle that the host has not started is not disarmed.
         if self._driven:
             self.stop()
 
 
-COMMAND_INTERVAL_S = (
-    0.15  # nobody read for longer than this: the silence was ours, not that of the autopilot
-)
+COMMAND_INTERVAL_S = 0.15  # a longer interval between reads is a pause of the host
 
 
-class RunWatch:
-    """Read on, send what must be sent again, and stop the motors before anybody learns why.
+class RunMonitor:
+    """Monitor of a run: reads, repeats commands, and stops the motors on a fault.
 
     Attributes:
-        request_again: orders to an autopilot that has started anew: its outputs are requested,
-            because only they show that its motors stand.
+        restart_commands: commands to a restarted autopilot, which request its outputs, because only
+            they show standstill.
     """
 
     def __init__(
         self, address: str, link: MavlinkLink, health: Health, drive: MotorDrive, rows: MavlinkRows
     ) -> None:
-        self.request_again: list[mav.MavCommand] = []
+        self.restart_commands: list[mav.MavCommand] = []
         self._address = address
         self._link, self._health, self._drive, self._rows = link, health, drive, rows
         self._pumped_s = link.clock()
         self._stopped: str | None = None
-        self._reported = False
+        self._is_reported = False
         link.take_gap()
 
     def pump(self, timeout_s: float) -> None:
-        """Take what arrives, send what must be sent again, and look for what ends a run.
+        """Process received bytes, repeat expiring commands, and check for faults.
 
         Raises:
             LinkLost: the autopilot is silent.
-            HostSuspended: nobody called this for so long that the motors stand; zero was commanded.
+            HostSuspended: no call for so long that the motors have stopped; zero was commanded.
         """
         pause_s = self._link.clock() - self._pumped_s
         if pause_s > COMMAND_INTERVAL_S:
@@ -167,15 +165,15 @@ class RunWatch:
         silent_s = now_s - self._link.received_s
         if silent_s > SILENCE_TIMEOUT_S:
             self._drive.stop_renewing()
-        silence = silence_message(self._address, silent_s, self._health.silence_s(now_s))
-        if silence is not None:
-            raise silence
+        link_error = silence_error(self._address, silent_s, self._health.silence_s(now_s))
+        if link_error is not None:
+            raise link_error
         text_fault = self._health.take_fault()
-        fault = self._came_back() or text_fault
+        fault = self._find_restart() or text_fault
         try:
             fault = fault or self._drive.renew(now_s)
         except HostSuspended:
-            self._stop()
+            self._stop_motors()
             raise
         if silent_s <= SILENCE_TIMEOUT_S:
             fault = fault or self._drive.fault(self._rows.outputs_us, now_s)
@@ -183,35 +181,35 @@ class RunWatch:
             self._stopped = fault
             if fault == RESTARTED:
                 self._drive.end()
-                for order in self.request_again:
-                    self._link.order(order)
-            self._stop()
+                for command in self.restart_commands:
+                    self._link.send_command(command)
+            self._stop_motors()
 
-    def raise_if_stopped(self, again: bool = True) -> None:
-        """Raise what ended the run, after a fault; where `again` is False only once."""
-        if self._stopped is None or (self._reported and not again):
+    def raise_if_stopped(self, repeat: bool = True) -> None:
+        """Raise the fault that ended the run; with `repeat` False only once."""
+        if self._stopped is None or (self._is_reported and not repeat):
             return
-        self._reported = True
+        self._is_reported = True
         raise DeviceStopped(
             f"the run was ended: {self._stopped}; zero was commanded; remove the cause and start "
             f"again"
         )
 
-    def _came_back(self) -> str | None:
-        """Return how the autopilot came back where it was silent while motors turned."""
+    def _find_restart(self) -> str | None:
+        """Return the fault after a silence while motors turned, or after a restart."""
         gap = self._link.take_gap()
         if self._rows.time.rebooted or (gap and gap.from_start and self._health.driven):
             self._rows.time.rebooted = False
             return RESTARTED
-        if gap and self._health.driven and self._drive.renews:
+        if gap and self._health.driven and self._drive.repeats_commands:
             return (
-                f"nothing came from the autopilot for {gap.silent_s:.1f} s while a motor turned, "
+                f"the autopilot sent nothing for {gap.silent_s:.1f} s while a motor turned, "
                 f"limit {SILENCE_TIMEOUT_S:g} s"
             )
         return None
 
-    def _stop(self) -> None:
+    def _stop_motors(self) -> None:
         try:
             self._drive.stop()
         except LinkLost:
-            pass  # They stop by their time-out.
+            pass  # motor commands expire

@@ -1,4 +1,4 @@
-"""MAVLink's bytes and stamps: to messages and back, what was lost, an autopilot's time. Pure."""
+"""MAVLink frames and time stamps: encoding, decoding, loss counts, boot time. Pure functions."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ GROUND_SYSTEM, GROUND_COMPONENT = 255, 190  # ids of a ground station (MAVLink c
 
 AUTOPILOT_COMPONENT = 1
 SEQUENCE_MODULUS = 256
-WINDOW = 64
-"""A frame may come so many frames late and is still that one: a link that reorders is off by a few,
-an autopilot that started again by any number. A choice, a quarter of the modulus."""
+# Largest delay of a frame in frames, a quarter of the modulus; a link that reorders is off by a
+# few, a restarted autopilot by any number; assumed.
+REORDER_WINDOW = 64
 
 MAVLINK_2, SIGNED = 0xFD, 1  # first byte of a frame of MAVLink 2; bit of a signed frame
 SIGNING_EPOCH_S = 1_420_070_400.0  # 2015-01-01 UTC (MAVLink 2 message signing)
@@ -25,12 +25,12 @@ SIGNING_EPOCH_S = 1_420_070_400.0  # 2015-01-01 UTC (MAVLink 2 message signing)
 
 @dataclass(slots=True)
 class LinkCounts:
-    """Count frames.
+    """Counts of frames.
 
     Attributes:
-        lost: that the sequence numbers miss, over all components of a system.
+        lost: missing sequence numbers, over all components of a system.
         corrupt: discarded for checksum or signature.
-        reordered: that came after a later one.
+        reordered: received after a later one.
     """
 
     messages: int = 0
@@ -40,13 +40,13 @@ class LinkCounts:
     reordered: int = 0
 
     def add(self, other: LinkCounts) -> None:
-        for each in fields(self):
-            setattr(self, each.name, getattr(self, each.name) + getattr(other, each.name))
+        for count in fields(self):
+            setattr(self, count.name, getattr(self, count.name) + getattr(other, count.name))
 
 
 @dataclass(slots=True)
 class _Source:
-    """Follow the sequence numbers of one component; each counts its own."""
+    """Sequence numbers of one component; each has its own."""
 
     last: int | None = None
     recent: OrderedDict[int, bytes] = field(default_factory=OrderedDict)
@@ -55,58 +55,66 @@ class _Source:
     unnumbered: bool = False
 
     def take(self, number: int, frame: bytes) -> bool:
-        """Note a frame; return whether it is a new one.
+        """Count a frame; return whether it is new.
 
-        A component that numbers all its frames alike, as some scripts do, has none that could be
-        missed or be there twice.
+        A component with the same number in all frames, as some scripts send, can have neither
+        lost nor duplicate frames.
         """
-        before = self.recent.get(number, frame)
-        if number == self.last and frame != before:
+        previous = self.recent.get(number, frame)
+        if number == self.last and frame != previous:
             self.unnumbered = True
         if self.unnumbered:
             self.counts.messages += 1
             return True
-        if number in self.recent and frame == before:
+        if number in self.recent and frame == previous:
             self.counts.duplicates += 1
             return False
         step = 0 if self.last is None else (number - self.last) % SEQUENCE_MODULUS
-        if step >= SEQUENCE_MODULUS - WINDOW and number in self.missing:
+        if step >= SEQUENCE_MODULUS - REORDER_WINDOW and number in self.missing:
             self.missing.discard(number)
             self.counts.lost -= 1
             self.counts.reordered += 1
         else:
-            if 1 < step < SEQUENCE_MODULUS - WINDOW:
-                # A number that counts from its beginning anew has lost what lies between as well.
+            if 1 < step < SEQUENCE_MODULUS - REORDER_WINDOW:
+                # A restarted count also loses the numbers in between.
                 self.counts.lost += step - 1
                 self.missing |= {
-                    (number - back) % SEQUENCE_MODULUS for back in range(1, min(step, WINDOW))
+                    (number - missing_number) % SEQUENCE_MODULUS
+                    for missing_number in range(1, min(step, REORDER_WINDOW))
                 }
             self.last = number
             if self.missing:
-                ages = {back: (number - back) % SEQUENCE_MODULUS for back in self.missing}
-                self.missing = {back for back, age in ages.items() if 0 < age < WINDOW}
+                ages = {
+                    missing_number: (number - missing_number) % SEQUENCE_MODULUS
+                    for missing_number in self.missing
+                }
+                self.missing = {
+                    missing_number
+                    for missing_number, age in ages.items()
+                    if 0 < age < REORDER_WINDOW
+                }
         self.counts.messages += 1
         self.recent[number] = frame
         self.recent.move_to_end(number)
-        if len(self.recent) > WINDOW:
+        if len(self.recent) > REORDER_WINDOW:
             self.recent.popitem(last=False)
         return True
 
 
 class MavlinkFrames:
-    """Pack and parse messages in the name of one system.
+    """Packer and parser of messages for one system.
 
     Attributes:
         corrupt: frames discarded since the last `take_counts`, for checksum or signature.
-        unsigned: how many of all corrupt frames so far were refused for their signature.
-        received: whether any whole frame was understood yet.
-        signs: whether what is sent bears a signature, and what comes must.
+        unsigned: number of all frames so far that were rejected for their signature.
+        received: at least one valid frame was received.
+        signs: sent frames are signed, and received frames must be.
 
     Args:
-        key: 32 bytes that sign what is sent and check what comes; None signs nothing.
+        key: 32 bytes to sign sent frames and check received ones; None disables signing.
         now_s: time since 1970, for the signatures.
-        counts: False takes every frame as it comes, as an autopilot does: the next host begins its
-            numbers anew, and its first frames may be those of the one before.
+        counts: False accepts every frame, as an autopilot does: the next host restarts its numbers,
+            and its first frames may equal those of the previous host.
     """
 
     def __init__(
@@ -117,14 +125,14 @@ class MavlinkFrames:
         now_s: float = 0.0,
         counts: bool = True,
     ) -> None:
-        words = dialect()
+        module = dialect()
         self._counts = counts
         self.corrupt = self.unsigned = 0
         self.received = False
         self._sources: dict[tuple[int, int], _Source] = {}
-        self._owed: dict[int, int] = {}
-        self._bad = words.MAVLink_bad_data
-        self._mav = words.MAVLink(None, system, component)
+        self._lost_carry: dict[int, int] = {}
+        self._bad = module.MAVLink_bad_data
+        self._mav = module.MAVLink(None, system, component)
         self._mav.robust_parsing = True
         self.signs = key is not None
         if key is not None:
@@ -139,11 +147,11 @@ class MavlinkFrames:
         return frame
 
     def parse(self, data: bytes) -> list[Message]:
-        """Return the messages that `data` completes; garbage never raises."""
+        """Return the messages that `data` completes; invalid bytes never raise."""
         good = []
         for message in (self._mav.parse_buffer(data) if data else None) or ():
             if type(message) is self._bad:
-                # Text and boot messages before the first frame are no corrupt ones.
+                # Text and boot messages before the first frame do not count as corrupt.
                 unsigned = "signature" in str(message.reason)
                 self.unsigned += unsigned
                 self.corrupt += self.received or unsigned
@@ -159,49 +167,49 @@ class MavlinkFrames:
         return good
 
     def take_counts(self, system: int) -> LinkCounts:
-        """Return what came and what did not, of every component of a system, since the last call.
+        """Return the counts of all components of a system since the last call.
 
-        Sequence numbers count modulo 256, so that a gap of 256 and more counts as less than it was.
+        Sequence numbers wrap at 256, so a gap of 256 or more is underestimated.
         """
         counts = LinkCounts(corrupt=self.corrupt)
         for (owner, _), state in self._sources.items():
             if owner == system:
                 counts.add(state.counts)
                 state.counts = LinkCounts()
-        # One that was late is subtracted in the call in which it came, or in the next ones.
-        counts.lost += self._owed.get(system, 0)
-        self._owed[system] = min(counts.lost, 0)
+        # A late frame is subtracted in the call in which it arrives, or in later ones.
+        counts.lost += self._lost_carry.get(system, 0)
+        self._lost_carry[system] = min(counts.lost, 0)
         counts.lost = max(counts.lost, 0)
         self.corrupt = 0
         return counts
 
 
 def is_signed(message: Message) -> bool:
-    """Return whether a message came in a frame with a signature, whether or not it was checked."""
+    """Return whether a message has a signature, checked or not."""
     frame = bytes(message.get_msgbuf())
     return frame[0] == MAVLINK_2 and bool(frame[2] & SIGNED)
 
 
 class MavlinkQuality:
-    """Count messages and measure how unevenly they arrive.
+    """Message counts and the jitter of their arrival.
 
-    Jitter is the standard deviation of arrival time minus the autopilot's own time, over steps from
-    one message to the next (RFC 3550 smooths the same quantity).
+    Jitter is the standard deviation of arrival time minus the autopilot's time, over steps between
+    consecutive messages (RFC 3550 smooths the same quantity).
     """
 
     def __init__(self) -> None:
         self.counts = LinkCounts()
         self._steps = 0
         self._squares_s2 = 0.0
-        self._before: tuple[float, float] | None = None
+        self._previous: tuple[float, float] | None = None
 
     def arrived(self, arrived_s: float, device_s: float) -> None:
-        """Note when a message came and when it was made, each on its own clock."""
-        if self._before is not None and device_s > self._before[1]:
-            step_s = (arrived_s - self._before[0]) - (device_s - self._before[1])
+        """Record the arrival and creation time of a message, each on its own clock."""
+        if self._previous is not None and device_s > self._previous[1]:
+            step_s = (arrived_s - self._previous[0]) - (device_s - self._previous[1])
             self._steps += 1
             self._squares_s2 += step_s**2
-        self._before = (arrived_s, device_s)
+        self._previous = (arrived_s, device_s)
 
     def facts(self) -> dict[str, str]:
         counts, jitter_s = self.counts, sqrt(self._squares_s2 / max(self._steps, 1))
@@ -214,60 +222,60 @@ class MavlinkQuality:
 
 
 MODULUS = 1 << 32
-REBOOT_US = 2_000_000  # a clock so far back has restarted; reordering is less; assumed
+MAX_BACKWARD_US = 2_000_000  # a larger step back is a restart, not reordering; assumed
 
-LEAP_US = 600_000_000
-"""A clock that leaps ahead by more has begun anew as well: seen through a wrap, back is ahead. A
-link that was silent for so long has ended its run before. A choice."""
+# A larger step ahead is a restart as well, because through a wrap a step back is one ahead. A link
+# that was silent for so long has already ended its run; assumed.
+MAX_FORWARD_US = 600_000_000
 
-EPOCH_US = 1 << 50  # stamps above (35 years) count since 1970, not since boot; MAVLink allows both
+EPOCH_US = 1 << 50  # larger stamps (35 years) are since 1970, not since boot; MAVLink allows both
 
 
 class BootTime:
-    """Unwrap stamps of every kind onto one count of microseconds.
+    """Time since boot, unwrapped from all kinds of stamps: microseconds.
 
-    `SERVO_OUTPUT_RAW.time_usec` holds 32 bits and wraps after 71.6 minutes, `time_boot_ms` after
-    49.7 days. A message without a stamp happened at the last one.
+    `SERVO_OUTPUT_RAW.time_usec` has 32 bits and wraps after 71.6 minutes, `time_boot_ms` after
+    49.7 days. A message without a stamp gets the last one.
 
     Attributes:
-        last_us: of the newest stamp.
-        rebooted: whether the clock has begun anew; time goes on from the last stamp then.
+        last_us: newest time.
+        rebooted: the clock has restarted; time then continues from the last stamp.
     """
 
     def __init__(self) -> None:
         self.last_us = 0
         self.rebooted = False
-        self._anchored = False
+        self._is_anchored = False
         self._offset_us = 0
 
     def us32(self, stamp: int) -> int:
-        return self._nearest(stamp, MODULUS, whole=False)
+        return self._unwrap(stamp, MODULUS, cannot_wrap=False)
 
     def ms32(self, stamp: int) -> int:
-        return self._nearest(1000 * stamp, 1000 * MODULUS)
+        return self._unwrap(1000 * stamp, 1000 * MODULUS)
 
     def us64(self, stamp: int) -> int:
-        """Return a stamp of 64 bits; one since 1970 says nothing about the boot."""
-        return self.last_us if stamp == 0 or stamp >= EPOCH_US else self._nearest(stamp, 1 << 64)
+        """Return the time of a 64-bit stamp; one since 1970 is replaced by the newest time."""
+        return self.last_us if stamp == 0 or stamp >= EPOCH_US else self._unwrap(stamp, 1 << 64)
 
-    def of(self, message: Message) -> int:
-        """Return when a message was made: by its stamp, else at the last one."""
+    def message_time_us(self, message: Message) -> int:
+        """Return the time of a message from its stamp; without one, the newest time."""
         if (boot_ms := getattr(message, "time_boot_ms", None)) is not None:
             return self.ms32(boot_ms)
         if (stamp := getattr(message, "time_usec", None)) is not None:
             return self.us64(stamp)
         return self.last_us
 
-    def _nearest(self, stamp: int, modulus: int, whole: bool = True) -> int:
-        if not self._anchored and (whole or not self.last_us):
-            # The first stamp that cannot have wrapped says how long it has been up.
-            self._anchored = whole
+    def _unwrap(self, stamp: int, modulus: int, cannot_wrap: bool = True) -> int:
+        if not self._is_anchored and (cannot_wrap or not self.last_us):
+            # The first stamp that cannot have wrapped sets the time since boot.
+            self._is_anchored = cannot_wrap
             self.last_us = stamp
             return stamp
         step = (stamp + self._offset_us - self.last_us + modulus // 2) % modulus - modulus // 2
-        if not -REBOOT_US <= step <= LEAP_US:
+        if not -MAX_BACKWARD_US <= step <= MAX_FORWARD_US:
             self.rebooted = True
-            # What comes now lies behind what came before: no time of a recording runs backwards.
+            # New times follow earlier ones, so that a recording's time never decreases.
             self._offset_us -= step
             step = 0
         self.last_us = max(self.last_us, self.last_us + step)
@@ -275,21 +283,21 @@ class BootTime:
 
 
 class CompanionTime:
-    """Lay the stamps of another component on the autopilot's time.
+    """Stamps of another component in the autopilot's time.
 
-    It has a clock of its own. What it stamps arrives no sooner than it was sent, so that the
-    smallest delay lately seen shows how far the two clocks are apart.
+    The component has a separate clock. Its messages arrive no sooner than they were sent, so the
+    smallest recent delay is the offset of the two clocks.
     """
 
     def __init__(self) -> None:
         self._boot, self._clock = BootTime(), DeviceClock()
 
     def us(self, stamp_ms: int, arrived_us: int) -> int:
-        """Return a stamp of 32 bits in ms as the autopilot's us, from when it arrived."""
+        """Return a 32-bit stamp in ms as the autopilot's us, from its arrival time."""
         sent_us = self._boot.ms32(stamp_ms)
         if self._boot.rebooted:
             self._boot, self._clock = BootTime(), DeviceClock()
             sent_us = self._boot.ms32(stamp_ms)
         self._clock.learn(sent_us, 1e-6 * arrived_us)
-        at_s = self._clock.host_time_s(np.array([sent_us], np.int64))[0]
-        return min(round(1e6 * float(at_s)), arrived_us)
+        time_s = self._clock.host_time_s(np.array([sent_us], np.int64))[0]
+        return min(round(1e6 * float(time_s)), arrived_us)

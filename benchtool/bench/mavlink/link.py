@@ -1,4 +1,4 @@
-"""The host's end of a MAVLink link: who is there, acknowledged orders, heartbeats, messages."""
+"""Host endpoint of a MAVLink link: discovery, acknowledged commands, heartbeats, messages."""
 
 from __future__ import annotations
 
@@ -19,50 +19,41 @@ from benchtool.bench.mavlink.messages import AUTOPILOT_INVALID, MavCommand, Mess
 from benchtool.bench.transport.transport import MAX_WAIT_S, LinkEndpoint, Transport
 from benchtool.core.errors import InputError, LinkLost, NoDevice, ProtocolError
 
-HEARTBEAT_S = 1.0  # a ground station's heartbeat, as MAVLink asks
-DISCOVERY_TIMEOUT_S = (
-    5.0  # wait for a heartbeat: boards that reset when their port opens boot meanwhile
-)
-OTHER_HOST_TIMEOUT_S = (
-    1.2  # so long after the first heartbeat others are waited for: each comes once a second
-)
+HEARTBEAT_S = 1.0  # interval of a ground station's heartbeat, as MAVLink recommends
+DISCOVERY_TIMEOUT_S = 5.0  # for a heartbeat: boards that reset on opening boot meanwhile
+OTHER_HOST_TIMEOUT_S = 1.2  # for further systems after the first heartbeat, one per second
 
+# Timeout of each attempt of a command. ArduPilot acknowledges in about 6 ms; behind MAVProxy on a
+# busy machine it took 0.7 s, on an overfilled line of 57,600 baud 3.0 s.
 RETRY_INTERVALS_S = (0.15, 0.3, 0.6, 1.2, 1.5)
-"""How long each try of an order waits. ArduPilot acknowledges in about 6 ms; behind MAVProxy on a
-busy machine it took 0.7 s, on a line of 57,600 baud that is overfilled 3.0 s."""
 
 PARAMETER_TIMEOUT_S = (0.6, 0.3)
+REQUIRED_TIMEOUT_S = (0.6, 0.9, 1.5)  # no reply to an unknown parameter; known: 0.1 s, busy: 3 s
 
-REQUIRED_TIMEOUT_S = (
-    0.6,
-    0.9,
-    1.5,
-)  # an unknown parameter gets no answer; known: 0.1 s, to 3 s if busy
-
+# Motor commands end this long after the autopilot's last bytes, because its outputs are unknown
+# then. Outputs come at 10 Hz at least.
 SILENCE_TIMEOUT_S = 0.3
-"""Orders to turn end so long after the last bytes of the autopilot: nobody sees any more what its
-outputs do. Outputs come at 10 Hz at least."""
 
-FIRST_NUMBERS = 16
-"""A frame below this number, where the last one was another one's neighbour, comes after a start:
-an autopilot says a few frames only within the first second. A choice."""
+# A frame below this number that does not follow the last one comes after a restart: an autopilot
+# sends only a few frames within the first second; assumed.
+MAX_RESTART_NUMBER = 16
 
 
 class LinkGap(NamedTuple):
-    """Describe a silence of the autopilot: its length, and whether its frames start over since."""
+    """Silence of the autopilot: its duration, and whether its frame numbers restarted."""
 
     silent_s: float
     from_start: bool
 
 
 class MavlinkLink(LinkEndpoint):
-    """Hold one conversation with an autopilot over a transport.
+    """Link to an autopilot over a transport.
 
     Attributes:
-        on_message: is given every message of that system with the wall time of its arrival.
-        received_s: wall time of the autopilot's own last message.
-        slowest_s: longest time that an acknowledgement took.
-        gaps: how long `pump` was not called, or did not return.
+        on_message: callback for every message of the system, with the wall time of its arrival.
+        received_s: wall time of the autopilot's last message.
+        slowest_s: longest delay of an acknowledgement.
+        gaps: detects pauses between and during calls of `pump`.
     """
 
     def __init__(
@@ -80,132 +71,137 @@ class MavlinkLink(LinkEndpoint):
         self.slowest_s = 0.0
         self.gaps = HostGapDetector()
         self.on_message: Callable[[Message, float], None] = lambda message, arrived_s: None
-        self.words = dialect()
-        self._beat_s = -HEARTBEAT_S
-        self._beats: dict[int, Message] = {}
+        self.dialect = dialect()
+        self._heartbeat_s = -HEARTBEAT_S
+        self._heartbeats: dict[int, Message] = {}
         self._acks: dict[int, int] = {}
         self._sent_s: dict[int, float] = {}
         self._reported: dict[str, float] = {}
         self._number = 0
         self._gap: LinkGap | None = None
 
-    def find(self, wanted: int | None) -> Message:
+    def find(self, system: int | None) -> Message:
         """Open the transport, wait for heartbeats, choose a system; return its heartbeat.
 
         Args:
-            wanted: number of the system; None takes the only one.
+            system: system number; None means the only system.
 
         Raises:
-            PortBusy, PortDenied, NoDevice: the port cannot be had, or it stays silent.
-            ProtocolError: what answers speaks something else, or with another key.
-            InputError: several autopilots answer, or not the one that is wanted.
+            PortBusy, PortDenied, NoDevice: the port is not available, or it stays silent.
+            ProtocolError: another protocol, or another signing key.
+            InputError: several autopilots reply, or not the requested one.
         """
         self.received = b""
         self.transport.open()
         deadline_s = self.clock() + DISCOVERY_TIMEOUT_S
-        while self.clock() < deadline_s and wanted not in self._beats:
-            before = len(self._beats)
+        while self.clock() < deadline_s and system not in self._heartbeats:
+            n_systems = len(self._heartbeats)
             self.pump(MAX_WAIT_S)
-            if len(self._beats) > before == 0:
+            if len(self._heartbeats) > n_systems == 0:
                 deadline_s = self.clock() + OTHER_HOST_TIMEOUT_S
-        if not self._beats:
-            raise self._silence()
-        listed = ", ".join(str(system) for system in sorted(self._beats))
-        if wanted is None and len(self._beats) > 1:
+        if not self._heartbeats:
+            raise self._discovery_error()
+        listed = ", ".join(str(system_id) for system_id in sorted(self._heartbeats))
+        if system is None and len(self._heartbeats) > 1:
             raise InputError(
-                f"{self.address} has {len(self._beats)} autopilots, systems {listed}; "
-                f"choose one with system={min(self._beats)}"
+                f"{self.address} has {len(self._heartbeats)} autopilots, systems {listed}; "
+                f"choose one with system={min(self._heartbeats)}"
             )
-        if wanted is not None and wanted not in self._beats:
+        if system is not None and system not in self._heartbeats:
             raise InputError(
-                f"{self.address} has no system {wanted}; it has {listed}; correct system="
+                f"{self.address} has no system {system}; it has {listed}; correct system="
             )
-        self.system = wanted if wanted is not None else next(iter(self._beats))
-        beat = self._beats[self.system]
-        self.component = beat.get_srcComponent()
-        return beat
+        self.system = system if system is not None else next(iter(self._heartbeats))
+        heartbeat = self._heartbeats[self.system]
+        self.component = heartbeat.get_srcComponent()
+        return heartbeat
 
     def send(self, message: Message) -> None:
         self.transport.write(self.frames.pack(message))
 
-    def order(self, order: MavCommand) -> None:
-        """Send an order and do not wait: its acknowledgement comes to `take_ack`."""
-        self._sent_s.setdefault(order.command, self.clock())
+    def send_command(self, command: MavCommand) -> None:
+        """Send a command without waiting; `take_ack` returns its acknowledgement."""
+        self._sent_s.setdefault(command.command, self.clock())
         self.send(
-            self.words.MAVLink_command_long_message(
-                self.system, self.component, order.command, 0, *order.parameters
+            self.dialect.MAVLink_command_long_message(
+                self.system, self.component, command.command, 0, *command.parameters
             )
         )
 
     def take_ack(self, command: int) -> int | None:
-        """Return the result of the last acknowledgement of a command, once."""
+        """Return and clear the result of the last acknowledgement of a command."""
         return self._acks.pop(command, None)
 
-    def exchange(self, order: MavCommand, tries_s: tuple[float, ...] = RETRY_INTERVALS_S) -> int:
-        """Send an order until it is acknowledged; return the result (MAV_RESULT).
+    def exchange(
+        self, command: MavCommand, timeouts_s: tuple[float, ...] = RETRY_INTERVALS_S
+    ) -> int:
+        """Send a command until it is acknowledged; return the result (MAV_RESULT).
 
         Args:
-            order: not one that turns a motor.
+            command: any command except a motor command.
 
         Raises:
-            LinkLost: no answer to any try.
-            ProtocolError: it signs its frames, we do not.
+            LinkLost: no acknowledgement of any attempt.
+            ProtocolError: the autopilot requires signed frames, and no key is set.
         """
-        self._acks.pop(order.command, None)
-        begun_s = self.clock()
-        for wait_s in tries_s:
-            self.order(order)
-            result = self.wait(wait_s, lambda: self.take_ack(order.command))
+        self._acks.pop(command.command, None)
+        start_s = self.clock()
+        for timeout_s in timeouts_s:
+            self.send_command(command)
+            result = self.wait(timeout_s, lambda: self.take_ack(command.command))
             if result is not None:
                 return result
-        self._check_signed()
+        self._raise_if_signature_needed()
         raise LinkLost(
-            f"{self.address} did not acknowledge command {order.command}, sent {len(tries_s)} "
-            f"times in {self.clock() - begun_s:.1f} s; check the link, then start again"
+            f"{self.address} did not acknowledge command {command.command}, sent {len(timeouts_s)} "
+            f"times in {self.clock() - start_s:.1f} s; check the link, then start again"
         )
 
-    def _check_signed(self) -> None:
-        """Say why nothing is answered where a signature is wanted."""
-        beat = self._beats.get(self.system)
-        if not self.frames.signs and beat is not None and is_signed(beat):
+    def _raise_if_signature_needed(self) -> None:
+        """Raise if the missing replies are explained by a missing signature."""
+        heartbeat = self._heartbeats.get(self.system)
+        if not self.frames.signs and heartbeat is not None and is_signed(heartbeat):
             raise ProtocolError(
-                f"{self.address} signs its frames and takes no order without a signature; give "
-                f"its key as key=FILE"
+                f"{self.address} signs its frames and accepts no command without a signature; "
+                f"give its key as key=FILE"
             )
 
-    def parameters(
+    def read_parameters(
         self, names: tuple[str, ...], required: tuple[str, ...] = ()
     ) -> dict[str, float]:
-        """Return the parameters that the autopilot has; refuse one without a required one."""
+        """Return the available parameters; raise if a required one is missing."""
         self._reported = {}
-        for needed, tries_s in ((names, PARAMETER_TIMEOUT_S), (required, REQUIRED_TIMEOUT_S)):
-            for wait_s in tries_s:
-                self._request(needed, wait_s)
+        for requested_names, timeouts_s in (
+            (names, PARAMETER_TIMEOUT_S),
+            (required, REQUIRED_TIMEOUT_S),
+        ):
+            for timeout_s in timeouts_s:
+                self._request_parameters(requested_names, timeout_s)
         if not self._reported:
-            self._check_signed()
+            self._raise_if_signature_needed()
         if missing := [name for name in required if name not in self._reported]:
             raise ProtocolError(
                 f"{self.address} did not report {', '.join(missing)} in "
-                f"{sum(REQUIRED_TIMEOUT_S):g} s, so "
-                f"that pulses could not be held within its range; check the link and the parameter"
+                f"{sum(REQUIRED_TIMEOUT_S):g} s, needed for its range of pulse widths; check the "
+                f"link and the parameter"
             )
         return {name: self._reported[name] for name in names if name in self._reported}
 
-    def _request(self, names: tuple[str, ...], wait_s: float) -> None:
-        """Request the parameters that are not known yet, and wait for all of them."""
+    def _request_parameters(self, names: tuple[str, ...], timeout_s: float) -> None:
+        """Request the parameters that are still missing, and wait for all of them."""
         missing = [name for name in names if name not in self._reported]
         for name in missing:
-            request = self.words.MAVLink_param_request_read_message
+            request = self.dialect.MAVLink_param_request_read_message
             self.send(request(self.system, self.component, name.encode(), -1))
-        self.wait(wait_s, lambda: all(name in self._reported for name in missing) or None)
+        self.wait(timeout_s, lambda: all(name in self._reported for name in missing) or None)
 
     def pump(self, timeout_s: float) -> bool:
         now_s = self.clock()
         self.gaps.note(now_s)
-        if now_s - self._beat_s >= HEARTBEAT_S:
-            self._beat_s = now_s
-            # A ground station (6) without an autopilot of its own, active.
-            self.send(self.words.MAVLink_heartbeat_message(6, AUTOPILOT_INVALID, 0, 0, 4, 3))
+        if now_s - self._heartbeat_s >= HEARTBEAT_S:
+            self._heartbeat_s = now_s
+            # A ground station (6) without an autopilot, active.
+            self.send(self.dialect.MAVLink_heartbeat_message(6, AUTOPILOT_INVALID, 0, 0, 4, 3))
         data = self.take(timeout_s)
         self.gaps.note(self.clock())
         if not data:
@@ -214,51 +210,51 @@ class MavlinkLink(LinkEndpoint):
         for message in self.frames.parse(data):
             source = message.get_srcSystem()
             if not self.system:
-                # Who is there, before one is chosen.
+                # Discovery, before a system is chosen.
                 if message.msgname == "HEARTBEAT" and message.autopilot != AUTOPILOT_INVALID:
-                    self._beats[source] = message
+                    self._heartbeats[source] = message
             elif source == self.system:
-                self._sort(message, arrived_s)
+                self._process_message(message, arrived_s)
         return True
 
-    def _sort(self, message: Message, arrived_s: float) -> None:
+    def _process_message(self, message: Message, arrived_s: float) -> None:
         name = message.msgname
         if self.is_own(message):
             number = int(message.get_seq())
             if (silent_s := arrived_s - self.received_s) > SILENCE_TIMEOUT_S:
                 skipped = (number - self._number - 1) % SEQUENCE_MODULUS
-                self._gap = LinkGap(silent_s, number < FIRST_NUMBERS <= skipped)
+                self._gap = LinkGap(silent_s, number < MAX_RESTART_NUMBER <= skipped)
             self.received_s, self._number = arrived_s, number
-            # Another ground station's orders are acknowledged to that one.
+            # Commands of another ground station are acknowledged to that one.
             if name == "COMMAND_ACK" and message.target_system in (0, GROUND_SYSTEM):
                 self._acks[message.command] = message.result
                 sent_s = self._sent_s.pop(message.command, arrived_s)
                 self.slowest_s = max(self.slowest_s, arrived_s - sent_s)
             elif name == "PARAM_VALUE":
-                self._reported[str(message.param_id)] = _value(message)
+                self._reported[str(message.param_id)] = _decode_parameter(message)
         self.on_message(message, arrived_s)
 
     def is_own(self, message: Message) -> bool:
-        """Return whether the autopilot itself sends it, no companion or gimbal of its system."""
+        """Return whether the message is from the autopilot, not a companion or gimbal."""
         return bool(message.get_srcComponent() == self.component)
 
     def take_gap(self) -> LinkGap | None:
-        """Return the last silence of the autopilot that is over, once."""
+        """Return and clear the last silence of the autopilot that has ended."""
         gap, self._gap = self._gap, None
         return gap
 
-    def _silence(self) -> NoDevice | ProtocolError:
-        """Say what is there instead of an autopilot."""
+    def _discovery_error(self) -> NoDevice | ProtocolError:
+        """Return the error for a link without an autopilot."""
         if self.frames.received:
             return ProtocolError(
                 f"{self.address} carries MAVLink, but no autopilot's heartbeat came within "
                 f"{DISCOVERY_TIMEOUT_S:g} s; check that the flight controller runs and is not "
-                "behind a router"
+                f"behind a router"
             )
         if self.frames.unsigned:
             return ProtocolError(
-                f"{self.address} carries MAVLink, but none of it bears a signature of this key; "
-                f"check key= and the key that the autopilot was given"
+                f"{self.address} carries MAVLink, but no frame has a signature of this key; check "
+                f"key= and the key of the autopilot"
             )
         if not self.received:
             self.received = probe_answer(self.transport, self.clock)
@@ -273,11 +269,11 @@ class MavlinkLink(LinkEndpoint):
 INTEGER_TYPES = range(1, 9)  # MAV_PARAM_TYPE of whole numbers
 
 
-def _value(message: Message) -> float:
+def _decode_parameter(message: Message) -> float:
     """Return a parameter's value.
 
-    ArduPilot writes every one as a float. PX4 writes whole numbers bit by bit into the float's
-    place, which as a float is next to nothing.
+    ArduPilot sends every value as a float. PX4 copies the bits of integers into the float, which
+    then is close to zero.
     """
     value = float(message.param_value)
     if message.param_type in INTEGER_TYPES and value != 0.0 and abs(value) < 1e-30:

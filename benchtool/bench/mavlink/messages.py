@@ -114,9 +114,9 @@ def _enum_name(enum: str, value: int) -> str:
 def interval(name: str, rate_Hz: float) -> MavCommand:
     """Return the command that requests a message at a rate; 0 disables it."""
     interval_us = 1e6 / rate_Hz if rate_Hz > 0.0 else -1.0
-    return MavCommand(SET_INTERVAL, (float(number_of(name)), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return MavCommand(SET_INTERVAL, (float(message_id(name)), interval_us, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
-def number_of(name: str) -> int:
+def message_id(name: str) -> int:
     """Return the number of a message."""
     return ESC_STATUS if name == "ESC_STATUS" else int(getattr(dialect(), f"MAVLINK_MSG_ID_{name}"))

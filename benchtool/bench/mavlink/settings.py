@@ -1,4 +1,4 @@
-"""What a `mavlink:` bench is told: target, and which message carries which channel."""
+"""Settings of a `mavlink:` bench: target, and the message of each channel."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ _THRUST = re.compile(r"(?P<name>[^.\[\]]{1,10})(?:\.(?P<axis>[xyz])|\[(?P<index>
 
 @dataclass(frozen=True, slots=True)
 class ThrustSource:
-    """Name the message that carries thrust.
+    """Message that carries thrust.
 
     Attributes:
-        name: of the value, at most ten letters; NAMED_VALUE_FLOAT and the others have one field.
+        name: name of the value, at most ten letters, in all three kinds of message.
         part: "x", "y" or "z" of a vector, the index in an array, "" for a single value.
     """
 
@@ -42,36 +42,36 @@ class ThrustSource:
     part: str = ""
 
     @classmethod
-    def named(cls, text: str) -> ThrustSource:
-        """Read `thrust` (a single value), `cell.z` (of a vector) or `cells[2]` (of an array)."""
-        found = _THRUST.fullmatch(text)
-        if found is None:
+    def parse(cls, text: str) -> ThrustSource:
+        """Parse `thrust` (a single value), `cell.z` (of a vector) or `cells[2]` (of an array)."""
+        match = _THRUST.fullmatch(text)
+        if match is None:
             raise InputError(
-                f"thrust={text!r} names no value; write thrust=NAME, NAME.x or NAME[0], the name "
-                f"at most 10 letters long"
+                f"thrust={text!r} is not a valid name; write thrust=NAME, NAME.x or NAME[0], the "
+                f"name at most 10 letters long"
             )
-        if found["axis"]:
-            return cls("DEBUG_VECT", found["name"], found["axis"])
-        if found["index"]:
-            return cls("DEBUG_FLOAT_ARRAY", found["name"], found["index"])
-        return cls("NAMED_VALUE_FLOAT", found["name"])
+        if match["axis"]:
+            return cls("DEBUG_VECT", match["name"], match["axis"])
+        if match["index"]:
+            return cls("DEBUG_FLOAT_ARRAY", match["name"], match["index"])
+        return cls("NAMED_VALUE_FLOAT", match["name"])
 
 
-THRUST = ThrustSource()  # a single value called `thrust`, the default of a script
-NO_THRUST = ThrustSource(name="")  # of no message: the load cell is elsewhere
+THRUST = ThrustSource()  # a single value named `thrust`, the default of a script
+NO_THRUST = ThrustSource(name="")  # no message, because the load cell is elsewhere
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelWiring:
-    """Say how the rotors of a rig hang on an autopilot.
+    """Assignment of a rig's rotors to an autopilot's motors, outputs and ESCs.
 
     Attributes:
         motors: (n_rotors,) number of each rotor in the autopilot's motor test, from 1.
-        outputs: (n_rotors,) output that drives each rotor, from 1; 0 where it is not known.
-        escs: (n_rotors,) place of each rotor in speed messages, from 1.
-        thrust_scale_N: newtons per unit of that message.
-        orientation: of the distance sensor that looks at the plate; None takes no distance.
-        virtual: whether the autopilot's world is virtual and knows the plate's distance exactly.
+        outputs: (n_rotors,) output that drives each rotor, from 1; 0 if unknown.
+        escs: (n_rotors,) index of each rotor in speed messages, from 1.
+        thrust_scale_N: newtons per unit of the thrust message.
+        orientation: of the distance sensor that faces the plate; None disables the distance.
+        virtual: the autopilot is virtual and reports the exact plate distance.
     """
 
     motors: tuple[int, ...]
@@ -84,45 +84,46 @@ class ChannelWiring:
 
     @property
     def n_rotors(self) -> int:
-        """How many rotors there are."""
+        """Number of rotors."""
         return len(self.motors)
 
 
-def channels_of(n_rotors: int) -> tuple[Channel, ...]:
-    """Return everything that an autopilot can report about so many rotors, in order."""
+def build_channels(n_rotors: int) -> tuple[Channel, ...]:
+    """Return all channels that an autopilot can report for so many rotors, in order."""
     numbers = range(1, n_rotors + 1)
     return (
         *(Channel(f"pwm{i}_us", "pwm_us", f"output that drives rotor {i}") for i in numbers),
         *(Channel(f"rpm{i}", "rpm", f"speed of rotor {i}") for i in numbers),
         Channel("thrust_N", "N", "thrust since the tare, tared by the host"),
-        Channel("thrust_raw", "count", "what the load cell's message says, never tared"),
+        Channel("thrust_raw", "count", "value of the load cell's message, never tared"),
         Channel("plate_z_m", "m", "distance sensor"),
         Channel("voltage_V", "V", "battery voltage"),
         Channel("current_A", "A", "battery current"),
         Channel("temperature_degC", "degC", "hottest ESC"),
         Channel("theta_rad", "rad", "pitch, positive nose down"),
         Channel("gyro_rad_s", "rad/s", "pitch rate, positive nose down"),
-        Channel("theta_ref_rad", "rad", "wanted pitch, positive nose down"),
+        Channel("theta_ref_rad", "rad", "reference pitch, positive nose down"),
     )
 
 
 def live_channels(
     mode: str, n_rotors: int, live: Container[int], *, cell: bool
 ) -> dict[int, Channel]:
-    """Return the channels that a bench reports, by their columns.
+    """Return the channels of a bench by their columns.
 
     Args:
         live: columns that have had a value.
-        cell: whether a load cell hangs on a port of its own.
+        cell: the load cell has a separate port.
     """
+    # Attitude may be streamed for another host and does not make a pitch bench.
     # Where a router asks for attitude, the bench is no pitch bench.
-    left_out = PITCH_CHANNELS if mode == "plate" else ()
+    excluded = PITCH_CHANNELS if mode == "plate" else ()
     always = ("thrust_N", "thrust_raw") if cell else ()
     return {
         column: channel
-        for column, channel in enumerate(channels_of(n_rotors))
+        for column, channel in enumerate(build_channels(n_rotors))
         if channel.name in always
-        or ((column < n_rotors or column in live) and channel.name not in left_out)
+        or ((column < n_rotors or column in live) and channel.name not in excluded)
     }
 
 
@@ -133,11 +134,11 @@ OutputNumber = Annotated[int, Ge(0), Le(16)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorMap(FiniteTable):
-    """Say which motor, output and ESC belongs to each rotor of a rig, in the rig's order.
+    """Motor, output and ESC of each rotor, in the rig's order.
 
     Attributes:
-        outputs: output that drives each rotor; 0 where that is not known.
-        escs: place of each rotor in speed messages; 0 where it has none.
+        outputs: output that drives each rotor; 0 if unknown.
+        escs: index of each rotor in speed messages; 0 if there is none.
     """
 
     rig: str
@@ -147,9 +148,9 @@ class MotorMap(FiniteTable):
     escs: tuple[OutputNumber, ...]
 
     def to_toml(self) -> str:
-        """Return it as the text of its file."""
+        """Return the map as file text."""
         lines = ["# Made by `benchtool bench map`: rotors of the rig on an autopilot."]
-        # JSON's strings and lists of numbers are TOML's as well, on one line.
+        # JSON strings and lists of numbers are valid TOML, on one line.
         lines += [
             f"{name} = {json.dumps(value)}" for name, value in dataclasses.asdict(self).items()
         ]
@@ -157,7 +158,7 @@ class MotorMap(FiniteTable):
 
 
 def read_motor_map(path: Path) -> MotorMap:
-    """Read a map of motors; refuse one that does not say what it must."""
+    """Read a motor map; raise if it is incomplete or inconsistent."""
     try:
         text = read_text(path)
     except FileFormatError as error:
@@ -165,35 +166,35 @@ def read_motor_map(path: Path) -> MotorMap:
             f"the map of motors {error.where}",
             f"{error.problem}; make one with benchtool bench map",
         ) from error
-    found = read_strict(MotorMap, text, str(path))
-    if not len(found.motors) == len(found.outputs) == len(found.escs):
+    motor_map = read_strict(MotorMap, text, str(path))
+    if not len(motor_map.motors) == len(motor_map.outputs) == len(motor_map.escs):
         raise FileFormatError(
             str(path), "motors, outputs and escs are not equally long; give one of each per rotor"
         )
-    if len(set(found.motors)) < len(found.motors):
+    if len(set(motor_map.motors)) < len(motor_map.motors):
         raise FileFormatError(str(path), "motors names one motor twice; each drives one rotor")
-    return found
+    return motor_map
 
 
 KEY_BYTES = 32
 MAX_KEY_BYTES = 4096  # longest pass phrase; assumed
 
+# Default rates. A loop on board updates its outputs some hundred times a second; changes between
+# reports turn the beam and look like a disturbance.
 RATE_HZ, PITCH_HZ = 50.0, 250.0
-"""By default. A loop on board moves its outputs some hundred times a second; what is not reported
-of them turns the beam and looks like a disturbance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MavlinkSettings:
-    """Say how to talk to an autopilot and what to take from it.
+    """Settings of the link to an autopilot and of its channels.
 
     Attributes:
-        motor_map: of the rig; None takes rotors for motors 1, 2, ... with outputs not known.
-        arm: whose task arming is in a pitch experiment.
-        key: 32 bytes for MAVLink 2 signing; None signs nothing.
-        orientation: of that sensor (MAV_SENSOR_ORIENTATION), others are left aside.
-        cell: port and baud rate of a load cell beside the autopilot; None where there is none.
-        warning: shown before it is opened, or empty.
+        motor_map: map of the rig; None assigns rotors to motors 1, 2, ... with unknown outputs.
+        arm: who arms in a pitch experiment.
+        key: 32 bytes for MAVLink 2 signing; None disables signing.
+        orientation: of the distance sensor (MAV_SENSOR_ORIENTATION); others are ignored.
+        cell: port and baud rate of an auxiliary load cell; None if there is none.
+        warning: shown before the link is opened, or empty.
     """
 
     system: int | None = None
@@ -213,20 +214,20 @@ class MavlinkSettings:
 
 
 def parse_settings(address: MavlinkAddress) -> MavlinkSettings:
-    """Return what the options of an address mean; its map and its key are read."""
-    pitch = address.mode == "pitch"
+    """Return the settings of an address, with the contents of its map and key files."""
+    is_pitch = address.mode == "pitch"
     return MavlinkSettings(
         system=address.system,
         rotors=address.rotors,
         motor_map=None if address.map is None else read_motor_map(address.map),
         mode=address.mode,
         arm=address.arm,
-        rate_Hz=address.rate_Hz or (PITCH_HZ if pitch else RATE_HZ),
+        rate_Hz=address.rate_Hz or (PITCH_HZ if is_pitch else RATE_HZ),
         key=None if address.key is None else read_key(address.key),
-        thrust=ThrustSource.named(address.thrust),
+        thrust=ThrustSource.parse(address.thrust),
         thrust_scale_N=address.thrust_scale_N,
         speeds=address.rpm == "auto",
-        distance=(address.distance or ("on" if pitch else "off")) == "on",
+        distance=(address.distance or ("on" if is_pitch else "off")) == "on",
         orientation=address.orientation,
         cell=address.cell_port_and_baud,
         warning=address.warning,

@@ -10,14 +10,14 @@ from benchtool.bench.mavlink.auxiliary_load_cell import (
     merge_in_order,
 )
 from benchtool.bench.mavlink.messages import ESC_STATUS, dialect
-from benchtool.bench.mavlink.motor_test import OutputWatch
+from benchtool.bench.mavlink.motor_test import OutputMonitor
 from benchtool.bench.mavlink.rows import MavlinkRows, SpeedSources
-from benchtool.bench.mavlink.settings import ChannelWiring, ThrustSource, channels_of
+from benchtool.bench.mavlink.settings import ChannelWiring, ThrustSource, build_channels
 from tests.doubles.scripted_link import Talker
 
 W = dialect()
 TWO = {"motors": (1, 2), "outputs": (3, 1), "escs": (3, 1)}
-NAMES = [channel.name for channel in channels_of(2)]
+NAMES = [channel.name for channel in build_channels(2)]
 
 
 def servo(time_us: int, *pulses: int) -> object:
@@ -36,13 +36,13 @@ def rows_of(*messages: object, **given: object) -> dict[str, list[float]]:
 
 @pytest.mark.parametrize("unknown", [np.nan, np.inf])
 def test_an_output_that_shows_no_number_shows_no_stop(unknown):
-    rows, watch = MavlinkRows(ChannelWiring(**TWO), idle_us=1100.0), OutputWatch("mav", 1000.0)
+    rows, watch = MavlinkRows(ChannelWiring(**TWO), idle_us=1100.0), OutputMonitor("mav", 1000.0)
     watch.command({1: (3, 1000.0), 2: (1, 1000.0)}, 0.0)
     for step, shown in enumerate([1000.0, 1200.0, *[unknown] * 20]):
         pulses = [0.0, 0.0, shown, *[0.0] * 29]
         rows.take(W.MAVLink_actuator_output_status_message(100_000 * step, 4, pulses))
-        watch.seen(rows.outputs_us, 0.1 * step)
-        assert watch.shown == (step == 0)
+        watch.update_outputs(rows.outputs_us, 0.1 * step)
+        assert watch.outputs_match == (step == 0)
     fault = watch.fault(rows.outputs_us, 2.2)
     assert fault is not None
     assert (
@@ -79,7 +79,7 @@ def test_messages_of_one_millisecond_are_one_row():
 )
 def test_thrust_comes_by_name_in_three_messages(text, message):
     other = W.MAVLink_named_value_float_message(5, b"other", 9.0)
-    told = rows_of(message, other, thrust=ThrustSource.named(text), thrust_scale_N=2.0)
+    told = rows_of(message, other, thrust=ThrustSource.parse(text), thrust_scale_N=2.0)
     assert told["thrust_raw"] == [2.5]
     assert told["thrust_N"] == [5.0]
 
