@@ -1,4 +1,4 @@
-"""Campaigns: one simulation over a grid or a random design of numbers, results to disk."""
+"""Campaign: one simulation at many points of a design."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ T = TypeVar("T")
 class Campaign:
     """One simulation at many points.
 
-    Every point sees the same noise: seed k of one point is seed k of any other.
+    All points have the same noise: seed k of one point is seed k of any other.
 
     Attributes:
-        metadata: what was the same in all runs, for the table's file.
-        setups: what is simulated, by the name of the gain set; each is run at every point.
-        measures: what is measured, with its unit, by column; the main one first.
-        probe: probe(setup, point, design) refuses a point that cannot be run.
-        case: case(setup, controller, point) -> what is run there, under every seed.
-        run: run(pairs of case and number of the seed, first seed, threads) -> the measures of
-            each, in order.
+        metadata: common to all runs, for the table file.
+        setups: simulation setups by gain set; each is run at every point.
+        measures: label with unit by column; the main measure first.
+        probe: probe(setup, point, design) raises for a point that cannot be run.
+        case: case(setup, controller, point) -> the case, run with every seed.
+        run: run(pairs of case and seed number, first seed, threads) -> the measures of each pair,
+            in order.
     """
 
     title: str
@@ -44,7 +44,7 @@ class Campaign:
     run: Callable[[Iterator[tuple[Any, int]], int, int | None], Iterator[Row]]
 
     def check(self, design: Design) -> None:
-        """Refuse a design that cannot be run, before the first run."""
+        """Raise if a point of the design cannot be run, before the first run."""
         for setup in self.setups.values():
             for point in design.probes():
                 self.probe(setup, point, design)
@@ -52,22 +52,23 @@ class Campaign:
     def rows(
         self, design: Design, threads: int | None = None, start: int = 0, stop: int | None = None
     ) -> Iterator[Row]:
-        """Yield one row per gain set, controller, point and seed, in that order, as they come.
+        """Yield one row per gain set, controller, point and seed, in that order.
 
-        A row has the point's numbers, `gains`, `controller`, `seed`, and the measures.
+        A row contains the values of the point, `gains`, `controller`, `seed` and the measures.
 
         Args:
-            threads: how many runs at once; all cores when None.
+            threads: number of parallel runs; None means all cores.
+            start, stop: range of rows.
         """
         labels: deque[Row] = deque()
 
         def cases() -> Iterator[tuple[Any, int]]:
             groups = product(self.setups.items(), self.controllers, design.points())
-            for place, ((gains, setup), controller, point) in enumerate(groups):
-                first = place * design.seeds
-                numbers = range(max(start - first, 0), design.seeds)
+            for index, ((gains, setup), controller, point) in enumerate(groups):
+                first_row = index * design.seeds
+                numbers = range(max(start - first_row, 0), design.seeds)
                 if stop is not None:
-                    numbers = numbers[: max(stop - max(first, start), 0)]
+                    numbers = numbers[: max(stop - max(first_row, start), 0)]
                 if not numbers:
                     continue
                 case = self.case(setup, controller, point)
@@ -76,33 +77,32 @@ class Campaign:
                     labels.append({**point, "gains": gains, "controller": controller, **seed})
                     yield case, number
 
-        for measured in self.run(cases(), design.seed, threads):
-            yield {**labels.popleft(), **measured}
+        for measures in self.run(cases(), design.seed, threads):
+            yield {**labels.popleft(), **measures}
 
 
 def at_point(error: InputError, point: Point) -> InputError:
-    """Return an error that says at which point of a design it came."""
-    where = ", ".join(f"{name} = {value:g}" for name, value in point.items())
-    return InputError(f"{error} (at {where})")
+    """Return an error with the point of the design in its message."""
+    values = ", ".join(f"{name} = {value:g}" for name, value in point.items())
+    return InputError(f"{error} (at {values})")
 
 
 def results_in_order(tasks: Iterable[Callable[[], T]], threads: int | None = None) -> Iterator[T]:
-    """Yield what each task returns, in the order of the tasks.
+    """Yield the result of each task, in the order of the tasks.
 
-    Only one task more than there are threads is ever taken from `tasks` ahead of what was handed
-    on, so that memory does not grow with their number. Compiled loops give the interpreter free
-    while they run; threads are enough.
+    At most one task more than the number of threads is taken from `tasks` ahead of the yielded
+    results, which bounds the memory. Compiled loops release the interpreter lock: threads suffice.
 
     Args:
-        threads: how many at once; all cores when None.
+        threads: number of parallel tasks; None means all cores.
     """
     workers = max(1, threads if threads is not None else (os.cpu_count() or 1))
-    waiting = iter(tasks)
+    remaining = iter(tasks)
     pending: deque[Future[T]] = deque()
     pool = ThreadPoolExecutor(workers)
     try:
         while True:
-            for task in islice(waiting, workers + 1 - len(pending)):
+            for task in islice(remaining, workers + 1 - len(pending)):
                 pending.append(pool.submit(task))
             if not pending:
                 return

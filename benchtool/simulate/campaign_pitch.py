@@ -1,4 +1,4 @@
-"""The pitch bench over a design of numbers: lanes side by side in the compiled loop."""
+"""Campaign of the pitch bench, in parallel lanes of the compiled loop."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchtool.simulate.pitch.run import PitchJob, PitchLoop, shared_key
 from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup, with_changes
 from benchtool.simulate.pitch.simulate import parse_command
 
-MEASURES = {
+MEASURES = {  # of every run; those of the first plate visit are nan without one
     "rms_deg": "RMS error of pitch [deg]",
     "peak_deg": "peak of the plate's visit [deg]",
     "residual_deg": "residual of the plate's visit [deg]",
@@ -27,12 +27,10 @@ MEASURES = {
     "quiet_rms_deg": "RMS of pitch before the plate [deg]",
     "stopped_steps": "steps at the hinge's stop",
 }
-"""What every run is summed up in: the RMS error over the whole run, and the numbers of the plate's
-first visit (nan without one)."""
 
 
 class PitchPoint(NamedTuple):
-    """A run at a point of a design; runs of equal `key` stand side by side in one loop."""
+    """Run at a point of a design; runs with equal `key` share one loop."""
 
     setup: PitchSetup
     job: PitchJob
@@ -40,7 +38,7 @@ class PitchPoint(NamedTuple):
 
 
 def pitch_campaign(setups: Mapping[str, PitchSetup]) -> Campaign:
-    """Return the campaign of bench, controllers and schedule by gain set."""
+    """Return the campaign of the setups by gain set."""
     first = next(iter(setups.values()))
     model, schedule = first.bench.model, first.schedule
     return Campaign(
@@ -56,45 +54,45 @@ def pitch_campaign(setups: Mapping[str, PitchSetup]) -> Campaign:
 
 
 def _probe(setup: PitchSetup, point: Point, _: Design) -> None:
-    here = with_changes(setup, point)
-    if here.rate_Hz != setup.rate_Hz:
-        raise InputError("a campaign cannot vary control_rate_Hz; run one per rate")
-    if here.schedule != setup.schedule:
+    changed = with_changes(setup, point)
+    if changed.rate_Hz != setup.rate_Hz:
+        raise InputError("control_rate_Hz cannot be varied; run one campaign per rate")
+    if changed.schedule != setup.schedule:
         raise InputError(
-            f"a campaign cannot vary {PLATE_DISTANCE}; run one per distance, with --set"
+            f"{PLATE_DISTANCE} cannot be varied; run one campaign per distance, with --set"
         )
 
 
 def _case(setup: PitchSetup, controller: str, point: Point) -> PitchPoint:
-    here = with_changes(setup, point)
-    control = next(control for control in here.controls if control.name == controller)
-    job = PitchJob(here.bench, control, here.nominal)
-    return PitchPoint(here, job, (here.rate_Hz, *shared_key(job)))
+    changed = with_changes(setup, point)
+    control = next(control for control in changed.controls if control.name == controller)
+    job = PitchJob(changed.bench, control, changed.nominal)
+    return PitchPoint(changed, job, (changed.rate_Hz, *shared_key(job)))
 
 
 def _run(cases: Iterator[tuple[PitchPoint, int]], seed: int, threads: int | None) -> Iterator[Row]:
-    for _, alike in groupby(cases, key=lambda each: each[0].key):
-        one, number = next(alike)
-        schedule = one.setup.schedule
-        radius_m = one.job.bench.model.rig.propulsion.radius_m
+    for _, group in groupby(cases, key=lambda pair: pair[0].key):
+        first_case, number = next(group)
+        schedule = first_case.setup.schedule
+        radius_m = first_case.job.bench.model.rig.propulsion.radius_m
         yield from simulate_many(
-            ((case.job, number) for case, number in chain([(one, number)], alike)),
-            schedule.sampled(one.setup.rate_Hz, radius_m),
-            partial(_measured, schedule),
+            ((case.job, number) for case, number in chain([(first_case, number)], group)),
+            schedule.sampled(first_case.setup.rate_Hz, radius_m),
+            partial(_measure_run, schedule),
             seed=seed,
             threads=threads,
         )
 
 
-def _measured(schedule: Schedule, loop: PitchLoop, lane: int, _run: int) -> Row:
+def _measure_run(schedule: Schedule, loop: PitchLoop, lane: int, _run_number: int) -> Row:
     run = parse_command(loop, lane, "campaign")
     error = run.column("true_theta_rad") - run.column("reference_rad")
-    out = dict.fromkeys(MEASURES, float("nan"))
-    out["rms_deg"] = float(np.degrees(np.sqrt(np.mean(error**2))))
-    out["stopped_steps"] = float(run.stopped_steps)
+    measures = dict.fromkeys(MEASURES, float("nan"))
+    measures["rms_deg"] = float(np.degrees(np.sqrt(np.mean(error**2))))
+    measures["stopped_steps"] = float(run.stopped_steps)
     visit, end_s = schedule.plate[0] if schedule.plate else None, schedule.duration_s
     if visit is not None and visit.in_s < end_s:
         numbers = plate_numbers(run, visit.in_s, min(visit.out_s, end_s), visit.move_s)
         for name in ("peak", "residual", "rebound", "quiet_rms"):
-            out[f"{name}_deg"] = float(np.degrees(getattr(numbers, f"{name}_rad")))
-    return out
+            measures[f"{name}_deg"] = float(np.degrees(getattr(numbers, f"{name}_rad")))
+    return measures

@@ -1,7 +1,7 @@
-"""Run a campaign in blocks, each stored as it comes: in threads of this process, or on a cluster.
+"""Campaign execution in blocks: in threads of this process or on a cluster.
 
-A block is a stretch of the campaign's runs in their order. A worker of a cluster makes the campaign
-from its inputs. The same runs under the same seeds give the same rows, wherever a block is run.
+A block is a range of successive runs and is stored when it is complete. A cluster worker builds the
+campaign from its inputs. Rows depend only on run and seed, not on where a block is run.
 """
 
 from __future__ import annotations
@@ -24,21 +24,16 @@ from benchtool.simulate.pitch.inputs import PitchInputs
 from benchtool.simulate.pitch.inputs import setup_of as pitch_setup_of
 from benchtool.tasks import TaskStore, Work, run_tasks
 
-MOST_BLOCKS = 400
-FEWEST_RUNS = 50
-"""Runs of a block, but for the last: some 0.1 s of pitch runs, against 1 ms that a task costs."""
+MAX_BLOCKS = 400
+MIN_BLOCK_RUNS = 50  # about 0.1 s of pitch runs; a task costs 1 ms
 
-Block = tuple[int, int]  # First run and one behind the last
+Block = tuple[int, int]  # first run and end (exclusive)
 
 
 def campaign_of(
     inputs: PitchInputs | FlightInputs, permit: CodePermit = check_code_allowed
 ) -> Campaign:
-    """Return the campaign of a command's inputs.
-
-    Args:
-        permit: called with a model's own Python before it is run.
-    """
+    """Return the campaign of the inputs; `permit` is called before user code of a model is run."""
     if isinstance(inputs, PitchInputs):
         pitch = {gains: pitch_setup_of(inputs, gains, permit) for gains in inputs.study.gains}
         return pitch_campaign(pitch)
@@ -52,51 +47,58 @@ def run_campaign(
     design: Design,
     table: Path,
     metadata: Mapping[str, str],
-    written: Callable[[int], None],
+    on_progress: Callable[[int], None],
 ) -> int:
-    """Run a campaign, write its table, and return its rows.
+    """Run a campaign, write its table, and return the number of rows.
 
     Args:
-        inputs: of the command; on a cluster, files that they name must be where the workers are.
-        written: called with how many runs are done.
+        inputs: on a cluster, the files that they name must exist on the workers.
+        on_progress: called with the number of completed runs.
 
     Raises:
-        InputError: the blocks that are there belong to another campaign.
+        InputError: the stored blocks belong to another campaign.
     """
     total = design.n_points * design.seeds * len(campaign.setups) * len(campaign.controllers)
-    size = max(FEWEST_RUNS, -(-total // MOST_BLOCKS))
-    blocks = {str(k): (k, min(k + size, total)) for k in range(0, total, size)}
-    about = {**metadata, "runs": str(total), "runs of a block": str(size), "inputs": _said(inputs)}
+    block_size = max(MIN_BLOCK_RUNS, -(-total // MAX_BLOCKS))
+    blocks = {
+        str(first): (first, min(first + block_size, total)) for first in range(0, total, block_size)
+    }
+    task_metadata = {
+        **metadata,
+        "runs": str(total),
+        "runs of a block": str(block_size),
+        "inputs": _describe_inputs(inputs),
+    }
     cluster = inputs.study.campaign.cluster
-    work: Work[Block] = partial(_block_rows, campaign, design)
+    work: Work[Block] = partial(_run_block, campaign, design)
     if cluster is not None:
-        work = partial(_block_rows_of, pickle.dumps(inputs), design)
+        work = partial(_run_block_in_worker, pickle.dumps(inputs), design)
     done = 0
-    with TaskStore(table.with_name("runs.jsonl"), about) as store:
+    with TaskStore(table.with_name("runs.jsonl"), task_metadata) as store:
         for _, rows in run_tasks(work, blocks, store=store, cluster=cluster, processes=0):
             done += len(rows)
-            written(done)
+            on_progress(done)
         write_campaign((row for block in blocks for row in store[block]), table, metadata)
     store.path.unlink()
     return done
 
 
-def _said(inputs: PitchInputs | FlightInputs) -> str:
-    """Return what inputs say of the runs: neither where they run nor where rows are written."""
+def _describe_inputs(inputs: PitchInputs | FlightInputs) -> str:
+    """Return the inputs as text, without output folder and cluster."""
     study = replace(inputs.study, out=None, campaign=replace(inputs.study.campaign, cluster=None))
     return str(replace(inputs, study=study))
 
 
-def _block_rows(campaign: Campaign, design: Design, block: Block) -> list[Row]:
+def _run_block(campaign: Campaign, design: Design, block: Block) -> list[Row]:
     return list(campaign.rows(design, None, *block))
 
 
-def _block_rows_of(inputs: bytes, design: Design, block: Block) -> list[Row]:
-    """Return the rows of a block in a worker, which has one thread for it."""
-    return list(_campaign(inputs).rows(design, 1, *block))
+def _run_block_in_worker(inputs: bytes, design: Design, block: Block) -> list[Row]:
+    """Return the rows of a block; a worker has one thread for it."""
+    return list(_load_campaign(inputs).rows(design, 1, *block))
 
 
 @lru_cache(maxsize=4)
-def _campaign(inputs: bytes) -> Campaign:
-    """Return the campaign of pickled inputs; a worker makes it once for all its blocks."""
+def _load_campaign(inputs: bytes) -> Campaign:
+    """Return the campaign of pickled inputs, built once per worker."""
     return campaign_of(pickle.loads(inputs))

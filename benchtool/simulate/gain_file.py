@@ -1,4 +1,4 @@
-"""Gain sets as TOML files: strict, with a source for every number."""
+"""Gain sets as strict TOML files, with a source for every number."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ NotNegative = Annotated[float, Ge(0.0)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionGains(FiniteTable):
-    """Turn a position error into an acceleration.
+    """Gains of the position loop: acceleration from position error.
 
     Attributes:
-        k_x_per_s: velocity command over position error.
-        k_v_per_s: acceleration command over velocity error.
-        k_iv_per_s2: rate of the velocity integral over velocity error.
-        slew_limit_m_s2: limit of the velocity command's rate of change.
+        k_x_per_s: velocity command per position error.
+        k_v_per_s: acceleration command per velocity error.
+        k_iv_per_s2: rate of the velocity integral per velocity error.
+        slew_limit_m_s2: rate limit of the velocity command.
     """
 
     k_x_per_s: NotNegative
@@ -46,13 +46,13 @@ class PositionGains(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttitudeGains(FiniteTable):
-    """Turn an attitude error into an angular acceleration, in two nested loops.
+    """Gains of the attitude loops: angular acceleration from attitude error.
 
     Attributes:
-        k_theta_per_s: rate command over attitude error.
-        k_i_theta_per_s2: rate of the rate command's integral part over attitude error.
-        k_q_per_s: angular acceleration over rate error.
-        k_i_q_per_s2: rate of the acceleration's integral part over rate error.
+        k_theta_per_s: rate command per attitude error.
+        k_i_theta_per_s2: rate of the integral part of the rate command per attitude error.
+        k_q_per_s: angular acceleration per rate error.
+        k_i_q_per_s2: rate of the integral part of the acceleration per rate error.
     """
 
     k_theta_per_s: NotNegative
@@ -66,7 +66,7 @@ class AttitudeGains(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AltitudeGains(FiniteTable):
-    """Turn a height error into a vertical acceleration."""
+    """Gains of the altitude loop: vertical acceleration from height error."""
 
     k_z_per_s2: NotNegative
     k_vz_per_s: NotNegative
@@ -76,14 +76,14 @@ class AltitudeGains(FiniteTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObserverGains(FiniteTable):
-    """Set the disturbance observer of eq. (12): its bandwidth, 1/s; 0 is no observer."""
+    """Bandwidth of the disturbance observer of eq. (12): 1/s; 0 is no observer."""
 
     rate_per_s: NotNegative
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class YawGains(FiniteTable):
-    """Turn a heading error into an angular acceleration about the vertical axis."""
+    """Gains of the yaw loop: angular acceleration from heading error."""
 
     k_psi_per_s: NotNegative
     k_r_per_s: NotNegative
@@ -91,11 +91,11 @@ class YawGains(FiniteTable):
 
 @dataclass(frozen=True, kw_only=True)
 class Gains(FiniteTable):
-    """Hold one named set of gains for every loop.
+    """Named gain set of all loops.
 
     Attributes:
-        sources: where each number comes from, by its dotted key.
-        assumed: dotted keys whose numbers are assumptions.
+        sources: source of each number by dotted key.
+        assumed: dotted keys of the assumed numbers.
     """
 
     name: str
@@ -112,7 +112,7 @@ class Gains(FiniteTable):
     def with_values(self, **values: float) -> Gains:
         """Return the set with some numbers changed, by dotted key ("attitude.k_q_per_s").
 
-        A table's name alone ("attitude") takes a factor on its gains and leaves limits alone.
+        For the name of a table ("attitude") the value is a factor on its gains, not on its limits.
         """
         tables = [item.name for item in fields(self) if is_dataclass(getattr(self, item.name))]
         changed: Gains = self
@@ -122,20 +122,20 @@ class Gains(FiniteTable):
             if key in tables:
                 owner = getattr(changed, key)
                 names = (item.name for item in fields(owner))
-                gains = [each for each in names if each.startswith("k_") or each == "rate_per_s"]
-                scaled = {f"{key}.{each}": value * getattr(owner, each) for each in gains}
+                gains = [gain for gain in names if gain.startswith("k_") or gain == "rate_per_s"]
+                scaled = {f"{key}.{gain}": value * getattr(owner, gain) for gain in gains}
                 changed = changed.with_values(**scaled)
                 continue
             if table not in tables and key != "control_rate_Hz":
                 raise UnknownChoice("table of gains", table or name, [*tables, "control_rate_Hz"])
             owner = getattr(changed, table) if table else changed
-            known = [item.name for item in fields(owner)]
-            if name not in known:
-                raise UnknownChoice(f"gain of {table}", name, known)
-            positive = name in _positive(owner.__class__)
-            if not 0.0 <= float(value) < float("inf") or (positive and not value):
-                bound = "above 0" if positive else "0 or more"
-                raise InputError(f"gain {key} is {value}; give a finite number, {bound}")
+            field_names = [item.name for item in fields(owner)]
+            if name not in field_names:
+                raise UnknownChoice(f"gain of {table}", name, field_names)
+            must_be_positive = name in _positive(owner.__class__)
+            if not 0.0 <= float(value) < float("inf") or (must_be_positive and not value):
+                bound = "above 0" if must_be_positive else "0 or more"
+                raise InputError(f"gain {key} is {value}; allowed: finite, {bound}")
             numbers: dict[str, Any] = {name: float(value)}
             changed = replace(changed, **({table: replace(owner, **numbers)} if table else numbers))
         return changed
@@ -143,7 +143,7 @@ class Gains(FiniteTable):
 
 @lru_cache
 def _positive(table: Hashable) -> frozenset[str]:
-    """Return the names of a table's numbers that must be above zero."""
+    """Return the names of the numbers of a table that must be positive."""
     hints = get_type_hints(table, include_extras=True)
     return frozenset(
         name for name, hint in hints.items() if Gt(0.0) in getattr(hint, "__metadata__", ())
@@ -151,28 +151,29 @@ def _positive(table: Hashable) -> frozenset[str]:
 
 
 def gain_names() -> tuple[str, ...]:
-    """Return the names of the gain sets that benchtool ships."""
+    """Return the names of the gain sets in the library."""
     return list_names("gains")
 
 
 def gains_named(name_or_path: str | Path) -> Gains:
-    """Return a shipped gain set by name, or a user's own by the path of its TOML file."""
+    """Return a gain set by its name in the library or by the path of its TOML file."""
     return gains_from_toml(*read_named("gain set", "gains", name_or_path))
 
 
 def gains_from_toml(text: str, where: str) -> Gains:
-    """Return the gain set that TOML text describes.
+    """Return the gain set in TOML text.
 
     Raises:
-        UnknownChoice: a key that a gain set has not.
+        UnknownChoice: unknown key.
         FileFormatError: a number without a source, of the wrong type, or out of range.
     """
-    found = ValueSources()
-    data = unwrap_quantities(parse_toml(text, where), found)
-    require_sources(found, where)
+    value_sources = ValueSources()
+    data = unwrap_quantities(parse_toml(text, where), value_sources)
+    require_sources(value_sources, where)
     gains = build_dataclass(Gains, data, where)
     if gains.control_rate_Hz > 1e5:
         raise FileFormatError(
-            where, f"control_rate_Hz is {gains.control_rate_Hz:g}, above 100000; lower it"
+            where,
+            f"control_rate_Hz = {gains.control_rate_Hz:g} is out of range; limit: 100000",
         )
-    return replace(gains, sources=found.by_key, assumed=tuple(found.assumed))
+    return replace(gains, sources=value_sources.by_key, assumed=tuple(value_sources.assumed))

@@ -1,4 +1,4 @@
-"""Ranges that numbers of a simulation must lie in."""
+"""Range check of simulation numbers."""
 
 from __future__ import annotations
 
@@ -6,10 +6,6 @@ from benchtool.core.errors import InputError
 
 
 def refuse_outside(name: str, value: float, low: float, high: float) -> None:
-    """Refuse a number outside its range, or none at all.
-
-    Raises:
-        InputError: it names number, value and range.
-    """
+    """Raise InputError if a number is outside its range or NaN."""
     if not low <= value <= high:
-        raise InputError(f"{name} is {value:g}; give {low:g} to {high:g}")
+        raise InputError(f"{name} is {value:g}; allowed: {low:g} to {high:g}")

@@ -1,4 +1,4 @@
-"""What every closed-loop simulation takes."""
+"""Inputs common to all closed-loop simulations."""
 
 from __future__ import annotations
 
@@ -13,48 +13,46 @@ from benchtool.core.errors import InputError
 from benchtool.core.inputs import Input, Inputs, items, with_changes
 from benchtool.tasks import Cluster
 
-LONGEST_S = 3600.0  # longest simulation; assumed
+MAX_DURATION_S = 3600.0  # per simulation; assumed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignInputs(Inputs):
-    """What makes many runs of one."""
+    """Inputs of a campaign."""
 
     TITLE = "Campaign"
 
     vary: Annotated[
-        tuple[str, ...], Input("NAME=FROM:TO:COUNT: campaign over a grid; needs --out.")
+        tuple[str, ...], Input("NAME=FROM:TO:COUNT: a campaign over a grid; needs --out.")
     ] = ()
     seeds: Annotated[int, Ge(1), Input("Seeds per point of a campaign.")] = 1
     samples: Annotated[int, Ge(0), Input("Random points instead of the grid.")] = 0
-    measure: Annotated[str, Input("Measure to print the mean of.", default_text="main measure")] = (
-        ""
-    )
+    measure: Annotated[str, Input("Measure whose mean is printed; default: the main one.")] = ""
     cluster: Cluster = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyInputs(Inputs):
-    """What every closed-loop simulation takes."""
+    """Inputs common to all closed-loop simulations."""
 
     gains: Annotated[
         tuple[str, ...],
         Len(1),
         Input(
-            "Gain set (s3, s1a, stiff) or file; several in a campaign.",
+            "Gain set (s3, s1a, stiff) or its file; several in a campaign.",
             label="Gains",
             comma_separated=True,
         ),
     ] = ("s3",)
     duration_s: Annotated[
-        Annotated[float, Gt(0.0), Le(LONGEST_S)] | None,
-        Input("Duration.", "s", default_text="as in case or schedule"),
+        Annotated[float, Gt(0.0), Le(MAX_DURATION_S)] | None,
+        Input("Length.", "s", default_text="its own"),
     ] = None
     seed: Annotated[int, Ge(0), Input("Seed of the noise.")] = 1
     settings: Annotated[
         Mapping[str, float],
         Input(
-            "NAME=VALUE, e.g. gains.attitude=1.2 (factor); repeatable.",
+            "NAME=VALUE, such as gains.attitude=1.2 (a factor) or gains.attitude.k_q_per_s=8.",
             label="Numbers, as gains.attitude=1.2",
             option="set",
         ),
@@ -72,14 +70,16 @@ class StudyInputs(Inputs):
     def gain_set(self) -> str:
         if len(self.gains) > 1:
             raise InputError(
-                f"{len(self.gains)} gain sets ({', '.join(self.gains)}) are for a campaign; add "
-                f"--vary, or name one"
+                f"{len(self.gains)} gain sets ({', '.join(self.gains)}) need a campaign; add "
+                f"--vary or name one gain set"
             )
         return self.gains[0]
 
     def refuse_campaign(self) -> None:
-        if given := with_changes(self.campaign):
-            option = next(item.option for item in items(CampaignInputs) if item.name in given)
+        if campaign_values := with_changes(self.campaign):
+            option = next(
+                item.option for item in items(CampaignInputs) if item.name in campaign_values
+            )
             raise InputError(
-                f"{option} is for a campaign; add --vary NAME=FROM:TO:COUNT or leave it out"
+                f"{option} needs a campaign; add --vary NAME=FROM:TO:COUNT or remove {option}"
             )

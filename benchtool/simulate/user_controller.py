@@ -1,4 +1,4 @@
-"""Controllers of the user's own: making one, and telling faults in their own file and line."""
+"""User-defined controllers: loading, construction, and error messages with file and line."""
 
 from __future__ import annotations
 
@@ -14,76 +14,85 @@ Controllers = Iterable[str | type[Any]]  # built-in names, ``module:Class``, or 
 
 
 def split_controllers(
-    controllers: Controllers, known: Collection[Any], permit: CodePermit = check_code_allowed
+    controllers: Controllers,
+    builtin_names: Collection[Any],
+    permit: CodePermit = check_code_allowed,
 ) -> tuple[tuple[str, ...], list[tuple[str, type[Any]]]]:
-    """Return the names of built-in controllers, and name and class of each of the user's own.
+    """Return the names of built-in controllers, and name and class of each user-defined one.
 
     Raises:
-        InputError: none is named, one is named twice, or a class cannot be had.
+        InputError: no controller, a duplicate, or a class that cannot be loaded.
     """
-    given = (controllers,) if isinstance(controllers, str | type) else tuple(controllers)
-    called = [one if isinstance(one, str) else one.__name__ for one in given]
-    if len(set(called)) < len(called) or not called:
-        raise InputError(f"controllers are {', '.join(called) or 'none'}; name each once")
-    own = [
-        (name, controller_class(one, known, permit) if isinstance(one, str) else one)
-        for name, one in zip(called, given, strict=True)
-        if one not in known
+    entries = (controllers,) if isinstance(controllers, str | type) else tuple(controllers)
+    names = [
+        controller if isinstance(controller, str) else controller.__name__ for controller in entries
     ]
-    return tuple(name for name in called if name in known), own
+    if len(set(names)) < len(names) or not names:
+        raise InputError(f"controllers {', '.join(names) or 'none'} are invalid; name each once")
+    user_defined = [
+        (
+            name,
+            controller_class(controller, builtin_names, permit)
+            if isinstance(controller, str)
+            else controller,
+        )
+        for name, controller in zip(names, entries, strict=True)
+        if controller not in builtin_names
+    ]
+    return tuple(name for name in names if name in builtin_names), user_defined
 
 
 def make_controllers(controller: type[Any], name: str) -> Any:
     """Return a new controller, for one run.
 
     Raises:
-        InputError: it cannot be made without arguments.
+        InputError: it cannot be constructed without arguments.
     """
     try:
         return controller()
     except (Exception, SystemExit) as error:
         raise InputError(
-            f"controller {name!r} could not be made without arguments: "
-            f"{type(error).__name__}: {_words(error)}{_place(controller, '__init__')}; give its "
-            f"arguments defaults"
+            f"controller {name!r} cannot be constructed without arguments: {type(error).__name__}: "
+            f"{_message(error)}{_location(controller, '__init__')}; give its arguments default "
+            f"values"
         ) from error
 
 
 def controller_error(controller: Any, error: BaseException, time_s: float) -> InputError:
-    """Return one sentence that names the line of the user's own file where it went wrong."""
+    """Return an error with the line of the user's file that raised."""
     frames = traceback.extract_tb(error.__traceback__)
     code = _code(type(controller), "step")
-    own = [frame for frame in frames if code and frame.filename == code.co_filename]
-    if not own and isinstance(error, TypeError):  # the call itself failed
+    user_frames = [frame for frame in frames if code and frame.filename == code.co_filename]
+    if not user_frames and isinstance(error, TypeError):  # the call itself failed
         return InputError(
-            f"controller {type(controller).__name__} could not be called: {_words(error)}"
-            f"{_place(type(controller), 'step')}; write it as step(self, measurement, reference, "
-            f"dt_s)"
+            f"controller {type(controller).__name__} cannot be called: "
+            f"{_message(error)}{_location(type(controller), 'step')}; write it as step(self, "
+            f"measurement, reference, dt_s)"
         )
-    frame = own[-1] if own else frames[-1]
+    frame = user_frames[-1] if user_frames else frames[-1]
     return InputError(
-        f"controller {type(controller).__name__} raised {type(error).__name__}: {_words(error)} at "
-        f"{time_s:g} s, in {frame.filename} line {frame.lineno}: {frame.line}; mend that line"
+        f"controller {type(controller).__name__} raised {type(error).__name__}: {_message(error)} "
+        f"at {time_s:g} s, in {frame.filename} line {frame.lineno}: {frame.line}; correct that line"
     )
 
 
 def invalid_command_error(
-    controller: Any, what: str, value: Any, time_s: float, instead: str
+    controller: Any, field: str, value: Any, time_s: float, remedy: str
 ) -> InputError:
-    """Return one sentence about what a controller returned."""
-    shown = " ".join(repr(value).split())
+    """Return an error about an invalid return value of a controller."""
+    text = " ".join(repr(value).split())
     return InputError(
-        f"controller {type(controller).__name__} returned {what} = {shown[:80]} at {time_s:g} s"
-        f"{_place(type(controller), 'step')}; return {instead}"
+        f"controller {type(controller).__name__} returned {field} = {text[:80]} at {time_s:g} s"
+        f"{_location(type(controller), 'step')}; return {remedy}"
     )
 
 
-def _words(error: BaseException) -> str:
+def _message(error: BaseException) -> str:
     return " ".join(str(error).split()) or "no message"
 
 
-def _place(controller: type[Any], method: str) -> str:
-    """Return where a method of the class stands, as text; nothing for what is not Python."""
+def _location(controller: type[Any], method: str) -> str:
+    """Return file and line of a method as text; "" if it is not Python code."""
     code = _code(controller, method)
     return f", in {code.co_filename} line {code.co_firstlineno}" if code is not None else ""
 
@@ -93,30 +102,30 @@ def _code(controller: type[Any], method: str) -> Any:
 
 
 def controller_class(
-    named: str, known: Iterable[str], permit: CodePermit = check_code_allowed
+    name: str, builtin_names: Iterable[str], permit: CodePermit = check_code_allowed
 ) -> type[Any]:
-    """Return the class that `module:Class` names; modules are found in the present folder too.
+    """Return the class `module:Class`; modules are also looked up in the current folder.
 
     Raises:
-        InputError: the module cannot be imported, or has no such class with `step`.
+        InputError: the module cannot be imported, or has no such class with a method `step`.
     """
-    module_name, _, class_name = named.partition(":")
+    module_name, _, class_name = name.partition(":")
     if not module_name or not class_name:
-        raise UnknownChoice("controller (and not of the form module:Class)", named, known)
+        raise UnknownChoice("controller (and not of the form module:Class)", name, builtin_names)
     if module_name.endswith(".py"):
         raise InputError(
-            f"controller {named!r} names a file; name the module: "
-            f"{Path(module_name).stem}:{class_name}, from the folder where it stands"
+            f"controller {name!r} is a file; use the module: "
+            f"{Path(module_name).stem}:{class_name}, from the folder of the file"
         )
     module = load_user_module(
         module_name,
-        f"controller {named!r}",
-        f"run where {module_name}.py is, or install it",
+        f"controller {name!r}",
+        f"run in the folder of {module_name}.py, or install it",
         permit,
     )
-    found = getattr(module, class_name, None)
-    if not isinstance(found, type) or not callable(getattr(found, "step", None)):
+    controller = getattr(module, class_name, None)
+    if not isinstance(controller, type) or not callable(getattr(controller, "step", None)):
         raise InputError(
-            f"controller {named!r}: {module_name} has no class {class_name} with a method step"
+            f"controller {name!r}: {module_name} has no class {class_name} with a method step"
         )
-    return found
+    return controller

@@ -19,7 +19,6 @@ from benchtool.simulate.controllers import laws
 from benchtool.simulate.controllers.controller import (
     ControlLaw,
     FlightCommand,
-    LawController,
     PitchMeasurement,
     PitchPlant,
     PitchReference,
@@ -57,6 +56,17 @@ def plant() -> PitchPlant:
     bench = noisy_bench()
     inertia_kgm2 = bench.model.rig.body.inertia_yy_kgm2
     return PitchPlant(inertia_kgm2, torque_limit_Nm(bench, bench.model))
+
+
+class LawController:
+    """A built-in law as a `Controller`, outside of a compiled loop."""
+
+    def __init__(self, law, numbers):
+        self.law, self.numbers, self.state = law, numbers, law.state
+
+    def step(self, measurement, reference, dt_s):
+        self.state, command = self.law.step(self.numbers, self.state, measurement, reference, dt_s)
+        return command
 
 
 def through_the_seam(name: str, gains: str) -> LawController:

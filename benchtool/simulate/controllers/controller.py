@@ -1,8 +1,8 @@
-"""The seam for controllers: one method, called once per control period.
+"""Controller interface: one method, called once per control period.
 
-A user's controller is any class with `step`; it may keep state, and a simulation makes a new one
-for every run. A built-in law is a function of numbers and states (`ControlLaw`), so that it runs
-inside the compiled loop too; `LawController` makes a controller of it.
+A user-defined controller is any class with `step`; it may have state, and a simulation makes a new
+instance for every run. A built-in law is a function of numbers and states (`ControlLaw`), so that
+it also runs inside the compiled loop.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ CommandT = TypeVar("CommandT", covariant=True)
 
 
 class Controller(Protocol[MeasurementT, ReferenceT, CommandT]):
-    """Turn what was measured into what is commanded."""
+    """Controller: computes commands from measurements and references."""
 
     def step(self, measurement: MeasurementT, reference: ReferenceT, dt_s: float) -> CommandT:
         """Return the command for the control period that begins now."""
@@ -25,11 +25,11 @@ class Controller(Protocol[MeasurementT, ReferenceT, CommandT]):
 
 
 class PitchMeasurement(NamedTuple):
-    """What a pitch bench's controller sees.
+    """Readings for the controller of a pitch bench.
 
     Attributes:
-        theta_rad: encoder, positive nose down.
-        plate_z_m: reading of the plate's distance with the beam level: m.
+        theta_rad: encoder reading, positive nose down.
+        plate_z_m: reading of the plate distance with the beam level.
     """
 
     time_s: float
@@ -40,9 +40,9 @@ class PitchMeasurement(NamedTuple):
 
 
 class PitchReference(NamedTuple):
-    """What is wanted of a pitch bench: attitude (rad) and collective thrust per rotor (N).
+    """Reference of a pitch bench: attitude (rad) and collective thrust per rotor (N).
 
-    `observer` is 1 while the schedule lets a disturbance observer act, else 0.
+    `observer` is 1 while the schedule enables a disturbance observer, else 0.
     """
 
     theta_rad: float
@@ -51,12 +51,12 @@ class PitchReference(NamedTuple):
 
 
 class PitchCommand(NamedTuple):
-    """What a pitch bench is commanded to do.
+    """Command of a pitch bench.
 
     Attributes:
-        torque_Nm: wanted torque about the pitch axis, positive nose down; the mixer shares it out.
-        difference_us: added to the pulse of the rotors that push nose down, subtracted from the
-            opposite ones; for laws that are written in pulse widths.
+        torque_Nm: torque about the pitch axis, positive nose down; the mixer allocates it.
+        difference_us: added to the pulse width of the rotors that push nose down, subtracted from
+            the opposite ones; for laws in pulse widths.
     """
 
     torque_Nm: float
@@ -64,7 +64,7 @@ class PitchCommand(NamedTuple):
 
 
 class PitchPlant(NamedTuple):
-    """What a law may know of the bench: inertia about the hinge, and what the mixer can give."""
+    """Plant data for a law: inertia about the hinge, torque limit of the mixer."""
 
     inertia_kgm2: float
     torque_limit_Nm: float
@@ -72,18 +72,18 @@ class PitchPlant(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlLaw:
-    """Describe a built-in law.
+    """Built-in control law.
 
     Attributes:
-        name, title: as on the command line, and one line for people.
-        body: what it controls: "hinged" is a pitch bench, "free" a vehicle in flight.
+        name, title: name on the command line, and label.
+        body: controlled body: "hinged" is a pitch bench, "free" a vehicle in flight.
         step: step(p, state, measurement, reference, dt_s) -> state, command: a `PitchCommand` or a
             `FlightCommand`. Marked `@expression`, so that the same source runs in Python and in the
             compiled loop; in flight `@loop_part` does too, because a flight has one lane.
-        state: at the beginning, a named tuple of floats and tuples of them. A field `estimate_Nm`
-            is logged as the disturbance that the law sees; in flight, what `flight.LOGGED` names.
-        numbers: numbers(control, plant) -> p, a named tuple of floats and tuples of them; of a
-            `PitchControl` and a `PitchPlant`, or of a `FlightCase` and the rig's `Body`.
+        state: initial state, a named tuple of floats and tuples of them. A field `estimate_Nm` is
+            logged as the disturbance estimate; in flight, the fields in `flight.LOGGED`.
+        numbers: numbers(control, plant) -> p, a named tuple of floats and tuples of them; arguments
+            are a `PitchControl` and a `PitchPlant`, or a `FlightCase` and the rig's `Body`.
     """
 
     name: str
@@ -94,27 +94,16 @@ class ControlLaw:
     numbers: Callable[[Any, Any], Any]
 
 
-class LawController:
-    """Run a built-in law as a `Controller`, outside of a compiled loop."""
-
-    def __init__(self, law: ControlLaw, numbers: Any) -> None:
-        self.law, self.numbers, self.state = law, numbers, law.state
-
-    def step(self, measurement: Any, reference: Any, dt_s: float) -> Any:
-        self.state, command = self.law.step(self.numbers, self.state, measurement, reference, dt_s)
-        return command
-
-
 class FlightMeasurement(NamedTuple):
-    """What a flight controller sees; names and units as in a flight's log.
+    """Readings for a flight controller; names and units as in a flight log.
 
     Attributes:
-        x_m, y_m, z_m: place, without error.
+        x_m, y_m, z_m: position, without error.
         vx_m_s, vy_m_s, vz_m_s: velocity, without error.
         roll_rad, pitch_rad, yaw_rad: attitude, without error.
-        p_rad_s, q_rad_s, r_rad_s: gyro, with its noise.
-        height_m: of each disc over what the map has below most of it (n_discs,); infinite over
-            nothing, not below half a radius, where the formulae end.
+        p_rad_s, q_rad_s, r_rad_s: gyro, with noise.
+        height_m: of each disc over the mapped surface below most of it (n_discs,); infinite where
+            there is none, at least half a radius (validity limit of the formulae).
     """
 
     time_s: float
@@ -135,13 +124,13 @@ class FlightMeasurement(NamedTuple):
 
 
 class FlightReference(NamedTuple):
-    """What is wanted in flight.
+    """Reference of a flight.
 
     Attributes:
-        x_m, y_m, z_m: where to go; on the way there, where the case leads along a ramp.
-        yaw_rad: heading to hold.
+        x_m, y_m, z_m: target position; moves towards the goal where the case uses a ramp.
+        yaw_rad: heading.
         speed_m_s: speed limit.
-        hover_N: thrust of all rotors together that carries the weight.
+        hover_N: total thrust that equals the weight.
     """
 
     x_m: float
@@ -153,13 +142,13 @@ class FlightReference(NamedTuple):
 
 
 class FlightCommand(NamedTuple):
-    """What a flight controller asks for until its next period; the mixer shares it out.
+    """Command of a flight controller for one period; the mixer allocates it to the rotors.
 
     Attributes:
-        thrust_N: of all rotors together.
-        roll_Nm, pitch_Nm, yaw_Nm: torques about the body's axes.
-        divide_by: factor that each disc's thrust is divided by (n_discs,), where the controller
-            expects ground effect; () for none.
+        thrust_N: total thrust.
+        roll_Nm, pitch_Nm, yaw_Nm: torques about the body axes.
+        divide_by: expected ground-effect factor of each disc, its thrust is divided by it
+            (n_discs,); () for none.
     """
 
     thrust_N: float
@@ -169,5 +158,5 @@ class FlightCommand(NamedTuple):
     divide_by: tuple[float, ...] = ()
 
 
+# A plain tuple of four numbers is accepted as a command, too.
 FlightController: TypeAlias = Controller[FlightMeasurement, FlightReference, FlightCommand]
-"""A flight controller is a `Controller` of these; a plain tuple of four numbers is taken too."""

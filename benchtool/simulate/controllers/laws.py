@@ -1,4 +1,4 @@
-"""The built-in laws, and the controllers that they make up by name."""
+"""Built-in control laws, and the built-in controllers by name."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ FLIGHT_CONTROLLERS = {  # built-in controllers of a flight with their labels in 
 
 
 def law_of(controller: str, body: str) -> ControlLaw:
-    """Return the law of a built-in controller of a body; PID where the name holds no law."""
-    of_body = [law for law in LAWS if law.body == body]
-    return next((law for law in of_body if law.name in controller.split("+")), of_body[0])
+    """Return the law of a built-in controller of a body; PID where the name contains no law."""
+    body_laws = [law for law in LAWS if law.body == body]
+    return next((law for law in body_laws if law.name in controller.split("+")), body_laws[0])
 
 
 def pitch_controller(
@@ -45,17 +45,17 @@ def pitch_controller(
     """Return a built-in controller by name.
 
     Args:
-        feedforward: what a feedforward knows; 90 % of the true effect when left out (assumed: a
+        feedforward: settings of a feedforward; 90 % of the true effect by default (assumed: a
             model is never exact).
     """
     if name not in PITCH_CONTROLLERS:
         raise UnknownChoice("controller", name, PITCH_CONTROLLERS)
     parts = name.split("+")
-    known = feedforward if feedforward is not None else Feedforward(strength=0.9)
+    expected_effect = feedforward if feedforward is not None else Feedforward(strength=0.9)
     return PitchControl(
         name=name,
         gains=gains,
         observer="observer" in parts,
-        feedforward=known if "feedforward" in parts else Feedforward(),
+        feedforward=expected_effect if "feedforward" in parts else Feedforward(),
         law=law_of(name, "hinged"),
     )

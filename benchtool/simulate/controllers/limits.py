@@ -1,4 +1,4 @@
-"""Limits on commands: amplitude, rate of change, and integrals that stop at theirs."""
+"""Command limits: amplitude, rate of change, anti-windup."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def clip(value: Quantity, limit: Quantity) -> Quantity:
 def limit_slew_rate(
     requested: Quantity, present: Quantity, rate_limit: Quantity, dt_s: Quantity
 ) -> Quantity:
-    """Return the next value on the way to `requested`, no faster than `rate_limit` per second."""
+    """Return `requested`, limited in its rate of change to `rate_limit` per second."""
     return present + clip(requested - present, rate_limit * dt_s)
 
 
@@ -25,16 +25,16 @@ def limit_slew_rate(
 def integrate_clamped(
     integral: Quantity, change_per_s: Quantity, limit: Quantity, dt_s: Quantity
 ) -> Quantity:
-    """Return an integral one period on, held at its limit."""
+    """Return an integral after one period, clipped to its limit."""
     return clip(integral + change_per_s * dt_s, limit)
 
 
 @expression
 def unwrap_integral(requested: Quantity, granted: Quantity, change_per_s: Quantity) -> Quantity:
-    """Return the integral's rate of change, or 0 while it drives an actuator that is at its limit.
+    """Return the rate of change of an integral, or 0 while it would increase a saturation.
 
-    Anti-windup by clamping: `requested` is what the law asked for, `granted` what the limit let
-    through; the integral stops while the change would push further out, and may always come back.
+    Anti-windup by clamping: `requested` is the command of the law, `granted` the same after the
+    limit. A change that reduces the saturation is always allowed.
     """
     outward = (requested - granted) * change_per_s
     return change_per_s * (1.0 - np.minimum(np.maximum(np.sign(outward), 0.0), 1.0))

@@ -5,7 +5,7 @@ needs M qdd. With the momentum p = M qd in its place, for each of the six compon
 
     F_hat = L (p - z),    dz/dt = F_known + F_hat,
 
-F_known being everything the model knows about: commanded force, gravity, Coriolis terms. Then
+where F_known is the sum of all modelled forces: commanded force, gravity, Coriolis terms. Then
 dF_hat/dt = L (F - F_hat): a first-order filter of the true disturbance. The paper's controller
 uses the torque components.
 """
@@ -16,26 +16,30 @@ from benchtool.physics.expression import Quantity, expression
 
 
 @expression
-def update_observer(momentum: Quantity, explained: Quantity, rate_per_s: Quantity) -> Quantity:
+def update_observer(
+    momentum: Quantity, explained_momentum: Quantity, rate_per_s: Quantity
+) -> Quantity:
     """Return the estimate L (p - z) of one component: N or N m."""
-    return rate_per_s * (momentum - explained)
+    return rate_per_s * (momentum - explained_momentum)
 
 
 @expression
 def next_disturbance_estimate(
     momentum: Quantity,
-    explained: Quantity,
-    known: Quantity,
+    explained_momentum: Quantity,
+    modelled_force: Quantity,
     estimate: Quantity,
-    on: Quantity,
+    enabled: Quantity,
     dt_s: Quantity,
 ) -> Quantity:
-    """Return z one period on: what the known force and the estimate explain of the momentum.
+    """Return z after one period: the momentum explained by modelled force and estimate.
 
     Args:
-        known: known force, with the compensation that was commanded in it: N or N m.
+        modelled_force: includes the commanded compensation: N or N m.
         estimate: from `update_observer`, with the same momentum: N or N m.
-        on: 1 while the observer runs; 0 lets z follow p, so that it starts from zero without a
-            bump.
+        enabled: 1 while the observer runs; 0 sets z = p, so that the estimate starts from zero.
     """
-    return on * (explained + (known + estimate) * dt_s) + (1.0 - on) * momentum
+    return (
+        enabled * (explained_momentum + (modelled_force + estimate) * dt_s)
+        + (1.0 - enabled) * momentum
+    )

@@ -1,7 +1,7 @@
-"""Attitude by two nested loops, with the derivative on the measurement.
+"""Attitude control by two nested loops, with the derivative on the measurement.
 
-Integrals hold what they command (rad/s, rad/s2), not the summed error: a change of gains during a
-run leaves the command where it is.
+Integrals are stored as command parts (rad/s, rad/s2), not as summed errors: a change of gains
+during a run leaves the command unchanged.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ from benchtool.simulate.controllers.limits import clip, integrate_clamped, unwra
 
 
 class AttitudePid(NamedTuple):
-    """Hold the numbers of the attitude loop; fields as in `library.AttitudeGains`.
+    """Numbers of the attitude loop; fields as in `gain_file.AttitudeGains`.
 
     Attributes:
-        inertia_kgm2: turns angular acceleration into torque.
-        torque_limit_Nm: what the mixer can give; infinite without.
+        torque_limit_Nm: limit of the mixer; infinite for none.
     """
 
     k_theta_per_s: Quantity
@@ -32,7 +31,7 @@ class AttitudePid(NamedTuple):
 
 
 class PidState(NamedTuple):
-    """Hold the integral parts of the rate command (rad/s) and of the acceleration (rad/s2)."""
+    """Integral parts of the rate command (rad/s) and of the acceleration (rad/s2)."""
 
     rate_rad_s: Quantity
     acceleration_rad_s2: Quantity
@@ -46,13 +45,13 @@ def attitude_torque(
     state: PidState,
     p: AttitudePid,
 ) -> Quantity:
-    """Return the torque that the two loops ask for: N m, unlimited.
+    """Return the torque command of the two loops, before the limit: N m.
 
     tau = J (k_q (q_cmd - q) + I_q), q_cmd = k_theta e + I_theta. The rate enters as measured: a
     step of the reference gives no derivative kick. Assumed: the paper gives no law for its PID.
     """
-    wanted_rate = attitude_rate_command(reference_rad, angle_rad, state, p)
-    acceleration = p.k_q_per_s * (wanted_rate - rate_rad_s) + state.acceleration_rad_s2
+    rate_command = attitude_rate_command(reference_rad, angle_rad, state, p)
+    acceleration = p.k_q_per_s * (rate_command - rate_rad_s) + state.acceleration_rad_s2
     return p.inertia_kgm2 * acceleration
 
 
@@ -60,7 +59,7 @@ def attitude_torque(
 def attitude_rate_command(
     reference_rad: Quantity, angle_rad: Quantity, state: PidState, p: AttitudePid
 ) -> Quantity:
-    """Return the rate that the outer loop asks for, within its limit: rad/s."""
+    """Return the rate command of the outer loop, within its limit: rad/s."""
     error = reference_rad - angle_rad
     return clip(p.k_theta_per_s * error + state.rate_rad_s, p.rate_limit_rad_s)
 
@@ -74,21 +73,21 @@ def next_pid_state(
     p: AttitudePid,
     dt_s: Quantity,
 ) -> PidState:
-    """Return the integrals one control period on; they stop while the torque is at its limit."""
-    wanted = attitude_torque(reference_rad, angle_rad, rate_rad_s, state, p)
-    granted = clip(wanted, p.torque_limit_Nm)
+    """Return the integrals after one control period; constant while the torque is at its limit."""
+    requested_torque = attitude_torque(reference_rad, angle_rad, rate_rad_s, state, p)
+    granted_torque = clip(requested_torque, p.torque_limit_Nm)
     error = reference_rad - angle_rad
     rate_error = attitude_rate_command(reference_rad, angle_rad, state, p) - rate_rad_s
     return PidState(
         integrate_clamped(
             state.rate_rad_s,
-            unwrap_integral(wanted, granted, p.k_i_theta_per_s2 * error),
+            unwrap_integral(requested_torque, granted_torque, p.k_i_theta_per_s2 * error),
             p.theta_integral_limit_rad_s,
             dt_s,
         ),
         integrate_clamped(
             state.acceleration_rad_s2,
-            unwrap_integral(wanted, granted, p.k_i_q_per_s2 * rate_error),
+            unwrap_integral(requested_torque, granted_torque, p.k_i_q_per_s2 * rate_error),
             p.q_integral_limit_rad_s2,
             dt_s,
         ),

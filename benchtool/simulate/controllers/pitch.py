@@ -1,4 +1,4 @@
-"""Controllers of the pitch bench as values: which laws act, with which numbers."""
+"""Controller settings of the pitch bench."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class PulseLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feedforward:
-    """Say what a feedforward knows.
+    """Settings of a feedforward.
 
     Attributes:
-        strength: share of the expected increment that it compensates; 0 is none.
-        height_error_m: what its map adds to the true distance.
-        late_s: how much later than the plate its map changes; negative is early.
+        strength: compensated share of the expected increment; 0 is none.
+        height_error_m: error of its map, added to the true distance.
+        late_s: delay of its map relative to the plate; negative is early.
     """
 
     strength: float = 0.0
@@ -37,11 +37,11 @@ class Feedforward:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitchControl:
-    """Hold one controller of the pitch bench.
+    """Controller of the pitch bench.
 
     Attributes:
-        gains: the cascade's gain set; None leaves the cascade out.
-        rate_Hz: control rate; the gain set's own when None.
+        gains: gain set of the cascade; None means no cascade.
+        rate_Hz: control rate; None means that of the gain set.
     """
 
     name: str
@@ -54,9 +54,9 @@ class PitchControl:
 
     @property
     def control_rate_Hz(self) -> float:
-        """How often the controller runs."""
+        """Control rate, of the gain set by default."""
         if self.rate_Hz is not None:
             return self.rate_Hz
         if self.gains is None:
-            raise InputError(f"controller {self.name!r} has no gains and no rate; give rate_Hz")
+            raise InputError(f"controller {self.name!r} has neither gains nor a rate; set rate_Hz")
         return self.gains.control_rate_Hz

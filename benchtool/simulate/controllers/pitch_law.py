@@ -1,4 +1,4 @@
-"""The built-in attitude law: two nested loops, an observer, and a law in pulse widths."""
+"""Built-in attitude law: two nested loops, an observer, and a law in pulse widths."""
 
 from __future__ import annotations
 
@@ -16,14 +16,12 @@ from benchtool.simulate.controllers.pid import (
     next_pid_state,
 )
 
+# Gains of a PID in pulse widths, and the limit of its integral.
 Pulses = namedtuple("Pulses", "kp_us_per_rad ki_us_per_rad_s kd_us_s_per_rad limit_rad_s")
-"""Numbers of a PID in pulse widths: us/rad, us/(rad s), us/(rad/s), and the integral's limit
-(rad s).
-"""
 
 
 class AttitudeNumbers(NamedTuple):
-    """Numbers of the law; an observer of rate 0 (1/s) is none."""
+    """Numbers of the law; observer rate 0 (1/s) means no observer."""
 
     pid: AttitudePid
     observer_rate_per_s: Any
@@ -31,8 +29,8 @@ class AttitudeNumbers(NamedTuple):
 
 
 class AttitudeState(NamedTuple):
-    """Integrals, what the observer explained of the momentum (N m s), the summed error (rad s), and
-    the disturbance as last observed (N m).
+    """Integrals, momentum explained by the observer (N m s), summed error (rad s), and the last
+    disturbance estimate (N m).
     """
 
     integrals: PidState = PidState(0.0, 0.0)
@@ -45,23 +43,27 @@ class AttitudeState(NamedTuple):
 def attitude_step(
     p: AttitudeNumbers, state: AttitudeState, measurement: Any, reference: Any, dt_s: Any
 ) -> tuple[AttitudeState, PitchCommand]:
-    """Return state and command of the control period that begins now."""
-    wanted, angle, rate = reference.theta_rad, measurement.theta_rad, measurement.rate_rad_s
-    on, before = reference.observer, state.integrals
+    """Return state and command for the control period that begins now."""
+    reference_rad, angle, rate = reference.theta_rad, measurement.theta_rad, measurement.rate_rad_s
+    is_enabled, integrals = reference.observer, state.integrals
     momentum = p.pid.inertia_kgm2 * rate
-    estimate = on * update_observer(momentum, state.explained_Nms, p.observer_rate_per_s)
-    wanted_Nm = attitude_torque(wanted, angle, rate, before, p.pid) - estimate
-    torque = clip(wanted_Nm, p.pid.torque_limit_Nm)
-    after = next_pid_state(wanted, angle, rate, before, p.pid, dt_s)
-    explained = next_disturbance_estimate(momentum, state.explained_Nms, torque, estimate, on, dt_s)
-    error = wanted - angle
-    total = clip(state.error_rad_s + error * dt_s, p.pulses.limit_rad_s)
+    estimate = is_enabled * update_observer(momentum, state.explained_Nms, p.observer_rate_per_s)
+    requested_Nm = attitude_torque(reference_rad, angle, rate, integrals, p.pid) - estimate
+    torque = clip(requested_Nm, p.pid.torque_limit_Nm)
+    next_integrals = next_pid_state(reference_rad, angle, rate, integrals, p.pid, dt_s)
+    explained = next_disturbance_estimate(
+        momentum, state.explained_Nms, torque, estimate, is_enabled, dt_s
+    )
+    error = reference_rad - angle
+    summed_error = clip(state.error_rad_s + error * dt_s, p.pulses.limit_rad_s)
     difference = (
         p.pulses.kp_us_per_rad * error
-        + p.pulses.ki_us_per_rad_s * total
+        + p.pulses.ki_us_per_rad_s * summed_error
         - p.pulses.kd_us_s_per_rad * rate
     )
-    return AttitudeState(after, explained, total, estimate), PitchCommand(torque, difference)
+    return AttitudeState(next_integrals, explained, summed_error, estimate), PitchCommand(
+        torque, difference
+    )
 
 
 def attitude_numbers(control: Any, plant: PitchPlant) -> AttitudeNumbers:
@@ -69,8 +71,8 @@ def attitude_numbers(control: Any, plant: PitchPlant) -> AttitudeNumbers:
     pid, rate_per_s, pulses = AttitudePid(*[0.0] * len(AttitudePid._fields)), 0.0, control.pulses
     if control.gains is not None:
         attitude = control.gains.attitude
-        given = {name: getattr(attitude, name) for name in attitude.__slots__}
-        pid = AttitudePid(**given, **plant._asdict())
+        gains = {name: getattr(attitude, name) for name in attitude.__slots__}
+        pid = AttitudePid(**gains, **plant._asdict())
         rate_per_s = control.gains.observer.rate_per_s if control.observer else 0.0
     return AttitudeNumbers(
         pid, rate_per_s, Pulses(*(getattr(pulses, name) for name in Pulses._fields))

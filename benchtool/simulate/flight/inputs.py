@@ -77,9 +77,7 @@ class FlightInputs(Inputs):
 
 
 def setup_of(
-    inputs: FlightInputs,
-    gains: str,
-    permit: CodePermit = check_code_allowed,
+    inputs: FlightInputs, gains: str, permit: CodePermit = check_code_allowed
 ) -> FlightSetup:
     """Return what flies with one gain set."""
     from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
