@@ -14,7 +14,7 @@ from benchtool.simulate.flight.environment import Environment
 from benchtool.simulate.flight.flight import FlightCase, fly
 from benchtool.simulate.flight.measures import measure
 from benchtool.simulate.flight.setup import FlightSetup, with_changes
-from benchtool.simulate.flight.warnings import too_short
+from benchtool.simulate.flight.warnings import check_duration
 
 OGE = "oge"  # PID without ground effect, the reference of a gain set
 
@@ -51,7 +51,7 @@ def flight_campaign(setups: Mapping[str, FlightSetup], controllers: tuple[str, .
     example = first.flown("pid")
     return Campaign(
         title=f"{example.title}, {first.vehicle.rig.name}",
-        metadata={"flight": first.case} | first.words(),
+        metadata={"flight": first.case} | first.to_metadata(),
         setups=setups,
         controllers=controllers,
         measures=MEASURES,
@@ -73,7 +73,7 @@ def _probe(control: str, setup: FlightSetup, point: Point, design: Design) -> No
         )
     try:
         case = FlightPoint(with_changes(setup, point), control, point).build_case(1)
-        if warning := too_short(case):
+        if warning := check_duration(case):
             raise InputError(warning)
         fly(replace(case, duration_s=2.0 / case.gains.control_rate_Hz))
     except UnknownChoice:

@@ -17,7 +17,7 @@ from benchtool.simulate.pitch.batch import simulate_many
 from benchtool.simulate.pitch.result import plate_numbers
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop, shared_key
 from benchtool.simulate.pitch.setup import PLATE_DISTANCE, PitchSetup, with_changes
-from benchtool.simulate.pitch.simulate import parse_command
+from benchtool.simulate.pitch.simulate import extract_run
 
 MEASURES = {  # of every run; those of the first plate visit are nan without one
     "rms_deg": "RMS error of pitch [deg]",
@@ -85,7 +85,7 @@ def _run(cases: Iterator[tuple[PitchPoint, int]], seed: int, threads: int | None
 
 
 def _measure_run(schedule: Schedule, loop: PitchLoop, lane: int, _run_number: int) -> Row:
-    run = parse_command(loop, lane, "campaign")
+    run = extract_run(loop, lane, "campaign")
     error = run.column("true_theta_rad") - run.column("reference_rad")
     measures = dict.fromkeys(MEASURES, float("nan"))
     measures["rms_deg"] = float(np.degrees(np.sqrt(np.mean(error**2))))

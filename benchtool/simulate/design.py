@@ -86,7 +86,7 @@ class Design:
             )
 
     @classmethod
-    def parameters(
+    def read(
         cls,
         texts: Sequence[str],
         *,

@@ -1,4 +1,4 @@
-"""The hooks of a set of effects, joined into what a simulation's loop calls."""
+"""Hooks of a set of effects, joined into the functions that a loop calls."""
 
 from __future__ import annotations
 
@@ -20,26 +20,25 @@ LoopHooks = namedtuple(
     "bare tilt with_images image_factors scaled drags factors speeds with_thrust "
     "torque dry_friction dry_width dry_give gyro followed nearest_z_over_R",
 )
-"""Hold the joined functions of a set of effects over so many discs.
+"""Joined functions of a set of effects for a number of discs.
 
 Attributes:
-    bare: a Flow of given heights and coverages, without images.
+    bare: returns a Flow for heights and coverages, without images.
     tilt, with_images, image_factors, scaled, drags, factors, speeds: see `DiscThrust`.
-    with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts, at another rate.
-    torque, dry_friction, dry_width, dry_give: f(i, flow, p), of the hinge, summed over effects.
-    gyro: gyro(time, pitch, rate, acceleration, p) -> the gyro's reading, changed by effects.
-    followed: followed(before, after, p) -> rotor speeds half a plant step on, as effects have them,
-        for those of the lag alone.
+    with_thrust: with_thrust(flow, rate, k, factor) -> the Flow with thrusts and another rate.
+    torque, dry_friction, dry_width, dry_give: f(i, flow, p) of the hinge, summed over effects.
+    gyro: gyro(time, pitch, rate, acceleration, p) -> the gyro reading with the effects.
+    followed: followed(before, after, p) -> rotor speeds after half a plant step with the effects;
+        `after` are those of the lag alone.
 """
 
 
 def joined_hooks(
     effects: tuple[Effect, ...], n_discs: int, rules: ImageRules
 ) -> Callable[[], LoopHooks]:
-    """Return a function that gives the hooks of effects, joined for so many discs.
+    """Return a function that returns the hooks of effects, joined for a number of discs.
 
-    A compiled loop knows a function by its name, and cannot be handed a tuple of them: it calls
-    this one.
+    A compiled loop can call functions by name but cannot take a tuple of them as an argument.
     """
     zeros, ones = (0.0,) * n_discs, (1.0,) * n_discs
     thrust = disc_thrust(effects, n_discs, rules, clamped=True)
@@ -68,8 +67,8 @@ def joined_hooks(
         for hook in ("torque", "dry_friction", "dry_width", "dry_give")
     )
     reading = chained(bound_hooks(effects, "gyro_reading"))
-    following = bound_hooks(effects, "followed_speed")
-    speed_after = chained(following)
+    followed_hooks = bound_hooks(effects, "followed_speed")
+    speed_after = chained(followed_hooks)
 
     @expression
     def gyro(time_s: Any, pitch: Any, rate: Any, acceleration: Any, p: Any) -> Any:
@@ -80,13 +79,13 @@ def joined_hooks(
         return reading(0, rate, flow, p)
 
     @expression
-    def each_followed(before: Any, after: Any, p: Any) -> Any:
-        out, flow = after, bare(0.0, zeros, zeros, LEVEL, zeros, zeros, before)
+    def follow_all(before: Any, after: Any, p: Any) -> Any:
+        speeds, flow = after, bare(0.0, zeros, zeros, LEVEL, zeros, zeros, before)
         for i in range(n_discs):
-            out = with_fields(out, i, speed_after(i, after[i], flow, p))
-        return out
+            speeds = with_fields(speeds, i, speed_after(i, after[i], flow, p))
+        return speeds
 
-    followed = each_followed if following else expression(lambda before, after, p: after)
+    followed = follow_all if followed_hooks else expression(lambda before, after, p: after)
     tilt, speeds, with_images, image_factors, scaled, drags, factors, nearest = thrust
     return expression(
         lambda: LoopHooks(
@@ -101,14 +100,13 @@ def loop_effects(
 ) -> tuple[Effect, ...]:
     """Return the effects whose hooks a loop for these models calls, in catalogue order.
 
-    Those that cannot act are left out, but for those that stand in every loop; with `neutral_too`
-    every effect of the models stands in it, so that one compilation serves all values of their
-    numbers. With `in_flight` only those that act there are called, and of those that cannot act
-    the images alone stand in every loop: a flight sums them at every surface. Eq. (2) gives way to
-    the laws that models have in its place. Lag, delay and random torque act through numbers of
-    their own, see `motion_of`.
+    Inactive effects are dropped, except those marked `always_compiled`; with `neutral_too` all
+    effects of the models are included, so that one compilation serves all parameter values. With
+    `in_flight` only effects that act in flight are included, and of the inactive ones only the
+    images: a flight sums them at every surface. Laws of the models replace eq. (2). Lag, delay and
+    random torque are not hooks of the loop, see `build_motion`.
     """
-    found = {
+    included = {
         name: effect
         for name, effect in EFFECTS.items()
         if effect.always_compiled and (effect.hooks.denominator or not in_flight)
@@ -116,44 +114,48 @@ def loop_effects(
     for model in models:
         for effect in model.effects:
             hooks = effect.hooks
-            outside = (hooks.lag_s, hooks.delay_s, hooks.random_torque)
-            if any(outside) and sum(getattr(hooks, name) is not None for name in HOOKS) == 1:
+            motion_hooks = (hooks.lag_s, hooks.delay_s, hooks.random_torque)
+            if any(motion_hooks) and sum(getattr(hooks, name) is not None for name in HOOKS) == 1:
                 continue
-            if neutral_too or effect.name in found or model.is_present(effect):
-                found[effect.name] = effect
-    acting = [effect for model in models for effect in model.present_effects]
-    if laws := {effect.name for effect in acting if effect.distance_law is not None}:
-        found = {name: e for name, e in found.items() if e.distance_law is None or name in laws}
-    order = [*EFFECTS, *(name for name in found if name not in EFFECTS)]
-    ordered = (found[name] for name in order if name in found)
+            if neutral_too or effect.name in included or model.is_present(effect):
+                included[effect.name] = effect
+    present = [effect for model in models for effect in model.present_effects]
+    if laws := {effect.name for effect in present if effect.distance_law is not None}:
+        included = {
+            name: e for name, e in included.items() if e.distance_law is None or name in laws
+        }
+    order = [*EFFECTS, *(name for name in included if name not in EFFECTS)]
+    ordered = (included[name] for name in order if name in included)
     return tuple(effect for effect in ordered if effect.acts_in_flight or not in_flight)
 
 
 def loop_numbers(model: Model, effects: Sequence[Effect]) -> tuple[float, ...]:
-    """Return the effects' numbers in a model, neutral where it lacks them; one zero without any."""
-    out = []
+    """Return the parameter values of effects in a model, neutral if absent; (0,) without any."""
+    values = []
     for effect in effects:
-        for item in effect.parameters:
-            full = f"{effect.name}.{item.name}"
-            neutral = item.value if item.neutral is None else item.neutral
-            out.append(model.parameters[full].value if full in model.parameters else neutral)
-    return tuple(out) or (0.0,)
+        for parameter in effect.parameters:
+            full_name = f"{effect.name}.{parameter.name}"
+            neutral = parameter.value if parameter.neutral is None else parameter.neutral
+            values.append(
+                model.parameters[full_name].value if full_name in model.parameters else neutral
+            )
+    return tuple(values) or (0.0,)
 
 
 def identities(effects: Sequence[Effect]) -> list[Any]:
-    """Return what distinguishes the hooks of effects from all others, to key a compiled loop.
+    """Return the identities of the hooks of effects, as key of a compiled loop.
 
     Raises:
-        InputError: a hook is a function that its name and file do not distinguish from others.
+        InputError: a hook is not identified by its name and file.
     """
     hooks = [[getattr(effect.hooks, name) for name in HOOKS] for effect in effects]
-    for hook in (hook for own in hooks for hook in own if hook is not None):
+    for hook in (hook for effect_hooks in hooks for hook in effect_hooks if hook is not None):
         if "." in hook.__qualname__ or "<" in hook.__qualname__:
             raise InputError(
-                f"the hook {hook.__qualname__} of {hook.__module__} is no function of its module; "
+                f"hook {hook.__qualname__} of {hook.__module__} is not a function of its module; "
                 f"simulations need hooks that can be imported"
             )
     return [
-        (len(effect.parameters), [identity(hook) for hook in own])
-        for effect, own in zip(effects, hooks, strict=True)
+        (len(effect.parameters), [identity(hook) for hook in effect_hooks])
+        for effect, effect_hooks in zip(effects, hooks, strict=True)
     ]

@@ -1,9 +1,8 @@
-"""One closed loop for a vehicle that is held, hinged or free: control ticks made of plant steps.
+"""Closed loop of a hinged or free vehicle: control ticks that consist of plant steps.
 
-One source for every use: a single run, a batch (several lanes that the compiler runs side by side),
-a controller written in Python (one tick per call), a log that is filtered, and plain NumPy where
-numba is not installed. What a vehicle does in each part of a tick is a phase, phase(a, now): for
-every lane it reads the records that it needs and writes those that it changes.
+The same source runs a single run, a batch (lanes that the compiler vectorises), a controller in
+Python (one tick per call), a filter along a log, and plain NumPy without numba. A phase is a part
+of a tick, phase(arrays, now): it reads and writes records of every lane.
 """
 
 from __future__ import annotations
@@ -12,99 +11,102 @@ from collections import namedtuple
 from typing import Any
 
 from benchtool.physics.expression import Slot, inlined_expression, read_record
-from benchtool.simulate.motors import apply_arrived_pulses
+from benchtool.simulate.motors import apply_delayed_commands
 
-BUILT_IN, CALLER, PULSES = range(3)  # who controls: a law, the caller, or scheduled pulses
+BUILT_IN, CALLER, PULSES = range(3)  # source of commands: law, caller, or scheduled pulse widths
 
 LoopPlan = namedtuple(
     "LoopPlan",
     "substeps driver delayed log_every before held late_theta late_rate late_plate",
     defaults=(1, 0, 0, 1, 0, 0, 0, 0, 0),
 )
-"""Integers of a run.
+"""Integer settings of a run.
 
 Attributes:
     substeps: plant steps per tick.
-    before: ticks that lie before the first one in time.
-    held: whether the plant stands still: commands are sent on their way, and nothing moves.
-    late_theta, late_rate, late_plate: delays of a bench's sensors in ticks.
+    before: number of earlier ticks, for the time of the first one.
+    held: 1 for a plant at rest: commands are stored for the delay, and nothing moves.
+    late_theta, late_rate, late_plate: delays of the sensors of a bench in ticks.
 """
 
 PLAN = Slot(0, LoopPlan())
 
 
-Build = namedtuple("Build", "lanes to")  # what a loop is compiled for: lanes, and slots of records
+Build = namedtuple("Build", "lanes slots")  # compile-time settings: lanes, slots of records
 
-Instant = namedtuple("Instant", "tick time_s part plan fixed wanted")
-"""Where a loop is: tick, the time at its beginning (s), plant step within it, plan; what no
-lane changes (geometry, the length of a plant step `dt_s`), and what is wanted in the tick.
+Instant = namedtuple("Instant", "tick time_s part plan geometry scheduled")
+"""State of the loop: tick, its start time, plant step within it, plan; the geometry with the length
+of a plant step `dt_s`, common to all lanes, and the schedule entry of the tick.
 """
 
-Phases = namedtuple("Phases", "fixed wanted law mix move sense goes_on")
-"""Hold what a vehicle does in each part of a tick.
+Phases = namedtuple("Phases", "geometry scheduled law mix move sense is_running")
+"""Phases of a tick.
 
 Attributes:
-    fixed: fixed(a) -> what no lane changes, read once; it has `dt_s`.
-    wanted: wanted(a, tick) -> what is wanted, from the schedule.
-    mix: from a command to the speeds that the motors are to reach.
-    move: a plant step: surround (heights and coverages), wrench, motion.
-    goes_on: goes_on(a) -> whether there is a next step.
+    geometry: geometry(arrays) -> the geometry, read once; it has `dt_s`.
+    scheduled: scheduled(arrays, tick) -> the schedule entry.
+    mix: from commands to target speeds of the motors.
+    move: a plant step: heights and coverages, forces and torques, motion.
+    is_running: is_running(arrays) -> false at the end of the run.
 """
 
 
 @inlined_expression
-def no_phase(a: Any, now: Any) -> None:
-    """Stand for a phase in which nothing happens."""
+def no_phase(arrays: Any, now: Any) -> None:
+    """Empty phase (no-op)."""
 
 
 @inlined_expression
-def always_true(a: Any) -> bool:
-    """Return that there is a next step."""
+def always_true(arrays: Any) -> bool:
+    """Return True: the run has no other end than its last tick."""
     return True
 
 
 @inlined_expression
-def run_ticks(a: Any, plan: Any, first: Any, last: Any, build: Any, phases: Any) -> Any:
-    """Run control ticks of every lane, and return the one at which the run ended.
+def run_ticks(arrays: Any, plan: Any, first: Any, last: Any, build: Any, phases: Any) -> Any:
+    """Run control ticks of all lanes, and return the tick at which the run ended.
 
     Args:
-        a: arrays: `w`, the records of every lane, flat, row times lanes plus lane; `sent`, speeds
-            commanded lately (n_rotors, n_ring, n_lanes); `log` (n_rows, n_logged, n_lanes), filled
-            with the rows `logged` of `w`; and what the phases need.
-        first: control tick to begin with; -1 only senses.
-        last: control tick to stop before.
-        build: `Build`. The number of lanes is known when the loop is compiled, and the loops over
-            lanes hold no other loop.
+        arrays: `w`, the records of all lanes, flat, row times lanes plus lane; `sent`, ring buffer
+            of commanded speeds (n_rotors, n_ring, n_lanes); `log` (n_rows, n_logged, n_lanes) of
+            the rows `logged` of `w`; and further arrays for the phases.
+        first: first control tick; -1 only reads the sensors.
+        last: end of the control ticks (exclusive).
+        build: the number of lanes is known at compile time, and the loops over lanes contain no
+            other loop.
     """
-    w, to, at = a.w, build.to, len(build.lanes)
-    now = read_record(plan, PLAN, 0, 1)
-    fixed, steps, ring = phases.fixed(a), now.substeps * (1 - now.held), a.sent.shape[1]
-    place, row = max(first, 0) % ring, (max(first, 0) + now.log_every - 1) // now.log_every
+    w, slots, n_lanes = arrays.w, build.slots, len(build.lanes)
+    settings = read_record(plan, PLAN, 0, 1)
+    geometry, ring = phases.geometry(arrays), arrays.sent.shape[1]
+    substeps, log_every = settings.substeps, settings.log_every
+    steps = substeps * (1 - settings.held)
+    position, row = max(first, 0) % ring, (max(first, 0) + log_every - 1) // log_every
     for tick in range(first, last):
-        wanted = phases.wanted(a, max(tick, 0))
+        scheduled = phases.scheduled(arrays, max(tick, 0))
         if tick >= 0:
-            time_s = (now.before + tick) * now.substeps * fixed.dt_s
-            instant = Instant(tick, time_s, 0, now, fixed, wanted)
-            if now.driver == BUILT_IN:
-                phases.law(a, instant)
-            phases.mix(a, instant)
-            for i in range(len(to.targets.like.sent_rad_s)):
-                for lane in range(at):
-                    a.sent[i, place, lane] = read_record(w, to.targets, lane, at).sent_rad_s[i]
-            place = place + 1 if place + 1 < ring else 0  # a remainder costs a tenth of a tick
-            if tick == row * now.log_every:
-                for channel in range(len(a.logged)):
-                    for lane in range(at):
-                        a.log[row, channel, lane] = w[a.logged[channel] * at + lane]
+            time_s = (settings.before + tick) * substeps * geometry.dt_s
+            now = Instant(tick, time_s, 0, settings, geometry, scheduled)
+            if settings.driver == BUILT_IN:
+                phases.law(arrays, now)
+            phases.mix(arrays, now)
+            for i in range(len(slots.targets.like.sent_rad_s)):
+                for lane in range(n_lanes):
+                    sent_rad_s = read_record(w, slots.targets, lane, n_lanes).sent_rad_s
+                    arrays.sent[i, position, lane] = sent_rad_s[i]
+            position = position + 1 if position + 1 < ring else 0  # faster than a remainder
+            if tick == row * log_every:
+                for channel in range(len(arrays.logged)):
+                    for lane in range(n_lanes):
+                        arrays.log[row, channel, lane] = w[arrays.logged[channel] * n_lanes + lane]
                 row += 1
             for part in range(steps):
-                if now.delayed > 0:
-                    for lane in range(at):
-                        step = tick * now.substeps + part
-                        apply_arrived_pulses(w, lane, at, a.sent, step, now.substeps, to)
-                phases.move(a, Instant(tick, time_s, part, now, fixed, wanted))
-                if not phases.goes_on(a):
+                if settings.delayed > 0:
+                    for lane in range(n_lanes):
+                        step = tick * substeps + part
+                        apply_delayed_commands(w, lane, n_lanes, arrays.sent, step, substeps, slots)
+                phases.move(arrays, Instant(tick, time_s, part, settings, geometry, scheduled))
+                if not phases.is_running(arrays):
                     return tick
-        time_s = (now.before + tick + 1) * now.substeps * fixed.dt_s
-        phases.sense(a, Instant(tick + 1, time_s, 0, now, fixed, wanted))
+        time_s = (settings.before + tick + 1) * substeps * geometry.dt_s
+        phases.sense(arrays, Instant(tick + 1, time_s, 0, settings, geometry, scheduled))
     return last

@@ -1,8 +1,7 @@
-"""Where named records stand in one flat block, and where arrays stand for quick calls.
+"""Layout of named records in one flat block, and table of array addresses for fast calls.
 
-Each array that is handed to a compiled function costs some 50 ns a call, and a named tuple
-microseconds: twenty of them cost more than a control tick itself. A table of their addresses costs
-one array.
+Each array argument of a compiled function costs about 50 ns per call, a named tuple microseconds:
+twenty of them cost more than a control tick. A table of their addresses costs one array.
 """
 
 from __future__ import annotations
@@ -19,32 +18,32 @@ from benchtool.physics.expression import Slot, flat_values
 
 
 class Layout:
-    """Know where records stand: `places` for a loop, rows by name for Python.
+    """Layout of records: `slots` for a loop, rows by name for Python.
 
     Args:
-        places: makes a named tuple of slots, which a loop takes.
-        records: an example of each, in the order in which they stand.
+        slots_type: named tuple of the slots.
+        records: an example of each record, in order.
     """
 
-    def __init__(self, places: Callable[..., Any], **records: Any) -> None:
+    def __init__(self, slots_type: Callable[..., Any], **records: Any) -> None:
         self.records = records
         first, slots = 0, {}
         for name, like in records.items():
             slots[name] = Slot(first, like)
             first += len(flat_values(like))
-        self.places, self.n_rows = places(**slots), first
+        self.slots, self.n_rows = slots_type(**slots), first
         self._rows: dict[str, slice] = {}
 
     def rows(self, path: str) -> slice:
-        """Return the rows of a record, or of a field of it, as "hinge.theta_rad"."""
+        """Return the rows of a record or of one of its fields, for example "hinge.theta_rad"."""
         if path not in self._rows:
             record, _, field = path.partition(".")
-            self._rows[path] = rows_in(getattr(self.places, record), field)
+            self._rows[path] = rows_in(getattr(self.slots, record), field)
         return self._rows[path]
 
     def row_numbers(self, fields: Iterable[str]) -> NDArray[np.int64]:
-        """Return the rows of fields in turn; of `nothing` for what a law's state has no field."""
-        found: list[int] = []
+        """Return the rows of fields; those of `nothing` for missing fields of a law's state."""
+        numbers: list[int] = []
         for field in fields:
             try:
                 rows = self.rows(field)
@@ -52,16 +51,16 @@ class Layout:
                 if not field.startswith("law_state."):
                     raise
                 rows = self.rows("nothing")
-            found += range(self.n_rows)[rows]
-        return np.array(found, np.int64)
+            numbers += range(self.n_rows)[rows]
+        return np.array(numbers, np.int64)
 
     def column(self, **records: Any) -> Array:
-        """Return one lane's block (n_rows,) with these records; as at the beginning elsewhere."""
+        """Return the block of one lane (n_rows,) with these records, by default the examples."""
         return np.array(flat_values(tuple({**self.records, **records}.values())), float)
 
 
 def rows_in(slot: Slot, path: str) -> slice:
-    """Return the rows of a field of a slot's record, as "setpoint.plate_z_m"; of all of it, ""."""
+    """Return the rows of a field of a slot, such as "setpoint.plate_z_m"; all rows for ""."""
     first, like = slot
     for name in filter(None, path.split(".")):
         k = like._fields.index(name)
@@ -78,29 +77,30 @@ def allocate(record: Any) -> Any:
     return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
 
 
-LINE, PLANE, SOLID, COUNTS = (0.0,), ((0.0,),), (((0.0,),),), (0,)  # float arrays, and integers
+# Array types: floats with 1, 2 and 3 axes, and integers.
+LINE, PLANE, SOLID, COUNTS = (0.0,), ((0.0,),), (((0.0,),),), (0,)
 
 
 def lend_rows(loop: Callable[..., Any], arrays: Any) -> Any:
-    """Return what a loop takes for a record of arrays, see `borrowed`; keep them while it may run.
+    """Return the table of array addresses for a loop, see `shared_view`; keep the arrays alive.
 
     Args:
-        loop: from `compiled_closure`; one that is not compiled takes the record itself.
-        arrays: a named tuple whose defaults are the arrays' forms.
+        loop: from `compiled_closure`; for an uncompiled loop the record itself is returned.
+        arrays: a named tuple whose defaults are the array types.
     """
     if not hasattr(loop, "py_func"):
         return arrays
-    given = list(record_leaves(arrays))
-    for array, (dtype, axes) in zip(given, _forms(arrays.__class__), strict=True):
+    leaves = list(record_leaves(arrays))
+    for array, (dtype, axes) in zip(leaves, _array_types(arrays.__class__), strict=True):
         if (array.dtype, array.ndim, array.flags.c_contiguous) != (dtype, axes, True):
-            raise TypeError(f"a loop takes a block of {dtype} with {axes} axes, got {array!r}")
+            raise TypeError(f"a loop needs an array of {dtype} with {axes} axes, got {array!r}")
     return np.array(
-        [(array.ctypes.data, *array.shape, *(1,) * (3 - array.ndim)) for array in given], np.int64
+        [(array.ctypes.data, *array.shape, *(1,) * (3 - array.ndim)) for array in leaves], np.int64
     )
 
 
 def record_leaves(record: Any) -> Iterator[Any]:
-    """Yield the fields of a record that are no records themselves, in order."""
+    """Yield the leaf fields of a nested record, in order."""
     for part in record:
         if hasattr(part, "_fields"):
             yield from record_leaves(part)
@@ -109,5 +109,5 @@ def record_leaves(record: Any) -> Iterator[Any]:
 
 
 @cache
-def _forms(kind: Callable[[], Any]) -> list[tuple[np.dtype[Any], int]]:
-    return [(np.asarray(form).dtype, np.ndim(form)) for form in record_leaves(kind())]
+def _array_types(record_type: Callable[[], Any]) -> list[tuple[np.dtype[Any], int]]:
+    return [(np.asarray(leaf).dtype, np.ndim(leaf)) for leaf in record_leaves(record_type())]

@@ -1,4 +1,4 @@
-"""Rotors that follow their commands: a first-order lag and a delay, exact over plant steps."""
+"""Rotor speed response: first-order lag and delay, exact over plant steps."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from benchtool.physics.model import Model
 Rotors = namedtuple("Rotors", "speed_rad_s")  # per disc, in flight per rotor: speed (rad/s)
 
 Targets = namedtuple("Targets", "sent_rad_s old_rad_s new_rad_s")
-"""Per disc, in flight per rotor: the speed commanded last, and those in force at the beginning
-and the end of a plant step (rad/s).
+"""Per disc, in flight per rotor: last commanded speed, and the delayed commands at the beginning
+and the end of a plant step.
 """
 
 Lag = namedtuple("Lag", "remains old new", defaults=(0.0, 0.0, 0.0))
-"""Over half a plant step: what remains of a speed, and the shares of the targets in force at
-the step's beginning and end.
+"""Weights over half a plant step: of the speed before it, and of the delayed commands at beginning
+and end of the step.
 """
 
 Motion = namedtuple(
@@ -33,56 +33,64 @@ Motion = namedtuple(
     "first second wake_remains wake_kick_Nm delay_steps",
     defaults=(Lag(), Lag(), 0.0, 0.0, 0.0),
 )
-"""Over a plant step: lag of both halves, what remains of the random torque and what a normal
-draw adds (N m), and the delay of commands in whole steps.
+"""Over a plant step: lag of both halves, decay factor of the random torque and standard deviation
+of its innovation (N m), and delay of commands in whole steps.
 """
 
 
 @expression
 def first_order_lag(lag: Any, speed: Any, old: Any, new: Any) -> Any:
-    """Return the speed of each rotor half a plant step on: rad/s."""
-    found = speed
+    """Return the speed of each rotor after half a plant step: rad/s."""
+    speeds = speed
     for i in range(len(speed)):
-        found = with_fields(found, i, lag.remains * speed[i] + lag.old * old[i] + lag.new * new[i])
-    return found
+        speeds = with_fields(
+            speeds, i, lag.remains * speed[i] + lag.old * old[i] + lag.new * new[i]
+        )
+    return speeds
 
 
 @inlined_expression
-def apply_arrived_pulses(
-    w: Any, lane: Any, at: Any, sent: Any, step: Any, substeps: Any, to: Any
+def apply_delayed_commands(
+    w: Any, lane: Any, n_lanes: Any, sent: Any, step: Any, substeps: Any, slots: Any
 ) -> None:
-    """Look up which commands are in force at the two ends of a plant step, after the delay."""
-    motion, targets = read_record(w, to.motion, lane, at), read_record(w, to.targets, lane, at)
-    late, ring = step - int(motion.delay_steps), sent.shape[1]
-    before, after = ((late - 1) // substeps) % ring, (late // substeps) % ring
+    """Write the delayed commands at beginning and end of a plant step."""
+    motion, targets = (
+        read_record(w, slots.motion, lane, n_lanes),
+        read_record(w, slots.targets, lane, n_lanes),
+    )
+    delayed_step, ring = step - int(motion.delay_steps), sent.shape[1]
+    before, after = ((delayed_step - 1) // substeps) % ring, (delayed_step // substeps) % ring
     old, new = targets.old_rad_s, targets.new_rad_s
     for i in range(len(old)):
         old = with_fields(old, i, sent[i, before, lane])
         new = with_fields(new, i, sent[i, after, lane])
-    write_record(w, to.targets, lane, at, Targets(targets.sent_rad_s, old, new))
+    write_record(w, slots.targets, lane, n_lanes, Targets(targets.sent_rad_s, old, new))
 
 
-def motion_of(model: Model, dt_s: float) -> Motion:
-    """Return a model's lag, delay and random torque for steps of the plant."""
-    tau_s, wait_s = model.lag_s, model.delay_s
-    steps = int(np.floor(wait_s / dt_s + 1e-9))
-    late_s, half = max(wait_s - steps * dt_s, 0.0), 0.5 * dt_s
+def build_motion(model: Model, dt_s: float) -> Motion:
+    """Return lag, delay and random torque of a model for plant steps."""
+    tau_s, delay_s = model.lag_s, model.delay_s
+    delay_steps = int(np.floor(delay_s / dt_s + 1e-9))
+    remaining_delay_s, half_s = max(delay_s - delay_steps * dt_s, 0.0), 0.5 * dt_s
 
-    def remains(duration_s: float) -> float:
-        """Return the share of the distance to a command that is left after some time."""
+    def decay(duration_s: float) -> float:
+        """Return the share of the distance to a command that remains after a duration."""
         if duration_s <= 0.0:
             return 1.0
         return float(np.exp(-duration_s / tau_s)) if tau_s > 0.0 else 0.0
 
-    def over(old_s: float) -> Lag:
-        """Return the lag over half a step, the first `old_s` of it on the command before."""
-        before, after = remains(old_s), remains(half - old_s)
+    def half_step_lag(old_s: float) -> Lag:
+        """Return the lag over half a step, of which the first `old_s` use the old command."""
+        before, after = decay(old_s), decay(half_s - old_s)
         return Lag(before * after, (1.0 - before) * after, 1.0 - after)
 
-    wake_remains = wake_kick = 0.0
+    wake_remains = wake_innovation = 0.0
     if model.random_torque is not None:
         sd, correlation_s = model.random_torque
         wake_remains = np.exp(-dt_s / correlation_s)
-        wake_kick = sd * np.sqrt(1.0 - wake_remains**2)
-    first, second = over(min(late_s, half)), over(max(late_s - half, 0.0))
-    return Motion(first, second, wake_remains, wake_kick, float(steps))
+        wake_innovation = sd * np.sqrt(1.0 - wake_remains**2)
+    first, second = (
+        half_step_lag(min(remaining_delay_s, half_s)),
+        half_step_lag(max(remaining_delay_s - half_s, 0.0)),
+    )
+    return Motion(first, second, wake_remains, wake_innovation, float(delay_steps))

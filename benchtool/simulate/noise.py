@@ -1,8 +1,8 @@
-"""Random numbers inside a compiled loop: one small generator per lane, seeded from outside.
+"""Random numbers inside a compiled loop: one small generator per lane, seeded by the caller.
 
-Every lane has its own stream, so that a run gives the same numbers alone, in a batch of any size
-and on any number of cores. Numbers are drawn whether a noise is switched on or not: two runs of
-one seed that differ in one noise share all the others.
+Every lane has its own stream, so that a run gets the same numbers alone, in a batch of any size
+and on any number of cores. Numbers are drawn whether a noise is enabled or not: two runs with
+the same seed that differ in one noise share all others.
 
 The generator is a multiply-with-carry of Marsaglia (1994), x' = A (x mod 2^32) + floor(x / 2^32),
 with its two halves combined as in Thomas' MWC64X. A is the largest odd number below 2^31 for which
@@ -32,7 +32,7 @@ def next_state(state: Quantity) -> Quantity:
 
 @expression
 def later_state(state: Quantity, steps: int) -> Quantity:
-    """Return the generator's state so many steps on."""
+    """Return the generator's state after some steps."""
     for _ in range(steps):
         state = next_state(state)
     return state
@@ -54,25 +54,25 @@ def uniform(state: Quantity) -> Quantity:
 def normal(first: Quantity, second: Quantity) -> Quantity:
     """Return a standard normal number from two successive states.
 
-    The sum of four 16-bit numbers, stretched by an odd polynomial to the normal law: the
-    distribution function is right to 3e-5, the standard deviation to 1e-4; none is beyond 6.5.
+    The sum of four 16-bit numbers, mapped by an odd polynomial to the normal distribution: error
+    of the distribution function 3e-5, of the standard deviation 1e-4; maximum magnitude 6.5.
     Method: Thomas 2014 (corrected central limit); coefficients by least squares on the quantiles.
     """
-    one, two = bits(first), bits(second)
-    total = (one & LOW_16) + (one >> 16) + (two & LOW_16) + (two >> 16)
+    bits_a, bits_b = bits(first), bits(second)
+    total = (bits_a & LOW_16) + (bits_a >> 16) + (bits_b & LOW_16) + (bits_b >> 16)
     u = (total - 131070) * 2.6428997921303014e-05  # to unit variance: 4 (2^32 - 1) / 12
     v = u * u
-    stretched = 0.0010130362284591046 + v * (-9.814505991365575e-05 + v * 3.7063071330431952e-06)
-    stretched = 0.011557281417119848 + v * (-0.004871159259054379 + v * stretched)
-    return u * (0.964411898034138 + v * (0.0006142831514005867 + v * stretched))
+    poly = 0.0010130362284591046 + v * (-9.814505991365575e-05 + v * 3.7063071330431952e-06)
+    poly = 0.011557281417119848 + v * (-0.004871159259054379 + v * poly)
+    return u * (0.964411898034138 + v * (0.0006142831514005867 + v * poly))
 
 
 def lane_states(seed: int, runs: Iterable[int]) -> NDArray[np.int64]:
-    """Return a starting state for each run of a seed (n_runs,); run 3 of seed 7 is always it."""
-    return np.array([_state(seed, run) for run in runs], np.int64)
+    """Return the initial state of each run of a seed (n_runs,), a function of seed and run."""
+    return np.array([_initial_state(seed, run) for run in runs], np.int64)
 
 
 @lru_cache(maxsize=4096)
-def _state(seed: int, run: int) -> int:
+def _initial_state(seed: int, run: int) -> int:
     low, high = np.random.SeedSequence([seed, run]).generate_state(2, np.uint32)
     return (int(high) % (MULTIPLIER - 2) + 1) * 2**32 + int(low)

@@ -1,7 +1,7 @@
-"""The virtual rotor bench: motors, plate and load cell with their imperfections, no protocol.
+"""Virtual rotor bench: motors, plate and load cell with imperfections, without protocol.
 
-Time passes in stream ticks and only in `advance`. However a span is split into calls, the same
-seed gives the same readings, so a run can be repeated and a long settling costs one call.
+Time advances in stream ticks, only in `advance`. The readings of a seed do not depend on how the
+ticks are split into calls: runs are repeatable, and a long settling costs one call.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from benchtool.simulate.true_thrust import PlatePosition, TrueThrust, motor_lag_
 SLOW_HZ = 10.0  # rate of ESC temperature readings, as telemetry of hobby ESCs; assumed
 
 
-FIRST_TARE_S = 0.2  # a cell that has read nothing yet is given this long before its first tare
+FIRST_TARE_S = 0.2  # readings collected before the first tare, where there are none
 
 
-def channels_of(n_rotors: int) -> tuple[Channel, ...]:
-    """Return what a virtual bench of so many rotors streams, in order."""
+def list_channels(n_rotors: int) -> tuple[Channel, ...]:
+    """Return the channels of a virtual bench, in stream order."""
     numbers = range(1, n_rotors + 1)
     return (
-        *(Channel(f"pwm{i}_us", "pwm_us", f"commanded pulse of motor {i}") for i in numbers),
+        *(Channel(f"pwm{i}_us", "pwm_us", f"commanded pulse width of motor {i}") for i in numbers),
         *(Channel(f"rpm{i}", "rpm", f"speed of rotor {i}") for i in numbers),
         Channel("thrust_N", "N", "thrust of the whole vehicle since the tare"),
         Channel("thrust_raw", "count", "load-cell counts, never tared"),
@@ -50,7 +50,7 @@ def channels_of(n_rotors: int) -> tuple[Channel, ...]:
 
 
 class PlateBench:
-    """Be a rotor bench over a movable plate; a `bench.firmware.Plant`."""
+    """Rotor bench over a movable plate; a `bench.firmware.Plant`."""
 
     def __init__(
         self,
@@ -61,20 +61,20 @@ class PlateBench:
         rate_Hz: float = 200.0,
     ) -> None:
         self.rig = rig
-        self.channels = channels_of(rig.n_rotors)
-        flaws = (Imperfections() if imperfections is None else imperfections).on(rig)
+        self.channels = list_channels(rig.n_rotors)
+        resolved = (Imperfections() if imperfections is None else imperfections).resolve(rig)
         self._rng = rng
         self._powertrain = Powertrain(
             rig.propulsion,
             rig.n_rotors,
             Battery(
-                rig.propulsion.voltage_nominal_V + flaws.battery_excess_V,
-                flaws.battery_drop_V_per_Ah,
-                flaws.battery_resistance_ohm,
+                rig.propulsion.voltage_nominal_V + resolved.battery_excess_V,
+                resolved.battery_drop_V_per_Ah,
+                resolved.battery_resistance_ohm,
             ),
-            motor_lag_s(truth, flaws.motor_lag_s),
-            flaws.esc_heating_K,
-            flaws.esc_time_s,
+            motor_lag_s(truth, resolved.motor_lag_s),
+            resolved.esc_heating_K,
+            resolved.esc_time_s,
             speed_change(truth),
             rig.motor,
         )
@@ -84,26 +84,26 @@ class PlateBench:
             if effect.supply_loss
         )
         plate = rig.plate
-        self._z = Axis(plate.speed_m_s, plate.z_park_m, flaws.backlash_m)
+        self._z = Axis(plate.speed_m_s, plate.z_park_m, resolved.backlash_m)
         self._x = Axis(plate.speed_m_s, 0.0)
         self._tilt = Axis(TILT_FEED_RAD_S, 0.0)
         self._thrust = TrueThrust(rig, truth)
         self.nearest_z_over_R = truth.nearest_z_over_R
         self._drags = truth.is_torque_driven
-        self._cell = LoadCell(flaws, rig.limits.load_cell_rating_N)
-        self._vibration_N = flaws.vibration_N
+        self._cell = LoadCell(resolved, rig.limits.load_cell_rating_N)
+        self._vibration_N = resolved.vibration_N
         torque = rig.sensors.get("torque_Nm")
         self._readers = {
             **{
                 quantity: Reader(
-                    getattr(flaws, f"{quantity}_noise_{unit}"),
-                    getattr(flaws, f"{quantity}_quantum_{unit}"),
+                    getattr(resolved, f"{quantity}_noise_{unit}"),
+                    getattr(resolved, f"{quantity}_quantum_{unit}"),
                     rig.sensors[family].rate_Hz if family in rig.sensors else 0.0,
                 )
                 for family, quantity, unit in FAMILIES
             },
             "torque": Reader(torque.noise, torque.quantum, torque.rate_Hz) if torque else Reader(),
-            "temperature": Reader(0.0, 0.1 if flaws.esc_heating_K else 0.0, SLOW_HZ),
+            "temperature": Reader(0.0, 0.1 if resolved.esc_heating_K else 0.0, SLOW_HZ),
         }
         self._time_s = 0.0
         self._tared_s = 0.0
@@ -117,20 +117,20 @@ class PlateBench:
 
     @property
     def count_N(self) -> float:
-        """Force of one count of `thrust_raw`: N."""
+        """Force per count of `thrust_raw`: N."""
         return self._cell.count_N
 
     @property
     def clamped_readings(self) -> int:
-        """How many load-cell readings took a plate nearer than `nearest_z_over_R` as there."""
+        """Number of load-cell readings with the plate clamped to `nearest_z_over_R`."""
         return self._thrust.clamped
 
     @property
     def channel_rates_Hz(self) -> tuple[float, ...]:
-        """How often each channel has a new value (c,): Hz, at most the stream rate."""
-        own = {family: quantity for family, quantity, _ in FAMILIES}
-        own |= {"torque_Nm": "torque", "temperature_degC": "temperature"}
-        rates = {name: self._readers[reader].rate_Hz for name, reader in own.items()}
+        """Sampling rate of each channel (c,): Hz, at most the stream rate."""
+        readers = {family: quantity for family, quantity, _ in FAMILIES}
+        readers |= {"torque_Nm": "torque", "temperature_degC": "temperature"}
+        rates = {name: self._readers[reader].rate_Hz for name, reader in readers.items()}
         rates |= {"thrust_N": self._cell.rate_Hz, "thrust_raw": self._cell.rate_Hz}
         families = [channel.name.rstrip("0123456789") for channel in self.channels]
         return tuple(min(rates.get(name, 0.0) or np.inf, self._rate_Hz) for name in families)
@@ -142,122 +142,126 @@ class PlateBench:
 
     @property
     def pwm_us(self) -> Array:
-        """Present pulse of every motor (n,): us."""
+        """Present pulse width of every motor (n,): us."""
         return self._powertrain.pwm_us.copy()
 
     @property
     def plate_moving(self) -> bool:
-        """Whether the plate is on its way."""
+        """True while the plate moves."""
         return self._z.moving or self._x.moving or self._tilt.moving
 
     def set_rate(self, rate_Hz: float) -> None:
         """Change the stream rate from the next tick on."""
         if not 0.0 < rate_Hz <= 1e6:
-            raise InputError(f"a stream rate of {rate_Hz:g} Hz is not possible; ask for 1 to 1000")
+            raise InputError(
+                f"stream rate {rate_Hz:g} Hz is out of range; allowed: above 0, up to 1e6 Hz"
+            )
         self._time_s = self.time_s if self._tick else self._time_s
         self._tick = 0
         self._rate_Hz = float(rate_Hz)
         self._powertrain.restart_hold()
 
     def command_pwm(self, pwm_us: Array) -> None:
-        """Take the pulse of every motor (n,): us, from the next tick on."""
+        """Set the pulse width of every motor (n,): us, from the next tick on."""
         self._powertrain.pwm_us = np.array(pwm_us, float)
 
     def command_plate(self, z_m: float, x_m: float = 0.0, tilt_rad: float = 0.0) -> None:
-        """Send the plate on its way to a position."""
+        """Start moving the plate to a position."""
         self._z.target, self._x.target, self._tilt.target = z_m, x_m, tilt_rad
 
     def halt_plate(self) -> None:
-        """Halt the plate where it is."""
+        """Stop the plate at its present position."""
         for axis in (self._z, self._x, self._tilt):
             axis.target = axis.shown
 
     def tare(self) -> None:
-        """Take the mean of the last conversions as zero thrust; offset and creep so far go away."""
+        """Set the mean of the last conversions as zero thrust, which removes offset and creep."""
         if not self._cell.has_read:
             self.advance(max(1, round(self._rate_Hz * FIRST_TARE_S)))
         one = np.ones(1)
-        place = PlatePosition(self._z.true * one, self._x.true * one, self._tilt.true * one)
+        position = PlatePosition(self._z.true * one, self._x.true * one, self._tilt.true * one)
         time_s = self.time_s
         self._cell.tare(
-            self._thrust.at_rest_N(place, time_s - self._tared_s, time_s),
-            self._thrust.at_rest_N(place, 0.0, time_s),
+            self._thrust.at_rest_N(position, time_s - self._tared_s, time_s),
+            self._thrust.at_rest_N(position, 0.0, time_s),
         )
         self._tared_s = time_s
 
     def advance(self, n: int) -> Array:
-        """Return the next n ticks (n, c) in the order of `channels`; nan where nothing is new."""
+        """Return the next n ticks (n, c) in the order of `channels`; nan means no new value."""
         tick_s = 1.0 / self._rate_Hz
         elapsed_s = np.arange(1, n + 1, dtype=np.float64) * tick_s
         z_m, true_z_m = self._z.advance(elapsed_s)
         x_m, true_x_m = self._x.advance(elapsed_s)
         tilt_rad, true_tilt_rad = self._tilt.advance(elapsed_s)
-        whole = PlatePosition(true_z_m, true_x_m, true_tilt_rad)
+        positions = PlatePosition(true_z_m, true_x_m, true_tilt_rad)
 
         def drag(speed_rad_s: Array, tick: int) -> Array:
-            here = PlatePosition(*(part[tick : tick + 1] for part in whole))
-            return self._thrust.drag_factors(speed_rad_s, here)
+            position = PlatePosition(*(part[tick : tick + 1] for part in positions))
+            return self._thrust.drag_factors(speed_rad_s, position)
 
         run = self._powertrain.advance(n, tick_s, drag if self._drags else None)
-        rotors = self.rig.n_rotors
-        # One row of draws per tick, so that splitting a span does not change its noise.
-        white = self._rng.standard_normal((n, rotors + 6)).T
+        n_rotors = self.rig.n_rotors
+        # One row of draws per tick, so that the noise does not depend on the split into calls.
+        noise = self._rng.standard_normal((n, n_rotors + 6)).T
         time_s = self._time_s + (self._tick * tick_s + elapsed_s)
-        fresh = self._cell.due(self._tick + 1, n, self._rate_Hz)
-        zero_N = self._cell.wander_N(time_s, tick_s, white[0])[fresh]
-        place = PlatePosition(*(part[fresh] for part in whole))
+        is_converted = self._cell.due(self._tick + 1, n, self._rate_Hz)
+        zero_N = self._cell.drifting_zero_N(time_s, tick_s, noise[0])[is_converted]
+        position = PlatePosition(*(part[is_converted] for part in positions))
         force_N = self._force_N(
-            MotorTicks(*(part[..., fresh] for part in run)), place, time_s[fresh]
+            MotorTicks(*(part[..., is_converted] for part in run)), position, time_s[is_converted]
         )
         thrust_N, thrust_raw = np.full(n, np.nan), np.full(n, np.nan)
-        thrust_N[fresh], thrust_raw[fresh] = self._cell.convert(force_N + zero_N, white[1][fresh])
+        thrust_N[is_converted], thrust_raw[is_converted] = self._cell.convert(
+            force_N + zero_N, noise[1][is_converted]
+        )
 
-        block = np.empty((n, len(self.channels)))
-        block[:, :rotors] = self._powertrain.pwm_us
-        block[:, rotors : 2 * rotors] = self._rpm(run.speed_rad_s, white[6:]).T
-        spins = np.array([place.spin for place in self.rig.rotors], float)
+        rows = np.empty((n, len(self.channels)))
+        rows[:, :n_rotors] = self._powertrain.pwm_us
+        rows[:, n_rotors : 2 * n_rotors] = self._rpm(run.speed_rad_s, noise[6:]).T
+        spins = np.array([rotor.spin for rotor in self.rig.rotors], float)
         torque = self.rig.propulsion.drag_coefficient_Nm_s2 * (
             -spins @ (run.drag * run.speed_rad_s**2)
         )
-        block[:, 2 * rotors :] = np.column_stack(
+        rows[:, 2 * n_rotors :] = np.column_stack(
             [
                 thrust_N,
                 thrust_raw,
-                self._reading("torque", torque, white[2]),
-                self._reading("plate", z_m, white[3]),
+                self._reading("torque", torque, noise[2]),
+                self._reading("plate", z_m, noise[3]),
                 x_m,
                 from_si(tilt_rad, "deg"),
-                # Speeds lose it by the effect itself.
+                # The effect itself reduces the speeds.
                 self._reading(
-                    "voltage", run.voltage_V * (1.0 - self._supply_loss * time_s), white[4]
+                    "voltage", run.voltage_V * (1.0 - self._supply_loss * time_s), noise[4]
                 ),
-                self._reading("current", run.current_A, white[5]),
-                self._reading("temperature", run.temperature_degC, white[5]),
+                self._reading("current", run.current_A, noise[5]),
+                self._reading("temperature", run.temperature_degC, noise[5]),
             ]
         )
         self._tick += n
-        return block
+        return rows
 
-    def _force_N(self, run: MotorTicks, place: PlatePosition, time_s: Array) -> Array:
-        """Return thrust and vibration on the cell (m,): N."""
+    def _force_N(self, run: MotorTicks, position: PlatePosition, time_s: Array) -> Array:
+        """Return thrust plus vibration on the load cell (m,): N."""
         speed = run.speed_rad_s
         since_tare_s = time_s - self._tared_s
-        thrust_N = self._thrust.thrust_N(speed, place, run.voltage_V, since_tare_s, time_s)
-        relative = speed / self._powertrain.top_speed_rad_s
-        shaking = np.sum(relative**2 * np.sin(run.angle_rad), axis=0)
-        force_N: Array = thrust_N + self._vibration_N * shaking
+        thrust_N = self._thrust.thrust_N(speed, position, run.voltage_V, since_tare_s, time_s)
+        relative_speed = speed / self._powertrain.top_speed_rad_s
+        vibration = np.sum(relative_speed**2 * np.sin(run.angle_rad), axis=0)
+        force_N: Array = thrust_N + self._vibration_N * vibration
         return force_N
 
-    def _rpm(self, speed_rad_s: Array, white: Array) -> Array:
+    def _rpm(self, speed_rad_s: Array, noise: Array) -> Array:
         """Return the speed readings (n, m): rpm; a rotor at rest reads zero."""
         reader = self._readers["rpm"]
-        shown = np.maximum(reader.read(from_si(speed_rad_s, "rpm"), white), 0.0)
-        shown[speed_rad_s == 0.0] = 0.0
-        shown[:, ~reader.due(self._tick + 1, shown.shape[1], self._rate_Hz)] = np.nan
-        return shown
+        reading = np.maximum(reader.read(from_si(speed_rad_s, "rpm"), noise), 0.0)
+        reading[speed_rad_s == 0.0] = 0.0
+        reading[:, ~reader.due(self._tick + 1, reading.shape[1], self._rate_Hz)] = np.nan
+        return reading
 
-    def _reading(self, name: str, true: Array, white: Array) -> Array:
+    def _reading(self, name: str, true: Array, noise: Array) -> Array:
         reader = self._readers[name]
-        shown = np.array(reader.read(true, white))
-        shown[~reader.due(self._tick + 1, len(true), self._rate_Hz)] = np.nan
-        return shown
+        reading = np.array(reader.read(true, noise))
+        reading[~reader.due(self._tick + 1, len(true), self._rate_Hz)] = np.nan
+        return reading

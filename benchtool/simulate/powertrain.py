@@ -13,10 +13,9 @@ from benchtool.core.array_type import Array
 from benchtool.core.rig import Motor, Propulsion
 from benchtool.physics.motor import electrical_power_W, speed_near_plate, torque_per_speed
 
-HOLD_S = 0.05  # the voltage is held so long: shorter than packs change, many ticks at once
-STICTION_RAD_S = 1.0  # a motor without drive stands still below it; far below idle; assumed
+HOLD_S = 0.05  # holding time of the voltage: short against battery dynamics, many ticks
+STICTION_RAD_S = 1.0  # an undriven motor is at rest below it; far below idle; assumed
 AMBIENT_DEGC = 22.0  # room temperature at the start; assumed
-
 
 SpeedChange = Callable[[Array, float, float], Array]  # change(speed (n,), voltage, time) -> speed
 
@@ -24,8 +23,8 @@ DragFactor = Callable[[Array, int], Array]  # drag(speed (n,), tick) -> torque r
 
 
 class MotorTicks(NamedTuple):
-    """Hold m ticks: speeds (n, m) rad/s, shaft angles (n, m) rad, drag torques over those far from
-    any surface (n, m), and (m,) of each of the rest.
+    """Motor and battery state at m ticks: speed, shaft angle and drag torque ratio (relative to out
+    of ground effect) have shape (n, m), the others (m,).
     """
 
     speed_rad_s: Array
@@ -37,13 +36,13 @@ class MotorTicks(NamedTuple):
 
 
 class Powertrain:
-    """Advance motors and battery exactly in time: first-order lag, power drawn, charge, heat.
+    """Motors and battery, exact in time: first-order lag, power, charge, temperature.
 
     Args:
-        heating_K, heating_s: rise of the ESC's temperature at full throttle, and its time constant.
-        change: what else changes the speed that a pulse gives.
-        motor: None where nobody knows it: speed then does not depend on torque, and the electrical
-            power is that of the shafts over the efficiency.
+        heating_K, heating_s: temperature rise of the ESC at full throttle, and its time constant.
+        change: further change of the speed at a pulse width.
+        motor: None if unknown: speed then does not depend on torque, and the electrical power is
+            the shaft power over the efficiency.
     """
 
     def __init__(
@@ -79,12 +78,12 @@ class Powertrain:
         self._full_power_W = self._electrical_W(np.full(n_rotors, self.top_speed_rad_s))
 
     def _electrical_W(self, speed_rad_s: Array) -> float:
-        """Return the electrical power of the motors that turn."""
+        """Return the electrical power of all turning motors."""
         drawn = electrical_power_W(self._propulsion, self._motor, speed_rad_s, self._drag)
         return float(np.sum(drawn[speed_rad_s > 0.0]))
 
     def _commanded_rad_s(self) -> Array:
-        """Return the speeds that the pulses ask for at the present voltage (n,)."""
+        """Return the steady speeds for the pulse widths at the present voltage (n,)."""
         from_start = self.pwm_us - self._propulsion.pwm_start_us
         drive = np.where(self.pwm_us > self._propulsion.pwm_stop_us, from_start, 0.0)
         gain = self._propulsion.speed_per_us_rad_s * (
@@ -100,20 +99,22 @@ class Powertrain:
         return near
 
     def restart_hold(self) -> None:
-        """Begin a new holding interval with the next tick, after the tick length has changed."""
+        """Start a new holding interval at the next tick, after a change of the tick length."""
         self._ticks_held = 0
 
     def advance(self, ticks: int, tick_s: float, drag: DragFactor | None = None) -> MotorTicks:
-        """Return the next `ticks` ticks of `tick_s`; however they are split, the same result.
+        """Return the next `ticks` ticks of `tick_s`; the result does not depend on the split.
 
-        Drag torque is looked up where the voltage is: once a holding interval.
+        Drag torque and voltage are updated once per holding interval.
         """
         per_hold = max(1, round(HOLD_S / tick_s))
         n = len(self._speed)
-        run = MotorTicks(*np.empty((3, n, ticks)), *np.empty((3, ticks)))
+        motors = MotorTicks(*np.empty((3, n, ticks)), *np.empty((3, ticks)))
         steps = np.arange(1, per_hold + 1)
-        fade = np.exp(-steps * tick_s / self._lag_s) if self._lag_s else np.zeros(per_hold)
-        cool = np.exp(-steps * tick_s / self._heating_s) if self._heating_s else np.zeros(per_hold)
+        speed_decay = np.exp(-steps * tick_s / self._lag_s) if self._lag_s else np.zeros(per_hold)
+        heat_decay = (
+            np.exp(-steps * tick_s / self._heating_s) if self._heating_s else np.zeros(per_hold)
+        )
         done = 0
         while done < ticks:
             if self._ticks_held == 0:
@@ -123,28 +124,28 @@ class Powertrain:
                 self._power_W = self._electrical_W(self._speed)
                 self._voltage_V = self._battery.loaded_V(self._drawn_C, self._power_W)
             count = min(per_hold - self._ticks_held, ticks - done)
-            now = slice(done, done + count)
+            span = slice(done, done + count)
             target = self._commanded_rad_s()[:, None]
-            speed = target + (self._speed[:, None] - target) * fade[:count]
+            speed = target + (self._speed[:, None] - target) * speed_decay[:count]
             speed[(target == 0.0) & (speed < STICTION_RAD_S)] = 0.0
             current_A = self._power_W / self._voltage_V
-            warm_K = self._power_W / self._full_power_W * self._heating_K
-            warmth_K = warm_K + (self._warmth_K - warm_K) * cool[:count]
-            run.speed_rad_s[:, now] = speed
-            run.drag[:, now] = self._drag[:, None]
-            run.voltage_V[now] = self._voltage_V
-            run.current_A[now] = current_A
-            run.temperature_degC[now] = AMBIENT_DEGC + warmth_K
+            steady_K = self._power_W / self._full_power_W * self._heating_K
+            warmth_K = steady_K + (self._warmth_K - steady_K) * heat_decay[:count]
+            motors.speed_rad_s[:, span] = speed
+            motors.drag[:, span] = self._drag[:, None]
+            motors.voltage_V[span] = self._voltage_V
+            motors.current_A[span] = current_A
+            motors.temperature_degC[span] = AMBIENT_DEGC + warmth_K
             self._drawn_C += count * tick_s * current_A
             self._speed = speed[:, -1]
             self._warmth_K = float(warmth_K[-1])
             self._time_s += count * tick_s
             self._ticks_held = (self._ticks_held + count) % per_hold
             done += count
-        angle = self._angle[:, None] + np.cumsum(run.speed_rad_s, axis=1) * tick_s
-        run.angle_rad[:] = angle
+        angle = self._angle[:, None] + np.cumsum(motors.speed_rad_s, axis=1) * tick_s
+        motors.angle_rad[:] = angle
         self._angle = np.mod(angle[:, -1], 2.0 * np.pi)
-        return run
+        return motors
 
 
 COULOMB_PER_AH = 3600.0  # one ampere-hour in coulomb
@@ -152,7 +153,7 @@ COULOMB_PER_AH = 3600.0  # one ampere-hour in coulomb
 
 @dataclass(frozen=True, slots=True)
 class Battery:
-    """Describe a pack: full voltage V, fall V/Ah, resistance ohm; zeros are exactly absent."""
+    """Battery: full voltage, voltage decrease per charge, resistance; zero is exactly absent."""
 
     full_V: float
     drop_V_per_Ah: float = 0.0
@@ -165,8 +166,8 @@ class Battery:
     def loaded_V(self, drawn_C: float, power_W: float) -> float:
         """Return the voltage at the terminals while `power_W` is drawn.
 
-        Solves V = V_oc - r P / V. More power than the pack can give, V_oc^2 / 4r, leaves it at
-        half its open-circuit voltage, where that power is reached.
+        Solves V = V_oc - r P / V. Above the maximum power, V_oc^2 / 4r, the result is half the
+        open-circuit voltage, as at the maximum.
         """
         open_V = self.open_circuit_V(drawn_C)
         inside = 0.25 * open_V * open_V - self.resistance_ohm * power_W

@@ -1,9 +1,9 @@
-"""The flights that ship: the paper's two, and what its planar picture leaves out.
+"""Built-in flights: the two of the paper, and three-dimensional ones.
 
-The obstacle lies at x from 3 to 5 m with its top at height 0 (paper, Fig. 10 and 11); the vehicle's
-rotor plane is commanded to z/R rotor radii above it all along (paper, section 3.2). Case 1 flies
-over it to x = 7 m; case 2 hovers at x = 2.8 m, with the front rotor over the edge. Where the
-paper's text swaps the two (its Fig. 14 and 15), the definition is followed.
+The obstacle is at x from 3 to 5 m with its top at height 0 (paper, Fig. 10 and 11); the rotor plane
+is commanded to z/R rotor radii above it (paper, section 3.2). Case 1 flies over it to x = 7 m; case
+2 hovers at x = 2.8 m, with the front rotor over the edge. The text of the paper swaps the two for
+its Fig. 14 and 15; the definition applies here.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from benchtool.simulate.gain_file import Gains
 OBSTACLE_X_M = (3.0, 5.0)  # extent of the paper's obstacle (section 3.1)
 GYRO_NOISE_RAD_S = 0.015  # paper, section 3.2: normal, standard deviation 0.015 rad/s
 GOAL_OVER_M, GOAL_EDGE_M = 7.0, 2.8  # goals of cases 1 and 2 (paper, section 3.1 and Fig. 11)
-GUST_DRAG_N_S_M = 0.35  # drag of a small quadrotor: 3.5 m/s tip it by five degrees; assumed
+GUST_DRAG_N_S_M = 0.35  # of a small quadrotor: 3.5 m/s tilt it by five degrees; assumed
 
 
 def obstacle() -> Environment:
-    """Return the paper's obstacle, endless to the sides, with nothing around it in reach."""
+    """Return the obstacle of the paper, infinitely wide, without other surfaces."""
     return Environment(blocks=(Block(x_m=OBSTACLE_X_M, name="obstacle"),), name="obstacle")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuiltInCase:
-    """Describe one shipped flight: what it shows, and how its case is made."""
+    """Built-in flight: title, defaults, and function that builds its case."""
 
     name: str
     title: str
-    make: Callable[[FlightCase, float, float], FlightCase]
+    build: Callable[[FlightCase, float, float], FlightCase]
     speed_m_s: float = 0.2
     z_over_R: float = 2.0
 
@@ -87,7 +87,7 @@ def _corner(case: FlightCase, z_m: float, speed_m_s: float) -> FlightCase:
 
 
 def _gust(case: FlightCase, z_m: float, speed_m_s: float) -> FlightCase:
-    """Hover over the middle of the obstacle, and be blown towards its edge."""
+    """Hover over the middle of the obstacle in a gust towards its edge."""
     return replace(
         case,
         vehicle=replace(case.vehicle, drag_N_s_m=GUST_DRAG_N_S_M),
@@ -110,14 +110,14 @@ def _ramp(case: FlightCase, z_m: float, speed_m_s: float) -> FlightCase:
     )
 
 
-PLATE_S = (10.0, 10.5, 30.0, 30.5)  # the plate moves in and out again, as on the bench
+PLATE_S = (10.0, 10.5, 30.0, 30.5)  # insertion and withdrawal of the plate, as on the bench
 
 
 def plate_under_front(radius_m: float, arm_m: float) -> Environment:
-    """Return a plate that is slid under the front rotor from ahead, and withdrawn.
+    """Return a plate that is inserted under the front rotor from ahead, and withdrawn.
 
-    It is as wide as a disc and its near edge lies 0.3 R behind the front rotor's disc: the side
-    rotors' discs stay clear of it, and a drift of a few centimetres does not uncover the front.
+    It is as wide as a disc, and its near edge is 0.3 R behind the front disc: it never covers the
+    side discs, and the front disc remains covered under a drift of a few centimetres.
     """
     near = arm_m - 1.3 * radius_m
     plate = Block(
@@ -131,26 +131,26 @@ def plate_under_front(radius_m: float, arm_m: float) -> Environment:
 
 
 def _plate(case: FlightCase, z_m: float, speed_m_s: float) -> FlightCase:
-    places = case.vehicle.rig.disc_positions_m
-    below = plate_under_front(case.vehicle.rig.propulsion.radius_m, float(places[:, 0].max()))
+    positions_m = case.vehicle.rig.disc_positions_m
+    below = plate_under_front(case.vehicle.rig.propulsion.radius_m, float(positions_m[:, 0].max()))
     return replace(
         case, below=below, goals=(Goal(x_m=0.0, z_m=z_m, speed_m_s=speed_m_s),), duration_s=60.0
     )
 
 
-_SHIPPED = (
-    BuiltInCase(name="over", title="Flying over an obstacle (case 1)", make=_over),
-    BuiltInCase(name="edge", title="Hovering in partial ground effect (case 2)", make=_edge),
-    BuiltInCase(name="oblique", title="Crossing an edge at 35 degrees", make=_oblique),
-    BuiltInCase(name="corner", title="Hovering over the corner of a box", make=_corner),
-    BuiltInCase(name="gust", title="A gust while hovering over the obstacle", make=_gust),
-    BuiltInCase(name="ramp", title="Flying over a ramp and the obstacle", make=_ramp),
+_BUILT_IN = (
+    BuiltInCase(name="over", title="Flying over an obstacle (case 1)", build=_over),
+    BuiltInCase(name="edge", title="Hovering in partial ground effect (case 2)", build=_edge),
+    BuiltInCase(name="oblique", title="Crossing an edge at 35 degrees", build=_oblique),
+    BuiltInCase(name="corner", title="Hovering over the corner of a box", build=_corner),
+    BuiltInCase(name="gust", title="A gust while hovering over the obstacle", build=_gust),
+    BuiltInCase(name="ramp", title="Flying over a ramp and the obstacle", build=_ramp),
     BuiltInCase(
-        name="plate", title="A plate moved under the front rotor in free hover", make=_plate
+        name="plate", title="A plate moved under the front rotor in free hover", build=_plate
     ),
 )
 
-FLIGHTS: Mapping[str, BuiltInCase] = {item.name: item for item in _SHIPPED}
+FLIGHTS: Mapping[str, BuiltInCase] = {item.name: item for item in _BUILT_IN}
 
 
 def flight_case(
@@ -162,17 +162,17 @@ def flight_case(
     speed_m_s: float | None = None,
     **changes: Any,
 ) -> FlightCase:
-    """Return a shipped flight with these numbers."""
+    """Return the case of a built-in flight; z_over_R None means no surface."""
     if name not in FLIGHTS:
         raise UnknownChoice("flight", name, FLIGHTS)
-    shipped = FLIGHTS[name]
+    built_in = FLIGHTS[name]
     height = 2.0 if z_over_R is None else z_over_R
     if not 0.0 < height < 1e3:
-        raise InputError(f"z/R is {height:g}; give a positive height in rotor radii")
+        raise InputError(f"z/R is {height:g}; allowed: above 0, below 1000")
     z_m = height * vehicle.rig.propulsion.radius_m
-    given: dict[str, Any] = {"title": shipped.title, "start_m": (0.0, 0.0, z_m), **changes}
-    base = FlightCase(name=name, vehicle=vehicle, gains=gains, **given)
-    case = shipped.make(base, z_m, shipped.speed_m_s if speed_m_s is None else speed_m_s)
+    arguments: dict[str, Any] = {"title": built_in.title, "start_m": (0.0, 0.0, z_m), **changes}
+    base = FlightCase(name=name, vehicle=vehicle, gains=gains, **arguments)
+    case = built_in.build(base, z_m, built_in.speed_m_s if speed_m_s is None else speed_m_s)
     if z_over_R is None:
         case = replace(case, below=Environment())
     return replace(case, **changes)

@@ -1,9 +1,8 @@
-"""What a vehicle flies over: boxes, ramps, plates that come and go, and a grid of heights.
+"""Environment of a flight: boxes, ramps, moving plates, and a height grid.
 
-A block is a rectangle in plan with a flat or sloping top; its sides fall straight down. Blocks in
-one plane make one surface, whatever pieces they come in. A height grid is one more surface, and the
-floor below all is the last. Each surface acts on its own, with the heights over it and the discs'
-fractions on it; what the surfaces add to a rotor's thrust is summed (`flight.ground`).
+A block is a rectangle in plan with a flat or sloping top and vertical sides. Blocks with a common
+plane form one surface. A height grid is one more surface, and the floor is the last. The thrust
+increments of all surfaces are summed (`flight.ground`).
 """
 
 from __future__ import annotations
@@ -23,19 +22,24 @@ from benchtool.physics.expression import Slot
 from benchtool.simulate.flight.height_grid import DiscGrid, HeightGrid
 from benchtool.simulate.layout import LINE, PLANE, SOLID
 
-ALWAYS = (-1e9, -1e9, 1e9, 1e9)  # s: begins to come, is there, begins to go, is gone
+ALWAYS = (
+    -1e9,
+    -1e9,
+    1e9,
+    1e9,
+)  # s: start and end of the insertion, start and end of the withdrawal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block(FileTable):
-    """Describe one obstacle.
+    """Obstacle.
 
     Attributes:
         x_m, y_m: extent in plan, lower and upper; may be infinite.
-        top_m: height of the top, at the lower corner (x, y) where it slopes.
+        top_m: height of the top, for a slope at the lower corner (x, y).
         slope_x, slope_y: rise of the top per metre along x and y; 0 is a box.
-        times_s: when a plate that is moved in begins to come, has come, begins to go, has gone.
-        slide_m: where it stands before it comes, and after: displacement along x and y.
+        times_s: of a moving plate: start and end of its insertion, then of its withdrawal.
+        slide_m: displacement along x and y before the insertion and after the withdrawal.
     """
 
     x_m: tuple[float, float]
@@ -51,15 +55,17 @@ class Block(FileTable):
         for axis, (low, high) in (("x_m", self.x_m), ("y_m", self.y_m)):
             if not low < high:
                 raise InputError(
-                    f"{self.name}: {axis} runs from {low:g} to {high:g}; give the lower end first"
+                    f"{self.name}: {axis} is {low:g} to {high:g} m; give the lower end first"
                 )
         for axis, slope, ends in (("x", self.slope_x, self.x_m), ("y", self.slope_y, self.y_m)):
             if slope and not all(map(isfinite, ends)):
                 raise InputError(f"{self.name}: a slope along {axis} needs finite ends")
             if not abs(slope) <= 2.0:
-                raise InputError(f"{self.name}: slope_{axis} is {slope:g}; give at most 2 (63 deg)")
+                raise InputError(
+                    f"{self.name}: slope_{axis} is {slope:g}; allowed: -2 to 2 (63 deg)"
+                )
         if not isfinite(self.top_m):
-            raise InputError(f"{self.name}: top_m is {self.top_m:g}; give a finite height")
+            raise InputError(f"{self.name}: top_m is {self.top_m:g}; allowed: finite heights")
         if not all(map(isfinite, (*self.times_s, *self.slide_m))):
             raise InputError(
                 f"{self.name}: times_s {self.times_s} and slide_m {self.slide_m} must be finite"
@@ -69,14 +75,14 @@ class Block(FileTable):
 
     @property
     def plane(self) -> tuple[float, float, float]:
-        """Height at the origin and the two slopes: blocks of one plane are one surface."""
+        """Height at the origin and slopes; blocks with the same plane form one surface."""
         x = self.x_m[0] if self.slope_x else 0.0
         y = self.y_m[0] if self.slope_y else 0.0
         at_origin = self.top_m - self.slope_x * x - self.slope_y * y
         return (round(at_origin, 9), self.slope_x, self.slope_y)
 
     def row(self, surface: int) -> BlockRow:
-        """Return the block's column of `Tables.blocks`."""
+        """Return the column of `Tables.blocks`."""
         return BlockRow(
             *self.x_m, *self.y_m, self.top_m, self.slope_x, self.slope_y,
             *self.times_s, *self.slide_m, surface,
@@ -85,10 +91,10 @@ class Block(FileTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Environment:
-    """Hold everything there is to fly over.
+    """Environment of a flight.
 
     Attributes:
-        floor_m: height of the floor below all; -inf leaves it out of reach.
+        floor_m: height of the floor; -inf means no floor.
     """
 
     blocks: tuple[Block, ...] = ()
@@ -98,10 +104,12 @@ class Environment:
 
     def __post_init__(self) -> None:
         if not self.floor_m < inf:
-            raise InputError(f"floor_m is {self.floor_m:g}; give a height in m, or -inf for none")
+            raise InputError(
+                f"floor_m is {self.floor_m:g}; allowed: finite heights in m, or -inf for none"
+            )
         for a, b in combinations(self.blocks, 2):
             if _overlap(a.x_m, b.x_m) and _overlap(a.y_m, b.y_m):
-                raise InputError(f"blocks {a.name!r} and {b.name!r} overlap in plan; cut one")
+                raise InputError(f"blocks {a.name!r} and {b.name!r} overlap in plan; shorten one")
         for block in self.blocks:
             if block.top_m <= self.floor_m:
                 raise InputError(
@@ -110,7 +118,7 @@ class Environment:
                 )
 
     def moved(self, x_m: float = 0.0, y_m: float = 0.0, z_m: float = 0.0) -> Environment:
-        """Return the same things elsewhere: a map with an error."""
+        """Return the environment displaced, such as a map with an error."""
         return replace(
             self,
             blocks=tuple(
@@ -126,22 +134,22 @@ class Environment:
             floor_m=self.floor_m + z_m,
         )
 
-    def refuse_uncovered(self, places_m: Array, margin_m: float, what: str) -> None:
-        """Refuse a path (m, 2) that leaves the height grid."""
+    def check_coverage(self, path_m: Array, margin_m: float, label: str) -> None:
+        """Raise if a path (m, 2) leaves the height grid."""
         if self.grid is not None:
-            self.grid.refuse_uncovered(places_m, margin_m, what)
+            self.grid.check_coverage(path_m, margin_m, label)
 
     def tables(self, radius_m: float) -> Tables:
-        """Return the numbers that the compiled loop reads, for discs of that radius."""
+        """Return the tables for the compiled loop, for a disc radius."""
         planes = list(dict.fromkeys(block.plane for block in self.blocks))
         rows = [block.row(planes.index(block.plane)) for block in self.blocks]
         blocks = np.array(rows, float).reshape(len(rows), len(BlockRow._fields)).T.copy()
         grid = DiscGrid.none() if self.grid is None else self.grid.averaged(radius_m)
-        seen, *places = grid
-        return Tables(blocks, seen, np.array([*places, self.floor_m, len(planes)], float))
+        cells, *grid_numbers = grid
+        return Tables(blocks, cells, np.array([*grid_numbers, self.floor_m, len(planes)], float))
 
 
-BlockRow = namedtuple(  # a `Block` as the compiled loop reads it, with the number of its surface
+BlockRow = namedtuple(  # a `Block` in the compiled loop, with the number of its surface
     "BlockRow",
     "x1_m x2_m y1_m y2_m top_m slope_x slope_y begins_s there_s leaves_s gone_s slide_x_m "
     "slide_y_m surface",
@@ -154,19 +162,19 @@ MapNumbers = namedtuple(
     "grid_x_m grid_y_m step_x_m step_y_m floor_m n_planes",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
-"""Place of a grid's first node and the steps between nodes (m; 0 where there is no grid), the
-height of the floor (m, -inf without), and how many surfaces the blocks make.
+"""First node and steps of a grid (m; 0 without grid), height of the floor (m, -inf without), and
+number of surfaces of the blocks.
 """
 
 MAP = Slot(0, MapNumbers())  # `Tables.numbers`
 
-Tables = namedtuple("Tables", "blocks seen numbers", defaults=(PLANE, SOLID, LINE))
-"""Hold an environment as the compiled loop reads it.
+Tables = namedtuple("Tables", "blocks cells numbers", defaults=(PLANE, SOLID, LINE))
+"""Environment in the compiled loop.
 
 Attributes:
     blocks: (n_numbers, b), a `BlockRow` per column.
-    seen: (2, nx, ny) what a disc centred on a node of the grid sees: the fraction of it that
-        lies over the grid's rise, and the mean height of that rise.
+    cells: (2, nx, ny) of a disc centred on a node of the grid: fraction over raised cells, and the
+        mean height of these.
 """
 
 

@@ -1,4 +1,4 @@
-"""Fly a vehicle over an environment: one case in, one flight out."""
+"""Simulation of one flight over an environment."""
 
 from __future__ import annotations
 
@@ -24,11 +24,13 @@ from benchtool.simulate.gain_file import Gains
 from benchtool.simulate.hooks import loop_effects, loop_numbers
 from benchtool.simulate.kernel import BUILT_IN, CALLER, LoopPlan
 from benchtool.simulate.layout import allocate, lend_rows
-from benchtool.simulate.motors import Rotors, motion_of
+from benchtool.simulate.motors import Rotors, build_motion
 from benchtool.simulate.noise import lane_states
 
 Ending = Literal["flown", "struck", "lost"]
 
+# First columns of a log with their record fields; then coverage, height and factor per disc and
+# speed per rotor.
 LOGGED = {
     "time_s": "measured.time_s", "x_m": "body.x_m", "y_m": "body.y_m", "z_m": "body.z_m",
     "vx_m_s": "body.vx_m_s", "vy_m_s": "body.vy_m_s", "vz_m_s": "body.vz_m_s",
@@ -42,15 +44,14 @@ LOGGED = {
     "yaw_estimate_Nm": "law_state.estimate.yaw_Nm",
     "force_z_estimate_N": "law_state.estimate.force_z_N",
     "roll_ground_Nm": "ground.roll_Nm", "pitch_ground_Nm": "ground.pitch_Nm",
-    "x_goal_m": "wanted.goal_x_m", "y_goal_m": "wanted.goal_y_m", "z_goal_m": "wanted.goal_z_m",
+    "x_goal_m": "scheduled.goal_x_m", "y_goal_m": "scheduled.goal_y_m",
+    "z_goal_m": "scheduled.goal_z_m",
 }  # fmt: skip
-"""First columns of a log, and the records' fields that they show. Coverage, height and factor of
-every disc and the speed of every rotor follow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
-    """Ask for a place (x, y, z in m) from a time on, at a speed."""
+    """Target position (x, y, z in m) from a time on, with a speed."""
 
     x_m: float
     y_m: float = 0.0
@@ -61,7 +62,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gust:
-    """Blow with a 1 - cos shape: peak velocity (m/s) along x, y, z from a time on."""
+    """Gust of 1 - cos shape: peak velocity (m/s) along x, y, z from a time on."""
 
     from_s: float
     length_s: float
@@ -70,19 +71,19 @@ class Gust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightCase:
-    """Describe one flight.
+    """Case of one flight.
 
     Attributes:
         control: one of `FLIGHT_CONTROLLERS`.
-        start_m: x, y, z where it hovers at first.
-        gyro_noise_rad_s: standard deviation, white, per control sample.
-        map_offset_m: the feedforward's map is displaced by this along x, y, z; an edge that the
-            map has 5 cm early is -0.05 along x.
-        map_strength: share of the effect that the map's model knows.
-        whole_discs: the map knows only whether a rotor's centre is over something.
-        ramp: lead the reference along in place of limiting the speed.
-        compensation_from_s: when observer and feedforward are switched on.
-        gusts: wind; without drag of the vehicle they do nothing.
+        start_m: x, y, z of the initial hover.
+        gyro_noise_rad_s: standard deviation of white noise per control sample.
+        map_offset_m: displacement of the feedforward's map along x, y, z; -0.05 along x is an
+            edge that is 5 cm early in the map.
+        map_strength: share of the effect that the model of the map predicts.
+        whole_discs: a disc of the map is covered as a whole or not at all, by its centre.
+        ramp: move the reference at the speed instead of limiting the speed.
+        compensation_from_s: start time of observer and feedforward.
+        gusts: wind; without effect for a vehicle without drag.
     """
 
     name: str
@@ -109,10 +110,10 @@ class FlightCase:
     def __post_init__(self) -> None:
         if self.control not in FLIGHT_CONTROLLERS:
             raise UnknownChoice("flight control", self.control, FLIGHT_CONTROLLERS)
-        period = 1.0 / self.gains.control_rate_Hz
+        period_s = 1.0 / self.gains.control_rate_Hz
         numbers = {
-            "duration_s": (self.duration_s, period, 1e5),
-            "step_s": (self.step_s, 1e-6, period),
+            "duration_s": (self.duration_s, period_s, 1e5),
+            "step_s": (self.step_s, 1e-6, period_s),
             "gyro_noise_rad_s": (self.gyro_noise_rad_s, 0.0, 10.0),
             "map_strength": (self.map_strength, 0.0, 10.0),
             "log_Hz": (self.log_Hz, 1e-3, self.gains.control_rate_Hz),
@@ -122,34 +123,34 @@ class FlightCase:
             numbers["goal speed_m_s"] = (goal.speed_m_s, 1e-3, 50.0)
         for name, (value, low, high) in numbers.items():
             if not low <= value <= high:
-                raise InputError(f"{name} is {value:g}; give {low:g} to {high:g}")
-        places = [*self.start_m, *self.map_offset_m]
-        places += [value for goal in self.goals for value in (goal.x_m, goal.y_m, goal.z_m)]
-        if not all(map(isfinite, places)):
-            raise InputError(f"start, goals and map offset must be finite, got {places}")
+                raise InputError(f"{name} is {value:g}; allowed: {low:g} to {high:g}")
+        coordinates = [*self.start_m, *self.map_offset_m]
+        coordinates += [value for goal in self.goals for value in (goal.x_m, goal.y_m, goal.z_m)]
+        if not all(map(isfinite, coordinates)):
+            raise InputError(f"start, goals and map offset must be finite, but are {coordinates}")
         lag_s = self.vehicle.model.lag_s
         if 0.0 < lag_s < 2.0 * self.step_s:
             raise InputError(
-                f"step_s is {self.step_s:g}, too large for a motor lag of {lag_s:g} s; "
-                f"give at most {lag_s / 2.0:g}"
+                f"step_s is {self.step_s:g}; allowed for a motor lag of {lag_s:g} s: "
+                f"up to {lag_s / 2.0:g}"
             )
 
     @property
     def observes(self) -> bool:
-        """Whether the observer acts."""
+        """True if the observer acts."""
         return self.control in ("observer", "both")
 
     @property
     def feeds_forward(self) -> bool:
-        """Whether thrusts are divided by what the map makes expect."""
+        """True if thrusts are divided by the factors from the map."""
         return self.control == "both" or "feedforward" in self.control.split("+")
 
     def path_m(self) -> Array:
-        """Return start and goals in plan (m, 2): m."""
+        """Return start and goals in plan (n, 2): m."""
         return np.array([self.start_m[:2], *((goal.x_m, goal.y_m) for goal in self.goals)])
 
-    def chart(self) -> Environment:
-        """Return the map that the feedforward has."""
+    def expected_environment(self) -> Environment:
+        """Return the map of the feedforward."""
         if not any(self.map_offset_m):
             return self.below
         return self.below.moved(*self.map_offset_m)
@@ -157,13 +158,13 @@ class FlightCase:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
-    """Hold what a flight gave.
+    """Simulated flight.
 
     Attributes:
-        ending: "flown" to the end, "struck" something, or "lost" (numbers no longer finite).
-        held_ticks: plant ticks at which a height was held at the formulae's limit of validity.
-        nearest_m: least height of a rotor over what it covered; infinite over nothing.
-        own: name of the user's own controller; "" for that of the case.
+        ending: "flown" to the end, "struck" an obstacle, or "lost" (numbers not finite).
+        held_ticks: plant steps with a height clamped to the validity limit of the formulae.
+        nearest_m: least height of a rotor over a surface; infinite without any.
+        own: name of a user-defined controller; "" for that of the case.
     """
 
     case: FlightCase
@@ -176,7 +177,7 @@ class Flight:
     own: str = ""
 
     def __getitem__(self, name: str) -> Array:
-        """Return one column (rows,)."""
+        """Return a column (rows,)."""
         if name not in self.names:
             raise UnknownChoice("column of a flight", name, self.names)
         return self.log[:, self.names.index(name)]
@@ -186,7 +187,7 @@ def fly(case: FlightCase) -> Flight:
     """Fly a case.
 
     Raises:
-        InputError: the map does not cover the path, or the start touches something.
+        InputError: the map does not cover the path, or the start touches a surface.
     """
     loop = FlightLoop(case)
     loop.run()
@@ -194,17 +195,17 @@ def fly(case: FlightCase) -> Flight:
 
 
 class FlightLoop:
-    """Hold everything the compiled loop needs for one flight.
+    """Compiled loop of one flight with its arrays.
 
     Args:
-        external: the controller is the caller's, tick by tick; the map is read for it.
+        external: the caller is the controller, tick by tick; it gets the map.
     """
 
     def __init__(self, case: FlightCase, external: bool = False) -> None:
         vehicle, gains = case.vehicle, case.gains
         model, rig, radius_m = vehicle.model, vehicle.rig, vehicle.rig.propulsion.radius_m
         self.case = case
-        case.below.refuse_uncovered(case.path_m(), vehicle.reach_m, "the path")
+        case.below.check_coverage(case.path_m(), vehicle.reach_m, "the path")
         period_s = 1.0 / gains.control_rate_Hz
         self.n_ticks = round(case.duration_s * gains.control_rate_Hz)
         substeps = max(1, int(np.ceil(period_s / case.step_s - 1e-9)))
@@ -214,26 +215,26 @@ class FlightLoop:
         law = law_of(case.control, "free")
         law_numbers = law.numbers(case, rig.body)
         n_numbers = sum(len(effect.parameters) for effect in effects)
-        disc_of = tuple(int(disc) for disc in rig.disc_of_rotor)
+        disc_of_rotor = tuple(int(disc) for disc in rig.disc_of_rotor)
         self.layout = r.flight_layout(
             rig.n_discs, rig.n_rotors, n_numbers, allocate(law_numbers), law.state
         )
-        self.loops = flight_loops(effects, self.layout, disc_of, model.image_rules, law.step)
-        helped = case.feeds_forward
-        chart = r.MapUse(
-            case.map_strength if helped and not external else 0.0,
+        self.loops = flight_loops(effects, self.layout, disc_of_rotor, model.image_rules, law.step)
+        feeds_forward = case.feeds_forward
+        map_use = r.MapUse(
+            case.map_strength if feeds_forward and not external else 0.0,
             -inf if external else case.compensation_from_s,
             float(case.whole_discs),
-            float(external or (helped and case.map_strength > 0.0)),
+            float(external or (feeds_forward and case.map_strength > 0.0)),
         )
         hover_rad_s = (vehicle.hover_thrust_N / craft.k_N_s2) ** 0.5
-        motion = motion_of(model, dt_s)
+        motion = build_motion(model, dt_s)
         w = self.layout.column(
             body=at_rest(case.start_m, case.yaw_rad),
             rotors=Rotors((hover_rad_s,) * rig.n_rotors),
             outcome=r.FlightOutcome(),
             craft=craft,
-            chart=chart,
+            map_use=map_use,
             motion=motion,
             law=law_numbers,
             effects=loop_numbers(model, effects),
@@ -241,7 +242,7 @@ class FlightLoop:
         rows = (self.n_ticks + self.log_every - 1) // self.log_every
         fields = [*LOGGED.values(), "below.coverage", "below.height_m", "below.factor"]
         fields.append("rotors.speed_rad_s")
-        if external:  # what no law of ours asks for or estimates stands in no log
+        if external:  # fields of a built-in law are not logged
             fields = ["nothing" if "law_state" in field else field for field in fields]
         logged = self.layout.row_numbers(fields)
         gusts = np.array([[g.from_s, g.length_s, *g.wind_m_s] for g in case.gusts], float)
@@ -256,7 +257,7 @@ class FlightLoop:
             sent=np.zeros((rig.n_rotors, int(motion.delay_steps) // substeps + 3, 1)),
             log=np.zeros((rows, len(logged), 1)),
             logged=logged,
-            schedule=schedule_of(
+            schedule=build_schedule(
                 (Goal(x_m=case.start_m[0], y_m=case.start_m[1], z_m=case.start_m[2]), *case.goals),
                 self.n_ticks, gains.control_rate_Hz, case.ramp, float(case.yaw_rad),
                 vehicle.hover_thrust_N * rig.n_rotors,
@@ -266,17 +267,17 @@ class FlightLoop:
             scratch=np.zeros((len(DiscBelow._fields), rig.n_discs)),
             geometry=vehicle.geometry(dt_s),
             below=below,
-            chart=case.chart().tables(radius_m) if chart.read else below,
+            map=case.expected_environment().tables(radius_m) if map_use.is_used else below,
         )  # fmt: skip
-        late = bool(motion.delay_steps or motion.first.old or motion.second.old)
+        is_delayed = bool(motion.delay_steps or motion.first.old or motion.second.old)
         driver = CALLER if external else BUILT_IN
-        self.plan = np.array(LoopPlan(substeps, driver, late, self.log_every), np.int64)
+        self.plan = np.array(LoopPlan(substeps, driver, is_delayed, self.log_every), np.int64)
         self.ended = self.n_ticks
 
     def view(self, field: str) -> Array:
-        """Return a record or its field, as "body.x_m", to read or write (n,)."""
-        found: Array = self.arrays.w[self.layout.rows(field)]
-        return found
+        """Return a view of a record or field, for example "body.x_m" (n,)."""
+        view: Array = self.arrays.w[self.layout.rows(field)]
+        return view
 
     def run(self) -> None:
         """Fly with the controller of the case."""
@@ -284,63 +285,67 @@ class FlightLoop:
         self.ended = run(lend_rows(run, self.arrays), self.plan, -1, self.n_ticks)
 
     def flight(self, own: str = "") -> Flight:
-        """Return what has been flown; `own` names the user's controller.
+        """Return the flight so far; `own` is the name of a user-defined controller.
 
         Raises:
-            InputError: the start touches something.
+            InputError: the start touches a surface.
         """
         case, rig = self.case, self.case.vehicle.rig
         rows = min(self.ended // self.log_every + 1, len(self.arrays.log))
-        ending, held, nearest_m = self.view("outcome").tolist()
+        ending, clamped_steps, nearest_m = self.view("outcome").tolist()
         if rows <= 1 and ending == r.STRUCK:
             raise InputError(
-                f"the vehicle touches something where it starts, at {case.start_m} m; "
-                f"start elsewhere"
+                f"the vehicle touches a surface at its start {case.start_m} m; change the start"
             )
-        word: Ending = "struck" if ending == r.STRUCK else "lost" if ending == r.LOST else "flown"
+        ending_name: Ending = (
+            "struck" if ending == r.STRUCK else "lost" if ending == r.LOST else "flown"
+        )
         log = self.arrays.log[:rows, :, 0]
         return Flight(
-            case, column_names(rig.n_discs, rig.n_rotors), log, word,
-            case.duration_s if word == "flown" else float(log[-1, 0]), int(held), nearest_m, own,
+            case, column_names(rig.n_discs, rig.n_rotors), log, ending_name,
+            case.duration_s if ending_name == "flown" else float(log[-1, 0]), int(clamped_steps),
+            nearest_m, own,
         )  # fmt: skip
 
 
 @lru_cache(maxsize=4)
-def schedule_of(
+def build_schedule(
     goals: tuple[Goal, ...], ticks: int, rate_Hz: float, ramp: bool, yaw_rad: float, hover_N: float
 ) -> Array:
-    """Return what is wanted in every control period, a `FlightTick` per column (n_numbers, ticks).
+    """Return the schedule of a flight, a `FlightTick` per control period (n_numbers, ticks).
 
-    The first goal is where the flight begins; a ramp leads the place to steer to along from goal to
-    goal, at the goal's speed. `hover_N` carries the weight.
+    The first goal is the start. With a ramp the reference moves from goal to goal at the speed of
+    the goal. `hover_N` is the total thrust in hover.
     """
-    x, y, z, speed, issued = (
+    x, y, z, speed, start_s = (
         np.array([getattr(goal, name) for goal in goals], float)
         for name in ("x_m", "y_m", "z_m", "speed_m_s", "from_s")
     )
-    issued[0] = -1.0
+    start_s[0] = -1.0
     time_s = np.arange(ticks) * (1.0 / rate_Hz)
-    at = np.zeros(ticks, int)
-    for k in range(1, len(goals)):  # in their order: one that is issued late holds up the next
-        at[(at == k - 1) & (time_s >= issued[k])] = k
-    to_x, to_y = x[at], y[at]
+    current = np.zeros(ticks, int)
+    for index in range(1, len(goals)):  # in order: a goal with a late start delays the next
+        current[(current == index - 1) & (time_s >= start_s[index])] = index
+    reference_x, reference_y = x[current], y[current]
     if ramp:
-        before = np.maximum(at - 1, 0)
-        dx, dy = x[at] - x[before], y[at] - y[before]
+        previous = np.maximum(current - 1, 0)
+        dx, dy = x[current] - x[previous], y[current] - y[previous]
         length = np.sqrt(dx * dx + dy * dy)
-        led = speed[at] * (time_s - issued[at]) / np.where(length > 0.0, length, 1.0)
-        share = np.where(length > 0.0, np.minimum(led, 1.0), 1.0)
-        to_x, to_y = x[before] + share * dx, y[before] + share * dy
-    same = np.ones(ticks)
+        progress = (
+            speed[current] * (time_s - start_s[current]) / np.where(length > 0.0, length, 1.0)
+        )
+        share = np.where(length > 0.0, np.minimum(progress, 1.0), 1.0)
+        reference_x, reference_y = x[previous] + share * dx, y[previous] + share * dy
+    ones = np.ones(ticks)
     reference = FlightReference._make(
-        (to_x, to_y, z[at], yaw_rad * same, speed[at], hover_N * same)
+        (reference_x, reference_y, z[current], yaw_rad * ones, speed[current], hover_N * ones)
     )
-    wanted = r.FlightTick(reference, x[at], y[at], z[at])
-    return np.array(flat_values(wanted), float)
+    tick = r.FlightTick(reference, x[current], y[current], z[current])
+    return np.array(flat_values(tick), float)
 
 
 def column_names(n_discs: int, n_rotors: int) -> tuple[str, ...]:
-    """Return the columns of a flight's log."""
+    """Return the columns of a flight log."""
     return (
         *LOGGED,
         *(f"coverage{i + 1}" for i in range(n_discs)),

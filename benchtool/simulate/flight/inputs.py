@@ -1,4 +1,4 @@
-"""What a simulated flight takes, from the command line, the page or Python."""
+"""Inputs of a simulated flight, from the command line, the page or Python."""
 
 from __future__ import annotations
 
@@ -19,18 +19,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightInputs(Inputs):
-    """What `benchtool simulate flight` takes."""
+    """Inputs of `benchtool simulate flight`."""
 
     case: Annotated[
         str, Input("Case: over, edge, oblique, corner, gust, ramp or plate.", label="Flight")
     ] = "over"
-    rig: Annotated[str, Input("Rig name or file.")] = "pquad"
-    model: Annotated[str, Input("Ground-effect model: name or file.", default_text="eq. (4)")] = ""
+    rig: Annotated[str, Input("Rig of the vehicle.")] = "pquad"
+    model: Annotated[
+        str, Input("Model of the ground effect, or its file.", default_text="eq. (4)")
+    ] = ""
     controllers: Annotated[
         tuple[str, ...],
         Len(1),
         Input(
-            "Any of pid, observer, feedforward, both, module:Class; oge in a campaign.",
+            "Some of pid, observer, feedforward, both; user-defined: module:Class; oge (PID out of "
+            "ground effect) in a campaign.",
             label="Controllers",
             comma_separated=True,
             alias="--controller",
@@ -45,24 +48,26 @@ class FlightInputs(Inputs):
     ] = 2.0
     speed_m_s: Annotated[
         Annotated[float, Ge(0.001), Le(50.0)] | None,
-        Input("Speed limit.", "m/s", default_text="as in case"),
+        Input("Speed limit.", "m/s", default_text="of the case"),
     ] = None
-    ramp: Annotated[bool, Input("Use a moving reference instead of a speed limit.")] = False
+    ramp: Annotated[bool, Input("Move the reference at the speed instead of a speed limit.")] = (
+        False
+    )
     gyro_noise_rad_s: Annotated[
         Annotated[float, Ge(0.0), Le(10.0)] | None,
         Input(
             "Gyro noise, standard deviation.",
             "rad/s",
-            default_text="0, or 0.015 with several seeds",
+            default_text="none; with several seeds 0.015 as in the paper",
             group="Disturbances",
         ),
     ] = None
     map_offset_m: Annotated[
         tuple[float, float, float],
-        Input("Offset X,Y,Z of the feedforward map, e.g. -0.05,0,0.", "m"),
+        Input("Displacement X,Y,Z of the feedforward's map; -0.05,0,0.", "m"),
     ] = (0.0, 0.0, 0.0)
     map: Annotated[
-        Path | None, Input("Surface map (TOML or CSV) instead of the case.", group="Course")
+        Path | None, Input("Map (TOML or CSV) instead of the obstacle of the case.", group="Course")
     ] = None
     goal_m: Annotated[
         tuple[float, float] | None, Input("Goal X,Y instead of that of the case.", "m")
@@ -70,16 +75,16 @@ class FlightInputs(Inputs):
     lag_s: Annotated[
         float, Ge(0.0), Le(10.0), Input("Motor time constant.", "s", group="Vehicle")
     ] = 0.0
-    layout: Annotated[
-        Literal["plus", "cross"], Input("Rotor layout; cross is rotated by 45 degrees.")
-    ] = "plus"
+    layout: Annotated[Literal["plus", "cross"], Input("plus, or cross: rotated by 45 degrees.")] = (
+        "plus"
+    )
     study: StudyInputs = field(default_factory=StudyInputs)
 
 
 def setup_of(
     inputs: FlightInputs, gains: str, permit: CodePermit = check_code_allowed
 ) -> FlightSetup:
-    """Return what flies with one gain set."""
+    """Return the flight setup of one gain set."""
     from benchtool.simulate.flight.cases import GYRO_NOISE_RAD_S
     from benchtool.simulate.flight.map import read_map
     from benchtool.simulate.flight.setup import FlightSetup, with_changes

@@ -1,4 +1,4 @@
-"""Environments as files: boxes, ramps and a height grid.
+"""Environment files: boxes, ramps and a height grid.
 
     name = "shelf"
     floor_m = -0.6
@@ -13,8 +13,9 @@
     file = "heights.csv"
     base_m = -0.5
 
-A block may slope (`slope_x`, `slope_y`), and come and go (`times_s`, `slide_m`). The grid's file is
-a CSV with columns x_m, y_m, height_m, one row per node in any order; an empty height is nothing.
+A block can have a slope (`slope_x`, `slope_y`) and move (`times_s`, `slide_m`). The file of the
+grid is a CSV with columns x_m, y_m, height_m, one row per node in any order; an empty height means
+no surface.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from benchtool.data.csv_text import read_csv_text
 from benchtool.simulate.flight.environment import Block, Environment
 from benchtool.simulate.flight.height_grid import HeightGrid
 
-COLUMNS = ("x_m", "y_m", "height_m")  # columns of a height grid's file
+COLUMNS = ("x_m", "y_m", "height_m")  # of a height grid file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,24 +57,24 @@ def read_map(path: Path) -> Environment:
     """Return the environment of a TOML file, or the height grid of a CSV file.
 
     Raises:
-        FileFormatError: a file that cannot be read, or does not say what it must.
-        UnknownChoice: a key that a map has not.
+        FileFormatError: the file cannot be read or is incomplete.
+        UnknownChoice: unknown key.
     """
     if path.suffix.lower() == ".csv":
         return Environment(grid=read_grid(path), name=path.stem)
     where = str(path)
-    read = build_dataclass(_MapFile, parse_toml(read_text(path), where), where)
+    map_file = build_dataclass(_MapFile, parse_toml(read_text(path), where), where)
     blocks = tuple(
-        build_dataclass(Block, table, f"{where}: blocks[{k}]")
-        for k, table in enumerate(read.blocks)
+        build_dataclass(Block, table, f"{where}: blocks[{index}]")
+        for index, table in enumerate(map_file.blocks)
     )
     grid = None
-    if read.grid:
-        said = build_dataclass(_GridTable, read.grid, f"{where}: grid")
-        grid = read_grid(path.parent / said.file, said.base_m)
-    name = read.name or path.stem
+    if map_file.grid:
+        grid_table = build_dataclass(_GridTable, map_file.grid, f"{where}: grid")
+        grid = read_grid(path.parent / grid_table.file, grid_table.base_m)
+    name = map_file.name or path.stem
     try:
-        return Environment(blocks=blocks, grid=grid, floor_m=read.floor_m, name=name)
+        return Environment(blocks=blocks, grid=grid, floor_m=map_file.floor_m, name=name)
     except InputError as error:
         raise FileFormatError(where, str(error)) from error
 
@@ -84,25 +85,25 @@ def read_grid(path: Path, base_m: float = -inf) -> HeightGrid:
     if missing := [name for name in COLUMNS if name not in table.header]:
         raise FileFormatError(
             table.where,
-            f"it has no column {missing[0]!r}; a height grid needs {', '.join(COLUMNS)}",
+            f"column {missing[0]!r} is missing; a height grid needs {', '.join(COLUMNS)}",
         )
-    at = [table.header.index(name) for name in COLUMNS]
+    columns = [table.header.index(name) for name in COLUMNS]
     rows = np.empty((len(table.rows), 3))
-    for number, (cells, line) in enumerate(zip(table.rows, table.lines, strict=True)):
-        for place, column in enumerate(at):
+    for row, (cells, line) in enumerate(zip(table.rows, table.lines, strict=True)):
+        for axis, column in enumerate(columns):
             text = cells[column].strip()
             try:
-                rows[number, place] = float(text) if text or place < 2 else np.nan
+                rows[row, axis] = float(text) if text or axis < 2 else np.nan
             except ValueError:
                 raise FileFormatError(
-                    f"{table.where}, line {line}", f"{COLUMNS[place]} is {text!r}; give a number"
+                    f"{table.where}, line {line}", f"{COLUMNS[axis]} is {text!r}; give a number"
                 ) from None
     x, y = np.unique(rows[:, 0]), np.unique(rows[:, 1])
     if len(rows) != len(x) * len(y):
         raise FileFormatError(
             table.where,
-            f"{len(rows)} rows do not fill a grid of {len(x)} by {len(y)} places; give one row "
-            f"for every node",
+            f"{len(rows)} rows do not fill a grid of {len(x)} by {len(y)} nodes; give one row "
+            f"per node",
         )
     heights = np.full((len(x), len(y)), np.nan)
     heights[np.searchsorted(x, rows[:, 0]), np.searchsorted(y, rows[:, 1])] = rows[:, 2]

@@ -1,4 +1,4 @@
-"""What is said of a flight: arrival, overshoot, push-backs, pitch, height, the last 20 s."""
+"""Measures of a flight: arrival, overshoot, push-backs, pitch, height, final swing."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from benchtool.core.array_type import Array
 from benchtool.simulate.flight.flight import Ending, Flight
 
-NEAR_M = 0.05  # a flight has arrived when it stays this near to its goal (notes, section 3.3)
-RETREAT_M = 0.03  # a retreat of more counts as one push-back (notes, section 3.3)
-LAST_S = 20.0  # position limits are taken over this long at the end
+ARRIVAL_RADIUS_M = 0.05  # arrived: stays within this distance of the goal (notes, section 3.3)
+MIN_RETREAT_M = 0.03  # of a push-back (notes, section 3.3)
+FINAL_S = 20.0  # duration at the end for the range of x
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measures:
-    """Hold the numbers of one flight.
+    """Measures of one flight.
 
     Attributes:
         arrives_s: first time after which it stays within 5 cm of the goal; nan for never.
-        push_backs: retreats of more than 3 cm on the way.
-        max_pitch_deg, rms_pitch_deg: of the pitch's magnitude, over the whole flight.
-        range_m: least and greatest x over the last 20 s.
-        range_z_m: least and greatest height above the one asked for, over the whole flight.
+        push_backs: retreats of more than 3 cm before the goal.
+        max_pitch_deg, rms_pitch_deg: of the magnitude of pitch, over the whole flight.
+        range_m: minimum and maximum of x over the last 20 s.
+        range_z_m: minimum and maximum of the height error, over the whole flight.
     """
 
     ending: Ending
@@ -40,16 +40,16 @@ class Measures:
 
     @property
     def arrives(self) -> bool:
-        """Whether it came and stayed."""
+        """True if the vehicle arrived and stayed."""
         return bool(np.isfinite(self.arrives_s))
 
     @property
     def swing_m(self) -> float:
-        """Width of the last 20 s."""
+        """Range of x over the last 20 s."""
         return self.range_m[1] - self.range_m[0]
 
     def arrival_text(self) -> str:
-        """Say when it arrived, or what came instead."""
+        """Return the time of arrival or the ending as text."""
         if self.ending == "struck":
             return "hits the obstacle"
         if self.ending == "lost":
@@ -58,52 +58,52 @@ class Measures:
 
 
 def measure(flight: Flight) -> Measures:
-    """Return the numbers of a flight."""
+    """Return the measures of a flight."""
     time, x, y = flight["time_s"], flight["x_m"], flight["y_m"]
-    away = np.hypot(x - flight["x_goal_m"], y - flight["y_goal_m"])
+    distance_m = np.hypot(x - flight["x_goal_m"], y - flight["y_goal_m"])
     pitch = np.degrees(flight["pitch_rad"])
-    above = flight["z_m"] - flight["z_goal_m"]
-    last = time >= time[-1] - LAST_S
+    height_error_m = flight["z_m"] - flight["z_goal_m"]
+    is_final = time >= time[-1] - FINAL_S
     return Measures(
         ending=flight.ending,
-        arrives_s=arrival_s(time, away) if flight.ending == "flown" else float("nan"),
+        arrives_s=arrival_s(time, distance_m) if flight.ending == "flown" else float("nan"),
         max_x_m=float(x.max()),
         push_backs=count_push_backs(x, float(flight["x_goal_m"][-1])),
         max_pitch_deg=float(np.abs(pitch).max()),
         rms_pitch_deg=float(np.sqrt(np.mean(pitch * pitch))),
-        range_m=(float(x[last].min()), float(x[last].max())),
+        range_m=(float(x[is_final].min()), float(x[is_final].max())),
         max_roll_deg=float(np.degrees(np.abs(flight["roll_rad"]).max())),
-        range_z_m=(float(above.min()), float(above.max())),
+        range_z_m=(float(height_error_m.min()), float(height_error_m.max())),
         held_ticks=flight.held_ticks,
         nearest_m=flight.nearest_m,
     )
 
 
-def arrival_s(time_s: Array, away_m: Array) -> float:
+def arrival_s(time_s: Array, distance_m: Array) -> float:
     """Return the first time after which the distance stays below 5 cm; nan for never."""
-    outside = np.flatnonzero(away_m >= NEAR_M)
+    outside = np.flatnonzero(distance_m >= ARRIVAL_RADIUS_M)
     if outside.size == 0:
         return float(time_s[0])
-    first = int(outside[-1]) + 1
-    return float(time_s[first]) if first < len(time_s) else float("nan")
+    index = int(outside[-1]) + 1
+    return float(time_s[index]) if index < len(time_s) else float("nan")
 
 
 def count_push_backs(x_m: Array, goal_m: float) -> int:
     """Return how often x fell by more than 3 cm before it came within 0.5 m of the goal.
 
-    A retreat ends when x has come forward again by as much from its lowest place.
+    A retreat ends when x has increased again by the same distance.
     """
-    near = np.flatnonzero(x_m > goal_m - 0.5)
-    way = x_m[: int(near[0])] if near.size and goal_m > 5.0 else x_m
-    count, retreating, turn = 0, False, float(way[0]) if way.size else 0.0
-    for place in way.tolist():
+    near_goal = np.flatnonzero(x_m > goal_m - 0.5)
+    path_m = x_m[: int(near_goal[0])] if near_goal.size and goal_m > 5.0 else x_m
+    count, retreating, turning_point_m = 0, False, float(path_m[0]) if path_m.size else 0.0
+    for position_m in path_m.tolist():
         if retreating:
-            turn = min(turn, place)
-            if place > turn + RETREAT_M:
-                retreating, turn = False, place
+            turning_point_m = min(turning_point_m, position_m)
+            if position_m > turning_point_m + MIN_RETREAT_M:
+                retreating, turning_point_m = False, position_m
         else:
-            turn = max(turn, place)
-            if place < turn - RETREAT_M:
-                retreating, turn = True, place
+            turning_point_m = max(turning_point_m, position_m)
+            if position_m < turning_point_m - MIN_RETREAT_M:
+                retreating, turning_point_m = True, position_m
                 count += 1
     return count

@@ -1,4 +1,4 @@
-"""What the loop of a flight computes with: named records in one flat block, and its arrays."""
+"""Records and arrays of the flight loop."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from benchtool.simulate.flight.rigid_body import FreeBody
 from benchtool.simulate.layout import COUNTS, LINE, PLANE, SOLID, Layout, rows_in
 from benchtool.simulate.motors import Motion, Rotors, Targets
 
-GOING, STRUCK, LOST = 0.0, 1.0, 2.0  # nothing in the way; touched something; not finite
+GOING, STRUCK, LOST = 0.0, 1.0, 2.0  # flying; touched a surface; state not finite
 
 Craft = namedtuple(
     "Craft",
@@ -29,16 +29,16 @@ Craft = namedtuple(
 """Numbers of a vehicle.
 
 Attributes:
-    inertia_kgm2: the three principal moments.
-    radius_m, effective_radius_m: of a disc, for areas and for the images' strength.
-    depth_m: how far hub and legs reach below the discs, everywhere under them.
+    inertia_kgm2: principal moments (3,).
+    radius_m, effective_radius_m: of a disc, for areas and for the strength of the images.
+    depth_m: depth of hub and legs below the discs.
     x_m, y_m, spin: of the rotors (n,).
-    per_thrust, per_roll, per_pitch, per_yaw: what the mixer gives a rotor (n,) of each.
+    per_thrust, per_roll, per_pitch, per_yaw: mixer weights of each rotor (n,).
 """
 
 
 class FlightGeometry(NamedTuple):
-    """Plant step: s; places of discs (n,), their distances (n, n): m; body sources (n_body,)."""
+    """Plant step, disc positions (n,) and distances (n, n), body sources (n_body,)."""
 
     dt_s: Any
     x_m: Any
@@ -47,9 +47,9 @@ class FlightGeometry(NamedTuple):
     body: BodyImages
 
 
-MapUse = namedtuple("MapUse", "strength from_s whole read", defaults=(0.0, 0.0, 0.0, 0.0))
-"""How the map is used: strength of the feedforward, since when (s), 1 where it knows only
-whether a rotor's centre is over something, and 1 where it is read at all.
+MapUse = namedtuple("MapUse", "strength from_s whole_discs is_used", defaults=(0.0, 0.0, 0.0, 0.0))
+"""Use of the map: strength and start time of the feedforward, 1 if a disc is covered as a whole or
+not at all, 1 if the map is used.
 """
 
 FlightTick = namedtuple(  # one column of the schedule: setpoint and current goal (m)
@@ -64,39 +64,39 @@ GustRow = namedtuple(  # gust of 1 - cos shape: start (s), duration (s), peak ve
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0),
 )
 
+# Noise of the gyro reading in a control period.
 GyroNoise = namedtuple("GyroNoise", "p_rad_s q_rad_s r_rad_s", defaults=(0.0, 0.0, 0.0))
-"""What is added to the gyro's reading in a control period: rad/s."""
 
-FlightOutcome = namedtuple(  # state, plant steps with a held height, least height over anything (m)
-    "FlightOutcome", "ending held_steps nearest_m", defaults=(GOING, 0.0, float("inf"))
+FlightOutcome = namedtuple(  # ending, plant steps with a clamped height, least height of a disc (m)
+    "FlightOutcome", "ending clamped_steps nearest_m", defaults=(GOING, 0.0, float("inf"))
 )
 
+# Torques by ground effect, for the log.
 GroundTorque = namedtuple("GroundTorque", "roll_Nm pitch_Nm", defaults=(0.0, 0.0))
-"""Torques of the thrust that surfaces below add, for the log: N m."""
 
 TICK, GUST, NOISE = Slot(0, FlightTick()), Slot(0, GustRow()), Slot(0, GyroNoise())
 
 
-FlightPlaces = namedtuple(  # slots of all records in the block
-    "FlightPlaces",
-    "body rotors targets measured wanted command law_state below expected ground outcome craft "
-    "chart motion law effects nothing",
+FlightSlots = namedtuple(  # slots of all records in the block
+    "FlightSlots",
+    "body rotors targets measured scheduled command law_state below expected ground outcome craft "
+    "map_use motion law effects nothing",
 )
 
 
 class FlightArrays(NamedTuple):
-    """Hold the arrays of a flight.
+    """Arrays of a flight.
 
     Attributes:
-        w: the records (`FlightPlaces`).
-        sent: speeds commanded lately (n_rotors, n_ring, 1).
-        log: (n_rows, n_logged, 1), filled with the rows `logged` of `w`.
+        w: the records (`FlightSlots`).
+        sent: ring buffer of commanded speeds (n_rotors, n_ring, 1).
+        log: (n_rows, n_logged, 1), the rows `logged` of `w`.
         schedule: (n_numbers, n_ticks), a `FlightTick` per column.
-        noise: (3, n_ticks), a `GyroNoise` per column; or one column that holds for all.
+        noise: (3, n_ticks), a `GyroNoise` per column; or one column for all ticks.
         gusts: (n_numbers, n_gusts), a `GustRow` per column.
         scratch: a column of `ground.DISC` per disc.
         geometry: a `FlightGeometry` (n_numbers,).
-        below, chart: tables of what is there, and of the map of it.
+        below, map: tables of the environment, and of its map.
     """
 
     w: Any = LINE
@@ -110,7 +110,7 @@ class FlightArrays(NamedTuple):
     scratch: Any = PLANE
     geometry: Any = LINE
     below: Tables = Tables()
-    chart: Tables = Tables()
+    map: Tables = Tables()
 
 
 def geometry_slot(n_discs: int, n_body: int) -> Slot:
@@ -124,17 +124,17 @@ def geometry_slot(n_discs: int, n_body: int) -> Slot:
 
 @lru_cache(maxsize=64)
 def flight_layout(n_discs: int, n_rotors: int, n_numbers: int, law: Any, law_state: Any) -> Layout:
-    """Return the layout for so many discs, rotors and effects' numbers, and for a law."""
+    """Return the layout; `law` and `law_state` are example records of a law."""
     discs, rotors = (0.0,) * n_discs, (0.0,) * n_rotors
     below = Below(discs, discs, discs, discs)
     scalars = len(Craft._fields) - 8
     return Layout(
-        FlightPlaces,
+        FlightSlots,
         body=FreeBody(),
         rotors=Rotors(rotors),
         targets=Targets(rotors, rotors, rotors),
         measured=FlightMeasurement._make([*[0.0] * 13, discs, discs]),
-        wanted=FlightTick(),
+        scheduled=FlightTick(),
         command=FlightCommand(0.0, 0.0, 0.0, 0.0, (1.0,) * n_discs),
         law_state=law_state,
         below=below,
@@ -142,7 +142,7 @@ def flight_layout(n_discs: int, n_rotors: int, n_numbers: int, law: Any, law_sta
         ground=GroundTorque(),
         outcome=FlightOutcome(),
         craft=Craft(0.0, (0.0, 0.0, 0.0), *[0.0] * (scalars - 1), *[rotors] * 7),
-        chart=MapUse(),
+        map_use=MapUse(),
         motion=Motion(),
         law=law,
         effects=(0.0,) * max(n_numbers, 1),

@@ -1,12 +1,12 @@
-"""A rigid body that moves freely: attitude as a quaternion, steps that keep what is conserved.
+"""Free rigid body: attitude as a quaternion, structure-preserving time steps.
 
 Axes: world x, y horizontal and z up; body x forward, y left, z up. The quaternion turns body
 vectors into world vectors. Euler angles are yaw, pitch, roll in that order; positive pitch is nose
 down, positive roll lifts the left side (as the rows of `physics.mixer`).
 
-A step is drift, kick, drift (Strang's splitting): places and attitude move for half a step at
-constant velocities, velocities change for a whole step under the forces found there, and the second
-half follows. Second order, time-reversible, one evaluation of the forces.
+A step is drift, kick, drift (Strang's splitting): position and attitude change for half a step at
+constant velocities, velocities for a whole step under the forces there, then the second half
+follows. Second order, time-reversible, one evaluation of the forces.
 """
 
 from __future__ import annotations
@@ -25,32 +25,31 @@ FreeBody = namedtuple(
     "x_m y_m z_m vx_m_s vy_m_s vz_m_s qw qx qy qz p_rad_s q_rad_s r_rad_s wake_Nm",
     defaults=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 )
-"""State of a body: position (m) and velocity (m/s) in the world, attitude, body rates (rad/s).
-
-A vehicle's simulation adds the random torque about its pitch axis (N m).
+"""State of a body: position and velocity in the world, attitude, body rates, and the random torque
+about the pitch axis.
 """
 
 
 def at_rest(position_m: tuple[float, float, float], yaw_rad: float = 0.0) -> FreeBody:
-    """Return a body that stands level at a place."""
+    """Return a level body at rest."""
     return FreeBody(*position_m, qw=math.cos(0.5 * yaw_rad), qz=math.sin(0.5 * yaw_rad))
 
 
 @inlined_expression
-def roll_of(body: Any) -> Any:
+def roll_angle(body: Any) -> Any:
     """Return the roll: rad."""
     w, x, y, z = body.qw, body.qx, body.qy, body.qz
     return math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
 
 
 @inlined_expression
-def pitch_of(body: Any) -> Any:
+def pitch_angle(body: Any) -> Any:
     """Return the pitch, nose down: rad."""
     return math.asin(min(max(2.0 * (body.qw * body.qy - body.qz * body.qx), -1.0), 1.0))
 
 
 @inlined_expression
-def yaw_of(body: Any) -> Any:
+def yaw_angle(body: Any) -> Any:
     """Return the yaw: rad."""
     w, x, y, z = body.qw, body.qx, body.qy, body.qz
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
@@ -58,21 +57,21 @@ def yaw_of(body: Any) -> Any:
 
 @expression
 def upward(body: Any) -> Any:
-    """Return the body's z axis in world axes (3,): where its rotors push."""
+    """Return the z axis of the body in world axes (3,): the thrust direction."""
     w, x, y, z = body.qw, body.qx, body.qy, body.qz
     return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 @expression
 def forward(body: Any) -> Any:
-    """Return the body's x axis in world axes (3,)."""
+    """Return the x axis of the body in world axes (3,)."""
     w, x, y, z = body.qw, body.qx, body.qy, body.qz
     return 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
 
 
 @expression
 def leftward(body: Any) -> Any:
-    """Return the body's y axis in world axes (3,)."""
+    """Return the y axis of the body in world axes (3,)."""
     w, x, y, z = body.qw, body.qx, body.qy, body.qz
     return 2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)
 
@@ -112,8 +111,8 @@ def drift(body: Any, dt_s: Any) -> Any:
 def rates_after_impulse(body: Any, torque_Nm: Any, inertia_kgm2: Any, dt_s: Any) -> Any:
     """Return the body rates (3,) after a torque in body axes (3,), with the gyroscopic coupling.
 
-    J dw/dt = tau - w x J w by the implicit midpoint rule, four fixed-point iterations: it keeps
-    the energy and the magnitude of the momentum of a free body to the order of the iterations.
+    J dw/dt = tau - w x J w by the implicit midpoint rule, four fixed-point iterations: it conserves
+    energy and angular momentum of a free body to the order of the iterations.
     `inertia_kgm2` (3,) are the principal moments.
     """
     roll_Nm, pitch_Nm, yaw_Nm = torque_Nm
@@ -130,7 +129,7 @@ def rates_after_impulse(body: Any, torque_Nm: Any, inertia_kgm2: Any, dt_s: Any)
 
 @inlined_expression
 def apply_impulse(body: Any, velocity_m_s: Any, rates_rad_s: Any, wake_Nm: Any) -> Any:
-    """Return the body where it is with other velocities (3,), body rates (3,) and wake torque."""
+    """Return the body with other velocities (3,), body rates (3,) and wake torque."""
     vx, vy, vz = velocity_m_s
     p, q, r = rates_rad_s
     return FreeBody(

@@ -1,4 +1,4 @@
-"""A flight as a study: flown, measured, and as a recording."""
+"""Flight with its measures, and as a recording."""
 
 from __future__ import annotations
 
@@ -16,41 +16,41 @@ from benchtool.simulate.flight.measures import Measures, measure
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlownCase:
-    """Hold a flight with its numbers."""
+    """Flight with its measures."""
 
     flight: Flight
     measures: Measures
 
     @property
     def case(self) -> FlightCase:
-        """What was flown."""
+        """Case of the flight."""
         return self.flight.case
 
 
 def fly_and_measure(case: FlightCase) -> FlownCase:
-    """Fly a case, as that of another flight with some fields replaced; take its numbers."""
+    """Fly a case and return the flight with its measures."""
     flight = fly(case)
     return FlownCase(flight, measure(flight))
 
 
 def out_of_ground_effect(case: FlightCase) -> FlightCase:
-    """Return the same flight with nothing below."""
+    """Return the same case without surfaces and gyro noise."""
     return replace(case, below=Environment(), gyro_noise_rad_s=0.0)
 
 
 def name_of(flown: FlownCase) -> str:
-    """Return what tables and figures call a flight's controller."""
+    """Return the label of the controller in tables and figures."""
     return flown.flight.own or FLIGHT_CONTROLLERS[flown.case.control]
 
 
 def recording_of(flight: Flight) -> Recording:
-    """Return a flight in the recording format, marked as simulated."""
+    """Return a flight as a recording, marked as simulated."""
     units = {"_s": "s", "_m": "m", "_m_s": "m/s", "_rad": "rad", "_rad_s": "rad/s"}
     units |= {"_Nm": "N m", "_N": "N"}
 
     def unit(name: str) -> str:
-        fitting = [suffix for suffix in units if name.endswith(suffix)]
-        return units[max(fitting, key=len)] if fitting else "1"
+        suffixes = [suffix for suffix in units if name.endswith(suffix)]
+        return units[max(suffixes, key=len)] if suffixes else "1"
 
     finite = np.where(np.isinf(flight.log), np.nan, flight.log)
     case = flight.case
@@ -75,21 +75,21 @@ def recording_of(flight: Flight) -> Recording:
 
 
 def verdict(flown: FlownCase) -> str:
-    """Say in one line what a flight came to."""
-    found, goal = flown.measures, flown.case.goals[-1]
-    if found.ending == "struck":
+    """Return the result of a flight in one line."""
+    measures, goal = flown.measures, flown.case.goals[-1]
+    if measures.ending == "struck":
         return f"strikes the obstacle at {flown.flight.end_s:.1f} s"
-    if found.arrives:
-        return f"arrives at {found.arrives_s:.1f} s"
-    if found.swing_m > 0.05:
-        return f"never arrives: swings {found.range_m[0]:.2f} to {found.range_m[1]:.2f} m"
-    return f"stays {abs(goal.x_m - found.range_m[0]):.2f} m short"
+    if measures.arrives:
+        return f"arrives at {measures.arrives_s:.1f} s"
+    if measures.swing_m > 0.05:
+        return f"never arrives: swings {measures.range_m[0]:.2f} to {measures.range_m[1]:.2f} m"
+    return f"stays {abs(goal.x_m - measures.range_m[0]):.2f} m short"
 
 
 def obstacle_extent(case: FlightCase) -> tuple[float, float] | None:
-    """Return where obstacles begin and end along x, when that is one finite stretch."""
-    fixed = [block for block in case.below.blocks if not any(block.slide_m)]
-    ends = [end for block in fixed for end in block.x_m]
+    """Return the extent of the fixed obstacles along x; None if it is infinite or empty."""
+    fixed_blocks = [block for block in case.below.blocks if not any(block.slide_m)]
+    ends = [end for block in fixed_blocks for end in block.x_m]
     if not ends or not np.all(np.isfinite(ends)):
         return None
     return min(ends), max(ends)

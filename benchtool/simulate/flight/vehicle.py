@@ -1,4 +1,4 @@
-"""A vehicle for the flight simulator: a model of its ground effect, and what flying adds to it."""
+"""Vehicle of a flight: a model of its ground effect, and further numbers for the flight."""
 
 from __future__ import annotations
 
@@ -20,12 +20,16 @@ from benchtool.physics.mixer import mixer_matrix
 from benchtool.physics.model import Model
 from benchtool.simulate.flight.records import Craft
 from benchtool.simulate.flight.rigid_body import GRAVITY_M_S2
-from benchtool.simulate.ranges import refuse_outside
+from benchtool.simulate.ranges import check_range
 
+# Short names of effect parameters, with their own names.
 SHORT_NAMES = {"K_b": "K_b", "neighbours": f"{NEIGHBOURS.name}.strength", "lag_s": "tau_s"}
-"""What a flight calls some effects' numbers, and their own names."""
 
-RULES = ("wake_rule", "tilt_rule", "body_distance")  # readings of the paper that a model chooses
+RULES = (
+    "wake_rule",
+    "tilt_rule",
+    "body_distance",
+)  # interpretations of the paper, selected by a model
 
 RANGES = {
     "K_b": (0.0, 50.0),
@@ -40,14 +44,14 @@ RANGES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightVehicle:
-    """Describe a vehicle in the air.
+    """Flying vehicle.
 
     Attributes:
-        drag_N_s_m: force per velocity against the air; 0 leaves wind without effect.
-        turned_deg: layout turned to the left: 45 makes a plus layout a cross.
-        inertia_scale: true over known inertia; the controller keeps the known one.
-        undercarriage_m: how far hub and legs reach below the rotors, taken as deep everywhere under
-            the discs; 0 leaves them out, as no rig file has them.
+        drag_N_s_m: force per velocity relative to the air; with 0 wind has no effect.
+        turned_deg: rotation of the layout to the left: 45 makes a plus layout a cross.
+        inertia_scale: true over nominal inertia; the controller uses the nominal one.
+        undercarriage_m: depth of hub and legs below the rotors, equal everywhere under the discs;
+            0 means none, as no rig file has them.
     """
 
     model: Model
@@ -58,19 +62,19 @@ class FlightVehicle:
 
     def __post_init__(self) -> None:
         for item in fields(self)[1:]:
-            refuse_outside(item.name, getattr(self, item.name), *RANGES[item.name])
+            check_range(item.name, getattr(self, item.name), *RANGES[item.name])
 
     @classmethod
     def of_rig(cls, rig: Rig, **numbers: float) -> FlightVehicle:
-        """Return a rig's vehicle with eq. (4): the effects that act at their default values.
+        """Return the vehicle of a rig with eq. (4): the effects that act at their default values.
 
-        The rig's blades are among them where it states any.
+        They include the blades of the rig if it has any.
         """
-        if rig.plate.surface != "below":  # where its bench has a plate; a flight has floors
+        if rig.plate.surface != "below":  # of its bench; in flight surfaces are below
             rig = replace(rig, plate=replace(rig.plate, surface="below"))
         model = with_blades_of_rig(Model.single(rig))
-        usual = (effect for effect in EFFECTS.values() if _acts_by_default(effect))
-        for effect in usual:
+        default_effects = (effect for effect in EFFECTS.values() if _acts_by_default(effect))
+        for effect in default_effects:
             if all(effect.name != present.name for present in model.effects):
                 model = model.with_effect(effect)
         return cls(model=model).with_numbers(**numbers)
@@ -78,33 +82,32 @@ class FlightVehicle:
     def with_numbers(self, **numbers: Any) -> FlightVehicle:
         """Return the vehicle with some numbers changed.
 
-        A name is a field of the vehicle, one of `RULES` of its model, one of
-        `SHORT_NAMES`, or an effect's number as in `resolve_name`; an effect that the model lacks is
-        put in.
+        A name is a field of the vehicle, one of `RULES`, one of `SHORT_NAMES`, or an effect
+        parameter as in `resolve_name`; missing effects are added to the model.
 
         Raises:
-            InputError: a number outside its range.
-            UnknownChoice: no such number.
+            InputError: a number is out of range.
+            UnknownChoice: unknown name.
         """
-        own = {item.name for item in fields(self)}
+        field_names = {item.name for item in fields(self)}
         changed = self
         for name, value in numbers.items():
-            if name in own:
+            if name in field_names:
                 changed = replace(changed, **{name: value})
             elif name in RULES:
                 changed = replace(changed, model=replace(changed.model, **{name: value}))
             else:
-                changed = replace(changed, model=_at(changed.model, name, float(value)))
+                changed = replace(changed, model=_with_parameter(changed.model, name, float(value)))
         return changed
 
     def number(self, name: str) -> float:
-        """Return a number by a name as in `with_numbers`; neutral where its effect is absent."""
+        """Return a number by its name as in `with_numbers`; neutral if its effect is absent."""
         if name in RANGES and name not in SHORT_NAMES:
             return float(getattr(self, name))
-        effect, item = owner_of(self.model, name)
-        if (full := f"{effect.name}.{item.name}") in self.model.parameters:
-            return self.model.parameters[full].value
-        return item.value if item.neutral is None else item.neutral
+        effect, parameter = find_effect_parameter(self.model, name)
+        if (full_name := f"{effect.name}.{parameter.name}") in self.model.parameters:
+            return self.model.parameters[full_name].value
+        return parameter.value if parameter.neutral is None else parameter.neutral
 
     @property
     def rig(self) -> Rig:
@@ -113,48 +116,50 @@ class FlightVehicle:
 
     @property
     def identity(self) -> tuple[Any, ...]:
-        """What distinguishes the vehicle from others, as something that can be compared."""
-        values = {name: item.value for name, item in self.model.parameters.items()}
-        places = self.rig.disc_positions_m.tolist()
-        own = [getattr(self, item.name) for item in fields(self)[1:]]
+        """Comparable identity of the vehicle."""
+        parameter_values = {name: item.value for name, item in self.model.parameters.items()}
+        positions = self.rig.disc_positions_m.tolist()
+        field_values = [getattr(self, item.name) for item in fields(self)[1:]]
         rules = [getattr(self.model, name) for name in RULES]
-        return (self.rig.name, places, rules, values, own)
+        return (self.rig.name, positions, rules, parameter_values, field_values)
 
     @property
     def idle_effects(self) -> tuple[Effect, ...]:
-        """Effects of the model that cannot act in flight: of a hinge, a load cell, a stage."""
+        """Effects of the model that do not exist in flight: of a hinge, a load cell, a stage."""
         present = self.model.present_effects
         return tuple(effect for effect in present if not effect.acts_in_flight)
 
     @property
     def hover_thrust_N(self) -> float:
-        """Thrust of one rotor in hover far from everything: N."""
+        """Thrust of one rotor in hover out of ground effect: N."""
         return self.rig.body.mass_kg * GRAVITY_M_S2 / self.rig.n_rotors
 
     @property
     def reach_m(self) -> float:
-        """How far from the centre the discs reach: m."""
-        places = self.rig.disc_positions_m
-        return float(np.hypot(places[:, 0], places[:, 1]).max() + self.rig.propulsion.radius_m)
+        """Largest distance of a disc edge from the centre: m."""
+        positions_m = self.rig.disc_positions_m
+        return float(
+            np.hypot(positions_m[:, 0], positions_m[:, 1]).max() + self.rig.propulsion.radius_m
+        )
 
     def turned(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
-        """Return places of the rig in the layout as it is turned."""
+        """Return positions of the rig in the rotated layout."""
         if not self.turned_deg:
             return x_m, y_m
         c, s = cos(radians(self.turned_deg)), sin(radians(self.turned_deg))
         return c * x_m - s * y_m, s * x_m + c * y_m
 
     def geometry(self, dt_s: float) -> Array:
-        """Return plant step, places and distances as the loop takes them, see `FlightGeometry`."""
-        places = self.rig.disc_positions_m
-        x, y = self.turned(places[:, 0], places[:, 1])
+        """Return a `FlightGeometry` as a flat array."""
+        positions_m = self.rig.disc_positions_m
+        x, y = self.turned(positions_m[:, 0], positions_m[:, 1])
         body = self.model.body_images
         sources = [*self.turned(body.x_m, body.y_m), body.arm_m]
         parts: list[Any] = [dt_s, x, y, self.rig.disc_distances_m, *sources]
         return np.concatenate([np.ravel(part) for part in parts])
 
     def craft(self) -> Craft:
-        """Return the vehicle's numbers, with what the mixer shares out to each rotor."""
+        """Return the numbers of the vehicle, with the mixer weights of each rotor."""
         rig, values = self.rig, self.model.parameters
         x, y = self.turned(
             np.array([rotor.x_m for rotor in rig.rotors], float),
@@ -164,61 +169,67 @@ class FlightVehicle:
         propulsion = rig.propulsion
         k, c = values["k"].value, propulsion.drag_coefficient_Nm_s2
         matrix = mixer_matrix(x, y, spin, k, c)
-        largest = np.abs(matrix).max(axis=1, keepdims=True)
-        if not largest.all() or np.linalg.matrix_rank(matrix / largest) < 4:
+        row_max = np.abs(matrix).max(axis=1, keepdims=True)
+        if not row_max.all() or np.linalg.matrix_rank(matrix / row_max) < 4:
             raise InputError(
-                f"the rotors of rig {rig.name!r} ({rig.n_rotors}) cannot make thrust and "
-                f"three torques independently; fly a rig with four rotors or more"
+                f"the rotors of rig {rig.name!r} ({rig.n_rotors}) cannot produce thrust "
+                f"and three torques independently; use a rig with four rotors or more"
             )
-        shares = k * np.linalg.pinv(matrix)
+        weights = k * np.linalg.pinv(matrix)
         body, scale = rig.body, self.inertia_scale
         pitch_inertia_kgm2 = values["inertia_kgm2"].value
         inertia = (body.inertia_xx_kgm2, pitch_inertia_kgm2, body.inertia_zz_kgm2)
-        top_us = propulsion.pwm_max_us - propulsion.pwm_start_us
+        max_pulse_us = propulsion.pwm_max_us - propulsion.pwm_start_us
         return Craft(
             body.mass_kg,
-            tuple(scale * each for each in inertia),
+            tuple(scale * moment for moment in inertia),
             k,
             c,
-            propulsion.speed_per_us_rad_s * top_us,
+            propulsion.speed_per_us_rad_s * max_pulse_us,
             float(self.drag_N_s_m),
             GRAVITY_M_S2,
             propulsion.radius_m,
             values["R_m"].value,
             float(self.undercarriage_m),
-            *(tuple(row.tolist()) for row in (x, y, spin, *shares.T)),
+            *(tuple(row.tolist()) for row in (x, y, spin, *weights.T)),
         )
 
 
-def owner_of(model: Model, name: str) -> tuple[Effect, Parameter]:
-    """Return the effect that has a number of that name, and the number as it is or would be."""
+def find_effect_parameter(model: Model, name: str) -> tuple[Effect, Parameter]:
+    """Return the effect with a parameter of that name, and the parameter."""
     effects = {effect.name: effect for effect in (*EFFECTS.values(), *model.effects)}
-    known = {
-        f"{one.name}.{item.name}": (one, item)
-        for one in effects.values()
-        for item in one.parameters
-        if name not in SHORT_NAMES or one.distance_law is None
+    by_name = {
+        f"{effect.name}.{parameter.name}": (effect, parameter)
+        for effect in effects.values()
+        for parameter in effect.parameters
+        if name not in SHORT_NAMES or effect.distance_law is None
     }
-    full = resolve_name(SHORT_NAMES.get(name, name), known, "number of a vehicle")
-    return known[full]
+    full_name = resolve_name(SHORT_NAMES.get(name, name), by_name, "number of a vehicle")
+    return by_name[full_name]
 
 
-def _at(model: Model, name: str, value: float) -> Model:
-    effect, item = owner_of(model, name)
-    low, high = RANGES.get(name, (item.lower, item.upper))
-    refuse_outside(name, value, low, high)
-    full = f"{effect.name}.{item.name}"
-    if full not in model.parameters:
-        if value == item.neutral:
+def _with_parameter(model: Model, name: str, value: float) -> Model:
+    effect, parameter = find_effect_parameter(model, name)
+    low, high = RANGES.get(name, (parameter.lower, parameter.upper))
+    check_range(name, value, low, high)
+    full_name = f"{effect.name}.{parameter.name}"
+    if full_name not in model.parameters:
+        if value == parameter.neutral:
             return model
         model = model.with_effect(effect)
-    set_to = replace(
-        model.parameters[full], value=value, lower=min(item.lower, low), upper=max(item.upper, high)
+    changed = replace(
+        model.parameters[full_name],
+        value=value,
+        lower=min(parameter.lower, low),
+        upper=max(parameter.upper, high),
     )
-    return model.with_values(model.parameters.with_replaced(full, set_to))
+    return model.with_values(model.parameters.with_replaced(full_name, changed))
 
 
 def _acts_by_default(effect: Effect) -> bool:
-    if effect.distance_law is not None or effect.rig_values is not None:  # model or rig decides
+    if effect.distance_law is not None or effect.rig_values is not None:  # defined by model or rig
         return False
-    return any(item.neutral is not None and not item.is_neutral for item in effect.parameters)
+    return any(
+        parameter.neutral is not None and not parameter.is_neutral
+        for parameter in effect.parameters
+    )

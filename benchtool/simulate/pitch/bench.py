@@ -1,4 +1,4 @@
-"""The pitch bench as a value: hinge, rotors, plate, sensors and limits."""
+"""Pitch bench: hinge, rotors, plate, sensors and limits."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from benchtool.core.errors import InputError, UnknownChoice
 from benchtool.core.rig import Rig
 from benchtool.physics.model import Model
 
-GRAVITY_M_S2 = 9.81  # acceleration of free fall, as the pitch bench's owner rounds it
-STEPS_PER_LAG = 2.0  # least number of plant steps within the fastest lag
+GRAVITY_M_S2 = 9.81  # standard gravity, rounded as in the data of the pitch bench
+STEPS_PER_LAG = 2.0  # minimum number of plant steps per motor lag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitchSensor:
-    """Describe one sensor in SI units; every number is exactly absent at 0.
+    """Sensor in SI units; 0 means exactly absent.
 
     Attributes:
-        rate_Hz: how often it reads; 0 is once per control tick.
-        delay_s: how old a reading is; in whole control ticks.
+        rate_Hz: sampling rate; 0 is one reading per control tick.
+        delay_s: age of a reading, rounded to control ticks.
     """
 
     noise: float = 0.0
@@ -31,17 +31,17 @@ class PitchSensor:
     delay_s: float = 0.0
 
 
-SENSOR_NAMES = ("theta_rad", "gyro_rad_s", "plate_z_m", "rpm")  # in the order of the loop
+SENSOR_NAMES = ("theta_rad", "gyro_rad_s", "plate_z_m", "rpm")  # in loop order
 
 
 @dataclass(frozen=True, kw_only=True)
 class PitchBench:
-    """Hold a pitch bench.
+    """Pitch bench.
 
     Attributes:
-        model: the physics; its rig gives rotors, inertia, mass and pulse map.
+        model: its rig defines rotors, inertia, mass and pulse map.
         sensors: by name, see `SENSOR_NAMES`; a missing one is perfect. Rotor speeds in rad/s.
-        covered: (n_discs,) share of each disc over the plate when it is all the way in.
+        covered: (n_discs,) share of each disc over the fully inserted plate.
     """
 
     model: Model
@@ -56,10 +56,10 @@ class PitchBench:
 
     @classmethod
     def of(cls, model: Model, **changes: Any) -> PitchBench:
-        """Return the bench of a model's rig, with some attributes changed.
+        """Return the bench of the rig of a model, with some attributes changed.
 
-        The plate lies under the first disc. Sensors are the rig's own; `motor_lag` becomes the
-        rig's where the model does not state one.
+        The plate is under the first disc. Sensors are those of the rig, and so is `motor_lag` if
+        the model has none.
         """
         rig = model.rig
         model = model.with_lag_of_rig()
@@ -83,48 +83,46 @@ class PitchBench:
             raise UnknownChoice("sensor of a pitch bench", unknown[0], SENSOR_NAMES)
         if len(self.covered) != rig.n_discs:
             raise InputError(
-                f"covered has {len(self.covered)} numbers for {rig.n_discs} discs; give one each"
+                f"covered has {len(self.covered)} numbers for {rig.n_discs} discs; give one per "
+                f"disc"
             )
         for name in ("inertia_kgm2", "stop_rad", "plant_rate_Hz", "pwm_max_us"):
             value = getattr(self, name)
             if not (isfinite(value) and value > 0.0):
-                raise InputError(f"{name} is {value:g}; give a finite number above 0")
+                raise InputError(f"{name} is {value:g}; allowed: finite numbers above 0")
         if self.stop_rad > 1.5:
-            raise InputError(
-                f"stop_rad is {self.stop_rad:g}, above 1.5 (86 degrees), where a hinge is no pitch "
-                f"bench any more; lower it"
-            )
+            raise InputError(f"stop_rad is {self.stop_rad:g}; allowed: up to 1.5 (86 degrees)")
         for name, sensor in self.sensors.items():
             for item in fields(sensor):
                 value = getattr(sensor, item.name)
                 if not isfinite(value) or (value < 0.0 and item.name != "bias"):
                     raise InputError(
-                        f"{name}.{item.name} is {value:g}; give a finite number, 0 or more"
+                        f"{name}.{item.name} is {value:g}; allowed: finite numbers from 0"
                     )
         for name, value in self.model.parameters.items():
             if not isfinite(value.value):
-                raise InputError(f"{name} is {value.value:g}; give a finite number")
+                raise InputError(f"{name} is {value.value:g}; allowed: finite numbers")
         lag_s = self.model.lag_s
         if 0.0 < lag_s < STEPS_PER_LAG / self.plant_rate_Hz:
             raise InputError(
                 f"motor_lag.tau_s is {lag_s:g} s, but a plant step takes "
                 f"{1.0 / self.plant_rate_Hz:g} s; raise plant_rate_Hz to "
-                f"{STEPS_PER_LAG / lag_s:.0f} or more, or leave the lag out"
+                f"{STEPS_PER_LAG / lag_s:.0f} or more, or remove the lag"
             )
 
     @property
     def hover_N(self) -> float:
-        """Thrust of one rotor at hover, N: weight over the number of rotors."""
+        """Thrust of one rotor at hover: weight over the number of rotors."""
         return self.model.rig.body.mass_kg * GRAVITY_M_S2 / self.model.rig.n_rotors
 
 
 def rig_sensors(rig: Rig) -> dict[str, PitchSensor]:
-    """Return the sensors of a rig that a pitch bench reads, in SI."""
-    found = {}
+    """Return the sensors of a rig that a pitch bench has, in SI units."""
+    sensors = {}
     for name in SENSOR_NAMES:
         if name in rig.sensors:
             sensor, factor = rig.sensors[name], pi / 30.0 if name == "rpm" else 1.0
-            found[name] = PitchSensor(
+            sensors[name] = PitchSensor(
                 noise=sensor.noise * factor, quantum=sensor.quantum * factor, rate_Hz=sensor.rate_Hz
             )
-    return found
+    return sensors

@@ -1,4 +1,4 @@
-"""Filter one logged pitch experiment with many candidate benches at once."""
+"""Filter along a logged pitch experiment with many candidate benches."""
 
 from __future__ import annotations
 
@@ -21,24 +21,23 @@ from benchtool.simulate.pitch.filter_ticks import FREE, RESTART, FilterGains, Lo
 from benchtool.simulate.pitch.records import Setpoint
 from benchtool.simulate.pitch.run import PitchJob, PitchLoop
 
-PARKED_FROM_M = 0.95 * PARKED_M  # greater readings are parked: a noisy 1.0 is no plate
-LANES = (1, 8, 32)  # numbers of lanes that loops are compiled for; a loop takes the next larger one
+PARKED_FROM_M = 0.95 * PARKED_M  # readings above are a parked plate: 1.0 with noise
+LANES = (1, 8, 32)  # compiled numbers of lanes; a loop has the next larger one
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LoggedPitch:
-    """Hold a logged pitch experiment, evenly spaced.
+    """Logged pitch experiment, evenly sampled.
 
     Attributes:
-        pwm_us: (n_discs, n) pulses, each held until the next; with `from_speeds`, the pulses at
-            which rotors would settle at the speed that was measured.
+        pwm_us: (n_discs, n) pulse widths, constant until the next; with `from_speeds`, those for
+            which the measured speeds are steady.
         plate_z_m: (n,) distance with the beam level.
-        plate_share: (n,) how far the plate is in, 0 (parked) to 1.
-        theta_rad, gyro_rad_s: (n,) readings; nan where there was none.
-        speed_rad_s: (n_discs, n) readings; nan where there was none.
-        mode: (n,) what a filter does with the readings, see `filter_ticks`.
-        from_speeds: whether rotors turn as they were measured, whatever a model says of the way
-            from pulse to speed.
+        plate_share: (n,) inserted share of the plate, 0 (parked) to 1.
+        theta_rad, gyro_rad_s: (n,) readings; nan where there is none.
+        speed_rad_s: (n_discs, n) readings; nan where there is none.
+        mode: (n,) filter mode, see `filter_ticks`.
+        from_speeds: use the measured speeds instead of the model from pulse width to speed.
     """
 
     rate_Hz: float
@@ -56,7 +55,7 @@ class LoggedPitch:
 
     @property
     def n_discs(self) -> int:
-        """How many discs were driven."""
+        """Number of driven discs."""
         return len(self.pwm_us)
 
     def __post_init__(self) -> None:
@@ -68,41 +67,43 @@ class LoggedPitch:
         ):  # fmt: skip
             if getattr(self, name).shape != shape:
                 raise InputError(
-                    f"{name} has the shape {getattr(self, name).shape}, but {discs} discs and {n} "
-                    f"plate distances need {shape}"
+                    f"{name} has shape {getattr(self, name).shape}; {discs} discs and {n} plate "
+                    f"distances need {shape}"
                 )
 
     def between(self, first: int, last: int) -> LoggedPitch:
         """Return the rows from `first` up to `last`."""
         columns = {item.name: getattr(self, item.name) for item in fields(self)}
-        rows = {name: x[..., first:last] for name, x in columns.items() if np.ndim(x)}
+        rows = {
+            name: values[..., first:last] for name, values in columns.items() if np.ndim(values)
+        }
         return replace(self, **rows)
 
     def schedule(self) -> SampledSchedule:
-        """Return the plate's part of the log as a schedule without a controller."""
+        """Return the schedule of the plate in the log, without a controller."""
         ticks = len(self)
-        still = np.zeros(ticks)
+        zeros = np.zeros(ticks)
         return SampledSchedule(
             rate_Hz=self.rate_Hz,
             time_s=np.arange(ticks) / self.rate_Hz,
-            reference_rad=still,
+            reference_rad=zeros,
             collective=np.ones(ticks),
-            dither_us=still,
+            dither_us=zeros,
             plate_z_m=np.asarray(self.plate_z_m, float),
             plate_share=np.asarray(self.plate_share, float),
-            observer=still,
-            feedforward=still,
+            observer=zeros,
+            feedforward=zeros,
         )
 
 
 class Predictions(NamedTuple):
-    """Hold what benches made of a log, lanes last; fields in the order of `run.FILTERED`.
+    """Predictions of benches along a log; fields in the order of `run.FILTERED`.
 
     Attributes:
-        theta_rad, gyro_rad_s: (n, lanes) predicted readings, each from the tick before.
-        pitch_rad, rate_rad_s, wake_Nm, bent: (n, lanes) the state after the readings of the tick.
+        theta_rad, gyro_rad_s: (n, lanes) predicted readings, one tick ahead.
+        pitch_rad, rate_rad_s, wake_Nm, bent: (n, lanes) state after the correction at the tick.
         speed_rad_s: (n, n_discs, lanes) predicted readings.
-        state_speed_rad_s: (n, n_discs, lanes) rotor speeds after the readings of the tick.
+        state_speed_rad_s: (n, n_discs, lanes) rotor speeds after the correction at the tick.
     """
 
     theta_rad: Array
@@ -123,20 +124,22 @@ def filter_log(
     start_s: float = 0.0,
     states: Array | None = None,
 ) -> Predictions:
-    """Return what each bench predicts along a log.
+    """Return the predictions of each bench along a log.
 
     Args:
-        benches: one per lane; all of one rig. Their sensors do not matter.
-        gains: (7,) of the filter, `FilterGains`.
-        start_s: time of the first row, for what changes with time.
-        states: (4 + n_discs, lanes) a `Hinge`'s first four numbers and speeds to begin with;
-            from the first row's readings when None.
+        benches: one per lane, all of one rig. Their sensors are ignored.
+        gains: (7,) `FilterGains`.
+        start_s: time of the first row, for effects that depend on time.
+        states: (4 + n_discs, lanes) initial values of the first four fields of `Hinge`, and speeds;
+            None means from the readings of the first row.
     """
     mode = np.array(logged.mode, float)
     if states is None:
         mode[0] = RESTART
     whole, before = [(0, 0, len(logged))], round(start_s * logged.rate_Hz)
-    return _filtered(benches, replace(logged, mode=mode), gains, whole, [states], None, before)[0]
+    return _filter_windows(
+        benches, replace(logged, mode=mode), gains, whole, [states], None, before
+    )[0]
 
 
 def predict_windows(
@@ -148,17 +151,17 @@ def predict_windows(
     states: Sequence[Array],
     seed: int | None = None,
 ) -> list[Predictions]:
-    """Return what each bench predicts in each of many windows of a log, without its readings.
+    """Return the predictions of each bench in windows of a log, without corrections.
 
     Args:
-        lead: rows before a window whose pulses a delay may still hold.
+        lead: number of rows before a window whose pulse widths are still in a delay.
     """
     windows = [(max(int(start) - lead, 0), int(start), int(start) + rows) for start in starts]
     free = replace(logged, mode=np.full(len(logged), float(FREE)))
-    return _filtered(benches, free, np.zeros(len(FilterGains._fields)), windows, states, seed)
+    return _filter_windows(benches, free, np.zeros(len(FilterGains._fields)), windows, states, seed)
 
 
-def _filtered(
+def _filter_windows(
     benches: Sequence[PitchBench],
     logged: LoggedPitch,
     gains: Array,
@@ -167,32 +170,33 @@ def _filtered(
     seed: int | None,
     before: int = 0,
 ) -> list[Predictions]:
-    """Return what benches make of windows of a log.
+    """Return the predictions of benches in windows of a log.
 
     Args:
-        windows: of each the row from which its pulses are sent, its first row, and the row to stop
-            before.
+        windows: first row of the commands, first row, and end (exclusive) of each window.
     """
     parts = []
     for k in range(0, len(benches), LANES[-1]):
-        some = benches[k : k + LANES[-1]]
-        loop = _loop(some, logged, None if seed is None else seed + k)
+        group = benches[k : k + LANES[-1]]
+        loop = _build_loop(group, logged, None if seed is None else seed + k)
         setpoint = Setpoint(*loop.planned("setpoint"))
         ticks = LoggedTick(
             setpoint, (*loop.planned("pwm_us"),), logged.mode, logged.theta_rad,
             logged.gyro_rad_s, (*logged.speed_rad_s,),
         )  # fmt: skip
-        table, found = np.array(flat_values(ticks), float), []
-        for (first, start, stop), begun in zip(windows, states, strict=True):
-            if begun is not None:
-                wide = begun[:, k : k + LANES[-1]]
-                wide = np.pad(wide, ((0, 0), (0, loop.lanes - wide.shape[1])), mode="edge")
-                loop.view("hinge")[:4] = wide[:4]
-                loop.set_speeds(wide[4:])
-            log = loop.filter(table, gains, before, (first, start, stop))[:, :, : len(some)]
-            scalars = [log[:, k] for k in range(6)]
-            found.append(Predictions(*scalars, *np.split(log[:, 6:], 2, axis=1)))
-        parts.append(found)
+        table, predictions = np.array(flat_values(ticks), float), []
+        for (first, start, stop), initial_states in zip(windows, states, strict=True):
+            if initial_states is not None:
+                lane_states = initial_states[:, k : k + LANES[-1]]
+                lane_states = np.pad(
+                    lane_states, ((0, 0), (0, loop.lanes - lane_states.shape[1])), mode="edge"
+                )
+                loop.view("hinge")[:4] = lane_states[:4]
+                loop.set_speeds(lane_states[4:])
+            log = loop.filter(table, gains, before, (first, start, stop))[:, :, : len(group)]
+            scalars = [log[:, column] for column in range(6)]
+            predictions.append(Predictions(*scalars, *np.split(log[:, 6:], 2, axis=1)))
+        parts.append(predictions)
     if len(parts) == 1:
         return parts[0]
     return [
@@ -201,21 +205,20 @@ def _filtered(
     ]
 
 
-def _loop(benches: Sequence[PitchBench], logged: LoggedPitch, seed: int | None) -> PitchLoop:
-    """Return a loop that the log's pulses drive; lanes left over repeat the last bench."""
+def _build_loop(benches: Sequence[PitchBench], logged: LoggedPitch, seed: int | None) -> PitchLoop:
+    """Return a loop driven by the logged pulse widths; extra lanes repeat the last bench."""
     lanes = next(count for count in LANES if count >= len(benches))
     discs, rig = logged.n_discs, benches[0].model.rig
     if discs != rig.n_discs:
         raise InputError(
-            f"the log drives {discs} discs, but rig {rig.name!r} has {rig.n_discs}; name another "
-            f"rig"
+            f"number of discs differs: log {discs}, rig {rig.name!r} {rig.n_discs}; use another rig"
         )
     p, first_us = rig.propulsion, logged.pwm_us[:, 0]
     if logged.from_speeds:
         benches, logged = _without_motors(benches, logged)
     control = PitchControl(name="logged", gains=None, rate_Hz=logged.rate_Hz)
-    once = {id(bench): PitchJob(replace(bench, sensors={}), control) for bench in benches}
-    jobs = [once[id(bench)] for bench in benches]
+    job_by_bench = {id(bench): PitchJob(replace(bench, sensors={}), control) for bench in benches}
+    jobs = [job_by_bench[id(bench)] for bench in benches]
     jobs += [jobs[-1]] * (lanes - len(jobs))
     loop = PitchLoop(
         jobs, logged.schedule(), seed or 0, list(range(lanes)), external=True, neutral_too=True
@@ -223,33 +226,33 @@ def _loop(benches: Sequence[PitchBench], logged: LoggedPitch, seed: int | None) 
     loop.drive(np.ascontiguousarray(logged.pwm_us, float))
     if seed is None:
         loop.view("motion.wake_kick_Nm")[:] = 0.0
-    settled = p.speed_per_us_rad_s * np.maximum(first_us - p.pwm_start_us, 0.0)
-    loop.set_speeds(settled[:, None])
+    steady_rad_s = p.speed_per_us_rad_s * np.maximum(first_us - p.pwm_start_us, 0.0)
+    loop.set_speeds(steady_rad_s[:, None])
     return loop
 
 
 def _without_motors(
     benches: Sequence[PitchBench], logged: LoggedPitch
 ) -> tuple[Sequence[PitchBench], LoggedPitch]:
-    """Return benches and pulses that take every rotor through its measured speeds.
+    """Return benches and pulse widths for which every rotor has its measured speeds.
 
-    Nothing of the subsystem pwm_to_rpm is left in the benches. Within a tick speeds go from one
-    reading to the next along the rig's own lag: a straighter way shifts the thrust by a fraction
-    of a millisecond, which dither turns into a tenth of a friction.
+    The benches lose all effects of the subsystem pwm_to_rpm. Within a tick speeds follow the lag of
+    the rig from one reading to the next: linear interpolation would shift the thrust by a fraction
+    of a millisecond, which with dither is a tenth of a friction.
     """
-    first = benches[0]
-    p = first.model.rig.propulsion
-    lag_s = max(p.lag_s, 1.001 * STEPS_PER_LAG / first.plant_rate_Hz)
+    first_bench = benches[0]
+    p = first_bench.model.rig.propulsion
+    lag_s = max(p.lag_s, 1.001 * STEPS_PER_LAG / first_bench.plant_rate_Hz)
     remains = np.exp(-1.0 / (logged.rate_Hz * lag_s))
     drive = logged.pwm_us.copy()
     drive[:, :-1] += np.diff(logged.pwm_us, axis=1) / (1.0 - remains)
     models = {id(bench): _with_lag_alone(bench.model, lag_s) for bench in benches}
-    bare = {id(bench): replace(bench, model=models[id(bench)]) for bench in benches}
-    return [bare[id(bench)] for bench in benches], replace(logged, pwm_us=drive)
+    bench_by_id = {id(bench): replace(bench, model=models[id(bench)]) for bench in benches}
+    return [bench_by_id[id(bench)] for bench in benches], replace(logged, pwm_us=drive)
 
 
 def _with_lag_alone(model: Model, lag_s: float) -> Model:
-    """Return the model without anything between pulse and speed but a lag."""
+    """Return the model with only a lag between pulse width and speed."""
     values = {
         f"{effect.name}.{effect.parameters[0].name}": lag_s
         for effect in model.effects
@@ -257,12 +260,13 @@ def _with_lag_alone(model: Model, lag_s: float) -> Model:
     }
     for effect in model.effects:
         if effect.subsystem == "pwm_to_rpm":
-            for item in effect.parameters:
-                neutral = item.value if item.neutral is None else item.neutral
-                values.setdefault(f"{effect.name}.{item.name}", neutral)
-    items = model.parameters
+            for parameter in effect.parameters:
+                neutral = parameter.value if parameter.neutral is None else parameter.neutral
+                values.setdefault(f"{effect.name}.{parameter.name}", neutral)
+    parameters = model.parameters
     return model.with_values(
         Parameters(
-            (name, item.with_value(values.get(name, item.value))) for name, item in items.items()
+            (name, parameter.with_value(values.get(name, parameter.value)))
+            for name, parameter in parameters.items()
         )
     )

@@ -1,4 +1,4 @@
-"""What a simulation of the pitch bench takes, from the command line, the page or Python."""
+"""Inputs of a pitch simulation, from the command line, the page or Python."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitchInputs(Inputs):
-    """What `benchtool simulate pitch` takes."""
+    """Inputs of `benchtool simulate pitch`."""
 
     rig: Annotated[
-        str | None, Input("Rig on the hinge.", default_text="rig of the model, or pquad")
+        str | None, Input("Rig on the hinge.", default_text="of the model; pquad without a model")
     ] = None
-    model: Annotated[str, Input("Model name or file.", default_text="pitch model of the rig")] = ""
+    model: Annotated[str, Input("Model or its file.", default_text="pitch model of the rig")] = ""
     controllers: Annotated[
         tuple[str, ...],
         Len(1),
         Input(
-            "Controllers: names or module:Class, comma-separated.",
+            "Comma-separated; user-defined: module:Class.",
             comma_separated=True,
             alias="--controller",
             label="Controllers",
@@ -40,7 +40,7 @@ class PitchInputs(Inputs):
 def setup_of(
     inputs: PitchInputs, gains: str, permit: CodePermit = check_code_allowed
 ) -> PitchSetup:
-    """Return what runs with one gain set; own code of a model is run by permit only."""
+    """Return the setup of one gain set; `permit` is called before user code of a model is run."""
     from benchtool.simulate.controllers.laws import PITCH_CONTROLLERS
     from benchtool.simulate.pitch.setup import pitch_setup, with_changes
 

@@ -1,8 +1,8 @@
-"""One lane's hinge, rotors and sensors; every function works on column `lane` of the work space.
+"""Hinge, rotors and sensors of one lane, which is column `lane` of the records.
 
 The hinge is integrated by the midpoint rule with an implicit step for dry friction: second order
-while it slips, exactly at rest while it sticks. Rotor speeds follow their lag exactly, also where a
-delayed command arrives in the middle of a step.
+when it slips, exactly at rest when it sticks. The lag of rotor speeds is exact, also if a delayed
+command arrives within a step.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from benchtool.simulate.motors import Rotors, first_order_lag
 from benchtool.simulate.noise import next_state, normal
 from benchtool.simulate.pitch.records import Hinge, SensorReadings
 
-SMALLEST = 1e-300  # keeps a hinge without friction from dividing nothing by nothing
+MIN_DIVISOR = 1e-300  # avoids 0/0 for a hinge without friction
 
 
 @expression
 def sine(angle_rad: Quantity) -> Quantity:
-    """Return the sine, right to 5e-16 up to a quarter turn: Taylor's series to order 19."""
+    """Return the sine, error 5e-16 up to a quarter turn: Taylor's series to order 19."""
     v = angle_rad * angle_rad
     high = 1.0 / 6227020800.0 + v * (
         -1.0 / 1307674368000.0 + v * (1.0 / 355687428096000.0 - v * (1.0 / 121645100408832000.0))
@@ -44,7 +44,7 @@ def sine(angle_rad: Quantity) -> Quantity:
 
 @expression
 def cosine(angle_rad: Quantity) -> Quantity:
-    """Return the cosine, right to 5e-16 up to a quarter turn: Taylor's series to order 20."""
+    """Return the cosine, error 5e-16 up to a quarter turn: Taylor's series to order 20."""
     v = angle_rad * angle_rad
     high = 1.0 / 479001600.0 + v * (
         -1.0 / 87178291200.0
@@ -60,50 +60,58 @@ def cosine(angle_rad: Quantity) -> Quantity:
 
 @expression
 def rounded(value: Any, quantum: Any) -> Any:
-    """Return the value in whole quanta; a zero quantum leaves it exactly alone."""
+    """Return the value rounded to whole quanta; exactly the value for a zero quantum."""
     step = np.maximum(quantum, 1e-12)
     return value + (quantum > 0.0) * (np.floor(value / step + 0.5) * step - value)
 
 
 @expression
 def read(true: Any, draw: Any, sensor: Any) -> Any:
-    """Return a sensor's reading: bias and white noise on the true value, in whole quanta."""
+    """Return a sensor reading: true value plus bias and white noise, in whole quanta."""
     return rounded(true + sensor.bias + sensor.noise * draw, sensor.quantum)
 
 
 @expression
-def plane_below(plate_z_m: Any, theta_rad: Any, lean_rad: Any) -> Any:
-    """Return where a plate lies whose centre is below the hinge and which leans by an angle."""
-    return Plane(plate_z_m * cosine(lean_rad), -sine(theta_rad + lean_rad), 0.0)
+def plane_below(plate_z_m: Any, theta_rad: Any, tilt_rad: Any) -> Any:
+    """Return the plane of a plate with its centre below the hinge, tilted by an angle."""
+    return Plane(plate_z_m * cosine(tilt_rad), -sine(theta_rad + tilt_rad), 0.0)
 
 
 @expression
 def heights_over(plane: Any, x_m: Any, y_m: Any) -> Any:
     """Return the height of each disc over the plate: m."""
-    found = x_m
+    heights = x_m
     for i in range(len(x_m)):
-        found = with_fields(found, i, height_over(plane, x_m[i], y_m[i]))
-    return found
+        heights = with_fields(heights, i, height_over(plane, x_m[i], y_m[i]))
+    return heights
 
 
 @expression
-def scaled(values: Any, by: Any) -> Any:
+def scaled(values: Any, factor: Any) -> Any:
     """Return each disc's value times a number."""
-    found = values
+    products = values
     for i in range(len(values)):
-        found = with_fields(found, i, values[i] * by)
-    return found
+        products = with_fields(products, i, values[i] * factor)
+    return products
 
 
 @inlined_expression
-def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks: Any) -> None:
-    """Advance the bench of one lane by one plant step; `to` says where its records stand."""
-    discs, time_s = now.fixed, now.time_s
-    body, motion = read_record(w, to.body, lane, at), read_record(w, to.motion, lane, at)
-    hinge, rotors = read_record(w, to.hinge, lane, at), read_record(w, to.rotors, lane, at)
-    plate = read_record(w, to.setpoint, lane, at)
-    p = read_record(w, to.effects, lane, at)
-    targets = read_record(w, to.targets, lane, at)
+def step_lane(
+    w: Any, lane: Any, n_lanes: Any, states: Any, now: Any, slots: Any, hooks: Any
+) -> None:
+    """Advance the bench of one lane by one plant step."""
+    discs, time_s = now.geometry, now.time_s
+    body, motion = (
+        read_record(w, slots.body, lane, n_lanes),
+        read_record(w, slots.motion, lane, n_lanes),
+    )
+    hinge, rotors = (
+        read_record(w, slots.hinge, lane, n_lanes),
+        read_record(w, slots.rotors, lane, n_lanes),
+    )
+    plate = read_record(w, slots.setpoint, lane, n_lanes)
+    p = read_record(w, slots.effects, lane, n_lanes)
+    targets = read_record(w, slots.targets, lane, n_lanes)
     old, new = targets.old_rad_s, targets.new_rad_s
     start_rad_s = rotors.speed_rad_s
     middle_rad_s = hooks.followed(
@@ -112,81 +120,93 @@ def step_lane(w: Any, lane: Any, at: Any, states: Any, now: Any, to: Any, hooks:
     end_rad_s = hooks.followed(
         middle_rad_s, first_order_lag(motion.second, middle_rad_s, old, new), p
     )
-    write_record(w, to.rotors, lane, at, Rotors(end_rad_s))
+    write_record(w, slots.rotors, lane, n_lanes, Rotors(end_rad_s))
 
     x, dt_s, rate = discs.x_m, discs.dt_s, hinge.rate_rad_s
     theta = hinge.theta_rad + 0.5 * dt_s * rate
     plane = plane_below(plate.plate_z_m, theta, hooks.tilt(p))
     heights = heights_over(plane, x, discs.y_m)
-    areas = scaled(body.covered, plate.plate_share)
+    covered = scaled(body.covered, plate.plate_share)
     speed = middle_rad_s
     for i in range(len(x)):
         speed = with_fields(speed, i, discs.roots[i] * middle_rad_s[i])
     flow = hooks.bare(
-        body.radius_m, x, discs.y_m, plane, heights, areas, speed, time_s, theta, rate,
+        body.radius_m, x, discs.y_m, plane, heights, covered, speed, time_s, theta, rate,
         cosine(theta), body.weight_N,
     )  # fmt: skip
     flow = hooks.with_images(flow, discs.distances_m, discs.body, p)
     factor = hooks.factors(flow, p)
     flow = hooks.with_thrust(flow, rate, body.k, factor)
-    pushed = pitch_moment_Nm(flow.thrust_N, x) + hinge.wake_Nm
+    hinge_torque = pitch_moment_Nm(flow.thrust_N, x) + hinge.wake_Nm
     share = body.step_over_inertia
-    middle = rate + 0.5 * share * (pushed + hooks.torque(0, flow, p))
-    flow = hooks.with_thrust(flow, middle, body.k, factor)
-    slipping = rate + share * (pushed + hooks.torque(0, flow, p))
-    held = share * hooks.dry_friction(0, flow, p)
-    give = hooks.dry_give(0, flow, p) / dt_s
-    built = held / np.maximum(give + held + hooks.dry_width(0, flow, p), SMALLEST)
-    friction = clip((give * hinge.bent + slipping) * built, held)
-    before, rate = rate, slipping - friction
+    middle_rate = rate + 0.5 * share * (hinge_torque + hooks.torque(0, flow, p))
+    flow = hooks.with_thrust(flow, middle_rate, body.k, factor)
+    frictionless_rate = rate + share * (hinge_torque + hooks.torque(0, flow, p))
+    friction_limit = share * hooks.dry_friction(0, flow, p)
+    hinge_give = hooks.dry_give(0, flow, p) / dt_s
+    stiffness_share = friction_limit / np.maximum(
+        hinge_give + friction_limit + hooks.dry_width(0, flow, p), MIN_DIVISOR
+    )
+    friction = clip((hinge_give * hinge.bent + frictionless_rate) * stiffness_share, friction_limit)
+    previous_rate, rate = rate, frictionless_rate - friction
     theta = theta + 0.5 * dt_s * rate
-    inside = clip(theta, body.stop_rad)
-    hit = 1.0 * (inside != theta)
-    low = 0.0 * hit
+    clipped_theta = clip(theta, body.stop_rad)
+    is_stopped = 1.0 * (clipped_theta != theta)
+    is_clamped = 0.0 * is_stopped
     for i in range(len(x)):
         is_low = flow.height_m[i] <= hooks.nearest_z_over_R * body.radius_m
-        low = np.maximum(low, is_low * (flow.coverage[i] > 0.0))
+        is_clamped = np.maximum(is_clamped, is_low * (flow.coverage[i] > 0.0))
     first = next_state(states[lane])
     second = next_state(first)
     states[lane] = second
     wake = motion.wake_remains * hinge.wake_Nm + motion.wake_kick_Nm * normal(first, second)
-    moved = Hinge(
-        inside, (1.0 - hit) * rate, wake, friction / np.maximum(held, SMALLEST),
-        hinge.clamped_steps + low, hinge.stopped_steps + hit, (rate - before) / dt_s,
+    next_hinge = Hinge(
+        clipped_theta, (1.0 - is_stopped) * rate, wake,
+        friction / np.maximum(friction_limit, MIN_DIVISOR), hinge.clamped_steps + is_clamped,
+        hinge.stopped_steps + is_stopped, (rate - previous_rate) / dt_s,
     )  # fmt: skip
-    write_record(w, to.hinge, lane, at, moved)
+    write_record(w, slots.hinge, lane, n_lanes, next_hinge)
 
 
 @inlined_expression
 def sense_lane(
-    w: Any, lane: Any, at: Any, states: Any, fresh: Any, time_s: Any, to: Any, hooks: Any
+    w: Any, lane: Any, n_lanes: Any, states: Any, fresh: Any, time_s: Any, slots: Any, hooks: Any
 ) -> None:
-    """Read encoder, gyro, plate and rotor speeds of one lane; `fresh` says which have a reading."""
-    before, late = read_record(w, to.readings, lane, at), read_record(w, to.delayed, lane, at)
-    sensors, rotors = read_record(w, to.sensors, lane, at), read_record(w, to.rotors, lane, at)
-    p = read_record(w, to.effects, lane, at)
-    acceleration = read_record(w, to.hinge, lane, at).acceleration_rad_s2
+    """Write the new readings of encoder, gyro, plate and rotor speeds of one lane.
+
+    `fresh` contains 1 for sensors with a new reading.
+    """
+    previous, delayed = (
+        read_record(w, slots.readings, lane, n_lanes),
+        read_record(w, slots.delayed, lane, n_lanes),
+    )
+    sensors, rotors = (
+        read_record(w, slots.sensors, lane, n_lanes),
+        read_record(w, slots.rotors, lane, n_lanes),
+    )
+    p = read_record(w, slots.effects, lane, n_lanes)
+    acceleration = read_record(w, slots.hinge, lane, n_lanes).acceleration_rad_s2
     a = next_state(states[lane])
     b = next_state(a)
-    theta = read(late.theta_rad, normal(a, b), sensors.theta)
+    theta = read(delayed.theta_rad, normal(a, b), sensors.theta)
     a = next_state(b)
     b = next_state(a)
-    gyro = hooks.gyro(time_s, late.theta_rad, late.rate_rad_s, acceleration, p)
+    gyro = hooks.gyro(time_s, delayed.theta_rad, delayed.rate_rad_s, acceleration, p)
     gyro = read(gyro, normal(a, b), sensors.gyro)
     a = next_state(b)
     b = next_state(a)
-    plate = read(late.plate_z_m, normal(a, b), sensors.plate)
-    speeds = before.speed_rad_s
+    plate = read(delayed.plate_z_m, normal(a, b), sensors.plate)
+    speeds = previous.speed_rad_s
     for i in range(len(speeds)):
         a = next_state(b)
         b = next_state(a)
         speed = read(rotors.speed_rad_s[i], normal(a, b), sensors.speed)
-        speeds = with_fields(speeds, i, speed if fresh.speed else before.speed_rad_s[i])
+        speeds = with_fields(speeds, i, speed if fresh.speed else previous.speed_rad_s[i])
     states[lane] = b
-    shown = SensorReadings(
-        theta if fresh.theta else before.theta_rad,
-        gyro if fresh.gyro else before.gyro_rad_s,
-        plate if fresh.plate else before.plate_z_m,
+    readings = SensorReadings(
+        theta if fresh.theta else previous.theta_rad,
+        gyro if fresh.gyro else previous.gyro_rad_s,
+        plate if fresh.plate else previous.plate_z_m,
         speeds,
     )
-    write_record(w, to.readings, lane, at, shown)
+    write_record(w, slots.readings, lane, n_lanes, readings)

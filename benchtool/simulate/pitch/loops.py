@@ -1,4 +1,4 @@
-"""The pitch bench's loops, made for a set of effects, a law, and numbers of discs and lanes."""
+"""Loops of the pitch bench for a set of effects, a law, and numbers of discs and lanes."""
 
 from __future__ import annotations
 
@@ -48,101 +48,125 @@ from benchtool.simulate.pitch.records import (
     tick_slot,
 )
 
-LAST = PAST - 1  # picks the place of a tick among `PAST`
+PAST_MASK = PAST - 1  # index of a tick in the ring of `PAST` ticks
 
 PitchLoops = namedtuple("PitchLoops", "run filter")
-"""Hold compiled loops: run(arrays, plan, first, last), with the arrays as `layout.lend_rows`, and
-filter, the same along a log.
+"""Compiled loops: run(arrays, plan, first, last), with arrays from `layout.lend_rows`; and filter,
+the same along a log.
 """
 
 
 @inlined_expression
-def control_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, law: Any) -> None:
-    """Run a built-in law of one lane: a controller's step, with its state in the lane's records."""
-    seen, wanted = read_record(w, to.readings, lane, at), now.wanted.setpoint
-    before = read_record(w, to.command, lane, at)
+def control_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any, law: Any) -> None:
+    """Run one step of the built-in law of one lane, with its state in the records of the lane."""
+    readings, setpoint = read_record(w, slots.readings, lane, n_lanes), now.scheduled.setpoint
+    previous = read_record(w, slots.command, lane, n_lanes)
     state, command = law(
-        read_record(w, to.law, lane, at),
-        read_record(w, to.law_state, lane, at),
+        read_record(w, slots.law, lane, n_lanes),
+        read_record(w, slots.law_state, lane, n_lanes),
         PitchMeasurement(
-            now.time_s, seen.theta_rad, seen.gyro_rad_s, seen.plate_z_m, seen.speed_rad_s
+            now.time_s,
+            readings.theta_rad,
+            readings.gyro_rad_s,
+            readings.plate_z_m,
+            readings.speed_rad_s,
         ),
-        PitchReference(wanted.reference_rad, wanted.collective_N, now.wanted.observer),
-        now.plan.substeps * now.fixed.dt_s,
+        PitchReference(setpoint.reference_rad, setpoint.collective_N, now.scheduled.observer),
+        now.plan.substeps * now.geometry.dt_s,
     )
-    write_record(w, to.law_state, lane, at, state)
-    asked = Command(command.torque_Nm, command.difference_us, before.factor, before.pwm_us)
-    write_record(w, to.command, lane, at, asked)
+    write_record(w, slots.law_state, lane, n_lanes, state)
+    next_command = Command(
+        command.torque_Nm, command.difference_us, previous.factor, previous.pwm_us
+    )
+    write_record(w, slots.command, lane, n_lanes, next_command)
 
 
 @inlined_expression
-def divide_lane(w: Any, lane: Any, at: Any, factor: Any, to: Any) -> None:
-    """Write the factors by which the mixer of one lane divides thrusts."""
-    asked = read_record(w, to.command, lane, at)
-    divided = Command(asked.torque_Nm, asked.difference_us, factor, asked.pwm_us)
-    write_record(w, to.command, lane, at, divided)
+def divide_lane(w: Any, lane: Any, n_lanes: Any, factor: Any, slots: Any) -> None:
+    """Write the factors by which the mixer of one lane divides the thrusts."""
+    command = read_record(w, slots.command, lane, n_lanes)
+    compensated = Command(command.torque_Nm, command.difference_us, factor, command.pwm_us)
+    write_record(w, slots.command, lane, n_lanes, compensated)
 
 
 @inlined_expression
-def drive_lane(w: Any, lane: Any, at: Any, now: Any, to: Any) -> None:
-    """Write the setpoint of one lane, and the pulses of the schedule as its command."""
-    write_record(w, to.setpoint, lane, at, now.wanted.setpoint)
-    asked = read_record(w, to.command, lane, at)
-    driven = Command(asked.torque_Nm, asked.difference_us, asked.factor, now.wanted.pwm_us)
-    write_record(w, to.command, lane, at, driven)
+def drive_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any) -> None:
+    """Write the setpoint of one lane, and the scheduled pulse widths as its command."""
+    write_record(w, slots.setpoint, lane, n_lanes, now.scheduled.setpoint)
+    command = read_record(w, slots.command, lane, n_lanes)
+    next_command = Command(
+        command.torque_Nm, command.difference_us, command.factor, now.scheduled.pwm_us
+    )
+    write_record(w, slots.command, lane, n_lanes, next_command)
 
 
 @inlined_expression
-def expect_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> None:
-    """Work out the factors that the feedforward of one lane divides by."""
-    nominal, wanted, discs = read_record(w, to.nominal, lane, at), now.wanted, now.fixed
-    body, seen = read_record(w, to.body, lane, at), read_record(w, to.readings, lane, at)
-    p = read_record(w, to.nominal_effects, lane, at)
-    plane = plane_below(wanted.nominal_plate_z_m, seen.theta_rad, hooks.tilt(p))
+def expect_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any, hooks: Any) -> None:
+    """Write the expected factors for the feedforward of one lane."""
+    nominal, scheduled, discs = (
+        read_record(w, slots.nominal, lane, n_lanes),
+        now.scheduled,
+        now.geometry,
+    )
+    body, readings = (
+        read_record(w, slots.body, lane, n_lanes),
+        read_record(w, slots.readings, lane, n_lanes),
+    )
+    p = read_record(w, slots.nominal_effects, lane, n_lanes)
+    plane = plane_below(scheduled.nominal_plate_z_m, readings.theta_rad, hooks.tilt(p))
     heights = heights_over(plane, discs.x_m, discs.y_m)
-    areas = scaled(body.covered, wanted.nominal_share)
+    areas = scaled(body.covered, scheduled.nominal_share)
     flow = hooks.bare(
         nominal.radius_m, discs.x_m, discs.y_m, plane, heights, areas, heights, now.time_s,
-        seen.theta_rad,
+        readings.theta_rad,
     )  # fmt: skip
     factor = hooks.factors(hooks.with_images(flow, discs.distances_m, discs.body, p), p)
     for i in range(len(factor)):
         factor = with_fields(factor, i, expected_factor(factor[i], nominal.strength))
-    divide_lane(w, lane, at, factor, to)
+    divide_lane(w, lane, n_lanes, factor, slots)
 
 
 @inlined_expression
-def mix_lane(w: Any, lane: Any, at: Any, now: Any, to: Any) -> None:
-    """Write one lane's setpoint; share torque and collective out as whole pulses within limits."""
-    write_record(w, to.setpoint, lane, at, now.wanted.setpoint)
-    command, nominal = read_record(w, to.command, lane, at), read_record(w, to.nominal, lane, at)
-    setpoint, limits = now.wanted.setpoint, read_record(w, to.limits, lane, at)
-    x, pulses, pwm_us = now.fixed.x_m, nominal.pulses, command.pwm_us
+def mix_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any) -> None:
+    """Write the setpoint of one lane; allocate torque and collective to clipped pulse widths."""
+    write_record(w, slots.setpoint, lane, n_lanes, now.scheduled.setpoint)
+    command, nominal = (
+        read_record(w, slots.command, lane, n_lanes),
+        read_record(w, slots.nominal, lane, n_lanes),
+    )
+    setpoint, limits = now.scheduled.setpoint, read_record(w, slots.limits, lane, n_lanes)
+    x, pulses, pwm_us = now.geometry.x_m, nominal.pulses, command.pwm_us
     for i in range(len(x)):
-        wanted = setpoint.collective_N - x[i] / now.fixed.span_m2 * command.torque_Nm
-        asked = compensated_thrust(wanted, command.factor[i])
-        speed = speed_from_thrust(asked, nominal.k)
+        thrust_N = setpoint.collective_N - x[i] / now.geometry.span_m2 * command.torque_Nm
+        compensated_N = compensated_thrust(thrust_N, command.factor[i])
+        speed = speed_from_thrust(compensated_N, nominal.k)
         pwm = pwm_from_speed(speed, pulses.slope_rad_s_per_us, pulses.start_us, 1.0, 1.0)
-        pwm = pwm - np.sign(x[i]) * (command.difference_us + now.wanted.dither_us)
-        pwm = np.minimum(np.maximum(pwm, limits.least_us), limits.most_us)
+        pwm = pwm - np.sign(x[i]) * (command.difference_us + now.scheduled.dither_us)
+        pwm = np.minimum(np.maximum(pwm, limits.min_us), limits.max_us)
         pwm_us = with_fields(pwm_us, i, rounded(pwm, limits.quantum_us))
     mixed = Command(command.torque_Nm, command.difference_us, command.factor, pwm_us)
-    write_record(w, to.command, lane, at, mixed)
+    write_record(w, slots.command, lane, n_lanes, mixed)
 
 
 @inlined_expression
-def turn_lane(w: Any, lane: Any, at: Any, now: Any, to: Any, hooks: Any) -> None:
-    """Turn the pulses of one lane into the speeds that its rotors will settle at."""
-    discs, time_s = now.fixed, now.time_s
-    command, pulses = read_record(w, to.command, lane, at), read_record(w, to.pulses, lane, at)
-    targets, body = read_record(w, to.targets, lane, at), read_record(w, to.body, lane, at)
-    slope, start, settled = pulses.slope_rad_s_per_us, pulses.start_us, targets.sent_rad_s
-    for i in range(len(settled)):
+def turn_lane(w: Any, lane: Any, n_lanes: Any, now: Any, slots: Any, hooks: Any) -> None:
+    """Write the steady rotor speeds for the pulse widths of one lane as targets."""
+    discs, time_s = now.geometry, now.time_s
+    command, pulses = (
+        read_record(w, slots.command, lane, n_lanes),
+        read_record(w, slots.pulses, lane, n_lanes),
+    )
+    targets, body = (
+        read_record(w, slots.targets, lane, n_lanes),
+        read_record(w, slots.body, lane, n_lanes),
+    )
+    slope, start, steady = pulses.slope_rad_s_per_us, pulses.start_us, targets.sent_rad_s
+    for i in range(len(steady)):
         speed = speed_from_pwm(command.pwm_us[i], slope, start, 1.0, 1.0)
-        settled = with_fields(settled, i, speed)
-    flow = hooks.bare(body.radius_m, discs.x_m, discs.y_m, LEVEL, settled, settled, settled, time_s)
-    given = hooks.speeds(flow, read_record(w, to.effects, lane, at))
-    write_record(w, to.targets, lane, at, Targets(given, given, given))
+        steady = with_fields(steady, i, speed)
+    flow = hooks.bare(body.radius_m, discs.x_m, discs.y_m, LEVEL, steady, steady, steady, time_s)
+    target = hooks.speeds(flow, read_record(w, slots.effects, lane, n_lanes))
+    write_record(w, slots.targets, lane, n_lanes, Targets(target, target, target))
 
 
 @lru_cache(maxsize=64)
@@ -154,92 +178,98 @@ def pitch_loops(
     rules: ImageRules,
     law: ControlLaw,
 ) -> PitchLoops:
-    """Return the loops of these effects and this law."""
-    to, ones, build = layout.places, (1.0,) * n_discs, Build(tuple(range(lanes)), layout.places)
-    planned, logged = tick_slot(n_discs), logged_slot(n_discs)
+    """Return the loops for these effects and this law."""
+    slots, ones = layout.slots, (1.0,) * n_discs
+    build = Build(tuple(range(lanes)), slots)
+    entry, log_entry = tick_slot(n_discs), logged_slot(n_discs)
     slot, like = geometry_slot(n_discs, rules.n_body), PitchArrays()
     hooks, step = joined_hooks(effects, n_discs, rules), law.step
-    fixed = expression(lambda a: read_record(a.geometry, slot, 0, 1))
-    wanted = inlined_expression(
-        lambda a, tick: read_record(a.schedule, planned, tick, a.schedule.shape[1])
+    geometry = expression(lambda arrays: read_record(arrays.geometry, slot, 0, 1))
+    scheduled = inlined_expression(
+        lambda arrays, tick: read_record(arrays.schedule, entry, tick, arrays.schedule.shape[1])
     )
-    shown = inlined_expression(
-        lambda a, tick: read_record(a.schedule, logged, tick, a.schedule.shape[1])
+    logged = inlined_expression(
+        lambda arrays, tick: read_record(arrays.schedule, log_entry, tick, arrays.schedule.shape[1])
     )
 
     @inlined_expression
-    def control(a: Any, now: Any) -> None:
+    def control(arrays: Any, now: Any) -> None:
         for lane in range(lanes):
-            control_lane(a.w, lane, lanes, now, to, step)
+            control_lane(arrays.w, lane, lanes, now, slots, step)
 
     @inlined_expression
-    def correct(a: Any, now: Any) -> None:
-        by = read_record(a.gains, GAINS, 0, 1)
+    def correct(arrays: Any, now: Any) -> None:
+        gains = read_record(arrays.gains, GAINS, 0, 1)
         for lane in range(lanes):
-            correct_lane(a.w, lane, lanes, now, by, to, hooks())
+            correct_lane(arrays.w, lane, lanes, now, gains, slots, hooks())
 
     @inlined_expression
-    def mix(a: Any, now: Any) -> None:
-        if now.wanted.feedforward > 0.0:
+    def mix(arrays: Any, now: Any) -> None:
+        if now.scheduled.feedforward > 0.0:
             for lane in range(lanes):
-                expect_lane(a.w, lane, lanes, now, to, hooks())
+                expect_lane(arrays.w, lane, lanes, now, slots, hooks())
         else:
             for lane in range(lanes):
-                divide_lane(a.w, lane, lanes, ones, to)
+                divide_lane(arrays.w, lane, lanes, ones, slots)
         if now.plan.driver == PULSES:
             for lane in range(lanes):
-                drive_lane(a.w, lane, lanes, now, to)
+                drive_lane(arrays.w, lane, lanes, now, slots)
         else:
             for lane in range(lanes):
-                mix_lane(a.w, lane, lanes, now, to)
+                mix_lane(arrays.w, lane, lanes, now, slots)
         for lane in range(lanes):
-            turn_lane(a.w, lane, lanes, now, to, hooks())
+            turn_lane(arrays.w, lane, lanes, now, slots, hooks())
 
     @inlined_expression
-    def drive(a: Any, now: Any) -> None:
+    def drive(arrays: Any, now: Any) -> None:
         for lane in range(lanes):
-            drive_lane(a.w, lane, lanes, now, to)
+            drive_lane(arrays.w, lane, lanes, now, slots)
         for lane in range(lanes):
-            turn_lane(a.w, lane, lanes, now, to, hooks())
+            turn_lane(arrays.w, lane, lanes, now, slots, hooks())
 
     @inlined_expression
-    def move(a: Any, now: Any) -> None:
+    def move(arrays: Any, now: Any) -> None:
         for lane in range(lanes):
-            step_lane(a.w, lane, lanes, a.states, now, to, hooks())
+            step_lane(arrays.w, lane, lanes, arrays.states, now, slots, hooks())
 
     @inlined_expression
-    def sense(a: Any, now: Any) -> None:
-        w, place, plan = a.w, now.tick & LAST, now.plan
+    def sense(arrays: Any, now: Any) -> None:
+        w, position, plan = arrays.w, now.tick & PAST_MASK, now.plan
         for lane in range(lanes):
-            hinge, plate = read_record(w, to.hinge, lane, lanes), now.wanted.setpoint
-            a.past[0, place, lane] = hinge.theta_rad
-            a.past[1, place, lane] = hinge.rate_rad_s
-            a.past[2, place, lane] = plate.plate_z_m
-        theta_at, rate_at = (now.tick - plan.late_theta) & LAST, (now.tick - plan.late_rate) & LAST
-        plate_at = (now.tick - plan.late_plate) & LAST
+            hinge, plate = read_record(w, slots.hinge, lane, lanes), now.scheduled.setpoint
+            arrays.past[0, position, lane] = hinge.theta_rad
+            arrays.past[1, position, lane] = hinge.rate_rad_s
+            arrays.past[2, position, lane] = plate.plate_z_m
+        theta_index = (now.tick - plan.late_theta) & PAST_MASK
+        rate_index = (now.tick - plan.late_rate) & PAST_MASK
+        plate_index = (now.tick - plan.late_plate) & PAST_MASK
         for lane in range(lanes):
-            late = Delayed(
-                a.past[0, theta_at, lane], a.past[1, rate_at, lane], a.past[2, plate_at, lane]
+            delayed = Delayed(
+                arrays.past[0, theta_index, lane],
+                arrays.past[1, rate_index, lane],
+                arrays.past[2, plate_index, lane],
             )
-            write_record(w, to.delayed, lane, lanes, late)
-        fresh = read_record(a.fresh, FRESH, now.tick, a.fresh.shape[1])
+            write_record(w, slots.delayed, lane, lanes, delayed)
+        fresh = read_record(arrays.fresh, FRESH, now.tick, arrays.fresh.shape[1])
         if fresh.theta + fresh.gyro + fresh.plate + fresh.speed > 0.0:
             for lane in range(lanes):
-                sense_lane(w, lane, lanes, a.states, fresh, now.time_s, to, hooks())
-        else:  # the readings stay, and the noise goes on as if they were read
+                sense_lane(w, lane, lanes, arrays.states, fresh, now.time_s, slots, hooks())
+        else:  # readings are unchanged; random numbers advance as with new readings
             for lane in range(lanes):
-                a.states[lane] = later_state(a.states[lane], 2 * (3 + n_discs))
+                arrays.states[lane] = later_state(arrays.states[lane], 2 * (3 + n_discs))
 
-    closed: Any = expression(lambda: Phases(fixed, wanted, control, mix, move, sense, always_true))
-    along: Any = expression(
-        lambda: Phases(fixed, shown, correct, drive, move, no_phase, always_true)
+    control_phases: Any = expression(
+        lambda: Phases(geometry, scheduled, control, mix, move, sense, always_true)
+    )
+    filter_phases: Any = expression(
+        lambda: Phases(geometry, logged, correct, drive, move, no_phase, always_true)
     )
     key = repr((n_discs, lanes, rules, identity(step), layout.records, identities(effects)))
 
     def run(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(shared_view(arrays, like), plan, first, last, build, closed())
+        return run_ticks(shared_view(arrays, like), plan, first, last, build, control_phases())
 
     def filter_(arrays: Any, plan: Any, first: Any, last: Any) -> Any:
-        return run_ticks(shared_view(arrays, like), plan, first, last, build, along())
+        return run_ticks(shared_view(arrays, like), plan, first, last, build, filter_phases())
 
     return PitchLoops(compiled_closure(run, key), compiled_closure(filter_, key))

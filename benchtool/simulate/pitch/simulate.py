@@ -1,4 +1,4 @@
-"""One run of the pitch bench: with a built-in controller, or with anybody's own class."""
+"""Single run of the pitch bench, with a built-in or a user-defined controller."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def simulate_pitch(
     """
     loop = PitchLoop([job], schedule, seed, [run])
     loop.run()
-    return parse_command(loop, 0, job.control.name)
+    return extract_run(loop, 0, job.control.name)
 
 
 def simulate_controller(
@@ -41,26 +41,26 @@ def simulate_controller(
     seed: int = 0,
     name: str = "own",
 ) -> PitchRun:
-    """Return one run with a controller of the user's own.
+    """Return one run with a user-defined controller.
 
-    The loop stops at every control tick, hands the readings over, and takes a `PitchCommand` or
-    a plain torque in N m. Feedforward and mixer stay the bench's, as `job.control` says.
+    At every control tick it gets the readings and returns a `PitchCommand` or a torque in N m.
+    Feedforward and mixer are those of `job.control`.
 
     Raises:
-        InputError: the controller raised, or returned what is no finite number.
+        InputError: the controller raised, or returned numbers that are not finite.
     """
     loop = PitchLoop([job], schedule, seed, [0], external=True)
     user_controller_ticks(loop)(controller, 0, len(schedule), 0)
-    return parse_command(loop, 0, name)
+    return extract_run(loop, 0, name)
 
 
-def parse_command(loop: PitchLoop, lane: int, name: str) -> PitchRun:
-    """Return one lane of a loop that has run."""
+def extract_run(loop: PitchLoop, lane: int, name: str) -> PitchRun:
+    """Return the run of one lane of a finished loop."""
     log = np.ascontiguousarray(loop.log[:, :, lane])
     if not np.isfinite(log).all():
         tick = int(np.argmax(~np.isfinite(log).all(axis=1)))
         raise InputError(
-            f"the simulation of {name!r} left the finite numbers at "
+            f"the simulation of {name!r} is not finite from "
             f"{tick / loop.schedule.rate_Hz:g} s; check gains and parameters"
         )
     return PitchRun(
@@ -74,20 +74,20 @@ def parse_command(loop: PitchLoop, lane: int, name: str) -> PitchRun:
 
 PitchController = Controller[PitchMeasurement, PitchReference, PitchCommand | float]
 
-WANTED = "a finite torque in N m, or a PitchCommand of finite numbers"
+COMMAND_REMEDY = "a finite torque in N m, or a PitchCommand of finite numbers"
 
 
 def user_controller_ticks(loop: PitchLoop) -> Callable[[PitchController, int, int, int], None]:
-    """Return a function that runs control ticks of a loop under anybody's controller.
+    """Return a function that runs control ticks of a loop with a user-defined controller.
 
-    Its arguments: the controller, the first tick, the tick to stop before, and how many ticks
-    of the controller's run lie before the first. It raises InputError where the controller raised,
-    or returned what is no finite number. The loop's driver must be the caller.
+    Arguments: controller, first tick, end (exclusive), and number of ticks of the controller's run
+    before the first. It raises InputError if the controller raises or returns numbers that are not
+    finite. The driver of the loop must be `CALLER`.
     """
     advance = loop.stepper()
     rate_Hz, dt_s = loop.schedule.rate_Hz, 1.0 / loop.schedule.rate_Hz
-    readings, sent = loop.view("readings")[:, 0], loop.view("command")[:, 0]
-    new = tuple.__new__  # spares the named tuples' own constructors, half a microsecond a tick
+    readings_view, command_view = loop.view("readings")[:, 0], loop.view("command")[:, 0]
+    new = tuple.__new__  # faster than the constructors of the named tuples by 0.5 us a tick
 
     def run(controller: PitchController, first: int, last: int, before: int) -> None:
         step = controller.step
@@ -98,34 +98,40 @@ def user_controller_ticks(loop: PitchLoop) -> Callable[[PitchController, int, in
             ),
             strict=True,
         )
-        for number, planned in enumerate(references):
+        for number, reference in enumerate(references):
             time_s = (before + number) / rate_Hz
-            read = readings.tolist()
-            measured = new(PitchMeasurement, (time_s, read[0], read[1], read[2], tuple(read[3:])))
+            numbers = readings_view.tolist()
+            measured = new(
+                PitchMeasurement, (time_s, numbers[0], numbers[1], numbers[2], tuple(numbers[3:]))
+            )
             try:
-                command = step(measured, new(PitchReference, planned), dt_s)
+                command = step(measured, new(PitchReference, reference), dt_s)
             except (Exception, SystemExit) as error:
                 raise controller_error(controller, error, time_s) from error
             try:
                 torque, difference = command if isinstance(command, tuple) else (command, 0.0)
-                usable = isfinite(torque) and isfinite(difference)
+                is_valid = isfinite(torque) and isfinite(difference)
             except (TypeError, ValueError):
-                usable = False
-            if not usable:
-                raise _faulty(controller, command, time_s)
-            sent[:2] = torque, difference
+                is_valid = False
+            if not is_valid:
+                raise _invalid_field_error(controller, command, time_s)
+            command_view[:2] = torque, difference
             advance(first + number, first + number + 1)
 
     return run
 
 
-def _faulty(controller: Any, command: Any, time_s: float) -> InputError:
-    """Return what is wrong with a command, by its field."""
+def _invalid_field_error(controller: Any, command: Any, time_s: float) -> InputError:
+    """Return an error about the first invalid field of a command."""
     if not isinstance(command, tuple):
-        return invalid_command_error(controller, "torque_Nm", command, time_s, WANTED)
+        return invalid_command_error(controller, "torque_Nm", command, time_s, COMMAND_REMEDY)
     if len(command) != len(PitchCommand._fields):
-        return invalid_command_error(controller, "a command", command, time_s, WANTED)
-    fine = isinstance(command[0], int | float) and isfinite(command[0])
+        return invalid_command_error(controller, "a command", command, time_s, COMMAND_REMEDY)
+    is_torque_valid = isinstance(command[0], int | float) and isfinite(command[0])
     return invalid_command_error(
-        controller, PitchCommand._fields[fine], command[fine], time_s, WANTED
+        controller,
+        PitchCommand._fields[is_torque_valid],
+        command[is_torque_valid],
+        time_s,
+        COMMAND_REMEDY,
     )

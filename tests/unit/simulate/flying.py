@@ -41,7 +41,7 @@ def look_below(
     loop = FlightLoop(stands)
     turned = dict(zip(("qw", "qx", "qy", "qz"), from_euler(*attitude), strict=True))
     body = at_rest(place)._replace(**turned)
-    places, w, model = loop.layout.places, loop.arrays.w, vehicle.model
+    places, w, model = loop.layout.slots, loop.arrays.w, vehicle.model
     geometry = read_record(
         loop.arrays.geometry, geometry_slot(model.rig.n_discs, len(model.body_images.arm_m)), 0, 1
     )

@@ -10,7 +10,7 @@ from benchtool.physics.conditions import Conditions
 from benchtool.physics.model import Model
 from benchtool.simulate.hooks import joined_hooks, loop_effects, loop_numbers
 from benchtool.simulate.imperfections import Imperfections
-from benchtool.simulate.motors import first_order_lag, motion_of
+from benchtool.simulate.motors import build_motion, first_order_lag
 from benchtool.simulate.pitch.bench import GRAVITY_M_S2, PitchBench
 from benchtool.simulate.pitch.filter_log import LoggedPitch, predict_windows
 from benchtool.simulate.plate_bench import PlateBench
@@ -29,7 +29,7 @@ def shaped(with_speed: float, rising: float) -> Model:
 
 def followed(model: Model, start: float, wanted: float, steps: int) -> float:
     """Return a rotor's speed after so many plant steps towards a command: rad/s."""
-    effects, motion = loop_effects(model), motion_of(model, DT_S)
+    effects, motion = loop_effects(model), build_motion(model, DT_S)
     hooks, p = joined_hooks(effects, 2, model.image_rules)(), loop_numbers(model, effects)
     speeds, both = (start, start), (wanted, wanted)
     for _ in range(steps):

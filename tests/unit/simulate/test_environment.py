@@ -107,7 +107,7 @@ def test_a_plate_slides_in_and_out():
             "one height per node",
         ),
         (
-            lambda: grid_of(0.5).refuse_uncovered(np.array([[0.0, 0.0], [9.0, 0.0]]), 0.3, "it"),
+            lambda: grid_of(0.5).check_coverage(np.array([[0.0, 0.0], [9.0, 0.0]]), 0.3, "it"),
             "the map does not cover it: x = 9 m",
         ),
     ],

@@ -11,11 +11,11 @@ from benchtool.simulate.flight.rigid_body import (
     FreeBody,
     apply_impulse,
     drift,
-    pitch_of,
+    pitch_angle,
     rates_after_impulse,
-    roll_of,
+    roll_angle,
     upward,
-    yaw_of,
+    yaw_angle,
 )
 from tests.unit.simulate import euler_lagrange
 from tests.unit.simulate.euler_lagrange import from_euler, rotation_matrix
@@ -78,7 +78,7 @@ def test_halving_the_step_quarters_the_error():
 
 def euler(quaternion: np.ndarray) -> list[float]:
     body = FreeBody(**dict(zip(("qw", "qx", "qy", "qz"), quaternion, strict=True)))
-    return [roll_of(body), pitch_of(body), yaw_of(body)]
+    return [roll_angle(body), pitch_angle(body), yaw_angle(body)]
 
 
 def quaternion_rates(y: np.ndarray, force: np.ndarray, torque: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from benchtool.simulate.noise import lane_states, next_state, normal
 from benchtool.simulate.pitch.batch import LANES, simulate_many
 from benchtool.simulate.pitch.lane import cosine, sine
 from benchtool.simulate.pitch.run import PitchLoop
-from benchtool.simulate.pitch.simulate import parse_command, simulate_pitch
+from benchtool.simulate.pitch.simulate import extract_run, simulate_pitch
 from tests.unit.simulate.pitching import STEADY_PLATE, SWAY, job, noisy_bench, sampled, soft
 
 SCHEDULE = sampled(0.5, reference_deg=SWAY, plate=STEADY_PLATE)
@@ -35,8 +35,8 @@ def test_a_lane_that_leaves_the_finite_numbers_is_reported():
     loop = PitchLoop([job(noisy_bench(), soft())], SCHEDULE, 0, [0])
     loop.run()
     loop.log[100, 3, 0] = np.nan
-    with pytest.raises(Exception, match=r"left the finite numbers at 0\.2 s"):
-        parse_command(loop, 0, "pid")
+    with pytest.raises(Exception, match=r"is not finite from 0\.2 s"):
+        extract_run(loop, 0, "pid")
 
 
 def test_normal_numbers_are_normal():
